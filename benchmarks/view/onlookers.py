@@ -26,15 +26,15 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from tornado.websocket import WebSocketClientConnection, websocket_connect
+from tornado.websocket import websocket_connect
 
 from benchmarks.tune.browser import PATIENCE_MS, browser
 
 #: Size of the browser's window, as on a laptop.
 WIDTH, HEIGHT = 1366, 768
 
-#: What the page asks for when it opens: length of the traces in seconds, and width in pixels.
-WINDOW_S, PIXELS = 10.0, 900
+#: What the page asks for when it opens, of four channels.
+VIEW = {'type': 'view', 'channels': [1, 2, 3, 4], 'window_s': 10.0, 'pixels': 900}
 
 #: Time for an answer of the page's server.
 ANSWER_S = 60.0
@@ -87,15 +87,7 @@ class NoViewer:
 
 
 class Onlooker(NoViewer):
-    """A connection that takes frames as fast as they come; a context manager.
-
-    Parameters
-    ----------
-    url
-        Address of the page.
-    fingers
-        How many fingers it waits for, to look at all of them.
-    """
+    """A connection that takes frames of so many fingers as fast as they come."""
 
     def __init__(self, url: str, fingers: int) -> None:
         self._address = url.replace('http', 'ws') + 'live'
@@ -116,7 +108,7 @@ class Onlooker(NoViewer):
     def is_drawing(self) -> bool:
         """Return whether frames come."""
         if self._error is not None:
-            raise RuntimeError(f'the page cannot be looked at: {self._error!r}')
+            raise RuntimeError(f'the page cannot be viewed: {self._error!r}')
         return bool(self._drawn_ms)
 
     def drawn_ms(self) -> list[float]:
@@ -126,56 +118,28 @@ class Onlooker(NoViewer):
 
     def _run(self) -> None:
         try:
-            asyncio.run(self._look())
+            asyncio.run(self._take_frames())
         except (OSError, ValueError, asyncio.TimeoutError) as error:
             self._error = error
 
-    async def _look(self) -> None:
+    async def _take_frames(self) -> None:
         socket = await websocket_connect(self._address)
-        try:
-            await self._take_frames(socket)
-        finally:
-            socket.close()
-            while await socket.read_message() is not None:
-                pass
-
-    async def _take_frames(self, socket: WebSocketClientConnection) -> None:
-        looked = False
         while not self._stop.is_set():
             message = await asyncio.wait_for(socket.read_message(), ANSWER_S)
             if message is None:
                 raise ValueError(socket.close_reason or 'the connection was closed')
             if isinstance(message, bytes):
                 self._drawn_ms.append(1e3 * time.monotonic())
-                drawn = {'type': 'drawn', 'frame': _frame(message)}
-                await socket.write_message(json.dumps(drawn))
+                await socket.write_message('{"type": "drawn"}')
                 continue
             content = json.loads(message)
-            if content['type'] == 'fingers' and not looked:
+            if content['type'] == 'fingers' and len(content['fingers']) == self._fingers:
                 names = [finger['name'] for finger in content['fingers']]
-                if len(names) > self._fingers:
-                    raise ValueError(f'{", ".join(names)} are there, wanted {self._fingers}')
-                if len(names) == self._fingers:
-                    looked = True
-                    await socket.write_message(json.dumps(_look_at(names)))
-
-
-def _look_at(names: list[str]) -> dict[str, Any]:
-    """Return what the page says when it opens."""
-    return {
-        'type': 'view',
-        'fingers': names,
-        'finger': names[0],
-        'channels': [1, 2, 3, 4],
-        'window_s': WINDOW_S,
-        'pixels': PIXELS,
-    }
-
-
-def _frame(message: bytes) -> int:
-    """Return the number of a frame."""
-    length = int.from_bytes(message[:4], 'little')
-    return int(json.loads(message[4 : 4 + length])['frame'])
+                view = {**VIEW, 'fingers': names, 'finger': names[0]}
+                await socket.write_message(json.dumps(view))
+        socket.close()
+        while await socket.read_message() is not None:
+            pass
 
 
 class Browser(NoViewer):

@@ -105,17 +105,7 @@ def free_port() -> int:
 
 
 class Turns:
-    """Alternates turns without a viewer, with a program and with a browser; notes their costs.
-
-    Parameters
-    ----------
-    watch
-        Receives the diagnostics of the detectors.
-    url
-        Address of the page.
-    pids
-        The processes, by executable.
-    """
+    """Alternates turns without a viewer, with a program and with a browser; notes their costs."""
 
     def __init__(self, watch: Watch, url: str, pids: dict[str, int]) -> None:
         self._watch, self._url, self._pids = watch, url, pids
@@ -182,20 +172,7 @@ def figures_of_turns(
     reports: dict[str, list[tuple[float, dict[str, str]]]],
     memory_kib: dict[str, list[tuple[float, int]]],
 ) -> dict[str, Any]:
-    """Compute the figures of each kind of viewer over all its turns.
-
-    Parameters
-    ----------
-    turns
-        Notes of :meth:`Turns.measure`.
-    reports, memory_kib
-        Notes of the watch.
-
-    Raises
-    ------
-    RuntimeError
-        When the detectors reported nothing in a turn.
-    """
+    """Compute the figures of each kind of viewer over all its turns."""
     latencies = [_latency_ms(turn, reports) for turn in turns]
     figures: dict[str, Any] = {}
     for who in dict.fromkeys(turn['who'] for turn in turns):

@@ -131,30 +131,6 @@ def test_samples_levels_and_states_reach_the_finger(sensor):
     assert not finger.groups[0]
 
 
-def test_what_does_not_fit_is_left_to_the_detector(sensor):
-    sensor.voltages.publish(sensor.message(1, [4.0]))
-    sensor.envelope.publish(sensor.message(1, [4.0, 4.0, 4.0], [0.0, 0.0, 0.0]))
-    sensor.voltages.publish(sensor.message(2, [4.0, 4.1]))
-    sensor.envelope.publish(sensor.message(2, [1.0, 2.0], [0.0, 1.0]))
-    track = sensor.finger.track
-    sensor.until(lambda: len(track.samples), 'the good sample')
-    assert track.samples.stamps_ns().tolist() == [AT_NS + 2]
-    sensor.envelope.publish(sensor.message(3, [1.0, 2.0], [0.0, 1.0]))
-    sensor.until(lambda: len(track.levels), 'a good level')
-    assert track.levels.field('level')[-1].tolist() == [1.0, 2.0]
-
-
-def test_other_channels_are_subscribed_to_when_the_parameters_say_so(sensor):
-    config = DetectorConfig(channels=3)
-    sensor.finger.update_config(config)
-    sensor.topics.poll()
-    sensor.connect()
-    track = sensor.finger.track
-    sensor.voltages.publish(sensor.message(1, [4.0, 4.1, 4.2]))
-    sensor.until(lambda: len(track.samples), 'a sample of three channels')
-    assert track.samples.field('volts').tolist() == [[4.0, 4.1, 4.2]]
-
-
 def test_a_type_that_is_not_installed_is_reported_and_the_decisions_are_shown(sensor):
     sensor.finger.update_config(DetectorConfig(channels=2, input_type='of_others/msg/Skin'))
     sensor.topics.poll()

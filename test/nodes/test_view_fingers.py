@@ -250,24 +250,3 @@ def test_a_detector_of_another_version_is_reported_on_the_log(bench, capfd):
         node.destroy_node()
 
     watching(bench, test)
-
-
-def test_another_node_that_publishes_slip_onset_is_no_finger(bench):
-    async def test(it):
-        node = Node('relay', context=bench.context)
-        bench.executor.add_node(node)
-        node.create_publisher(Header, 'slip_onset', event_qos())
-        start(bench, 'index')
-        await it.until(lambda: INDEX in it.detectors.fingers, 'the finger')
-
-        def read():
-            bench.executor.spin_once(timeout_sec=0.01)
-            return '/relay' in it.detectors._publishers and '/relay' not in it.detectors._readings
-
-        await it.until(read, 'the parameters of the other node')
-        assert set(it.detectors.fingers) == {INDEX}
-        assert set(it.detectors.panels) == {INDEX}
-        bench.executor.remove_node(node)
-        node.destroy_node()
-
-    watching(bench, test)

@@ -16,7 +16,6 @@
 
 import asyncio
 import contextlib
-import dataclasses
 import signal
 
 import pytest
@@ -27,7 +26,7 @@ from slip_detector.nodes import view_fingers
 from slip_detector.nodes.view_fingers import ParameterClient, changes_in
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.view.detectors import Reading
-from slip_detector.view.parameters import parameter_file, save, typed
+from slip_detector.view.parameters import typed
 
 
 @pytest.fixture
@@ -53,14 +52,6 @@ def read(client) -> Reading:
                 return await client.read()
 
     return asyncio.run(asyncio.wait_for(until_there(), 90.0))
-
-
-def config_of(reading) -> DetectorConfig:
-    ours = {n: v for n, v in reading.values.items() if n.partition('.')[0] in ALL_NAMES}
-    return DetectorConfig.from_parameters(ours)
-
-
-ALL_NAMES = {field.name for field in dataclasses.fields(DetectorConfig)}
 
 
 def test_every_parameter_of_a_detector_is_read(bench, client_of):
@@ -137,36 +128,3 @@ def test_a_detector_that_hangs_or_is_gone_is_reported_within_the_deadline(
     wait_s(1.0)
     words = asyncio.run(client_of().set({'threshold': 0.5}))
     assert words == 'nothing was changed: /slip_detector cannot be reached for 1 s'
-
-
-def test_what_is_saved_starts_a_detector_that_is_equal(bench, client_of, tmp_path):
-    given = tmp_path / 'given.yaml'
-    given.write_text(
-        '/**/slip_driver: {ros__parameters: {source: udp, channels: 3}}\n'
-        '/**: {ros__parameters: {heartbeat_hz: 5.0, groups: {left: [1], right: [2, 3]}}}\n'
-        '/**/slip_detector: {ros__parameters: {channels: 3, threshold: 0.2}}\n',
-        encoding='utf-8',
-    )
-    bench.start('slip_detector', '--params-file', str(given), '-r', '__ns:=/thumb')
-    client = client_of('/thumb/slip_detector')
-    read(client)
-    changes = {
-        'decision': 'evidence',
-        'noise_floor': [0.001, 1e-9, 12345.678],
-        'stopbands_hz': [],
-        'vote': 1,
-        'channel_names': ['a', 'b', 'c'],
-        'groups.left': None,
-        'groups.right': None,
-        'groups.on': [3, 1, 2],
-        'threshold': 0.1 + 0.2,
-    }
-    assert asyncio.run(client.set(changes)) == ''
-    before = config_of(read(client))
-    document = parameter_file({'/thumb/slip_detector': before}, given)
-    path = save(tmp_path, 'thumb', document, ['Saved.'])
-    bench.start('slip_detector', '--params-file', str(path), '-r', '__ns:=/index')
-    after = read(client_of('/index/slip_detector'))
-    assert config_of(after) == before
-    assert before.groups == {'on': (3, 1, 2)}
-    assert before.heartbeat_hz == 5.0

@@ -15,11 +15,7 @@
 
 """From a sensor that nobody has seen to a saved configuration, on the page, with real nodes."""
 
-import itertools
-import os
 import re
-import time
-from typing import NamedTuple
 
 import pytest
 import yaml
@@ -39,22 +35,8 @@ from support.harness import patient_state_qos  # noqa: E402
 SEARCH_MS = 300_000
 
 
-class Amount(NamedTuple):
-    """How much is recorded: two rests, slips, taps, with their seconds."""
-
-    rest_s: int
-    slips: int
-    slip_s: float
-    taps_s: int
-
-
-#: ``SLIP_LESSON=full pytest -s`` records as much as a person would, and says how long that took.
-RECORDED = (
-    Amount(20, 10, 2.0, 40) if os.environ.get('SLIP_LESSON') == 'full' else Amount(7, 6, 1.0, 12)
-)
-
-#: So long after a slip `slip` may still be ON, as filters and windows hold it.
-TAIL_S = 0.3
+#: Seconds of rest and taps that are recorded, number of slips.
+REST_S, TAPS_S, SLIPS = 7, 12, 6
 
 
 class Played:
@@ -120,33 +102,7 @@ def press_by_truth(bench, page, truth, slips):
             is_down = message.data
 
 
-def changes_of(bench, topic):
-    """Return the list of when a topic has changed to what."""
-    heard = []
-    bench.subscribe(
-        Bool, topic, lambda m: heard.append((time.monotonic(), m.data)), patient_state_qos()
-    )
-    return heard
-
-
-def figures(changes, truth, until_s):
-    """Return how many slips were found, and for how long slip was ON without one."""
-    starts_s = [at_s for at_s, slip in truth if slip]
-    spans = [(a, next((b for b, s in truth if b > a and not s), until_s)) for a in starts_s]
-    edges = [*changes, (until_s, False)]
-    on = [(a, b) for (a, slip), (b, _) in itertools.pairwise(edges) if slip]
-    found = sum(any(a < end and b > start for a, b in on) for start, end in spans)
-    wrong_s = sum(
-        max(0.0, b - a)
-        - sum(max(0.0, min(b, end + TAIL_S) - max(a, start)) for start, end in spans)
-        for a, b in on
-    )
-    return found, wrong_s
-
-
-def test_rest_slip_tap_tune_apply_save_and_the_saved_file_is_better_on_a_fresh_seed(
-    bench, browser, tmp_path
-):
+def test_rest_slip_taps_tune_apply_and_save(bench, browser, tmp_path):
     view = bench.start_python(
         '-m', 'slip_detector.nodes.view', '--port', '0', '--folder', str(tmp_path / 'taught')
     )
@@ -155,22 +111,19 @@ def test_rest_slip_tap_tune_apply_save_and_the_saved_file_is_better_on_a_fresh_s
     page = opened(bench, browser, view)
     finger = page.locator('.finger')
 
-    begun_s = time.monotonic()
     with Played(bench, tmp_path, 'rest', at_once(gripped(600.0)), seed=1):
         expect(finger).not_to_have_attribute('data-state', 'noInput')
-        recorded_for(page, 'r', 'rest_1', RECORDED.rest_s)
-        recorded_for(page, 'r', 'rest_2', RECORDED.rest_s)
-    with Played(bench, tmp_path, 'pulled', pulled(RECORDED.slips, RECORDED.slip_s), seed=2):
-        press_by_truth(bench, page, truth, RECORDED.slips)
-        last = page.get_by_role('row', name=re.compile(rf'\bslip_{RECORDED.slips}\b'))
+        recorded_for(page, 'r', 'rest_1', REST_S)
+        recorded_for(page, 'r', 'rest_2', REST_S)
+    with Played(bench, tmp_path, 'pulled', pulled(SLIPS), seed=2):
+        press_by_truth(bench, page, truth, SLIPS)
+        last = page.get_by_role('row', name=re.compile(rf'\bslip_{SLIPS}\b'))
         expect(last).to_be_visible(timeout=PATIENCE_MS)
     with Played(bench, tmp_path, 'taps', at_once(tapped(600.0)), seed=3):
-        recorded_for(page, 't', 'taps_1', RECORDED.taps_s)
+        recorded_for(page, 't', 'taps_1', TAPS_S)
 
-    recorded_s = time.monotonic()
     page.get_by_role('button', name='Tune', exact=True).click()
     expect(page.locator('.tuning-step')).to_contain_text('Done', timeout=SEARCH_MS)
-    tuned_s = time.monotonic()
     apply = page.get_by_role('button', name=re.compile('^Apply'))
     apply.click()
     expect(page.locator('.teach-words')).to_contain_text('the detector runs with')
@@ -180,31 +133,6 @@ def test_rest_slip_tap_tune_apply_save_and_the_saved_file_is_better_on_a_fresh_s
     expect(threshold).to_have_value(text_of(tuned.threshold))
     page.get_by_role('button', name='Save', exact=True).click()
     expect(page.locator('.saved')).to_contain_text('config:=')
-    print(
-        f'recorded in {recorded_s - begun_s:.0f} s, tuned in {tuned_s - recorded_s:.0f} s, '
-        f'applied and saved in {time.monotonic() - tuned_s:.1f} s'
-    )
     saved = tmp_path / 'taught' / 'index.yaml'
     assert DetectorConfig.from_yaml(saved).to_parameters() == tuned.to_parameters()
     page.close()
-
-    figures_of_both = compared_on_a_fresh_seed(bench, tmp_path, saved)
-    (found_before, wrong_before_s), (found_after, wrong_after_s) = figures_of_both
-    assert found_after >= found_before
-    assert found_after == RECORDED.slips
-    assert wrong_after_s < 0.5 * wrong_before_s
-
-
-def compared_on_a_fresh_seed(bench, folder, saved):
-    """Run a detector as it was and one with the saved file on the same rows; return figures."""
-    for name, words in (('before', ()), ('after', ('--params-file', str(saved)))):
-        voltages = ('-r', 'voltages:=/index/voltages')
-        bench.start('slip_detector', *words, '-r', f'__ns:=/{name}', *voltages)
-    slips = [changes_of(bench, f'{name}/slip') for name in ('before', 'after')]
-    truth = changes_of(bench, 'index/slip_truth')
-    bench.wait_for(lambda: all(slips), 'both detectors')
-    scene = pulled(RECORDED.slips, RECORDED.slip_s, seed_of_pauses=5)
-    with Played(bench, folder, 'fresh', scene, seed=99):
-        bench.wait_for(lambda: sum(slip for _, slip in truth) > RECORDED.slips, 'all slips')
-    until_s = next(at_s for at_s, slip in truth[::-1] if slip)
-    return [figures([c for c in one if c[0] < until_s], truth[:-1], until_s) for one in slips]

@@ -15,17 +15,14 @@
 
 """What is known of a finger: its name, its state over a restart, its place; its parameters."""
 
-import asyncio
 import itertools
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slip_detector.chain.fingertip import taxel_positions
 from slip_detector.chain.samples import Samples
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.view import detectors
@@ -39,9 +36,7 @@ from slip_detector.view.detectors import (
     drawn_positions,
     least_distance_m,
 )
-from support.simulated_detectors import SimulatedDetectors
 
-CONFIG = Path(__file__).resolve().parents[2] / 'config'
 VALUES = {**DetectorConfig().to_parameters(), 'use_sim_time': False}
 READ_ONLY = frozenset(['autostart'])
 
@@ -114,18 +109,6 @@ def test_a_detector_that_is_not_heard_is_called_silent_after_some_heartbeats(mon
     )
 
 
-def test_a_pages_name_is_cut_to_the_length_of_real_ones():
-    simulated = SimulatedDetectors(real_time=False)
-    (name,) = simulated.fingers
-    by = f'page {"x" * 10_000}'
-    asyncio.run(simulated.change(name, {'threshold': 0.25}, by))
-    assert simulated.panel(name).changes[-1].by == by[: detectors.LONGEST_NAME]
-    with pytest.raises(ValueError, match='threshold is -1'):
-        asyncio.run(simulated.change(name, {'threshold': -1}, by))
-    asyncio.run(simulated.change(name, {'threshold': 0.5}, 'page 7'))
-    assert simulated.panel(name).changes[-1].by == 'page 7'
-
-
 def with_positions(positions):
     positions = np.asarray(positions, np.float64)
     return DetectorConfig(channels=len(positions), taxel_positions_m=positions.ravel())
@@ -163,27 +146,6 @@ def test_channels_that_share_a_place_are_drawn_apart_and_closer_to_it_than_to_an
         assert np.allclose(nearest, place)
         same = (places == place).all(axis=1)
         assert np.allclose(drawn[same].mean(axis=0), place, atol=1e-12)
-
-
-def test_the_axes_of_a_taxel_stand_around_it_from_the_left_clockwise():
-    drawn = drawn_positions(with_positions([[0, 0, 0]] * 3 + [[0.004, 0, 0]] * 3))
-    x, y = 1e3 * drawn[:3, :2].T
-    assert np.allclose(x, [-1.0, 0.5, 0.5])
-    assert np.allclose(y, [0.0, np.sqrt(0.75), -np.sqrt(0.75)])
-
-
-@pytest.mark.parametrize('name', ['slip_detector', 'grasp'])
-def test_the_configurations_of_the_papers_fingertip_have_its_positions(name):
-    config = DetectorConfig.from_yaml(CONFIG / f'{name}.yaml')
-    positions = np.column_stack([taxel_positions(), np.zeros(config.channels)])
-    assert np.allclose(drawn_positions(config), positions, atol=1e-12)
-
-
-def test_the_configuration_of_uskin_has_two_fingers_of_four_rows_of_taxels_with_three_axes():
-    config = DetectorConfig.from_yaml(CONFIG / 'xela_uskin.yaml')
-    fingers = np.reshape(config.taxel_positions_m, (2, 4, 4, 3, 3))  # finger, row, column, axis
-    assert (fingers == fingers[:, :, :, :1]).all(), 'the axes of a taxel are at one place'
-    assert len(np.unique(drawn_positions(config), axis=0)) == 96
 
 
 def panel_of(values=VALUES, file_values=None):

@@ -16,7 +16,6 @@
 
 import asyncio
 import contextlib
-from pathlib import Path
 
 import pytest
 import yaml
@@ -27,18 +26,15 @@ from view.test_detectors import READ_ONLY, VALUES, panel_of
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.sets import read_parameter_file
-from slip_detector.view.detectors import Change
 from slip_detector.view.parameters import (
     FILE_NAME,
     OF_ROS,
     ParameterRequests,
     described_panel,
-    launch_arguments,
     parameter_file,
     save,
     text_of,
     typed,
-    words_of,
 )
 from slip_detector.view.server import Access, Server
 from support.config_cases import message_of
@@ -66,31 +62,6 @@ def test_a_shown_value_typed_again_is_unchanged(chain):
     assert DetectorConfig.from_parameters(retyped) == config
 
 
-@pytest.mark.parametrize(
-    ('name', 'text', 'value'),
-    [
-        ('threshold', ' 0.5 ', 0.5),
-        ('threshold', '1e-3', 1e-3),
-        ('threshold', '', ''),
-        ('threshold', '1.2.3', '1.2.3'),
-        ('vote', 'all', 'all'),
-        ('vote', '2', 2),
-        ('publish_groups', 'true', True),
-        ('input_field', '12', '12'),
-        ('stopbands_hz', '[]', []),
-        ('stopbands_hz', '0.5, 7', [0.5, 7]),
-        ('groups.TP', '1, 2', [1, 2]),
-        ('channel_names', 'a, 7', ['a', '7']),
-        ('noise_floor', '0.1', [0.1]),
-        ('of_another_node', '3', 3),
-    ],
-)
-def test_typed_text_is_read_as_the_type_of_its_parameter(name, text, value):
-    read = typed(name, text)
-    assert read == value
-    assert type(read) is type(value)
-
-
 @given(name=st.sampled_from(list(VALUES)), text=st.text())
 def test_the_detector_can_judge_any_typed_text(name, text):
     value = typed(name, text)
@@ -114,12 +85,6 @@ def test_every_parameter_stands_under_the_heading_of_the_docs():
     assert [name for name, row in rows.items() if row['read_only']] == ['autostart']
 
 
-def test_a_long_list_is_shortened_in_words():
-    words = words_of(Change({'noise_floor': []}, {'noise_floor': [0.125] * 1000}, ''))
-    assert words.startswith('noise_floor from empty to 0.125, 0.125')
-    assert len(words) < 400
-
-
 @pytest.mark.parametrize(
     'message',
     [
@@ -139,15 +104,6 @@ def test_impossible_requests_are_refused_in_words_and_change_nothing(tmp_path, m
     assert ask(server, **message)['refusal']
     assert server.detectors.fingers[NAME].config == DetectorConfig()
     assert list((tmp_path / 'saved').iterdir()) == []
-
-
-def test_a_refusal_is_not_what_is_undone(tmp_path):
-    server = server_of(tmp_path)
-    assert ask(server, type='set', values={'threshold': 0.25})['refusal'] == ''
-    assert ask(server, type='set', values={'threshold': -1, 'gain': 7.0})['refusal']
-    assert ask(server, type='undo')['refusal'] == ''
-    assert server.detectors.fingers[NAME].config == DetectorConfig()
-    assert ask(server, type='undo')['refusal'] == 'there is nothing to undo'
 
 
 def test_a_detector_has_the_file_of_its_namespace(tmp_path):
@@ -266,22 +222,6 @@ def test_no_name_leads_out_of_the_folder(tmp_path_factory, name):
         assert len(words) < 400
         assert list(folder.iterdir()) == []
     assert list(outer.iterdir()) == [folder]
-
-
-@pytest.mark.parametrize(
-    ('names', 'words'),
-    [
-        (['/slip_detector'], 'config:=a.yaml'),
-        (['/left/thumb/slip_detector'], 'config:=a.yaml'),
-        (['/thumb/slip_detector', '/index/slip_detector'], 'fingers:=thumb,index config:=a.yaml'),
-        # The launch file does not start these together.
-        (['/left/thumb/slip_detector', '/right/thumb/slip_detector'], 'config:=a.yaml'),
-        (['/slip_detector', '/index/slip_detector'], 'config:=a.yaml'),
-        (['/thumb/mine', '/index/mine'], 'config:=a.yaml'),
-    ],
-)
-def test_launch_arguments_start_the_same_detectors_again(names, words):
-    assert launch_arguments(names, Path('a.yaml')) == words
 
 
 def test_a_link_is_not_followed_and_a_file_is_replaced_only_where_that_is_wanted(tmp_path):

@@ -75,27 +75,6 @@ def test_a_recording_that_is_broken_or_has_no_slip_is_listed_with_why_and_not_tu
     assert recorded.of_kind('slip') == []
 
 
-def test_a_recording_that_ends_while_the_folder_is_read_is_listed_as_it_ended(
-    recorded, monkeypatch
-):
-    written(recorded.folder, 'rest_1')
-    read = recorded._summary
-
-    def read_before_the_end(name):
-        too_early = read(name)._replace(note='was not ended')
-        for ended in ('rest_1', 'rest_2'):
-            recorded.add(RecordingSummary(ended, 9.0, 0))
-        written(recorded.folder, 'rest_2')
-        return too_early
-
-    monkeypatch.setattr(recorded, '_summary', read_before_the_end)
-    asyncio.run(recorded.refresh())
-    assert [*recorded.recordings.values()] == [
-        RecordingSummary('rest_1', 9.0, 0),
-        RecordingSummary('rest_2', 9.0, 0),
-    ]
-
-
 def test_a_new_recording_has_a_number_that_none_had(recorded):
     assert recorded.new_path('rest').name == 'rest_1'
     written(recorded.folder, 'rest_7')
@@ -117,18 +96,6 @@ def test_labels_that_a_person_wrote_are_counted_and_deleted_with_their_recording
     notes.unlink()
     recorded.delete('slip_1')
     assert [*recorded.folder.iterdir()] == []
-
-
-def test_a_link_that_took_the_place_of_a_recording_is_not_followed(recorded, tmp_path_factory):
-    elsewhere = tmp_path_factory.mktemp('elsewhere')
-    written(elsewhere, 'slip_1', slips=1)
-    written(recorded.folder, 'slip_1', slips=1)
-    asyncio.run(recorded.refresh())
-    (recorded.folder / 'slip_1').rename(recorded.folder / 'away')
-    (recorded.folder / 'slip_1').symlink_to(elsewhere / 'slip_1')
-    with pytest.raises(ValueError, match='there is no recording'):
-        recorded.delete('slip_1')
-    assert (elsewhere / 'slip_1' / 'slip_1.mcap').exists()
 
 
 @given(st.lists(st.sampled_from(KINDS), max_size=40))

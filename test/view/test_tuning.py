@@ -17,7 +17,6 @@
 
 import asyncio
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -28,7 +27,6 @@ import pytest
 
 from slip_detector.parameters import DetectorConfig
 from slip_detector.report.tables import MAIN_FIGURES, heading
-from slip_detector.tuning.learning import LEAST_S
 from slip_detector.view import tuning
 from slip_detector.view.recordings import RecordedFolder
 from slip_detector.view.tuning import TuneRun
@@ -110,19 +108,6 @@ def test_a_run_that_is_stopped_before_the_search_found_nothing(recorded):
     run = TuneRun(listed(recorded), DetectorConfig())
     asyncio.run(finished(run, run.stop))
     assert run.failed == 'stopped before anything was found'
-
-
-def test_where_neither_rest_nor_taps_were_recorded_it_is_said_what_is_not_learnt(tmp_path):
-    write_recordings(tmp_path, slips=2)
-    for name in ('rest_1', 'rest_2', 'taps_1'):
-        shutil.rmtree(tmp_path / name)
-    run = TuneRun(listed(tmp_path), DetectorConfig())
-    asyncio.run(finished(run, lambda: run.kill() if run.step == 'searching' else None))
-    assert run.lines == [
-        f'No noise is learnt: that needs {LEAST_S:g} s of rest',
-        'No impact is learnt: nothing was tapped',
-    ]
-    assert run.failed == 'slip_view has ended'
 
 
 def test_there_have_to_be_two_slips(tmp_path):

@@ -21,9 +21,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from hypothesis.extra import numpy as arrays_of
 
-from slip_detector.view.view_request import LENGTH, TYPES, ViewRequest, packed
+from slip_detector.view.view_request import ViewRequest
 from support.live_client import unpacked
 from support.simulated_detectors import SimulatedDetectors
 
@@ -160,31 +159,3 @@ def detectors_after_two_seconds():
 def test_impossible_views_are_refused(content, words):
     with pytest.raises(ValueError, match=words):
         requested(**content)
-
-
-TEXTS = st.text(max_size=20)
-SHAPES = arrays_of.array_shapes(min_dims=1, max_dims=2, min_side=0, max_side=7)
-KINDS = st.sampled_from([np.float32, np.uint8, np.bool_])
-ARRAYS = KINDS.flatmap(lambda kind: arrays_of.arrays(kind, SHAPES))
-
-
-@given(
-    header=st.dictionaries(TEXTS, TEXTS | st.integers() | st.booleans(), max_size=4),
-    content=st.dictionaries(TEXTS, ARRAYS, max_size=5),
-)
-def test_frames_are_unpacked_unchanged_and_arrays_begin_at_multiples_of_four(header, content):
-    header.pop('arrays', None)
-    frame = packed(header, content)
-    found, read = unpacked(frame)
-    described = found.pop('arrays')
-    assert found == header
-    assert list(read) == list(content)
-    for name, array in content.items():
-        assert read[name].dtype in TYPES.values()
-        assert np.array_equal(read[name], array, equal_nan=array.dtype == np.float32)
-    place = LENGTH.size + LENGTH.unpack_from(frame)[0]
-    for _, kind, shape in described:
-        assert place % 4 == 0
-        size = int(np.prod(shape)) * TYPES[kind].itemsize
-        place += size + -size % 4
-    assert place == len(frame)

@@ -2,11 +2,9 @@
 
 import {FingerCard} from './card.js';
 import {Connection} from './connection.js';
-import {build} from './elements.js';
-import {News} from './news.js';
+import {News, build, tabs} from './elements.js';
 import {Parameters} from './parameters.js';
 import {SpectrumPanel} from './spectrum.js';
-import {tabs} from './tabs.js';
 import {Teach} from './teach.js';
 import {Traces} from './traces.js';
 
@@ -69,7 +67,7 @@ connection.on('fingers', ({fingers, gone: labels, read_only: readOnly}) => {
   const names = fingers.map(({name}) => name);
   for (const [name, card] of cards) {
     if (names.includes(name)) continue;
-    news.tell(card.finger.label, 'detector gone');
+    news.note(card.finger.label, 'detector gone');
     card.close();
     cards.delete(name);
   }
@@ -104,7 +102,7 @@ connection.on('fingers', ({fingers, gone: labels, read_only: readOnly}) => {
 connection.on('refused', ({why}) => refuse(why));
 
 connection.on('diagnostics', ({fingers}) => {
-  for (const [name, lines] of Object.entries(fingers)) cards.get(name)?.tellDiagnostics(lines);
+  for (const [name, lines] of Object.entries(fingers)) cards.get(name)?.showDiagnostics(lines);
 });
 
 connection.on('frame', ({header, arrays}) => {
@@ -112,7 +110,7 @@ connection.on('frame', ({header, arrays}) => {
     const card = cards.get(state.name);
     if (!card || arrays[`level/${i}`].length !== card.finger.channels.length) return;
     card.show(state, {level: arrays[`level/${i}`], on: arrays[`on/${i}`], groups: arrays[`groups/${i}`]});
-    news.tell(card.finger.label, card.words);
+    news.note(card.finger.label, card.words);
   });
   if (header.traces) traces.take(header.traces, arrays);
   traces.refresh();

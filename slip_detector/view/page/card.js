@@ -1,7 +1,7 @@
-// The card of one finger: its picture, its groups, and how it is in words.
+// The card of one finger: its picture, in which each taxel stands at its place with its level as a fill,
+// its groups, and its state in words.
 
 import {build, button} from './elements.js';
-import {paintFinger, pictureOf, placesOf} from './finger.js';
 
 // Words and mark of each state; the first that applies is shown. The shapes of the marks tell states
 // apart without colours.
@@ -34,7 +34,7 @@ export class FingerCard {
     this.diagnostics = build('ul.diagnostics', {ariaLabel: 'Diagnostics'});
     this.list = build('ul', {tabIndex: 0, ariaLabel: 'Channels'});
     this.inWords = build('details', build('summary', 'Channels in words'), this.list);
-    this.inWords.addEventListener('toggle', () => this.tellChannels());
+    this.inWords.addEventListener('toggle', () => this.showChannels());
     this.root = build('article.finger', build('header', build('h2', this.title), this.badge), this.dead, this.picture,
       this.groups, this.onset, this.notice, this.diagnostics, this.inWords);
     this.marked = new Set();
@@ -43,7 +43,7 @@ export class FingerCard {
       const channel = this.channelAt(event);
       if (channel) onChannel(channel);
     });
-    this.canvas.addEventListener('pointermove', (event) => this.tellChannel(this.channelAt(event)));
+    this.canvas.addEventListener('pointermove', (event) => this.showChannel(this.channelAt(event)));
     // The size of the picture is known only once the page is laid out.
     this.resized = new ResizeObserver(() => this.layOut());
     this.resized.observe(this.picture);
@@ -83,7 +83,7 @@ export class FingerCard {
 
   // Show that the connection is lost, and the picture old.
   lose() {
-    if (this.state) this.tellState('lost');
+    if (this.state) this.showState('lost');
   }
 
   layOut() {
@@ -106,7 +106,7 @@ export class FingerCard {
       level: ratio, on: Boolean(on[c]), valid: !Number.isNaN(ratio), disabled: this.disabled.has(c + 1),
     }));
     const name = this.stateName();
-    this.tellState(name);
+    this.showState(name);
     this.chips.forEach(({chip, count, members}, g) => {
       const valid = members.filter((c) => this.channels[c - 1]?.valid);
       const votes = valid.filter((c) => this.channels[c - 1].on).length;
@@ -114,12 +114,12 @@ export class FingerCard {
       text(count, `${votes}/${valid.length}${groups[g] ? ' ON' : ''}`);
     });
     text(this.onset, this.onsetWords());
-    if (performance.now() - this.worded > WORDS_MS) this.tellChannels();
+    if (performance.now() - this.worded > WORDS_MS) this.showChannels();
     this.paint();
   }
 
   // Show the level of each channel in words, for users who cannot see the picture.
-  tellChannels() {
+  showChannels() {
     if (!this.inWords.open || !this.channels) return;
     this.worded = performance.now();
     const {list} = this;
@@ -138,7 +138,7 @@ export class FingerCard {
     return slip ? 'slip' : 'rest';
   }
 
-  tellState(name) {
+  showState(name) {
     const {mark, words} = STATES[name], {sample_age_s: age, silent} = this.state;
     if (this.root.dataset.state !== name) {
       this.root.dataset.state = name;
@@ -161,13 +161,13 @@ export class FingerCard {
 
   onsetWords() {
     const {onset_age_s: age, slip, valid} = this.state;
-    const held = valid ? 'valid' : 'not valid';
-    if (age === null) return `${held}; no slip so far`;
-    return slip ? `${held}; slip since ${seconds(age)}` : `${held}; last slip began ${seconds(age)} ago`;
+    const validity = valid ? 'valid' : 'not valid';
+    if (age === null) return `${validity}; no slip so far`;
+    return slip ? `${validity}; slip since ${seconds(age)}` : `${validity}; last slip began ${seconds(age)} ago`;
   }
 
   // lines: [level, name, message] of each diagnostic.
-  tellDiagnostics(lines) {
+  showDiagnostics(lines) {
     const key = JSON.stringify(lines);
     if (key === this.diagnosed) return;
     this.diagnosed = key;
@@ -199,7 +199,7 @@ export class FingerCard {
     return c + 1;
   }
 
-  tellChannel(channel) {
+  showChannel(channel) {
     this.canvas.title = channel && this.channels ? this.wordsOf(channel) : '';
   }
 
@@ -232,4 +232,125 @@ function seconds(age) {
 // Set a text only if it has changed: a screen reader would read it again, and the browser lay it out.
 function text(element, words) {
   if (element.textContent !== words) element.textContent = words;
+}
+
+// ---- the picture
+
+const QUIET_FILL = '#e6eaed', LEVEL_FILL = '#74828d', FRAME = '#7a858e', DISABLED_FILL = '#d3d7da';
+
+// Where taxels are drawn, in pixels: for each channel {x, y, side}, x and y of its middle.
+// positions: [x, y, z] in metres of each channel, no two the same. The two axes along which the finger
+// is largest are shown. margin: pixels that stay free around them.
+function placesOf(positions, width, height, margin = 0) {
+  const extents = [0, 1, 2].map((axis) => {
+    const along = positions.map((position) => position[axis]);
+    const [least, most] = [Math.min(...along), Math.max(...along)];
+    return {axis, least, size: most - least};
+  });
+  const thinnest = extents.reduce((found, extent) => (extent.size <= found.size ? extent : found));
+  const [across, along] = extents.filter((extent) => extent !== thinnest);
+  const points = positions.map((position) => [across, along].map(({axis, least}) => position[axis] - least));
+  const pitch = smallestDistance(points) || Math.max(across.size, along.size) || 1;
+  // The outermost taxels have half a pitch to the edge.
+  const scale = Math.min((width - 2 * margin) / (across.size + pitch), (height - 2 * margin) / (along.size + pitch));
+  const side = Math.min(0.96 * scale * pitch - 1, 56);
+  return points.map(([x, y]) => ({
+    x: width / 2 + scale * (x - across.size / 2), y: height / 2 - scale * (y - along.size / 2), side,
+  }));
+}
+
+// The distance of the closest taxels. As these are drawn as squares, the distance of two is the larger
+// of those along the axes.
+function smallestDistance(points) {
+  let smallest = Infinity;
+  for (let i = 1; i < points.length; i++) {
+    for (let j = 0; j < i; j++) {
+      const distance = Math.max(...points[i].map((metres, axis) => Math.abs(metres - points[j][axis])));
+      if (distance < smallest) smallest = distance;
+    }
+  }
+  return Number.isFinite(smallest) ? smallest : 0;
+}
+
+// How high a level stands in its taxel: 0 at 1/32 of the threshold or less, 1 at the threshold.
+const fillOf = (level) => Math.max(0, Math.min(1, 1 + Math.log2(level) / LEVEL_OCTAVES));
+
+// The content of a picture, as text: while it is the same, nothing has to be painted.
+function pictureOf(places, states, marked) {
+  const taxels = states.map(({level, on, valid, disabled}, c) => {
+    if (disabled) return 'd';
+    if (!valid) return 'x';
+    return on ? 'o' : Math.round(2 * places[c].side * fillOf(level));
+  });
+  return `${taxels} ${[...marked]}`;
+}
+
+// Draw all taxels of a finger. states[c]: {level, on, valid, disabled}, level as a ratio to the
+// threshold. marked: a set of channels, counted from 1, that are framed.
+function paintFinger(context, places, states, marked) {
+  places.forEach((place, c) => {
+    paintTaxel(context, place, states[c], c + 1);
+    if (marked.has(c + 1)) {
+      const {x, y, side} = place, reach = side / 2 + 3;
+      context.strokeStyle = '#0072b2';
+      context.lineWidth = 2;
+      context.setLineDash([3, 2]);
+      context.strokeRect(x - reach, y - reach, 2 * reach, 2 * reach);
+      context.setLineDash([]);
+    }
+  });
+}
+
+function paintTaxel(context, {x, y, side}, {level, on, valid, disabled}, number) {
+  const left = x - side / 2, top = y - side / 2;
+  const shape = new Path2D();
+  shape.roundRect(left, top, side, side, side / 5);
+  context.fillStyle = disabled ? DISABLED_FILL : '#fff';
+  context.fill(shape);
+  if (!disabled && !valid) {
+    context.fillStyle = hatching(context);
+    context.fill(shape);
+  } else if (!disabled) {
+    context.fillStyle = on ? ON : QUIET_FILL;
+    context.fill(shape);
+    const high = side * fillOf(level);
+    if (!on && high > 0) {
+      context.save();
+      context.clip(shape);
+      context.fillStyle = LEVEL_FILL;
+      context.fillRect(left, top + side - high, side, high);
+      context.restore();
+    }
+  }
+  if (!disabled) {
+    context.strokeStyle = on ? '#000' : FRAME;
+    context.lineWidth = on ? Math.min(3, Math.max(1.5, side / 8)) : 1;
+    context.stroke(shape);
+  }
+  if (side < 17) return;
+  if (!disabled && !valid) cross(context, x, y, side * 0.36);
+  const size = Math.min(13, side / 2);
+  context.font = `${on ? 700 : 500} ${size}px system-ui, 'DejaVu Sans', sans-serif`;
+  context.textAlign = 'center';
+  context.textBaseline = 'middle';
+  // Dark letters with a light outline are legible on any fill; on the colour of ON they need none.
+  if (!on) {
+    context.strokeStyle = 'rgba(255, 255, 255, 0.92)';
+    context.lineWidth = 3.5;
+    context.lineJoin = 'round';
+    context.strokeText(number, x, y);
+  }
+  context.fillStyle = disabled ? '#545b61' : '#000';
+  context.fillText(number, x, y);
+}
+
+function cross(context, x, y, reach) {
+  context.strokeStyle = '#8f1111';
+  context.lineWidth = 2.5;
+  context.beginPath();
+  for (const sign of [-1, 1]) {
+    context.moveTo(x - reach, y - sign * reach);
+    context.lineTo(x + reach, y + sign * reach);
+  }
+  context.stroke();
 }

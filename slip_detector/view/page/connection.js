@@ -76,13 +76,13 @@ export class Connection extends EventTarget {
     socket.onclose = ({reason}) => {
       for (const resolve of this.answers.values()) resolve({refusal: 'the connection to slip_view was lost'});
       this.answers.clear();
-      this.tellWhy(reason);
+      this.explain(reason);
       setTimeout(() => this.open(), AGAIN_MS);
     };
   }
 
   // Say why there is no connection.
-  async tellWhy(reason) {
+  async explain(reason) {
     const say = (why) => this.say(`${why}; trying again`);
     if (reason || !this.words) say(reason || UNREACHABLE);
     if (reason) return;

@@ -1,4 +1,5 @@
-// Makes the elements of the page. Texts from the robot go into text nodes, never into HTML.
+// Makes the elements of the page, tabs and announcements. Texts from the robot go into text nodes, never
+// into HTML.
 
 // An element: its kind with its classes, as 'p.hint'; texts and elements that it contains; properties.
 export function build(kind, ...parts) {
@@ -54,3 +55,68 @@ export class Tool {
 
 // Names this page in requests, so that it knows its own changes from those of others.
 export const PAGE = crypto.getRandomValues(new Uint32Array(2)).join('-');
+
+// Tabs as the ARIA Authoring Practices describe them: one tab stop, arrows choose.
+// list: the element with the role tablist. onChoose(id): called when the panel of this id is shown.
+export function tabs(list, onChoose = () => {}) {
+  const all = [...list.querySelectorAll('[role=tab]')];
+  const panelOf = (tab) => tab.getAttribute('aria-controls');
+  const choose = (chosen) => {
+    for (const tab of all) {
+      tab.ariaSelected = String(tab === chosen);
+      tab.tabIndex = tab === chosen ? 0 : -1;
+      element(panelOf(tab)).hidden = tab !== chosen;
+    }
+    onChoose(panelOf(chosen));
+  };
+  list.addEventListener('click', ({target}) => {
+    if (all.includes(target)) choose(target);
+  });
+  list.addEventListener('keydown', (event) => {
+    const at = all.indexOf(event.target);
+    const next = {ArrowRight: at + 1, ArrowLeft: at - 1, Home: 0, End: -1}[event.key];
+    if (next === undefined) return;
+    event.preventDefault();
+    const tab = all.at(next % all.length);
+    tab.focus();
+    choose(tab);
+  });
+  choose(all[0]);
+}
+
+// Announces changes of the fingers to screen readers, without interrupting them.
+// Changes within so many milliseconds are announced together: slip may come and go many times a second.
+const GATHERED_MS = 1500;
+
+export class News {
+  // region: an element with the role status.
+  constructor(region) {
+    this.region = region;
+    this.announced = new Map();
+    this.waiting = new Map();
+    this.timer = null;
+  }
+
+  // Note the present state of a finger. Slip that has ended before it was announced is still announced.
+  note(label, words) {
+    const states = this.waiting.get(label) ?? [this.announced.get(label)];
+    if (states.at(-1) === words) return;
+    // Of the states in between only slip is kept.
+    this.waiting.set(label, [...states.filter((each, i) => i === 0 || each.startsWith('SLIP')), words]);
+    this.timer ??= setTimeout(() => this.say(), GATHERED_MS);
+  }
+
+  say() {
+    this.timer = null;
+    const sentences = [];
+    for (const [label, [, ...states]] of this.waiting) {
+      const different = states.filter((words, i) => words !== states[i - 1]);
+      if (different.length > 1 || different[0] !== this.announced.get(label)) {
+        sentences.push(`${label}: ${different.join(', then ')}`);
+      }
+      this.announced.set(label, states.at(-1));
+    }
+    this.waiting.clear();
+    if (sentences.length) this.region.textContent = `${sentences.join('. ')}.`;
+  }
+}

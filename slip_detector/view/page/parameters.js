@@ -2,7 +2,6 @@
 // The detector decides what is allowed; its message is shown as it is.
 
 import {PAGE, Tool, build, button} from './elements.js';
-import {ParameterRow} from './parameter_row.js';
 
 // The heading of the groups, and the headings that are open at first: the values changed most often.
 const OF_GROUPS = 'Threshold and vote';
@@ -19,7 +18,7 @@ export class Parameters extends Tool {
     // By finger: values typed but not set yet, by name (null: to be deleted); and the number of the
     // last change that was shown.
     this.edits = new Map();
-    this.heard = new Map();
+    this.lastChange = new Map();
     this.rows = new Map();
     this.build(root);
     connection.on('parameters', (message) => {
@@ -189,8 +188,8 @@ export class Parameters extends Tool {
   showChanges(panel, edits) {
     const newest = panel.changes[0]?.number ?? 0;
     // After a restart, slip_view counts changes from the beginning.
-    const last = Math.min(this.heard.get(this.finger) ?? newest, newest);
-    this.heard.set(this.finger, newest);
+    const last = Math.min(this.lastChange.get(this.finger) ?? newest, newest);
+    this.lastChange.set(this.finger, newest);
     const fresh = panel.changes.filter(({number}) => number > last);
     for (const {by, words, names} of fresh.reverse()) {
       const own = by === `page ${PAGE}`;
@@ -201,7 +200,7 @@ export class Parameters extends Tool {
       if (this.changes.children.length > 5) this.changes.firstChild.remove();
       // A value that somebody else has set is mentioned beside the one typed here.
       for (const name of names) {
-        if (!own && edits.has(name)) this.rows.get(name)?.tellMeanwhile(lead);
+        if (!own && edits.has(name)) this.rows.get(name)?.noteMeanwhile(lead);
       }
     }
   }
@@ -229,5 +228,80 @@ export class Parameters extends Tool {
     this.replace.hidden = !taken;
     this.saved.textContent = refusal || taken
       ? `Not saved: ${refusal || taken}` : `Saved. ${missing && `${missing}. `}ros2 launch slip_detector slip_detector.launch.py ${launch}`;
+  }
+}
+
+// One parameter: its value to be edited, its unit, what is allowed, and what it means.
+let rows = 0;
+
+class ParameterRow {
+  // onEdit(text): the user typed this; undefined: keep the detector's value; null: delete the parameter.
+  constructor({name, choices = []}, onEdit) {
+    const id = `parameter-${++rows}`;
+    this.label = build('label', name, {htmlFor: id});
+    this.field = build(choices.length ? 'select' : 'input', ...choices.map((choice) => new Option(choice)), {
+      id, spellcheck: false, autocomplete: 'off',
+    });
+    this.unit = build('span.unit');
+    this.notes = build('p.notes', {id: `${id}-notes`});
+    this.meaning = build('p.hint', {id: `${id}-meaning`});
+    this.field.setAttribute('aria-describedby', `${this.notes.id} ${this.meaning.id}`);
+    this.field.addEventListener('input', () => onEdit(this.field.value === this.present ? undefined : this.field.value));
+    this.field.addEventListener('keydown', ({key}) => {
+      if (key === 'Escape') onEdit(undefined);
+    });
+    this.root = build('div.parameter', this.label, this.field, this.unit);
+    this.root.dataset.name = name;
+    if (name.startsWith('groups.')) {
+      this.remove = button('Remove', () => onEdit(this.removed || this.present === undefined ? undefined : null));
+      this.root.append(this.remove);
+    }
+    this.root.append(this.notes, this.meaning);
+  }
+
+  // Show the server's description. edit: what was typed; undefined: nothing; null: delete the parameter.
+  show({text, unit, allowed, meaning, in_file: inFile, read_only: fixed}, edit, usable) {
+    if (edit === undefined) this.meanwhile = '';
+    this.present = text;
+    this.removed = edit === null;
+    const wanted = edit ?? text;
+    if (this.field.value !== wanted) this.field.value = wanted;
+    this.unit.textContent = unit;
+    this.meaning.textContent = allowed ? `${meaning} Allowed: ${allowed}.` : meaning;
+    this.fixed = fixed;
+    this.notes.textContent = [
+      fixed && 'Holds from the start: it cannot be changed while the detector runs.',
+      edit !== undefined && !this.removed && `Not set yet; the detector has ${text || 'nothing'}.`,
+      this.removed && 'To be removed.',
+      this.meanwhile,
+      inFile !== null && inFile !== text && `In the file: ${inFile || 'nothing'}.`,
+    ].filter(Boolean).join(' ');
+    this.mark(edit !== undefined, usable && !fixed);
+  }
+
+  showNew(text, usable) {
+    this.present = undefined;
+    if (this.field.value !== text) this.field.value = text;
+    this.notes.textContent = 'New, not set yet: numbers of channels with commas between.';
+    this.mark(true, usable);
+  }
+
+  mark(edited, usable) {
+    this.root.classList.toggle('edited', edited);
+    this.root.classList.toggle('removed', Boolean(this.removed));
+    this.field.disabled = !usable || Boolean(this.removed);
+    if (this.remove) {
+      this.remove.disabled = !usable;
+      this.remove.textContent = this.removed ? 'Keep' : 'Remove';
+    }
+  }
+
+  noteMeanwhile(lead) {
+    this.meanwhile = `${lead} meanwhile.`;
+    this.notes.textContent = `${this.notes.textContent} ${this.meanwhile}`;
+  }
+
+  markRefused(refused) {
+    this.field.setAttribute('aria-invalid', String(refused));
   }
 }

@@ -27,7 +27,7 @@ export class Slider {
     this.root.addEventListener('blur', () => this.timer && this.set());
   }
 
-  get held() {
+  get isMoved() {
     return this.moved !== null;
   }
 
@@ -62,7 +62,7 @@ export class Slider {
 
   set() {
     const value = this.moved;
-    this.letGo();
+    this.drop();
     if (value !== null && value !== (this.sent?.value ?? this.value)) this.send(value);
     this.onMove();
   }
@@ -79,7 +79,7 @@ export class Slider {
   }
 
   leave() {
-    this.letGo();
+    this.drop();
     this.sent = null;
     this.onMove();
   }
@@ -87,11 +87,11 @@ export class Slider {
   // Before the line shows another finger: set a value chosen by keys, abandon a drag.
   settle() {
     if (this.timer) this.set();
-    this.letGo();
+    this.drop();
     this.sent = null;
   }
 
-  letGo() {
+  drop() {
     clearTimeout(this.timer);
     this.gripped?.abort();
     this.gripped = this.timer = this.moved = null;
@@ -99,7 +99,7 @@ export class Slider {
 
   // Remove the line.
   close() {
-    this.letGo();
+    this.drop();
     this.root.remove();
   }
 

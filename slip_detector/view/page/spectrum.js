@@ -220,7 +220,7 @@ export class SpectrumPanel {
       const line = this.lines.get(name), shown = line.show(value, least, most);
       line.place(over.offsetLeft + this.plot.valToPos(shown || this.nyquist, 'x'));
     }
-    this.tell();
+    this.describe();
   }
 
   // The range of the axis, in whole tens of decibels: it changes only if values leave it, or if it is
@@ -286,13 +286,13 @@ export class SpectrumPanel {
 
   // ---- words
 
-  tell() {
+  describe() {
     const name = this.finger.channels[this.channel - 1], {passband_hz: [low, high]} = this.finger;
     const words = `Spectrum of ${name}${this.rest ? ', with the one at rest behind it' : ''}; pass-band ${low} to ${high || 'all above'} Hz`
       + (this.now ? `; strongest at ${rounded((this.strongest() + 1) * this.now.step)} Hz` : '; too few samples yet');
-    if (this.root.ariaLabel !== words && !(Date.now() - this.toldAt < 1000)) {
+    if (this.root.ariaLabel !== words && !(Date.now() - this.describedAt < 1000)) {
       this.root.ariaLabel = words;
-      this.toldAt = Date.now();
+      this.describedAt = Date.now();
     }
   }
 

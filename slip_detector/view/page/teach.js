@@ -2,7 +2,6 @@
 // on the server; this page only shows them, and may be closed at any time.
 
 import {Tool, build, button, tableRow} from './elements.js';
-import {Tuning} from './tuning.js';
 
 // Period, in milliseconds, at which the page reports that a slip is held; the server ends the slip
 // when the reports stop.
@@ -36,7 +35,7 @@ export class Teach extends Tool {
     });
     connection.on('recording', ({recording}) => {
       // The server may have ended the slip itself, when the disk is full, for example.
-      if (this.recording?.slipping && !recording?.slipping) this.letGo();
+      if (this.recording?.slipping && !recording?.slipping) this.drop();
       this.recording = recording;
       this.showRecording();
     });
@@ -144,17 +143,17 @@ export class Teach extends Tool {
     if (this.pressed !== null || this.buttons.slip.disabled) return;
     this.pressed = setInterval(() => this.connection.request('teach', {do: 'still_pressed'}), PRESSED_MS);
     this.teach('press').then((refusal) => {
-      if (refusal) this.letGo();
+      if (refusal) this.drop();
     });
   }
 
   release() {
     if (this.pressed === null) return;
-    this.letGo();
+    this.drop();
     this.teach('release');
   }
 
-  letGo() {
+  drop() {
     clearInterval(this.pressed);
     this.pressed = null;
   }
@@ -215,5 +214,68 @@ export class Teach extends Tool {
     const where = mine ? '' : ` of ${this.labels[recording.finger] ?? recording.finger}`;
     const what = recording.slipping ? ', SLIP' : recording.ending ? ', the rest after it: hold still' : '';
     this.now.textContent = `● ${recording.name}${where}: ${recording.seconds.toFixed(1)} s${what}${recording.silent && `. ${recording.silent}`}`;
+  }
+}
+
+// Tuning on the recordings: progress, the comparison on held-out recordings, apply.
+const LEAST_SLIPS = 2;
+
+class Tuning {
+  // root: an empty element. ask(type, content): sends a request; resolves with the refusal, or ''.
+  constructor(root, ask) {
+    this.ask = ask;
+    this.begin = button('Tune', () => this.ask('tune'));
+    this.stop = button('Stop, keep what was found', () => this.ask('stop_tuning'));
+    this.progress = build('progress', {ariaLabel: 'Progress of the search'});
+    this.step = build('p.tuning-step', {role: 'status'});
+    this.failed = build('p.refusal', {role: 'alert'});
+    this.lines = build('ul.hint');
+    this.table = build('table.compared');
+    this.apply = button('Apply', () => this.ask('apply_tuning'));
+    this.result = build('div', this.table, this.apply);
+    root.append(build('h3', 'Tune'), build('div.buttons', this.begin, this.stop), this.progress, this.step, this.failed,
+      this.lines, this.result);
+  }
+
+  // tuning: the state that the server reports, or null. slips: the number of recordings with slips.
+  show(tuning, {finger, slips, locked}) {
+    const mine = tuning?.finger === finger ? tuning : null, runs = Boolean(tuning?.running);
+    this.begin.disabled = locked || runs || slips < LEAST_SLIPS;
+    this.begin.title = slips < LEAST_SLIPS ? 'Record slips first' : '';
+    this.stop.disabled = locked || !runs || tuning.stopping;
+    this.progress.hidden = !mine?.running;
+    if (mine?.running && mine.share) this.progress.value = mine.share;
+    else this.progress.removeAttribute('value');
+    this.step.textContent = this.stepWords(tuning, mine, slips);
+    this.failed.textContent = mine?.failed ? `Tuning failed: ${mine.failed}. What was recorded is kept.` : '';
+    this.failed.hidden = !mine?.failed;
+    this.lines.replaceChildren(...(mine?.lines ?? []).map((line) => build('li', line)));
+    this.showTable(mine?.table ?? []);
+    this.apply.disabled = locked || runs || !mine?.changes;
+    this.apply.textContent = mine?.changes ? `Apply ${mine.changes} values` : 'Apply';
+  }
+
+  stepWords(tuning, mine, slips) {
+    if (mine?.stopping) return 'stopping; the best result so far is evaluated and kept';
+    if (mine?.running) return mine.step;
+    if (tuning?.running) return 'another finger is being tuned';
+    if (mine?.table.length) {
+      return mine.changes ? 'Done. Apply sets the running detector; Save, below, writes what it runs with.' : 'Nothing better was found: the detector is as good as it was.';
+    }
+    return slips < LEAST_SLIPS ? 'Tuning needs two slips at least; twenty are good.' : '';
+  }
+
+  showTable(rows) {
+    this.result.hidden = !rows.length;
+    const shown = JSON.stringify(rows);
+    if (shown === this.shown) return;
+    this.shown = shown;
+    const head = build('tr', build('td'), ...['as it runs', 'tuned'].map((title) => build('th', title, {scope: 'col'})), build('td'));
+    const body = rows.map(([title, before, after, change]) => {
+      const row = tableRow([title, before, after, change && `${change === 'better' ? '▲' : '▽'} ${change}`], 1, 'row');
+      row.className = change;
+      return row;
+    });
+    this.table.replaceChildren(build('caption', 'On what was held out'), build('thead', head), build('tbody', ...body));
   }
 }

@@ -1,11 +1,9 @@
 // Volts and levels of the chosen channels over the last seconds, live or paused. Times are in seconds
 // since a whole minute before the first column.
 
-import {ChannelChooser} from './channel_chooser.js';
-import {Columns} from './columns.js';
 import {build, button} from './elements.js';
 import {Slider, rounded} from './slider.js';
-import {Stretch} from './stretch.js';
+import {Columns, Stretch} from './stretch.js';
 
 // Lines are told apart by lightness, too.
 const COLORS = ['#0072b2', '#9a4a00', '#00664b', '#7b2d6b', '#3a3a3a', '#4f7fb8', '#8a7400', '#a34a78'];
@@ -239,7 +237,7 @@ export class Traces {
     const before = this.ranges.get('level');
     const whole = [Math.floor(2 * (least - 0.1)) / 2, Math.ceil(2 * (most + 0.1)) / 2];
     // While the threshold is dragged, the scale may grow but does not shrink.
-    const keep = before && least >= before[0] && most <= before[1] && (this.line.held || whole[1] - whole[0] > 0.6 * (before[1] - before[0]));
+    const keep = before && least >= before[0] && most <= before[1] && (this.line.isMoved || whole[1] - whole[0] > 0.6 * (before[1] - before[0]));
     if (!keep) this.ranges.set('level', whole);
     return this.ranges.get('level');
   }
@@ -365,5 +363,68 @@ export class Traces {
       words.push(`${lane.name} ${columns.bits[lane.name]?.[at] ? 'ON' : 'OFF'}`);
     }
     return words;
+  }
+}
+
+// Which channels of a finger have traces: a button for each, under its group.
+// Most channels that the server sends at once.
+const MOST_CHANNELS = 64;
+
+class ChannelChooser {
+  // onChoose(): called when other channels are chosen.
+  constructor(onChoose) {
+    this.onChoose = onChoose;
+    this.root = build('div.chooser', {role: 'group', ariaLabel: 'Channels with traces'});
+    // The chosen channels, counted from 1, in order; and those last chosen for each finger, by name.
+    this.channels = [];
+    this.kept = new Map();
+  }
+
+  // Show the channels of a finger: those that were chosen before, else its first group.
+  show({name, channels, groups, disabled}) {
+    const described = JSON.stringify([name, channels, groups, disabled]);
+    if (described === this.described) return;
+    this.described = described;
+    this.name = name;
+    const kept = this.kept.get(name) ?? [];
+    const chosen = kept.length && kept.at(-1) <= channels.length ? kept : (Object.values(groups)[0] ?? [1]).slice(0, 4);
+    this.fill(channels, groups, disabled);
+    this.take(chosen);
+  }
+
+  fill(channels, groups, disabled) {
+    const grouped = new Set(Object.values(groups).flat());
+    const left = channels.map((_, c) => c + 1).filter((c) => !grouped.has(c) && !disabled.includes(c));
+    const sets = [...Object.entries(groups), ...(left.length ? [['no group', left]] : [])];
+    this.root.replaceChildren(...sets.map(([name, members]) => {
+      const whole = button(name, () => this.choose(members), {className: 'whole-set', title: `The traces of ${name} and of no other`});
+      return build('span.channel-set', whole, ...members.map((c) => {
+        const one = button(String(c), () => this.toggle(c), {ariaLabel: `Traces of ${channels[c - 1]}`, title: channels[c - 1]});
+        one.dataset.channel = c;
+        return one;
+      }));
+    }));
+  }
+
+  // Add or remove a channel; the last one stays.
+  toggle(channel) {
+    const rest = this.channels.filter((c) => c !== channel);
+    if (rest.length === this.channels.length) rest.push(channel);
+    if (rest.length && rest.length <= MOST_CHANNELS) this.choose(rest);
+  }
+
+  choose(channels) {
+    this.take(channels);
+    this.onChoose();
+  }
+
+  take(channels) {
+    this.channels = channels.slice(0, MOST_CHANNELS).sort((a, b) => a - b);
+    this.kept.set(this.name, this.channels);
+    for (const one of this.root.querySelectorAll('[data-channel]')) {
+      const chosen = this.channels.includes(Number(one.dataset.channel));
+      one.ariaPressed = String(chosen);
+      one.disabled = !chosen && this.channels.length === MOST_CHANNELS;
+    }
   }
 }
