@@ -226,7 +226,7 @@ class TuneRun:
             'step': self.step,
             'share': self.share,
             'lines': self.lines,
-            'failed': self.failed,
+            'failed': '' if self.running else self.failed,
             'held_out': self.held_out,
             'table': self.table,
             'changes': len(self.to_apply(self._config)),
