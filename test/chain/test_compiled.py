@@ -31,7 +31,6 @@ from slip_detector.chain import compiled
 from slip_detector.chain.compiled import (
     LANES,
     absolute,
-    floats_of,
     floor,
     is_number,
     load,
@@ -39,7 +38,6 @@ from slip_detector.chain.compiled import (
     spread,
     square_root,
     store,
-    words_of,
 )
 
 PACKAGE = Path(compiled.__file__).parents[1]
@@ -175,32 +173,10 @@ def test_what_is_compiled_is_said_and_what_is_in_the_cache_is_not(tmp_path):
     assert output_of(SAID, NUMBA_CACHE_DIR=str(tmp_path)) == []
 
 
-COUNTED = """
-import numba
-import numpy as np
-from numba.core.runtime import rtsys
-from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.chain.stamps import StampGrid
-
-chain, grid = SlipChain(), StampGrid(0.01, 0.1)
-for k in range(3):
-    before = rtsys.get_allocation_stats()
-    chain.update(np.random.default_rng(k).normal(size=(100, 16)), votes=['all', 'mean', 2])
-    grid.arrive(k * 10_000_000)
-assert rtsys.get_allocation_stats() == before
-"""
-
-
-@needs_numba
-def test_nothing_keeps_the_arrays_of_a_call_of_a_function_that_works_in_place():
-    output_of(COUNTED, NUMBA_NRT_STATS='1')
-
-
 # --- vectors -------------------------------------------------------------------------------
 
 
 FLOATS = arrays(np.float64, LANES, elements=st.floats(allow_subnormal=True))
-WORDS = arrays(np.uint64, LANES)
 
 
 @compiled.compiled
@@ -225,32 +201,3 @@ def test_vectors_of_floats_are_computed_as_ieee_754_demands(a, b):
         wanted += [np.where(mask, a, -1.0) for mask in masks]
         wanted.append(np.where((a > b) | (a < 0) & ~np.isnan(b), 1.0, a))
     np.testing.assert_array_equal(out, wanted)
-
-
-@compiled.compiled
-def run_on_words(a, b, out):
-    x, y = load(a, (0,)), load(b, (0,))
-    results = (x + y, x & y, x | y, x << np.uint64(3), x >> np.uint64(5), words_of(floats_of(x)))
-    for k in range(6):
-        store(results[k], out, (k, 0))
-    store(select(x != y, x, y), out, (6, 0))
-
-
-@given(WORDS, WORDS)
-def test_vectors_of_words_are_computed_bit_by_bit(a, b):
-    out = np.empty((7, LANES), np.uint64)
-    run_on_words(a, b, out)
-    three, five = np.uint64(3), np.uint64(5)
-    np.testing.assert_array_equal(out, [a + b, a & b, a | b, a << three, a >> five, a, a])
-
-
-@needs_numba
-def test_an_operator_of_vectors_of_different_kinds_is_refused():
-    from numba.core.errors import NumbaError
-
-    @compiled.compiled
-    def mixed(a, b):
-        return load(a, (0,)) + load(b, (0,))
-
-    with pytest.raises(NumbaError):
-        mixed(np.zeros(LANES), np.zeros(LANES, np.uint64))
