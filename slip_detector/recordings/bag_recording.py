@@ -14,7 +14,6 @@
 
 """Recordings in bags: a topic with the rows, and perhaps a topic with the true slip."""
 
-import contextlib
 import itertools
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -163,11 +162,7 @@ class BagRecording(Recording):
 
     def __init__(self, path: Path, config: RecordingConfig, labels: 'Labels | None') -> None:
         super().__init__(path, labels, config)
-        with self._named_errors():
-            self._open(config)
-
-    def _open(self, config: RecordingConfig) -> None:
-        self._storage = BagStorage(self.path, self._limit)
+        self._storage = BagStorage(path, self._limit)
         self._topic = self._rows_topic(config.recording_topic)
         self._field = config.recording_field or self._usual_field()
         self._truth_topic = self._label_topic(config, 'recording_truth_topic', BOOL)
@@ -188,14 +183,10 @@ class BagRecording(Recording):
                 'each with its time'
             )
         self._per_message = int(np.median(counts))
-        self.sample_rate_hz = checked_rate(message_hz * self._per_message, self.path)
+        self.sample_rate_hz = checked_rate(message_hz * self._per_message)
 
     def read(self) -> Iterator[Samples]:
         """Yield the rows of the topic, some thousands at a time."""
-        with self._named_errors():
-            yield from self._read()
-
-    def _read(self) -> Iterator[Samples]:
         self.counts.warnings = '; '.join(self._storage.warnings)
         truth_at = self._truth()
         n_messages = 0
@@ -268,15 +259,6 @@ class BagRecording(Recording):
             positions = parts[0].then(*parts[1:])
             return lambda stamps_ns, _: moving_at(positions, self._still_m, stamps_ns)
         return None
-
-    @contextlib.contextmanager
-    def _named_errors(self) -> Iterator[None]:
-        """Put the path of the bag in front of errors."""
-        try:
-            yield
-        except (ValueError, OverflowError) as error:
-            text = str(error).removeprefix(f'{self.path}: ')
-            raise ValueError(f'{self.path}: {text}') from None
 
     def _found_damage(self) -> str:
         return f' ({self._storage.damage[0]})' if self._storage.damage else ''

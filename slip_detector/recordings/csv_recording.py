@@ -29,7 +29,7 @@ from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.parameters.fields import listed, shortened, shown_name
 from slip_detector.recordings.labels import Labels, as_truth
 from slip_detector.recordings.rates import checked_rate, rate_of
-from slip_detector.recordings.recording import PIECE_ROWS, Recording
+from slip_detector.recordings.recording import PIECE_ROWS, Recording, named_errors
 
 TIME = 'time_s'
 
@@ -63,24 +63,21 @@ class CsvRecording(Recording):
         with self._open() as lines:
             self._names = names = [name.strip() for name in next(lines, [])]
         if TIME not in names:
-            raise ValueError(
-                f'{path}: line 1 has no column {TIME}, there are: {listed(names) or "none"}'
-            )
+            raise ValueError(f'line 1 has no column {TIME}, there are: {listed(names) or "none"}')
         if len(set(names)) != len(names):
-            raise ValueError(f'{path}: line 1 has a name twice, allowed: each column once')
+            raise ValueError('line 1 has a name twice, allowed: each column once')
         self.labelled = self._truth_key in names
         self.channel_names = tuple(n for n in names if n not in (TIME, self._truth_key))
         self._limit.check_channels(len(self.channel_names))
         if not self.channel_names:
-            raise ValueError(f'{path}: has no samples')
+            raise ValueError('has no samples')
         first = next(self._columns(), None)
         rate_hz = None if first is None else rate_of(first[0][:, names.index(TIME)])
         if rate_hz is None:
             raise ValueError(
-                f'{path}: column {TIME} does not rise, allowed: two or more rows, each with its '
-                'time'
+                f'column {TIME} does not rise, allowed: two or more rows, each with its time'
             )
-        self.sample_rate_hz = checked_rate(rate_hz, path)
+        self.sample_rate_hz = checked_rate(rate_hz)
 
     def read(self) -> Iterator[Samples]:
         """Yield the rows of the file, some thousands at a time."""
@@ -89,7 +86,7 @@ class CsvRecording(Recording):
             truth = None
             if self.labelled:
                 label = cells[:, self._names.index(self._truth_key)]
-                truth = as_truth(label, self._truth_key, self.path)
+                truth = as_truth(label, self._truth_key)
             yield Samples(cells[:, channels], stamps_ns, truth)
 
     def array(self, name: str) -> 'NDArray[Any] | None':
@@ -97,7 +94,8 @@ class CsvRecording(Recording):
         if name not in self._names:
             return None
         column = self._names.index(name)
-        return np.concatenate([cells[:, column] for cells, _ in self._columns()])
+        with named_errors(self.path):
+            return np.concatenate([cells[:, column] for cells, _ in self._columns()])
 
     def array_names(self) -> list[str]:
         """Return the names of all columns."""
@@ -111,7 +109,7 @@ class CsvRecording(Recording):
             with open(self.path, newline='', encoding='utf-8-sig') as file:
                 yield csv.reader(file)
         except (UnicodeError, csv.Error):
-            raise ValueError(f'{self.path}: is broken or not csv') from None
+            raise ValueError('is broken or not csv') from None
 
     def _columns(self) -> Iterator[tuple[NDArray[np.float64], NDArray[np.int64]]]:
         """Yield numbers, (n, columns), and exact stamps, (n,), of some thousand lines."""
@@ -127,7 +125,7 @@ class CsvRecording(Recording):
                         stamps_ns.append(_nanoseconds(line[time_at]))
                 except ValueError as error:
                     why = shortened(str(error))
-                    raise ValueError(f'{self.path}: line {lines.line_num}: {why}') from None
+                    raise ValueError(f'line {lines.line_num}: {why}') from None
                 if len(cells) == PIECE_ROWS:
                     yield np.array(cells), np.array(stamps_ns, dtype=np.int64)
                     cells, stamps_ns = [], []

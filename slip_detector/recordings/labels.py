@@ -232,7 +232,7 @@ def _time(node: yaml.Node, where: str) -> float:
     return number
 
 
-def as_truth(label: NDArray[Any], key: str, path: Path) -> NDArray[np.bool_]:
+def as_truth(label: NDArray[Any], key: str) -> NDArray[np.bool_]:
     """Convert labels to bool, shape (n,).
 
     Parameters
@@ -241,24 +241,22 @@ def as_truth(label: NDArray[Any], key: str, path: Path) -> NDArray[np.bool_]:
         Bools, or numbers that are 0 or 1.
     key
         Name of the array or column.
-    path
-        The recording.
 
     Raises
     ------
     ValueError
-        When a label is neither, such as NaN or a text; names the file, the key and the label.
+        When a label is neither, such as NaN or a text; names the key and the label.
 
     Examples
     --------
-    >>> as_truth(np.array([0.0, 1.0]), 'slip', Path('trial.npz'))
+    >>> as_truth(np.array([0.0, 1.0]), 'slip')
     array([False,  True])
     """
     if label.dtype.kind == 'b':
         return label.reshape(-1)
     wrong = label[~np.isin(label, (0, 1))] if label.dtype.kind in 'iuf' else label.reshape(-1)
     if wrong.size:
-        raise ValueError(f'{path}: {key} has {wrong.tolist()[0]!r}, allowed: 0 and 1')
+        raise ValueError(f'{key} has {wrong.tolist()[0]!r}, allowed: 0 and 1')
     return np.asarray(label, dtype=bool).reshape(-1)
 
 

@@ -66,23 +66,21 @@ class NpzRecording(Recording):
             self._names = sorted(archive.files)
         for key in (volts_key, rate_key):
             if key not in self._names:
-                raise ValueError(f'{path}: has no array {key}, there are: {listed(self._names)}')
+                raise ValueError(f'has no array {key}, there are: {listed(self._names)}')
         self.labelled = truth_key in self._names
         shape, dtype = self._shape_and_type(volts_key)
         if len(shape) != 2 or dtype.kind not in 'fiu':
             raise ValueError(
-                f'{path}: {volts_key} has the shape {shape} and type {dtype}, allowed: numbers of '
+                f'{volts_key} has the shape {shape} and type {dtype}, allowed: numbers of '
                 'shape (rows, channels)'
             )
         rate = self._loaded(rate_key)
         if rate.size != 1 or rate.dtype.kind not in 'fiu':
-            raise ValueError(
-                f'{path}: {rate_key} is {shortened(str(rate))}, allowed: a rate in Hz'
-            )
-        self.sample_rate_hz = checked_rate(float(rate.item()), path)
+            raise ValueError(f'{rate_key} is {shortened(str(rate))}, allowed: a rate in Hz')
+        self.sample_rate_hz = checked_rate(float(rate.item()))
         n, channels = shape
         if min(n, channels) < 1:
-            raise ValueError(f'{path}: has no samples')
+            raise ValueError('has no samples')
         self._limit.check_channels(channels)
         self.channel_names = default_channel_names(channels)
         self._check_columns(n)
@@ -94,21 +92,18 @@ class NpzRecording(Recording):
             shape, dtype = self._shape_and_type(key)
             rows = shape[0] if shape else 1
             if rows != n:
-                raise ValueError(
-                    f'{self.path}: {key} has {rows} rows, allowed: {n}, as {volts_key}'
-                )
+                raise ValueError(f'{key} has {rows} rows, allowed: {n}, as {volts_key}')
             if shape not in ((n,), (n, 1)):
-                raise ValueError(f'{self.path}: {key} has the shape {shape}, allowed: ({n},)')
+                raise ValueError(f'{key} has the shape {shape}, allowed: ({n},)')
             if key == stamps_key and dtype.kind not in 'iu':
                 raise ValueError(
-                    f'{self.path}: {key} has the type {dtype}, allowed: whole numbers of '
-                    'nanoseconds'
+                    f'{key} has the type {dtype}, allowed: whole numbers of nanoseconds'
                 )
         times = [name for name in self._names if _TIMES.search(name) and name not in self._keys]
         for name in [] if stamps_key in self._names or n == 1 else times:
             if self._shape_and_type(name)[0][:1] == (n,):
                 raise ValueError(
-                    f'{self.path}: has {name} but no {stamps_key}, allowed: the stamps as '
+                    f'has {name} but no {stamps_key}, allowed: the stamps as '
                     f'{stamps_key}, in whole nanoseconds, or no times'
                 )
 
@@ -120,7 +115,7 @@ class NpzRecording(Recording):
         if stamps_ns is None:
             stamps_ns = np.rint(np.arange(n) * (1e9 / self.sample_rate_hz))
         stamps_ns = stamps_ns.astype(np.int64).reshape(-1)
-        truth = None if label is None else as_truth(label, self._keys[2], self.path)
+        truth = None if label is None else as_truth(label, self._keys[2])
         for first in range(0, n, PIECE_ROWS):
             rows = slice(first, first + PIECE_ROWS)
             part = np.asarray(volts[rows], dtype=np.float64)

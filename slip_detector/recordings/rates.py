@@ -16,7 +16,6 @@
 
 import fractions
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -56,23 +55,23 @@ def rates_differ(rate_hz: float, chain_rate_hz: float) -> bool:
     return abs(rate_hz - chain_rate_hz) > RATE_TOLERANCE * chain_rate_hz
 
 
-def checked_rate(rate_hz: float, path: Path) -> float:
+def checked_rate(rate_hz: float) -> float:
     """Return the rate of a recording, if a chain can have it.
 
     Raises
     ------
     ValueError
-        When a chain cannot; names the recording.
+        When a chain cannot.
 
     Examples
     --------
-    >>> checked_rate(1e-300, Path('trial.npz'))
+    >>> checked_rate(1e-300)
     Traceback (most recent call last):
-    ValueError: trial.npz: has 1e-300 Hz, allowed: 1 to 1e+06 Hz
+    ValueError: has 1e-300 Hz, allowed: 1 to 1e+06 Hz
     """
     field = ChainConfig.__dataclass_fields__['sample_rate_hz']
     if not field.metadata['low'] <= rate_hz <= field.metadata['high']:
-        raise ValueError(f'{path}: has {rate_hz:g} Hz, allowed: {allowed(field)}')
+        raise ValueError(f'has {rate_hz:g} Hz, allowed: {allowed(field)}')
     return rate_hz
 
 

@@ -18,11 +18,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from slip_detector.parameters.driver import RecordingConfig
+from slip_detector.recordings.bag_recording import BagRecording
 from slip_detector.recordings.bag_storage import BAG_ENDINGS, METADATA
 from slip_detector.recordings.csv_recording import CsvRecording
 from slip_detector.recordings.labels import find_labels, read_labels
 from slip_detector.recordings.npz_recording import NpzRecording
-from slip_detector.recordings.recording import Recording
+from slip_detector.recordings.recording import Recording, named_errors
 
 ENDINGS = ('.npz', '.csv', *BAG_ENDINGS)
 
@@ -81,22 +82,18 @@ def open_recording(path: 'str | Path', config: 'RecordingConfig | None' = None) 
     try:
         labels_file = find_labels(config.recording_labels, path)
         labels = None if labels_file is None else read_labels(labels_file)
-        # A device such as /dev/zero may have no end.
-        if path.exists() and not path.is_file() and not path.is_dir():
-            raise ValueError(f'{path}: is no file, allowed: a file or the folder of a bag')
-        if path.suffix == '.csv':
-            return CsvRecording(path, config, labels)
-        if path.suffix == '.npz':
-            return NpzRecording(path, config, labels)
-        if path.suffix in BAG_ENDINGS or path.is_dir():
-            # rosbags is needed only for bags.
-            from slip_detector.recordings.bag_recording import BagRecording
-
-            return BagRecording(path, config, labels)
-        raise ValueError(
-            f'{path}: is {path.suffix or "without ending"}, allowed: {", ".join(ENDINGS)} or the '
-            'folder of a bag'
-        )
+        with named_errors(path):
+            # A device such as /dev/zero may have no end.
+            if path.exists() and not path.is_file() and not path.is_dir():
+                raise ValueError('is no file, allowed: a file or the folder of a bag')
+            if path.suffix == '.csv':
+                return CsvRecording(path, config, labels)
+            if path.suffix == '.npz':
+                return NpzRecording(path, config, labels)
+            if path.suffix in BAG_ENDINGS or path.is_dir():
+                return BagRecording(path, config, labels)
+            ending = path.suffix or 'without ending'
+            raise ValueError(f'is {ending}, allowed: {", ".join(ENDINGS)} or the folder of a bag')
     except OSError as error:
         raise ValueError(f'{path}: cannot be read ({error.strerror or error})') from None
 

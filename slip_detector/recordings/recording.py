@@ -14,6 +14,7 @@
 
 """Base class of all recordings; it handles gaps in the stamps like the detector node."""
 
+import contextlib
 import dataclasses
 from collections.abc import Iterator
 from pathlib import Path
@@ -87,30 +88,35 @@ class SizeLimit(NamedTuple):
 
     Examples
     --------
-    >>> SizeLimit(Path('trial.npz'), most_mb=1024.0).check(3_000_000_000, 'volts')
+    >>> SizeLimit(most_mb=1024.0).check(3_000_000_000, 'volts')
     Traceback (most recent call last):
-    ValueError: trial.npz: volts takes 3000 MB, allowed: 1024 MB (recording_limit_mb)
+    ValueError: volts takes 3000 MB, allowed: 1024 MB (recording_limit_mb)
     """
 
-    path: Path
     most_mb: float
 
     def check(self, n_bytes: int, what: str) -> None:
         """Check a size before anything is allocated."""
+        limit = f'{self.most_mb:g} MB (recording_limit_mb)'
         if n_bytes > 1e6 * self.most_mb:
-            raise ValueError(
-                f'{self.path}: {what} takes {n_bytes / 1e6:.0f} MB, allowed: {self.most_mb:g} MB '
-                '(recording_limit_mb)'
-            )
+            raise ValueError(f'{what} takes {n_bytes / 1e6:.0f} MB, allowed: {limit}')
 
     def check_channels(self, channels: int) -> None:
         """Check that as many rows as are read at a time fit."""
         most = int(1e6 * self.most_mb) // (8 * PIECE_ROWS)
+        limit = f'{self.most_mb:g} MB (recording_limit_mb)'
         if channels > most:
-            raise ValueError(
-                f'{self.path}: has {channels} channels, allowed: {most} with {self.most_mb:g} MB '
-                '(recording_limit_mb)'
-            )
+            raise ValueError(f'has {channels} channels, allowed: {most} with {limit}')
+
+
+@contextlib.contextmanager
+def named_errors(path: Path) -> Iterator[None]:
+    """Put the path of a recording in front of the errors of reading it."""
+    try:
+        yield
+    except (ValueError, OverflowError) as error:
+        text = str(error).removeprefix(f'{path}: ')
+        raise ValueError(f'{path}: {text}') from None
 
 
 class Recording:
@@ -140,7 +146,7 @@ class Recording:
 
     def __init__(self, path: Path, labels: 'Labels | None', config: RecordingConfig) -> None:
         self.path = path
-        self._limit = SizeLimit(path, config.recording_limit_mb)
+        self._limit = SizeLimit(config.recording_limit_mb)
         self.counts = RecordingCounts()
         self._labels, self._resample = labels, config.recording_resample
 
@@ -179,7 +185,7 @@ class Recording:
         labels = self._labels
         first_ns = last_ns = 0
         empty = True
-        for rows in self.read():
+        for rows in self._read():
             if not len(rows.volts):
                 continue
             if empty:
@@ -193,6 +199,10 @@ class Recording:
             raise ValueError(f'{self.path}: has no samples{self._damage_note()}')
         if labels is not None and not self.counts.damage:
             labels.check_end((last_ns - first_ns) * 1e-9 + 1 / self.sample_rate_hz, self.path)
+
+    def _read(self) -> Iterator[Samples]:
+        with named_errors(self.path):
+            yield from self.read()
 
     def _damage_note(self) -> str:
         return f' ({self.counts.damage})' if self.counts.damage else ''
@@ -241,17 +251,15 @@ class Recording:
         """
         rate_hz, wanted_hz = self.sample_rate_hz, chain_rate_hz or self.sample_rate_hz
         apart = rates_differ(rate_hz, wanted_hz)
+        allowed = ''
+        if max(rate_hz, wanted_hz) > MOST_FACTOR * min(rate_hz, wanted_hz):
+            allowed = f'{MOST_FACTOR} times as fast or slow'
         if apart and not self._resample:
+            allowed = f'{RATE_TOLERANCE:.0%} apart, or --resample (recording_resample: true)'
+        if allowed:
             raise ValueError(
                 f'{self.path}: has {rate_hz:g} Hz where the parameter sample_rate_hz is '
-                f'{wanted_hz:g} Hz, allowed: at most {RATE_TOLERANCE:.0%} apart, or --resample '
-                '(recording_resample: true)'
-            )
-        factor = max(rate_hz, wanted_hz) / min(rate_hz, wanted_hz)
-        if factor > MOST_FACTOR:
-            raise ValueError(
-                f'{self.path}: has {rate_hz:g} Hz where the parameter sample_rate_hz is '
-                f'{wanted_hz:g} Hz, allowed: at most {MOST_FACTOR} times as fast or slow'
+                f'{wanted_hz:g} Hz, allowed: at most {allowed}'
             )
         pieces = self._stretches(rate_hz if apart else wanted_hz, max_gap_s)
         if apart:
@@ -267,7 +275,8 @@ class Recording:
         for stretch in stretches(pieces):
             n, row_bytes = len(stretch.volts), 8 * stretch.volts.shape[1] + STAMP_BYTES
             n = max(n, rows_after(n, from_hz, to_hz))
-            self._limit.check(n * row_bytes, 'a stretch to resample')
+            with named_errors(self.path):
+                self._limit.check(n * row_bytes, 'a stretch to resample')
             whole = resampled(stretch, from_hz, to_hz)
             for first in range(0, len(whole.volts), PIECE_ROWS):
                 part = whole.take(slice(first, first + PIECE_ROWS))
@@ -287,7 +296,8 @@ class Recording:
                 steps_s = np.diff(rows.stamps_ns.astype(np.float64)) * 1e-9
                 bridged = rate_hz * steps_s[(steps_s > 0.0) & (steps_s <= max_gap_s)].sum()
                 row_bytes = 8 * rows.volts.shape[1] + STAMP_BYTES
-                self._limit.check(int(bridged) * row_bytes, 'what bridges the gaps')
+                with named_errors(self.path):
+                    self._limit.check(int(bridged) * row_bytes, 'what bridges the gaps')
             for part in [piece] if regular else self._mended(piece, last, grid):
                 yield part
                 last = part
