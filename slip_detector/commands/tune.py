@@ -91,12 +91,12 @@ def _parser() -> argparse.ArgumentParser:
         '--seed', type=int, default=0, metavar='N',
         help='seed of the search (default: %(default)s)',
     )  # fmt: skip
-    held = parser.add_mutually_exclusive_group()
-    held.add_argument(
+    what = parser.add_mutually_exclusive_group()
+    what.add_argument(
         '--hold-out', type=float, default=1 / 3, metavar='SHARE',
         help='share of the recordings, or of the time of a single one, to hold out (default: 1/3)',
     )  # fmt: skip
-    held.add_argument(
+    what.add_argument(
         '--held-out', action='append', default=[], metavar='RECORDING',
         help='hold out these recordings, or folders of them, and tune on all other RECORDINGs; '
         'repeatable',

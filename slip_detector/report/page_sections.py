@@ -334,25 +334,22 @@ def front_figure(trials: Sequence[SearchTrial]) -> Figure:
     """
     figure, (axis,) = _panels(1, 8, 4.6)
     known = [trial for trial in trials if trial.costs is not None]
-
-    def points(some: Sequence[SearchTrial]) -> Any:
-        return np.array([[trial.figures[name] for name in COSTS] for trial in some]).reshape(-1, 4)
-
-    latency_ms, alarms, _, sooner = points([trial for trial in known if not trial.mark]).T
-    drawn = axis.scatter(
-        latency_ms, alarms, c=sooner, cmap='viridis', vmin=0.0, vmax=1.0, s=22, zorder=2,
-        label='trial',
-    )  # fmt: skip
+    marked = {_plain(trial.mark): [trial] for trial in known if trial.mark}
+    searched = [trial for trial in known if not trial.mark]
+    layers = {'trial': searched, 'on the front': trade_off_front(trials), **marked}
+    edges = ['none', 'k', *COLORS[1:]]
+    for (name, some), edge, size in zip(layers.items(), edges, (22, 60, 200, 200), strict=False):
+        costs = np.array([trial.costs for trial in some]).reshape(-1, len(COSTS))
+        latency_ms, alarms, _, lack = costs.T
+        label = name
+        if name in marked:
+            words = f'{latency_ms[0]:.0f} ms, {alarms[0]:.2g} a minute'
+            label = f'{name}: {words}, sooner than chance {1.0 - lack[0]:.2f}'
+        drawn = axis.scatter(
+            latency_ms, alarms, size, 1.0 - lack, marker='*' if size > 100 else 'o', vmin=0.0,
+            vmax=1.0, edgecolors=edge, label=label,
+        )  # fmt: skip
     figure.colorbar(drawn, label='sooner than chance')
-    latency_ms, alarms, *_ = points(trade_off_front(trials)).T
-    circle: Any = {'markersize': 9, 'markerfacecolor': 'none', 'markeredgecolor': 'k', 'zorder': 3}
-    axis.plot(latency_ms, alarms, 'o', label='on the front', **circle)
-    marked = [trial for trial in known if trial.mark]
-    for trial, color in zip(marked, COLORS[1:], strict=False):
-        x_ms, y, _, its_sooner = points([trial])[0]
-        words = f'{x_ms:.0f} ms, {y:.2g} a minute, sooner than chance {its_sooner:.2f}'
-        star: Any = {'color': color, 'markersize': 17, 'markeredgecolor': 'k', 'zorder': 4}
-        axis.plot(x_ms, y, '*', label=f'{_plain(trial.mark)}: {words}', **star)
     # Logarithmic, but linear near 0, so that the axis can show 0 false alarms too.
     axis.set_yscale('symlog', linthresh=1.0)
     axis.set_ylim(bottom=-0.1)

@@ -150,11 +150,7 @@ def draw_trial(
         for axis in axes:
             axis.axvspan(*motion_s, color='0.92', zorder=0)
             axis.axvline(motion_s[0], color='k', linestyle='--', linewidth=1)
-        for words, shift, side in (('start of motion', -4, 'right'), ('plate moves', 4, 'left')):
-            axes[0].annotate(
-                words, (motion_s[0], 1.0), xycoords=('data', 'axes fraction'), xytext=(shift, 3),
-                textcoords='offset points', ha=side, fontsize=9,
-            )  # fmt: skip
+        axes[0].set_title('grey: the plate moves', fontsize=9, loc='left')
     if title:
         figure.suptitle(title)
     save_picture(figure, path)

@@ -2,7 +2,7 @@
 
 // ---- navigation
 
-function look(from, to) {
+function showSpan(from, to) {
   const least = 10 / now().rate_hz, whole = duration();
   const span = Math.min(Math.max(to - from, least), Math.max(whole, least));
   const start = Math.min(Math.max((from + to - span) / 2, 0), Math.max(whole - span, 0));
@@ -11,13 +11,13 @@ function look(from, to) {
 }
 
 const zoom = (factor, at = (view.from + view.to) / 2) =>
-  look(at - (at - view.from) * factor, at + (view.to - at) * factor);
-const pan = (seconds) => look(view.from + seconds, view.to + seconds);
-const whole = () => look(0, duration());
+  showSpan(at - (at - view.from) * factor, at + (view.to - at) * factor);
+const pan = (seconds) => showSpan(view.from + seconds, view.to + seconds);
+const whole = () => showSpan(0, duration());
 
 const timeline = new Timeline(root, {
   tickText: clock,
-  onLook: (from, to) => (Number.isFinite(from) ? look(from, to) : whole()),
+  onLook: (from, to) => (Number.isFinite(from) ? showSpan(from, to) : whole()),
   onPoint: readOut,
   onClick: chooseNear,
 });
@@ -41,7 +41,7 @@ minimap.addEventListener('pointerdown', (event) => {
   strip = {at: onStrip(event), x: event.clientX};
 });
 minimap.addEventListener('pointermove', (event) => {
-  if (strip && isDrag(event)) look(...[strip.at, onStrip(event)].sort((a, b) => a - b));
+  if (strip && isDrag(event)) showSpan(...[strip.at, onStrip(event)].sort((a, b) => a - b));
 });
 minimap.addEventListener('pointerup', (event) => {
   if (strip && !isDrag(event)) pan(strip.at - (view.from + view.to) / 2);
@@ -141,7 +141,7 @@ function go(v, r, i) {
   const event = eventsOf(r)[i], [, start, end, latency] = event;
   view.chosen = event;
   // Leave room before and after the event, and for a late alarm.
-  look(start - 0.3, Math.max(Math.min(end, start + 2), start + (latency ?? 0)) + 0.4);
+  showSpan(start - 0.3, Math.max(Math.min(end, start + 2), start + (latency ?? 0)) + 0.4);
   markChosen();
   const box = element('drawing').getBoundingClientRect();
   if (box.top < 0 || box.top > window.innerHeight - 150) element('toolbar').scrollIntoView();
