@@ -38,8 +38,8 @@ from slip_detector.nodes.demonstration import (
     NodeProcesses,
     run_demonstration,
 )
-from slip_detector.nodes.executor import SampleExecutor
 from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos
+from slip_detector.nodes.rclpy_internals import SampleExecutor
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.files import shared_folder, whole_file, writable_folder

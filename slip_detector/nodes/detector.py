@@ -15,46 +15,81 @@
 """The detector node: receives samples and publishes slip."""
 
 import functools
-import threading
+import math
 import time
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 from rclpy.clock import Clock, ClockType
+from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
+from rclpy.subscription import Subscription
+from rclpy.timer import Timer
 from std_msgs.msg import Bool
 
 from slip_detector.chain.live_chain import HISTORY_S, INPUT_PARAMETERS, LiveChain
 from slip_detector.chain.slip_chain import SlipResult, check_memory
 from slip_detector.chain.stamps import Arrival, StampGrid
-from slip_detector.nodes.channel_names import ChannelNames
-from slip_detector.nodes.decorators import exclusive, explained
-from slip_detector.nodes.diagnostics import Diagnostics
-from slip_detector.nodes.event_log import EventLog
-from slip_detector.nodes.executor import put_off
-from slip_detector.nodes.health import Health
-from slip_detector.nodes.inputs import Input
+from slip_detector.nodes.health import Diagnostics, Health
+from slip_detector.nodes.inputs import Input, Senders, publishing_nodes
+from slip_detector.nodes.messages import sensor_qos
 from slip_detector.nodes.outputs import TOPIC_PARAMETERS, Outputs, check_topics
 from slip_detector.nodes.parameters import declare, follow_changes
 from slip_detector.nodes.rclpy_internals import (
     ROS_ERROR,
+    SampleExecutor,
     answer_impossible_transitions,
     destroy_state_machine,
 )
-from slip_detector.nodes.senders import SenderWatch
-from slip_detector.nodes.silence import LOOKS, SilenceWatch
-from slip_detector.nodes.timers import Timers
 from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters.fields import listed
 
 #: Period, in seconds, at which a failed subscription to the input is tried again.
 LISTEN_S = 0.02
+
+#: Number of checks of the input within ``input_timeout_s``, and the share of the timeout after
+#: which it counts as lost, from the last check that found a sample. That is between 0.8 and 0.9 of
+#: the timeout after the last sample.
+CHECKS, LOST_AFTER = 10, 0.75
+
+#: Longest time, in seconds, until a chain that was built is used.
+SWAP_S = 0.1
 
 #: Shortest time, in seconds, for which several publishers of a topic count as sending after they
 #: were heard in turns.
 SEVERAL_S = 1.0
 
+#: Shortest time, in seconds, between two log messages of the same kind.
+LOG_S = 1.0
+
+#: Most channel names in a log message.
+NAMES = 4
+
 #: Parameters that have an effect only while the node starts.
 FIXED = ('autostart',)
+
+Receive = Callable[[bytes, dict[str, int | None]], None]
+Transition = Callable[['Detector', LifecycleState], TransitionCallbackReturn]
+
+
+def _keeping_error(transition: Transition) -> Transition:
+    """Keep the error of a failed transition in ``_failed``, and log it: rclpy drops the exception.
+
+    With ``autostart`` it is not logged, as the node's constructor raises it.
+    """
+
+    @functools.wraps(transition)
+    def run(self: 'Detector', state: LifecycleState) -> TransitionCallbackReturn:
+        try:
+            return transition(self, state)
+        except Exception as error:
+            self._failed = ' '.join(str(error).split()) or type(error).__name__
+            if not self.requested.autostart:
+                self.get_logger().error(self._failed)
+            return TransitionCallbackReturn.ERROR
+
+    return run
 
 
 class Detector(LifecycleNode):
@@ -63,8 +98,7 @@ class Detector(LifecycleNode):
     It is a managed node: *configure* builds the chain and the topics, *activate* subscribes to the
     input. While inactive, it publishes nothing and has no subscription and no timer.
 
-    One thread handles samples and timers, another one services, and a third one builds chains. A
-    lock protects the state that they share; it is not held while a chain is built.
+    All its callbacks run in one thread; only chains are built in another.
 
     Parameters
     ----------
@@ -74,32 +108,33 @@ class Detector(LifecycleNode):
 
     def __init__(self, cli_args: list[str] | None = None) -> None:
         super().__init__('slip_detector', allow_undeclared_parameters=True, cli_args=cli_args)
-        # The configuration that was set last; the chain has it once its filters are built.
-        self.config = declare(self, DetectorConfig, FIXED, cli_args)
-        self._check(self.config)
-        follow_changes(self, lambda: self.config, self._check, self._take)
-        self._lock = threading.RLock()
+        # The configuration that was set last; it is active once its filters are built.
+        self.requested = declare(self, DetectorConfig, FIXED, cli_args)
+        self._check(self.requested)
+        follow_changes(self, lambda: self.requested, self._check, self._apply)
         self._outputs: Outputs | None = None
-        self._input: Input | None = None
-        self._senders: SenderWatch | None = None
-        self._running_timers = Timers(self)
+        self._samples: Subscription | None = None
+        # The node is active while it has timers.
+        self._timers_by_name: dict[str, Timer] = {}
+        self._replayed = self._heard = self._lost = False
+        self._heard_ns = 0
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         answer_impossible_transitions(self)
         self._failed = ''
-        if self.config.autostart:
+        if self.requested.autostart:
             for trigger in (self.trigger_configure, self.trigger_activate):
                 if trigger() is not TransitionCallbackReturn.SUCCESS:
                     raise ValueError(self._failed or 'the node cannot be started')
 
     # The life of the node.
 
-    @explained
-    @exclusive
+    @_keeping_error
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Build the chain and the topics."""
-        config = self.config
-        self._chain = LiveChain(config, self._on_built)
+        config = self.requested
+        self._chain = LiveChain(config, on_built=lambda: None)
         self._health = Health(config)
-        self._events = EventLog(self._health.totals, self.get_logger().warning)
+        self._logged_s: dict[str, float] = {}  # By kind of event.
         self._outputs = Outputs(self, config)
         disabled = len(config.disabled_channels)
         self.get_logger().info(
@@ -108,8 +143,7 @@ class Detector(LifecycleNode):
         )
         return TransitionCallbackReturn.SUCCESS
 
-    @explained
-    @exclusive
+    @_keeping_error
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Subscribe to the input."""
         self._chain.reset()
@@ -117,10 +151,12 @@ class Detector(LifecycleNode):
         self._diagnostics = Diagnostics(self)
         self._choose_clock()
         self._reported_s = time.monotonic()
-        for name in ('beat', 'look', 'report'):
+        for name in ('beat', 'check', 'report'):
             self._start_timer(name)
         self._listen()
-        self._listen_to_others()
+        # The heartbeat of another detector that publishes on the same topics.
+        self._detectors = Senders(max(SEVERAL_S, 3 / self._active.heartbeat_hz))
+        self._heartbeats = self._subscription(Bool, 'slip_valid', self._on_slip_valid)
         return TransitionCallbackReturn.SUCCESS
 
     def destroy_node(self) -> None:
@@ -128,27 +164,25 @@ class Detector(LifecycleNode):
         super().destroy_node()
         destroy_state_machine(self)
 
-    @exclusive
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Publish that slip is not valid, then stop publishing."""
-        self._running_timers.stop_all()
+        for name in list(self._timers_by_name):
+            self._stop_timer(name)
         self._stop_input()
-        self._detectors.destroy()
+        self.destroy_subscription(self._heartbeats)
         self._diagnostics.destroy()
         self._topics.withdraw()
         return TransitionCallbackReturn.SUCCESS
 
-    @exclusive
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Destroy the topics."""
         self._topics.destroy()
         self._outputs = None
         return TransitionCallbackReturn.SUCCESS
 
-    @exclusive
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Destroy everything, from any state."""
-        if self._running_timers:
+        if self._timers_by_name:
             self.on_deactivate(state)
         if self._outputs is not None:
             self.on_cleanup(state)
@@ -163,127 +197,10 @@ class Detector(LifecycleNode):
         assert self._outputs is not None, 'not configured'
         return self._outputs
 
-    @exclusive
-    def _listen(self) -> None:
-        """Subscribe to the input; if that fails, try again later.
-
-        A process can use a topic with one type only: if the type was changed, that is until the
-        thread that waits for samples has released the previous subscription.
-        """
-        if self._senders is not None or not self._running_timers:
-            return
-        source = Input(self._running)
-        source.replayed = self._replayed
-        window_s = max(SEVERAL_S, self._running.input_timeout_s)
-        call = functools.partial(self._on_voltages, source)
-        try:
-            self._senders = SenderWatch(self, source.message_class, 'voltages', call, window_s)
-        except ROS_ERROR:
-            kind = self._running.input_type
-            self._events.note('listen', f'this process has voltages with a type other than {kind}')
-            self._start_timer('listen')
-            return
-        self._input = source
-        self._running_timers.stop('listen')
-
-    def _listen_to_others(self) -> None:
-        """Watch for the heartbeat of another detector that publishes on the same topics."""
-        window_s = max(SEVERAL_S, 3 / self._running.heartbeat_hz)
-        self._detectors = SenderWatch(
-            self, Bool, 'slip_valid', lambda raw, info: self._on_slip_valid(info), window_s
-        )
-
-    def _stop_input(self) -> None:
-        """Ignore further samples, even those that the other thread has already received."""
-        if self._senders is not None:
-            self._senders.destroy()
-        self._senders = self._input = None
-
-    def _forget_input(self) -> None:
-        """Forget names, frame and stamps of earlier samples."""
-        config = self.config
-        self._stamp_grid = StampGrid(1 / config.sample_rate_hz, config.max_gap_s)
-        self._names = ChannelNames(config.channels, config.channel_names)
-        self._frame_id = ''
-        self._last_row: NDArray[np.float64] | None = None
-        self._heard_s = float('-inf')
-
-    def _time_is_replayed(self) -> bool:
-        return bool(self.get_parameter('use_sim_time').value)
-
-    def _now_ns(self) -> int:
-        """Return the time of the node's clock; if it is the machine's, in a tenth of the time."""
-        return self.get_clock().now().nanoseconds if self._replayed else time.time_ns()
-
-    # Timers. A clock that is set back or not published must not stop the heartbeat, so only the
-    # timeout follows a replayed clock. A timer may still be called just after another thread has
-    # stopped it: each callback checks whether the node is active.
-
-    @exclusive
-    def _beat(self) -> None:
-        if self._running_timers:
-            self._topics.beat()
-
-    def _choose_clock(self) -> None:
-        """Let the timeout follow the replayed clock, or the machine's if there is none."""
-        self._replayed = self._time_is_replayed()
-        if self._input is not None:
-            self._input.replayed = self._replayed
-        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._timeout_clock = self.get_clock() if self._replayed else self._steady
-        self._silence = SilenceWatch(self._timeout_clock.now().nanoseconds)
-
-    def _start_timer(self, name: str) -> None:
-        config = self._running
-        timers = {
-            'beat': (1 / config.heartbeat_hz, self._beat, self._steady),
-            'look': (config.input_timeout_s / LOOKS, self._look_for_input, self._timeout_clock),
-            'report': (1.0, self._report, self._steady),
-            'listen': (LISTEN_S, self._listen, self._steady),
-        }
-        self._running_timers.start(name, *timers[name])
-
-    @exclusive
-    def _look_for_input(self) -> None:
-        """Withdraw the decisions if samples have stopped arriving."""
-        if not self._running_timers:
-            return
-        now_ns = self._timeout_clock.now().nanoseconds
-        lost = self._silence.is_lost(now_ns, self._running.input_timeout_s)
-        # `_last_row` is None, too, if the input was changed and has been silent since.
-        if lost and (self._last_row is not None or self._topics.valid):
-            self._events.note('silent', 'no input any more')
-            self._topics.withdraw()
-
-    @exclusive
-    def _report(self) -> None:
-        """Publish the diagnostics."""
-        if not self._running_timers:
-            return
-        now_s = time.monotonic()
-        health, topics = self._health, self._topics
-        health.totals['onsets'] = topics.onsets
-        health.senders = [] if self._senders is None else self._senders.names()
-        health.detectors = self._detectors.names()
-        for topic, names in (('voltages', health.senders), ('slip', health.detectors)):
-            if names:
-                self.get_logger().error(
-                    f'{topic} is published by {" and ".join(names)}, allowed: one of them; '
-                    'slip_valid is false'
-                )
-        statuses = health.summary(
-            now_s - self._reported_s,
-            silent_s=now_s - self._heard_s,
-            slip=topics.slip,
-            valid=topics.valid,
-        )
-        self._reported_s = now_s
-        self._diagnostics.publish(statuses, self._frame_id)
-
     # Parameters.
 
     @property
-    def _running(self) -> DetectorConfig:
+    def _active(self) -> DetectorConfig:
         config = self._chain.config
         assert isinstance(config, DetectorConfig)
         return config
@@ -294,147 +211,267 @@ class Detector(LifecycleNode):
         check_topics(self, config)
         Input(config)
 
-    def _take(self, config: DetectorConfig) -> None:
+    def _apply(self, config: DetectorConfig) -> None:
         """Use a new configuration, at once or when its chain is built."""
-        self.config = config
+        self.requested = config
         if self._outputs is not None and self._chain.change(config):
             self._swap()
 
-    def _on_built(self) -> None:
-        if self._swap():
-            self.get_logger().info('the new filters have taken over')
-
-    @exclusive
     def _swap(self) -> bool:
         """Use the new chain from the next row on, if it is ready; return whether it was."""
-        if self._outputs is None:
-            return False
-        before = self._running
+        before = self._active
         if not self._chain.swap():
             return False
-        self._rearrange(before)
-        return True
-
-    def _rearrange(self, before: DetectorConfig) -> None:
-        """Adapt topics, timers and input to the configuration that the chain now has."""
-        config = self._running
+        config = self._active
         differ = {name for name in vars(config) if getattr(config, name) != getattr(before, name)}
         self._health.configure(config)
         if differ & TOPIC_PARAMETERS:
             self._outputs = Outputs(self, config, self._outputs)
-        if not self._running_timers:
-            return
+        if not self._timers_by_name:
+            return True
         if differ & {'input_type', 'input_field'}:
             self._stop_input()
             self._start_timer('listen')
         if differ & {*INPUT_PARAMETERS, 'channel_names'}:
             self._forget_input()
         self._stamp_grid.max_gap_s = config.max_gap_s
-        if 'heartbeat_hz' in differ:
-            self._start_timer('beat')
-        if self._replayed != self._time_is_replayed():
+        for name, parameter in (('beat', 'heartbeat_hz'), ('check', 'input_timeout_s')):
+            if parameter in differ:
+                self._start_timer(name)
+        return True
+
+    # Timers, by a clock that is never set: a replayed one must not stop the heartbeat.
+
+    def _start_timer(self, name: str) -> None:
+        config = self._active
+        period_s, call = {
+            'beat': (1 / config.heartbeat_hz, self._beat),
+            'check': (min(config.input_timeout_s / CHECKS, SWAP_S), self._check_input),
+            'report': (1.0, self._report),
+            'listen': (LISTEN_S, self._listen),
+        }[name]
+        self._stop_timer(name)
+        self._timers_by_name[name] = self.create_timer(period_s, call, clock=self._steady)
+
+    def _stop_timer(self, name: str) -> None:
+        timer = self._timers_by_name.pop(name, None)
+        if timer is not None:
+            self.destroy_timer(timer)
+
+    def _beat(self) -> None:
+        self._topics.beat()
+
+    def _check_input(self) -> None:
+        """Withdraw the decisions if samples have stopped arriving; use a chain that was built."""
+        if self._swap():
+            self.get_logger().info('the new filters have taken over')
+        if self._replayed != self.get_parameter('use_sim_time').value:
             self._choose_clock()
             # A step between two clocks is no gap in the input.
-            self._stamp_grid = StampGrid(1 / config.sample_rate_hz, config.max_gap_s)
-            self._start_timer('look')
-        elif 'input_timeout_s' in differ:
-            self._start_timer('look')
-
-    @exclusive
-    def _on_slip_valid(self, info: dict[str, int | None]) -> None:
-        if self._running_timers:
-            self._detectors.accepts_message(info)
-            if self._detectors.several:
+            self._stamp_grid = StampGrid(1 / self._active.sample_rate_hz, self._active.max_gap_s)
+        now_ns = self._timeout_now_ns()
+        if self._heard or now_ns < self._heard_ns:  # The clock may be set back.
+            self._heard, self._lost = False, False
+            self._heard_ns = now_ns
+        elif not self._lost:
+            self._lost = now_ns - self._heard_ns >= LOST_AFTER * self._active.input_timeout_s * 1e9
+            # There is no last row, too, if the input was changed and has been silent since.
+            if self._lost and (self._last_row is not None or self._topics.valid):
+                self._note('silent', 'no input any more')
                 self._topics.withdraw()
+
+    def _choose_clock(self) -> None:
+        """Let the timeout follow the replayed clock, or the machine's if there is none."""
+        self._replayed = self.get_parameter('use_sim_time').value
+        # Whether a sample has come since the last check, when the last one had that found some,
+        # and whether the loss of the input has been noted.
+        self._heard, self._lost = False, False
+        self._heard_ns = self._timeout_now_ns()
+
+    def _timeout_now_ns(self) -> int:
+        clock = self.get_clock() if self._replayed else self._steady
+        return int(clock.now().nanoseconds)
+
+    def _report(self) -> None:
+        """Publish the diagnostics."""
+        now_s = time.monotonic()
+        health, topics = self._health, self._topics
+        health.totals['onsets'] = topics.onsets
+        # Nodes that only have a publisher are included: the middleware does not tell who sends.
+        health.senders = health.detectors = ()
+        if self._samples is not None and self._senders.several:
+            health.senders = publishing_nodes(self, self._samples.topic_name)
+        if self._detectors.several:
+            health.detectors = publishing_nodes(self, self._heartbeats.topic_name)
+        for topic, names in (('voltages', health.senders), ('slip', health.detectors)):
+            if names:
+                self.get_logger().error(
+                    f'{topic} is published by {" and ".join(names)}, allowed: one of them; '
+                    'slip_valid is false'
+                )
+        statuses = health.summary(
+            now_s - self._reported_s,
+            silent_s=now_s - self._decided_s,
+            slip=topics.slip,
+            valid=topics.valid,
+        )
+        self._reported_s = now_s
+        self._diagnostics.publish(statuses, self._frame_id)
+
+    def _on_slip_valid(self, raw: bytes, info: dict[str, int | None]) -> None:
+        number = info['publication_sequence_number']
+        self._detectors.accepts(number, self._heartbeats.get_publisher_count())
+        if self._detectors.several:
+            self._topics.withdraw()
 
     # The input.
 
-    def _on_voltages(self, source: Input, raw: bytes, info: dict[str, int | None]) -> None:
-        with self._lock:
-            if source is self._input and self._senders is not None:
-                self._decide_on(source, self._senders, raw, info)
+    def _subscription(self, message_class: type, topic: str, call: Receive) -> Subscription:
+        """Subscribe with the quality of service of samples to serialised messages."""
+        return self.create_subscription(
+            message_class,
+            topic,
+            call,
+            sensor_qos(),
+            # Without this, each sample wakes a wait for events, of which there are none: this
+            # quality of service is compatible with that of any publisher.
+            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
+            raw=True,
+        )
 
-    def _decide_on(
-        self, source: Input, senders: SenderWatch, raw: bytes, info: dict[str, int | None]
-    ) -> None:
+    def _listen(self) -> None:
+        """Subscribe to the input; if that fails, try again later.
+
+        A process can use a topic with one type only: if the type was changed, that is until the
+        executor has released the previous subscription.
+        """
+        config = self._active
+        self._input = Input(config)
+        self._senders = Senders(max(SEVERAL_S, config.input_timeout_s))
+        try:
+            self._samples = self._subscription(
+                self._input.message_class, 'voltages', self._on_voltages
+            )
+        except ROS_ERROR:
+            kind = config.input_type
+            self._note('listen', f'this process has voltages with a type other than {kind}')
+            if 'listen' not in self._timers_by_name:
+                self._start_timer('listen')
+            return
+        self._stop_timer('listen')
+
+    def _stop_input(self) -> None:
+        if self._samples is not None:
+            self.destroy_subscription(self._samples)
+        self._samples = None
+
+    def _forget_input(self) -> None:
+        """Forget names, frame and stamps of earlier samples."""
+        config = self._active
+        self._stamp_grid = StampGrid(1 / config.sample_rate_hz, config.max_gap_s)
+        self._names = list(config.channel_names) or None
+        self._frame_id = ''
+        self._last_row: NDArray[np.float64] | None = None
+        self._decided_s = -math.inf
+
+    def _on_voltages(self, raw: bytes, info: dict[str, int | None]) -> None:
         """Check the samples of a message, run them through the chain, publish what changes."""
         began_s = time.perf_counter()
-        config = self._chain.config
-        if not senders.accepts_message(info):
+        source, senders, topics, chain = self._input, self._senders, self._topics, self._chain
+        publishers = 0 if self._samples is None else self._samples.get_publisher_count()
+        if not senders.accepts(info['publication_sequence_number'], publishers):
             self._health.totals['senders'] += 1
             if senders.several:
-                self._silence.heard = True
-                self._topics.withdraw()
+                self._heard = True
+                topics.withdraw()
             return
         try:
-            rows, at_ns, names, frame_id, number = source.read(raw, info)
+            rows, at_ns, names, frame_id, number = source.read(raw, info, self._replayed)
         except ValueError as error:
-            self._drop('field', str(error))
+            self._note('field', f'{error}: dropped')
             return
-        n, channels = rows.shape
-        if not n:  # an empty batch
+        if not len(rows):  # An empty batch.
             self._stamp_grid.skip(number)
             return
-        if channels != config.channels:
-            self._drop(
-                'channels', f'a message has {channels} channels, allowed: {config.channels}'
-            )
-            return
-        if source.has_names and (refusal := self._names.refusal(names)):
-            self._drop('names', refusal)
+        if self._refused(rows, names if source.has_names else None):
             return
         if at_ns is None:
             # Replayed samples without stamps are taken to have no gaps.
-            at_ns = self._now_ns()
+            at_ns = self.get_clock().now().nanoseconds
         else:
-            arrival = self._stamp_grid.arrive(at_ns, n, number)
+            arrival = self._stamp_grid.arrive(at_ns, len(rows), number)
             if not arrival.accepted:
-                self._drop('backwards', 'the stamp of a message is not after the one before')
+                self._note(
+                    'backwards', 'the stamp of a message is not after the one before: dropped'
+                )
                 return
             if arrival.missing or arrival.reset:
                 rows = self._mend(rows, arrival)
-        self._silence.heard = True
-        topics = self._topics
-        unsettled = self._chain.unsettled_rows
+        self._heard = True
+        unsettled = chain.unsettled_rows
         listened = topics.envelope_subscribers() > 0
-        result = self._chain.update(rows, level=listened)
-        self._last_row = rows[-1:]
-        self._frame_id = frame_id
-        if self._detectors.several:
-            pass  # Subscribers could not tell these decisions from the other detector's.
-        elif len(rows) == 1:
-            topics.announce(result.flags[0], at_ns, self._frame_id, settled=not unsettled)
-        else:
+        result = chain.update(rows, level=listened)
+        self._last_row, self._frame_id = rows[-1:], frame_id
+        # Subscribers could not tell these decisions from another detector's.
+        if not self._detectors.several:
             period_ns = self._stamp_grid.period_ns
             for i, flags in enumerate(result.flags):
                 stamp_ns = at_ns + round((i + 1 - len(rows)) * period_ns)
-                topics.announce(flags, stamp_ns, self._frame_id, settled=i >= unsettled)
-        age_s = (self._now_ns() - at_ns) * 1e-9
+                topics.announce(flags, stamp_ns, frame_id, settled=i >= unsettled)
+        age_s = (self.get_clock().now().nanoseconds - at_ns) * 1e-9
         if listened:
+            show = functools.partial(self._show_envelope, at_ns, frame_id, result)
             # Decisions of other fingers in this process must not wait for the envelope.
-            put_off(self, functools.partial(self._show_envelope, at_ns, frame_id, result))
-        self._heard_s = time.monotonic()
+            if isinstance(self.executor, SampleExecutor):
+                self.executor.put_off(show)
+            else:
+                show()
+        self._decided_s = time.monotonic()
         spent_s = time.perf_counter() - began_s
         self._health.note_rows(rows, result.valid, at_ns, age_s, spent_s)
 
-    @exclusive
+    def _refused(self, rows: NDArray[np.float64], names: list[str] | None) -> bool:
+        """Return whether samples are dropped as their channels are others than before."""
+        channels = self._active.channels
+        if rows.shape[1] != channels:
+            self._note(
+                'channels',
+                f'a message has {rows.shape[1]} channels, allowed: {channels}: dropped',
+            )
+            return True
+        if names is None or names == self._names:
+            return False
+        if self._names is None and len(names) in (0, channels):
+            self._names = names
+            return False
+        wanted = f'{channels} names' if self._names is None else listed(self._names, NAMES)
+        self._note(
+            'names',
+            f'the channels of a message are {listed(names, NAMES) or "without names"}, allowed: '
+            f'{wanted or "without names"}: dropped',
+        )
+        return True
+
     def _show_envelope(self, at_ns: int, frame_id: str, result: SlipResult) -> None:
         """Publish the levels of a sample, unless the number of channels has changed since."""
-        if self._running_timers and result.channels.shape[1] == self._running.channels:
+        if self._timers_by_name and result.channels.shape[1] == self._active.channels:
             self._topics.show_envelope(at_ns, frame_id, result)
 
     def _mend(self, rows: NDArray[np.float64], arrival: Arrival) -> NDArray[np.float64]:
         """Bridge a short gap with the last row, or restart the chain after a long one."""
-        if arrival.missing and self._last_row is not None:
-            missing = arrival.missing
-            self._events.note(
-                'bridged', f'{missing} samples missing, bridged with the last one', missing
-            )
+        missing = arrival.missing
+        if missing and self._last_row is not None:
+            self._note('bridged', f'{missing} samples missing, bridged with the last one', missing)
             return arrival.bridge(self._last_row, rows)
-        self._events.note('reset', 'the input had a gap or its clock was set, the chain restarts')
+        self._note('reset', 'the input had a gap or its clock was set, the chain restarts')
         self._chain.restart()
         self._health.restart()
         return rows
 
-    def _drop(self, kind: str, what: str) -> None:
-        self._events.note(kind, f'{what}: dropped')
+    def _note(self, kind: str, what: str, count: int = 1) -> None:
+        """Count events of a kind, and log one of them a second."""
+        totals, now_s = self._health.totals, time.monotonic()
+        totals[kind] += count
+        if now_s - self._logged_s.get(kind, -math.inf) >= LOG_S:
+            self._logged_s[kind] = now_s
+            self.get_logger().warning(f'{what} ({totals[kind]} so far)')

@@ -25,10 +25,10 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64MultiArray
 
 from slip_detector.grasp.law import GraspLaw
+from slip_detector.nodes.inputs import publishing_nodes
 from slip_detector.nodes.messages import state_qos
 from slip_detector.nodes.parameters import declare
 from slip_detector.nodes.rclpy_internals import ROS_ERROR
-from slip_detector.nodes.senders import publishing_nodes
 from slip_detector.parameters.fields import listed, shown
 from slip_detector.parameters.grasp import JOINT_STATE, GraspConfig
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Sums up the state of the detector and of its input, in words for the hand's maintainers."""
+"""Sums up the state of the nodes, in words for the hand's maintainers, on ``/diagnostics``."""
 
 import math
 from collections import Counter
@@ -21,7 +21,10 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 
 import numpy as np
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from numpy.typing import NDArray
+from rclpy.event_handler import PublisherEventCallbacks
+from rclpy.node import Node
 
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.fields import listed
@@ -343,3 +346,37 @@ def _milliseconds(times_s: list[float], percentile: float) -> str:
 
 def _number(value: float | None, how: str) -> str:
     return '-' if value is None else format(value, how)
+
+
+class Diagnostics:
+    """Publishes the statuses of a node, named ``<node>: <part>``."""
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._publisher = node.create_publisher(
+            DiagnosticArray,
+            '/diagnostics',
+            10,
+            event_callbacks=PublisherEventCallbacks(use_default_callbacks=False),
+        )
+        self._name = node.get_fully_qualified_name().lstrip('/')
+
+    def destroy(self) -> None:
+        """Destroy the publisher."""
+        self._node.destroy_publisher(self._publisher)
+
+    def publish(self, statuses: list[Status], hardware: str) -> None:
+        """Publish all statuses, stamped with the current time."""
+        array = DiagnosticArray()
+        array.header.stamp = self._node.get_clock().now().to_msg()
+        for status in statuses:
+            array.status.append(
+                DiagnosticStatus(
+                    level=bytes([status.level]),
+                    name=f'{self._name}: {status.name}',
+                    message=status.message,
+                    hardware_id=hardware,
+                    values=[KeyValue(key=key, value=text) for key, text in status.values.items()],
+                )
+            )
+        self._publisher.publish(array)

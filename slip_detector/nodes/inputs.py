@@ -12,22 +12,31 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Reads samples from messages of any type."""
+"""Reads samples from messages of any type, and detects several nodes that send on a topic."""
 
 import contextlib
 import importlib
 import os
 import re
+import time
 from pathlib import Path
 from typing import Any
 
 import rclpy
+from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from slip_detector.nodes.messages import stamp_ns
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.recordings.messages import FieldReader, JointStateReader, Sample
+
+#: Most messages of a publisher that may be lost in a row; after a larger step of the numbers it
+#: counts as another publisher.
+MOST_LOST = 1000
+
+#: Most publishers that can be distinguished.
+MOST_SENDERS = 8
 
 _TYPE = re.compile(r'(?P<package>\w+)/(msg/)?(?P<name>\w+)')
 
@@ -46,9 +55,6 @@ class Input:
         The class of the messages.
     has_names : bool
         Whether the messages have the names of the channels, in the field ``name``.
-    replayed : bool
-        Whether time is replayed from a bag. Then the time at which the middleware published a
-        message does not tell when its samples were taken.
 
     Raises
     ------
@@ -74,13 +80,12 @@ class Input:
             )
         self._has_header = fields.get('header') == 'std_msgs/Header'
         self.has_names = fields.get('name') == 'sequence<string>'
-        self.replayed = False
         self._type = config.input_type
         # The usual kind of input, one message for each sample, for which there is a faster reader.
         quick = self.message_class is JointState and config.input_field == 'position'
         self._reader = JointStateReader() if quick else None
 
-    def read(self, raw: bytes, info: dict[str, int | None]) -> Sample:
+    def read(self, raw: bytes, info: dict[str, int | None], replayed: bool = False) -> Sample:
         """Return the samples of a serialised message.
 
         The stamp is that of the header. Without a header, or with the stamp 0, it is the time at
@@ -94,6 +99,9 @@ class Input:
         info
             The middleware's information on the message, of which ``source_timestamp`` and
             ``publication_sequence_number`` are used.
+        replayed
+            Whether time is replayed from a bag. Then the time at which the middleware published a
+            message does not tell when its samples were taken.
 
         Raises
         ------
@@ -108,7 +116,7 @@ class Input:
             sample = self._read_whole(raw)
         if sample.stamp_ns:
             return sample
-        if self.replayed:
+        if replayed:
             return sample._replace(stamp_ns=None)
         return sample._replace(
             stamp_ns=info['source_timestamp'], number=info['publication_sequence_number']
@@ -174,3 +182,85 @@ def _interfaces_of(package: str) -> set[str]:
         with contextlib.suppress(OSError):
             return set(file.read_text(encoding='utf-8').split())
     return set()
+
+
+class Senders:
+    """Detects by the numbers of messages whether several publishers send on a topic.
+
+    The middleware numbers the messages of each publisher. With one publisher each message has the
+    next number; if two publishers send, the numbers alternate between two sequences. A publisher
+    that exists but does not send is ignored: one that was killed stays known for some twenty
+    seconds, and one that is silent does no harm. If a topic has several publishers, the accepted
+    one is replaced only after it has been silent for the window. If the middleware does not number
+    messages, each publisher counts as sending.
+
+    Parameters
+    ----------
+    window_s
+        Time for which several publishers count as sending after they were heard in turns, and for
+        which an accepted publisher may be silent.
+
+    Examples
+    --------
+    >>> senders = Senders(window_s=1.0)
+    >>> [senders.accepts(number, publishers=1) for number in (7, 8, 10)], senders.several
+    ([True, True, True], False)
+    >>> [senders.accepts(number, publishers=2) for number in (11, 1, 12, 2)], senders.several
+    ([True, False, False, False], True)
+    """
+
+    def __init__(self, window_s: float) -> None:
+        self.window_s = window_s
+        # The last number of each sequence, that of the latest message at the end.
+        self._last_numbers: list[int] = []
+        self._several_s = float('-inf')
+        # The last number of the accepted publisher, and when it was heard.
+        self._accepted: int | None = None
+        self._accepted_s = float('-inf')
+
+    @property
+    def several(self) -> bool:
+        """Whether several publishers have been heard in turns within the window."""
+        return time.monotonic() - self._several_s < self.window_s
+
+    def accepts(self, number: int | None, publishers: int) -> bool:
+        """Note a message; return whether it comes from the only publisher that sends.
+
+        Parameters
+        ----------
+        number
+            The middleware's number of the message; None if it has none.
+        publishers
+            Number of publishers that are connected to the subscription.
+        """
+        now_s = time.monotonic()
+        if publishers < 2:
+            self._last_numbers = [] if number is None else [number]
+            self._several_s = float('-inf')
+            self._accepted, self._accepted_s = number, now_s
+            return True
+        if number is None:
+            self._several_s = now_s
+            return False
+        before = number - 1
+        known = before in self._last_numbers
+        if known:
+            if self._last_numbers[-1] != before:
+                self._several_s = now_s
+            self._last_numbers.remove(before)
+        self._last_numbers = [*self._last_numbers[1 - MOST_SENDERS :], number]
+        goes_on = self._accepted is not None and 0 <= before - self._accepted <= MOST_LOST
+        # Another publisher is accepted when the one before has been silent.
+        if goes_on or (known and now_s - self._accepted_s >= self.window_s):
+            self._accepted, self._accepted_s = number, now_s
+            return not self.several
+        return False
+
+
+def publishing_nodes(node: Node, topic: str) -> list[str]:
+    """Return the full names of the nodes that have a publisher of a topic.
+
+    A node that was killed is among them for some twenty seconds.
+    """
+    found = node.get_publishers_info_by_topic(topic)
+    return sorted(f'{each.node_namespace.rstrip("/")}/{each.node_name}' for each in found)

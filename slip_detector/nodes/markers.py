@@ -25,7 +25,6 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from slip_detector.nodes.messages import event_qos
-from slip_detector.nodes.rclpy_internals import subscriber_counter
 from slip_detector.parameters.fields import listed
 from slip_detector.view.detectors import Finger, drawn_positions, least_distance_m
 from slip_detector.view.server import Server
@@ -149,14 +148,13 @@ class MarkerTopic:
     def __init__(self, node: Node, server: Server) -> None:
         self._server = server
         self._publisher = node.create_publisher(MarkerArray, '~/taxels', event_qos(depth=1))
-        self._subscribers = subscriber_counter(self._publisher)
         self._shown = MarkersShown()
         self._due_s = float('-inf')
         server.each_tick.append(self._publish)
 
     def _publish(self) -> None:
         fingers = self._server.detectors.fingers
-        if not self._subscribers():
+        if not self._publisher.get_subscription_count():
             self._server.wanted.pop('markers', None)
             self._shown = MarkersShown()
             return

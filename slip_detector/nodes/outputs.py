@@ -33,7 +33,7 @@ from slip_detector.nodes.messages import (
     state_qos,
     time_message,
 )
-from slip_detector.nodes.rclpy_internals import ROS_ERROR, subscriber_counter
+from slip_detector.nodes.rclpy_internals import ROS_ERROR
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.fields import names_that_affect
 from slip_detector.recordings.messages import JointStateWriter
@@ -138,7 +138,7 @@ class Outputs:
             self._flags, self._valid = before._carried_to(config), before._valid
             self.onsets = before.onsets
         self._flags_bytes = self._flags.tobytes()
-        self.envelope_subscribers = subscriber_counter(self._envelope)
+        self.envelope_subscribers = self._envelope.get_subscription_count
         for column, publisher in [(0, self._slip), *self._listeners.items()]:
             if publisher in self._new:
                 publisher.publish(self._messages[bool(self._flags[column])])

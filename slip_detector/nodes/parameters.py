@@ -89,7 +89,7 @@ def follow_changes(
     node: Node,
     current: Callable[[], ParameterSet],
     check: Callable[[Any], None],
-    take: Callable[[Any], None],
+    apply: Callable[[Any], None],
 ) -> None:
     """Let the parameter services change a node's configuration, all values of a request or none.
 
@@ -104,10 +104,11 @@ def follow_changes(
         Returns the present configuration.
     check
         Raises a ValueError when a configuration, though valid, cannot be run.
-    take
-        Takes the new configuration once the parameters have changed.
+    apply
+        Gets the new configuration once the parameters have changed.
     """
-    refusal = ''
+    # What the change that is being checked leads to: a configuration, or why it is refused.
+    outcome: ParameterSet | str = ''
 
     def converted(parameters: list[Parameter]) -> list[Parameter]:
         """Check the change, and convert numbers to the types of their parameters, as 1 to 1.0.
@@ -116,38 +117,36 @@ def follow_changes(
         If the change is refused here, rclpy therefore gets the present values, which pass, and
         `checked` returns the message from here.
         """
-        nonlocal refusal
-        refusal = ''
+        nonlocal outcome
         try:
             config = changed(current(), parameters)
             check(config)
         except ValueError as error:
-            refusal = str(error)
+            outcome = str(error)
             return [node.get_parameter_or(each.name, each) for each in parameters]
+        outcome = config
         values = config.to_parameters()
         return [
-            Parameter(parameter.name, value=values[parameter.name])
-            if parameter.name in values
-            else parameter
-            for parameter in parameters
+            Parameter(each.name, value=values[each.name]) if each.name in values else each
+            for each in parameters
         ]
 
     def checked(parameters: list[Parameter]) -> SetParametersResult:
+        refusal = outcome if isinstance(outcome, str) else ''
         return SetParametersResult(successful=not refusal, reason=refusal)
 
-    def taken(parameters: list[Parameter]) -> None:
-        config = changed(current(), parameters)
+    def applied(parameters: list[Parameter]) -> None:
         for parameter in parameters:
             name = parameter.name
             # rclpy declares a new group without a descriptor; a deleted one is gone.
             if name.startswith('groups.') and node.has_parameter(name):
-                descriptor = _descriptor(type(config), name, parameter.value, read_only=False)
+                descriptor = _descriptor(type(current()), name, parameter.value, read_only=False)
                 node.set_descriptor(name, descriptor)
-        take(config)
+        apply(outcome)
 
     node.add_pre_set_parameters_callback(converted)
     node.add_on_set_parameters_callback(checked)
-    node.add_post_set_parameters_callback(taken)
+    node.add_post_set_parameters_callback(applied)
 
 
 def changed(config: ConfigType, parameters: list[Parameter]) -> ConfigType:

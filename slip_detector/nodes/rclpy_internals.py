@@ -12,53 +12,57 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""All uses of internals of rclpy, in one place.
+"""All uses of internals of rclpy, in one place; the executor for samples is the largest.
 
-Each function states the internals of Jazzy and Kilted that it relies on. If a distribution has
-changed one of them, a :class:`RuntimeError` names it; ``test_rclpy_internals.py`` checks all of
-them in the installed rclpy.
+Each states the internals of Jazzy and Kilted that it relies on. If a distribution has changed one
+of them, a :class:`RuntimeError` names it; ``test_rclpy_internals.py`` checks all of them in the
+installed rclpy.
 """
 
 import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterable, Sequence
-from contextlib import ExitStack, suppress
-from typing import Any, NoReturn, TypeVar
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from typing import Any, NoReturn
 
 import rclpy
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.msg import SetParametersResult
 from rcl_interfaces.srv import GetParameterTypes, SetParameters, SetParametersAtomically
 from rclpy.client import Client
-from rclpy.context import Context
-from rclpy.exceptions import InvalidHandle, ParameterNotDeclaredException
-from rclpy.guard_condition import GuardCondition
+from rclpy.exceptions import ParameterNotDeclaredException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode
 from rclpy.node import Node
 from rclpy.parameter import Parameter
-from rclpy.publisher import Publisher
+from rclpy.service import Service
 from rclpy.subscription import Subscription
-from rclpy.timer import Timer
-
-Entity = TypeVar('Entity', Subscription, Timer, GuardCondition)
 
 #: Longest time, in seconds, for the shutdown of the middleware, which normally takes some
 #: hundredths of a second. Other processes see a node that has ended without it for some twenty
 #: seconds more.
 SHUTDOWN_S = 2.0
 
+#: Most messages of a topic that are taken before other topics and timers have their turn.
+AT_MOST = 32
+
+#: Calls that are put off wait until no message has come for this time, or until this many wait.
+PAUSE_NS, MOST_PUT_OFF = 200_000, 64
+
+#: Period at which requests of services, and the end of the process, are looked for.
+LOOK_NS = 50_000_000
+
+#: Python's switch interval, in seconds: the longest time for which a running thread keeps another
+#: one waiting. The default is 5 ms.
+SWITCH_S = 0.5e-3
+
 
 def _internal(owner: Any, name: str) -> Any:
-    """Return an internal attribute of rclpy.
-
-    Raises
-    ------
-    RuntimeError
-        When this version of rclpy does not have it.
-    """
+    """Return an internal attribute of rclpy; a RuntimeError if this version does not have it."""
     try:
         return getattr(owner, name)
     except AttributeError:
@@ -71,6 +75,131 @@ def _internal(owner: Any, name: str) -> Any:
 
 #: The exception of the library below rclpy, raised for an invalid name, for example.
 ROS_ERROR: type[Exception] = _internal(rclpy_implementation, 'RCLError')
+
+
+class SampleExecutor(SingleThreadedExecutor):
+    """Spins nodes that receive many messages and whose callbacks are plain functions.
+
+    For each message rclpy's executor gathers all entities of the nodes (a managed node has a
+    dozen services), makes a task, a coroutine and a wait set, and wakes itself twice, which costs
+    several times as much as the message. Here the wait is for messages only, until the next timer
+    is due, and the callbacks of messages and timers are called directly. Requests of services are
+    looked for every ``LOOK_NS``, and served by rclpy.
+
+    Relies on the ``WaitSet`` of ``rclpy_implementation``, which takes the numbers of
+    subscriptions, guard conditions, timers, clients, services and events, and the context; on the
+    ``handle`` of an entity, whose ``pointer`` identifies it in the list of ready ones; and on
+    ``call_timer`` of a timer's handle.
+
+    Parameters
+    ----------
+    nodes
+        At least one; all of the same context.
+    """
+
+    def __init__(self, nodes: Sequence[Node]) -> None:
+        super().__init__(context=nodes[0].context)
+        sys.setswitchinterval(SWITCH_S)
+        self._changed = True
+        self._due_ns = self._look_ns = 0
+        self._put_off: list[Callable[[], object]] = []
+        for node in nodes:
+            self.add_node(node)
+
+    def can_execute(self, entity: object) -> bool:
+        """Return whether rclpy may serve an entity; it asks for this."""
+        return isinstance(entity, Service) and bool(super().can_execute(entity))
+
+    def wake(self) -> None:
+        """Gather the entities again, because a node has created or destroyed one."""
+        self._changed = True
+        super().wake()
+
+    def put_off(self, call: Callable[[], object]) -> None:
+        """Call a function once no message waits; may be used in callbacks of this executor."""
+        self._put_off.append(call)
+
+    def spin_once(self, timeout_sec: float | None = None) -> None:
+        """Wait for messages and timers, and call their callbacks.
+
+        Parameters
+        ----------
+        timeout_sec
+            Longest time to wait; the method may return earlier without calling a callback.
+
+        Raises
+        ------
+        ExternalShutdownException
+            When the context was shut down.
+        """
+        if self._changed:
+            self._gather()
+        wait_ns = self._due_ns - time.monotonic_ns()
+        if timeout_sec is not None:
+            wait_ns = min(wait_ns, round(timeout_sec * 1e9))
+        if self._put_off:
+            wait_ns = min(wait_ns, PAUSE_NS)
+        ready = self._ready(self._samples, 'subscription', max(0, wait_ns))
+        for pointer in ready:
+            self._receivers[pointer]()
+        if self._put_off and (not ready or len(self._put_off) >= MOST_PUT_OFF):
+            calls, self._put_off = self._put_off, []
+            for call in calls:
+                call()
+        if time.monotonic_ns() >= self._due_ns:
+            self._do_others()
+
+    def _gather(self) -> None:
+        """Collect all entities to wait for; what is due is found out after the next wait."""
+        if not self.context.ok():
+            raise ExternalShutdownException
+        self._changed = False  # Set first: a change during the gathering has to be seen, too.
+        self._due_ns = 0
+        nodes = self.get_nodes()
+        subscriptions = [each for node in nodes for each in node.subscriptions]
+        self._receivers = {each.handle.pointer: receiver(each, AT_MOST) for each in subscriptions}
+        self._timers = [timer for node in nodes for timer in node.timers]
+        services = [service.handle for node in nodes for service in node.services]
+        make, context = _internal(rclpy_implementation, 'WaitSet'), self.context.handle
+        made = make(len(subscriptions), 0, 0, 0, 0, 0, context)
+        self._samples = made, made.add_subscription, [each.handle for each in subscriptions]
+        made = make(0, 0, 0, 0, len(services), 0, context)
+        self._requests = made, made.add_service, services
+
+    @staticmethod
+    def _ready(waiting: tuple[Any, Any, list[Any]], kind: str, timeout_ns: int) -> list[int]:
+        """Wait, at most for the given time; return the pointers of entities that are ready."""
+        wait_set, add, handles = waiting
+        if not handles:  # rclpy refuses to wait for nothing.
+            time.sleep(timeout_ns * 1e-9)
+            return []
+        wait_set.clear_entities()
+        for handle in handles:
+            add(handle)
+        wait_set.wait(timeout_ns)
+        ready: list[int] = wait_set.get_ready_entities(kind)
+        return ready
+
+    def _do_others(self) -> None:
+        """Call timers and services that are due; find out when the next ones are."""
+        if not self.context.ok():
+            raise ExternalShutdownException
+        for timer in self._timers:
+            if timer.is_ready():
+                timer.handle.call_timer()
+                timer.callback()
+                if self._changed:  # The others may be gone.
+                    return
+        if time.monotonic_ns() >= self._look_ns:
+            while not self._changed and self._ready(self._requests, 'service', 0):
+                super().spin_once(0.0)
+            if self._changed:
+                return
+            self._look_ns = time.monotonic_ns() + LOOK_NS
+        untils_ns = [timer.time_until_next_call() for timer in self._timers]
+        now_ns = time.monotonic_ns()
+        of_active_ns = [now_ns + until_ns for until_ns in untils_ns if until_ns is not None]
+        self._due_ns = min([self._look_ns, *of_active_ns])
 
 
 def given_parameters(node: Node) -> dict[str, Parameter]:
@@ -184,74 +313,6 @@ def ignore_impossible_times(node: Node) -> None:
         subscription.callback = take_if_possible
 
 
-class WaitSet:
-    """Waits for messages and guard conditions only.
-
-    rclpy's executors gather all entities of all nodes at each wait. Relies on the ``WaitSet`` of
-    ``rclpy.impl.implementation_singleton``, which takes the numbers of subscriptions, guard
-    conditions, timers, clients, services and events, and the context; and on the ``handle`` of an
-    entity, whose ``pointer`` identifies it in the list of ready ones.
-
-    Parameters
-    ----------
-    subscriptions, guards
-        Entities to wait for; they must not be destroyed during a wait, see :func:`held`.
-    context
-        The context of the entities.
-    at_most
-        Most messages of a subscription that are passed on at once.
-    """
-
-    def __init__(
-        self,
-        subscriptions: Sequence[Subscription],
-        guards: Sequence[GuardCondition],
-        context: Context,
-        at_most: int,
-    ) -> None:
-        make = _internal(rclpy_implementation, 'WaitSet')
-        self._made = make(len(subscriptions), len(guards), 0, 0, 0, 0, context.handle)
-        self._subscriptions = [subscription.handle for subscription in subscriptions]
-        self._guards = [guard.handle for guard in guards]
-        self._receivers = {each.handle.pointer: receiver(each, at_most) for each in subscriptions}
-
-    def wait(self, timeout_ns: int) -> list[Callable[[], None]]:
-        """Wait, at most for the given time, and return functions that handle the messages.
-
-        There is one for each subscription that has messages, see :func:`receiver`. A guard
-        condition that is triggered ends one wait only.
-        """
-        made = self._made
-        made.clear_entities()
-        for subscription in self._subscriptions:
-            made.add_subscription(subscription)
-        for guard in self._guards:
-            made.add_guard_condition(guard)
-        made.wait(timeout_ns)
-        return [self._receivers[pointer] for pointer in made.get_ready_entities('subscription')]
-
-
-def held(entities: Iterable[Entity], until: ExitStack) -> list[Entity]:
-    """Return the entities that still exist, and keep them from being destroyed.
-
-    Another thread may destroy an entity at any time. Relies on its ``handle``, a context manager
-    that keeps it while entered.
-
-    Parameters
-    ----------
-    entities
-        Subscriptions, timers or guard conditions.
-    until
-        Once this is closed, the entities may be destroyed.
-    """
-    kept = []
-    for entity in entities:
-        with suppress(InvalidHandle):
-            until.enter_context(entity.handle)
-            kept.append(entity)
-    return kept
-
-
 def receiver(subscription: Subscription, at_most: int) -> Callable[[], None]:
     """Return a function that passes the messages of a subscription to its callback.
 
@@ -294,45 +355,6 @@ def take_answer(client: Client) -> tuple[int, Any] | None:
     with client.handle:
         header, answer = client.handle.take_response(client.srv_type.Response)
     return None if header is None else (header.request_id.sequence_number, answer)
-
-
-def subscriber_counter(publisher: Publisher) -> Callable[[], int]:
-    """Return a function that counts the subscribers of a publisher, which must still exist.
-
-    rclpy's own method keeps the publisher from being destroyed meanwhile, which costs more than
-    the counting. Relies on ``get_subscription_count`` of the handle.
-    """
-    count: Callable[[], int] = publisher.handle.get_subscription_count
-    return count
-
-
-def publisher_counter(subscription: Subscription) -> Callable[[], int]:
-    """Return a function that counts the publishers of a subscription, which must still exist.
-
-    As :func:`subscriber_counter`; relies on ``get_publisher_count`` of the handle.
-    """
-    count: Callable[[], int] = subscription.handle.get_publisher_count
-    return count
-
-
-def until_due_ns(timer: Timer) -> int | None:
-    """Return the time until a timer is due; None for a timer that was cancelled.
-
-    Relies on ``time_until_next_call`` of the handle, which works for a :func:`held` timer even if
-    another thread destroys it.
-    """
-    until_ns: int | None = timer.handle.time_until_next_call()
-    return until_ns
-
-
-def call_if_due(timer: Timer) -> None:
-    """Call the callback of a timer if it is due, and begin its next period.
-
-    Relies on ``is_timer_ready`` and ``call_timer`` of the handle, also of a :func:`held` timer.
-    """
-    if timer.handle.is_timer_ready():
-        timer.handle.call_timer()
-        timer.callback()
 
 
 def ignore_what_a_signal_leaves(initialised: Callable[[], bool]) -> None:

@@ -32,6 +32,17 @@ OPTIONS = ('--fingers', '--configs')
 
 EXECUTABLES = ('slip_driver', 'slip_detector', 'grasp_controller')
 
+#: What ``--help`` prints.
+USAGE = """usage: {name} [--fingers NAMES]{configs} [--ros-args ...]
+
+  {name} --ros-args --params-file my_sensor.yaml
+  {name} --ros-args -p {parameter}
+  {name} --fingers thumb,index     # a node for each finger, in a namespace of that name"""
+
+USAGE_OF_CONFIGS = """
+  slip_detector --configs onset.yaml,sure.yaml     # a detector for each of these files"""
+EXAMPLES = {'slip_driver': 'source:=scene', 'slip_detector': 'threshold:=0.4'}
+
 
 def run(executable: str) -> int:
     """Spin the nodes of an executable until they end or a signal arrives.
@@ -67,12 +78,12 @@ def run(executable: str) -> int:
     # Objects made during start-up live until the end: the garbage collector need not check them.
     gc.disable()
     import rclpy
-    from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+    from rclpy.executors import ExternalShutdownException
     from rclpy.utilities import remove_ros_args
 
-    from slip_detector.nodes.executor import LONGEST_WAIT_S, SampleExecutor
     from slip_detector.nodes.rclpy_internals import (
         ROS_ERROR,
+        SampleExecutor,
         ignore_impossible_times,
         ignore_what_a_signal_leaves,
         mend_parameter_services,
@@ -81,42 +92,38 @@ def run(executable: str) -> int:
 
     ignore_what_a_signal_leaves(lambda: initialised)
     try:
-        if '--configs' in sys.argv and executable != 'slip_detector':
-            raise ValueError('--configs is given, allowed: for slip_detector only')
-        _check_files(sys.argv)
-        _check_words(remove_ros_args(sys.argv))
+        ours = remove_ros_args(sys.argv)
+        if {'-h', '--help'} & {*ours[1:]}:
+            print(usage(executable))
+            return 0
+        _check_words(executable, sys.argv, ours)
         make = _maker(executable, on_compiling)
         rclpy.init()
         initialised = True
-        nodes = make(_arguments_of_each(sys.argv, remove_ros_args(sys.argv)))
+        nodes = make(_arguments_of_each(sys.argv, ours))
         takedowns = [node.destroy_node for node in nodes]
         for node in nodes:
             ignore_impossible_times(node)
             mend_parameter_services(node)
         gc.freeze()
         gc.enable()
-        executor: Executor
-        if executable == 'grasp_controller':
-            # It takes few messages, and has no lock: all its callbacks run in one thread.
-            executor = SingleThreadedExecutor()
-            for node in nodes:
-                executor.add_node(node)
-        else:
-            executor = SampleExecutor(nodes)
-            takedowns.insert(0, executor.shutdown)
+        executor = SampleExecutor(nodes)
+        takedowns.insert(0, executor.shutdown)
         while True:  # Ends with an ExternalShutdownException.
-            executor.spin_once(timeout_sec=LONGEST_WAIT_S)
+            executor.spin_once()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except Exception as error:
         if initialised and not rclpy.ok():
             pass  # A signal has shut the context down during a call, which is a normal end.
-        elif isinstance(error, ValueError):
-            print(f'{executable}: {error}', file=sys.stderr)
-            code = 1
-        elif not initialised or (not takedowns and isinstance(error, ROS_ERROR)):
+        elif (
+            isinstance(error, ValueError)
+            or not initialised
             # rcl refuses a parameter file, an argument or the name of a node.
-            print(f'{executable}: {" ".join(str(error).split())}', file=sys.stderr)
+            or (not takedowns and isinstance(error, ROS_ERROR))
+        ):
+            said = str(error) if isinstance(error, ValueError) else ' '.join(str(error).split())
+            print(f'{executable}: {said}', file=sys.stderr)
             code = 1
         else:
             code = 1
@@ -131,19 +138,43 @@ def run(executable: str) -> int:
     return code
 
 
-def _check_files(words: list[str]) -> None:
-    """Read the parameter files before rcl does, whose error messages are hard to understand."""
+def usage(executable: str) -> str:
+    """Return how an executable is started, in a few lines."""
+    several = executable == 'slip_detector'
+    text = USAGE.format(
+        name=executable,
+        configs=' [--configs FILES]' if several else '',
+        parameter=EXAMPLES.get(executable, 'grip_n:=2.0'),
+    )
+    return text + USAGE_OF_CONFIGS if several else text
+
+
+def _check_words(executable: str, words: list[str], ours: list[str]) -> None:
+    """Refuse unknown options, which may be typing errors, and parameter files that cannot be read.
+
+    The files are read here before rcl does, whose error messages are hard to understand.
+    """
     from slip_detector.parameters.files import read_yaml
     from slip_detector.parameters.sets import our_sections, sections_of
 
+    if '--configs' in words and executable != 'slip_detector':
+        raise ValueError('--configs is given, allowed: for slip_detector only')
     for option, path in pairwise(words):
         if option == '--params-file':
             list(sections_of(read_yaml(path), path))
-    for path in _listed('--configs', words) or []:
+    for path in _items('--configs', words) or []:
         our_sections(path)
+    options = ours[1::2]
+    for option in options:
+        if option not in OPTIONS:
+            raise ValueError(
+                f'{option} is not known, allowed: {", ".join(OPTIONS)}, and --ros-args'
+            )
+        if options.count(option) > 1:
+            raise ValueError(f'{option} is given twice, allowed: once')
 
 
-def _listed(option: str, words: list[str]) -> list[str] | None:
+def _items(option: str, words: list[str]) -> list[str] | None:
     """Return the list, separated by commas, that follows an option; None without the option."""
     if option not in words:
         return None
@@ -154,37 +185,14 @@ def _listed(option: str, words: list[str]) -> list[str] | None:
     return items
 
 
-def _check_words(ours: list[str]) -> None:
-    """Refuse unknown options: a typing error would start a node other than the one meant."""
-    words = ours[1:]
-    while words:
-        if words[0] not in OPTIONS:
-            raise ValueError(
-                f'{words[0]} is not known, allowed: {", ".join(OPTIONS)}, and --ros-args'
-            )
-        if words[0] in words[2::2]:
-            raise ValueError(f'{words[0]} is given twice, allowed: once')
-        words = words[2:]
-
-
 def _arguments_of_each(words: list[str], ours: list[str]) -> list[list[str] | None]:
-    """Return the ROS arguments of each node.
+    """Return the ROS arguments of each node, from the command line with and without those of ROS.
 
     ``--fingers`` gives a node in the namespace of each finger. ``--configs`` gives, below that, a
     node for each parameter file, in a namespace named after the file; all nodes of a finger
     receive the same ``voltages``.
-
-    Parameters
-    ----------
-    words, ours
-        The command line with and without the ROS arguments.
-
-    Raises
-    ------
-    ValueError
-        When names are missing or not different, or a file's name is not allowed as a namespace.
     """
-    fingers, configs = _listed('--fingers', ours), _listed('--configs', ours)
+    fingers, configs = _items('--fingers', ours), _items('--configs', ours)
     if fingers is None and configs is None:
         return [None]
     for finger in fingers or []:
@@ -231,20 +239,17 @@ def _maker(executable: str, on_compiling: Callable[[], None]) -> Callable[[list[
 
     compile_chain()  # Before the first node, as a signal then ends the process at once.
 
-    def detectors(of_each: list[list[str] | None]) -> list[Detector]:
-        made = []
-        for arguments in of_each:
-            try:
-                made.append(Detector(arguments))
-            except ValueError as error:
-                path = arguments[-1] if arguments and '--params-file' in arguments else ''
-                # An error in the sections of a file names the file already.
-                if not path or str(error).startswith(f'{path}: '):
-                    raise
-                raise ValueError(f'{path}: {error}') from error
-        return made
+    def detector(arguments: list[str] | None) -> Detector:
+        try:
+            return Detector(arguments)
+        except ValueError as error:
+            path = arguments[-1] if arguments and '--params-file' in arguments else ''
+            # An error in the sections of a file names the file already.
+            if not path or str(error).startswith(f'{path}: '):
+                raise
+            raise ValueError(f'{path}: {error}') from error
 
-    return detectors
+    return lambda of_each: [detector(arguments) for arguments in of_each]
 
 
 def log_compiling(executable: str, begins: Callable[[], None] = lambda: None) -> None:
@@ -253,20 +258,20 @@ def log_compiling(executable: str, begins: Callable[[], None] = lambda: None) ->
 
     from slip_detector.chain.compiled import on_compiling
 
-    said: set[str] = set()
+    logged: set[str] = set()
 
-    def say(module: str) -> None:
+    def log(module: str) -> None:
         begins()
         gc.enable()  # Compiling leaves garbage to collect.
         subpackage = module.rpartition('.')[0]
-        if subpackage not in said:
-            said.add(subpackage)
+        if subpackage not in logged:
+            logged.add(subpackage)
             get_logger(executable).info(
                 f'compiling {subpackage}, which takes some seconds and is kept for the next start '
                 '(slip_compile does it beforehand)'
             )
 
-    on_compiling(say)
+    on_compiling(log)
 
 
 def main(executable: str) -> NoReturn:

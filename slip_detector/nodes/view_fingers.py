@@ -36,9 +36,9 @@ from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.serialization import serialize_message
 
 from slip_detector.nodes.finger_topics import FingerTopics, PolledTopics, Topics
+from slip_detector.nodes.inputs import publishing_nodes
 from slip_detector.nodes.messages import event_qos
 from slip_detector.nodes.rclpy_internals import send_request, take_answer
-from slip_detector.nodes.senders import publishing_nodes
 from slip_detector.view.detectors import Detectors, Diagnosis, Finger, Reading
 
 #: Period, in seconds, at which detectors are looked for.

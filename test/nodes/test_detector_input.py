@@ -19,11 +19,11 @@ import itertools
 import numpy as np
 import pytest
 from geometry_msgs.msg import WrenchStamped
-from sensor_msgs.msg import JointState, PointCloud
-from std_msgs.msg import Bool, Float32MultiArray, Float64MultiArray, Header, MultiArrayDimension
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float32MultiArray, Float64MultiArray, Header, MultiArrayDimension
 
 from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.nodes.messages import event_qos, stamp_ns, state_qos, time_message
+from slip_detector.nodes.messages import event_qos, stamp_ns, time_message
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.sources import open_source
@@ -78,21 +78,6 @@ def test_a_field_deep_in_a_message_with_a_header(bench):
     wanted = chain.update(values[:, None]).level
     heard = [decision.position for decision in envelope[-100:]]
     np.testing.assert_allclose(heard, wanted, rtol=1e-9)
-
-
-def test_one_field_of_each_element_of_a_list(bench):
-    from geometry_msgs.msg import Point32
-
-    _, envelope, voltages = started(
-        bench,
-        PointCloud,
-        input_type='sensor_msgs/PointCloud',
-        input_field='points[].z',
-        channels=3,
-    )
-    message = PointCloud(points=[Point32(z=float(k)) for k in range(3)])
-    settled(bench, envelope, voltages, message, START_NS)
-    assert len(envelope[-1].position) == 3
 
 
 def test_without_a_header_the_middlewares_stamp_counts(bench):
@@ -182,10 +167,7 @@ def test_late_batches_are_rows_with_their_own_times_and_a_lost_one_is_bridged(be
     ('parameters', 'words'),
     [
         ({'input_type': 'no_msgs/msg/Such'}, ["input_type is 'no_msgs/msg/Such'", 'installed']),
-        ({'input_type': 'std_msgs/msg/Nothing'}, ['input_type', 'installed message type']),
-        ({'input_type': 'JointState'}, ['input_type', 'sensor_msgs/msg/JointState']),
         ({'input_field': 'volts'}, ["input_field is 'volts'", 'position, velocity, effort']),
-        ({'input_field': 'position['}, ['position[']),
     ],
 )
 def test_a_type_or_field_there_is_not_stops_the_start_with_one_line(bench, parameters, words):
@@ -221,19 +203,3 @@ def test_the_drivers_batches_carry_the_same_samples(bench):
     assert sizes == [7] * full + [rest] * (rest > 0)
     rows = np.concatenate([np.reshape(message.data, (-1, 16)) for message in heard])
     np.testing.assert_array_equal(rows, samples.astype(np.float32))
-
-
-def test_driver_and_detector_agree_on_batches(bench):
-    slip = bench.listen(Bool, 'slip', state_qos())
-    valid = bench.listen(Bool, 'slip_valid', state_qos())
-    process = bench.start(
-        'slip_detector',
-        parameters={'input_type': 'std_msgs/msg/Float32MultiArray', 'input_field': 'data'},
-    )
-    bench.start(
-        'slip_driver',
-        parameters={'source': 'scene', 'samples_per_message': 4, 'wait_for_subscribers': 1},
-    )
-    bench.wait_for(lambda: valid and valid[-1].data, 'slip_valid')
-    bench.wait_for(lambda: slip and slip[-1].data, 'the slip of the scene')
-    assert 'dropped' not in process.log()

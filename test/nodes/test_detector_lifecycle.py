@@ -18,10 +18,9 @@ import numpy as np
 import pytest
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
-from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
-from slip_detector.nodes.messages import sensor_qos, state_qos
+from slip_detector.nodes.messages import state_qos
 from support.harness import PERIOD_NS, START_NS, Detected
 
 
@@ -155,11 +154,3 @@ def test_filters_that_cannot_be_run_end_the_node_at_once_with_one_line(bench, au
     )
     line = process.refusal()
     assert line.startswith('slip_detector: parameter passband_hz: the filter with edges at 0.01')
-
-
-def test_inactive_nothing_is_computed(bench):
-    bench.start('slip_detector', parameters={'autostart': 'false'})
-    assert change(bench, Transition.TRANSITION_CONFIGURE)
-    voltages = bench.node.create_publisher(JointState, 'voltages', sensor_qos())
-    assert state(bench) == State.PRIMARY_STATE_INACTIVE
-    assert voltages.get_subscription_count() == 0

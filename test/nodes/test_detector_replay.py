@@ -73,7 +73,7 @@ class Replayed(Detected):
         return self.envelope[known:]
 
 
-@pytest.mark.parametrize('speed', [0.5, 1.0, 5.0])
+@pytest.mark.parametrize('speed', [0.5, 5.0])
 def test_at_any_speed_the_decisions_and_their_stamps_are_the_same(bench, speed):
     rows = 4.0 + 1e-4 * np.random.default_rng(0).standard_normal((600, 16))
     rows[200:400] += 0.3 * np.random.default_rng(1).standard_normal((200, 16))

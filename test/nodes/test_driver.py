@@ -22,9 +22,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from slip_detector.chain.samples import Samples
-from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos
-from slip_detector.parameters.detector import ChainConfig
+from slip_detector.nodes.messages import sensor_qos, stamp_ns
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.recordings import write_recording
 from slip_detector.sources import open_source
@@ -126,16 +124,6 @@ def test_a_recording_that_is_cut_off_is_played_as_far_as_it_goes_and_said_to_be(
     assert 'cut.mcap is cut off at byte 5000' in process.log()
 
 
-def test_a_recording_is_played_once_at_its_own_rate(bench, recording):
-    played = Played(bench, {'source': 'recording', 'recording': recording}, 150)
-    assert played.process.wait() == 0
-    wanted = read_recording(recording)
-    np.testing.assert_array_equal(played.rows(), wanted.volts)
-    stamps = played.stamps_ns()
-    np.testing.assert_array_equal(np.diff(stamps), np.full(149, 2_000_000))
-    assert 'played all 150 samples' in played.process.log()
-
-
 @pytest.mark.parametrize('ending', ['.mcap', '.db3', '', '.csv'])
 def test_a_bag_is_played_as_it_was_recorded_with_its_labels_and_gaps(bench, tmp_path, ending):
     if ending != '.csv':
@@ -154,25 +142,6 @@ def test_a_bag_is_played_as_it_was_recorded_with_its_labels_and_gaps(bench, tmp_
     assert list(played.voltages[0].name) == ['left', 'right', 'tip']
     bench.wait_for(lambda: len(played.truth) == 2, 'truth to rise')
     assert [message.data for message in played.truth] == [False, True]
-
-
-def test_any_topic_of_a_bag_and_labels_by_hand_are_played(bench, tmp_path):
-    pytest.importorskip('rosbags', reason='needs rosbags')
-    k = np.arange(100)
-    wanted = Samples(np.ones((100, 2)) * k[:, np.newaxis], k * 2_000_000, None, k * 1e-3)
-    write_recording(tmp_path / 'mine.mcap', [wanted], 500.0, ['a', 'b'])
-    (tmp_path / 'mine.labels.yaml').write_text('slip_s: [[0.1, 0.15]]')
-    parameters = {
-        'source': 'recording',
-        'recording': tmp_path / 'mine.mcap',
-        'recording_topic': 'platform_position',
-        'recording_field': 'position[0]',
-    }
-    played = Played(bench, parameters, 100)
-    assert played.process.wait() == 0
-    np.testing.assert_array_equal(played.rows()[:, 0], wanted.position_m)
-    bench.wait_for(lambda: len(played.truth) == 3, 'truth to rise and fall')
-    assert [message.data for message in played.truth] == [False, True, False]
 
 
 def test_a_looped_recording_goes_on_and_its_stamps_with_it(bench, recording):
@@ -197,25 +166,6 @@ def test_a_scene_with_losses_and_a_wrong_clock_is_stamped_when_its_samples_were_
     stamps = played.stamps_ns()
     np.testing.assert_array_equal(stamps - stamps[0], wanted.stamps_ns - wanted.stamps_ns[0])
     assert f'played all {count} samples' in played.process.log()
-
-
-def test_a_looped_scene_goes_on_where_its_clock_was(bench, lossy_scene):
-    config = DriverConfig(source='scene', scene=str(lossy_scene), seed=3)
-    trials = [open_source(config, repetition).read(10_000) for repetition in range(3)]
-    assert len({trial.volts.tobytes() for trial in trials}) == 3
-    # Each begins a period, as the sensor says it, after the last sample of the one before.
-    stamps_ns, begin_ns = [], 0
-    for trial in trials:
-        stamps_ns.append(begin_ns + trial.stamps_ns)
-        begin_ns = stamps_ns[-1][-1] + round(1e9 / 380.0)
-    taken_ns = np.concatenate(stamps_ns)
-    volts = np.concatenate([trial.volts for trial in trials])
-    parameters = {'scene': lossy_scene, 'seed': 3, 'loop': 'true', 'rate': 2.0}
-    played = Played(bench, parameters, len(volts))
-    np.testing.assert_array_equal(played.rows()[: len(volts)], volts)
-    stamps = played.stamps_ns()[: len(volts)]
-    np.testing.assert_array_equal(stamps - stamps[0], taken_ns - taken_ns[0])
-    assert not played.process.ended()
 
 
 def test_the_pace_does_not_drift(bench, scene):
@@ -283,30 +233,3 @@ def test_a_broken_recording_is_named_in_one_line(bench, recording):
     )
     line = process.refusal()
     assert str(recording) in line
-
-
-@pytest.mark.skipif(not XELA.is_dir(), reason='the XELA recordings are not beside the project')
-def test_a_real_recording_plays_through_both_nodes(bench):
-    path = sorted(XELA.glob('*.npz'))[-1]
-    file = ROOT / 'config' / 'xela_uskin.yaml'
-    voltages = bench.listen(JointState, 'voltages', reliable_qos())
-    envelope = bench.listen(JointState, 'slip_detector/envelope', reliable_qos())
-    slip = bench.listen(Bool, 'slip', state_qos())
-    detector = bench.start('slip_detector', '--params-file', file, reliable_samples=True)
-    bench.wait_for(lambda: slip, 'the detector')
-    wanted = read_recording(path, DriverConfig.from_yaml(file)).volts
-    parameters = {'source': 'recording', 'recording': path}
-    driver = bench.start_driver('--params-file', file, parameters=parameters, others=1)
-    bench.wait_for(lambda: len(voltages) == len(wanted), 'the samples')
-    bench.wait_for(
-        lambda: envelope and envelope[-1].header.stamp == voltages[-1].header.stamp,
-        'the decisions',
-    )
-    assert driver.wait() == 0
-    result = SlipChain(ChainConfig.from_yaml(file)).update(wanted)
-    heard = np.array([message.position for message in envelope])
-    level = np.where(result.valid, result.level, np.nan)  # A disabled channel has none.
-    np.testing.assert_allclose(heard, level[-len(heard) :], rtol=1e-9, atol=1e-6)
-    bench.wait_for(lambda: not slip[-1].data, 'slip to end')
-    assert any(message.data for message in slip) == bool(result.slip.any())
-    assert 'dropped' not in detector.log()

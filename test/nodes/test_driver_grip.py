@@ -83,17 +83,6 @@ class Gripped:
         )
 
 
-def test_a_firm_grip_holds_the_object_and_a_weak_one_lets_it_fall(bench, tmp_path):
-    driver = Gripped(bench, tmp_path)
-    driver.connect()
-    driver.hold(5.0)
-    driver.play(1.5)
-    assert list(driver.position[-1].name) == ['object']
-    assert driver.moved_m() < 1e-4
-    driver.hold(0.5)
-    bench.wait_for(lambda: driver.moved_m() >= 0.05, 'the object to fall')
-
-
 def test_a_command_is_felt_in_the_next_samples(bench, tmp_path):
     # Until the first command comes, the scene itself would grip with 3 N.
     driver = Gripped(bench, tmp_path, wait_for_grip='true')
@@ -159,10 +148,3 @@ def test_the_grip_stays_when_a_looped_scene_begins_again(bench, tmp_path):
     assert max(volts) - min(volts) < 0.01
     stamps = [stamp_ns(message.header.stamp) for message in driver.voltages]
     assert all(b > a for a, b in itertools.pairwise(stamps))
-
-
-def test_a_scene_without_an_object_takes_no_grip(bench, tmp_path):
-    driver = Gripped(bench, tmp_path, PLATE)
-    bench.wait_for(lambda: driver.position, 'positions')
-    assert list(driver.position[0].name) == ['platform']
-    assert bench.node.count_subscribers('grip_force') == 0

@@ -114,23 +114,6 @@ def test_a_clean_serial_stream_arrives_complete_and_in_order(bench, port, sample
     assert listening.voltages[0].header.frame_id == 'index_tip'
 
 
-@pytest.mark.parametrize('samples', [1, 10])
-def test_a_clean_udp_stream_arrives_complete_and_in_order(bench, samples):
-    listening, send = Listening.to_udp(bench)
-    check_stream(listening, send, make_packets(INTEGERS, RATE_HZ, samples), samples)
-
-
-def test_a_stream_of_text_arrives_complete_and_in_order(bench, port):
-    listening, send = Listening.to_port(bench, port, serial_format='text', text_rate_hz=380.0)
-    volts = SCALE_V * INTEGERS[:1000]
-    lines = [(','.join(map(repr, row.tolist())) + '\n').encode() for row in volts]
-    with sending(send, [b'of a line\n', *lines], 380.0, listening.voltages, range(1001)):
-        listening.wait_for(1000)
-    np.testing.assert_array_equal(listening.rows(), volts)
-    assert np.all(np.diff(listening.stamps_ns()) > 0)
-    listening.wait_for_counts({'partial': 1, 'garbage_bytes': 9})
-
-
 def noise(rng):
     """Return half an hour of random bytes."""
     return [rng.randbytes(NOISE_PIECE) for _ in range(0, NOISE_BYTES, NOISE_PIECE)]

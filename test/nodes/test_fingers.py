@@ -17,7 +17,6 @@
 import itertools
 import signal
 
-import pytest
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
@@ -73,15 +72,6 @@ def test_each_finger_has_nodes_and_parameters_of_its_own_and_all_samples_come(be
         assert process.wait() == 0
         assert 'Traceback' not in process.log()
         assert 'dropped' not in process.log()
-
-
-@pytest.mark.parametrize('name', ['slip_detector', 'slip_driver'])
-@pytest.mark.parametrize('fingers', ['thumb,thumb', 'thumb,,index'])
-def test_names_that_are_not_different_stop_the_start_with_one_line(bench, name, fingers):
-    process = bench.start(name, '--', '--fingers', fingers)
-    assert process.wait() == 1
-    wanted = f'{name}: --fingers is {fingers!r}, allowed: different names with commas between'
-    assert process.log().strip() == wanted
 
 
 def test_drivers_end_when_all_have_played(bench):

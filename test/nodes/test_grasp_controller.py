@@ -21,12 +21,12 @@ import time
 import pytest
 from rclpy.event_handler import PublisherEventCallbacks
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool, Header
+from std_msgs.msg import Bool
 
 from slip_detector.nodes.grasp_controller import PERIODS_COUNTED
-from slip_detector.nodes.messages import event_qos, state_qos
+from slip_detector.nodes.messages import state_qos
 from slip_detector.parameters.grasp import GraspConfig
-from support.harness import ROOT, ended_quietly, patient_qos
+from support.harness import ROOT, ended_quietly
 
 CONFIG = ROOT / 'config' / 'grasp.yaml'
 
@@ -104,27 +104,6 @@ def test_nothing_is_commanded_before_the_detector_is_heard_and_nothing_gripped_b
     hand.close()
     assert list(hand.forces[-1].name) == ['grip']
     assert hand.forces[-1].header.stamp.sec > 0
-
-
-def test_slip_raises_the_grip_to_the_limit_and_without_it_the_grip_relaxes(bench):
-    hand = Controlled(bench)
-    hand.close()
-    hand.say(slip=True)
-    hand.wait_for(lambda: hand.force_n() == QUICK['limit_n'], 'the limit')
-    assert 'slip: grip raised to 3.00 N' in hand.process.log()
-    raised = [message.effort[0] for message in hand.forces]
-    assert raised == sorted(raised)
-    hand.say(slip=False)
-    hand.wait_for(lambda: hand.force_n() == QUICK['grip_n'], 'the grip to relax')
-    assert max(message.effort[0] for message in hand.forces) == QUICK['limit_n']
-
-
-def test_a_short_slip_is_not_missed(bench):
-    hand = Controlled(bench, relax_n_s=0.0)
-    hand.close()
-    hand.say(slip=True)
-    hand.say(slip=False)
-    hand.wait_for(lambda: hand.force_n() == 3.0, 'one raise')
 
 
 @pytest.mark.parametrize('why', ['not valid', 'silent'])
@@ -255,31 +234,6 @@ def test_a_detector_that_is_killed_or_hangs_is_noticed(bench, on_invalid, number
     held = {message.effort[0] for message in forces[count:]}
     assert len(held) == 1
     assert (held == {0.0}) == (on_invalid == 'open')
-
-
-def test_an_object_that_is_lifted_and_filled_is_held_by_the_three_nodes(bench):
-    forces = bench.listen(JointState, 'grip_force', state_qos(depth=1000))
-    position = bench.listen(JointState, 'platform_position', patient_qos())
-    onsets = bench.listen(Header, 'slip_onset', event_qos())
-    words = ['--params-file', CONFIG]
-    bench.start('slip_detector', *words)
-    controller = bench.start('grasp_controller', *words)
-    driver = bench.start(
-        'slip_driver', *words, parameters={'source': 'scene', 'wait_for_subscribers': 1}
-    )
-    bench.wait_for(driver.ended, 'the scene to end')
-    assert driver.wait() == 0, driver.log()
-    bench.wait_for(lambda: position, 'positions')
-    assert list(position[-1].name) == ['object']
-    found = [message.effort[0] for message in forces]
-    config = GraspConfig.from_yaml(CONFIG)
-    assert config.grip_n < max(found) <= config.limit_n
-    assert onsets
-    assert 'slip: grip raised' in controller.log()
-    # It slid, but it was not lost.
-    assert 1e-5 < position[-1].position[0] < 0.05
-    # Grips sink slowly, and only rise at once.
-    assert min(b - a for a, b in itertools.pairwise(found)) > -0.1
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])

@@ -76,15 +76,6 @@ def test_who_publishes_beside_the_one_that_may_is_named():
     assert [status.level for status in summed(health)] == [Level.OK] * 3
 
 
-def test_rows_of_other_channels_are_forgotten_when_their_number_changes():
-    health = Health(CONFIG)
-    first = fed(health, good(100))
-    health.configure(DetectorConfig(channels=2, groups={}))
-    fed(health, good(100)[:, :2], first)
-    statuses = summed(health)
-    assert statuses[1].message == 'all 2 channels are valid'
-
-
 @pytest.mark.parametrize(
     ('share', 'level'),
     [
@@ -120,12 +111,6 @@ def test_silence_is_an_error_and_the_rate_undefined():
     assert decisions.values['time per row [ms]'] == '-'
 
 
-def test_a_short_silence_is_not_yet_a_fault():
-    health = Health(CONFIG)
-    fed(health, good(10))
-    assert summed(health, silent_s=0.4)[0].level == Level.OK
-
-
 @pytest.mark.parametrize(
     ('value', 'kind'),
     [(math.nan, 'not a number'), (5.0, 'at the upper rail'), (-0.5, 'at the lower rail')],
@@ -140,24 +125,6 @@ def test_a_channel_that_gives_nothing_is_named(value, kind):
     assert status.message.startswith(f'{kind}: ch5: ')
     assert status.values[kind] == 'ch5'
     assert status.values['valid now'] == ('16 of 16' if value == 5.0 else '15 of 16')
-
-
-def test_a_flat_channel_is_named_and_told_from_a_bad_one():
-    health = Health(CONFIG)
-    rows = good(380)
-    valid = np.ones(rows.shape, bool)
-    valid[200:, 2] = False
-    fed(health, rows, valid=valid)
-    status = summed(health)[1]
-    assert status.message == 'flat: ch3: repeats one value, broken?'
-
-
-def test_all_channels_at_the_rail_is_an_error_and_only_the_first_are_listed():
-    health = Health(CONFIG)
-    fed(health, np.full((380, 16), 5.0))
-    status = summed(health)[1]
-    assert status.level == Level.ERROR
-    assert 'ch8 and 8 more' in status.message
 
 
 def test_disabled_channels_are_not_complained_of():
@@ -196,11 +163,3 @@ def test_rows_that_take_too_much_of_the_time_are_said(spent_s, level):
     health = Health(CONFIG)
     fed(health, good(380), spent_s=spent_s)
     assert summed(health)[2].level == level
-
-
-def test_after_a_leap_of_the_stamps_the_rate_is_measured_again():
-    health = Health(CONFIG)
-    fed(health, good(100))
-    health.restart()
-    fed(health, good(100), first=10**6)
-    assert summed(health)[0].values['measured rate [Hz]'] == '380.00'

@@ -28,7 +28,6 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from slip_detector.nodes.markers import (
     LIFETIME_S,
-    NO_FRAME,
     SHARE,
     MarkersShown,
     MarkerTopic,
@@ -39,7 +38,7 @@ from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.view.detectors import Finger, drawn_positions, least_distance_m
 from slip_detector.view.server import Access, Server
 from support.harness import patient_qos
-from support.simulated_detectors import SimulatedDetectors, SimulatedFinger
+from support.simulated_detectors import SimulatedDetectors
 
 FOUR = DetectorConfig(channels=4, groups={'left': (1, 2), 'right': (3, 4)}, vote=1)
 
@@ -92,12 +91,6 @@ def test_each_channel_stands_at_its_place_in_the_frame_of_the_samples():
         assert marker.pose.orientation.w == 1.0
 
 
-def test_samples_without_a_frame_are_drawn_in_that_of_the_package():
-    assert {marker.header.frame_id for marker in finger_markers(finger_with([0] * 4))} == {
-        NO_FRAME
-    }
-
-
 @given(st.lists(st.floats(0, 1e6), min_size=4, max_size=4))
 def test_a_higher_level_is_a_higher_bar_and_none_reaches_its_neighbour(levels):
     markers = bars(finger_with(levels))
@@ -144,11 +137,6 @@ def test_a_finger_that_cannot_tell_slip_says_so():
     assert text_of(finger) == 'index: not valid\nch1, ch2, ch3, ch4 not valid'
 
 
-def test_of_many_channels_that_are_not_valid_a_few_are_named():
-    finger = finger_with([np.nan] * 16, DetectorConfig(), groups=(False,) * 4)
-    assert text_of(finger).endswith('ch1, ch2, ch3, ch4 and 12 more not valid')
-
-
 def test_without_samples_no_channel_looks_as_if_it_were_measured():
     finger = finger_with([3, 0, 0, 0], slip=True)
     finger.sample_s -= FOUR.input_timeout_s + 3
@@ -169,12 +157,6 @@ def test_a_detector_that_is_not_heard_any_more_is_told():
     assert rgb(text) == rgb(finger_markers(finger_with([0] * 4))[0])
 
 
-def test_the_names_of_a_finger_can_be_anything():
-    finger = finger_with([0] * 4)
-    finger.name = '/left/thumb/sure/slip_detector'
-    assert {marker.ns for marker in finger_markers(finger)} == {'left/thumb/sure'}
-
-
 def test_what_goes_is_deleted_once_in_its_frame():
     shown = MarkersShown()
     four = finger_with([0] * 4)
@@ -190,59 +172,6 @@ def test_what_goes_is_deleted_once_in_its_frame():
     assert len(markers) - len(gone) == 3
     assert {marker.action for marker in shown.message([]).markers} == {Marker.DELETE}
     assert shown.message([]).markers == []
-
-
-def test_fingers_do_not_share_markers():
-    index, thumb = finger_with([0] * 4), finger_with([2] * 4)
-    thumb.name = '/thumb/slip_detector'
-    markers = MarkersShown().message([index, thumb]).markers
-    assert len({(marker.ns, marker.id) for marker in markers}) == len(markers) == 10
-
-
-def test_a_simulated_slip_is_seen_in_the_markers():
-    finger = Finger('/index/slip_detector', DetectorConfig())
-    simulated = SimulatedFinger(finger)
-    seen = set()
-    while 'rest' not in seen or not any(words.startswith('SLIP') for words in seen):
-        simulated.play(0.05)
-        text, *markers = finger_markers(finger)
-        seen.add(text.text.removeprefix('index: ').split('\n')[0])
-        on = finger.track.levels.field('on')[-1]
-        widths = np.array([marker.scale.x for marker in markers])
-        assert np.array_equal(widths > widths.min(), on) or on.all()
-
-
-def test_all_fingers_are_watched_and_published_while_somebody_subscribes(bench):
-    detectors = SimulatedDetectors(['index', 'thumb'])
-    server = Server(detectors, Access())
-    MarkerTopic(bench.node, server)
-    server.tick()
-    assert not detectors.watched, 'nobody subscribes'
-    heard = []
-    subscription = bench.node.create_subscription(
-        MarkerArray, 'bench/taxels', heard.append, event_qos()
-    )
-
-    def ticked(condition):
-        server.tick()
-        return condition()
-
-    bench.wait_for(lambda: ticked(lambda: heard), 'markers')
-    assert detectors.watched == set(detectors.fingers)
-    assert {marker.ns for marker in heard[-1].markers} == {'index', 'thumb'}
-
-    detectors.remove('thumb')
-    ends = {Marker.ADD: 'index', Marker.DELETE: 'thumb'}
-    bench.wait_for(
-        lambda: ticked(lambda: ends in [{m.action: m.ns for m in a.markers} for a in heard]),
-        'deletions',
-    )
-    bench.wait_for(
-        lambda: ticked(lambda: {m.ns for m in heard[-1].markers} == {'index'}), 'one finger'
-    )
-
-    bench.node.destroy_subscription(subscription)
-    bench.wait_for(lambda: ticked(lambda: not detectors.watched), 'nobody to be watched')
 
 
 def test_markers_that_take_long_leave_time_for_the_pages(bench, monkeypatch):

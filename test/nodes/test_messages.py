@@ -58,10 +58,3 @@ def test_a_stamp_holds_each_nanosecond(at_ns):
 def test_a_subscriber_may_ask_for_no_more_than_is_offered(offered, wanted, fits):
     compatibility, reason = qos_check_compatible(offered, wanted)
     assert (compatibility != QoSCompatibility.ERROR) == fits, reason
-
-
-def test_a_busy_subscriber_keeps_as_many_messages_as_it_asks_for():
-    assert state_qos(7).depth == 7
-    assert state_qos().depth == 1
-    # A quarter of a second at 380 Hz.
-    assert sensor_qos().depth >= 95

@@ -236,14 +236,6 @@ def test_a_section_is_taken_where_ros_takes_it(bench, tmp_path, section, words, 
 
 
 @pytest.mark.parametrize('node', NODES)
-def test_a_dump_of_a_node_of_another_name_stops_the_start(bench, tmp_path, node):
-    file = tmp_path / 'mine.yaml'
-    file.write_text('/mine:\n  ros__parameters: {threshold: 0.7}\n')
-    line = bench.start(node, '--params-file', file).refusal()
-    assert line.startswith(f'{node}: {file}: has no section of this package, allowed: slip_')
-
-
-@pytest.mark.parametrize('node', NODES)
 @pytest.mark.parametrize(
     ('section', 'parameter'),
     [('/**', 'sample_rate_h: 400.0'), ('/**/{node}', 'missed_costs_ms: 1.0')],

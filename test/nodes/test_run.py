@@ -104,24 +104,6 @@ def test_a_node_that_a_signal_ends_while_it_is_made_says_goodbye(bench, executab
     check_that_it_says_goodbye(bench, process, executable, signal.SIGTERM, 0)
 
 
-def test_a_node_that_refuses_a_parameter_says_goodbye(bench):
-    words = ['--ros-args', '-p', 'gain:=nonsense', '__init__']
-    process = bench.start_python('-c', WAITING, 'slip_detector', *words)
-    check_that_it_says_goodbye(bench, process, 'slip_detector', signal.SIGUSR1, 1)
-    assert 'parameter gain' in process.log()
-
-
-@pytest.mark.parametrize('executable', EXECUTABLES)
-def test_an_argument_that_rcl_cannot_read_ends_in_one_line(executable):
-    done = run(executable, '--ros-args', '-r', 'no remapping')
-    assert done.returncode == 1
-    # rcl says so too, in a line of its own before.
-    line = done.stderr.strip().splitlines()[-1]
-    assert line.startswith(f'{executable}: ')
-    assert 'no remapping' in line
-    assert 'Traceback' not in done.stderr
-
-
 @pytest.mark.parametrize('executable', ['slip_driver', 'grasp_controller'])
 def test_parameter_files_for_several_nodes_are_for_detectors_only(executable):
     done = run(executable, '--configs', 'a.yaml,b.yaml')
@@ -265,11 +247,6 @@ def test_a_signal_in_the_midst_of_making_a_node_is_a_normal_end(executable, numb
 def test_a_finger_is_a_namespace_in_that_of_the_process(of_ros, wanted):
     ours = ['slip_detector', '--fingers', 'thumb']
     assert _arguments_of_each(ours + of_ros, ours) == [['--ros-args', '-r', f'__ns:={wanted}']]
-
-
-def test_without_names_there_is_one_node_where_ros_says():
-    words = ['slip_detector', '--ros-args', '-r', '__ns:=/left']
-    assert _arguments_of_each(words, words[:1]) == [None]
 
 
 @pytest.mark.parametrize(
