@@ -80,6 +80,19 @@ def check_topics(node: Node, config: DetectorConfig) -> None:
             ) from None
 
 
+def columns_of(config: DetectorConfig) -> list[tuple[str, str, int]]:
+    """Return what each column of :attr:`.SlipResult.flags` is: kind, name, and number of channels.
+
+    Channels are the same only where there are as many.
+    """
+    n = config.channels
+    return [
+        ('slip', '', 0),
+        *((kind, name, 0) for kind in ('group', 'can_vote') for name in config.groups),
+        *((kind, name, n) for kind in ('channel', 'valid') for name in config.names),
+    ]
+
+
 class Outputs:
     """The publishers of one configuration, and the latest decisions.
 
@@ -117,26 +130,24 @@ class Outputs:
         self._frame_id = ''
         self._writer: JointStateWriter | None = None
         self._envelope = self._publisher(JointState, '~/envelope', sensor_qos())
-        groups = config.groups if config.publish_groups else ()
-        channels = config.names if config.publish_channels else ()
-        disabled = {channel - 1 for channel in config.disabled_channels}
-        n_groups = len(config.groups)
-        # By column of the result's flags, the publisher of its changes; without slip, column 0.
-        self._listeners: dict[int, Publisher] = {}
-        for g, name in enumerate(groups):
-            self._listeners[1 + g] = self._publisher(Bool, f'slip/group/{name}', state_qos())
-        for c, name in enumerate(channels):
-            if c not in disabled:
-                self._listeners[1 + 2 * n_groups + c] = self._publisher(
-                    Bool, f'slip/channel/{name}', state_qos()
-                )
-        self._can_vote = slice(1 + n_groups, 1 + 2 * n_groups)
+        self._columns = columns_of(config)
+        disabled = {config.names[channel - 1] for channel in config.disabled_channels}
+        published = {'group': config.publish_groups, 'channel': config.publish_channels}
+        # By column, the publisher of its changes; without slip, column 0.
+        self._listeners = {
+            column: self._publisher(Bool, f'slip/{kind}/{name}', state_qos())
+            for column, (kind, name, _) in enumerate(self._columns)
+            if published.get(kind) and not (kind == 'channel' and name in disabled)
+        }
+        self._can_vote = slice(1 + len(config.groups), 1 + 2 * len(config.groups))
         self._messages = (Bool(data=False), Bool(data=True))
-        self._all_off = np.zeros(1 + 2 * n_groups + 2 * config.channels, np.bool_)
+        self._all_off = np.zeros(len(self._columns), np.bool_)
         self._flags, self._valid, self.onsets = self._all_off, False, 0
         if before is not None:
-            self._flags, self._valid = before._carried_to(config), before._valid
-            self.onsets = before.onsets
+            # Decisions on the same groups, and on channels if there are as many, are carried over.
+            flags = dict(zip(before._columns, before._flags, strict=True))
+            self._flags = np.array([flags.get(column, False) for column in self._columns])
+            self._valid, self.onsets = before._valid, before.onsets
         self._flags_bytes = self._flags.tobytes()
         self.envelope_subscribers = self._envelope.get_subscription_count
         for column, publisher in [(0, self._slip), *self._listeners.items()]:
@@ -152,20 +163,6 @@ class Outputs:
         for publisher in self._publishers.values():
             self._node.destroy_publisher(publisher)
         self._publishers.clear()
-
-    def _carried_to(self, config: DetectorConfig) -> NDArray[np.bool_]:
-        """Return the latest decisions in the columns of another configuration."""
-        groups, channels = list(self._config.groups), self._config.channels
-        n_groups = len(config.groups)
-        flags = np.zeros(1 + 2 * n_groups + 2 * config.channels, np.bool_)
-        flags[0] = self._flags[0]
-        for g, name in enumerate(config.groups):
-            if name in groups:
-                was = 1 + groups.index(name)
-                flags[[1 + g, 1 + n_groups + g]] = self._flags[[was, was + len(groups)]]
-        if channels == config.channels:  # Otherwise these are different channels.
-            flags[1 + 2 * n_groups :] = self._flags[1 + 2 * len(groups) :]
-        return flags
 
     @property
     def slip(self) -> bool:

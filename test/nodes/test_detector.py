@@ -135,16 +135,6 @@ def test_messages_that_do_not_fit_are_dropped_and_the_chain_goes_on(bench, rows)
     assert 'the stamp of a message is not after the one before: dropped' in log
 
 
-def test_each_kind_of_dropped_message_is_logged_once_a_second(bench, rows):
-    detected = Detected(bench)
-    begin = detected.settle(rows[0], START_NS, PERIOD_NS)
-    for k in range(60):
-        detected.send(rows[0][:3], begin + k * PERIOD_NS)
-    detected.send_all(rows[:5], begin, PERIOD_NS)
-    log = detected.process.log()
-    assert 1 <= log.count('has 3 channels') < 60
-
-
 def test_the_heart_beats_where_nobody_publishes_a_clock(bench):
     detected = Detected(bench, parameters={'use_sim_time': 'true'})
     beats = len(detected.slip)

@@ -18,7 +18,6 @@ import itertools
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float32MultiArray, Float64MultiArray, Header, MultiArrayDimension
 
@@ -50,34 +49,6 @@ def settled(bench, envelope, voltages, message, at_ns):
     last_ns = at_ns - PERIOD_NS
     bench.wait_for(lambda: stamp_ns(envelope[-1].header.stamp) == last_ns, 'the last decision')
     return at_ns
-
-
-def test_a_field_deep_in_a_message_with_a_header(bench):
-    _, envelope, voltages = started(
-        bench,
-        WrenchStamped,
-        input_type='geometry_msgs/msg/WrenchStamped',
-        input_field='wrench.force.z',
-        channels=1,
-    )
-    values = 2.0 + np.random.default_rng(0).standard_normal(100)
-    message = WrenchStamped(header=Header(frame_id='wrist'))
-    message.wrench.force.z = float(values[0])
-    at_ns = settled(bench, envelope, voltages, message, START_NS)
-    for value in values:
-        message.wrench.force.z = float(value)
-        message.header.stamp = time_message(at_ns)
-        voltages.publish(message)
-        bench.wait_for(
-            lambda at_ns=at_ns: stamp_ns(envelope[-1].header.stamp) == at_ns, 'the decision'
-        )
-        at_ns += PERIOD_NS
-    assert envelope[-1].header.frame_id == 'wrist'
-    chain = SlipChain(DetectorConfig(channels=1))
-    chain.update(values[:1, None])
-    wanted = chain.update(values[:, None]).level
-    heard = [decision.position for decision in envelope[-100:]]
-    np.testing.assert_allclose(heard, wanted, rtol=1e-9)
 
 
 def test_without_a_header_the_middlewares_stamp_counts(bench):

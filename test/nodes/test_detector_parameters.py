@@ -14,8 +14,6 @@
 
 """Parameters of the detector, changed while it runs."""
 
-import dataclasses
-
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from rcl_interfaces.msg import ParameterType
@@ -30,11 +28,9 @@ from rcl_interfaces.srv import (
 from rclpy.parameter import Parameter, parameter_value_to_python
 from std_msgs.msg import Bool
 
-from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.nodes.health import COUNT_KEYS
 from slip_detector.nodes.messages import state_qos
 from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.parameters.fields import default_of
 from support.harness import PERIOD_NS, START_NS, Detected
 
 
@@ -57,60 +53,6 @@ def value_of(bench, name):
     (value,) = ask(bench, GetParameters, 'get_parameters', request).values
     value = parameter_value_to_python(value)
     return list(value) if hasattr(value, '__iter__') and not isinstance(value, str) else value
-
-
-def rows_of(n, seed=0):
-    random = np.random.default_rng(seed)
-    return 4.0 + 0.05 * random.standard_normal((n, 16))
-
-
-def levels(detected, n):
-    return np.array([message.position for message in detected.envelope[-n:]])
-
-
-def test_a_new_threshold_holds_from_the_next_row_and_leaves_the_filters_alone(bench):
-    rows = rows_of(300)
-    detected = Detected(bench)
-    begin = detected.settle(rows[0], START_NS, PERIOD_NS)
-    begin = detected.send_all(rows[:200], begin, PERIOD_NS)
-    chain = SlipChain()
-    chain.update(rows[:1])
-    level = chain.update(rows).level
-    threshold = float(np.median(level[200:]))
-    # An integer where a number is wanted is taken, as on the command line.
-    assert set_all(bench, threshold=threshold, vote=1, flat_after_s=2).successful
-    detected.send_all(rows[200:], begin, PERIOD_NS)
-    np.testing.assert_allclose(levels(detected, 300), level, rtol=1e-9, atol=1e-12)
-    on = np.array([message.effort for message in detected.envelope[-100:]])
-    np.testing.assert_array_equal(on, level[200:] > threshold)
-    assert on.any()
-    assert value_of(bench, 'threshold') == threshold
-    assert value_of(bench, 'flat_after_s') == 2.0
-
-
-def test_a_new_band_takes_over_between_two_rows_settled_on_the_rows_before(bench):
-    rows = rows_of(400)
-    detected = Detected(bench)
-    begin = detected.settle(rows[0], START_NS, PERIOD_NS)
-    begin = detected.send_all(rows[:200], begin, PERIOD_NS)
-    band = {'passband_hz': [20.0, 120.0], 'stopbands_hz': [], 'threshold': 0.25}
-    assert set_all(bench, **band).successful
-    # Rows go on while it is built.
-    sent = 200
-    while 'new filters have taken over' not in detected.process.log():
-        row = rows[sent % 400]
-        begin = detected.send_all([row], begin, PERIOD_NS)
-        sent += 1
-    at = len(detected.envelope)
-    detected.send_all(rows[:100], begin, PERIOD_NS)
-    before = np.concatenate([rows[:1], rows[np.arange(sent) % 400]])
-    config = DetectorConfig.from_parameters(band)
-    chain = SlipChain(config)
-    chain.update(before)
-    wanted = chain.update(rows[:100]).level
-    heard = np.array([message.position for message in detected.envelope[at:]])
-    np.testing.assert_allclose(heard, wanted, rtol=1e-9, atol=1e-12)
-    assert value_of(bench, 'passband_hz') == [20.0, 120.0]
 
 
 def many_channels(channels):
@@ -337,25 +279,3 @@ def test_another_type_of_input_is_taken_while_it_runs(bench):
     bench.start('slip_driver', parameters=driver, reliable_samples=True)
     bench.wait_for(lambda: detected.valid[-1].data, 'slip_valid')
     assert 'voltages with a type' not in detected.process.log()
-
-
-def test_each_parameter_has_a_description_and_numbers_have_their_range(bench):
-    Detected(bench)
-    fields = {field.name: field for field in dataclasses.fields(DetectorConfig)}
-    names = list(DetectorConfig().to_parameters())
-    request = DescribeParameters.Request(names=names)
-    descriptors = ask(bench, DescribeParameters, 'describe_parameters', request).descriptors
-    assert [descriptor.name for descriptor in descriptors] == names
-    for descriptor in descriptors:
-        field = fields[descriptor.name.partition('.')[0]]
-        assert descriptor.description.startswith(field.metadata['meaning'])
-        assert field.metadata['unit'] in descriptor.description
-        assert descriptor.read_only == (field.name == 'autostart')
-        if type(default_of(field)) is float:
-            (bounds,) = descriptor.floating_point_range
-            assert bounds.from_value == field.metadata['low']
-            assert bounds.to_value == field.metadata['high']
-        elif type(default_of(field)) is int:
-            (bounds,) = descriptor.integer_range
-            assert bounds.from_value == field.metadata['low']
-            assert bounds.to_value == field.metadata['high']

@@ -26,10 +26,8 @@ from slip_detector.nodes.messages import sensor_qos, stamp_ns
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.recordings import write_recording
 from slip_detector.sources import open_source
-from support.harness import ROOT, ended_quietly, patient_state_qos, reliable_qos
+from support.harness import ended_quietly, patient_state_qos, reliable_qos
 from support.recorded import read_recording
-
-XELA = ROOT.parent / 'shared' / 'data' / 'xela_uskin_slip'
 
 SHORT_SCENE = """
 sample_rate_hz: 380.0
@@ -195,16 +193,6 @@ def test_a_driver_that_cannot_keep_its_pace_says_how_late_it_is(bench, scene):
 def test_signals_end_the_driver_cleanly(bench, scene, number):
     played = Played(bench, {'scene': scene, 'loop': 'true'}, 50)
     with ended_quietly(played.process, number):
-        pass
-
-
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_signals_end_a_driver_that_still_waits(bench, scene, number):
-    process = bench.start(
-        'slip_driver', parameters={'source': 'scene', 'wait_for_subscribers': 1, 'scene': scene}
-    )
-    bench.wait_for(lambda: 'playing' in process.log(), 'the driver to wait')
-    with ended_quietly(process, number):
         pass
 
 

@@ -27,7 +27,6 @@ from std_msgs.msg import Bool, Float32MultiArray
 from slip_detector.nodes.health import Level
 from slip_detector.nodes.messages import stamp_ns, state_qos
 from slip_detector.sources.packets import PacketDecoder, encode
-from slip_detector.sources.text_lines import LineDecoder
 from support.harness import ended_quietly, reliable_qos
 from support.sensors import (
     SCALE_V,
@@ -92,28 +91,6 @@ class Listening:
         self.bench.wait_for(lambda: self.counted() == wanted, f'{wanted} to be counted')
 
 
-def check_stream(listening, send, pieces, samples):
-    """Check that all ``INTEGERS`` come, in order, stamped as evenly as they were taken."""
-    due = range(0, len(INTEGERS), samples)
-    with sending(send, pieces, RATE_HZ / samples, listening.voltages, due):
-        listening.wait_for(len(INTEGERS))
-    np.testing.assert_array_equal(listening.rows(), SCALE_V * INTEGERS)
-    names = [f'ch{i + 1}' for i in range(16)]
-    assert all(list(message.name) == names for message in listening.voltages)
-    steps_s = np.diff(listening.stamps_ns()) * 1e-9
-    np.testing.assert_allclose(steps_s, 1 / RATE_HZ, rtol=0.1 + 1e-3)
-    assert listening.counted() == {}
-    assert not listening.process.ended()
-
-
-@pytest.mark.parametrize('samples', [1, 10])
-def test_a_clean_serial_stream_arrives_complete_and_in_order(bench, port, samples):
-    listening, send = Listening.to_port(bench, port, frame_id='index_tip')
-    pieces = [on_the_line(packet) for packet in make_packets(INTEGERS, RATE_HZ, samples)]
-    check_stream(listening, send, pieces, samples)
-    assert listening.voltages[0].header.frame_id == 'index_tip'
-
-
 def noise(rng):
     """Return half an hour of random bytes."""
     return [rng.randbytes(NOISE_PIECE) for _ in range(0, NOISE_BYTES, NOISE_PIECE)]
@@ -174,25 +151,6 @@ def test_a_spoilt_udp_stream_gives_the_sound_samples_and_counts_the_rest(bench):
     decoder = PacketDecoder(16, 'int16', SCALE_V, 0.0)
     received = [[samples] if samples else [] for samples in map(decoder.decode, pieces)]
     check_spoilt(listening, send, pieces, received, decoder.counts)
-
-
-def test_noise_on_a_line_of_text_is_no_sample(bench, port):
-    listening, send = Listening.to_port(bench, port, serial_format='text')
-    rng = random.Random(7)
-    sound = ','.join(f'{i}.5' for i in range(16)).encode() + b'\n'
-    pieces = [
-        sound[5:],
-        sound,
-        sound[:-9] + b'\n',
-        sound[:20] + sound,
-        b'1,2,3\n',
-        b'nan,' + sound,
-    ]
-    pieces += [*noise(rng), b'\n', sound]
-    decoder = LineDecoder(16, 0.0)
-    received = [decoder.feed(piece) for piece in pieces]
-    rows = pass_on(listening, send, pieces, received, decoder.counts)
-    assert set(map(tuple, rows)) == {tuple(i + 0.5 for i in range(16))}
 
 
 def check_spoilt(listening, send, pieces, received, counts):

@@ -14,7 +14,6 @@
 
 """The taxels of fingers as markers."""
 
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -28,17 +27,13 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from slip_detector.nodes.markers import (
     LIFETIME_S,
-    SHARE,
     MarkersShown,
-    MarkerTopic,
     finger_markers,
 )
 from slip_detector.nodes.messages import event_qos
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.view.detectors import Finger, drawn_positions, least_distance_m
-from slip_detector.view.server import Access, Server
 from support.harness import patient_qos
-from support.simulated_detectors import SimulatedDetectors
 
 FOUR = DetectorConfig(channels=4, groups={'left': (1, 2), 'right': (3, 4)}, vote=1)
 
@@ -132,11 +127,6 @@ def test_the_text_says_slip_and_which_groups():
     assert rgb(finger_markers(finger)[0]) == rgb(bars(finger)[0])
 
 
-def test_a_finger_that_cannot_tell_slip_says_so():
-    finger = finger_with([np.nan] * 4)
-    assert text_of(finger) == 'index: not valid\nch1, ch2, ch3, ch4 not valid'
-
-
 def test_without_samples_no_channel_looks_as_if_it_were_measured():
     finger = finger_with([3, 0, 0, 0], slip=True)
     finger.sample_s -= FOUR.input_timeout_s + 3
@@ -172,34 +162,6 @@ def test_what_goes_is_deleted_once_in_its_frame():
     assert len(markers) - len(gone) == 3
     assert {marker.action for marker in shown.message([]).markers} == {Marker.DELETE}
     assert shown.message([]).markers == []
-
-
-def test_markers_that_take_long_leave_time_for_the_pages(bench, monkeypatch):
-    now_s, made_s = 100.0, []
-
-    def slow(shown, fingers):
-        nonlocal now_s
-        made_s.append(now_s)
-        now_s += 0.1
-        return MarkerArray()
-
-    clock = SimpleNamespace(monotonic=lambda: now_s)
-    monkeypatch.setattr('slip_detector.nodes.markers.time', clock)
-    monkeypatch.setattr(MarkersShown, 'message', slow)
-    server = Server(SimulatedDetectors(), Access())
-    MarkerTopic(bench.node, server)
-    bench.listen(MarkerArray, 'bench/taxels', event_qos())
-
-    def asked_for():
-        server.tick()
-        return made_s
-
-    bench.wait_for(asked_for, 'somebody to subscribe')
-    for _ in range(100):
-        now_s += 0.02
-        server.tick()
-    assert len(made_s) > 3
-    assert np.diff(made_s) == pytest.approx(0.1 / SHARE, abs=0.021)
 
 
 def test_slip_view_shows_a_real_finger_in_the_frame_of_its_samples_and_the_loss_of_them(bench):

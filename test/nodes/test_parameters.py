@@ -14,8 +14,6 @@
 
 """Configurations as parameters of a node, in this process and of each node with a file."""
 
-import math
-
 import pytest
 
 rclpy = pytest.importorskip('rclpy', reason='needs rclpy')
@@ -71,11 +69,6 @@ def test_what_was_given_is_declared_and_all_else_has_its_default(make):
         assert node.describe_parameter(name).read_only
 
 
-def test_a_name_that_nobody_knows_is_refused_with_one_that_is_like_it(make):
-    with pytest.raises(ValueError, match=r'grip_m.*did you mean grip_n\?'):
-        declare(make(grip_m=3.0), GraspConfig)
-
-
 def test_a_change_is_taken_as_a_whole_with_numbers_as_their_fields_have_them(make):
     node = make()
     taken = followed(node)
@@ -103,37 +96,6 @@ def test_a_change_that_is_not_allowed_is_refused_with_the_reason(make, name, val
     assert words in result.reason
     assert len(taken) == 1
     assert node.get_parameter('gain').value == taken[0].gain
-
-
-@pytest.mark.parametrize(
-    ('name', 'value', 'words'),
-    [
-        # What ros2cli makes of `ros2 param set ... threshold -1`: a whole number.
-        ('threshold', -1, 'parameter threshold is -1, allowed: 1e-30 to 1e+30'),
-        ('threshold', -1.0, 'parameter threshold is -1, allowed: 1e-30 to 1e+30'),
-        ('threshold', math.nan, 'parameter threshold is not a number, allowed: a number'),
-        ('threshold', 'low', "parameter threshold is 'low', allowed: a number"),
-        ('threshold', True, 'parameter threshold is True, allowed: a number'),
-        ('threshold', None, 'parameter threshold cannot be deleted, allowed: groups.<name>'),
-        ('channels', 16.5, 'parameter channels is 16.5, allowed: a whole number'),
-        ('exponent', 0, 'parameter exponent is 0, allowed: 1 to 6'),
-        ('publish_groups', 1, 'parameter publish_groups is 1, allowed: true, false'),
-        ('rectify', 1, 'parameter rectify is 1, allowed: full, half'),
-        ('vote', 0.5, 'parameter vote is 0.5, allowed: all, mean, or a whole number from 1'),
-        ('groups.TP', 1, 'parameter groups.TP is 1, allowed: a list of channel numbers'),
-    ],
-)
-def test_a_refusal_says_what_is_allowed_whatever_the_type_of_the_value(make, name, value, words):
-    node = make()
-    taken = followed(node)
-    before = node.get_parameter(name).value
-    result = node.set_parameters_atomically([Parameter(name, value=value)])
-    assert (result.successful, result.reason) == (False, words)
-    assert len(taken) == 1
-    assert node.get_parameter(name).value == before
-    # It was of that request only.
-    assert node.set_parameters_atomically([Parameter('threshold', value=1)]).successful
-    assert taken[-1].threshold == 1.0
 
 
 def test_what_the_node_cannot_run_is_refused_with_its_reason(make):
@@ -167,20 +129,6 @@ def values_of(bench, node, *names):
     request = GetParameters.Request(names=names)
     values = bench.ask(GetParameters, f'{node}/get_parameters', request).values
     return [parameter_value_to_python(value) for value in values]
-
-
-def test_each_node_takes_what_it_knows_from_the_section_for_all(bench, tmp_path):
-    file = tmp_path / 'all.yaml'
-    file.write_text(
-        '/**:\n  ros__parameters:\n    sample_rate_hz: 400.0\n    limit_n: 8.0\n'
-        '    loop: true\n    source: scene\n'
-    )
-    for node in NODES:
-        bench.start(node, '--params-file', file)
-    assert values_of(bench, 'slip_driver', 'loop') == [True]
-    assert values_of(bench, 'slip_detector', 'sample_rate_hz') == [400.0]
-    assert values_of(bench, 'grasp_controller', 'limit_n') == [8.0]
-    assert values_of(bench, 'slip_driver', 'sample_rate_hz') in ([None], [])
 
 
 @pytest.mark.parametrize('node', NODES)

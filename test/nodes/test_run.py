@@ -42,15 +42,6 @@ def _compiled():
     compile_nodes()
 
 
-@pytest.mark.parametrize('words', [(), ('slip_detectr',)])
-def test_what_can_be_run_is_said(words):
-    done = run(*words)
-    assert done.returncode == 1
-    assert done.stderr.strip() == (
-        f'the first word says what to run, allowed: {", ".join(EXECUTABLES)}'
-    )
-
-
 def check_that_it_says_goodbye(bench, process, executable, number, code):
     bench.wait_for(lambda: executable in bench.node.get_node_names(), 'the node')
     process.signal(number)
@@ -198,41 +189,6 @@ def test_a_signal_ends_a_node_before_it_has_compiled_all(bench, monkeypatch, tmp
     assert len(process.lines()) == 1
     # The start of a driver compiles more than thirty functions.
     assert len(list(tmp_path.rglob('*.nbi'))) < 20
-
-
-# Runs an executable, and sends it a signal once its node has a name but none of its parts.
-SIGNALLED = """
-import os, sys, time
-import rclpy
-from rclpy.node import Node
-from slip_detector.nodes.run import main
-
-initialise, number = Node.__init__, int(sys.argv.pop())
-
-def initialise_and_signal(self, *words, **named):
-    initialise(self, *words, **named)
-    os.kill(os.getpid(), number)
-    deadline_s = time.monotonic() + 60.0
-    while rclpy.ok() and time.monotonic() < deadline_s:
-        time.sleep(0.001)
-    print('ok' if rclpy.ok() else 'shut down', flush=True)
-
-Node.__init__ = initialise_and_signal
-main(sys.argv.pop(1))
-"""
-
-
-@pytest.mark.parametrize('executable', EXECUTABLES)
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_in_the_midst_of_making_a_node_is_a_normal_end(executable, number):
-    words = ['--ros-args', '-p', 'source:=scene'] if executable == 'slip_driver' else []
-    done = subprocess.run(
-        [sys.executable, '-c', SIGNALLED, executable, *words, str(int(number))],
-        capture_output=True, text=True, check=False, timeout=120,
-    )  # fmt: skip
-    assert (done.returncode, done.stdout.splitlines()[-1:]) == (0, ['shut down']), done.stderr
-    assert f'{executable}: ' not in done.stderr
-    assert 'Traceback' not in done.stderr
 
 
 @pytest.mark.parametrize(
