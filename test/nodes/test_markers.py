@@ -14,7 +14,6 @@
 
 """The taxels of fingers as markers."""
 
-
 import numpy as np
 import pytest
 from hypothesis import given
