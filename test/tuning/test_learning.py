@@ -117,14 +117,6 @@ def test_the_mains_is_found_by_its_lines_aliased_or_not(mains_hz, rate_hz, harmo
     found = find_mains(PIEZO, rest(volts, rate_hz=rate_hz))
     assert found.mains_hz == mains_hz
     for line in found.lines:
-        harmonic = line.hum_hz / mains_hz
-        assert harmonic in harmonics or any(
-            abs(line.hum_hz - rate_hz * k) == pytest.approx(one * mains_hz)
-            or abs(line.hum_hz - rate_hz * k) == pytest.approx(abs(one * mains_hz - rate_hz * j))
-            for one in harmonics
-            for k in range(8)
-            for j in range(8)
-        )
         assert line.least_db > LEAST_LINE_DB
         assert 0.0 < line.seen_hz <= rate_hz / 2
 
