@@ -55,7 +55,7 @@ class RecordingConfig(ParameterSet):
         False, 'Resample for slip_evaluate and slip_tune, if needed.'
     )
     recording_limit_mb: float = parameter(
-        1024.0, 'Largest piece held in memory; reading takes at most four.', (1.0, 1e6, 'MB')
+        1024.0, 'Largest piece held in memory; reading takes up to four such.', (1.0, 1e6, 'MB')
     )
     recording_volts_key: str = parameter('volts', 'Name of the array of rows in an npz recording.')
     recording_rate_key: str = parameter('sample_rate_hz', 'Name of the sample rate in an npz.')

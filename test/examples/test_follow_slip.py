@@ -47,7 +47,7 @@ def said(process):
     return [text for line in lines for text in (SLIP, NO_SLIP, UNKNOWN) if line.endswith(text)]
 
 
-# A timeout that is longer than any pause of a busy machine: only the detector's end is told.
+# A timeout longer than any pause of a busy machine: only the end of the detector is noticed.
 def detector(bench):
     return Detected(bench, parameters={'input_timeout_s': 60.0})
 

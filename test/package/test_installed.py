@@ -77,7 +77,7 @@ def test_neither_tests_nor_benchmarks_are_installed(tmp_path):
     assert packages - {'__pycache__'} == {'slip_detector'}
 
 
-def test_what_the_live_page_is_made_of_is_installed(tmp_path):
+def test_the_files_of_the_live_page_are_installed(tmp_path):
     code = (
         'import slip_detector.view.server as p\n'
         'print(*(file.name for path in p.FOLDERS.values() for file in path.rglob("*")))'

@@ -83,7 +83,7 @@ def test_rosdep_knows_every_key_of_package_xml():
     assert keys <= known, 'look it up as rosdep_keys.txt says, then add it there'
 
 
-def test_what_is_installed_is_the_package_without_tests_and_benchmarks(tmp_path):
+def test_the_package_is_installed_without_tests_and_benchmarks(tmp_path):
     command = [sys.executable, 'setup.py', '--quiet', 'build_py', '--build-lib', str(tmp_path)]
     subprocess.run(command, cwd=ROOT, check=True)
     built = {path.relative_to(tmp_path) for path in tmp_path.rglob('*') if path.is_file()}

@@ -40,7 +40,7 @@ TEXT = (ROOT / 'docs' / 'packets.md').read_text(encoding='utf-8')
 
 
 @given(st.data())
-def test_what_is_encoded_is_decoded(data):
+def test_encoded_packets_are_decoded(data):
     values = data.draw(st.sampled_from(sorted(PACKET_KINDS)))
     bits = int(values.removeprefix('u').removeprefix('int'))
     low, high = (0, 2**bits - 1) if values[0] == 'u' else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
@@ -130,7 +130,7 @@ def test_the_packet_after_a_broken_one_is_taken():
         (np.zeros((3000, 4)), 'int16', '3000 rows, allowed: a packet of 8192 bytes'),
     ],
 )
-def test_what_has_no_room_is_not_sent(numbers, values, words):
+def test_samples_that_do_not_fit_a_packet_are_refused(numbers, values, words):
     with pytest.raises(ValueError, match=words):
         encode(numbers, values, 0, 0)
 
