@@ -40,8 +40,11 @@ EVENT_KINDS = ('false alarm', 'missed', 'late', 'detected')
 #: Times before and after the start of a slip or an alarm within which single rows are kept.
 BEFORE_S, AFTER_S = 0.15, 0.3
 
-#: Most cells of the overviews of all recordings in a report: bins, or single rows, times channels.
+#: Most cells of the overviews of all recordings in a report: bins times channels.
 MOST_CELLS = 2**20
+
+#: Most cells of single rows beside them, as a share of those of bins.
+ROWS_SHARE = 0.75
 
 #: Steps of a level's code for a factor of two, and the code of a level that equals the threshold:
 #: above it the channel is ON.
@@ -311,7 +314,7 @@ class Overview:
             (EVENT_KINDS.index(event.kind), chance, event)
             for event, chance in zip(self.events, random, strict=True)
         ]
-        room = self.share * MOST_CELLS / self.config.channels
+        room = ROWS_SHARE * self.share * MOST_CELLS / self.config.channels
         before, after = self.config.samples(BEFORE_S), self.config.samples(AFTER_S)
         spans = []
         for _, _, event in sorted(order, key=lambda one: one[:2]):
