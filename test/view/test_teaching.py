@@ -345,23 +345,6 @@ async def test_a_finger_is_watched_while_it_is_recorded_at_most_until_the_server
     assert (tmp_path / 'index' / 'taps_1' / 'metadata.yaml').exists()
 
 
-@pytest.mark.parametrize(
-    ('kind', 'content', 'said'),
-    [
-        ('teach', {'do': 'dance'}, 'dance is not recorded so, allowed: rest, taps'),
-        ('teach', {'do': 'rest', 'finger': '/thumb/slip_detector'}, 'there is no finger'),
-        ('teach', {'do': ['rest']}, 'is not recorded so'),
-        ('recordings', {'finger': 7}, "there is no finger '7'"),
-        ('delete_recording', {'recording': '../slip_1'}, "there is no recording '../slip_1'"),
-        ('tune', {}, 'there are 0 recordings of slips, allowed: two or more'),
-        ('apply_tuning', {}, 'there is nothing to apply: tune first'),
-    ],
-)
-async def test_impossible_requests_are_refused_in_words(tmp_path, kind, content, said):
-    async with requests(tmp_path) as one:
-        assert said in await one.ask(kind, **content)
-
-
 async def test_a_page_that_may_only_look_is_answered_only_what_changes_nothing(tmp_path):
     async with requests(tmp_path, read_only=True) as one:
         ParameterRequests(one.server, tmp_path)

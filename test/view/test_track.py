@@ -22,8 +22,6 @@ from hypothesis import strategies as st
 from slip_detector.chain.samples import Samples
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.view.track import (
-    KEPT_S,
-    MOST_BYTES,
     SET_BACK_NS,
     LiveTrack,
     Rows,
@@ -94,19 +92,6 @@ def test_a_clock_that_is_set_back_begins_a_new_track_and_a_late_message_does_not
     back_ns = at_ns - 2 * SET_BACK_NS
     track.add_samples(Samples(volts, np.array([back_ns, back_ns + 1])))
     assert (track.beginnings, len(track.samples), len(track.levels)) == (1, 2, 0)
-
-
-@pytest.mark.parametrize(('channels', 'rate_hz'), [(16, 380.0), (10**6, 380.0)])
-def test_a_minute_is_kept_or_as_much_as_memory_allows(channels, rate_hz):
-    track = LiveTrack(ChainConfig(channels=channels, sample_rate_hz=rate_hz))
-    size = sum(
-        values.nbytes
-        for rows in (track.samples, track.levels)
-        for values in (rows._stamps_ns, *rows._fields.values())
-    )
-    assert size <= 1.2 * MOST_BYTES
-    if channels == 16:
-        assert track.samples._kept == round(KEPT_S * rate_hz)
 
 
 def power_v2(found):
