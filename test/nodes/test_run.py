@@ -95,6 +95,13 @@ def test_a_node_that_a_signal_ends_while_it_is_made_says_goodbye(bench, executab
     check_that_it_says_goodbye(bench, process, executable, signal.SIGTERM, 0)
 
 
+@pytest.mark.parametrize('executable', EXECUTABLES)
+def test_help_says_how_a_parameter_file_is_given(executable):
+    done = run(executable, '--help')
+    assert (done.returncode, done.stderr) == (0, '')
+    assert f'  {executable} --ros-args --params-file my_sensor.yaml\n' in done.stdout
+
+
 @pytest.mark.parametrize('executable', ['slip_driver', 'grasp_controller'])
 def test_parameter_files_for_several_nodes_are_for_detectors_only(executable):
     done = run(executable, '--configs', 'a.yaml,b.yaml')
