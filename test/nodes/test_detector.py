@@ -90,20 +90,6 @@ def test_every_topic_says_what_the_chain_decides(bench, rows):
     assert list(sent[0].name) == list(DetectorConfig().names)
 
 
-def test_a_short_gap_is_bridged_with_the_last_row(bench, rows):
-    detected = Detected(bench)
-    begin = detected.settle(rows[0], START_NS, PERIOD_NS)
-    missing = slice(100, 110)
-    at_ns = detected.send_all(rows[: missing.start], begin, PERIOD_NS)
-    detected.send_all(rows[missing.stop :], at_ns + 10 * PERIOD_NS, PERIOD_NS)
-    held = rows.copy()
-    held[missing] = rows[missing.start - 1]
-    wanted = offline(held).level[missing.stop :]
-    heard = [message.position for message in detected.envelope[-len(wanted) :]]
-    np.testing.assert_allclose(heard, wanted, rtol=1e-9, atol=1e-9)
-    assert '10 samples missing, bridged with the last one' in detected.process.log()
-
-
 def test_a_long_gap_restarts_the_chain(bench, rows):
     detected = Detected(bench)
     begin = detected.settle(rows[0], START_NS, PERIOD_NS)

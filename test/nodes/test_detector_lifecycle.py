@@ -54,11 +54,6 @@ main('slip_detector')
 """
 
 
-def test_a_node_that_cannot_be_configured_says_why_and_ends(bench):
-    process = bench.start_python('-c', WITHOUT_MEMORY)
-    assert process.refusal() == 'slip_detector: no memory for the chain'
-
-
 def test_a_manager_is_told_why_a_node_cannot_be_configured(bench):
     process = bench.start_python('-c', WITHOUT_MEMORY, '--ros-args', '-p', 'autostart:=false')
     assert not change(bench, Transition.TRANSITION_CONFIGURE)

@@ -241,29 +241,6 @@ def test_no_sample_is_lost_while_all_parameters_are_loaded_one_by_one(bench):
         assert counts[-1][key] == counts[0][key], (key, process.log())
 
 
-def test_heartbeat_and_topics_change_too(bench):
-    detected = Detected(bench)
-    assert set_all(bench, heartbeat_hz=50.0, publish_channels=False).successful
-
-    def offered():
-        infos = bench.node.get_publishers_info_by_topic('slip')
-        return [info.qos_profile.deadline.nanoseconds for info in infos]
-
-    bench.wait_for(lambda: offered() == [40_000_000], 'the new deadline')
-    beats = len(detected.slip)
-    bench.wait_for(lambda: len(detected.slip) > beats + 5, 'the heartbeat')
-
-    def channels():
-        names = dict(bench.node.get_topic_names_and_types())
-        return [
-            name
-            for name in names
-            if name.startswith('/slip/channel') and bench.node.count_publishers(name)
-        ]
-
-    bench.wait_for(lambda: not channels(), 'the topics of the channels to go')
-
-
 def test_another_type_of_input_is_taken_while_it_runs(bench):
     detected = Detected(bench)
     detected.settle(np.ones(16), START_NS, PERIOD_NS)

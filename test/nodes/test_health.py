@@ -77,41 +77,6 @@ def test_who_publishes_beside_the_one_that_may_is_named():
 
 
 @pytest.mark.parametrize(
-    ('share', 'level'),
-    [
-        (1.0, Level.OK),
-        (1.015, Level.OK),
-        (0.97, Level.WARN),
-        (1.1, Level.ERROR),
-        (0.5, Level.ERROR),
-    ],
-)
-def test_a_wrong_rate_is_measured(share, level):
-    health = Health(CONFIG)
-    fed(health, good(400), period_ns=PERIOD_NS / share)
-    status = summed(health)[0]
-    assert status.level == level
-    assert status.values['measured rate [Hz]'] == f'{380 * share:.2f}'
-    if level:
-        assert f'{380 * share:.1f} samples a second, 380 configured' in status.message
-
-
-def test_silence_is_an_error_and_the_rate_undefined():
-    health = Health(CONFIG)
-    status = summed(health, silent_s=math.inf, valid=False)[0]
-    assert status.level == Level.ERROR
-    assert 'no samples yet' in status.message
-    fed(health, good(10))
-    summed(health)
-    status, channels, decisions = summed(health, silent_s=3.21, valid=False)
-    assert 'no samples for 3.2 s' in status.message
-    assert status.values['measured rate [Hz]'] == '-'
-    assert status.values['age of the samples, median [ms]'] == '-'
-    assert channels.level == decisions.level == Level.ERROR
-    assert decisions.values['time per row [ms]'] == '-'
-
-
-@pytest.mark.parametrize(
     ('value', 'kind'),
     [(math.nan, 'not a number'), (5.0, 'at the upper rail'), (-0.5, 'at the lower rail')],
 )

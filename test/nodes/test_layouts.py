@@ -30,7 +30,6 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.parameters.driver import DriverConfig
 from support.harness import ROOT, Bench
 
 CONFIG = ROOT / 'config'
@@ -187,13 +186,3 @@ def test_foxglove_plots_what_is_published(published):
             else:
                 assert path['label'] == topic.rpartition('/')[2]
     assert types_of(published, topics) == OF_PLOTS
-
-
-def test_foxglove_shows_markers_and_diagnostics(published):
-    panels = foxglove()['configById']
-    shown = dict.fromkeys(panels['3D!taxels']['topics'], MARKERS)
-    shown[panels['DiagnosticSummary!diagnostics']['topicToRender']] = DIAGNOSTICS
-    assert types_of(published, shown) == shown
-    assert panels['3D!taxels']['followTf'] == DriverConfig().frame_id
-    camera = panels['3D!taxels']['cameraState']
-    assert camera['near'] < camera['distance'] / 5
