@@ -113,5 +113,5 @@ def test_only_bags_need_what_reads_them():
 def test_the_nodes_load_neither_plotting_nor_reports_nor_a_serial_port():
     pytest.importorskip('rclpy', reason='needs rclpy')
     (loaded,) = loaded_by(NODES)
-    of_reports = {f'slip_detector.report.{name}' for name in ('overview', 'page', 'page_data')}
+    of_reports = {f'slip_detector.report.{name}' for name in ('overview', 'page', 'page_sections')}
     assert loaded.isdisjoint({*of_reports, 'matplotlib', 'serial'})
