@@ -274,38 +274,6 @@ def _run_tile(volts, chunk, end, t, settings, checked, tile, plan, signals, kept
             votes.gather_levels(block, rows, plan.valid, at, plan.by_channel)
 
 
-@compiled_within
-def _check_all_channels(volts, start, rows, w, settings, tiles, plan):
-    """Run the stages that need all channels of a row: check of samples, impacts, common mode."""
-    for t in plan.active:
-        at = w, t * LANES
-        stages.check_samples(volts, start, rows, at, plan.limits[t], settings, tiles[t], plan)
-    if settings.impact_v > 0.0:
-        plan.held[w] = votes.rows_of_impact(rows, w, settings, plan, tiles)
-    if settings.common_mode != NO_COMMON_MODE:
-        votes.find_common_mode(volts, start, rows, w, settings, plan, tiles)
-
-
-@compiled_within
-def _decide(start, rows, w, settings, plan, flags, signals, kept):
-    """Write the decisions on some rows, and what the last columns of the signals are."""
-    votes.decide(rows, w, settings, plan)
-    _write_flags(plan.decisions, flags, start, rows)
-    column = signals.shape[1] - plan.votes.size
-    if kept & KEEP_EXCESS:
-        held = plan.held[w]
-        for k in range(start, start + rows):
-            signals[k, column - 1] = 1.0 if held & FIRST_ROW else 0.0
-            held = held >> FIRST_ROW
-    if plan.votes.size:
-        votes.find_statistics(
-            plan.by_channel, plan.members, plan.bounds, rows, plan.votes, plan.statistics
-        )
-        for v in range(plan.votes.size):
-            for k in range(rows):
-                signals[start + k, column + v] = plan.statistics[v, k] / settings.threshold
-
-
 @compiled_in_place
 def run(volts, flags, signals, tiles, plan, kept):
     """Run all stages over all rows, from ``volts`` to ``flags`` and ``signals``.
@@ -328,20 +296,41 @@ def run(volts, flags, signals, tiles, plan, kept):
     kept
         The bits of the signals that are wanted.
     """
-    settings = plan.settings[0]
+    settings, chunk_rows = plan.settings[0], plan.held.size * WORD_ROWS
     checked = settings.common_mode != NO_COMMON_MODE or settings.impact_v > 0.0
-    words = plan.held.size
-    for chunk in range(0, volts.shape[0], words * WORD_ROWS):
-        end = min(chunk + words * WORD_ROWS, volts.shape[0])
-        if checked:
-            for start in range(chunk, end, WORD_ROWS):
-                rows, w = min(WORD_ROWS, end - start), (start - chunk) // WORD_ROWS
-                _check_all_channels(volts, start, rows, w, settings, tiles, plan)
+    column = signals.shape[1] - plan.votes.size
+    for chunk in range(0, volts.shape[0], chunk_rows):
+        end = min(chunk + chunk_rows, volts.shape[0])
+        # What needs all channels of a row: impacts and the common mode.
+        for start in range(chunk, end if checked else chunk, WORD_ROWS):
+            rows, w = min(WORD_ROWS, end - start), (start - chunk) // WORD_ROWS
+            for t in plan.active:
+                at, limits = (w, t * LANES), plan.limits[t]
+                stages.check_samples(volts, start, rows, at, limits, settings, tiles[t], plan)
+            if settings.impact_v > 0.0:
+                plan.held[w] = votes.rows_of_impact(rows, w, settings, plan, tiles)
+            if settings.common_mode != NO_COMMON_MODE:
+                votes.find_common_mode(volts, start, rows, w, settings, plan, tiles)
+        # The stages of each channel.
         for t in plan.active:
             _run_tile(volts, chunk, end, t, settings, checked, tiles[t], plan, signals, kept)
+        # The decisions.
         for start in range(chunk, end, WORD_ROWS):
             rows, w = min(WORD_ROWS, end - start), (start - chunk) // WORD_ROWS
-            _decide(start, rows, w, settings, plan, flags, signals, kept)
+            votes.decide(rows, w, settings, plan)
+            _write_flags(plan.decisions, flags, start, rows)
+            if kept & KEEP_EXCESS:
+                held = plan.held[w]
+                for k in range(start, start + rows):
+                    signals[k, column - 1] = 1.0 if held & FIRST_ROW else 0.0
+                    held = held >> FIRST_ROW
+            if plan.votes.size:
+                votes.find_statistics(
+                    plan.by_channel, plan.members, plan.bounds, rows, plan.votes, plan.statistics
+                )
+            for v in range(plan.votes.size):
+                for k in range(rows):
+                    signals[start + k, column + v] = plan.statistics[v, k] / settings.threshold
 
 
 @cache
