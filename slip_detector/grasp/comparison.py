@@ -111,13 +111,12 @@ def grasp_figures(trials: Sequence[GraspTrial], limit_n: float) -> dict[str, Any
     >>> figures['worst_slide_mm'], figures['force_percent'], figures['needed_percent']
     (1.0, 50.0, 40.0)
     """
-    slides_m = [trial.slide_m for trial in trials]
-    slides_mm = [None if slide_m is None else slide_m * 1e3 for slide_m in slides_m]
+    slides_mm = [trial.slide_mm for trial in trials]
     known = [slide_mm for slide_mm in slides_mm if slide_mm is not None]
     all_known = len(known) == len(trials)
     shares = [100.0 * trial.mean_n(trial.force_n) / limit_n for trial in trials]
     needed = [100.0 * trial.mean_n(trial.needed_n) / limit_n for trial in trials]
-    lifted_s = [trial.time_s[np.argmax(trial.needed_n > 0.0)] for trial in trials]
+    onsets = [np.count_nonzero(trial.onsets_s >= trial.lifted_s) for trial in trials]
     return {
         'trials': len(trials),
         'dropped': sum(trial.dropped for trial in trials),
@@ -127,14 +126,7 @@ def grasp_figures(trials: Sequence[GraspTrial], limit_n: float) -> dict[str, Any
         'force_percent': float(np.mean(shares)),
         'most_force_percent': max(shares),
         'needed_percent': float(np.mean(needed)),
-        'onsets': float(
-            np.mean(
-                [
-                    np.count_nonzero(trial.onsets_s >= begin_s)
-                    for trial, begin_s in zip(trials, lifted_s, strict=True)
-                ]
-            )
-        ),
+        'onsets': float(np.mean(onsets)),
     }
 
 

@@ -14,14 +14,18 @@
 
 """The grasp's closed loop without ROS: an object, the chain and the control law, sample by sample.
 
+Each seed has its own object and its own fingertip.
+
 The chain and the law receive no data about the object but the samples.
 
 Time is simulated. A command reaches the gripper ``transport_s`` after the sample that it responds
 to, and then the grip follows with the lag of the scene's part ``motion``.
 """
 
+import copy
+import math
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,11 +33,11 @@ from numpy.typing import NDArray
 
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.grasp.law import GraspLaw
-from slip_detector.grasp.objects import SCENE, object_scene
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.grasp import GraspConfig
-from slip_detector.scenes import Scene
-from slip_detector.scenes.free_object import FINGERS
+from slip_detector.parameters.yaml_files import read_yaml
+from slip_detector.scenes import Scene, find_scene
+from slip_detector.scenes.surface import FINGERS, STANDARD_GRAVITY_M_S2
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
@@ -43,6 +47,51 @@ TRANSPORT_S = 5e-3
 
 #: A command that arrives less than this after a sample arrives with it, but for round-off.
 ROUND_OFF_S = 1e-9
+
+
+#: Ranges of the values that differ from seed to seed; they are drawn uniformly, in this order.
+RANGES: dict[str, tuple[float, float]] = {
+    'mass_kg': (0.15, 0.3),
+    'growth': (2.0, 3.0),  # last weight over first
+    'growing_s': (1.0, 4.0),
+    'static_coefficient': (0.5, 0.8),
+    'kinetic_share': (0.75, 0.95),  # of the static coefficient
+    'spatial_period_m': (300e-6, 800e-6),
+    'ridge_height_m': (50e-6, 100e-6),
+    'knock_s': (2.0, 7.0),
+}
+
+
+def object_scene(
+    seed: int, *, lag_factor: float = 1.0, ridge_factor: float = 1.0
+) -> dict[str, Any]:
+    """Return the scene ``grasp`` with the object and the fingertip of one seed.
+
+    The factors are those on the time in which the gripper follows its command and on the drawn
+    height of the ridges.
+
+    Examples
+    --------
+    >>> 0.15 < object_scene(7)['object']['mass_kg'] < 0.3
+    True
+    """
+    scene: dict[str, Any] = copy.deepcopy(read_yaml(find_scene('grasp')))
+    rng = np.random.default_rng([seed, 1])
+    drawn = {name: float(rng.uniform(*limits)) for name, limits in RANGES.items()}
+    mass_kg, static = drawn['mass_kg'], drawn['static_coefficient']
+    filling = [step for step in scene['steps'] if 'pull_n' in step]
+    filling[0]['duration_s'] = drawn['growing_s']
+    for step in filling:
+        step['pull_n'] = (drawn['growth'] - 1.0) * mass_kg * STANDARD_GRAVITY_M_S2
+    scene['object']['mass_kg'] = mass_kg
+    scene['friction']['static_coefficient'] = static
+    scene['friction']['kinetic_coefficient'] = static * drawn['kinetic_share']
+    scene['texture']['spatial_period_m'] = drawn['spatial_period_m']
+    scene['texture']['ridge_height_m'] = drawn['ridge_height_m'] * ridge_factor
+    scene['electronics']['fingertip_seed'] = seed
+    scene['taps']['times_s'] = [drawn['knock_s']]
+    scene['motion']['ringing_hz'] /= lag_factor
+    return scene
 
 
 class GraspTrial(NamedTuple):
@@ -70,8 +119,8 @@ class GraspTrial(NamedTuple):
     >>> time_s, none = np.arange(3) / 380.0, np.zeros(3)
     >>> slip, slid_m = np.array([False, True, True]), np.array([0.0, 1e-4, 2e-4])
     >>> trial = GraspTrial(time_s, none + 5.0, none + 5.0, slip, slip, slid_m, none + 4.0, 0.1)
-    >>> trial.dropped, trial.slide_m, len(trial.onsets_s), trial.mean_n(trial.force_n)
-    (False, 0.0002, 1, 5.0)
+    >>> trial.dropped, trial.slide_mm, len(trial.onsets_s), trial.mean_n(trial.force_n)
+    (False, 0.2, 1, 5.0)
     """
 
     time_s: Floats
@@ -89,9 +138,14 @@ class GraspTrial(NamedTuple):
         return bool(self.position_m[-1] >= self.length_m)
 
     @property
-    def slide_m(self) -> float | None:
+    def slide_mm(self) -> float | None:
         """Distance that the object slid; None when it was dropped."""
-        return None if self.dropped else float(self.position_m[-1])
+        return None if self.dropped else float(self.position_m[-1]) * 1e3
+
+    @property
+    def lifted_s(self) -> float:
+        """Time from which on the object has to be held."""
+        return float(self.time_s[np.argmax(self.needed_n > 0.0)])
 
     @property
     def onsets_s(self) -> Floats:
@@ -104,41 +158,25 @@ class GraspTrial(NamedTuple):
 
 
 def play_trial(
-    description: Mapping[str, Any],
-    seed: int,
-    chain: SlipChain,
-    law: GraspLaw,
-    transport_s: float = TRANSPORT_S,
+    scene: Scene, chain: SlipChain, law: GraspLaw, transport_s: float = TRANSPORT_S
 ) -> GraspTrial:
     """Close the loop over a scene with an object, from its beginning to its end.
 
-    Parameters
-    ----------
-    description
-        The content of a scene file.
-    seed
-        Seed of the noise.
-    chain, law
-        A new chain and a new law: they are not reset here.
-    transport_s
-        Time from a sample to the arrival of the command that responds to it.
+    Scene, chain and law are new: nothing is reset here. A command arrives ``transport_s`` after
+    the sample that it responds to.
 
     Raises
     ------
     ValueError
-        When the scene has no object, or another sample rate than the chain.
+        When the scene has another sample rate than the chain.
 
     Examples
     --------
-    >>> chain, law = SlipChain(ChainConfig()), GraspLaw(GraspConfig())
-    >>> trial = play_trial(object_scene(0), 0, chain, law)
+    >>> scene = Scene(object_scene(0), np.random.default_rng(0))
+    >>> trial = play_trial(scene, SlipChain(ChainConfig()), GraspLaw(GraspConfig()))
     >>> bool(trial.command_n.max() <= GraspConfig().limit_n)
     True
     """
-    scene = Scene(description, np.random.default_rng(seed))
-    body, friction = scene.parts.get('object'), scene.parts.get('friction')
-    if body is None or friction is None:
-        raise ValueError('the scene holds nothing, allowed: one with the part object')
     if scene.sample_rate_hz != chain.config.sample_rate_hz:
         raise ValueError(
             f'the scene has {scene.sample_rate_hz:g} Hz, allowed: '
@@ -146,65 +184,49 @@ def play_trial(
         )
     under_way: deque[tuple[float, float]] = deque()
     rows: list[tuple[float, ...]] = []
-    commanded_n = -1.0
-    next_s, period_s = 0.0, 1.0 / scene.sample_rate_hz
+    next_s, commanded_n = 0.0, -1.0
     while True:
         while under_way and under_way[0][0] <= next_s:
             scene.hold_force(under_way.popleft()[1])
         # All samples before the next command arrives are read at once.
         arrives_s = under_way[0][0] if under_way else next_s + transport_s
-        many = 1
-        while next_s + many * period_s < arrives_s - ROUND_OFF_S:
-            many += 1
-        samples = scene.read(many)
+        many = math.ceil((arrives_s - ROUND_OFF_S - next_s) * scene.sample_rate_hz)
+        samples = scene.read(max(many, 1))
         if not len(samples.volts):
             break
         result = chain.update(samples.volts, envelope=False, level=False)
-        forces_n = scene.force_n(samples.time_s).tolist()
-        can_vote = [bool(row.any()) for row in result.can_vote]
-        for now_s, slip, valid, force_n, sliding, position_m in zip(
-            samples.time_s.tolist(), result.slip.tolist(), can_vote, forces_n,
-            samples.truth.tolist(), samples.position_m.tolist(), strict=True,
-        ):  # fmt: skip
-            command_n = law.update(now_s, slip, valid)
+        # Without the rounding of the stamps to nanoseconds.
+        time_s = np.rint(samples.stamps_ns * 1e-9 * scene.true_rate_hz) / scene.true_rate_hz
+        columns: tuple[Any, ...] = (
+            time_s, result.slip, result.can_vote.any(axis=1), scene.force_n(time_s),
+            samples.truth, samples.position_m,
+        )  # fmt: skip
+        for now_s, slip, valid, force_n, sliding, position_m in zip(*columns, strict=True):
+            command_n = law.update(float(now_s), slip, valid)
             if command_n != commanded_n:
                 commanded_n = command_n
                 under_way.append((now_s + transport_s, command_n))
             rows.append((now_s, command_n, force_n, slip, sliding, position_m))
-            next_s = now_s + period_s
+            next_s = now_s + 1.0 / scene.sample_rate_hz
     times, commands, forces, slips, slidings, positions = np.array(rows).T
     load_n = np.interp(times, *scene.drive_numbers.load)
-    needed_n = load_n / (FINGERS * friction.static_coefficient)
+    needed_n = load_n / (FINGERS * scene.parts['friction'].static_coefficient)
     return GraspTrial(
-        times, commands, forces, slips > 0.0, slidings > 0.0, positions, needed_n, body.length_m
-    )
+        times, commands, forces, slips > 0.0, slidings > 0.0, positions, needed_n,
+        scene.parts['object'].length_m,
+    )  # fmt: skip
 
 
 def play_trials(
     chain: ChainConfig,
     grasp: GraspConfig,
     seeds: Iterable[int],
-    scene: str = SCENE,
     transport_s: float = TRANSPORT_S,
-    **harder: float,
+    **factors: float,
 ) -> list[GraspTrial]:
-    """Play a trial for each seed, with another object each time.
+    """Play a trial for each seed, with another object and another noise each time.
 
-    Parameters
-    ----------
-    chain, grasp
-        The parameters of the detector and of the controller.
-    seeds
-        Seeds of the objects and of the noise.
-    scene, transport_s
-        As :func:`object_scene` and :func:`play_trial` take them.
-    **harder
-        The factors that :func:`object_scene` takes.
-
-    Raises
-    ------
-    ValueError
-        As :func:`object_scene` and :func:`play_trial`.
+    The ``factors`` are those of :func:`object_scene`; the errors are those of :func:`play_trial`.
 
     Examples
     --------
@@ -212,10 +234,8 @@ def play_trials(
     >>> [trial.dropped for trial in play_trials(ChainConfig(), held, seeds=[0])]
     [False]
     """
-    return [
-        play_trial(
-            object_scene(seed, scene, **harder), seed, SlipChain(chain), GraspLaw(grasp),
-            transport_s,
-        )
-        for seed in seeds
-    ]  # fmt: skip
+    trials = []
+    for seed in seeds:
+        scene = Scene(object_scene(seed, **factors), np.random.default_rng(seed))
+        trials.append(play_trial(scene, SlipChain(chain), GraspLaw(grasp), transport_s))
+    return trials

@@ -14,6 +14,6 @@
 
 """The simulated fingertip: one module for each part; a scene file lists the parts of a scene."""
 
-from slip_detector.scenes.scene import Scene, SceneSamples, find_scene, load_scene
+from slip_detector.scenes.scene import Scene, find_scene, load_scene
 
-__all__ = ['Scene', 'SceneSamples', 'find_scene', 'load_scene']
+__all__ = ['Scene', 'find_scene', 'load_scene']

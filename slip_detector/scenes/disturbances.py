@@ -12,19 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What disturbs a grip: hum, tremor, taps; and the sums of sines of which they are made.
-
-Sums of sines, for hum and tremor.
-
-Mains hum.
-
-Tremor of the hand: it changes the normal force and the position of the surface.
-
-Taps: short pulses of the normal force.
-"""
+"""What disturbs a grip: hum, tremor, taps and rolling."""
 
 import dataclasses
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,52 +23,18 @@ from numpy.typing import NDArray
 from slip_detector.chain.compiled import compiled
 from slip_detector.parameters.fields import parameter
 from slip_detector.parameters.sets import ParameterSet
+from slip_detector.scenes.part import Part
 
 Floats = NDArray[np.float64]
 
-
-class Sines(NamedTuple):
-    """A sum of ``k`` sines, each ``amplitude * sin(angular_rate_rad_s * t + phase_rad)``.
-
-    Attributes
-    ----------
-    amplitude, angular_rate_rad_s, phase_rad : ndarray, shape (k,)
-        The amplitudes have the unit of the sum.
-    """
-
-    amplitude: Floats
-    angular_rate_rad_s: Floats
-    phase_rad: Floats
-
-
-NO_SINES = Sines(np.zeros(0), np.zeros(0), np.zeros(0))
+#: A sum of no sines. One of k sines has the shape (3, k); its rows are the amplitudes in the unit
+#: of the sum, the angular rates in rad/s and the phases in rad.
+NO_SINES = np.zeros((3, 0))
 
 
 @compiled
 def sines_at(t, sines):
-    """Return the sum of the sines at one instant or at many.
-
-    Parameters
-    ----------
-    t : float or ndarray, shape (n,)
-        The instants in seconds.
-    sines : Sines or ndarray, shape (3, k)
-        The rows of an array are the fields of :class:`Sines` in their order; a call with one
-        array is faster.
-
-    Returns
-    -------
-    float or ndarray, as ``t``
-        In the unit of the amplitudes.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from slip_detector.scenes.disturbances import Sines, sines_at
-    >>> hum = Sines(np.array([2.0]), np.array([2 * np.pi * 50]), np.array([0.0]))
-    >>> sines_at(np.array([0.0, 0.005, 0.015]), hum).round(9)
-    array([ 0.,  2., -2.])
-    """
+    """Return the sum of the sines at one instant or at many."""
     amplitude, rate_rad_s, phase_rad = sines[0], sines[1], sines[2]
     total = 0.0 * t
     for k in range(amplitude.size):
@@ -98,13 +55,7 @@ def sines_rate_at(t, sines):
 
 @dataclasses.dataclass(frozen=True)
 class Hum(ParameterSet):
-    """Mains hum, the same on all channels.
-
-    Examples
-    --------
-    >>> Hum(frequency_hz=60, harmonics=[0.0, 0.3]).harmonics
-    (0.0, 0.3)
-    """
+    """Mains hum, the same on all channels."""
 
     frequency_hz: float = parameter(50.0, 'Frequency of the mains.', (1.0, 1e3, 'Hz'))
     amplitude_v: float = parameter(5e-3, 'Amplitude (peak) of the fundamental.', (0.0, 100.0, 'V'))
@@ -112,43 +63,13 @@ class Hum(ParameterSet):
         (), 'Amplitudes of the 2nd, 3rd, ... harmonic, relative to the fundamental.', (0.0, 10.0)
     )
 
-
-class HumVoltage:
-    """The hum of one trial.
-
-    Parameters
-    ----------
-    hum
-        The properties of the hum.
-    trial
-        Generator of the phases: of the fundamental first, then of each harmonic.
-
-    Attributes
-    ----------
-    sines : Sines
-        The fundamental and the harmonics that are not zero, in volts.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from slip_detector.scenes.disturbances import Hum, HumVoltage
-    >>> hum = HumVoltage(Hum(amplitude_v=0.01), np.random.default_rng(0))
-    >>> volts = hum.volts(np.arange(1000) / 1000)
-    >>> round(float(volts.max()), 3)
-    0.01
-    """
-
-    def __init__(self, hum: Hum, trial: np.random.Generator) -> None:
-        amplitude_v: Floats = hum.amplitude_v * np.array([1.0, *hum.harmonics])
-        multiple: Floats = np.arange(1.0, len(amplitude_v) + 1)
-        rate_rad_s = 2 * np.pi * hum.frequency_hz * multiple
+    def sines(self, trial: np.random.Generator) -> Floats:
+        """Return the fundamental and the harmonics that are not zero, in volts."""
+        amplitude_v = self.amplitude_v * np.array([1.0, *self.harmonics])
+        rate_rad_s = 2 * np.pi * self.frequency_hz * np.arange(1.0, len(amplitude_v) + 1)
         phase_rad = trial.uniform(0.0, 2 * np.pi, len(amplitude_v))
         not_zero = amplitude_v > 0.0
-        self.sines = Sines(amplitude_v[not_zero], rate_rad_s[not_zero], phase_rad[not_zero])
-
-    def volts(self, time_s: Floats) -> Floats:
-        """Return the hum of every channel at each time, shape (n,)."""
-        return np.asarray(sines_at(time_s, self.sines), dtype=np.float64)
+        return np.array([row[not_zero] for row in (amplitude_v, rate_rad_s, phase_rad)])
 
 
 #: Number of parts, of equal frequency ratio, of the band of a tremor; each has a pair of sines.
@@ -168,11 +89,6 @@ class Tremor(ParameterSet):
     The default force is about the tremor of healthy fingers in a pinch: the background power in
     Table 1 of https://www.hindawi.com/journals/cmmm/2012/975735/ is up to 50 mN^2, which is 7 mN.
     The default motion is so small that the skin follows it and nothing slides.
-
-    Examples
-    --------
-    >>> Tremor(force_rms_n=0.02).high_hz
-    20.0
     """
 
     low_hz: float = parameter(2.0, 'Lowest frequency.', (0.01, 1e3, 'Hz'))
@@ -193,74 +109,28 @@ class Tremor(ParameterSet):
                 f'{self.low_hz:g} Hz'
             )
 
+    def sines(self, rms: float, trial: np.random.Generator) -> Floats:
+        """Return six sines within the band that have an RMS; nothing is drawn if it is zero.
 
-class HandMotion:
-    """The tremor of one trial: six sines for the normal force, six others for the position.
-
-    The band has three parts of equal frequency ratio; in each of them two neighbouring sines beat
-    slowly. All frequencies are within the band, and the long-term RMS is the configured one.
-
-    Parameters
-    ----------
-    tremor
-        The properties of the tremor.
-    trial
-        Generator of the trial. Force and motion always get a child of it each, in this order;
-        nothing is drawn if the RMS is zero.
-
-    Attributes
-    ----------
-    force_sines, motion_sines : Sines
-        In newtons and metres; empty if the RMS is zero.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from slip_detector.scenes.disturbances import HandMotion, Tremor
-    >>> hand = HandMotion(Tremor(force_rms_n=0.3, motion_rms_m=0.0), np.random.default_rng(0))
-    >>> float(np.sqrt(np.sum(hand.force_sines.amplitude**2) / 2).round(6))
-    0.3
-    >>> len(hand.motion_sines.amplitude)
-    0
-    """
-
-    def __init__(self, tremor: Tremor, trial: np.random.Generator) -> None:
-        of_force, of_motion = trial.spawn(2)
-        self.force_sines = _tremor_sines(tremor, tremor.force_rms_n, of_force)
-        self.motion_sines = _tremor_sines(tremor, tremor.motion_rms_m, of_motion)
-
-
-def _tremor_sines(tremor: Tremor, rms: float, trial: np.random.Generator) -> Sines:
-    if not rms:
-        return NO_SINES
-    # Places on the logarithmic scale from low_hz (0) to high_hz (1), not at the edges.
-    first = np.arange(TREMOR_PAIRS) + trial.uniform(0.05, 0.85, TREMOR_PAIRS)
-    second = first + trial.uniform(0.02, 0.1, TREMOR_PAIRS)
-    places = np.concatenate([first, second]) / TREMOR_PAIRS
-    frequency_hz = tremor.low_hz * (tremor.high_hz / tremor.low_hz) ** places
-    relative = np.repeat([1.0, TREMOR_BEAT], TREMOR_PAIRS)
-    amplitude = relative * rms / np.sqrt(np.sum(np.square(relative)) / 2)
-    phase_rad = trial.uniform(0.0, 2 * np.pi, len(places))
-    return Sines(amplitude, 2 * np.pi * frequency_hz, phase_rad)
-
-
-class TapNumbers(NamedTuple):
-    """The numbers of :class:`Taps` for compiled code; ``begins_s`` is empty without taps."""
-
-    begins_s: Floats
-    peak_force_n: float
-    duration_s: float
+        The band has three parts of equal frequency ratio; in each of them two neighbouring sines
+        beat slowly.
+        """
+        if not rms:
+            return NO_SINES
+        # Places on the logarithmic scale from low_hz (0) to high_hz (1), not at the edges.
+        first = np.arange(TREMOR_PAIRS) + trial.uniform(0.05, 0.85, TREMOR_PAIRS)
+        second = first + trial.uniform(0.02, 0.1, TREMOR_PAIRS)
+        places = np.concatenate([first, second]) / TREMOR_PAIRS
+        frequency_hz = self.low_hz * (self.high_hz / self.low_hz) ** places
+        relative = np.repeat([1.0, TREMOR_BEAT], TREMOR_PAIRS)
+        amplitude = relative * rms / np.sqrt(np.sum(np.square(relative)) / 2)
+        phase_rad = trial.uniform(0.0, 2 * np.pi, len(places))
+        return np.array([amplitude, 2 * np.pi * frequency_hz, phase_rad])
 
 
 @dataclasses.dataclass(frozen=True)
-class Taps(ParameterSet):
-    """Taps: half sines on the normal force, each with the impulse 2 / pi x peak x duration.
-
-    Examples
-    --------
-    >>> Taps(times_s=[1, 2.5], peak_force_n=0.3).times_s
-    (1.0, 2.5)
-    """
+class Taps(Part):
+    """Taps: half sines on the normal force, each with the impulse 2 / pi x peak x duration."""
 
     times_s: tuple[float, ...] = parameter(
         (),
@@ -286,41 +156,58 @@ class Taps(ParameterSet):
                     f'least duration_s, {self.duration_s:g} s, apart'
                 )
 
-    def numbers(self) -> TapNumbers:
+    def numbers(self) -> Any:
         """Return the numbers for compiled code."""
-        return TapNumbers(np.array(self.times_s), self.peak_force_n, self.duration_s)
+        return super().numbers()._replace(times_s=np.array(self.times_s))
+
+
+NO_TAPS = Taps.Numbers(np.zeros(0), 0.0, 1.0)
 
 
 @compiled
-def tap_force_at(t, side, numbers):
-    """Return the force of the taps, which is exactly zero between them.
-
-    Parameters
-    ----------
-    t : float or ndarray, shape (n,)
-        The instants in seconds.
-    side : as ``t``
-        Selects the value at the beginning or the end of a tap: a time on the wanted side of it.
-        Elsewhere the instant itself.
-    numbers : TapNumbers
-        The numbers of at least one tap.
-
-    Returns
-    -------
-    float or ndarray, as ``t``
-        In newtons.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from slip_detector.scenes.disturbances import Taps, tap_force_at
-    >>> taps = Taps(times_s=(1.0,), peak_force_n=0.5, duration_s=0.5).numbers()
-    >>> t = np.array([0.9, 1.25, 1.6])
-    >>> tap_force_at(t, t, taps)
-    array([0. , 0.5, 0. ])
-    """
+def tap_force_at(t, taps):
+    """Return the force in newtons of at least one tap, which is exactly zero between them."""
     # Before the first tap the index is -1, and the time since the last tap is negative.
-    begin = numbers.begins_s[np.searchsorted(numbers.begins_s, side, side='right') - 1]
-    during = (side >= begin) & (side - begin < numbers.duration_s)
-    force = numbers.peak_force_n * np.sin(np.pi / numbers.duration_s * (t - begin))
+    begin = taps.times_s[np.searchsorted(taps.times_s, t, side='right') - 1]
+    during = (t >= begin) & (t - begin < taps.duration_s)
+    force = taps.peak_force_n * np.sin(np.pi / taps.duration_s * (t - begin))
     return np.where(during, force, 0.0)
+
+
+@dataclasses.dataclass(frozen=True)
+class Rolling(Part):
+    """The object rolls over the fingertip and back: the contact moves, and nothing slides."""
+
+    start_s: float = parameter(1.0, 'When rolling begins.', (0.0, 1e6, 's'))
+    duration_s: float = parameter(0.5, 'Time to roll one way.', (1e-3, 3600.0, 's'))
+    hold_s: float = parameter(0.0, 'Rest at either end.', (0.0, 3600.0, 's'))
+    distance_m: tuple[float, float] = parameter(
+        (1.5e-3, 0.0), 'How far the centre of contact moves: x, y.', (-0.1, 0.1, 'm')
+    )
+    repeats: int = parameter(1, 'Number of times it rolls there and back.', (1, 10**6))
+
+
+NO_ROLLING = Rolling.Numbers(0.0, 1.0, 0.0, (0.0, 0.0), 0)
+
+
+@compiled
+def _smooth_step(u):
+    """Return ``3 u^2 - 2 u^3`` of ``u`` limited to 0 to 1; its slope is zero at both ends."""
+    u = np.minimum(np.maximum(u, 0.0), 1.0)
+    return u * u * (3.0 - 2.0 * u)
+
+
+@compiled
+def rolled_at(t, rolling):
+    """Return the displacement x, y in metres of the centre of contact from its place at rest.
+
+    The centre moves along a smooth step, with a continuous velocity that is zero at both ends. The
+    displacement is exactly zero before the start and after the last way back.
+    """
+    one_way = rolling.duration_s + rolling.hold_s
+    cycle_s = 2.0 * one_way
+    since = np.minimum(np.maximum(t - rolling.start_s, 0.0), rolling.repeats * cycle_s)
+    within = since - cycle_s * np.floor(since / cycle_s)
+    there = _smooth_step(within / rolling.duration_s)
+    share = there - _smooth_step((within - one_way) / rolling.duration_s)
+    return share * rolling.distance_m[0], share * rolling.distance_m[1]

@@ -12,78 +12,67 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The drive of a scene: forces and motion of all parts together, at one instant or at many.
+"""The integrator's inputs: what acts on the fingertip over time, and what does not change."""
 
-The same compiled function serves a scene, which calls it for all instants of a read at once, and
-an integrator that calls it for one instant after another.
-"""
-
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from slip_detector.chain import fingertip
 from slip_detector.chain.compiled import compiled
-from slip_detector.scenes.contact import Contact
+from slip_detector.parameters.detector import PAPER_CHANNELS
 from slip_detector.scenes.disturbances import (
+    NO_ROLLING,
     NO_SINES,
+    NO_TAPS,
     TREMOR_PEAK,
-    HandMotion,
-    TapNumbers,
-    Taps,
     Tremor,
+    rolled_at,
     sines_at,
     sines_rate_at,
     tap_force_at,
 )
-from slip_detector.scenes.free_object import STANDARD_GRAVITY_M_S2, FreeObject
+from slip_detector.scenes.electronics import Frontend
+from slip_detector.scenes.friction import Friction, Skin
+from slip_detector.scenes.mechanics import SceneConstants
 from slip_detector.scenes.motion import (
     ForceNumbers,
-    Motion,
     Step,
     force_at,
     force_numbers,
     load_at,
-    load_numbers,
+    load_corners,
     plate_at,
-    plate_numbers,
+    plate_pieces,
 )
-from slip_detector.scenes.rolling import Rolling, rolled_at
+from slip_detector.scenes.surface import (
+    STANDARD_GRAVITY_M_S2,
+    FreeObject,
+    RidgeNumbers,
+    RoughNumbers,
+)
 
 Floats = NDArray[np.float64]
 
-NO_TAPS = TapNumbers(np.zeros(0), 0.0, 1.0)
-NO_ROLLING = np.zeros(0)
 NO_LOAD = np.zeros((2, 0))
+NO_RIDGES = RidgeNumbers(0.0, 0.0, np.zeros(0))
+NO_ROUGHNESS = RoughNumbers(0.0, np.zeros(0), np.zeros(0))
+
+#: Longest step of the integrator, as a phase angle of the skin's own oscillation.
+RINGING_RAD = 0.4
+
+#: Largest number of integrator steps per second of a scene; more would take too long.
+MOST_STEPS_HZ = 2e6
 
 
 class DriveNumbers(NamedTuple):
     """What acts on the fingertip, for compiled code; the defaults stand for absent parts.
 
-    Attributes
-    ----------
-    force : ForceNumbers
-        The normal force of the steps.
-    plate : ndarray, shape (4, k)
-        The plate's motion; its rows are the fields of
-        :class:`slip_detector.scenes.motion.PlateNumbers`.
-    centre_x_m, centre_y_m : float
-        Centre of the contact at rest.
-    load : ndarray, shape (2, k)
-        Force on the object; its rows are the fields of
-        :class:`slip_detector.scenes.motion.LoadNumbers`.
-    taps : TapNumbers
-        The numbers of the taps.
-    rolling : ndarray, shape (6,)
-        The fields of :class:`slip_detector.scenes.rolling.RollingNumbers`.
-    force_sines, motion_sines : ndarray, shape (3, k)
-        The tremor, in newtons and, on a plate, metres; the rows are the fields of
-        :class:`slip_detector.scenes.disturbances.Sines`.
-    force_sines_from_n : float
-        Normal force from which on the tremor's force acts in full.
-    load_sines : ndarray, shape (3, k)
-        Inertial force on the object in a trembling hand, in newtons.
+    ``load_sines`` are the inertial force on the object in a trembling hand; the tremor's force
+    acts in full from the normal force ``force_sines_from_n`` on.
     """
 
     force: ForceNumbers
@@ -91,85 +80,43 @@ class DriveNumbers(NamedTuple):
     centre_x_m: float
     centre_y_m: float
     load: Floats = NO_LOAD
-    taps: TapNumbers = NO_TAPS
-    rolling: Floats = NO_ROLLING
-    force_sines: Floats = np.array(NO_SINES)
+    taps: Any = NO_TAPS
+    rolling: Any = NO_ROLLING
+    force_sines: Floats = NO_SINES
     force_sines_from_n: float = 1.0
-    motion_sines: Floats = np.array(NO_SINES)
-    load_sines: Floats = np.array(NO_SINES)
+    motion_sines: Floats = NO_SINES
+    load_sines: Floats = NO_SINES
 
 
 def drive_numbers(
     parts: Mapping[str, Any], steps: Sequence[Step], of_tremor: np.random.Generator
 ) -> DriveNumbers:
-    """Collect what acts on the fingertip.
-
-    Parameters
-    ----------
-    parts
-        The parts of the scene by their names.
-    steps
-        The steps of the scene.
-    of_tremor
-        Generator of the tremor in this trial.
-
-    Raises
-    ------
-    ValueError
-        When a step is too short for its velocity; names the step.
-
-    Examples
-    --------
-    >>> steps = [Step(1.0, force_n=0.4), Step(1.0, velocity_m_s=0.01)]
-    >>> drive_numbers({}, steps, np.random.default_rng(0)).force.starts_s
-    array([0., 1., 2.])
-    """
-    motion: Motion = parts.get('motion', Motion())
-    contact: Contact = parts.get('contact', Contact())
-    taps: Taps | None = parts.get('taps')
-    rolling: Rolling | None = parts.get('rolling')
-    free_object: FreeObject | None = parts.get('object')
-    tremor: Tremor | None = parts.get('tremor')
-    numbers = DriveNumbers(
-        force_numbers(motion, steps), np.array(plate_numbers(motion, steps)), *contact.centre_m
-    )
-    if taps:
-        numbers = numbers._replace(taps=taps.numbers())
-    if rolling:
-        numbers = numbers._replace(rolling=np.array(rolling.numbers()))
-    if free_object:
-        load = load_numbers(free_object.mass_kg * STANDARD_GRAVITY_M_S2, steps)
-        numbers = numbers._replace(load=np.array(load))
-    if tremor:
-        hand = HandMotion(tremor, of_tremor)
-        sines = hand.motion_sines
-        numbers = numbers._replace(
-            force_sines=np.array(hand.force_sines),
-            force_sines_from_n=TREMOR_PEAK * tremor.force_rms_n,
-            motion_sines=np.array(sines),
-        )
-        if free_object:
+    """Collect what acts on the fingertip; an error names a step too short for its velocity."""
+    given: dict[str, Any] = {
+        name: parts[name].numbers() for name in ('taps', 'rolling') if name in parts
+    }
+    body: FreeObject | None = parts.get('object')
+    if body:
+        given['load'] = load_corners(body.mass_kg * STANDARD_GRAVITY_M_S2, steps)
+    if 'tremor' in parts:
+        tremor: Tremor = parts['tremor']
+        of_force, of_motion = of_tremor.spawn(2)
+        sines = tremor.sines(tremor.motion_rms_m, of_motion)
+        given['force_sines'] = tremor.sines(tremor.force_rms_n, of_force)
+        given['force_sines_from_n'] = TREMOR_PEAK * tremor.force_rms_n
+        given['motion_sines'] = sines
+        if body:
             # In the frame of the trembling hand an inertial force acts on the object.
-            inertia_n = free_object.mass_kg * sines.amplitude * sines.angular_rate_rad_s**2
-            numbers = numbers._replace(load_sines=np.array(sines._replace(amplitude=inertia_n)))
-    return numbers
+            inertia_n = body.mass_kg * sines[0] * sines[1] ** 2
+            given['load_sines'] = np.array([inertia_n, *sines[1:]])
+    force, plate = force_numbers(parts['motion'], steps), plate_pieces(parts['motion'], steps)
+    return DriveNumbers(force, plate, *parts['contact'].centre_m, **given)
 
 
 class Drive(NamedTuple):
-    """What acts on the fingertip at some instants.
+    """What acts on the fingertip at one instant or at many, in SI units.
 
-    Each field is a float, or an array with the shape of the instants.
-
-    Attributes
-    ----------
-    force_n
-        Normal force.
-    centre_x_m, centre_y_m
-        Centre of the contact.
-    velocity_m_s, position_m
-        Velocity and position of the plate; 0 in a scene with an object, which moves by itself.
-    load_n
-        Force on the object; 0 without an object.
+    The velocity and position of the plate are 0 in a scene with an object, which moves by itself.
     """
 
     force_n: Any
@@ -181,14 +128,11 @@ class Drive(NamedTuple):
 
 
 @compiled
-def normal_force_at(t, side, numbers):
-    """Return the normal force with taps and tremor; never negative.
-
-    Parameters and return value as those of :func:`drive_at`; in newtons.
-    """
-    force = force_at(t, side, numbers.force)
-    if numbers.taps.begins_s.size:
-        force = force + tap_force_at(t, side, numbers.taps)
+def normal_force_at(t, numbers):
+    """Return the normal force in newtons with taps and tremor; never negative."""
+    force = force_at(t, numbers.force)
+    if numbers.taps.times_s.size:
+        force = force + tap_force_at(t, numbers.taps)
     if numbers.force_sines.size:
         # Without contact there is no force: the tremor grows with the contact force.
         share = np.minimum(force / numbers.force_sines_from_n, 1.0)
@@ -197,35 +141,67 @@ def normal_force_at(t, side, numbers):
 
 
 @compiled
-def drive_at(t, side, numbers):
-    """Return what acts on the fingertip at one instant or at many.
-
-    Parameters
-    ----------
-    t : float or ndarray, shape (n,)
-        The instants in seconds.
-    side : as ``t``
-        Selects the piece at a corner, where two smooth pieces meet: a time within the wanted
-        piece. Elsewhere the instant itself.
-    numbers : DriveNumbers
-        The numbers of the scene.
-
-    Returns
-    -------
-    Drive
-        Its fields have the shape of ``t``.
-    """
+def drive_at(t, numbers):
+    """Return what acts on the fingertip at one instant or at many."""
     none = 0.0 * t
-    force = normal_force_at(t, side, numbers)
+    force = normal_force_at(t, numbers)
     x, y = none + numbers.centre_x_m, none + numbers.centre_y_m
-    if numbers.rolling.size:
+    if numbers.rolling.repeats:
         rolled_x, rolled_y = rolled_at(t, numbers.rolling)
         x, y = x + rolled_x, y + rolled_y
     if numbers.load.size:
         load = load_at(t, numbers.load) + sines_at(t, numbers.load_sines)
         return Drive(force, x, y, none, none, load)
-    velocity, position = plate_at(t, side, numbers.plate)
+    velocity, position = plate_at(t, numbers.plate)
     if numbers.motion_sines.size:
         velocity = velocity + sines_rate_at(t, numbers.motion_sines)
         position = position + sines_at(t, numbers.motion_sines)
     return Drive(force, x, y, velocity, position, none)
+
+
+def scene_constants(
+    parts: Mapping[str, Any],
+    true_rate_hz: float,
+    longest_step_s: float,
+    frontend: Frontend,
+    of_texture: np.random.Generator,
+) -> SceneConstants:
+    """Build the constants of a scene; an error says that the skin oscillates too fast."""
+    friction: Friction | None = parts.get('friction')
+    body: FreeObject | None = parts.get('object')
+    bandwidth_hz = parts['electronics'].bandwidth_hz
+    steps_per_sample = 1
+    # Without friction and low-pass filter nothing changes between two samples.
+    if friction or bandwidth_hz:
+        step_s = min(longest_step_s, _ringing_step_s(parts['skin']) if friction else math.inf)
+        steps_per_sample = math.ceil(1.0 / (true_rate_hz * step_s) - 1e-9)
+    if steps_per_sample * true_rate_hz > MOST_STEPS_HZ:
+        raise ValueError(
+            f'the scene needs {steps_per_sample * true_rate_hz:.3g} steps for a second, allowed: '
+            f'{MOST_STEPS_HZ:g}; a longer step_s, more damping_n_s_m or mass_kg 0 help'
+        )
+    step_s = 1.0 / (true_rate_hz * steps_per_sample)
+    patches = np.ones(PAPER_CHANNELS if friction else 0)
+    cutoff_rad_s = 2.0 * np.pi * bandwidth_hz
+    return SceneConstants(
+        step_s=step_s,
+        steps_per_sample=steps_per_sample,
+        decay=math.exp(-cutoff_rad_s * step_s) if cutoff_rad_s else -1.0,
+        positions_m=fingertip.taxel_positions(),
+        patches=np.append(patches, body.rest_patches) if body else patches,
+        normal_v_n=frontend.normal_v_n,
+        shear_v_n=frontend.shear_v_n,
+        contact=parts['contact'].numbers(),
+        skin=parts['skin'].numbers(),
+        friction=(friction or Friction()).numbers(),
+        ridges=parts['texture'].ridges(of_texture) if 'texture' in parts else NO_RIDGES,
+        rough=parts['roughness'].profile() if 'roughness' in parts else NO_ROUGHNESS,
+        body=(body or FreeObject()).numbers(),
+    )
+
+
+def _ringing_step_s(skin: Skin) -> float:
+    """Return the longest step that resolves the skin's own oscillation; infinite without one."""
+    if skin.damping_n_s_m**2 >= 4.0 * skin.shear_stiffness_n_m * skin.mass_kg:
+        return math.inf
+    return RINGING_RAD * math.sqrt(skin.mass_kg / skin.shear_stiffness_n_m)

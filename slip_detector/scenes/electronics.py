@@ -12,9 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The electronics of the 16 channels: from loads to volts."""
+"""From loads to samples: the electronics of the 16 channels, and what goes wrong on the way."""
 
 import dataclasses
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,19 +24,14 @@ from numpy.typing import NDArray
 from slip_detector.parameters.detector import PAPER_CHANNELS, PAPER_GROUPS
 from slip_detector.parameters.fields import parameter
 from slip_detector.parameters.sets import ParameterSet
+from slip_detector.scenes.disturbances import NO_SINES, sines_at
 
 Floats = NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True)
 class Electronics(ParameterSet):
-    """The electronics of one fingertip; a seed determines the differences between the channels.
-
-    Examples
-    --------
-    >>> Electronics(adc_bits=12, rails_v=(0, 3.3)).rails_v
-    (0.0, 3.3)
-    """
+    """The electronics of one fingertip; a seed determines the differences between the channels."""
 
     fingertip_seed: int = parameter(
         1, 'Seed of the differences between channels: one seed is one fingertip.', (0, None)
@@ -98,83 +95,125 @@ class Electronics(ParameterSet):
             )
 
 
+@dataclasses.dataclass(frozen=True)
+class Clock(ParameterSet):
+    """A sensor that does not take samples at its nominal rate."""
+
+    rate_ratio: float = parameter(
+        1.01, 'True rate of the samples over the nominal rate.', (0.1, 10.0)
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Faults(ParameterSet):
+    """Channels that fail."""
+
+    from_s: float = parameter(0.0, 'Time at which the channels fail.', (0.0, 1e6, 's'))
+    dead_channels: tuple[int, ...] = parameter(
+        (), 'Channels that read the lower of rails_v.', (1, PAPER_CHANNELS)
+    )
+    flat_channels: tuple[int, ...] = parameter(
+        (), 'Channels that keep reading their first sample from that time on.', (1, PAPER_CHANNELS)
+    )
+    noisy_channels: tuple[int, ...] = parameter(
+        (), 'Channels with more noise.', (1, PAPER_CHANNELS)
+    )
+    noise_v: float = parameter(
+        0.05, 'Standard deviation of the additional noise of noisy_channels.', (0.0, 100.0, 'V')
+    )
+
+    def __post_init__(self) -> None:
+        """Check that at least one channel fails, and each in one way only."""
+        super().__post_init__()
+        failing: set[int] = set()
+        for name in ('dead_channels', 'flat_channels', 'noisy_channels'):
+            for channel in getattr(self, name):
+                if channel in failing:
+                    raise ValueError(
+                        f'parameter {name} has channel {channel}, which fails already, '
+                        'allowed: one fault for a channel'
+                    )
+                failing.add(channel)
+        if not failing:
+            raise ValueError(
+                'parameters dead_channels, flat_channels and noisy_channels are all empty, '
+                'allowed: at least one channel'
+            )
+
+
+@dataclasses.dataclass(frozen=True)
+class Drops(ParameterSet):
+    """Samples that are lost on the way, one at a time or several in a row."""
+
+    share: float = parameter(0.01, 'Share of the samples that are lost.', (0.0, 0.99))
+    burst_samples: float = parameter(
+        1.0, 'Mean number of consecutive lost samples; 1: never two.', (1.0, 1e6)
+    )
+
+    def __post_init__(self) -> None:
+        """Check that bursts of this length can make up the share."""
+        super().__post_init__()
+        most = self.burst_samples / (self.burst_samples + 1)
+        if self.share > most:
+            raise ValueError(
+                f'parameter share is {self.share:g}, allowed: at most {most:g} with a '
+                f'burst_samples of {self.burst_samples:g}, as a sample arrives between two bursts'
+            )
+
+
 class Frontend:
-    """The electronics of one fingertip, from loads in newtons to the volts of a sample.
+    """The electronics of one trial: makes samples of clean volts, with hum, noise and faults.
 
-    The voltage of a taxel is ``baseline_v + normal_v_n * normal load + shear_v_n * shear load``;
-    :meth:`sample` adds drift, noise, rails and converter. Nothing is drawn or computed for a
-    property that is zero.
-
-    Parameters
-    ----------
-    electronics
-        The properties of the electronics.
-    noise
-        Generator of the trial. The drift and the noise always get a child of it each, in this
-        order, so that one does not change the draws of the other.
-
-    Attributes
-    ----------
-    baseline_v, normal_v_n, shear_v_n : ndarray, shape (16,)
-        Voltage without contact and sensitivities of each channel, drawn from the fingertip's
-        own seed.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from slip_detector.scenes.electronics import Electronics, Frontend
-    >>> frontend = Frontend(Electronics(adc_bits=8), np.random.default_rng(0))
-    >>> volts = frontend.sample(np.full((3, 16), 4.3), sample_period_s=1 / 380)
-    >>> np.unique(volts.round(4))  # 8 bits of 5 V
-    array([4.2941])
+    The voltage of a taxel is ``baseline_v + normal_v_n * normal load + shear_v_n * shear load``.
+    Nothing is drawn or computed for a property that is zero. Each property draws from a generator
+    of its own, so that none changes the draws of another.
     """
 
-    def __init__(self, electronics: Electronics, noise: np.random.Generator) -> None:
-        self._electronics = electronics
-        of_fingertip = np.random.default_rng(electronics.fingertip_seed)
-        self.baseline_v: Floats = of_fingertip.uniform(*electronics.baseline_v, PAPER_CHANNELS)
-        varied = 1 + electronics.spread * of_fingertip.standard_normal((2, PAPER_CHANNELS))
-        shares = np.repeat(
-            [[electronics.normal_along_share], [electronics.shear_along_share]],
-            PAPER_CHANNELS,
-            axis=1,
-        )
-        shares[:, [channel - 1 for channel in PAPER_GROUPS['TP'] + PAPER_GROUPS['TD']]] = 1.0
-        self.normal_v_n: Floats = electronics.normal_v_n * shares[0] * varied[0]
-        self.shear_v_n: Floats = electronics.shear_v_n * shares[1] * varied[1]
-        self._drift_steps, self._sample_noise = noise.spawn(2)
+    def __init__(
+        self, parts: Mapping[str, Any], trials: Mapping[str, Any], rate_hz: float
+    ) -> None:
+        self._electronics: Electronics = parts['electronics']
+        self._rate_hz = rate_hz
+        of_fingertip = np.random.default_rng(self._electronics.fingertip_seed)
+        low_v, high_v = self._electronics.baseline_v
+        self.baseline_v: Floats = of_fingertip.uniform(low_v, high_v, PAPER_CHANNELS)
+        varied = 1 + self._electronics.spread * of_fingertip.standard_normal((2, PAPER_CHANNELS))
+        across = [channel - 1 for channel in PAPER_GROUPS['TP'] + PAPER_GROUPS['TD']]
+        along = ~np.isin(np.arange(PAPER_CHANNELS), across)
+        normal_shares = np.where(along, self._electronics.normal_along_share, 1.0)
+        shear_shares = np.where(along, self._electronics.shear_along_share, 1.0)
+        self.normal_v_n: Floats = self._electronics.normal_v_n * normal_shares * varied[0]
+        self.shear_v_n: Floats = self._electronics.shear_v_n * shear_shares * varied[1]
+        self._drift_steps, self._sample_noise = trials['electronics'].spawn(2)
         self._wandered_v = np.zeros(PAPER_CHANNELS)
+        self._hum = parts['hum'].sines(trials['hum']) if 'hum' in parts else NO_SINES
+        self._faults: Faults | None = parts.get('faults')
+        self._fault_noise = trials['faults']
+        self._flat_v: Floats | None = None
+        self._drops: Drops = parts.get('drops', Drops(share=0.0))
+        self._loss_draws = trials['drops']
+        self._lost = False
 
-    def sample(self, clean_v: Floats, sample_period_s: float) -> Floats:
-        """Sample clean voltages: add drift and noise, then apply rails and converter.
+    def sample(self, clean_v: Floats, time_s: Floats) -> Floats:
+        """Sample the next rows of clean volts, shape (n, 16).
 
-        Call it with consecutive rows: the drift continues from call to call. Any cut of the rows
-        into calls gives the same bits.
-
-        Parameters
-        ----------
-        clean_v : ndarray, shape (n, 16)
-            Voltages after the low-pass, without drift and noise.
-        sample_period_s
-            Time from row to row. The drift begins one period before the first row.
-
-        Returns
-        -------
-        ndarray, shape (n, 16)
-            Volts, a new array.
+        Any cut of the rows into calls gives the same bits.
         """
         electronics = self._electronics
-        volts = clean_v
-        if electronics.drift_v and len(clean_v):
-            steps_v = self._drift_steps.standard_normal(clean_v.shape)
-            steps_v *= electronics.drift_v * np.sqrt(sample_period_s)
+        volts = clean_v + self.baseline_v
+        if self._hum.size:
+            volts += sines_at(time_s, self._hum)[:, np.newaxis]
+        if self._faults:
+            self._add_fault_noise(volts, time_s, self._faults)
+        if electronics.drift_v and len(volts):
+            steps_v = self._drift_steps.standard_normal(volts.shape)
+            steps_v *= electronics.drift_v * np.sqrt(1.0 / self._rate_hz)
             steps_v[0] += self._wandered_v
             wandered_v = np.cumsum(steps_v, axis=0)
             self._wandered_v = wandered_v[-1].copy()
-            volts = volts + wandered_v
+            volts += wandered_v
         if electronics.noise_v:
-            noise_v = self._sample_noise.standard_normal(clean_v.shape)
-            volts = volts + electronics.noise_v * noise_v
+            volts += electronics.noise_v * self._sample_noise.standard_normal(volts.shape)
         low_v, high_v = electronics.rails_v
         volts = np.clip(volts, low_v, high_v)
         if electronics.adc_bits:
@@ -182,4 +221,43 @@ class Frontend:
             share = np.rint((volts - low_v) / (high_v - low_v) * top_code) / top_code
             # This form gives both rails exactly; the clip catches round-off if they nearly agree.
             volts = np.clip(low_v * (1.0 - share) + high_v * share, low_v, high_v)
-        return np.asarray(volts, dtype=np.float64)
+        if self._faults:
+            self._repeat_codes(volts, time_s, self._faults)
+        return volts
+
+    def _add_fault_noise(self, volts: Floats, time_s: Floats, faults: Faults) -> None:
+        """Add the noise of bad joints to the analog volts, which rails and converter limit."""
+        noisy = _columns(faults.noisy_channels)
+        if len(noisy) and faults.noise_v:
+            failed = time_s >= faults.from_s
+            noise = self._fault_noise.standard_normal((np.count_nonzero(failed), len(noisy)))
+            volts[np.ix_(failed, noisy)] += faults.noise_v * noise
+
+    def _repeat_codes(self, volts: Floats, time_s: Floats, faults: Faults) -> None:
+        """Let dead and flat channels repeat one code of the converter, without noise."""
+        failed = time_s >= faults.from_s
+        if not np.any(failed):
+            return
+        flat = _columns(faults.flat_channels)
+        if self._flat_v is None:
+            self._flat_v = volts[np.argmax(failed), flat]
+        volts[np.ix_(failed, _columns(faults.dead_channels))] = self._electronics.rails_v[0]
+        volts[np.ix_(failed, flat)] = self._flat_v
+
+    def arrived(self, n: int) -> NDArray[np.bool_]:
+        """Return which of the next ``n`` samples arrive: Gilbert's Markov chain of two states."""
+        arrived = np.ones(n, dtype=np.bool_)
+        if self._drops.share:
+            share, burst = self._drops.share, self._drops.burst_samples
+            goes_on = 1.0 - 1.0 / burst
+            # With this probability the stationary share of the chain is the wanted share.
+            begins = share / ((1.0 - share) * burst)
+            for i, draw in enumerate(self._loss_draws.random(n).tolist()):
+                self._lost = draw < (goes_on if self._lost else begins)
+                arrived[i] = not self._lost
+        return arrived
+
+
+def _columns(channels: tuple[int, ...]) -> NDArray[np.intp]:
+    """Return the columns of channels that are numbered from 1."""
+    return np.array(channels, dtype=np.intp) - 1

@@ -12,11 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The skin, and the friction between it and the surface that moves over it.
+"""The skin over a taxel, and the friction between it and the surface that moves over it.
 
-The skin over one taxel: a spring, a damper and a mass that shear along x.
-
-Friction between the skin over a taxel and the surface that moves over it.
+The skin is a spring, a damper and a mass that shear along x.
 
 LuGre model (Canudas de Wit, Olsson, Astrom, Lischinsky 1995): bristles of deflection z under a
 surface that moves with the velocity w against the skin,
@@ -36,33 +34,17 @@ hold a surface without load:
 
 import dataclasses
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from slip_detector.chain.compiled import compiled
 from slip_detector.parameters.fields import parameter
-from slip_detector.parameters.sets import ParameterSet
-
-
-class SkinNumbers(NamedTuple):
-    """The numbers of a :class:`Skin` for compiled code."""
-
-    stiffness_n_m: float
-    damping_n_s_m: float
-    mass_kg: float
+from slip_detector.scenes.part import Part
 
 
 @dataclasses.dataclass(frozen=True)
-class Skin(ParameterSet):
-    """Skin over one taxel, between the finger and the surface that it touches.
-
-    Examples
-    --------
-    >>> from slip_detector.scenes.friction import Skin
-    >>> Skin(mass_kg=1e-6).numbers()
-    SkinNumbers(stiffness_n_m=800.0, damping_n_s_m=0.3, mass_kg=1e-06)
-    """
+class Skin(Part):
+    """Skin over one taxel, between the finger and the surface that it touches."""
 
     shear_stiffness_n_m: float = parameter(800.0, 'Shear stiffness.', (1e-3, 1e9, 'N/m'))
     damping_n_s_m: float = parameter(
@@ -73,10 +55,6 @@ class Skin(ParameterSet):
         'Mass that moves with the surface of the skin; 0: the skin has no inertia.',
         (0.0, 1.0, 'kg'),
     )
-
-    def numbers(self) -> SkinNumbers:
-        """Return the numbers for compiled code."""
-        return SkinNumbers(self.shear_stiffness_n_m, self.damping_n_s_m, self.mass_kg)
 
 
 #: Lower limit of the load in g(w), which must not be zero. Friction under this load, less than a
@@ -96,30 +74,17 @@ AT_REST = 1e-15
 #: Limit of Newton's iterations: ten times the largest number that was observed.
 MOST_ITERATIONS = 200
 
-COULOMB, LUGRE = 1, 2
-
-
-class FrictionNumbers(NamedTuple):
-    """The numbers of a :class:`Friction` for compiled code."""
-
-    model: int
-    kinetic: float
-    static: float
-    stribeck_m_s: float
-    bristle_n_m: float
-    bristle_n_s_m: float
-    viscous_n_s_m: float
-    unloading_s: float
+#: The models, in the order of their numbers for compiled code.
+MODELS = ('lugre', 'coulomb')
+COULOMB = MODELS.index('coulomb')
 
 
 @dataclasses.dataclass(frozen=True)
-class Friction(ParameterSet):
+class Friction(Part):
     """LuGre friction with Stribeck effect, or Coulomb friction, on the patch over each taxel."""
 
     model: str = parameter(
-        'lugre',
-        'Friction with bristles (lugre) or without (coulomb).',
-        choices=('lugre', 'coulomb'),
+        'lugre', 'Friction with bristles (lugre) or without (coulomb).', choices=MODELS
     )
     kinetic_coefficient: float = parameter(
         0.56, 'Coefficient of friction while sliding.', (0.0, 10.0)
@@ -157,49 +122,15 @@ class Friction(ParameterSet):
                 f'and at most static_coefficient, {self.static_coefficient:g}'
             )
 
-    def numbers(self) -> FrictionNumbers:
-        """Return the numbers for compiled code."""
-        return FrictionNumbers(
-            COULOMB if self.model == 'coulomb' else LUGRE,
-            self.kinetic_coefficient,
-            self.static_coefficient,
-            self.stribeck_velocity_m_s,
-            self.bristle_stiffness_n_m,
-            self.bristle_damping_n_s_m,
-            self.viscous_n_s_m,
-            self.unloading_s,
-        )
-
     def steepest_fall_n_s_m(self, load_n: float) -> float:
         """Return the steepest fall of sliding friction with velocity under a normal load.
 
         g(w) is steepest at w = v_s / sqrt(2).
-
-        Examples
-        --------
-        >>> from slip_detector.scenes.friction import Friction
-        >>> round(Friction().steepest_fall_n_s_m(load_n=0.05), 3)
-        0.214
         """
         if self.model == 'coulomb':
             return 0.0
         drop_n = load_n * (self.static_coefficient - self.kinetic_coefficient)
         return drop_n * math.sqrt(2.0 / math.e) / self.stribeck_velocity_m_s
-
-
-@compiled
-def bristle_force(w, z, load, law):
-    """Return the friction force and dz/dt for the velocity and the deflection."""
-    load = max(load, LIGHTEST_LOAD_N)
-    ratio = w / law.stribeck_m_s
-    level = load * (law.kinetic + (law.static - law.kinetic) * np.exp(-ratio * ratio))
-    rate = law.bristle_n_m * abs(w) / level
-    sliding = w - rate * z
-    damping = law.bristle_n_s_m / (1.0 + law.bristle_n_s_m * abs(w) / level)
-    force = law.bristle_n_m * z + damping * sliding + law.viscous_n_s_m * w
-    most = law.static * load / law.bristle_n_m
-    beyond = z - min(max(z, -most), most)
-    return force, sliding - beyond / law.unloading_s
 
 
 @compiled
@@ -212,18 +143,20 @@ def _drop(ratio):
 @compiled
 def _bristle_stage(w, z, load, step, law):
     """Return force, deflection after an implicit step at constant w, and their slopes in w."""
-    ratio = w / law.stribeck_m_s
-    drop = load * (law.static - law.kinetic) * _drop(ratio)
-    level = load * law.kinetic + drop
-    level_slope = -2.0 * drop * ratio / law.stribeck_m_s
+    sigma0, sigma1 = law.bristle_stiffness_n_m, law.bristle_damping_n_s_m
+    kinetic, static = law.kinetic_coefficient, law.static_coefficient
+    ratio = w / law.stribeck_velocity_m_s
+    drop = load * (static - kinetic) * _drop(ratio)
+    level = load * kinetic + drop
+    level_slope = -2.0 * drop * ratio / law.stribeck_velocity_m_s
     sign = 1.0 if w >= 0.0 else -1.0
     per_level = 1.0 / level
-    share = law.bristle_n_m * per_level
+    share = sigma0 * per_level
     rate = share * abs(w)
     rate_slope = sign * share - rate * level_slope * per_level
     numerator, denominator = z + step * w, 1.0 + step * rate
     after = numerator / denominator
-    most = law.static * load / law.bristle_n_m
+    most = static * load / sigma0
     if abs(after) > most:
         part = step / law.unloading_s
         numerator += part * (most if after > 0.0 else -most)
@@ -232,33 +165,27 @@ def _bristle_stage(w, z, load, step, law):
     after_slope = step * (1.0 - after * rate_slope) / denominator
     sliding = w - rate * after
     sliding_slope = 1.0 - rate_slope * after - rate * after_slope
-    damping = law.bristle_n_s_m / (1.0 + law.bristle_n_s_m * abs(w) * per_level)
-    damping_slope = -damping * damping * rate_slope / law.bristle_n_m
-    force = law.bristle_n_m * after + damping * sliding + law.viscous_n_s_m * w
-    slope = (
-        law.bristle_n_m * after_slope
-        + damping_slope * sliding
-        + damping * sliding_slope
-        + law.viscous_n_s_m
-    )
+    damping = sigma1 / (1.0 + sigma1 * abs(w) * per_level)
+    damping_slope = -damping * damping * rate_slope / sigma0
+    force = sigma0 * after + damping * sliding + law.viscous_n_s_m * w
+    slope = sigma0 * after_slope + damping_slope * sliding + damping * sliding_slope
+    slope += law.viscous_n_s_m
     return force, slope, after, after_slope
 
 
 @compiled
 def _guess(available, impedance, w, z, load, step, law):
     """Solve the stage with g and sigma1 fixed at a given w: a quadratic equation in w >= 0."""
-    drop = (law.static - law.kinetic) * _drop(w / law.stribeck_m_s)
-    per_level = 1.0 / (load * (law.kinetic + drop))
-    damping = law.bristle_n_s_m / (1.0 + law.bristle_n_s_m * w * per_level)
-    per = step * law.bristle_n_m * per_level
+    sigma0, sigma1 = law.bristle_stiffness_n_m, law.bristle_damping_n_s_m
+    kinetic, static = law.kinetic_coefficient, law.static_coefficient
+    drop = (static - kinetic) * _drop(w / law.stribeck_velocity_m_s)
+    per_level = 1.0 / (load * (kinetic + drop))
+    damping = sigma1 / (1.0 + sigma1 * w * per_level)
+    per = step * sigma0 * per_level
     total = impedance + law.viscous_n_s_m
-    b = (
-        available * per
-        - total
-        - step * law.bristle_n_m
-        - damping * (1.0 - law.bristle_n_m * z * per_level)
-    )
-    c = max(available - law.bristle_n_m * z, 0.0)
+    b = available * per - total - step * sigma0
+    b -= damping * (1.0 - sigma0 * z * per_level)
+    c = max(available - sigma0 * z, 0.0)
     root = np.sqrt(b * b + 4.0 * total * per * c)
     return (b + root) / (2.0 * total * per) if b > 0.0 else 2.0 * c / (root - b)
 
@@ -271,18 +198,15 @@ def lugre_stage(available, impedance, w_last, z, load, step, law):
     and the balance has a zero on that side. So Newton's method between two bounds, with bisection
     where it would leave them, always finds w.
 
-    Returns
-    -------
-    w, force, slope, after
-        The velocity, the force, its slope in w, and the deflection after the step.
+    Returns w, the force, its slope in w, and the deflection after the step.
     """
     load = max(load, LIGHTEST_LOAD_N)
     at_rest = z
-    most = law.static * load / law.bristle_n_m
+    most = law.static_coefficient * load / law.bristle_stiffness_n_m
     if abs(z) > most:
         part = step / law.unloading_s
         at_rest = (z + part * (most if z > 0.0 else -most)) / (1.0 + part)
-    balance = available - law.bristle_n_m * at_rest
+    balance = available - law.bristle_stiffness_n_m * at_rest
     round_off = ROUND_OFF * abs(available)
     if abs(balance) <= round_off:
         force, slope, after, _ = _bristle_stage(0.0, z, load, step, law)
@@ -319,19 +243,17 @@ def skin_stage(v, x, u, z, w_last, load, step, skin, law):
 
     m dU/dt + c U + k X = F(w), U = v - w, X the displacement of the skin's surface.
 
-    Returns
-    -------
-    w, force, slope, after
-        The velocity of the surface against the skin, the friction force, its slope in v, and the
-        bristles' deflection after the step.
+    Returns the velocity w of the surface against the skin, the friction force, its slope in v, and
+    the bristles' deflection after the step.
     """
     if load == 0.0 and abs(x) < AT_REST and abs(u) < AT_REST:
         return v, 0.0, 0.0, 0.0
     inertia = skin.mass_kg / step
-    impedance = inertia + skin.damping_n_s_m + skin.stiffness_n_m * step
-    available = inertia * (v - u) + skin.damping_n_s_m * v + skin.stiffness_n_m * (x + step * v)
+    impedance = inertia + skin.damping_n_s_m + skin.shear_stiffness_n_m * step
+    available = inertia * (v - u) + skin.damping_n_s_m * v
+    available += skin.shear_stiffness_n_m * (x + step * v)
     if law.model == COULOMB:
-        most = law.kinetic * load
+        most = law.kinetic_coefficient * load
         if abs(available) <= most:
             return 0.0, available, impedance, 0.0
         force = most if available > 0.0 else -most
@@ -341,39 +263,12 @@ def skin_stage(v, x, u, z, w_last, load, step, skin, law):
     return w, force, slope * impedance / (slope + impedance), after
 
 
-def check_solvable(
-    friction: 'Friction', skin: SkinNumbers, load_n: float, where: str = 'friction'
-) -> None:
+def check_solvable(friction: Friction, skin: Skin, load_n: float, where: str = 'friction') -> None:
     """Raise an error for parameters that do not determine the motion of the skin.
 
-    Parameters
-    ----------
-    friction
-        Friction between skin and surface.
-    skin
-        The skin over one taxel.
-    load_n
-        Largest normal load of a taxel.
-    where
-        Beginning of the error message.
-
-    Raises
-    ------
-    ValueError
-        When friction falls with velocity faster than the skin's damping rises: each patch would
-        stick and slip by itself, too fast for any step. Also for skin without mass and damping,
-        where nothing determines how fast a patch moves when it begins to slip.
-
-    Examples
-    --------
-    >>> from slip_detector.scenes.friction import Friction, check_solvable
-    >>> from slip_detector.scenes.friction import Skin
-    >>> steep = Friction(kinetic_coefficient=0.1, static_coefficient=1.0)
-    >>> try:
-    ...     check_solvable(steep, Skin().numbers(), load_n=0.1)
-    ... except ValueError as error:
-    ...     print(str(error)[:47])
-    friction: falls with velocity by up to 7.72 N s
+    Friction must not fall with velocity faster than the skin's damping rises: each patch would
+    stick and slip by itself, too fast for any step. And something must determine how fast skin
+    without mass and damping moves when it begins to slip.
     """
     fall = friction.steepest_fall_n_s_m(load_n)
     damping = skin.damping_n_s_m + friction.viscous_n_s_m

@@ -21,26 +21,21 @@ equation for one velocity. An object in the grip adds one equation for its own v
 part of a scene has empty arrays or neutral numbers in :class:`SceneConstants`.
 """
 
-from typing import NamedTuple
+import functools
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain.compiled import compiled
-from slip_detector.scenes.contact import HertzNumbers, spread_load
-from slip_detector.scenes.free_object import FINGERS, ObjectNumbers
-from slip_detector.scenes.friction import (
-    LIGHTEST_LOAD_N,
-    MOST_ITERATIONS,
-    FrictionNumbers,
-    SkinNumbers,
-    skin_stage,
-)
-from slip_detector.scenes.texture import (
+from slip_detector.scenes.friction import LIGHTEST_LOAD_N, MOST_ITERATIONS, skin_stage
+from slip_detector.scenes.surface import (
+    FINGERS,
     RidgeNumbers,
     RoughNumbers,
     ridges_between,
     roughness_between,
+    spread_load,
 )
 
 Floats = NDArray[np.float64]
@@ -67,28 +62,14 @@ FOUND_RELATIVE_VELOCITY, FOUND_FORCE, FOUND_SLOPE, FOUND_DEFLECTION = range(4)
 # The object's state.
 POSITION, SPEED, LOST = range(3)
 
-# The ledger of energy: work done on the friction, energy stored in its bristles, and the smallest
-# difference of the two so far.
-WORK, STORED, LEAST = range(3)
-
 
 class SceneConstants(NamedTuple):
     """The integrator's inputs that do not change while a scene runs.
 
-    Attributes
-    ----------
-    step_s : float
-        Step of the integrator.
-    steps_per_sample : int
-    decay : float
-        Factor on the low-pass filter's state in a step; negative without a filter.
-    positions_m : ndarray, shape (channels, 2)
-    patches : ndarray, shape (patches,)
-        How many equal patches of skin each element stands for; empty without friction.
-    normal_v_n, shear_v_n : ndarray, shape (channels,)
-        Sensitivities of the channels.
-    hertz, skin, friction, ridges, rough, body
-        The numbers of the parts.
+    ``decay`` is the factor on the low-pass filter's state in a step, negative without a filter.
+    ``patches`` says how many equal patches of skin each element stands for: none without friction,
+    else one for each channel, and with an object another one for the skin between the taxels.
+    ``contact``, ``skin``, ``friction`` and ``body`` are the numbers of these parts.
     """
 
     step_s: float
@@ -98,29 +79,21 @@ class SceneConstants(NamedTuple):
     patches: Floats
     normal_v_n: Floats
     shear_v_n: Floats
-    hertz: HertzNumbers
-    skin: SkinNumbers
-    friction: FrictionNumbers
+    contact: Any
+    skin: Any
+    friction: Any
     ridges: RidgeNumbers
     rough: RoughNumbers
-    body: ObjectNumbers
+    body: Any
 
 
 class State(NamedTuple):
     """The state of a scene between two steps.
 
-    Attributes
-    ----------
-    patches : ndarray, shape (patches, 4)
-        Displacement and velocity of the skin, deflection of the bristles, and velocity of the
-        surface against the skin; empty without friction.
-    body : ndarray, shape (3,)
-        Position and velocity of the object, and whether it is lost.
-    smoothed_v : ndarray, shape (channels,)
-        State of the low-pass filter.
-    before : ndarray, shape (channels, 3)
-        Load, displacement of the skin, and position of the surface relative to it, at the end of
-        the last step.
+    ``patches`` has the displacement and velocity of the skin, the deflection of the bristles and
+    the velocity of the surface against the skin; ``body`` the position and velocity of the object,
+    and whether it is lost; ``before`` the load, the displacement of the skin and the position of
+    the surface relative to it at the end of the last step, for each channel.
     """
 
     patches: Floats
@@ -129,7 +102,8 @@ class State(NamedTuple):
     before: Floats
 
 
-@compiled
+# Not inlined it would take a fifth more time, as its many inputs are passed one by one.
+@functools.partial(compiled, forceinline=True)
 def _find_stage(v, step, loads, base, patches, found, constants):
     """Advance all patches by one implicit step under a surface of velocity v.
 
@@ -202,29 +176,17 @@ def _take_stage(v, step, base, patches, found):
 
 
 @compiled
-def _add_work(weight_s, found, constants, ledger):
-    """Add the work done on the friction in a stage to the ledger."""
-    for p in range(constants.patches.size):
-        ledger[WORK] += (
-            weight_s
-            * constants.patches[p]
-            * found[p, FOUND_FORCE]
-            * found[p, FOUND_RELATIVE_VELOCITY]
-        )
-
-
-@compiled
-def _step(i, drive, state, constants, loads, base, found, ledger):
+def _step(i, drive, state, constants, loads, base, found):
     """Take one step of skin and object; ``loads`` are set to those at its end."""
     patches, body = state.patches, state.body
     diagonal_s = DIAGONAL * constants.step_s
-    with_object = constants.body.mass_kg > 0.0
+    with_object = constants.patches.size > constants.positions_m.shape[0]
     surface_v = 0.0
     for stage in range(2):
         force = 0.0 if body[LOST] else drive.force_n[i, stage]
         spread_load(
             force, drive.centre_x_m[i, stage], drive.centre_y_m[i, stage], constants.positions_m,
-            constants.hertz, constants.body.rest_patches, loads,
+            constants.contact, constants.body.rest_patches, loads,
         )  # fmt: skip
         if stage == 0:
             base[:, :] = patches[:, :3]
@@ -248,15 +210,6 @@ def _step(i, drive, state, constants, loads, base, found, ledger):
             surface_v = drive.velocity_m_s[i, stage]
             _find_stage(surface_v, diagonal_s, loads, base, patches, found, constants)
         _take_stage(surface_v, diagonal_s, base, patches, found)
-        if ledger.size:
-            share = 1.0 - DIAGONAL if stage == 0 else DIAGONAL
-            _add_work(share * constants.step_s, found, constants, ledger)
-    if ledger.size:
-        stored = 0.0
-        for p in range(patches.shape[0]):
-            stored += constants.patches[p] * patches[p, DEFLECTION] ** 2
-        ledger[STORED] = 0.5 * constants.friction.bristle_n_m * stored
-        ledger[LEAST] = min(ledger[LEAST], ledger[WORK] - ledger[STORED])
     if with_object and body[POSITION] > constants.body.length_m:
         body[LOST] = 1.0
         body[SPEED] = 0.0
@@ -274,7 +227,7 @@ def _sense(c, load, displacement, place, before, constants):
         texture += ridges_between(before[2], place, constants.ridges)
     if mean_load > 0.0 and constants.rough.heights.size:
         texture += roughness_between(before[2], place, constants.rough)
-    shear = constants.skin.stiffness_n_m * 0.5 * (before[1] + displacement)
+    shear = constants.skin.shear_stiffness_n_m * 0.5 * (before[1] + displacement)
     return constants.normal_v_n[c] * mean_load * (1.0 + texture) + constants.shear_v_n[c] * shear
 
 
@@ -308,35 +261,22 @@ def _sliding_share(state, loads, constants):
 
 
 @compiled
-def advance(drive, state, constants, begin, clean_v, position_m, sliding, ledger):
+def advance(drive, state, constants, begin, clean_v, position_m, sliding):
     """Advance a scene by some samples, and change its state in place.
 
-    Parameters
-    ----------
-    drive : Drive
-        Arrays of shape (m, 2), with the values at the two stages (:data:`STAGE_TIMES`) of each
-        step. Each sample has ``steps_per_sample`` steps. With ``begin`` the first sample is taken
-        before any step, and the first row of the drive is for this sample.
-    state : State
-        The state of the scene.
-    constants : SceneConstants
-        The constants of the scene.
-    begin : bool
-        Whether the first sample is the first of the scene.
-    clean_v : ndarray, shape (n, channels)
-        Filled with the volts of the channels, without baselines and noise.
-    position_m : ndarray, shape (n,)
-        Filled with the position of plate or object.
-    sliding : ndarray, shape (n,)
-        Filled with the share of the load under which the surface slides; 0 without friction.
-    ledger : ndarray, shape (3,) or (0,)
-        Work done on the friction, energy stored in it, and the smallest difference of the two so
-        far; not computed if the array is empty.
+    The fields of the drive have the shape (m, 2), with the values at the two stages
+    (:data:`STAGE_TIMES`) of each step. Each sample has ``steps_per_sample`` steps. With ``begin``
+    the first sample is the first of the scene: it is taken before any step, and the first row of
+    the drive is for this sample.
+
+    Filled are ``clean_v``, shape (n, channels), with the volts without baselines and noise, and
+    ``position_m`` and ``sliding``, shape (n,), with the position of plate or object and the share
+    of the load under which the surface slides.
     """
     n_patches = constants.patches.size
     loads = np.zeros(max(n_patches, constants.positions_m.shape[0]))
     base, found = np.zeros((n_patches, 3)), np.zeros((n_patches, 4))
-    with_object = constants.body.mass_kg > 0.0
+    with_object = constants.patches.size > constants.positions_m.shape[0]
     smooth = constants.decay >= 0.0
     i = 0
     for k in range(clean_v.shape[0]):
@@ -344,13 +284,14 @@ def advance(drive, state, constants, begin, clean_v, position_m, sliding, ledger
         steps = 1 if start else constants.steps_per_sample
         for j in range(steps):
             if n_patches and not start:
-                _step(i, drive, state, constants, loads, base, found, ledger)
+                _step(i, drive, state, constants, loads, base, found)
             last = j == steps - 1
             if smooth or last:
                 if not n_patches or start:
                     spread_load(
                         drive.force_n[i, 1], drive.centre_x_m[i, 1], drive.centre_y_m[i, 1],
-                        constants.positions_m, constants.hertz, constants.body.rest_patches, loads,
+                        constants.positions_m, constants.contact, constants.body.rest_patches,
+                        loads,
                     )  # fmt: skip
                 position = state.body[POSITION] if with_object else drive.position_m[i, 1]
                 _sense_all(state, loads, position, constants, smooth and not start, clean_v[k])

@@ -12,15 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The steps of a scene, and the forces and motions that follow them.
+"""The steps of a scene: what is done to the fingertip, and the forces and motions that follow.
 
-The steps of a scene: what is done to the fingertip, one after another.
-
-The normal force of the steps, and the motion of the plate or the load on the object.
-
-Each has a closed form in pieces, which meet at corners. The compiled functions take one instant or
-many, and ``side``, which selects the piece at a corner: a time within the wanted piece there, the
-instant itself elsewhere.
+The normal force, the motion of the plate and the load on an object have a closed form in pieces.
 """
 
 import dataclasses
@@ -40,13 +34,7 @@ MOST_STEPS = 10_000
 
 @dataclasses.dataclass(frozen=True)
 class Step(ParameterSet):
-    """One step of a scene; forces and shares change linearly to reach their values at its end.
-
-    Examples
-    --------
-    >>> Step(duration_s=0.5, force_n=0.4).velocity_m_s
-    0.0
-    """
+    """One step of a scene; forces and shares change linearly to reach their values at its end."""
 
     duration_s: float = parameter(1.0, 'Duration of the step.', (1e-3, 36000.0, 's'))
     force_n: float = parameter(
@@ -65,29 +53,7 @@ class Step(ParameterSet):
 
 
 def read_steps(entries: Any) -> list[Step]:
-    """Read the steps of a scene file.
-
-    Parameters
-    ----------
-    entries
-        The list under ``steps``; each entry has the parameters of :class:`Step` by their names.
-
-    Raises
-    ------
-    ValueError
-        For an empty list or a step that is wrong; names the step.
-
-    Examples
-    --------
-    >>> from slip_detector.scenes.motion import read_steps
-    >>> press, slide = read_steps([{'force_n': 0.4}, {'velocity_m_s': 6.7e-3}])
-    >>> press.force_n, slide.velocity_m_s, slide.duration_s
-    (0.4, 0.0067, 1.0)
-    >>> read_steps([{'force': 0.4}])
-    Traceback (most recent call last):
-    ...
-    ValueError: steps: step 1: unknown parameter force = 0.4; did you mean force_n?
-    """
+    """Read the list under ``steps`` of a scene file; an error names the step."""
     if not isinstance(entries, list) or not entries:
         raise ValueError(f'steps is {shown(entries)}, allowed: a list of at least one step')
     if len(entries) > MOST_STEPS:
@@ -109,13 +75,7 @@ LEAST_FROM_CRITICAL = 1e-6
 
 @dataclasses.dataclass(frozen=True)
 class Motion(ParameterSet):
-    """The platform: its acceleration, and the ringing of the contact after a change of load.
-
-    Examples
-    --------
-    >>> Motion(ringing_hz=25).ringing_damping
-    0.3
-    """
+    """The platform: its acceleration, and the ringing of the contact after a change of load."""
 
     acceleration_m_s2: float = parameter(
         0.46, 'Acceleration between two velocities.', (1e-3, 1e6, 'm/s2')
@@ -127,32 +87,17 @@ class Motion(ParameterSet):
 
 
 @compiled
-def _piece_at(side_s, starts_s):
-    """Return the index of the piece at a time; before the first piece it is 0.
-
-    Parameters
-    ----------
-    side_s : float or ndarray, shape (n,)
-        The times.
-    starts_s : ndarray, shape (k,)
-        Begin of each piece, in rising order.
-    """
-    return np.maximum(np.searchsorted(starts_s, side_s, side='right') - 1, 0)
+def _piece_at(t, starts_s):
+    """Return the index of the piece at one instant or at many; before the first piece it is 0."""
+    return np.maximum(np.searchsorted(starts_s, t, side='right') - 1, 0)
 
 
 class ForceNumbers(NamedTuple):
-    """The normal force in pieces, for compiled code.
+    """The normal force in k pieces, for compiled code.
 
-    Attributes
-    ----------
-    starts_s, command_n, slope_n_s : ndarray, shape (k,)
-        When each piece begins, and the command and its slope there.
-    ringing : ndarray of complex, shape (k, 2)
-        Amplitudes of the two modes at the start of each piece.
-    roots_1_s : ndarray of complex, shape (2,)
-        The roots of the two modes.
-    lag_s : float
-        Delay of the force behind a ramp.
+    When each piece begins, the command and its slope there, and the amplitudes of two modes of
+    ringing, shape (k, 2), whose roots are those of ``roots_1_s``; the force is ``lag_s`` behind a
+    ramp.
     """
 
     starts_s: Floats
@@ -164,9 +109,9 @@ class ForceNumbers(NamedTuple):
 
 
 @compiled
-def _pulling_force_at(t, side, numbers):
+def _pulling_force_at(t, numbers):
     """Return the force, which is negative where the plate would have to pull the fingertip."""
-    k = _piece_at(side, numbers.starts_s)
+    k = _piece_at(t, numbers.starts_s)
     since = t - numbers.starts_s[k]
     force = numbers.command_n[k] + numbers.slope_n_s[k] * (since - numbers.lag_s)
     for mode in range(2):
@@ -175,44 +120,22 @@ def _pulling_force_at(t, side, numbers):
 
 
 @compiled
-def force_at(t, side, numbers):
+def force_at(t, numbers):
     """Return the force in newtons; never negative, as a fingertip does not stick to the plate."""
-    return np.maximum(_pulling_force_at(t, side, numbers), 0.0)
+    return np.maximum(_pulling_force_at(t, numbers), 0.0)
 
 
 def force_numbers(motion: Motion, steps: Sequence[Step]) -> ForceNumbers:
-    """Return the normal force, which follows the command like a mass on a damped spring.
-
-    The command is linear between corners, so the force has a closed form at any instant.
-
-    Parameters
-    ----------
-    motion
-        The ringing of the contact.
-    steps
-        The steps, which have the commands.
-
-    Examples
-    --------
-    >>> from slip_detector.scenes.motion import Motion, force_at, force_numbers
-    >>> from slip_detector.scenes.motion import Step
-    >>> force = force_numbers(Motion(), [Step(duration_s=0.5, force_n=0.4), Step(2.0)])
-    >>> round(float(force_at(2.5, 2.5, force)), 6)
-    0.4
-    """
+    """Return the normal force, which follows the command like a mass on a damped spring."""
     omega = 2 * np.pi * motion.ringing_hz
     ratio = motion.ringing_damping
     if abs(ratio - 1.0) < LEAST_FROM_CRITICAL:
         ratio = 1.0 + LEAST_FROM_CRITICAL
     spread = np.sqrt(complex(ratio**2 - 1.0))
-    numbers = ForceNumbers(
-        starts_s=np.zeros(1),
-        command_n=np.zeros(1),
-        slope_n_s=np.zeros(1),
-        ringing=np.zeros((1, 2), complex),
-        roots_1_s=np.array([-omega * (ratio - spread), -omega * (ratio + spread)], complex),
-        lag_s=2 * motion.ringing_damping / omega,
-    )
+    none = np.zeros(1)
+    roots_1_s = np.array([-omega * (ratio - spread), -omega * (ratio + spread)], complex)
+    lag_s = 2 * motion.ringing_damping / omega
+    numbers = ForceNumbers(none, none, none, np.zeros((1, 2), complex), roots_1_s, lag_s)
     time_s = force_n = 0.0
     for step in steps:
         target_n = force_n if step.force_n < 0.0 else step.force_n
@@ -222,20 +145,15 @@ def force_numbers(motion: Motion, steps: Sequence[Step]) -> ForceNumbers:
 
 
 def held_force(numbers: ForceNumbers, time_s: float, force_n: float) -> ForceNumbers:
-    """Return the force with the command ``force_n`` from ``time_s`` on.
-
-    The later commands of the steps are dropped, and so are the pieces before ``time_s``.
-    """
+    """Return the force with the command ``force_n`` from ``time_s`` on, and nothing else."""
     before = _pieces(numbers, slice(int(_piece_at(time_s, numbers.starts_s)) + 1))
     return _pieces(_with_piece(before, time_s, force_n, 0.0), slice(-2, None))
 
 
 def _pieces(numbers: ForceNumbers, kept: slice) -> ForceNumbers:
     """Return some of the pieces."""
-    starts_s, command_n, slope_n_s, ringing, roots_1_s, lag_s = numbers
-    return ForceNumbers(
-        starts_s[kept], command_n[kept], slope_n_s[kept], ringing[kept], roots_1_s, lag_s
-    )
+    names = ('starts_s', 'command_n', 'slope_n_s', 'ringing')
+    return numbers._replace(**{name: getattr(numbers, name)[kept] for name in names})
 
 
 def _with_piece(
@@ -246,7 +164,7 @@ def _with_piece(
     k = _piece_at(start_s, numbers.starts_s)
     modes = numbers.ringing[k] * np.exp((start_s - numbers.starts_s[k]) * roots)
     rate_n_s = numbers.slope_n_s[k] + float((modes * roots).sum().real)
-    force_n = float(_pulling_force_at(start_s, start_s, numbers))
+    force_n = float(_pulling_force_at(start_s, numbers))
     a = force_n - (command_n - slope_n_s * numbers.lag_s)
     first = (rate_n_s - slope_n_s - q * a) / (p - q)
     # Pieces must begin at different times: a step shorter than the resolution of the time is lost.
@@ -260,62 +178,21 @@ def _with_piece(
     )
 
 
-class PlateNumbers(NamedTuple):
-    """The plate's motion in pieces of constant acceleration, for compiled code.
-
-    Attributes
-    ----------
-    starts_s, acceleration_m_s2, velocity_m_s, position_m : ndarray, shape (k,)
-        When each piece begins, and acceleration, velocity and position there.
-    """
-
-    starts_s: Floats
-    acceleration_m_s2: Floats
-    velocity_m_s: Floats
-    position_m: Floats
-
-
 @compiled
-def plate_at(t, side, numbers):
-    """Return the velocity and the position of the plate along x.
-
-    Parameters
-    ----------
-    t, side : float or ndarray, shape (n,)
-        The instants in seconds, and the sides; see the module's docstring.
-    numbers : PlateNumbers or ndarray, shape (4, k)
-        The rows of an array are the fields of :class:`PlateNumbers` in their order; a call with
-        one array is faster.
-
-    Returns
-    -------
-    velocity_m_s, position_m
-        Floats or arrays, as ``t``.
-    """
-    starts_s, acceleration, velocity, position = numbers[0], numbers[1], numbers[2], numbers[3]
-    k = _piece_at(side, starts_s)
+def plate_at(t, plate):
+    """Return velocity and position of the plate along x, at one instant or at many."""
+    starts_s, acceleration, velocity, position = plate[0], plate[1], plate[2], plate[3]
+    k = _piece_at(t, starts_s)
     since = t - starts_s[k]
     gained = acceleration[k] * since
     return velocity[k] + gained, position[k] + (velocity[k] + 0.5 * gained) * since
 
 
-def plate_numbers(motion: Motion, steps: Sequence[Step]) -> PlateNumbers:
-    """Return the motion of the plate in the steps.
+def plate_pieces(motion: Motion, steps: Sequence[Step]) -> Floats:
+    """Return the motion of the plate in k pieces of constant acceleration, shape (4, k).
 
-    Raises
-    ------
-    ValueError
-        When a step is too short for its velocity; names the step.
-
-    Examples
-    --------
-    >>> from slip_detector.scenes.motion import Motion, plate_at, plate_numbers
-    >>> from slip_detector.scenes.motion import Step
-    >>> steps = [Step(1.0), Step(1.0, velocity_m_s=0.01)]
-    >>> plate = plate_numbers(Motion(acceleration_m_s2=0.1), steps)
-    >>> velocity_m_s, position_m = plate_at(2.0, 2.0, plate)
-    >>> round(float(velocity_m_s), 6), round(float(position_m), 6)
-    (0.01, 0.0095)
+    The rows: when each begins, and acceleration, velocity and position there. An error names the
+    step that is too short for its velocity.
     """
     time_s = 0.0
     corner_times, velocities = [0.0], [0.0]
@@ -337,48 +214,22 @@ def plate_numbers(motion: Motion, steps: Sequence[Step]) -> PlateNumbers:
         time_s += step.duration_s
     lasts_s = np.diff(corner_times)
     passed_m = lasts_s * (np.array(velocities[:-1]) + velocities[1:]) / 2
-    return PlateNumbers(
-        starts_s=np.array(corner_times),
-        # After the last step the plate keeps its velocity.
-        acceleration_m_s2=np.append(np.diff(velocities) / lasts_s, 0.0),
-        velocity_m_s=np.array(velocities),
-        position_m=np.concatenate([[0.0], np.cumsum(passed_m)]),
-    )
-
-
-class LoadNumbers(NamedTuple):
-    """The force on the object, linear from corner to corner, for compiled code.
-
-    Attributes
-    ----------
-    corners_s, force_n : ndarray, shape (k,)
-        Empty without an object.
-    """
-
-    corners_s: Floats
-    force_n: Floats
+    # After the last step the plate keeps its velocity.
+    accelerations = np.append(np.diff(velocities) / lasts_s, 0.0)
+    positions_m = np.append(0.0, np.cumsum(passed_m))
+    return np.array([corner_times, accelerations, velocities, positions_m])
 
 
 @compiled
-def load_at(t, numbers):
-    """Return the force on the object along x; ``numbers`` as those of :func:`plate_at`."""
-    return np.interp(t, numbers[0], numbers[1])
+def load_at(t, load):
+    """Return the force on the object along x in newtons."""
+    return np.interp(t, load[0], load[1])
 
 
-def load_numbers(weight_n: float, steps: Sequence[Step]) -> LoadNumbers:
-    """Return the load on the object: the carried share of its weight plus the pull of the steps.
+def load_corners(weight_n: float, steps: Sequence[Step]) -> Floats:
+    """Return times and values of the load on the object between which it is linear, shape (2, k).
 
-    Parameters
-    ----------
-    weight_n
-        Weight of the object.
-    steps
-        The steps of the scene.
-
-    Examples
-    --------
-    >>> load_numbers(2.0, [Step(1.0, carried=0.5), Step(1.0, pull_n=0.3)]).force_n
-    array([0. , 1. , 1.3])
+    It is the carried share of the object's weight plus the pull of the steps.
     """
     times, forces = [0.0], [0.0]
     carried = 0.0
@@ -386,4 +237,4 @@ def load_numbers(weight_n: float, steps: Sequence[Step]) -> LoadNumbers:
         carried = carried if step.carried < 0.0 else step.carried
         times.append(times[-1] + step.duration_s)
         forces.append(carried * weight_n + step.pull_n)
-    return LoadNumbers(np.array(times), np.array(forces))
+    return np.array([times, forces])

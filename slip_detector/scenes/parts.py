@@ -12,12 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The parts of a scene: which there are, and which go together.
-
-The parts that a scene file can have, by their names.
-
-Checks that the parts of a scene are compatible with each other and with its steps.
-"""
+"""The parts of a scene: which there are, how they are read, and which go together."""
 
 import dataclasses
 import math
@@ -26,15 +21,11 @@ from typing import Any
 
 from slip_detector.parameters.fields import parameter, shown, shown_name
 from slip_detector.parameters.sets import ParameterSet
-from slip_detector.scenes.contact import Contact
-from slip_detector.scenes.disturbances import TREMOR_PEAK, Hum, Taps, Tremor
-from slip_detector.scenes.electronics import Electronics
-from slip_detector.scenes.faults import Clock, Drops, Faults
-from slip_detector.scenes.free_object import FreeObject
+from slip_detector.scenes.disturbances import TREMOR_PEAK, Hum, Rolling, Taps, Tremor
+from slip_detector.scenes.electronics import Clock, Drops, Electronics, Faults
 from slip_detector.scenes.friction import Friction, Skin, check_solvable
 from slip_detector.scenes.motion import Motion, Step
-from slip_detector.scenes.rolling import Rolling
-from slip_detector.scenes.texture import Roughness, Texture
+from slip_detector.scenes.surface import Contact, FreeObject, Roughness, Texture
 
 #: The class of each part. The order must not change: each part draws from the generator that is
 #: spawned for its position.
@@ -57,15 +48,13 @@ PARTS: dict[str, type[ParameterSet]] = {
 }
 
 
+#: Parts that every scene has, with their defaults if its file does not name them.
+ALWAYS = ('motion', 'contact', 'skin', 'electronics')
+
+
 @dataclasses.dataclass(frozen=True)
 class Sampling(ParameterSet):
-    """The parameters of a scene file beside its steps and parts.
-
-    Examples
-    --------
-    >>> Sampling(sample_rate_hz=1000).step_s
-    0.00035
-    """
+    """The parameters of a scene file beside its steps and parts."""
 
     sample_rate_hz: float = parameter(380.0, 'Rate of the samples.', (1.0, 1e6, 'Hz'))
     step_s: float = parameter(
@@ -80,49 +69,18 @@ NOT_PARTS = ('steps', *(field.name for field in dataclasses.fields(Sampling)))
 
 
 def read_sampling(description: Mapping[str, Any]) -> Sampling:
-    """Read the sampling of a scene.
-
-    Raises
-    ------
-    ValueError
-        For a value that is not allowed; names the parameter.
-
-    Examples
-    --------
-    >>> read_sampling({'steps': [{}], 'sample_rate_hz': 1000}).sample_rate_hz
-    1000.0
-    """
-    names = [field.name for field in dataclasses.fields(Sampling)]
-    return Sampling.from_parameters({key: description[key] for key in names if key in description})
+    """Read the sampling of a scene."""
+    given = {name: description[name] for name in NOT_PARTS[1:] if name in description}
+    return Sampling.from_parameters(given)
 
 
 def read_parts(description: Mapping[str, Any]) -> dict[str, Any]:
-    """Read the parts of a scene.
+    """Return the parts in the content of a scene file, and those that every scene has.
 
-    ``friction: none`` means no friction, ``friction: coulomb`` that model with its defaults.
-
-    Parameters
-    ----------
-    description
-        The content of a scene file.
-
-    Returns
-    -------
-    dict
-        The parts by their names, each an object of its class in :data:`PARTS`.
-
-    Raises
-    ------
-    ValueError
-        For an unknown part or a value that is not allowed; names the part and the parameter.
-
-    Examples
-    --------
-    >>> from slip_detector.scenes.parts import read_parts
-    >>> read_parts({'steps': [{}], 'friction': 'none', 'clock': {'rate_ratio': 0.99}})
-    {'clock': Clock(rate_ratio=0.99)}
+    ``friction: none`` means no friction, ``friction: coulomb`` that model with its defaults. An
+    error names an unknown part, or the part and the parameter of a value that is not allowed.
     """
-    parts: dict[str, Any] = {}
+    parts: dict[str, Any] = {name: PARTS[name]() for name in ALWAYS}
     for name, content in description.items():
         if name in NOT_PARTS:
             continue
@@ -139,89 +97,44 @@ def read_parts(description: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def check_parts(parts: Mapping[str, Any], steps: Sequence[Step], true_rate_hz: float) -> None:
-    """Raise an error for parts of a scene that contradict each other.
-
-    Parameters
-    ----------
-    parts
-        The parts of the scene by their names.
-    steps
-        The steps of the scene.
-    true_rate_hz
-        Rate at which the samples are taken.
-
-    Raises
-    ------
-    ValueError
-        Names the part, what is wrong with it, and what is allowed.
-
-    Examples
-    --------
-    >>> check_parts({'object': {}}, [Step()], true_rate_hz=380.0)
-    Traceback (most recent call last):
-    ValueError: object: falls without friction, allowed: with the part friction
-    """
-    electronics: Electronics = parts.get('electronics', Electronics())
-    friction: Friction | None = parts.get('friction')
-    texture: Texture | None = parts.get('texture')
+    """Raise an error for parts of a scene that contradict each other, or its steps."""
+    aliases = 'texture' in parts and not parts['electronics'].bandwidth_hz
     largest_velocity_m_s = max(abs(step.velocity_m_s) for step in steps)
     if 'object' in parts:
-        if not friction:
+        if 'friction' not in parts:
             raise ValueError('object: falls without friction, allowed: with the part friction')
         if largest_velocity_m_s:
             raise ValueError(
                 'steps: velocity_m_s is not 0, allowed: 0 with an object, which moves by itself'
             )
-        if texture and not electronics.bandwidth_hz:
+        if aliases:
             raise ValueError(
                 'electronics: bandwidth_hz is 0, allowed: above 0 with an object and texture, as '
                 'ridges may pass faster than the sample rate can resolve'
             )
     elif any(step.carried >= 0.0 or step.pull_n for step in steps):
         raise ValueError('steps: carried and pull_n are for an object, allowed: with that part')
-    elif texture and not electronics.bandwidth_hz:
-        highest_hz = largest_velocity_m_s * texture.highest_wavenumber_1_m
+    elif aliases:
+        highest_hz = largest_velocity_m_s * parts['texture'].highest_wavenumber_1_m
         if highest_hz > true_rate_hz / 2:
             raise ValueError(
                 f'texture: ridges pass at up to {highest_hz:.4g} Hz, which aliases at a sample '
                 f'rate of {true_rate_hz:g} Hz; allowed: with bandwidth_hz of the part '
                 'electronics, or below half the sample rate'
             )
-    if friction:
+    if 'friction' in parts:
         check_grip(parts, _largest_force_n(parts, steps))
 
 
 def check_grip(parts: Mapping[str, Any], force_n: float, where: str = 'friction') -> None:
-    """Raise an error for a normal force under which the skin would chatter.
-
-    Parameters
-    ----------
-    parts
-        The parts of the scene by their names; friction is one of them.
-    force_n
-        Largest normal force.
-    where
-        Beginning of the error message.
-
-    Raises
-    ------
-    ValueError
-        As in :func:`slip_detector.scenes.friction.check_solvable`.
-
-    Examples
-    --------
-    >>> from slip_detector.scenes.friction import Friction
-    >>> check_grip({'friction': Friction()}, force_n=1.0)
-    """
-    skin: Skin = parts.get('skin', Skin())
-    contact: Contact = parts.get('contact', Contact())
-    check_solvable(parts['friction'], skin.numbers(), contact.largest_load_n(force_n), where)
+    """Raise an error for a normal force under which the skin would chatter."""
+    load_n = parts['contact'].largest_load_n(force_n)
+    check_solvable(parts['friction'], parts['skin'], load_n, where)
 
 
 def _largest_force_n(parts: Mapping[str, Any], steps: Sequence[Step]) -> float:
     """Return the largest normal force that steps and disturbances can cause."""
-    motion: Motion = parts.get('motion', Motion())
-    ratio = motion.ringing_damping
+    ratio = parts['motion'].ringing_damping
     overshoot = math.exp(-math.pi * ratio / math.sqrt(1 - ratio**2)) if ratio < 1.0 else 0.0
     most_n = (1.0 + overshoot) * max(step.force_n for step in steps)
     if 'taps' in parts:

@@ -12,66 +12,33 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A scene: combines its parts and produces samples.
-
-Finds scene files by name, and builds their scenes.
-"""
+"""A scene: combines its parts and produces samples; and scene files by their names."""
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from slip_detector.chain.samples import Samples
+from slip_detector.parameters.conversion import shown
 from slip_detector.parameters.detector import PAPER_CHANNELS, default_channel_names
-from slip_detector.parameters.fields import shown
-from slip_detector.parameters.files import read_yaml, shared_folder
-from slip_detector.scenes.constants import scene_constants
-from slip_detector.scenes.contact import Contact
-from slip_detector.scenes.disturbances import HumVoltage
-from slip_detector.scenes.drive import Drive, drive_at, drive_numbers, normal_force_at
-from slip_detector.scenes.electronics import Electronics, Frontend
-from slip_detector.scenes.faults import Clock, FaultyChannels, LossyLink
-from slip_detector.scenes.mechanics import STAGE_TIMES, State, advance
-from slip_detector.scenes.motion import (
-    LoadNumbers,
-    Motion,
-    PlateNumbers,
-    held_force,
-    plate_at,
-    read_steps,
+from slip_detector.parameters.shared_folder import shared_folder
+from slip_detector.parameters.yaml_files import read_yaml
+from slip_detector.scenes.drive import (
+    Drive,
+    drive_at,
+    drive_numbers,
+    normal_force_at,
+    scene_constants,
 )
+from slip_detector.scenes.electronics import Frontend
+from slip_detector.scenes.mechanics import STAGE_TIMES, State, advance
+from slip_detector.scenes.motion import held_force, plate_at, read_steps
 from slip_detector.scenes.parts import PARTS, check_grip, check_parts, read_parts, read_sampling
 
 Floats = NDArray[np.float64]
-
-
-class SceneSamples(NamedTuple):
-    """Consecutive samples of a scene, oldest first.
-
-    Attributes
-    ----------
-    volts : ndarray, shape (n, 16)
-    truth : ndarray of bool, shape (n,)
-        Whether there is slip.
-    position_m : ndarray, shape (n,)
-        Position of the platform, or of the object where the scene has one.
-    time_s : ndarray, shape (n,)
-        Time of each sample since the beginning of the scene.
-
-    Examples
-    --------
-    >>> from slip_detector.scenes import find_scene, load_scene
-    >>> samples = load_scene(find_scene('plate_440um'), np.random.default_rng(0)).read(10)
-    >>> isinstance(samples, SceneSamples), samples.volts.shape, samples.time_s[:2].tolist()
-    (True, (10, 16), [0.0, 0.002631578947368421])
-    """
-
-    volts: Floats
-    truth: NDArray[np.bool_]
-    position_m: Floats
-    time_s: Floats
 
 
 class Scene:
@@ -79,7 +46,7 @@ class Scene:
 
     A scene has the parts that its description names. Without ``friction`` the skin is not sheared,
     without ``texture`` and ``roughness`` the surface is smooth, without ``object`` a plate moves
-    as the steps tell. Contact, motion and electronics have defaults and are always there.
+    as the steps tell. Contact, motion, skin and electronics have defaults and are always there.
 
     Parameters
     ----------
@@ -101,9 +68,7 @@ class Scene:
     duration_s : float
         Duration of all steps.
     parts : dict
-        The parts of the description by their names.
-    motion, contact, electronics
-        The parts that are always there.
+        The parts of the description and those that are always there, by their names.
     drive_numbers : DriveNumbers
         What acts on the fingertip.
     constants : SceneConstants
@@ -125,8 +90,8 @@ class Scene:
     >>> samples = scene.read(1000)
     >>> samples.volts.shape  # 1.5 s at 380 Hz
     (570, 16)
-    >>> float(samples.time_s[samples.truth][0].round(3))
-    1.003
+    >>> int(samples.stamps_ns[samples.truth][0])
+    1002631579
     """
 
     def __init__(self, description: Mapping[str, Any], trial: np.random.Generator) -> None:
@@ -136,8 +101,8 @@ class Scene:
         children = dict(zip(PARTS, trial.spawn(len(PARTS)), strict=True))
         self.channel_names = default_channel_names(PAPER_CHANNELS)
         self.sample_rate_hz = sampling.sample_rate_hz
-        clock: Clock | None = parts.get('clock')
-        self.true_rate_hz = self.sample_rate_hz * (clock.rate_ratio if clock else 1.0)
+        rate_ratio = parts['clock'].rate_ratio if 'clock' in parts else 1.0
+        self.true_rate_hz = self.sample_rate_hz * rate_ratio
         self.duration_s = sum(step.duration_s for step in steps)
         self.length = round(self.duration_s * self.true_rate_hz)
         if not self.length:
@@ -145,18 +110,9 @@ class Scene:
                 f'steps: all take {self.duration_s:g} s, allowed: at least one sample at '
                 f'{self.true_rate_hz:g} Hz'
             )
-        self.motion: Motion = parts.get('motion', Motion())
-        self.contact: Contact = parts.get('contact', Contact())
-        self.electronics: Electronics = parts.get('electronics', Electronics())
         self.drive_numbers = drive_numbers(parts, steps, children['tremor'])
         check_parts(parts, steps, self.true_rate_hz)
-        self._frontend = Frontend(self.electronics, children['electronics'])
-        self._hum = HumVoltage(parts['hum'], children['hum']) if 'hum' in parts else None
-        self._faults: FaultyChannels | None = None
-        if 'faults' in parts:
-            lowest_v = self.electronics.rails_v[0]
-            self._faults = FaultyChannels(parts['faults'], children['faults'], lowest_v)
-        self._link = LossyLink(parts['drops'], children['drops']) if 'drops' in parts else None
+        self._frontend = Frontend(parts, children, self.true_rate_hz)
         self.constants = scene_constants(
             parts, self.true_rate_hz, sampling.step_s, self._frontend, children['texture']
         )
@@ -168,14 +124,8 @@ class Scene:
         #: Largest grip that passed the check; a smaller one passes too.
         self._allowed_n = 0.0
         # Compile the functions now, so that the first read does not wait for it.
-        advance(self.drive(np.zeros((0, 2))), self.state, self.constants, False, np.zeros((0, 16)),
-                np.zeros(0), np.zeros(0), np.zeros(0))  # fmt: skip
+        self.clean(0)
         self._truth(np.zeros(0), np.zeros(0))
-
-    @property
-    def largest_velocity_m_s(self) -> float:
-        """Largest speed of the plate in either direction; 0 if it never moves."""
-        return float(np.abs(PlateNumbers(*self.drive_numbers.plate).velocity_m_s).max())
 
     def hold_force(self, force_n: float) -> None:
         """Command a normal force from the next sample on, in place of that of the steps.
@@ -198,43 +148,10 @@ class Scene:
 
     def force_n(self, time_s: Floats) -> Floats:
         """Return the normal force at given times, with disturbances."""
-        return np.asarray(normal_force_at(time_s, time_s, self.drive_numbers), dtype=np.float64)
+        return np.asarray(normal_force_at(time_s, self.drive_numbers), dtype=np.float64)
 
-    def drive(self, time_s: Floats) -> Drive:
-        """Return forces and motion at given instants.
-
-        Parameters
-        ----------
-        time_s : ndarray, shape (n, 2)
-            The instants of the two stages of each step of the integrator.
-        """
-        flat_s = time_s.ravel()
-        drive = drive_at(flat_s, flat_s, self.drive_numbers)
-        return Drive(*(part.reshape(time_s.shape) for part in drive))
-
-    def corners_s(self) -> Floats:
-        """Return the times at which force or motion has a corner, in order."""
-        numbers, taps = self.drive_numbers, self.drive_numbers.taps
-        corners = [numbers.force.starts_s, PlateNumbers(*numbers.plate).starts_s]
-        corners.append(LoadNumbers(*numbers.load).corners_s)
-        corners += [taps.begins_s, taps.begins_s + taps.duration_s]
-        if 'rolling' in self.parts:
-            corners.append(self.parts['rolling'].corners_s(self.duration_s))
-        times_s = np.concatenate(corners)
-        return np.unique(times_s[(times_s > 0.0) & (times_s < self.duration_s)])
-
-    def clean(
-        self, n: int, ledger: Floats | None = None
-    ) -> tuple[Floats, Floats, Floats, NDArray[np.float64]]:
+    def clean(self, n: int) -> tuple[Floats, Floats, Floats, Floats]:
         """Advance by up to ``n`` samples and return the signals of the fingertip without noise.
-
-        Parameters
-        ----------
-        n
-            Number of samples.
-        ledger : ndarray, shape (3,), optional
-            Filled with the energies of the friction; see
-            :func:`slip_detector.scenes.mechanics.advance`.
 
         Returns
         -------
@@ -258,39 +175,31 @@ class Scene:
         stages_s = (of_steps[:, np.newaxis] + np.array(STAGE_TIMES)) * constants.step_s
         if begin and m:
             stages_s = np.concatenate([np.zeros((1, 2)), stages_s])
-        advance(
-            self.drive(stages_s), self.state, constants, begin, clean_v, position_m, sliding,
-            np.zeros(0) if ledger is None else ledger,
-        )  # fmt: skip
+        flat = drive_at(stages_s.ravel(), self.drive_numbers)
+        drive = Drive(*(values.reshape(stages_s.shape) for values in flat))
+        advance(drive, self.state, constants, begin, clean_v, position_m, sliding)
         time_s = np.arange(first, self._next) / self.true_rate_hz
         return time_s, clean_v, position_m, sliding
 
-    def read(self, n: int) -> SceneSamples:
-        """Return the next ``n`` samples.
+    def read(self, n: int) -> Samples:
+        """Return the next ``n`` samples with their labels, stamped from the scene's begin on.
 
-        Any cut of a scene into reads gives the same bits.
-
-        Returns
-        -------
-        SceneSamples
-            Fewer than ``n`` at the end or if the part ``drops`` loses some; none only after the
-            end.
+        The position is that of the platform, without the tremor of the hand, or of the object.
+        Any cut of a scene into reads gives the same bits. Fewer than ``n`` samples come at the end
+        or if the part ``drops`` loses some; none only after the end.
         """
         while True:
             time_s, clean_v, position_m, sliding = self.clean(n)
-            if not len(time_s):
-                break
-            volts = self._digitised(clean_v, time_s)
+            volts = self._frontend.sample(clean_v, time_s)
             truth = self._truth(time_s, sliding)
             if 'object' not in self.parts:
-                # The platform's own position, without the tremor of the hand.
-                position_m = plate_at(time_s, time_s, self.drive_numbers.plate)[1]
-            kept = self._link.kept(len(time_s)) if self._link else slice(None)
-            samples = SceneSamples(volts[kept], truth[kept], position_m[kept], time_s[kept])
-            if len(samples.volts):
+                position_m = plate_at(time_s, self.drive_numbers.plate)[1]
+            stamps_ns = np.rint(time_s * 1e9).astype(np.int64)
+            samples = Samples(volts, stamps_ns, truth, position_m)
+            if 'drops' in self.parts:
+                samples = samples.take(np.flatnonzero(self._frontend.arrived(len(time_s))))
+            if len(samples.volts) or not len(time_s):
                 return samples
-        nothing = np.zeros(0)
-        return SceneSamples(np.zeros((0, PAPER_CHANNELS)), nothing > 0.0, nothing, nothing)
 
     def _truth(self, time_s: Floats, sliding: Floats) -> NDArray[np.bool_]:
         """Return whether there is slip."""
@@ -298,20 +207,8 @@ class Scene:
             # An object slips when more than half of the load that holds it slides.
             return sliding > 0.5
         # The paper's Eq. 9: there is slip while the position of the platform changes.
-        velocity_m_s, _ = plate_at(time_s, time_s, self.drive_numbers.plate)
+        velocity_m_s, _ = plate_at(time_s, self.drive_numbers.plate)
         return np.asarray((velocity_m_s != 0.0) & (self.force_n(time_s) > 0.0))
-
-    def _digitised(self, clean_v: Floats, time_s: Floats) -> Floats:
-        """Return the clean signals as sampled by the electronics, with hum and faults."""
-        volts = clean_v + self._frontend.baseline_v
-        if self._hum:
-            volts += self._hum.volts(time_s)[:, np.newaxis]
-        if self._faults:
-            volts = self._faults.before_converter(volts, time_s)
-        volts = self._frontend.sample(volts, 1.0 / self.true_rate_hz)
-        if self._faults:
-            volts = self._faults.after_converter(volts, time_s)
-        return volts
 
 
 def load_scene(path: str | Path, trial: np.random.Generator) -> Scene:

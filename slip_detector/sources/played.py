@@ -126,9 +126,7 @@ class SceneSource(Source):
 
     def read(self, n: int) -> Samples:
         """Return the next ``n`` samples, fewer where some are lost, none only after the end."""
-        samples = self._scene.read(n)
-        stamps_ns = np.rint(samples.time_s * 1e9).astype(np.int64)
-        return Samples(samples.volts, stamps_ns, samples.truth, samples.position_m)
+        return self._scene.read(n)
 
     def hold_force(self, force_n: float) -> None:
         """Hold the object with another grip force from the next sample on."""

@@ -12,12 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The surface that moves over the skin: its ridges and its roughness.
-
-Ridges with a spatial period, and the load that they add to a taxel sliding over them.
-
-The roughness of a flat surface under a taxel that slides over it.
-"""
+"""What the fingertip touches: the contact, the object in the grip, ridges and roughness."""
 
 import dataclasses
 from typing import NamedTuple
@@ -28,12 +23,81 @@ from numpy.typing import NDArray
 from slip_detector.chain.compiled import compiled
 from slip_detector.parameters.fields import parameter
 from slip_detector.parameters.sets import ParameterSet
+from slip_detector.scenes.part import Part
 
 Floats = NDArray[np.float64]
 
+STANDARD_GRAVITY_M_S2 = 9.80665
+
+#: Number of equal fingertips that hold an object.
+FINGERS = 2.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Contact(Part):
+    """Hertz contact of a round fingertip with a plate."""
+
+    radius_at_1n_m: float = parameter(
+        5.4e-3, 'Contact radius at 1 N; grows with the cube root of the force.', (1e-5, 1.0, 'm')
+    )
+    centre_m: tuple[float, float] = parameter(
+        (0.0, 0.0), 'Centre of the contact: x, y.', (-1.0, 1.0, 'm')
+    )
+    taxel_area_m2: float = parameter(
+        1.39e-6, 'Area over which a taxel senses pressure.', (1e-12, 1.0, 'm2')
+    )
+
+    def largest_load_n(self, force_n: float) -> float:
+        """Return the largest load of a taxel: that of one at the centre of the contact."""
+        out = np.zeros(1)
+        spread_load(force_n, 0.0, 0.0, np.zeros((1, 2)), self.numbers(), 0.0, out)
+        return float(out[0])
+
+
+@compiled
+def spread_load(force_n, centre_x_m, centre_y_m, positions_m, contact, rest_patches, loads_n):
+    """Write the normal load of each taxel to ``loads_n``.
+
+    Hertz: p(r) = 3 F / (2 pi a^2) sqrt(1 - r^2 / a^2), a^3 proportional to F.
+
+    An extra element of ``loads_n`` gets the load of one patch of skin between the taxels; all of
+    these ``rest_patches`` together carry the rest of the force.
+    """
+    n = positions_m.shape[0]
+    if not force_n > 0.0:
+        loads_n[:] = 0.0
+        return
+    squared = contact.radius_at_1n_m**2 * force_n ** (2.0 / 3.0)
+    peak = 1.5 * force_n / (np.pi * squared) * contact.taxel_area_m2
+    carried = 0.0
+    for i in range(n):
+        x, y = positions_m[i, 0] - centre_x_m, positions_m[i, 1] - centre_y_m
+        inside = 1.0 - (x * x + y * y) / squared
+        loads_n[i] = peak * np.sqrt(inside) if inside > 0.0 else 0.0
+        carried += loads_n[i]
+    if loads_n.size > n:
+        loads_n[n] = max(force_n - carried, 0.0) / rest_patches
+
+
+@dataclasses.dataclass(frozen=True)
+class FreeObject(Part):
+    """An object between two equal fingertips, one of which has the sensor."""
+
+    mass_kg: float = parameter(0.2, 'Mass of the object.', (1e-3, 10.0, 'kg'))
+    length_m: float = parameter(
+        0.1,
+        'How far the object can slide through the fingers before it is lost.',
+        (1e-4, 10.0, 'm'),
+    )
+    rest_patches: float = parameter(
+        50.0,
+        'Number of further skin patches, each as stiff as that over a taxel, between the taxels.',
+        (1.0, 1e4),
+    )
+
 
 class RidgeNumbers(NamedTuple):
-    """The numbers of a :class:`Texture` for compiled code."""
+    """The numbers of a :class:`Texture` for compiled code; no amplitudes without ridges."""
 
     wavenumber_rad_m: float
     start_rad: float
@@ -42,13 +106,7 @@ class RidgeNumbers(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Texture(ParameterSet):
-    """Ridges across the direction of motion.
-
-    Examples
-    --------
-    >>> Texture(spatial_period_m=500e-6, harmonics=[]).highest_wavenumber_1_m
-    2000.0
-    """
+    """Ridges across the direction of motion."""
 
     spatial_period_m: float = parameter(400e-6, 'Distance from ridge to ridge.', (1e-6, 1.0, 'm'))
     ridge_height_m: float = parameter(
@@ -80,8 +138,8 @@ class Texture(ParameterSet):
         """Wavenumber of the highest harmonic, in ridges per metre."""
         return (1 + len(self.harmonics)) / self.spatial_period_m
 
-    def numbers(self, trial: np.random.Generator) -> RidgeNumbers:
-        """Return the numbers for compiled code; ``trial`` draws the phase of the ridges."""
+    def ridges(self, trial: np.random.Generator) -> RidgeNumbers:
+        """Return the numbers for compiled code; ``trial`` draws where on the plate they begin."""
         heights = self.ridge_height_m * np.array([1.0, *self.harmonics])
         return RidgeNumbers(
             2.0 * np.pi / self.spatial_period_m,
@@ -96,23 +154,6 @@ def ridges_between(from_m, to_m, ridges):
 
     If both places are equal, the result is the height there. A sensor of limited bandwidth reads
     the mean over the distance of one step, even if ridges pass too fast to be resolved.
-
-    Parameters
-    ----------
-    from_m, to_m : float
-        Places on the surface along x.
-    ridges : RidgeNumbers
-        The numbers of the surface.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from slip_detector.scenes.texture import RidgeNumbers, ridges_between
-    >>> sine = RidgeNumbers(2 * np.pi / 400e-6, 0.0, np.array([0.15]))
-    >>> round(float(ridges_between(100e-6, 100e-6, sine)), 6)  # a quarter of a period: a crest
-    0.15
-    >>> round(float(ridges_between(0.0, 400e-6, sine)), 6)  # the mean of a whole period is 0
-    0.0
     """
     middle = ridges.start_rad + ridges.wavenumber_rad_m * 0.5 * (from_m + to_m)
     half = 0.5 * ridges.wavenumber_rad_m * (to_m - from_m)
@@ -135,16 +176,10 @@ SHORT = 1e-3
 
 
 class RoughNumbers(NamedTuple):
-    """The numbers of a :class:`Roughness` for compiled code.
+    """The numbers of a :class:`Roughness` for compiled code; no heights without roughness.
 
-    Attributes
-    ----------
-    per_m : float
-        Points of the profile in a metre.
-    heights : ndarray, shape (n,)
-        Heights of the profile as shares of the indentation.
-    integral : ndarray, shape (n + 1,)
-        Integral of the profile from the first point to each point, in shares times points.
+    ``per_m`` are the points of the profile in a metre, ``heights`` are shares of the indentation,
+    and ``integral``, one element longer, is that of the heights from the first point to each.
     """
 
     per_m: float
@@ -154,13 +189,7 @@ class RoughNumbers(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Roughness(ParameterSet):
-    """A flat surface with a random profile, Gaussian with a Gaussian correlation.
-
-    Examples
-    --------
-    >>> bool(abs(Roughness(height_rms_m=1e-6, indentation_m=1e-3).numbers().heights).max() < 0.01)
-    True
-    """
+    """A flat surface with a random profile, Gaussian with a Gaussian correlation."""
 
     height_rms_m: float = parameter(0.2e-6, 'Standard deviation of the height.', (0.0, 1e-2, 'm'))
     correlation_m: float = parameter(50e-6, 'Correlation length of the profile.', (1e-9, 1.0, 'm'))
@@ -171,7 +200,7 @@ class Roughness(ParameterSet):
         1, 'Seed of the profile; each seed is another surface.', (0, None)
     )
 
-    def numbers(self) -> RoughNumbers:
+    def profile(self) -> RoughNumbers:
         """Return the numbers for compiled code."""
         noise = np.random.default_rng(self.surface_seed).standard_normal(PROFILE_POINTS)
         # White noise through this Gaussian filter has the correlation exp(-(distance / length)^2).
@@ -218,23 +247,7 @@ def _area(place, rough):
 
 @compiled
 def roughness_between(from_m, to_m, rough):
-    """Return the mean height between two places, as a share of the indentation.
-
-    Parameters
-    ----------
-    from_m, to_m : float
-        Places on the surface along x; if they are equal, the result is the height there.
-    rough : RoughNumbers
-        The numbers of the surface.
-
-    Examples
-    --------
-    >>> from slip_detector.scenes.texture import PROFILE_POINTS, Roughness, roughness_between
-    >>> surface = Roughness(height_rms_m=1e-6).numbers()
-    >>> whole_m = PROFILE_POINTS / surface.per_m
-    >>> abs(round(roughness_between(0.0, whole_m, surface), 12))  # the profile has mean 0
-    0.0
-    """
+    """Return the mean height between two places, or that at one, as a share of the indentation."""
     start, end = from_m * rough.per_m, to_m * rough.per_m
     if abs(end - start) < SHORT:
         return _height(0.5 * (start + end), rough)
