@@ -15,12 +15,15 @@
 """The subcommand ``scenes``."""
 
 import argparse
+from collections.abc import Mapping
+from typing import Any
 
 from benchmarks.measurement import Measurement, heading, machine, shared_options
 from benchmarks.pictures import draw_scenes_precision
-from benchmarks.scenes.measure import measure_scenes
-from benchmarks.scenes.table import scenes_table
-from slip_detector.parameters.files import check_writable
+from benchmarks.scenes.measure import PLATE, measure_scenes
+from benchmarks.verdicts import verdict_in_words
+from slip_detector.report.pictures import writable_picture
+from slip_detector.report.text_table import number_text, text_table
 
 
 def options() -> argparse.ArgumentParser:
@@ -28,7 +31,7 @@ def options() -> argparse.ArgumentParser:
     parser = shared_options(
         'scenes',
         "Measure errors and run times of the live stepper and of SciPy's integrators on the "
-        'shipped scenes against a tight reference, and the run time of each part of a scene. '
+        'shipped scenes against a tight reference. '
         'Prints what is wanted and whether it is met; the exit code is 0 either way.',
         picture='out/scenes_work_precision.png',
     )
@@ -45,11 +48,48 @@ def options() -> argparse.ArgumentParser:
 def run(words: argparse.Namespace) -> Measurement:
     """Measure the scenes."""
     # A picture that cannot be written is reported before the measurement, not after it.
-    picture = words.plot
-    if picture:
-        check_writable(picture)
+    picture = writable_picture(words.plot) if words.plot else None
     figures = {'machine': machine(), 'quick': words.quick}
     figures |= measure_scenes(words.quick, words.scene)
     if picture:
         draw_scenes_precision(picture, figures)
-    return Measurement(figures, '\n\n'.join((heading(figures), scenes_table(figures))))
+    return Measurement(figures, '\n\n'.join((heading(figures), _tables(figures))))
+
+
+def _tables(figures: Mapping[str, Any]) -> str:
+    """Return the figures as text."""
+    rows: list[tuple[str, ...]] = [('scene', 'ms per s', 'x real time')]
+    rows += [
+        (entry['scene'], f'{entry["run_time_per_s"] * 1e3:.2f}', f'{entry["speed"]:.0f}')
+        for entry in figures['costs']
+    ]
+    pace = figures['pace']
+    tables = [
+        text_table(rows),
+        f'Slowest read of {pace["rows"]} rows of {PLATE}: {pace["slowest_share"]:.1%} of '
+        f'the time they last; mean {pace["mean_share"]:.1%}',
+    ]
+    for entry in figures['precision']:
+        title = f'{entry["scene"]}: {entry["simulated_s"]:g} s, {entry["states"]} states'
+        if entry['note']:
+            tables.append(f'{title}\n  {entry["note"]}')
+            continue
+        reference = entry['reference']
+        shipped = {**entry['shipped_live'], 'method': 'shipped'}
+        rows = [('method', 'setting', 'volts', 'object m', 'ms per s')]
+        for run in (shipped, *entry['runs']):
+            errors = (
+                number_text(run[key], '.1e') for key in ('voltage_error', 'position_error_m')
+            )
+            taken_s = run['run_time_per_s']
+            last = run['said'] if taken_s is None else f'{taken_s * 1e3:.2f}'
+            rows.append((run['method'], run['setting'], *errors, last))
+        tables.append(
+            f'{title}\n  reference {reference["method"]}, from which {reference["check"]} differs '
+            f'by {reference["voltage_error"]:.1e} of the range\n{text_table(rows, "<<>")}'
+        )
+    rows = [
+        (claim, number_text(entry['value'], '.3g'), entry['bound'], verdict_in_words(entry))
+        for claim, entry in figures['wanted'].items()
+    ]
+    return '\n\n'.join([*tables, 'Wanted\n' + text_table(rows, '<><')])

@@ -12,19 +12,26 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``slip_demo``: driver and detector as two processes, and what a grasp controller would get."""
+"""``slip_demo``: driver and detector as two processes, and what a grasp controller would get.
+
+Also what all demonstrations share: nodes as processes, a recorder of their messages, exit codes.
+"""
 
 import argparse
 import json
+import os
+import subprocess
+import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import rclpy
 from numpy.typing import NDArray
 from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.serialization import deserialize_message
@@ -33,11 +40,6 @@ from std_msgs.msg import Bool
 
 from slip_detector.chain.samples import Samples
 from slip_detector.evaluation.figures import first_on_delay_s, mean_and_sd, percent
-from slip_detector.nodes.demonstration import (
-    START_TIMEOUT_S,
-    NodeProcesses,
-    run_demonstration,
-)
 from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos
 from slip_detector.nodes.rclpy_internals import SampleExecutor
 from slip_detector.parameters.detector import DetectorConfig
@@ -55,35 +57,113 @@ SPIN_S = 0.05
 #: Number of samples that are written at a time.
 RECORD_ROWS = 4096
 
+#: Time, in seconds, that a node is given to end before it is killed.
+END_TIMEOUT_S = 10.0
 
-class SlipRecorder(Node):
-    """Records all messages of driver and detector with their times of arrival.
+#: Time, in seconds, that nodes are given to start: the first start compiles the chain, which takes
+#: minutes on a small or busy machine.
+START_TIMEOUT_S = 600.0
+
+#: Time, in seconds, for which messages are still received after a node has ended.
+DRAIN_S = 0.5
+
+
+class NodeProcesses:
+    """Runs nodes, each in a process of its own; on leaving the context all of them are ended.
+
+    ``receive`` is called during waits: it receives messages and returns soon.
+    """
+
+    def __init__(self, namespace: str, receive: Callable[[], None]) -> None:
+        self._namespace, self._receive = namespace, receive
+        self._processes: dict[str, subprocess.Popen[bytes]] = {}
+
+    def __enter__(self) -> 'NodeProcesses':
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for process in self._processes.values():
+            if process.poll() is None:
+                process.terminate()
+        for process in self._processes.values():
+            try:
+                process.wait(timeout=END_TIMEOUT_S)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+    def start(self, executable: str, *arguments: str) -> None:
+        """Start a node by its executable (see :mod:`slip_detector.nodes.run`)."""
+        command = [sys.executable, '-m', 'slip_detector.nodes.run', executable, '--ros-args']
+        command += ['-r', f'__ns:=/{self._namespace}', *arguments]
+        self._processes[executable] = subprocess.Popen(command)
+
+    def wait_until(self, happened: Callable[[], bool], what: str, timeout_s: float) -> None:
+        """Receive messages until a condition holds; a RuntimeError if a node ends before."""
+        deadline_s = time.monotonic() + timeout_s
+        while not happened():
+            for executable, process in self._processes.items():
+                if process.poll() is not None:
+                    raise RuntimeError(_ended(executable, process.returncode))
+            if time.monotonic() > deadline_s:
+                raise RuntimeError(f'waited in vain for {what}')
+            self._receive()
+
+    def wait_for_end(self, executable: str, what: str, timeout_s: float) -> None:
+        """Receive messages until a node has ended without an error, and those still under way."""
+        node = self._processes.pop(executable)
+        try:
+            self.wait_until(lambda: node.poll() is not None, what, timeout_s)
+        finally:
+            self._processes[executable] = node
+        if node.returncode:
+            raise RuntimeError(_ended(executable, node.returncode))
+        deadline_s = time.monotonic() + DRAIN_S
+        while time.monotonic() < deadline_s:
+            self._receive()
+
+
+def _ended(executable: str, code: int) -> str:
+    return f'{executable} ended with the exit code {code}'
+
+
+def run_demonstration(name: str, demonstrate: Callable[[], None]) -> None:
+    """Run the demonstration of a command, and end the process if it fails.
+
+    A ValueError, RuntimeError or OSError is printed as one line on stderr, with exit code 1; after
+    a signal the exit code is 130.
+    """
+    # All processes are on this machine.
+    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    try:
+        demonstrate()
+    except (KeyboardInterrupt, ExternalShutdownException):
+        sys.exit(130)
+    except Exception as error:
+        context = rclpy.get_default_context()
+        if context.handle is not None and not context.ok():
+            sys.exit(130)  # The error comes from a signal, which has shut rclpy down.
+        if not isinstance(error, ValueError | RuntimeError | OSError):
+            raise
+        print(f'{name}: {error}', file=sys.stderr)
+        sys.exit(1)
+    finally:
+        rclpy.try_shutdown()
+
+
+class Recorder(Node):
+    """Records all messages of some topics with their times of arrival.
 
     These times come from the middleware of this process. Messages are deserialised only at the
     end, so that the work of this process does not count as latency of the nodes.
-
-    Attributes
-    ----------
-    stamps_s, rows : list
-        Times and volts of the samples.
-    position_stamps_s, positions_m : list of float
-        Times and positions of the plate.
-    latencies_s : list of float
-        Time from the stamp of each sample to the receipt of the decision on it.
     """
 
-    def __init__(self, config: DetectorConfig) -> None:
-        super().__init__('recorder', namespace=NAMESPACE)
-        self.latencies_s: list[float] = []
-        # By topic, times of arrival and serialised messages.
-        self._received: dict[str, list[tuple[int, bytes]]] = {}
-        for topic in ('voltages', 'platform_position', 'slip_detector/envelope'):
-            self._keep(JointState, topic, sensor_qos())
-        self.topics = ['slip']
-        self.topics += [f'slip/group/{name}' for name in config.groups]
-        self.topics += [f'slip/channel/{name}' for name in config.names]
-        for topic in self.topics:
-            self._keep(Bool, topic, state_qos(depth=1000))
+    def __init__(self, namespace: str, topics: Mapping[str, tuple[Any, QoSProfile]]) -> None:
+        super().__init__('recorder', namespace=namespace)
+        self._types = {topic: message_type for topic, (message_type, _) in topics.items()}
+        self._received: dict[str, list[tuple[int, bytes]]] = {topic: [] for topic in topics}
+        for topic, (message_type, qos) in topics.items():
+            self._keep(message_type, topic, qos)
         self._own_executor = SampleExecutor([self])
 
     def receive(self) -> None:
@@ -94,35 +174,24 @@ class SlipRecorder(Node):
         """Stop receiving."""
         self._own_executor.shutdown()
 
-    def receives_all(self) -> bool:
-        """Return whether a message of each decision has arrived: the detector is connected."""
-        return all(self._received[topic] for topic in self.topics)
+    def forget(self) -> None:
+        """Forget all messages."""
+        for received in self._received.values():
+            received.clear()
 
-    def changes_of(self, topic: str) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Return the times at which the state of a topic changed, and the new states."""
-        received = self._messages(topic, Bool)
-        at_s = np.array([at_ns for at_ns, _ in received]) * 1e-9
-        states = np.array([message.data for _, message in received], bool)
-        changed = np.diff(states, prepend=~states[:1])
-        return at_s[changed], states[changed]
+    def has_heard(self, topics: Iterable[str]) -> bool:
+        """Return whether a message of each of the topics has arrived."""
+        return all(self._received[topic] for topic in topics)
 
-    def read(self) -> None:
-        """Read all samples, positions and envelopes that were received."""
-        samples = self._messages('voltages', JointState)
-        self.stamps_s = [stamp_ns(message.header.stamp) * 1e-9 for _, message in samples]
-        self.rows = [message.position for _, message in samples]
-        positions = self._messages('platform_position', JointState)
-        self.position_stamps_s = [
-            stamp_ns(message.header.stamp) * 1e-9 for _, message in positions
-        ]
-        self.positions_m = [message.position[0] for _, message in positions]
-        self.latencies_s = [
-            (at_ns - stamp_ns(message.header.stamp)) * 1e-9
-            for at_ns, message in self._messages('slip_detector/envelope', JointState)
+    def messages(self, topic: str) -> list[tuple[int, Any]]:
+        """Return the messages of a topic, with their times of arrival in nanoseconds."""
+        message_type = self._types[topic]
+        return [
+            (at_ns, deserialize_message(raw, message_type)) for at_ns, raw in self._received[topic]
         ]
 
     def _keep(self, message_type: Any, topic: str, qos: QoSProfile) -> None:
-        received = self._received[topic] = []
+        received = self._received[topic]
 
         def keep(raw: bytes, info: dict[str, int]) -> None:
             received.append((info['received_timestamp'], raw))
@@ -137,23 +206,49 @@ class SlipRecorder(Node):
             raw=True,
         )
 
-    def _messages(self, topic: str, message_type: Any) -> list[tuple[int, Any]]:
-        return [
-            (at_ns, deserialize_message(raw, message_type)) for at_ns, raw in self._received[topic]
-        ]
+
+class Heard(NamedTuple):
+    """What a demonstration has heard.
+
+    Times and volts of the samples, times and positions of the plate, the time from the stamp of
+    each sample to the receipt of its decision, and for each topic of a decision the times at which
+    its state changed, and the new states.
+    """
+
+    stamps_s: NDArray[np.float64]
+    volts: NDArray[np.float64]
+    position_stamps_s: NDArray[np.float64]
+    positions_m: NDArray[np.float64]
+    latencies_s: NDArray[np.float64]
+    changes: Mapping[str, tuple[NDArray[np.float64], NDArray[np.bool_]]]
+
+    @property
+    def motion_s(self) -> tuple[float, float] | None:
+        """When the plate started and stopped (Eq. 9); None if it did not move."""
+        moved = np.flatnonzero(np.diff(self.positions_m))
+        if not moved.size:
+            return None
+        return self.position_stamps_s[moved[0]], self.position_stamps_s[moved[-1] + 1]
 
 
-def play(
-    arguments: argparse.Namespace, parameter_file: Path, duration_s: float
-) -> tuple[SlipRecorder, DetectorConfig]:
+def _play(arguments: argparse.Namespace, config_file: Path, duration_s: float) -> Heard:
     """Run both nodes on a scene, and record what they publish."""
-    config = DetectorConfig.from_yaml(parameter_file)
+    config = DetectorConfig.from_yaml(config_file)
+    decisions = ['slip', *(f'slip/group/{name}' for name in config.groups)]
+    decisions += [f'slip/channel/{name}' for name in config.names]
+    topics: dict[str, tuple[Any, QoSProfile]] = {
+        topic: (JointState, sensor_qos())
+        for topic in ('voltages', 'platform_position', 'slip_detector/envelope')
+    }
+    topics |= dict.fromkeys(decisions, (Bool, state_qos(depth=1000)))
     rclpy.init()
-    recorder = SlipRecorder(config)
+    recorder = Recorder(NAMESPACE, topics)
     try:
         with NodeProcesses(NAMESPACE, recorder.receive) as nodes:
-            nodes.start('slip_detector', '--params-file', str(parameter_file))
-            nodes.wait_until(recorder.receives_all, 'the detector to be heard', START_TIMEOUT_S)
+            nodes.start('slip_detector', '--params-file', str(config_file))
+            nodes.wait_until(
+                lambda: recorder.has_heard(decisions), 'the detector to be heard', START_TIMEOUT_S
+            )
             nodes.start(
                 'slip_driver',
                 *('-p', 'source:=scene'),
@@ -164,19 +259,44 @@ def play(
             nodes.wait_for_end('slip_driver', 'the scene to end', START_TIMEOUT_S + duration_s)
     finally:
         recorder.stop()
-    recorder.read()
-    return recorder, config
+    return _heard(recorder, decisions)
 
 
-def _demo_figures(recorder: SlipRecorder, config: DetectorConfig) -> dict[str, Any]:
+def _heard(recorder: Recorder, decisions: Iterable[str]) -> Heard:
+    """Read what a recorder has received."""
+
+    def stamped(topic: str) -> tuple[NDArray[np.float64], NDArray[np.float64], list[Any]]:
+        messages = recorder.messages(topic)
+        at_s = np.array([at_ns for at_ns, _ in messages]) * 1e-9
+        stamps_s = np.array([stamp_ns(message.header.stamp) for _, message in messages]) * 1e-9
+        return at_s, stamps_s, [message.position for _, message in messages]
+
+    _, stamps_s, volts = stamped('voltages')
+    _, position_stamps_s, positions_m = stamped('platform_position')
+    decided_s, decided_stamps_s, _ = stamped('slip_detector/envelope')
+    if not len(decided_s):
+        raise RuntimeError('no decision was received')
+    changes = {}
+    for topic in decisions:
+        messages = recorder.messages(topic)
+        states = np.array([message.data for _, message in messages], bool)
+        changed = np.diff(states, prepend=~states[:1])
+        at_s = np.array([at_ns for at_ns, _ in messages]) * 1e-9
+        changes[topic] = at_s[changed], states[changed]
+    return Heard(
+        stamps_s, np.array(volts), position_stamps_s, np.array(positions_m).ravel(),
+        decided_s - decided_stamps_s, changes,
+    )  # fmt: skip
+
+
+def demo_figures(heard: Heard, config: DetectorConfig) -> dict[str, Any]:
     """Compute the paper's figures of merit from the received messages.
 
     A delay begins at the stamp of the last sample at which the plate still stood (Eq. 9) and ends
     at the receipt of the first ON after it, as a grasp controller would see it. It is None if
     there is no such ON, or nothing moves.
     """
-    times_s = np.array(recorder.stamps_s)
-    span_s = _motion_span_s(recorder)
+    times_s, span_s = heard.stamps_s, heard.motion_s
     truth, moves = np.zeros(len(times_s), dtype=bool), None
     if span_s:
         moves = {'start_s': span_s[0] - times_s[0], 'end_s': span_s[1] - times_s[0]}
@@ -185,11 +305,11 @@ def _demo_figures(recorder: SlipRecorder, config: DetectorConfig) -> dict[str, A
     def delay_ms(topic: str) -> float | None:
         if not span_s:
             return None
-        at_s, states = recorder.changes_of(topic)
+        at_s, states = heard.changes[topic]
         delay_s = first_on_delay_s(states, at_s, span_s[0])
         return None if delay_s is None else delay_s * 1e3
 
-    slip = states_at(*recorder.changes_of('slip'), times_s)
+    slip = states_at(*heard.changes['slip'], times_s)
     channels = {name: delay_ms(f'slip/channel/{name}') for name in config.names}
     mean, sd = mean_and_sd(channels.values())
     return {
@@ -203,21 +323,10 @@ def _demo_figures(recorder: SlipRecorder, config: DetectorConfig) -> dict[str, A
             int(np.count_nonzero(slip & ~truth)), int(np.count_nonzero(~truth))
         ),
         'latency_ms': {
-            'median': float(np.median(recorder.latencies_s)) * 1e3,
-            'p99': float(np.percentile(recorder.latencies_s, 99)) * 1e3,
+            'median': float(np.median(heard.latencies_s)) * 1e3,
+            'p99': float(np.percentile(heard.latencies_s, 99)) * 1e3,
         },
     }
-
-
-def _motion_span_s(recorder: SlipRecorder) -> tuple[float, float] | None:
-    """Return when the plate started and stopped (Eq. 9); None if it did not move."""
-    if not recorder.latencies_s:
-        raise RuntimeError('no decision was received')
-    moved = np.flatnonzero(np.diff(recorder.positions_m))
-    if not moved.size:
-        return None
-    stamps_s = recorder.position_stamps_s
-    return stamps_s[moved[0]], stamps_s[moved[-1] + 1]
 
 
 def record_trial(path: str, source: Source, start_ns: int) -> None:
@@ -296,33 +405,31 @@ def _demonstrate(arguments: argparse.Namespace) -> None:
     if arguments.record:
         record_trial(arguments.record, source, time.time_ns())
     writable_folder(arguments.out)
-    parameter_file = shared_folder() / 'config' / 'slip_detector.yaml'
-    recorder, config = play(arguments, parameter_file, source.duration_s)
-    result = _demo_figures(recorder, config)
+    config_file = shared_folder() / 'config' / 'slip_detector.yaml'
+    config = DetectorConfig.from_yaml(config_file)
+    heard = _play(arguments, config_file, source.duration_s)
+    result = demo_figures(heard, config)
     with whole_file(arguments.out / 'demo.json') as new:
         new.write_text(json.dumps(_to_microseconds(result), indent=2) + '\n')
-    _draw(recorder, config, arguments.out / 'demo.png')
+    _draw(heard, config, arguments.out / 'demo.png')
     print(_demo_table(result))
     written = [str(arguments.out / name) for name in ('demo.json', 'demo.png')]
     print(f'Written: {", ".join([*written, *filter(None, [arguments.record])])}')
 
 
-def _draw(recorder: SlipRecorder, config: DetectorConfig, path: Path) -> None:
+def _draw(heard: Heard, config: DetectorConfig, path: Path) -> None:
     """Draw what was received, in the form of Figs. 5 and 6 of the paper."""
     from slip_detector.report.pictures import draw_trial
 
-    times_s = np.array(recorder.stamps_s)
-    span_s = _motion_span_s(recorder)
+    times_s, span_s = heard.stamps_s, heard.motion_s
+    states = {topic: states_at(*changes, times_s) for topic, changes in heard.changes.items()}
     draw_trial(
         path,
         times_s - times_s[0],
-        np.array(recorder.rows),
+        heard.volts,
         config,
-        {
-            name: states_at(*recorder.changes_of(f'slip/group/{name}'), times_s)
-            for name in config.groups
-        },
-        states_at(*recorder.changes_of('slip'), times_s),
+        {name: states[f'slip/group/{name}'] for name in config.groups},
+        states['slip'],
         (span_s[0] - times_s[0], span_s[1] - times_s[0]) if span_s else None,
     )
 

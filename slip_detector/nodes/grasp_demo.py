@@ -42,13 +42,17 @@ of the grasps that were played through the nodes.
 
 import argparse
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import rclpy
 import yaml
+from numpy.typing import NDArray
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
 
 from slip_detector.grasp.comparison import (
     CONTROLLER,
@@ -58,96 +62,131 @@ from slip_detector.grasp.comparison import (
     conditions,
     grasp_figures,
 )
-from slip_detector.grasp.loop import TRANSPORT_S, GraspTrial, play_trials
-from slip_detector.grasp.objects import SCENE, object_scene
-from slip_detector.nodes.demonstration import run_demonstration
-from slip_detector.nodes.grasp_trial import (
-    EXECUTABLES,
-    NAMESPACE,
-    GraspRecorder,
-    LiveGraspTrial,
-    play_grasp,
+from slip_detector.grasp.loop import TRANSPORT_S, GraspTrial, object_scene, play_trials
+from slip_detector.nodes.demo import (
+    START_TIMEOUT_S,
+    NodeProcesses,
+    Recorder,
+    run_demonstration,
 )
+from slip_detector.nodes.messages import event_qos, sensor_qos, stamp_ns, state_qos
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.files import shared_folder, whole_file, writable_folder
-from slip_detector.parameters.grasp import GraspConfig
-from slip_detector.parameters.sets import check_sections
+from slip_detector.parameters.files import whole_file, writable_folder
+from slip_detector.parameters.grasp import GraspConfig, commands_of_a_scene
+from slip_detector.parameters.reading import check_sections
+from slip_detector.parameters.shared_folder import shared_folder
+from slip_detector.report.grasp_table import grasp_table
+
+NAMESPACE = 'slip_grasp'
+
+DRIVER = 'slip_driver'
+EXECUTABLES = ('slip_detector', 'grasp_controller', DRIVER)
+
+#: Topics of the nodes, with their types and qualities of service.
+TOPICS: dict[str, tuple[Any, QoSProfile]] = {
+    'voltages': (JointState, sensor_qos()),
+    'platform_position': (JointState, sensor_qos()),
+    'grip_force': (JointState, state_qos(depth=1000)),
+    'slip_onset': (Header, event_qos()),
+}
+
+#: Longest time, in seconds, from an onset to a raise of the grip that counts as the answer to it.
+ANSWER_S = 0.05
 
 #: Index of the object that is drawn, if there are as many; with the default seeds it slips twice.
 SHOWN = 2
 
+Floats = NDArray[np.float64]
 
 #: Most objects; a larger number is taken for a typing error.
 MOST_OBJECTS = 1000
 
 
-def _through_nodes(
-    seeds: Sequence[int], config: Path, folder: Path, trials: Sequence[GraspTrial], limit_n: float
-) -> tuple[dict[str, Any], dict[int, LiveGraspTrial]]:
-    """Play seeds through the nodes.
+class LiveGraspTrial(NamedTuple):
+    """The messages received in one grasp; times are stamps, relative to the first sample.
 
-    Parameters
-    ----------
-    seeds
-        The seeds of the objects.
-    config
-        Parameter file of the nodes.
-    folder
-        Folder to which their scenes are written.
-    trials
-        The same seeds in the simulated loop.
-    limit_n
-        Grip force with which the commands are compared.
-
-    Returns
-    -------
-    dict
-        ``nodes`` and ``latency_ms``, as in the module's docstring.
-    dict
-        What was received, by seed.
+    ``position`` has times and the distance that the object has slid in metres, shape (n, 2);
+    ``command`` times and the commanded grip forces in newtons, shape (m, 2); ``onset_s`` are the
+    times of the samples on which slip came on.
     """
-    rclpy.init()
-    recorder = GraspRecorder()
+
+    position: Floats
+    command: Floats
+    onset_s: Floats
+
+    def command_n(self, time_s: Floats) -> Floats:
+        """Return the latest commanded grip force at each time."""
+        last = np.searchsorted(self.command[:, 0], time_s, side='right') - 1
+        return np.asarray(self.command[np.maximum(last, 0), 1])
+
+    def latencies_s(self) -> list[float]:
+        """Return the time from the sample of each onset to the command that answered it.
+
+        An onset during which the last raise still takes effect has no answer and is left out.
+        """
+        raised_s = self.command[1:, 0][np.diff(self.command[:, 1]) > 0.0]
+        answers = [raised_s[raised_s > onset_s][:1] - onset_s for onset_s in self.onset_s]
+        return [float(answer[0]) for answer in answers if answer.size and answer[0] < ANSWER_S]
+
+
+def _play_live(recorder: Recorder, seed: int, config: Path, folder: Path) -> LiveGraspTrial:
+    """Play a scene through a driver, a detector and a controller, each a process of its own.
+
+    The scene of the seed is written to the folder. A RuntimeError says that a node has ended
+    before the scene, or that nothing was received.
+    """
+    scene = folder / f'grasp_{seed}.yaml'
+    with whole_file(scene) as new:
+        new.write_text(yaml.safe_dump(object_scene(seed), sort_keys=False), encoding='utf-8')
+    words = {'source': 'scene', 'scene': scene, 'seed': seed}
+    words |= {'wait_for_subscribers': 2, 'wait_for_grip': 'true'}
+    given = {DRIVER: words, 'grasp_controller': commands_of_a_scene()}
+    recorder.forget()
+    with NodeProcesses(NAMESPACE, recorder.receive) as nodes:
+        for executable in EXECUTABLES:
+            of_this = given.get(executable, {}).items()
+            own = [word for name, value in of_this for word in ('-p', f'{name}:={value}')]
+            nodes.start(executable, '--params-file', str(config), *own)
+        nodes.wait_for_end(DRIVER, 'the scene to end', START_TIMEOUT_S)
+    if not recorder.has_heard(('voltages', 'platform_position', 'grip_force')):
+        raise RuntimeError('nothing was received of the trial')
+    headers = {topic: [m for _, m in recorder.messages(topic)] for topic in TOPICS}
+    begin_ns = stamp_ns(headers['voltages'][0].header.stamp)
+
+    def after_s(stamp: Any) -> float:
+        return (stamp_ns(stamp) - begin_ns) * 1e-9
+
+    return LiveGraspTrial(
+        np.array([[after_s(m.header.stamp), m.position[0]] for m in headers['platform_position']]),
+        np.array([[after_s(m.header.stamp), m.effort[0]] for m in headers['grip_force']]),
+        np.array([after_s(m.stamp) for m in headers['slip_onset']]),
+    )
+
+
+def _live_figures(
+    heard: Mapping[int, LiveGraspTrial], trials: Sequence[GraspTrial], limit_n: float
+) -> dict[str, Any]:
+    """Return ``nodes`` and ``latency_ms``; ``trials`` are the same seeds in simulated time."""
     nodes: dict[str, Any] = {}
-    heard: dict[int, LiveGraspTrial] = {}
-    latencies_s: list[float] = []
-    for seed, trial in zip(seeds, trials, strict=True):
-        scene = folder / f'grasp_{seed}.yaml'
-        text = yaml.safe_dump(object_scene(seed), sort_keys=False)
-        with whole_file(scene) as new:
-            new.write_text(text, encoding='utf-8')
-        live = heard[seed] = play_grasp(recorder, seed, config, scene)
-        latencies_s += live.latencies_s()
+    for (seed, live), trial in zip(heard.items(), trials, strict=True):
         last_m = float(live.position[-1, 1])
         nodes[str(seed)] = {
             'slide_mm': None if last_m >= trial.length_m else last_m * 1e3,
             'command_percent': 100.0 * trial.mean_n(live.command_n(trial.time_s)) / limit_n,
             'simulated': {
-                'slide_mm': None if trial.slide_m is None else trial.slide_m * 1e3,
+                'slide_mm': trial.slide_mm,
                 'command_percent': 100.0 * trial.mean_n(trial.command_n) / limit_n,
             },
         }
+    latencies_ms = [1e3 * latency_s for live in heard.values() for latency_s in live.latencies_s()]
     latency_ms = None
-    if latencies_s:
-        latency_ms = {
-            'median': float(np.median(latencies_s)) * 1e3, 'most': max(latencies_s) * 1e3,
-        }  # fmt: skip
-    return {'nodes': nodes, 'latency_ms': latency_ms}, heard
+    if latencies_ms:
+        latency_ms = {'median': float(np.median(latencies_ms)), 'most': max(latencies_ms)}
+    return {'nodes': nodes, 'latency_ms': latency_ms}
 
 
 def seed_range(text: str) -> range:
-    """Return the seeds that a text stands for: ``N`` seeds from 0, or ``FIRST:LAST`` inclusive.
-
-    Raises
-    ------
-    ArgumentTypeError
-        When the text is neither.
-
-    Examples
-    --------
-    >>> list(seed_range('3')), list(seed_range('7000:7001'))
-    ([0, 1, 2], [7000, 7001])
-    """
+    """Return the seeds that a text stands for: ``N`` seeds from 0, or ``FIRST:LAST`` inclusive."""
     first, colon, last = text.partition(':')
     try:
         seeds = range(int(first), int(last) + 1) if colon else range(int(text))
@@ -191,26 +230,25 @@ def _demonstrate(arguments: argparse.Namespace) -> None:
     trials = {name: play_trials(*both, seeds) for name, both in conditions(chain, grasp).items()}
     parts = {name: grasp_figures(mine, grasp.limit_n) for name, mine in trials.items()}
     harder = {
-        name: grasp_figures(
-            play_trials(chain, grasp, seeds, SCENE, TRANSPORT_S, **factors), grasp.limit_n
-        )
+        name: grasp_figures(play_trials(chain, grasp, seeds, **factors), grasp.limit_n)
         for name, factors in HARDER.items()
     }
-    mine = trials[CONTROLLER][: arguments.live]
-    live, heard = _through_nodes(
-        seeds[: arguments.live], config, arguments.out, mine, grasp.limit_n
-    )
+    rclpy.init()
+    recorder = Recorder(NAMESPACE, TOPICS)
+    heard = {
+        seed: _play_live(recorder, seed, config, arguments.out) for seed in seeds[: arguments.live]
+    }
     result = {
         'seeds': seeds,
         'conditions': parts,
         'harder': harder,
         'transport_ms': TRANSPORT_S * 1e3,
-        **live,
+        **_live_figures(heard, trials[CONTROLLER][: arguments.live], grasp.limit_n),
         'wanted': check_wanted({**parts, **harder}),
     }
     with whole_file(arguments.out / 'grasp.json') as new:
         new.write_text(json.dumps(result, indent=2) + '\n')
-    from slip_detector.report.grasp import draw_grasp, grasp_table
+    from slip_detector.report.grasp_picture import draw_grasp
 
     drawn = min(SHOWN, len(seeds) - 1)
     shown = heard.get(seeds[drawn])

@@ -30,7 +30,7 @@ from typing import TYPE_CHECKING
 from slip_detector.commands.command_line import Parser, whole_number
 
 if TYPE_CHECKING:
-    from slip_detector.nodes.demonstration import NodeProcesses
+    from slip_detector.nodes.demo import NodeProcesses
 
 #: The namespace of the nodes that play a scene.
 SCENE_NAMESPACE = 'scene'
@@ -61,7 +61,7 @@ def run() -> int:
     from rclpy.signals import SignalHandlerOptions
     from rclpy.utilities import remove_ros_args
 
-    from slip_detector.nodes.demonstration import NodeProcesses
+    from slip_detector.nodes.demo import NodeProcesses
     from slip_detector.nodes.rclpy_internals import shut_down
 
     code = 0
