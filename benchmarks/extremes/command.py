@@ -22,7 +22,7 @@ from typing import Any
 from benchmarks.extremes.measure import measure_extremes
 from benchmarks.measurement import Measurement, machine, shared_options
 from benchmarks.verdicts import verdict_in_words
-from slip_detector.report.text_table import number_text, text_table
+from slip_detector.report.tables import number_text, text_table
 
 
 def options() -> argparse.ArgumentParser:

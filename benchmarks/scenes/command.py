@@ -22,8 +22,8 @@ from benchmarks.measurement import Measurement, heading, machine, shared_options
 from benchmarks.pictures import draw_scenes_precision
 from benchmarks.scenes.measure import PLATE, measure_scenes
 from benchmarks.verdicts import verdict_in_words
-from slip_detector.report.pictures import writable_picture
-from slip_detector.report.text_table import number_text, text_table
+from slip_detector.parameters.files import check_writable
+from slip_detector.report.tables import number_text, text_table
 
 
 def options() -> argparse.ArgumentParser:
@@ -48,7 +48,9 @@ def options() -> argparse.ArgumentParser:
 def run(words: argparse.Namespace) -> Measurement:
     """Measure the scenes."""
     # A picture that cannot be written is reported before the measurement, not after it.
-    picture = writable_picture(words.plot) if words.plot else None
+    picture = words.plot
+    if picture:
+        check_writable(picture)
     figures = {'machine': machine(), 'quick': words.quick}
     figures |= measure_scenes(words.quick, words.scene)
     if picture:

@@ -51,8 +51,7 @@ from benchmarks.scenes.reference import Ode, Solution, build_scene, solve_live
 from benchmarks.timing import garbage_collection_off
 from benchmarks.verdicts import verdicts
 from slip_detector.evaluation.figures import Bound
-from slip_detector.parameters.files import read_yaml
-from slip_detector.parameters.shared_folder import shared_folder
+from slip_detector.parameters.files import read_yaml, shared_folder
 from slip_detector.scenes import find_scene
 
 WANTED = {'plate.speed': Bound(low=50.0), 'pace.slowest_share': Bound(high=1.0, strict=True)}

@@ -98,13 +98,17 @@ class NodeProcesses:
         command += ['-r', f'__ns:=/{self._namespace}', *arguments]
         self._processes[executable] = subprocess.Popen(command)
 
+    def check(self) -> None:
+        """Raise a RuntimeError if a node has ended."""
+        for executable, process in self._processes.items():
+            if process.poll() is not None:
+                raise RuntimeError(_ended(executable, process.returncode))
+
     def wait_until(self, happened: Callable[[], bool], what: str, timeout_s: float) -> None:
         """Receive messages until a condition holds; a RuntimeError if a node ends before."""
         deadline_s = time.monotonic() + timeout_s
         while not happened():
-            for executable, process in self._processes.items():
-                if process.poll() is not None:
-                    raise RuntimeError(_ended(executable, process.returncode))
+            self.check()
             if time.monotonic() > deadline_s:
                 raise RuntimeError(f'waited in vain for {what}')
             self._receive()

@@ -71,11 +71,13 @@ from slip_detector.nodes.demo import (
 )
 from slip_detector.nodes.messages import event_qos, sensor_qos, stamp_ns, state_qos
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.files import whole_file, writable_folder
+from slip_detector.parameters.files import (
+    shared_folder,
+    whole_file,
+    writable_folder,
+)
 from slip_detector.parameters.grasp import GraspConfig, commands_of_a_scene
-from slip_detector.parameters.reading import check_sections
-from slip_detector.parameters.shared_folder import shared_folder
-from slip_detector.report.grasp_table import grasp_table
+from slip_detector.parameters.sets import check_sections
 
 NAMESPACE = 'slip_grasp'
 
@@ -248,7 +250,7 @@ def _demonstrate(arguments: argparse.Namespace) -> None:
     }
     with whole_file(arguments.out / 'grasp.json') as new:
         new.write_text(json.dumps(result, indent=2) + '\n')
-    from slip_detector.report.grasp_picture import draw_grasp
+    from slip_detector.report.grasp import draw_grasp, grasp_table
 
     drawn = min(SHOWN, len(seeds) - 1)
     shown = heard.get(seeds[drawn])

@@ -22,10 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain.samples import Samples
-from slip_detector.parameters.conversion import shown
 from slip_detector.parameters.detector import PAPER_CHANNELS, default_channel_names
-from slip_detector.parameters.shared_folder import shared_folder
-from slip_detector.parameters.yaml_files import read_yaml
+from slip_detector.parameters.fields import shown
+from slip_detector.parameters.files import read_yaml, shared_folder
 from slip_detector.scenes.drive import (
     Drive,
     drive_at,

@@ -67,13 +67,13 @@ def check(description):
     scene = Scene(description, np.random.default_rng(0))
     if scene.duration_s > MOST_S:
         return
-    before_s = -np.inf
+    before_ns = -1
     for n in (0, 1, MOST_ROWS):
         samples = scene.read(n)
-        assert samples.volts.shape == (len(samples.time_s), len(scene.channel_names))
+        assert samples.volts.shape == (len(samples.stamps_ns), len(scene.channel_names))
         assert len(samples.volts) <= n
-        assert (np.diff(samples.time_s, prepend=before_s) > 0).all()
-        before_s = max([before_s, *samples.time_s])
+        assert (np.diff(samples.stamps_ns, prepend=before_ns) > 0).all()
+        before_ns = max([before_ns, *samples.stamps_ns])
 
 
 CORPUS = [

@@ -114,15 +114,14 @@ def grasp_figures():
         return json.loads((Path(folder) / 'grasp.json').read_text(encoding='utf-8'))
 
 
-def demo_figures():
+def figures_of_the_demo():
     """Return the figures of ``slip_demo`` as if each message arrived at once."""
-    from slip_detector.nodes.demo import _demo_figures
+    from slip_detector.nodes.demo import Heard, demo_figures
     from slip_detector.parameters.detector import DetectorConfig
-    from slip_detector.parameters.driver import DriverConfig
-    from slip_detector.sources.played import SceneSource
 
     config = DetectorConfig.from_yaml(ROOT / 'config' / 'slip_detector.yaml')
-    samples = SceneSource(DriverConfig(scene='plate_400um')).read(10**6)
+    scene = load_scene(ROOT / 'config' / 'scenes' / 'plate_400um.yaml', np.random.default_rng(0))
+    samples = scene.read(scene.length)
     stamps_s = samples.stamps_ns * 1e-9
     result = SlipChain(config).update(samples.volts)
     states = {'slip': result.slip}
@@ -130,18 +129,12 @@ def demo_figures():
     states |= {
         f'slip/channel/{name}': result.channels[:, i] for i, name in enumerate(config.names)
     }
-
-    class Recorder:
-        position_stamps_s, positions_m = stamps_s, samples.position_m
-        latencies_s = (0.0,)
-
-        def changes_of(self, topic):
-            changed = np.diff(states[topic], prepend=~states[topic][:1])
-            return stamps_s[changed], states[topic][changed]
-
-    recorder = Recorder()
-    recorder.stamps_s = stamps_s
-    return json.loads(json.dumps(_demo_figures(recorder, config)))
+    changed = {topic: np.diff(of, prepend=~of[:1]) for topic, of in states.items()}
+    changes = {topic: (stamps_s[at], states[topic][at]) for topic, at in changed.items()}
+    heard = Heard(
+        stamps_s, samples.volts, stamps_s, samples.position_m, np.zeros(len(stamps_s)), changes
+    )
+    return json.loads(json.dumps(demo_figures(heard, config)))
 
 
 def golden(name):
@@ -188,7 +181,7 @@ def test_objects_are_held_as_they_were():
 @pytest.mark.nodes
 def test_the_demonstration_gives_the_figures_that_it_gave():
     pytest.importorskip('rclpy', reason='needs rclpy')
-    assert_same(demo_figures(), golden('demo.json'))
+    assert_same(figures_of_the_demo(), golden('demo.json'))
 
 
 def write(name, content):
@@ -201,4 +194,4 @@ if __name__ == '__main__':
     write('decisions.json', {'computer': computer(), 'scenes': scenes})
     write('paper.json', paper_figures())
     write('grasp.json', grasp_figures())
-    write('demo.json', demo_figures())
+    write('demo.json', figures_of_the_demo())

@@ -15,7 +15,6 @@
 """The closed loop without ROS: objects that slip are caught."""
 
 import dataclasses
-import functools
 from pathlib import Path
 
 import numpy as np
@@ -23,30 +22,51 @@ import pytest
 
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.grasp.law import GraspLaw
-from slip_detector.grasp.loop import GraspTrial, play_trial, play_trials
-from slip_detector.grasp.objects import object_scene
+from slip_detector.grasp.loop import RANGES, object_scene, play_trial, play_trials
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.grasp import GraspConfig
+from slip_detector.scenes import Scene
 
 FILE = Path(__file__).resolve().parents[2] / 'config' / 'grasp.yaml'
 CHAIN, GRASP = ChainConfig.from_yaml(FILE), GraspConfig.from_yaml(FILE)
 
 
-@functools.cache
-def caught():
-    """Play a trial of another object, once for all tests."""
-    return play_trials(CHAIN, GRASP, [5000])[0]
+def test_each_seed_is_another_object_within_the_ranges_and_always_the_same_one():
+    scenes = [object_scene(seed) for seed in range(200)]
+    assert scenes[7] == object_scene(7)
+    masses = np.array([scene['object']['mass_kg'] for scene in scenes])
+    assert len(set(masses)) == len(masses)
+    low, high = RANGES['mass_kg']
+    assert low <= masses.min() < masses.max() <= high
+    assert np.ptp(masses) > 0.9 * (high - low)
+    for scene in scenes:
+        friction = scene['friction']
+        assert friction['kinetic_coefficient'] < friction['static_coefficient']
+    assert len({scene['electronics']['fingertip_seed'] for scene in scenes}) == len(scenes)
 
 
-def test_a_trial_is_the_same_each_time_and_what_was_before_a_command_does_not_depend_on_it():
-    once, (again,) = caught(), play_trials(CHAIN, GRASP, [5000])
-    for one, other in zip(once, again, strict=True):
-        np.testing.assert_array_equal(one, other)
+def test_lag_and_ridges_change_by_their_factors_and_nothing_else():
+    usual, harder = object_scene(7), object_scene(7, lag_factor=2.0, ridge_factor=0.25)
+    assert harder['motion']['ringing_hz'] == usual['motion']['ringing_hz'] / 2.0
+    ridge_m = usual['texture']['ridge_height_m']
+    assert harder['texture']['ridge_height_m'] == pytest.approx(ridge_m / 4.0)
+    harder['motion']['ringing_hz'] = usual['motion']['ringing_hz']
+    harder['texture']['ridge_height_m'] = ridge_m
+    assert harder == usual
+
+
+def test_samples_before_a_command_do_not_depend_on_it_and_the_grip_lags_behind():
+    (trial,) = play_trials(CHAIN, GRASP, [5000])
     weaker = dataclasses.replace(GRASP, step_factor=1.1)
     (other,) = play_trials(CHAIN, weaker, [5000])
-    same = np.flatnonzero(once.command_n != other.command_n)[0]
-    np.testing.assert_array_equal(once.position_m[:same], other.position_m[:same])
-    assert not np.array_equal(once.position_m, other.position_m)
+    same = np.flatnonzero(trial.command_n != other.command_n)[0]
+    np.testing.assert_array_equal(trial.position_m[:same], other.position_m[:same])
+    assert not np.array_equal(trial.position_m, other.position_m)
+    jump = int(np.argmax(np.diff(trial.command_n))) + 1
+    before_n, after_n = trial.command_n[jump - 1], trial.command_n[jump]
+    at_half = jump + int(np.argmax(trial.force_n[jump:] > 0.5 * (before_n + after_n)))
+    # Half of it: later than the transport and well before three times the 30 ms of lag.
+    assert 10e-3 < trial.time_s[at_half] - trial.time_s[jump] < 90e-3
 
 
 def test_the_longer_a_command_takes_the_further_the_object_slides():
@@ -63,30 +83,8 @@ def test_the_longer_a_command_takes_the_further_the_object_slides():
     assert slides_m[-1] > 1.1 * slides_m[0]
 
 
-def test_the_grip_follows_the_command_with_the_lag_of_the_gripper():
-    trial = caught()
-    jump = int(np.argmax(np.diff(trial.command_n))) + 1
-    before_n, after_n = trial.command_n[jump - 1], trial.command_n[jump]
-    at_half = jump + int(np.argmax(trial.force_n[jump:] > 0.5 * (before_n + after_n)))
-    # Half of it: later than the transport and well before three times the 30 ms of lag.
-    assert 10e-3 < trial.time_s[at_half] - trial.time_s[jump] < 90e-3
-
-
-def test_a_scene_that_holds_nothing_or_has_another_rate_is_refused_in_one_line():
-    with pytest.raises(ValueError, match='the scene holds nothing, allowed: '):
-        play_trial({'steps': [{'duration_s': 1.0}]}, 0, SlipChain(CHAIN), GraspLaw(GRASP))
+def test_a_scene_of_another_rate_is_refused_in_one_line():
     faster = SlipChain(dataclasses.replace(CHAIN, sample_rate_hz=500.0))
+    scene = Scene(object_scene(0), np.random.default_rng(0))
     with pytest.raises(ValueError, match='has 380 Hz, allowed: 500 Hz'):
-        play_trial(object_scene(0), 0, faster, GraspLaw(GRASP))
-
-
-def test_a_slide_of_a_lost_object_is_not_defined():
-    rows = np.zeros(3)
-    lost = GraspTrial(
-        rows, rows, rows, rows > 0, rows > 0, np.array([0.0, 0.05, 0.1]), np.ones(3), length_m=0.1
-    )
-    assert lost.dropped
-    assert lost.slide_m is None
-    held = lost._replace(length_m=0.2)
-    assert not held.dropped
-    assert held.slide_m == 0.1
+        play_trial(scene, faster, GraspLaw(GRASP))

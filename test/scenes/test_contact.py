@@ -20,7 +20,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slip_detector.chain.fingertip import taxel_positions
-from slip_detector.scenes.contact import Contact, spread_load
+from slip_detector.scenes.surface import Contact, spread_load
 
 FORCES_N = st.floats(1e-9, 100.0)
 RADII_M = st.floats(1e-4, 2e-2)
@@ -61,22 +61,6 @@ def test_the_load_falls_from_the_middle_to_the_edge_and_is_none_beyond(force_n, 
     assert np.all(np.diff(loads[:20]) < 0.0)
     assert loads[0] > 0.0
     assert np.all(loads[21:] == 0.0)
-
-
-@given(FORCES_N, RADII_M, st.floats(0.0, 2.0 * np.pi))
-def test_the_load_is_the_same_all_around_the_centre(force_n, radius_m, angle):
-    distance_m = 0.5 * radius_m * force_n ** (1 / 3)
-    at = distance_m * np.array([[1.0, 0.0], [np.cos(angle), np.sin(angle)]])
-    one, other = loads_n(force_n, at, radius_at_1n_m=radius_m)
-    assert one == pytest.approx(other)
-
-
-@given(FORCES_N, RADII_M)
-def test_the_contact_grows_with_the_cube_root_of_the_force(force_n, radius_m):
-    at = along_x(np.array([0.999, 1.001]) * 2.0 * radius_m * force_n ** (1 / 3))
-    inside, outside = loads_n(8.0 * force_n, at, radius_at_1n_m=radius_m)
-    assert inside > 0.0
-    assert outside == 0.0
 
 
 @given(FORCES_N, RADII_M, CENTRES_M)

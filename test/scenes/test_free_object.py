@@ -20,9 +20,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slip_detector.scenes import Scene
-from slip_detector.scenes.free_object import STANDARD_GRAVITY_M_S2
 from slip_detector.scenes.friction import LIGHTEST_LOAD_N
-from slip_detector.scenes.mechanics import DISPLACEMENT, SPEED, VELOCITY, WORK
+from slip_detector.scenes.mechanics import SPEED
+from slip_detector.scenes.surface import STANDARD_GRAVITY_M_S2
 
 ALL = 10**9
 G = STANDARD_GRAVITY_M_S2
@@ -180,56 +180,6 @@ def test_an_object_that_slid_through_is_lost_and_felt_no_more():
     _, clean_v, position_m, _ = again.clean(ALL)
     assert np.ptp(position_m) == 0.0
     assert np.abs(clean_v).max() < 1e-4
-
-
-def test_a_pull_makes_an_object_slip_and_its_end_lets_it_rest():
-    after = [
-        {'duration_s': 0.02, 'pull_n': 4.0},
-        {'duration_s': 0.05, 'pull_n': 4.0},
-        {'duration_s': 0.02, 'pull_n': 0.0},
-        {'duration_s': 1.0},
-    ]
-    scene = held(4.0, after)
-    samples = scene.read(ALL)
-    pulled = (samples.time_s > HELD_S + 0.02) & (samples.time_s < HELD_S + 0.07)
-    rest = samples.time_s > HELD_S + 0.6
-    before = (samples.time_s > HELD_S - 0.1) & (samples.time_s < HELD_S)
-    assert samples.truth[pulled].all()
-    assert not samples.truth[rest].any()
-    assert not samples.truth[before].any()
-    assert np.ptp(samples.position_m[rest]) < 1e-7
-    assert samples.position_m[-1] > 1e-3
-
-
-@pytest.mark.parametrize('friction', FRICTIONS)
-@pytest.mark.parametrize('surplus', [1.5, 0.7])
-def test_what_the_weight_gives_is_moved_stored_or_turned_into_heat(friction, surplus):
-    mass_kg, damping = 0.2, 1.0
-    grip_n = surplus * mass_kg * G / (2.0 * 0.5)
-    rate_hz = 5000.0
-    scene = held(
-        grip_n, [{'duration_s': 0.3}], friction=friction, sample_rate_hz=rate_hz,
-        step_s=1.0 / rate_hz,
-    )  # fmt: skip
-    assert scene.constants.steps_per_sample == 1
-    ledger, patches = np.zeros(3), scene.constants.patches
-    given_j = skin_heat_j = 0.0
-    position_m, load_n = 0.0, 0.0
-    creep_m_s = np.zeros(len(patches))
-    # The weight comes from 0.4 to 0.6 s.
-    for k in range(scene.length):
-        _, _, moved_m, _ = scene.clean(1, ledger)
-        now_n = mass_kg * G * np.clip((k / rate_hz - 0.4) / 0.2, 0.0, 1.0)
-        given_j += 0.5 * (load_n + now_n) * (moved_m[0] - position_m)
-        position_m, load_n = moved_m[0], now_n
-        now_m_s = scene.state.patches[:, VELOCITY].copy()
-        skin_heat_j += damping / rate_hz * patches @ (0.5 * (creep_m_s**2 + now_m_s**2))
-        creep_m_s = now_m_s
-    kinetic_j = 0.5 * mass_kg * scene.state.body[SPEED] ** 2
-    stretched_j = 0.5 * STIFFNESS_N_M * patches @ scene.state.patches[:, DISPLACEMENT] ** 2
-    spent_j = kinetic_j + 2.0 * (ledger[WORK] + stretched_j + skin_heat_j)
-    assert given_j > 1e-6
-    assert spent_j == pytest.approx(given_j, rel=5e-3)
 
 
 @given(st.floats(0.0, 5.0), st.integers(1, 400))
