@@ -30,6 +30,10 @@ NAMESPACE = re.compile('(?!.*__)[A-Za-z_][A-Za-z0-9_]{0,63}')
 #: Options that are not of ROS; each is followed by a list separated by commas.
 OPTIONS = ('--fingers', '--configs')
 
+#: Longest wait, in seconds: on a signal rclpy first wakes all waits and then shuts the context
+#: down, so that a wait that begins in between goes on.
+LONGEST_WAIT_S = 0.5
+
 EXECUTABLES = ('slip_driver', 'slip_detector', 'grasp_controller')
 
 #: What ``--help`` prints.
@@ -78,7 +82,7 @@ def run(executable: str) -> int:
     # Objects made during start-up live until the end: the garbage collector need not check them.
     gc.disable()
     import rclpy
-    from rclpy.executors import ExternalShutdownException
+    from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
     from rclpy.utilities import remove_ros_args
 
     from slip_detector.nodes.rclpy_internals import (
@@ -107,10 +111,15 @@ def run(executable: str) -> int:
             mend_parameter_services(node)
         gc.freeze()
         gc.enable()
-        executor = SampleExecutor(nodes)
+        # The controller takes few messages; rclpy serves its events, which tell of a detector with
+        # an incompatible quality of service.
+        grasps = executable == 'grasp_controller'
+        executor = SingleThreadedExecutor() if grasps else SampleExecutor(nodes)
+        for node in nodes:
+            executor.add_node(node)
         takedowns.insert(0, executor.shutdown)
         while True:  # Ends with an ExternalShutdownException.
-            executor.spin_once()
+            executor.spin_once(timeout_sec=LONGEST_WAIT_S)
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except Exception as error:
