@@ -108,14 +108,6 @@ def test_an_invalid_slip_is_held_or_the_grip_opens_and_stays_open(config, before
             assert law.update(time_s, slip, True) == 0.0
 
 
-@given(configs, heard, st.integers(-1000, 1_000_000))
-def test_only_differences_of_times_count(config, entries, begin_s):
-    # Multiples of 1/64 s, whose sums and differences are exact.
-    exact = [(round(elapsed_s * 64) / 64, slip, valid) for elapsed_s, slip, valid in entries]
-    late, early = ([(first_s, False, False), *exact] for first_s in (float(begin_s), 0.0))
-    assert forces(GraspLaw(config), late) == forces(GraspLaw(config), early)
-
-
 def test_it_closes_at_its_rate_and_slip_of_the_contact_does_not_count():
     config = GraspConfig(grip_n=2.0, closing_n_s=4.0, settle_s=0.3)
     law = GraspLaw(config)
