@@ -96,11 +96,12 @@ def run(executable: str) -> int:
 
     ignore_what_a_signal_leaves(lambda: initialised)
     try:
+        _check_files(executable, sys.argv)
         ours = remove_ros_args(sys.argv)
         if {'-h', '--help'} & {*ours[1:]}:
             print(usage(executable))
             return 0
-        _check_words(executable, sys.argv, ours)
+        _check_options(ours[1::2])
         make = _maker(executable, on_compiling)
         rclpy.init()
         initialised = True
@@ -158,11 +159,8 @@ def usage(executable: str) -> str:
     return text + USAGE_OF_CONFIGS if several else text
 
 
-def _check_words(executable: str, words: list[str], ours: list[str]) -> None:
-    """Refuse unknown options, which may be typing errors, and parameter files that cannot be read.
-
-    The files are read here before rcl does, whose error messages are hard to understand.
-    """
+def _check_files(executable: str, words: list[str]) -> None:
+    """Read the parameter files before rcl does, whose error messages are hard to understand."""
     from slip_detector.parameters.files import read_yaml
     from slip_detector.parameters.sets import our_sections, sections_of
 
@@ -173,7 +171,10 @@ def _check_words(executable: str, words: list[str], ours: list[str]) -> None:
             list(sections_of(read_yaml(path), path))
     for path in _items('--configs', words) or []:
         our_sections(path)
-    options = ours[1::2]
+
+
+def _check_options(options: list[str]) -> None:
+    """Refuse unknown options: a typing error would start a node other than the one meant."""
     for option in options:
         if option not in OPTIONS:
             raise ValueError(
