@@ -109,6 +109,12 @@ class Finger:
         """The namespace, and the node's name if it differs from ``slip_detector``.
 
         Without a namespace it is the node's name.
+
+        Examples
+        --------
+        >>> names = '/left/index/slip_detector', '/slip_detector', '/index/second', '/second'
+        >>> [Finger(name, DetectorConfig()).label for name in names]
+        ['left/index', 'slip_detector', 'index/second', 'second']
         """
         namespace, _, node = self.name.strip('/').rpartition('/')
         return '/'.join(filter(None, (namespace, '' if node == 'slip_detector' else node))) or node
@@ -402,6 +408,13 @@ class Detectors(ABC):
     @abstractmethod
     def poll(self) -> None:
         """Process what has arrived since the last call, without waiting."""
+
+    def finger_of(self, name: object) -> Finger:
+        """Return a finger by the name that a page has sent; a ValueError if there is none."""
+        finger = self.fingers.get(name) if isinstance(name, str) else None
+        if finger is None:
+            raise ValueError(f'there is no finger {str(name)[:40]!r}')
+        return finger
 
     def panel(self, name: str) -> ParameterPanel:
         """Return the panel of a detector, which is created at the first call."""

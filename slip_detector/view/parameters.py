@@ -141,14 +141,11 @@ class ParameterRequests:
             raise ValueError(f'finger is {shown(name)}, allowed: one that is shown')
         return panel
 
-    async def _change(
-        self, message: Mapping[str, Any], values: Mapping[str, Any]
-    ) -> dict[str, Any]:
+    async def _change(self, message: Mapping[str, Any], values: Mapping[str, Any]) -> None:
         page = f'page {message.get("page")}'
         await self._server.detectors.change(message['finger'], values, page)
-        return {}
 
-    async def _set(self, message: Mapping[str, Any]) -> dict[str, Any]:
+    async def _set(self, message: Mapping[str, Any]) -> None:
         """Set values that were typed or dragged."""
         self._panel(message.get('finger'))
         values = message.get('values')
@@ -156,21 +153,21 @@ class ParameterRequests:
             raise ValueError(f'values is {shown(values)}, allowed: a value for each name')
         texts = {name: value for name, value in values.items() if isinstance(value, str)}
         read = {name: typed(name, text) for name, text in texts.items()}
-        return await self._change(message, {**values, **read})
+        await self._change(message, {**values, **read})
 
-    async def _undo(self, message: Mapping[str, Any]) -> dict[str, Any]:
+    async def _undo(self, message: Mapping[str, Any]) -> None:
         values = self._panel(message.get('finger')).to_undo()
         if not values:
             raise ValueError('there is nothing to undo')
-        return await self._change(message, values)
+        await self._change(message, values)
 
-    async def _as_in_file(self, message: Mapping[str, Any]) -> dict[str, Any]:
+    async def _as_in_file(self, message: Mapping[str, Any]) -> None:
         panel, name = self._panel(message.get('finger')), message['finger']
         self._read_file(name)
         if name in self._file_errors:
             raise ValueError(self._file_errors[name])
-        values = panel.as_in_file()
-        return await self._change(message, values) if values else {}
+        if values := panel.as_in_file():
+            await self._change(message, values)
 
     async def _save(self, message: Mapping[str, Any]) -> dict[str, Any]:
         """Save the detectors' parameters; return how to launch with them, or why it cannot."""

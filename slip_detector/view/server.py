@@ -75,8 +75,9 @@ NO_TOKEN = 'this address lacks its token: open the one that slip_view has printe
 
 READ_ONLY = 'slip_view was started with --read-only: nothing can be changed from a page'
 
-#: Returns the answer to a request of a page, or raises a ValueError that says why not.
-Answer = Callable[[Mapping[str, Any]], Awaitable[Mapping[str, Any]]]
+#: Returns the answer to a request of a page, None where "done" is all there is to say, or raises a
+#: ValueError that says why not.
+Answer = Callable[[Mapping[str, Any]], Awaitable[Mapping[str, Any] | None]]
 
 
 @dataclass(frozen=True)
@@ -324,7 +325,7 @@ class Server:
             act, changes = self.requests[kind]
             if changes and self.access.read_only:
                 raise ValueError(READ_ONLY)
-            answer.update(await act(message))
+            answer.update(await act(message) or {})
         except ValueError as error:
             answer['refusal'] = str(error)
         except Exception as error:
@@ -333,12 +334,8 @@ class Server:
             answer['refusal'] = f'slip_view has failed at this, its log says where: {error!r}'
         return answer
 
-    async def _keep_rest(self, message: Mapping[str, Any]) -> Mapping[str, Any]:
-        finger = self.detectors.fingers.get(str(message.get('finger')))
-        if finger is None:
-            raise ValueError('finger is not one that is shown')
-        finger.keep_rest()
-        return {}
+    async def _keep_rest(self, message: Mapping[str, Any]) -> None:
+        self.detectors.finger_of(message.get('finger')).keep_rest()
 
 
 class _Guarded(web.RequestHandler):

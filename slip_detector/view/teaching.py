@@ -81,16 +81,9 @@ class Teaching:
         """Name of the finger that is recorded, or ''."""
         return self._recorder.finger.name if self._recorder else ''
 
-    def finger_of(self, name: object) -> Finger:
-        """Return a finger, by the name that a page has sent."""
-        finger = self._detectors.fingers.get(name) if isinstance(name, str) else None
-        if finger is None:
-            raise ValueError(f'there is no finger {str(name)[:40]!r}')
-        return finger
-
     def folder_of(self, name: object) -> RecordedFolder:
         """Return the recordings of a finger, by the name that a page has sent."""
-        finger = self.finger_of(name)
+        finger = self._detectors.finger_of(name)
         if not _LABEL.fullmatch(finger.label):
             raise ValueError(f'{finger.label!r} is no name in ROS, allowed: letters, digits, _')
         return self._folders.setdefault(finger.name, RecordedFolder(self._folder / finger.label))
@@ -235,7 +228,7 @@ class Teaching:
                 f'{recorder.path.name} of {recorder.finger.label} is being recorded: end it first'
             )
         self.stop()
-        return self.finger_of(name)
+        return self._detectors.finger_of(name)
 
     def _begin(self, finger: Finger, kind: str, since: int) -> Recorder:
         self._recorder = Recorder(self.folder_of(finger.name).new_path(kind), finger, since)
@@ -321,12 +314,11 @@ class TeachingRequests:
             },
         )
 
-    async def _recordings(self, message: Mapping[str, Any]) -> dict[str, Any]:
+    async def _recordings(self, message: Mapping[str, Any]) -> None:
         """Update the list of a finger's recordings."""
         await self._teaching.folder_of(message.get('finger')).refresh()
-        return {}
 
-    async def _teach(self, message: Mapping[str, Any]) -> dict[str, Any]:
+    async def _teach(self, message: Mapping[str, Any]) -> None:
         finger, what = message.get('finger'), message.get('do')
         if what == 'press':
             self._teaching.press(finger)
@@ -338,38 +330,33 @@ class TeachingRequests:
             self._teaching.stop()
         else:
             self._teaching.start(finger, what)
-        return {}
 
-    async def _delete(self, message: Mapping[str, Any]) -> dict[str, Any]:
+    async def _delete(self, message: Mapping[str, Any]) -> None:
         if self._run is not None and self._run.running:
             raise ValueError('recordings are being tuned on, allowed: to delete one afterwards')
         self._teaching.delete(message.get('finger'), message.get('recording'))
-        return {}
 
-    async def _tune(self, message: Mapping[str, Any]) -> dict[str, Any]:
+    async def _tune(self, message: Mapping[str, Any]) -> None:
         name = message.get('finger')
         folder = self._teaching.folder_of(name)
         await folder.refresh()
         # Meanwhile another page may have begun to tune, or the finger may have gone.
-        finger = self._teaching.finger_of(name)
+        finger = self._server.detectors.finger_of(name)
         if self._run is not None and self._run.running:
             raise ValueError('tuning runs already, allowed: one at a time')
         self._run, self._tuned_finger = TuneRun(folder, finger.config), finger.name
         self._task = asyncio.create_task(self._run.run())
-        return {}
 
-    async def _stop_tuning(self, message: Mapping[str, Any]) -> dict[str, Any]:
+    async def _stop_tuning(self, message: Mapping[str, Any]) -> None:
         if self._run is not None:
             self._run.stop()
-        return {}
 
-    async def _apply(self, message: Mapping[str, Any]) -> dict[str, Any]:
+    async def _apply(self, message: Mapping[str, Any]) -> None:
         """Set the parameters that were found, all or none."""
         if self._run is None or self._run.found is None:
             raise ValueError('there is nothing to apply: tune first')
-        values = self._run.to_apply(self._teaching.finger_of(self._tuned_finger).config)
+        detectors, name = self._server.detectors, self._tuned_finger
+        values = self._run.to_apply(detectors.finger_of(name).config)
         if values:
-            page = f'page {message.get("page")}'
-            await self._server.detectors.change(self._tuned_finger, values, page)
+            await detectors.change(name, values, f'page {message.get("page")}')
         self._teaching.words = f'the detector runs with what was found: {len(values)} values set'
-        return {}

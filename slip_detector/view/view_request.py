@@ -223,7 +223,7 @@ def packed(header: Mapping[str, Any], arrays: Mapping[str, ArrayLike]) -> bytes:
     Examples
     --------
     >>> packed({}, {'on': [False, True]})
-    b'\\x1c\\x00\\x00\\x00{"arrays": [["on", "uint8", [2]]]}  \\x00\\x01\\x00\\x00'
+    b'$\x00\x00\x00{"arrays": [["on", "uint8", [2]]]}  \x00\x01\x00\x00'
     """
     described, parts = [], []
     for name, values in arrays.items():

@@ -196,38 +196,6 @@ def test_a_publisher_whose_node_stays_unknown_by_name_is_reported_once(bench, mo
     watching(bench, test)
 
 
-def test_a_detector_that_is_killed_is_silent_and_one_with_other_channels_takes_its_place(bench):
-    async def test(it):
-        first = start(bench, 'index')
-        await it.until(lambda: INDEX in it.detectors.fingers, 'the finger')
-        it.watched = {INDEX}
-        finger = it.detectors.fingers[INDEX]
-        await it.until(lambda: '/index/slip_valid' in it.subscribed(), 'the subscriptions')
-        first.signal(signal.SIGKILL)
-        await it.until(lambda: INDEX not in it.detectors.fingers or finger.silence(), 'silence')
-        # See Bench.wait_until_forgotten.
-        await it.until(lambda: INDEX not in it.detectors.fingers, 'it to be forgotten')
-        start(bench, 'index', channels=2)
-
-        def again():
-            present = it.detectors.fingers.get(INDEX)
-            return present is not None and present.starts == 2
-
-        await it.until(again, 'the other detector')
-        present = it.detectors.fingers[INDEX]
-        assert present.description()['notice'].endswith('with 2 channels instead of 16')
-        assert present.config.channels == 2
-        next_sample = send(bench, 'index', 2)
-
-        def shown():
-            next_sample()
-            return present.valid and len(present.track.levels) > 3
-
-        await it.until(shown, 'its levels')
-
-    watching(bench, test)
-
-
 def test_a_detector_of_another_version_is_reported_on_the_log(bench, capfd):
     async def test(it):
         node = Node('slip_detector', namespace='index', context=bench.context)

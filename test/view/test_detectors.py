@@ -41,19 +41,6 @@ VALUES = {**DetectorConfig().to_parameters(), 'use_sim_time': False}
 READ_ONLY = frozenset(['autostart'])
 
 
-@pytest.mark.parametrize(
-    ('name', 'label'),
-    [
-        ('/left/index/slip_detector', 'left/index'),
-        ('/slip_detector', 'slip_detector'),
-        ('/index/second', 'index/second'),
-        ('/second', 'second'),
-    ],
-)
-def test_a_finger_is_called_by_its_namespace(name, label):
-    assert Finger(name, DetectorConfig()).label == label
-
-
 def test_another_threshold_keeps_track_and_rest_and_other_channels_begin_anew():
     finger = Finger('/index/slip_detector', DetectorConfig())
     with pytest.raises(ValueError, match='index: too few samples'):

@@ -132,7 +132,7 @@ async def test_requests_are_answered_and_refusals_are_in_words():
         assert refusal == 'subtract is no request, allowed: add, fail, keep_rest'
         assert 'slip_view has failed' in (await page.request('fail'))['refusal']
         refusal = (await page.request('keep_rest', finger='/none'))['refusal']
-        assert refusal == 'finger is not one that is shown'
+        assert refusal == "there is no finger '/none'"
 
 
 async def test_the_files_of_the_page_are_served_and_nothing_else():
