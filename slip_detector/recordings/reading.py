@@ -84,7 +84,7 @@ def open_recording(path: 'str | Path', config: 'RecordingConfig | None' = None) 
         labels = None if labels_file is None else read_labels(labels_file)
         with named_errors(path):
             # A device such as /dev/zero may have no end.
-            if path.exists() and not path.is_file() and not path.is_dir():
+            if path.is_char_device() or path.is_block_device():
                 raise ValueError('is no file, allowed: a file or the folder of a bag')
             if path.suffix == '.csv':
                 return CsvRecording(path, config, labels)

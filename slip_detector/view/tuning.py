@@ -238,8 +238,8 @@ def work(job: TuneJob, connection: Connection) -> None:
     os.setsid()  # Ctrl-C in the terminal is for slip_view.
     os.nice(NICE)
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    threading.Thread(target=_obey, args=(connection,), daemon=True).start()
     try:
+        threading.Thread(target=_obey, args=(connection,), daemon=True).start()
         _tune(job, lambda **changes: connection.send(changes))
     except KeyboardInterrupt:
         connection.send({'failed': STOPPED})

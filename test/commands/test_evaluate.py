@@ -120,7 +120,7 @@ def test_wrong_arguments_and_recordings_are_refused_in_one_line(capsys, tmp_path
     assert complaint(capsys, *words, code=2).startswith(said)
     (tmp_path / 'empty').mkdir()
     assert complaint(capsys, tmp_path / 'empty') == (
-        f'{tmp_path / "empty"}: has no recordings, allowed: .npz, .csv, .mcap, .db3 or bags'
+        f'{tmp_path / "empty"}: has no recordings, allowed: .npz, .csv, .mcap, .db3, .bag or bags'
     )
     assert complaint(capsys, path, path.parent) == f'{path}: is given twice, allowed: each once'
     unlabelled = write(tmp_path / 'in' / 'b.npz', slip=None)

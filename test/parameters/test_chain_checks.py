@@ -17,7 +17,7 @@
 import math
 
 import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 from slip_detector.parameters.chain_checks import LONGEST_COMB_S, LOWEST_EDGE
@@ -154,14 +154,13 @@ def test_the_mains_has_the_fewest_rows_of_whole_periods(rate_hz, mains_hz, rows)
     assert config.mains_rows == rows
 
 
-@given(st.floats(20.0, 2e5), st.sampled_from([16.7, 50.0, 60.0, 400.0]))
+@given(st.floats(20.0, 8000.0), st.sampled_from([16.7, 50.0, 60.0, 400.0]))
 def test_rows_of_the_mains_are_whole_periods_or_the_mains_is_refused(rate_hz, mains_hz):
     def off(rows):
         periods = rows * mains_hz / rate_hz
         return abs(periods - round(periods))
 
     most = int(LONGEST_COMB_S * rate_hz)
-    assume(most <= 2000)
     able = [rows for rows in range(1, most + 1) if off(rows) <= WHOLE_PERIODS]
     # At a rate far above the mains' a few rows are nearly none of it, which is no period.
     able = [rows for rows in able if rows * mains_hz / rate_hz > 0.5]
