@@ -113,12 +113,8 @@ class ParameterRequests:
 
     def _file_of(self, name: str) -> Path | None:
         namespace = name.split('/')[-2]
-        files = (
-            self._files
-            if len(self._files) < 2
-            else [f for f in self._files if f.stem == namespace]
-        )
-        return next(iter(files), None)
+        only = len(self._files) == 1
+        return next((file for file in self._files if only or file.stem == namespace), None)
 
     def _read_file(self, name: str) -> None:
         """Read the present content of a detector's file."""

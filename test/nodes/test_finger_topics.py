@@ -148,20 +148,18 @@ def test_a_batch_has_its_rows_a_period_apart(bench):
         channels=2, input_type='std_msgs/msg/Float32MultiArray', input_field='data'
     )
     sensor = Sensor(bench, config)
-    # Nothing was sampled between two messages.
-    empty = Float32MultiArray()
-    empty.layout.dim = [
-        MultiArrayDimension(label='sample', size=0, stride=0),
-        MultiArrayDimension(label='channel', size=2, stride=2),
-    ]
+
+    def batch(*values):
+        message = Float32MultiArray(data=values)
+        message.layout.dim = [
+            MultiArrayDimension(label='sample', size=len(values) // 2, stride=len(values)),
+            MultiArrayDimension(label='channel', size=2, stride=2),
+        ]
+        return message
+
     for _ in range(3):
-        sensor.voltages.publish(empty)
-    message = Float32MultiArray(data=[1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
-    message.layout.dim = [
-        MultiArrayDimension(label='sample', size=3, stride=6),
-        MultiArrayDimension(label='channel', size=2, stride=2),
-    ]
-    sensor.voltages.publish(message)
+        sensor.voltages.publish(batch())  # Nothing was sampled between two messages.
+    sensor.voltages.publish(batch(1.0, 2.0, 3.0, 4.0, 5.0, 6.0))
     samples = sensor.finger.track.samples
     sensor.until(lambda: len(samples), 'the batch')
     assert samples.field('volts').tolist() == [[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]

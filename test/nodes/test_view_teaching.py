@@ -15,6 +15,7 @@
 
 """From a sensor that nobody has seen to a saved configuration, on the page, with real nodes."""
 
+import contextlib
 import re
 
 import pytest
@@ -39,24 +40,16 @@ SEARCH_MS = 300_000
 REST_S, TAPS_S, SLIPS = 7, 12, 6
 
 
-class Played:
-    """A driver that plays a scene, while the block lasts."""
-
-    def __init__(self, bench, folder, name, description, seed):
-        file = folder / f'{name}.yaml'
-        file.write_text(yaml.safe_dump(description), encoding='utf-8')
-        given = {'source': 'scene', 'scene': file, 'seed': seed, 'loop': 'true'}
-        self._bench, self._given = bench, given
-
-    def __enter__(self):
-        self._driver = self._bench.start(
-            'slip_driver', '-r', '__ns:=/index', parameters=self._given
-        )
-        return self._driver
-
-    def __exit__(self, *_):
-        self._driver.end()
-        self._bench.processes.remove(self._driver)
+@contextlib.contextmanager
+def played(bench, folder, name, description, seed):
+    """Play a scene with a driver while the block lasts."""
+    file = folder / f'{name}.yaml'
+    file.write_text(yaml.safe_dump(description), encoding='utf-8')
+    given = {'source': 'scene', 'scene': file, 'seed': seed, 'loop': 'true'}
+    driver = bench.start('slip_driver', '-r', '__ns:=/index', parameters=given)
+    yield
+    driver.end()
+    bench.processes.remove(driver)
 
 
 def opened(bench, browser, view):
@@ -111,15 +104,15 @@ def test_rest_slip_taps_tune_apply_and_save(bench, browser, tmp_path):
     page = opened(bench, browser, view)
     finger = page.locator('.finger')
 
-    with Played(bench, tmp_path, 'rest', at_once(gripped(600.0)), seed=1):
+    with played(bench, tmp_path, 'rest', at_once(gripped(600.0)), seed=1):
         expect(finger).not_to_have_attribute('data-state', 'noInput')
         recorded_for(page, 'r', 'rest_1', REST_S)
         recorded_for(page, 'r', 'rest_2', REST_S)
-    with Played(bench, tmp_path, 'pulled', pulled(SLIPS), seed=2):
+    with played(bench, tmp_path, 'pulled', pulled(SLIPS), seed=2):
         press_by_truth(bench, page, truth, SLIPS)
         last = page.get_by_role('row', name=re.compile(rf'\bslip_{SLIPS}\b'))
         expect(last).to_be_visible(timeout=PATIENCE_MS)
-    with Played(bench, tmp_path, 'taps', at_once(tapped(600.0)), seed=3):
+    with played(bench, tmp_path, 'taps', at_once(tapped(600.0)), seed=3):
         recorded_for(page, 't', 'taps_1', TAPS_S)
 
     page.get_by_role('button', name='Tune', exact=True).click()

@@ -15,7 +15,6 @@
 
 """The page in a real browser: states of fingers, its connection, and who cannot see or click."""
 
-import importlib.util
 import threading
 from pathlib import Path
 
@@ -234,17 +233,11 @@ def test_with_read_only_nothing_can_be_changed_in_any_tab(serve, open_page, tmp_
     assert not (tmp_path / 'index' / 'rest_3').exists()
 
 
-@pytest.fixture(scope='module')
-def axe():
-    found = importlib.util.find_spec('axe_core_python')
-    if found is None or found.origin is None:
-        pytest.skip('needs the Python package axe-core-python')
-    return (Path(found.origin).parent / 'axe.min.js').read_text(encoding='utf-8')
-
-
 @pytest.fixture
-def violations(axe):
+def violations():
     """Return what gives the violations that axe-core finds on a page, in words."""
+    package = pytest.importorskip('axe_core_python')
+    axe = (Path(package.__file__).parent / 'axe.min.js').read_text(encoding='utf-8')
 
     def found_on(page):
         page.evaluate(axe)

@@ -145,10 +145,6 @@ detectors: {slip_tune: {ros__parameters: {trade: true}}}
 """
 
 
-def detector(**values):
-    return DetectorConfig(channels=2, **values)
-
-
 def written(tmp_path, configs, given_file=None):
     path = tmp_path / 'saved.yaml'
     document = parameter_file(configs, given_file)
@@ -172,7 +168,7 @@ def test_a_saved_configuration_is_read_unchanged(tmp_path_factory, chain):
 def test_saving_keeps_the_sections_of_other_nodes_and_replaces_the_detectors(tmp_path):
     given_file = tmp_path / 'given.yaml'
     given_file.write_text(GIVEN, encoding='utf-8')
-    config = detector(threshold=0.5)
+    config = DetectorConfig(channels=2, threshold=0.5)
     path = written(tmp_path, {'/thumb/slip_detector': config}, given_file)
     assert read(path, '/thumb/slip_detector') == config
     assert DetectorConfig.from_yaml(path) == config

@@ -271,7 +271,9 @@ def test_nothing_that_a_page_sends_leaves_the_folder(tmp_path_factory, finger, d
     around = tmp_path_factory.mktemp('around')
     (around / 'victim').mkdir()
     (around / 'victim' / 'victim.mcap').write_text('as it was')
-    teaching, known = taught_without_a_chain(around / 'recordings', FINGER)
+    detectors = SimulatedDetectors(labels=())
+    known = detectors.fingers[FINGER] = Finger(FINGER, DetectorConfig())
+    teaching = Teaching(detectors, around / 'recordings')
     acts = {
         'start': lambda: teaching.start(finger, what),
         'press': lambda: teaching.press(finger),
@@ -286,13 +288,6 @@ def test_nothing_that_a_page_sends_leaves_the_folder(tmp_path_factory, finger, d
     assert (around / 'victim' / 'victim.mcap').read_text() == 'as it was'
     inside = [path.relative_to(around) for path in (around / 'recordings').rglob('*')]
     assert all(path.parts[:2] == ('recordings', 'index') for path in inside)
-
-
-def taught_without_a_chain(folder, name):
-    """Return teaching with one finger that only has a track."""
-    detectors = SimulatedDetectors(labels=())
-    finger = detectors.fingers[name] = Finger(name, DetectorConfig())
-    return Teaching(detectors, folder), finger
 
 
 class Requests:

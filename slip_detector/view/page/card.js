@@ -262,14 +262,9 @@ function placesOf(positions, width, height, margin = 0) {
 // The distance of the closest taxels. As these are drawn as squares, the distance of two is the larger
 // of those along the axes.
 function smallestDistance(points) {
-  let smallest = Infinity;
-  for (let i = 1; i < points.length; i++) {
-    for (let j = 0; j < i; j++) {
-      const distance = Math.max(...points[i].map((metres, axis) => Math.abs(metres - points[j][axis])));
-      if (distance < smallest) smallest = distance;
-    }
-  }
-  return Number.isFinite(smallest) ? smallest : 0;
+  const distances = points.flatMap(([x, y], i) => (
+    points.slice(0, i).map(([other, above]) => Math.max(Math.abs(x - other), Math.abs(y - above)))));
+  return distances.length ? distances.reduce((a, b) => Math.min(a, b)) : 0;
 }
 
 // How high a level stands in its taxel: 0 at 1/32 of the threshold or less, 1 at the threshold.

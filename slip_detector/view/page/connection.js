@@ -86,19 +86,11 @@ export class Connection extends EventTarget {
     const say = (why) => this.say(`${why}; trying again`);
     if (reason || !this.words) say(reason || UNREACHABLE);
     if (reason) return;
-    const refusal = await this.refusal();
+    // A WebSocket does not pass on why the server refuses it.
+    const refusal = await fetch(`/live${location.search}`)
+      .then((answer) => (answer.status === 403 ? answer.text() : '')).catch(() => '');
     // The connection may be open again meanwhile.
-    if (!this.isOpen) say(refusal || UNREACHABLE);
-  }
-
-  // Why the server refuses the connection, '' if it does not: a WebSocket does not pass that on.
-  async refusal() {
-    try {
-      const answer = await fetch(`/live${location.search}`);
-      return answer.status === 403 ? (await answer.text()).trim() : '';
-    } catch {
-      return '';
-    }
+    if (!this.isOpen) say(refusal.trim() || UNREACHABLE);
   }
 
   take(data) {
