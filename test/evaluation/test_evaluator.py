@@ -59,16 +59,6 @@ def whole(labelled):
     return first.then(*others)
 
 
-def test_the_rows_are_those_of_the_file_with_its_label(tmp_path):
-    opened = loader().open(write(tmp_path / 'a.npz'))
-    assert (opened.sample_rate_hz, opened.channel_names) == (RATE_HZ, ('ch1', 'ch2'))
-    rows = whole(opened)
-    np.testing.assert_array_equal(rows.volts, arrays(0)[0])
-    np.testing.assert_array_equal(rows.truth, arrays(0)[1])
-    assert rows.moving is None
-    assert opened.recording.counts.rows == 800
-
-
 def test_a_recording_without_labels_has_no_slip_where_none_are_required(tmp_path):
     path = tmp_path / 'a.npz'
     np.savez(path, volts=np.zeros((9, 2)), sample_rate_hz=RATE_HZ)

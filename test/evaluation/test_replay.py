@@ -24,7 +24,6 @@ from slip_detector.chain.samples import Samples
 from slip_detector.chain.slip_chain import COMPILED, SlipChain
 from slip_detector.evaluation.figures import SETTLING, STAGES, TRUE, figures_of_merit
 from slip_detector.evaluation.replay import Replay
-from slip_detector.parameters.evaluation import EvaluationConfig
 from support.replay_cases import CONFIG, RATE_HZ, ridges
 
 
@@ -65,16 +64,6 @@ def test_the_recordings_own_rate_turns_rows_into_times():
     # The tail of the slip and off_before_s are times too.
     assert (ours.settling_rows, its.settling_rows) == (max(settling_rows(CONFIG), 40), 40)
     assert (ours.rest_rows, its.rest_rows) == (2000 - 240 - ours.settling_rows, 2000 - 240 - 40)
-
-
-def test_late_is_later_than_the_limit():
-    volts, truth = ridges((400, 600))
-    latency_s = Replay(CONFIG).run([Samples.evenly(volts, RATE_HZ, truth)]).slips[0].latency_s
-    for limit_s, late in ((latency_s, False), (latency_s - 1 / RATE_HZ, True)):
-        config = EvaluationConfig(late_after_s=limit_s)
-        outcome = Replay(CONFIG, config).run([Samples.evenly(volts, RATE_HZ, truth)])
-        assert outcome.slips[0].late == late
-        assert (figures_of_merit([outcome])['late_filter_ms'] is None) == (not late)
 
 
 def test_scores_and_stages_that_are_not_wanted_are_undefined_and_the_rest_is_the_same():

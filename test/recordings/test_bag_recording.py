@@ -77,18 +77,6 @@ def test_a_type_that_is_defined_in_idl_is_read(tmp_path):
     check_same(gathered(open_recording(tmp_path / 'a', config)), Samples(volts, stamps(20), None))
 
 
-def test_messages_of_other_layouts_are_read_one_by_one_to_the_same_bits(tmp_path):
-    written = rows(400)
-    with Bag(tmp_path / 'a') as bag:
-        for k, (stamp_ns, row) in enumerate(zip(written.stamps_ns, written.volts, strict=True)):
-            bag.write(
-                '/voltages',
-                bag.joints(stamp_ns, row, frame_id=f'tip{"x" * (k % 70)}{k}'),
-                stamp_ns,
-            )
-    check_same(gathered(open_recording(tmp_path / 'a')), written._replace(truth=None))
-
-
 def test_messages_with_other_channels_or_names_are_left_out_and_counted(tmp_path):
     written = rows(60)
     with Bag(tmp_path / 'a') as bag:

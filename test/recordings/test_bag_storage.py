@@ -197,18 +197,7 @@ def test_a_damaged_chunk_is_lost_alone(tmp_path):
         assert 'a.mcap is damaged at byte ' in recording.counts.damage
 
 
-def test_a_checksum_that_does_not_fit_is_damage_and_none_is_a_warning(tmp_path):
-    path = tmp_path / 'a.mcap'
-    written = rows(400)
-    write_recording(path, [written], 380.0, NAMES)
-    recording = open_recording(path)
-    check_same(gathered(recording), written)
-    assert not recording.counts.warnings
-    content = path.read_bytes()
-    place = content.index(written.volts[200].tobytes())
-    path.write_bytes(content[:place] + b'\0' + content[place + 1 :])
-    with pytest.raises(ValueError, match=r'a\.mcap: has no samples .*is damaged'):
-        gathered(open_recording(path))
+def test_a_bag_without_checksums_is_read_with_a_warning(tmp_path):
     _, file = write_bag(tmp_path / 'b', StoragePlugin.MCAP, n=200)
     recording = open_recording(file)
     gathered(recording)
@@ -287,16 +276,6 @@ def test_labels_after_the_damage_are_no_error(tmp_path):
     read, damage = read_of(file)
     assert damage
     assert 180 < read.truth.sum() < 200
-
-
-MSG_PARTS = ['float64 volts', '=' * 80, 'MSG: skin/msg/Part', 'int32 n']
-IDL = 'module skin { module msg { struct Tactile { double volts; }; }; };'
-
-
-@pytest.mark.parametrize(('encoding', 'text'), [('MSG', '\n'.join(MSG_PARTS)), ('IDL', IDL)])
-def test_a_type_is_found_in_its_definition(encoding, text):
-    store = typestore_of(Topic('/skin', 'skin/msg/Tactile', encoding, text))
-    assert [name for name, _ in store.fielddefs['skin/msg/Tactile'][1]] == ['volts']
 
 
 def test_where_a_definition_is_broken_that_of_ros_is_used_and_an_unknown_type_is_named():

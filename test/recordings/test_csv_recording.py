@@ -51,17 +51,6 @@ def test_csv_keeps_every_value_and_tells_the_rate(tmp_path_factory, volts, rate_
     np.testing.assert_array_equal(recording.truth, slip)
 
 
-def test_csv_without_label_has_no_truth(tmp_path):
-    assert read_recording(save_text(tmp_path / 'a.csv', 'time_s,a\n0,1\n1,2\n')).truth is None
-
-
-def test_the_rate_of_a_csv_is_that_of_all_rows_so_jitter_is_averaged(tmp_path):
-    times = np.cumsum([0.0] + [0.009, 0.009, 0.012] * 40)  # Most steps are short.
-    lines = [f'{t:.6f},1' for t in times]
-    recording = read_recording(save_text(tmp_path / 'a.csv', '\n'.join(['time_s,a', *lines])))
-    assert recording.sample_rate_hz == pytest.approx(100.0)
-
-
 def test_the_mark_that_spreadsheets_write_is_no_part_of_a_name(tmp_path):
     path = save_text(tmp_path / 'a.csv', '\ufefftime_s,a\n0,1\n1,2\n')
     assert read_recording(path).channel_names == ('a',)

@@ -264,19 +264,6 @@ def test_a_layout_that_does_not_fit_its_numbers_is_refused():
         FieldReader('data')(MultiArray(layout, np.arange(6.0)))
 
 
-def test_messages_of_rclpy_and_of_bags_are_read_alike():
-    ros = pytest.importorskip('sensor_msgs.msg', reason='needs ROS messages')
-    typesys = pytest.importorskip('rosbags.typesys')
-    types = typesys.get_typestore(typesys.Stores.ROS2_JAZZY).types
-    cloud = ros.PointCloud(channels=[ros.ChannelFloat32(name='a', values=[1.0, 2.0])])
-    channel = types['sensor_msgs/msg/ChannelFloat32']('a', np.array([1.0, 2.0]))
-    other = types['sensor_msgs/msg/PointCloud'](header=None, points=[], channels=[channel])
-    for message in (cloud, other):
-        np.testing.assert_array_equal(FieldReader('channels[].values')(message), [[1, 2]])
-        with pytest.raises(ValueError, match='PointCloud has no intensity, there are: header, '):
-            FieldReader('intensity')(message)
-
-
 @pytest.mark.parametrize('kind', [np.ndarray, array.array])
 def test_a_nan_of_the_signalling_kind_is_a_nan_without_a_warning(kind):
     signalling = np.array([0x7F810000, 0x3F800000], np.uint32).view(np.float32)

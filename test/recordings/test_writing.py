@@ -43,8 +43,8 @@ from support.full_disk import full_disk
 @given(data=st.data())
 def test_rows_are_written_and_read_back_to_the_bit(tmp_path_factory, ending, data):
     n, channels = data.draw(st.integers(2, 40)), data.draw(st.integers(1, 5))
-    finite = st.floats(allow_nan=False, allow_infinity=False, width=64)
-    volts = data.draw(hnp.arrays(np.float64, (n, channels), elements=finite))
+    any_float = st.floats(width=64)
+    volts = data.draw(hnp.arrays(np.float64, (n, channels), elements=any_float))
     truth = data.draw(st.none() | hnp.arrays(np.bool_, n))
     start_ns = data.draw(st.integers(0, 2**60))
     steps_ns = data.draw(st.lists(st.integers(9_000_000, 11_000_000), min_size=n, max_size=n))
@@ -63,16 +63,6 @@ def test_rows_are_written_and_read_back_to_the_bit(tmp_path_factory, ending, dat
     assert list(recording.channel_names) == (
         names if recording.named else [f'ch{i + 1}' for i in range(channels)]
     )
-
-
-@pytest.mark.parametrize('ending', ['.mcap', '.db3', '', '.npz'])
-def test_values_that_are_no_number_are_written_read_and_counted(tmp_path, ending):
-    written = rows(50)
-    written.volts[7, 1], written.volts[9, 0] = np.nan, -np.inf
-    write_recording(tmp_path / f'a{ending}', [written], 380.0, NAMES)
-    recording = open_recording(tmp_path / f'a{ending}')
-    check_same(gathered(recording), written)
-    assert recording.counts.bad_samples == 2
 
 
 @pytest.mark.parametrize('ending', ['', '.mcap', '.db3'])

@@ -91,13 +91,6 @@ def test_tremor_lies_in_its_band_with_its_rms_and_below_its_peak(low_hz, ratio, 
     assert np.sum(amplitude) <= TREMOR_PEAK * 0.3
 
 
-def test_tremor_beats_slowly():
-    force_n = sines_at(instants_s(200.0, 100.0), Tremor().sines(0.3, trial()))
-    # RMS over 2 s, the longest period of the band four times.
-    over_2s = np.sqrt(np.mean(force_n.reshape(-1, 200) ** 2, axis=1))
-    assert over_2s.max() > 1.3 * over_2s.min()
-
-
 @st.composite
 def taps(draw):
     duration_s = draw(st.floats(1e-3, 0.05))

@@ -170,9 +170,3 @@ def test_the_share_and_the_bursts_of_lost_samples_are_those_asked_for(share, bur
     tolerance = 6 / np.sqrt(begins)
     assert np.mean(lost) == pytest.approx(share, rel=tolerance)
     assert np.count_nonzero(lost) / begins == pytest.approx(burst, rel=tolerance)
-
-
-def test_a_burst_of_one_never_loses_two_in_a_row():
-    lost = ~frontend(parts={'drops': Drops(share=0.4)}).arrived(10_000)
-    assert lost.any()
-    assert not np.any(lost[1:] & lost[:-1])

@@ -25,7 +25,6 @@ from slip_detector.scenes.friction import (
     LIGHTEST_LOAD_N,
     Friction,
     Skin,
-    check_solvable,
     lugre_stage,
     skin_stage,
 )
@@ -137,35 +136,6 @@ def test_the_stage_finds_the_velocity_at_which_the_forces_balance(
     )
 
 
-@settings(max_examples=200)
-@given(**STAGES)
-def test_bristles_never_hold_more_than_static_friction_after_a_step(
-    law, load_n, pull, impedance, w_last, share, step_s
-):
-    share = math.copysign(min(abs(share), 1.0), share)
-    limit_n = most_n(law, load_n)
-    z = share * limit_n / law.bristle_stiffness_n_m
-    *_, after = lugre_stage(pull * limit_n, impedance, w_last, z, load_n, step_s, law)
-    assert abs(law.bristle_stiffness_n_m * after) <= limit_n * (1.0 + 1e-9)
-
-
-@settings(max_examples=200)
-@given(**STAGES)
-def test_the_slope_of_the_stage_is_that_of_its_force(
-    law, load_n, pull, impedance, w_last, share, step_s
-):
-    limit_n = most_n(law, load_n)
-    z = share * limit_n / law.bristle_stiffness_n_m
-    w, _, slope, after = lugre_stage(pull * limit_n, impedance, w_last, z, load_n, step_s, law)
-    # Far enough from the corners at rest and at the limit of the bristles.
-    by = 1e-5 * abs(w)
-    assume(by > 0.0)
-    assume(abs(abs(law.bristle_stiffness_n_m * after) / limit_n - 1.0) > 1e-3)
-    ends = [stage_balance(w + d, 0.0, 0.0, z, load_n, step_s, law) for d in (-by, by)]
-    (_, sizes, below, _), (_, _, above, _) = ends
-    assert slope == pytest.approx((above - below) / (2.0 * by), rel=1e-4, abs=1e-10 * sizes / by)
-
-
 @settings(max_examples=100)
 @given(
     LAWS,
@@ -248,33 +218,3 @@ def test_the_steepest_fall_is_that_of_the_stribeck_curve(kinetic, more, stribeck
     w = np.linspace(0.0, 3.0, 3001) * stribeck_m_s
     falls = -np.gradient([level_n(one, friction.numbers(), load_n) for one in w], w)
     assert friction.steepest_fall_n_s_m(load_n) == pytest.approx(falls.max(), rel=1e-4)
-
-
-def test_friction_that_falls_faster_than_damping_holds_is_refused():
-    friction = Friction(
-        kinetic_coefficient=0.5, static_coefficient=1.0, stribeck_velocity_m_s=1e-3,
-        viscous_n_s_m=0.0,
-    )  # fmt: skip
-    fall = friction.steepest_fall_n_s_m(0.01)
-    enough, less = (Skin(damping_n_s_m=share * fall, mass_kg=0.0) for share in (1.001, 0.999))
-    check_solvable(friction, enough, 0.01)
-    with pytest.raises(ValueError, match='would chatter; allowed: more damping') as caught:
-        check_solvable(friction, less, 0.01)
-    assert str(caught.value).startswith('friction: ')
-    assert '\n' not in str(caught.value)
-    with pytest.raises(ValueError, match=r'^a grip of 7 N: '):
-        check_solvable(friction, less, 0.01, 'a grip of 7 N')
-
-
-def test_bristle_damping_on_skin_without_mass_and_damping_is_refused():
-    friction = Friction(
-        kinetic_coefficient=0.5, static_coefficient=0.5, bristle_damping_n_s_m=0.1,
-        viscous_n_s_m=0.0,
-    )  # fmt: skip
-    with pytest.raises(ValueError, match='leaves its velocity open; allowed: 0, or') as caught:
-        check_solvable(friction, Skin(damping_n_s_m=0.0, mass_kg=0.0), 0.01)
-    assert '\n' not in str(caught.value)
-    check_solvable(friction, Skin(damping_n_s_m=0.0, mass_kg=1e-6), 0.01)
-    check_solvable(friction, Skin(damping_n_s_m=0.1, mass_kg=0.0), 0.01)
-    coulomb = Friction(model='coulomb', bristle_damping_n_s_m=0.1)  # It has no bristles.
-    check_solvable(coulomb, Skin(damping_n_s_m=0.0, mass_kg=0.0), 0.01)

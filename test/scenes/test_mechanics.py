@@ -225,20 +225,6 @@ def test_skin_without_mass_is_the_limit_of_skin_with_little():
     assert off[2] < 0.2 * off[1]
 
 
-def test_coulomb_is_the_limit_of_stiff_bristles_without_stribeck_effect():
-    def shear_n(stiffness_n_m):
-        bristles = {
-            **LUGRE, 'static_coefficient': 0.5, 'bristle_stiffness_n_m': stiffness_n_m,
-            'bristle_damping_n_s_m': 0.0,
-        }  # fmt: skip
-        return shears_n(friction=bristles, step_s=1e-4)[1]
-
-    limit_n = shears_n(friction=COULOMB, step_s=1e-4)[1]
-    off = [np.abs(shear_n(10.0**e) - limit_n).max() / limit_n.max() for e in (5, 6, 8)]
-    assert off[0] > off[1] > off[2]
-    assert off[2] < 1e-3
-
-
 def test_coulomb_friction_needs_neither_mass_nor_damping():
     bare = {**SKIN, 'damping_n_s_m': 0.0}
     _, shear_n = shears_n(friction=COULOMB, skin=bare, sample_rate_hz=1000.0)

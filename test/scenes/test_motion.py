@@ -66,11 +66,15 @@ def integrated_n(motion, corners_s, commands_n, at_s):
     omega = 2.0 * np.pi * motion.ringing_hz
     state, out = np.zeros(2), np.zeros(len(at_s))
     ends_s = [*corners_s[1:], max(at_s[-1], corners_s[-1]) + 1.0]
-    for start_s, end_s in zip(corners_s, ends_s, strict=True):
+    ends_n = [*commands_n[1:], commands_n[-1]]
+    for start_s, end_s, start_n, end_n in zip(corners_s, ends_s, commands_n, ends_n, strict=True):
+        if start_s == end_s:  # The command jumps.
+            continue
+        line = (start_s, end_s), (start_n, end_n)
         solution = solve_ivp(
-            lambda t, y: [
+            lambda t, y, line=line: [
                 y[1],
-                omega**2 * (np.interp(t, corners_s, commands_n) - y[0])
+                omega**2 * (np.interp(t, *line) - y[0])
                 - 2.0 * motion.ringing_damping * omega * y[1],
             ],
             (start_s, end_s),
@@ -90,10 +94,6 @@ def integrated_n(motion, corners_s, commands_n, at_s):
 # The normal force.
 
 
-def force_n(numbers, at_s):
-    return force_at(at_s, numbers)
-
-
 @settings(max_examples=25)
 @given(MOTIONS, FORCE_STEPS)
 def test_the_force_follows_the_command_as_a_damped_mass_does(motion, steps):
@@ -101,7 +101,7 @@ def test_the_force_follows_the_command_as_a_damped_mass_does(motion, steps):
     at_s = np.linspace(0.0, corners_s[-1] + 0.2, 200)
     wanted_n = np.maximum(integrated_n(motion, corners_s, commands_n, at_s), 0.0)
     # Nearest to a damping ratio of 1 the closed form loses digits: 5 N / 1e-6 times 1e-16.
-    np.testing.assert_allclose(force_n(force_numbers(motion, steps), at_s), wanted_n, atol=2e-5)
+    np.testing.assert_allclose(force_at(at_s, force_numbers(motion, steps)), wanted_n, atol=2e-5)
 
 
 # A grip from outside.
@@ -121,25 +121,8 @@ def test_any_number_of_grips_gives_what_the_damped_mass_does(motion, holds):
         last_n = grip_n
     # What it was before the last but one grip need not be known any more.
     at_s = np.linspace(time_s, time_s + 1.0, 100)
-    state_n = at_s * 0.0
-    edges_s, states = np.array(corners_s[1::2]), np.array(commands_n[2::2])
-    omega = 2.0 * np.pi * motion.ringing_hz
-    y = np.zeros(2)
-    for k, start_s in enumerate(edges_s):
-        end_s = edges_s[k + 1] if k + 1 < len(edges_s) else at_s[-1]
-        if end_s == start_s:
-            continue
-        solution = solve_ivp(
-            lambda t, y, command=states[k]: [
-                y[1],
-                omega**2 * (command - y[0]) - 2.0 * motion.ringing_damping * omega * y[1],
-            ],
-            (start_s, end_s), y, method='DOP853', rtol=1e-9, atol=1e-10, dense_output=True,
-        )  # fmt: skip
-        y = solution.y[:, -1]
-        if k + 1 == len(edges_s):
-            state_n = solution.sol(at_s)[0]
-    np.testing.assert_allclose(force_n(force, at_s), np.maximum(state_n, 0.0), atol=2e-5)
+    wanted_n = np.maximum(integrated_n(motion, corners_s, commands_n, at_s), 0.0)
+    np.testing.assert_allclose(force_at(at_s, force), wanted_n, atol=2e-5)
 
 
 def test_many_grips_are_not_all_remembered():

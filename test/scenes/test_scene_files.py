@@ -19,7 +19,6 @@ import re
 import numpy as np
 import pytest
 
-from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.parameters.files import shared_folder
 from slip_detector.scenes import find_scene, load_scene
 
@@ -100,15 +99,6 @@ def played(name, seed=0):
             'steps: carried and pull_n are for an object, allowed: with that part',
         ),
         (
-            'steps: [{pull_n: 1.0}]',
-            'steps: carried and pull_n are for an object, allowed: with that part',
-        ),
-        (
-            'steps: [{duration_s: 1, velocity_m_s: 0.08}]\n'
-            'texture: {spatial_period_m: 4.0e-4, harmonics: [0, 0]}',
-            'which aliases at a sample rate of 380 Hz; allowed: with bandwidth_hz',
-        ),
-        (
             'steps: [{force_n: 1}]\nfriction: {kinetic_coefficient: 0.1, static_coefficient: 1, '
             'stribeck_velocity_m_s: 1.0e-6}',
             'friction: falls with velocity by up to',
@@ -185,19 +175,6 @@ def test_the_object_of_the_package_is_held_slips_is_caught_and_falls():
     slid_m = np.interp([2.5, 3.9, 5.0], t, samples.position_m)
     assert 1e-4 < slid_m[1] - slid_m[0] < 0.05
     assert slid_m[2] >= 0.1  # Through the fingers and lost.
-
-
-@pytest.mark.parametrize('seed', range(3))
-def test_the_default_chain_finds_the_slip_of_the_default_plate(seed):
-    samples = played('plate_400um', seed)
-    result = SlipChain().update(samples.volts)
-    t = samples.stamps_ns * 1e-9
-    slip_s = t[samples.truth]
-    assert result.channels[samples.truth].any(axis=0).all()
-    assert result.slip[samples.truth].mean() > 0.9
-    delay_s = t[np.argmax(result.slip & (t >= slip_s[0]))] - slip_s[0]
-    assert 0.0 < delay_s < 0.08
-    assert not result.slip[(t < 1.0) | (t > slip_s[-1] + 0.2) & (t < 6.6)].any()
 
 
 def test_a_scene_is_found_by_name_or_taken_by_path():
