@@ -43,7 +43,7 @@ from support.full_disk import full_disk
 @given(data=st.data())
 def test_rows_are_written_and_read_back_to_the_bit(tmp_path_factory, ending, data):
     n, channels = data.draw(st.integers(2, 40)), data.draw(st.integers(1, 5))
-    any_float = st.floats(width=64)
+    any_float = st.floats(allow_nan=False, width=64) | st.just(np.nan)
     volts = data.draw(hnp.arrays(np.float64, (n, channels), elements=any_float))
     truth = data.draw(st.none() | hnp.arrays(np.bool_, n))
     start_ns = data.draw(st.integers(0, 2**60))
