@@ -110,20 +110,3 @@ def test_figures_by_hand():
     # where the mean time to an alarm ends.
     saved_s = saved_by_chance_s([0.1], [5.0], [1.0], 2.0)
     assert saved_s.tolist() == pytest.approx([0.1 * 0.9 + 0.9**2 / 2 + 1.1])
-    figures = slip_figures([20.0, np.nan, 60.0, 40.0], [0.0] * 4, [3.0] * 4, 1, 60.0, 1.5)
-    assert figures == pytest.approx(
-        {
-            'recall': 0.75, 'recall_by_chance': 0.05,
-            'sooner_than_chance': (3.0 - 2.0 * 0.12 / 60.0 - 0.05) / 4.0,
-            'false_alarms_per_minute': 1.0, 'false_time_percent': 2.5,
-            'false_time_s_per_hour': 90.0, 'latency_median_all_ms': 50.0,
-            'latency_median_ms': 40.0, 'latency_p90_ms': 56.0, 'latency_worst_ms': 60.0,
-        }
-    )  # fmt: skip
-
-
-def test_without_rest_the_figures_of_chance_are_undefined():
-    figures = slip_figures([20.0], [0.0], [1.0], 0, 0.0, 0.0)
-    assert figures.pop('recall') == 1.0
-    assert set(figures.values()) == {None}
-    assert slip_figures([], [], [], 3, 60.0, 6.0)['sooner_than_chance'] is None

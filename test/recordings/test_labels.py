@@ -28,7 +28,6 @@ from slip_detector.recordings.labels import (
     as_truth,
     find_labels,
     moving_at,
-    read_labels,
     states_at,
 )
 
@@ -152,18 +151,6 @@ def test_a_file_of_labels_that_cannot_be_read_is_named(tmp_path, recording):
     (tmp_path / 'binary.yaml').write_bytes(b'\xff\xfe\x00')
     with pytest.raises(ValueError, match=r'binary\.yaml: is not text, allowed: a YAML file'):
         truth(recording, tmp_path / 'binary.yaml')
-
-
-@given(st.binary(max_size=60) | st.text('slip_:-[]{}0123., \n#&*!', max_size=60).map(str.encode))
-def test_no_file_of_labels_ends_in_anything_but_labels_or_one_line(tmp_path_factory, content):
-    path = tmp_path_factory.mktemp('fuzz') / 'a.yaml'
-    path.write_bytes(content)
-    try:
-        read_labels(path)
-    except ValueError as error:
-        said = str(error)
-        assert said.startswith(f'{path}:')
-        assert '\n' not in said
 
 
 @given(st.lists(st.booleans(), max_size=8), st.data())

@@ -14,9 +14,6 @@
 
 """Tables of text, and the texts of figures."""
 
-from hypothesis import given
-from hypothesis import strategies as st
-
 from slip_detector.evaluation.protocol import WANTED
 from slip_detector.grasp.comparison import (
     CONTROLLER,
@@ -33,30 +30,8 @@ from slip_detector.report.tables import (
     TABLES,
     comparison_table,
     evaluation_tables,
-    text_table,
 )
 from support import grasp_trials
-
-CELL = st.text('ab 1.', max_size=8).map(str.strip)
-
-
-@given(
-    st.integers(1, 5).flatmap(
-        lambda n: st.lists(st.lists(CELL, min_size=n, max_size=n), min_size=1)
-    ),
-    st.sampled_from(['<', '>', '<>', '><<']),
-    st.integers(0, 3),
-)
-def test_each_cell_is_in_its_column_on_its_side(rows, alignment, indent):
-    lines = text_table(rows, alignment, indent).split('\n')
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    sides = alignment.ljust(len(widths), alignment[-1])
-    for line, row in zip(lines, rows, strict=True):
-        cells = [
-            cell.ljust(width) if side == '<' else cell.rjust(width)
-            for cell, side, width in zip(row, sides, widths, strict=False)
-        ]
-        assert line == (' ' * indent + '  '.join(cells)).rstrip()
 
 
 def evaluated(value, **figures):

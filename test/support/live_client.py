@@ -54,14 +54,11 @@ class LiveClient:
         self.latest[content['type']] = content
         return None
 
-    async def next_frame(self):
-        while (frame := await self.next()) is None:
-            pass
-        return frame
-
     async def drawn_frame(self):
         """Return the next frame, drawn: the one after it may come."""
-        header, arrays = await self.next_frame()
+        while (frame := await self.next()) is None:
+            pass
+        header, arrays = frame
         await self.say('drawn', frame=header['frame'])
         return header, arrays
 

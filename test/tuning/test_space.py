@@ -34,11 +34,26 @@ from support.tuning_cases import CHAIN, track
 XELA = ChainConfig.from_yaml(Path(__file__).resolve().parents[2] / 'config' / 'xela_uskin.yaml')
 
 
-@pytest.mark.parametrize('chain', [CHAIN, XELA, ChainConfig()], ids=['small', 'xela', 'paper'])
+EVIDENCE = dataclasses.replace(
+    CHAIN,
+    decision='evidence',
+    noise_floor=(0.01, 0.02, 0.03, 0.04),
+    evidence_limit_db_s=0.9,
+    threshold=0.4,
+    mains_hz=50.0,
+    exponent=1,
+)
+
+
+@pytest.mark.parametrize(
+    'chain', [CHAIN, XELA, ChainConfig(), EVIDENCE], ids=['small', 'xela', 'paper', 'evidence']
+)
 def test_the_given_chain_is_a_point_of_its_space(chain):
     space = SearchSpace(chain)
     assert space.chain(space.point(chain)) == chain
     assert space.starts()[0] == space.point(chain)
+    assert set(space.distributions) == set(space.point(chain)) == set(space.starts()[1])
+    assert space.distributions['mains_hz'].choices == (0.0, 50.0, 60.0)
 
 
 def some_point(space, shares):
@@ -92,24 +107,6 @@ def test_what_only_the_other_decision_has_is_no_distance():
     other = {**point, 'decision': 'evidence'}
     assert space.distance({**other, 'decision_window_s': 0.05}, other) == 0.0
     assert space.distance({**other, 'evidence_offset_db': 9.0}, other) > 0.0
-
-
-EVIDENCE = dataclasses.replace(
-    CHAIN,
-    decision='evidence',
-    noise_floor=(0.01, 0.02, 0.03, 0.04),
-    evidence_limit_db_s=0.9,
-    threshold=0.4,
-    mains_hz=50.0,
-    exponent=1,
-)
-
-
-def test_a_chain_that_decides_by_evidence_is_a_point_of_its_space():
-    space = SearchSpace(EVIDENCE)
-    assert space.chain(space.point(EVIDENCE)) == EVIDENCE
-    assert space.distributions['mains_hz'].choices == (0.0, 50.0, 60.0)
-    assert set(space.distributions) == set(space.point(EVIDENCE)) == set(space.starts()[1])
 
 
 @pytest.mark.parametrize('which', ['learnt', 'followed'])

@@ -101,22 +101,26 @@ def test_thresholds_rise_in_even_steps_of_amplitude_up_to_where_nothing_is_on(va
     assert [float(f'{limit:.4g}') for limit in limits] == limits.tolist()
 
 
-def test_of_a_silent_or_endless_statistic_there_is_no_threshold():
-    quiet = track_of('a', [Samples.evenly(np.zeros((3, 1)), 380.0, np.zeros(3, bool))], 380.0)
-    for statistic in (np.zeros(3), np.array([0.0, np.inf, 1.0])):
-        assert thresholds(ChainConfig(), [statistic], [quiet]).size == 0
+QUIET = track_of('a', [Samples.evenly(np.zeros((20, 1)), 380.0, np.zeros(20, bool))], 380.0)
 
 
-def test_thresholds_of_evidence_stay_below_its_limit():
-    quiet = track_of('a', [Samples.evenly(np.zeros((20, 1)), 380.0, np.zeros(20, bool))], 380.0)
-    limits = thresholds(EVIDENCE, [np.linspace(0.0, 1.3, 20)], [quiet])
+@pytest.mark.parametrize(
+    ('chain', 'statistic'),
+    [
+        (ChainConfig(), np.zeros(20)),
+        (ChainConfig(), np.array([0.0, np.inf] * 10)),
+        (EVIDENCE, np.full(20, 1.3)),
+    ],
+    ids=['silent', 'endless', 'evidence at its limit'],
+)
+def test_of_a_statistic_that_no_threshold_divides_there_is_none(chain, statistic):
+    assert thresholds(chain, [statistic], [QUIET]).size == 0
+
+
+def test_thresholds_of_evidence_are_as_far_apart_as_louder_noise_moves_it_below_its_limit():
+    limits = thresholds(EVIDENCE, [np.linspace(0.0, 1.3, 20)], [QUIET])
     assert 0.95 * 1.3 < limits[-1] < 1.3
-    assert thresholds(EVIDENCE, [np.full(20, 1.3)], [quiet]).size == 0
-
-
-def test_thresholds_of_evidence_are_as_far_apart_as_louder_noise_moves_it():
-    quiet = track_of('a', [Samples.evenly(np.zeros((20, 1)), 380.0, np.zeros(20, bool))], 380.0)
-    limits = thresholds(EVIDENCE, [np.linspace(0.0, 1.0, 20)], [quiet])
+    limits = thresholds(EVIDENCE, [np.linspace(0.0, 1.0, 20)], [QUIET])
     # 3 % of amplitude are 0.257 dB, and a window lasts for 20 ms.
     steps = np.diff(limits[limits < 0.1])
     np.testing.assert_allclose(steps, 0.257 * 0.02, rtol=0.05)

@@ -16,17 +16,12 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
 
 from slip_detector.chain.samples import Samples
-from slip_detector.chain.slip_chain import COMPILED
 from slip_detector.evaluation.evaluator import RecordingLoader
-from slip_detector.evaluation.figures import figures_of_merit
-from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.tuning.tracks import TrainingFiles, fingerprint, held_out, load_tracks, track_of
-from support.track_cases import RATE_HZ, chains, recordings
 from support.tuning_cases import CHAIN, slips, track, write
 
 
@@ -57,16 +52,6 @@ def test_without_slips_enough_there_is_nothing_to_hold_out():
         held_out([track(1, slips=False), track(2, slips=False)], 1 / 3)
     with pytest.raises(ValueError, match='seed 1: has one slip, allowed: two or more'):
         held_out([track(1, duration_s=3.0), track(2, slips=False)], 1 / 3)
-
-
-@settings(max_examples=30 if COMPILED else 3, deadline=None)
-@given(chains(), recordings())
-def test_a_track_replays_as_the_recording_that_it_is_of(chain, pieces):
-    replay = Replay(chain)
-    track = track_of('a', pieces, RATE_HZ)
-    assert figures_of_merit([replay.run(track.rows(), RATE_HZ)]) == figures_of_merit(
-        [replay.run(pieces, RATE_HZ)]
-    )
 
 
 def test_a_fingerprint_differs_with_volts_labels_and_rate_and_not_with_the_name():
