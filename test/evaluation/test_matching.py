@@ -134,24 +134,6 @@ def intervals(signal, stretches):
 
 
 @given(recorded())
-def test_rest_is_what_has_settled_and_can_belong_to_no_slip_counted_row_by_row(drawn):
-    stretches, truth, on, settling, config = drawn
-    slips = intervals(truth, stretches)
-    rows = ScoredRows(slips, stretches, settling, config, 100.0)
-    early, tail = (round(100 * s) for s in (config.early_s, config.tail_s))
-    rest = np.zeros(len(truth), bool)
-    for start, end in stretches:
-        rest[start + max(settling, round(100 * config.off_before_s)) : end] = True
-    assert rows.settling_rows == sum(end - start for start, end in stretches) - rest.sum()
-    assert rows.scored.tolist() == [bool(rest[start]) for start, _ in slips]
-    for start, end in slips:
-        (mine,) = (one for one in stretches if one.start <= start < one.end)
-        rest[max(start - early, mine.start) : min(end + tail, mine.end)] = False
-    assert rows.rest_rows == rest.sum()
-    assert rows.on_rest_rows(intervals(on, stretches)) == (rest & on).sum()
-
-
-@given(recorded())
 def test_an_alarm_begins_after_the_decision_was_off_for_long_enough(drawn):
     stretches, _, on, settling, config = drawn
     rows = ScoredRows([], stretches, settling, config, 100.0)
