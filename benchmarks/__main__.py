@@ -14,12 +14,11 @@
 
 """The command line of the benchmarks: ``python -m benchmarks COMMAND``, from a checkout.
 
-``--json`` prints one object. Its keys ``machine`` (see :func:`benchmarks.measurement.machine`) and
-``quick`` (whether the measurement was short) are common to all subcommands. The others are in the
-docstring of the module that measures: :mod:`benchmarks.chain.speed` and
-:mod:`benchmarks.chain.precision`, :mod:`benchmarks.tune.command`, and ``measure.py`` in
-:mod:`benchmarks.scenes`, :mod:`benchmarks.extremes`, :mod:`benchmarks.soak` and
-:mod:`benchmarks.view`.
+``--json`` prints one object. Common to all subcommands are its keys ``machine`` (see
+:func:`benchmarks.measurement.machine`), ``quick`` (whether the measurement was short) and
+``wanted``: for each claim, by ``part.figure``, the measured ``value``, the ``bound`` as text and
+whether it is ``met``; both are null where it was not measured, and ``met`` with ``--quick``. The
+others are in the docstring of each ``command.py``. Without ``--json`` the same is printed as text.
 """
 
 import argparse
@@ -30,10 +29,12 @@ import sys
 if not __package__:
     sys.exit('benchmarks: run it in the folder of the checkout as: python -m benchmarks')
 
+from benchmarks.measurement import as_text, machine, verdicts
 from benchmarks.processes import exit_on_termination
 
-#: The subcommands. Each is a folder with a ``command.py``. Its ``options()`` returns a parser, and
-#: its ``run(words)`` takes the parsed arguments and returns a ``Measurement``.
+#: The subcommands. Each is a folder with a ``command.py``: ``options()`` returns a parser,
+#: ``measure(words)`` takes the parsed arguments and returns the figures by part, and ``WANTED``
+#: has the bounds of some of them, by ``part.figure``.
 COMMANDS = {
     'chain': 'run time and numerical error of the chain',
     'scenes': 'error of the simulated fingertip against run time',
@@ -61,8 +62,10 @@ def main(arguments: list[str] | None = None) -> int:
         with exit_on_termination():
             command = importlib.import_module(f'benchmarks.{chosen.command}.command')
             words = command.options().parse_args(chosen.options)
-            measurement = command.run(words)
-            print(json.dumps(measurement.figures, indent=2) if words.json else measurement.text)
+            parts = command.measure(words)
+            wanted = verdicts(command.WANTED, parts, judged=not words.quick)
+            figures = {'machine': machine(), 'quick': words.quick, **parts, 'wanted': wanted}
+            print(json.dumps(figures, indent=2) if words.json else as_text(figures))
     except KeyboardInterrupt:
         return 130
     except ModuleNotFoundError as error:

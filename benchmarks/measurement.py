@@ -12,61 +12,37 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Shared by all subcommands: options, the form of the result, and facts about the machine."""
+"""Shared by all subcommands: options, facts about the machine, verdicts, figures as text."""
 
 import argparse
 import importlib
+import json
 import os
 import platform
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import scipy
+import yaml
 
 from slip_detector.chain.compiled import COMPILED
+from slip_detector.evaluation.figures import Bound
+from slip_detector.report.tables import number_text, text_table
 
 
-class Measurement(NamedTuple):
-    """What a subcommand has measured.
-
-    Attributes
-    ----------
-    figures : dict
-        The object that ``--json`` prints.
-    text : str
-        The same figures as tables.
-    """
-
-    figures: dict[str, Any]
-    text: str
-
-
-def shared_options(command: str, description: str, picture: str = '') -> argparse.ArgumentParser:
-    """Return a parser with the options that all subcommands have.
-
-    Parameters
-    ----------
-    command
-        Name of the subcommand.
-    description
-        What it measures.
-    picture
-        File that ``--plot`` writes if it names none; empty for a subcommand without ``--plot``.
-    """
+def shared_options(command: str, description: str) -> argparse.ArgumentParser:
+    """Return a parser with the options that all subcommands have, for ``command``."""
     options = argparse.ArgumentParser(
-        prog=f'python -m benchmarks {command}', description=description
+        prog=f'python -m benchmarks {command}',
+        description=f'{description} Says of each figure what is wanted and whether it is met; the '
+        'exit code is 0 either way.',
     )
     options.add_argument('--json', action='store_true', help='print one JSON object instead')
     options.add_argument(
         '--quick', action='store_true', help='short and inexact, not to be quoted'
     )
-    if picture:
-        options.add_argument(
-            '--plot', metavar='FILE', nargs='?', const=Path(picture), type=Path,
-            help='draw the error against run time (default FILE: %(const)s)',
-        )  # fmt: skip
     return options
 
 
@@ -79,10 +55,12 @@ def machine() -> dict[str, Any]:
         ``cores``, ``system``, ``processor``, ``python``, ``numpy``, ``scipy``, ``numba`` (None
         when it is missing) and ``compiled``, whether the package runs with Numba.
     """
+    lines = Path('/proc/cpuinfo').read_text().splitlines()
+    names = [line.partition(':')[2].strip() for line in lines if line.startswith('model name')]
     return {
         'cores': os.cpu_count(),
         'system': f'{platform.system()} {platform.release()}',
-        'processor': _processor(),
+        'processor': ', '.join([*names[:1], platform.machine()]),
         'python': platform.python_version(),
         'numpy': np.__version__,
         'scipy': scipy.__version__,
@@ -91,23 +69,52 @@ def machine() -> dict[str, Any]:
     }
 
 
-def _processor() -> str:
-    """Return the name of the processor, if the system provides it, and its architecture."""
-    lines = Path('/proc/cpuinfo').read_text().splitlines()
-    names = [line.partition(':')[2].strip() for line in lines if line.startswith('model name')]
-    return ', '.join([*names[:1], platform.machine()])
-
-
-def heading(figures: Mapping[str, Any]) -> str:
-    """Return the lines above the tables: the machine, and how run times are measured.
+def verdicts(
+    bounds: Mapping[str, Bound], figures: Mapping[str, Any], judged: bool = True
+) -> dict[str, dict[str, Any]]:
+    """Compare measured figures with their bounds.
 
     Parameters
     ----------
+    bounds
+        The wanted bounds, by claim: ``part.figure``.
     figures
-        Figures with the keys ``machine`` and ``quick``.
+        What was measured: the figures of each part; parts may be missing.
+    judged
+        False when the measurement is too short to be judged.
+
+    Returns
+    -------
+    dict
+        For each claim ``value``, ``bound`` (as text) and ``met``, which is None when nothing was
+        measured or judged.
+
+    Examples
+    --------
+    >>> verdicts({'blocks.speedup': Bound(low=10.0)}, {'blocks': {'speedup': 12.5}})
+    {'blocks.speedup': {'value': 12.5, 'bound': '>= 10', 'met': True}}
     """
-    facts = figures['machine']
+    found = {}
+    for claim, bound in bounds.items():
+        part, figure = claim.split('.')
+        value = figures.get(part, {}).get(figure)
+        met = bound.met(value) if judged and value is not None else None
+        found[claim] = {'value': value, 'bound': str(bound), 'met': met}
+    return found
+
+
+def as_text(figures: Mapping[str, Any]) -> str:
+    """Return what ``--json`` prints as text: the machine, the claims as a table, all figures."""
+    facts, parts = figures['machine'], dict(figures)
+    for name in ('machine', 'quick', 'wanted'):
+        del parts[name]
     how = f'Numba {facts["numba"]}' if facts['compiled'] else 'no Numba: interpreted'
+    words = {None: 'not judged', True: 'met', False: 'NOT met'}
+    rows = [('What', 'measured', 'wanted', '')] + [
+        (claim, number_text(entry['value'], '.4g'), entry['bound'], words[entry['met']])
+        for claim, entry in figures['wanted'].items()
+        if entry['value'] is not None
+    ]
     return '\n'.join(
         (
             f'Machine      {facts["cores"]} cores, {facts["processor"]}, {facts["system"]}',
@@ -115,5 +122,10 @@ def heading(figures: Mapping[str, Any]) -> str:
             f'SciPy {facts["scipy"]}, {how}',
             'Ratios compare run times measured in turns, the shortest of all rounds for each side'
             + (' (--quick: few and short).' if figures['quick'] else '.'),
+            '',
+            text_table(rows, '<>><', indent=0),
+            '',
+            # By way of JSON, as YAML does not take tuples and NumPy's numbers.
+            yaml.safe_dump(json.loads(json.dumps(parts)), sort_keys=False),
         )
     )

@@ -26,7 +26,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 
 def least_times_s(
-    sides: Sequence[Callable[[], None]],
+    sides: Sequence[Callable[[], object]],
     rounds: int,
     clock: Callable[[], float] = time.perf_counter,
 ) -> list[float]:

@@ -12,26 +12,17 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The subcommand ``chain``.
-
-Beside the figures of :mod:`benchmarks.chain.speed` and :mod:`benchmarks.chain.precision`,
-``--json`` prints ``wanted``: for each claim, by ``part.figure``, the measured ``value``, the
-``bound`` as text and whether it is ``met``, null where nothing is judged.
-"""
+"""The subcommand ``chain``, with the figures of its modules ``speed`` and ``precision``."""
 
 import argparse
 from typing import Any
 
-import yaml
-
 from benchmarks.chain.precision import measure_chain_precision
 from benchmarks.chain.rivals import NUMBA_WITHOUT_AVX512
 from benchmarks.chain.speed import measure_chain_speed
-from benchmarks.measurement import Measurement, heading, machine, shared_options
+from benchmarks.measurement import shared_options
 from benchmarks.processes import figures_of_process
-from benchmarks.verdicts import values_of, verdict_in_words, verdicts
 from slip_detector.evaluation.figures import Bound
-from slip_detector.report.tables import number_text, text_table
 
 #: What is wanted, by part and figure.
 WANTED = {
@@ -58,8 +49,7 @@ def options() -> argparse.ArgumentParser:
         'chain',
         'Measure the run time of the chain in blocks, row by row and by number of channels, each '
         'against a rival in the same run; then its numerical error against a reference of 50 '
-        'digits, beside that of float32 and of polynomials. Says of each figure what is wanted '
-        'and whether it is met; the exit code is 0 either way.',
+        'digits, beside that of float32 and of polynomials.',
     )
     parser.add_argument(
         '--without-avx512',
@@ -72,7 +62,7 @@ def options() -> argparse.ArgumentParser:
     return parser
 
 
-def run(words: argparse.Namespace) -> Measurement:
+def measure(words: argparse.Namespace) -> dict[str, Any]:
     """Measure the chain."""
     parts: dict[str, Any] = {}
     if words.part != 'precision':
@@ -87,12 +77,4 @@ def run(words: argparse.Namespace) -> Measurement:
         )
     if words.part != 'speed':
         parts['precision'] = measure_chain_precision(words.quick)
-    wanted = verdicts(WANTED, values_of(WANTED, parts), judged=not words.quick)
-    rows = [('What', 'measured', 'wanted', '')] + [
-        (claim, number_text(entry['value'], '.3g'), entry['bound'], verdict_in_words(entry))
-        for claim, entry in wanted.items()
-        if entry['value'] is not None
-    ]
-    figures: dict[str, Any] = {'machine': machine(), 'quick': words.quick}
-    tables = heading(figures), text_table(rows, '<>><', indent=0), yaml.safe_dump(parts)
-    return Measurement({**figures, **parts, 'wanted': wanted}, '\n\n'.join(tables))
+    return parts

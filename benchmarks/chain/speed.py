@@ -17,25 +17,23 @@
 :func:`measure_chain_speed` gives one object (keys of ``python -m benchmarks chain --json``):
 
 ``blocks``
-    All stages on blocks of rows, from volts to decisions: ``rows``, ``channels``, ``rounds``,
-    ``slip_share`` (of the rows), ``rows_per_call`` (where rows are given in pieces), and
-    ``ns_per_row`` of each side. With all rows in one call the sides are ``chain``, ``kept`` (the
+    All stages on blocks of rows of 16 channels, from volts to decisions: ``ns_per_row`` of each
+    side. With all rows in one call the sides are ``chain``, ``kept`` (the
     chain with envelope and level kept) and ``numpy`` (SciPy and NumPy, an expression for each
     stage); in pieces ``chain_in_pieces``, ``kept_in_pieces``, ``median_in_pieces`` (with the
     median as common mode), ``evidence_in_pieces`` (the same filters with all that evidence has),
     and ``cpp_in_pieces``. From these follow ``speedup`` (against ``numpy``), ``cpp_ratio`` (the
     run time as a multiple of that of C++; null without C++), and as multiples of the run time of
     decisions alone ``kept_ratio``, ``whole_kept_ratio`` (in one call), ``median_ratio`` and
-    ``evidence_ratio``. ``cpp_left_out`` says why there is no C++, ``cpp_command`` how it was
-    compiled. ``agreement`` is the share of equal decisions of each rival: ``numpy`` and ``cpp``.
+    ``evidence_ratio``. ``cpp_left_out`` says why there is
+    no C++. ``agreement`` is the share of equal decisions of each rival: ``numpy`` and ``cpp``.
 ``one_row``
-    One row per call against one bare ``scipy.signal.sosfilt``: ``channels``, ``calls``,
-    ``rounds``, ``chain_us_per_call``, ``sosfilt_us_per_call``, ``speedup``.
+    One row per call against one bare ``scipy.signal.sosfilt``: ``chain_us_per_call``,
+    ``sosfilt_us_per_call``, ``speedup``.
 ``channels``
-    The chain with different numbers of channels, envelope and level kept: ``channel_samples`` of a
-    call, ``rounds``, ``ns_per_channel_sample`` and its ``ratio`` to that of 16 channels (both by
-    number of channels), the largest ratio ``worst_ratio``, and ``last_ratio``, that of the most
-    channels.
+    The chain with different numbers of channels, envelope and level kept:
+    ``ns_per_channel_sample`` and its ``ratio`` to that of 16 channels (both by number of
+    channels), the largest ratio ``worst_ratio``, and ``last_ratio``, that of the most channels.
 """
 
 import sys
@@ -138,17 +136,11 @@ def measure_blocks(n_rows: int, rounds: int) -> dict[str, Any]:
     ns = {name: s / len(rows) * 1e9 for name, s in zip(sides, times_s, strict=True)}
     in_pieces = ns['chain_in_pieces']
     return {
-        'rows': len(rows),
-        'rows_per_call': min(ROWS_PER_CALL, len(rows)),
-        'channels': config.channels,
-        'rounds': rounds,
         'agreement': agreement,
-        'slip_share': float(mine.slip.mean()),
         'ns_per_row': ns,
         'speedup': ns['numpy'] / ns['chain'],
         'cpp_ratio': in_pieces / ns['cpp_in_pieces'] if cpp else None,
         'cpp_left_out': left_out,
-        'cpp_command': ' '.join(cpp.command) if cpp else '',
         'kept_ratio': ns['kept_in_pieces'] / in_pieces,
         'whole_kept_ratio': ns['kept'] / ns['chain'],
         'median_ratio': ns['median_in_pieces'] / in_pieces,
@@ -176,9 +168,6 @@ def measure_one_row(calls: int, rounds: int) -> dict[str, Any]:
     sides = [chain_calls, sosfilt_calls]
     chain_s, sosfilt_s = least_times_s(sides, rounds, time.thread_time)
     return {
-        'channels': config.channels,
-        'calls': calls,
-        'rounds': rounds,
         'chain_us_per_call': chain_s / calls * 1e6,
         'sosfilt_us_per_call': sosfilt_s / calls * 1e6,
         'speedup': sosfilt_s / chain_s,
@@ -199,8 +188,6 @@ def measure_channels(channel_samples: int, rounds: int) -> dict[str, Any]:
         ns_per[str(n)] = time_s / (channel_samples // n * n) * 1e9
     ratio = {n: ns / ns_per[str(CHANNEL_COUNTS[0])] for n, ns in ns_per.items()}
     return {
-        'channel_samples': channel_samples,
-        'rounds': rounds,
         'ns_per_channel_sample': ns_per,
         'ratio': ratio,
         'worst_ratio': max(ratio.values()),

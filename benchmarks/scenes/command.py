@@ -12,18 +12,63 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The subcommand ``scenes``."""
+"""Error against run time of the scenes, for the live stepper and SciPy's integrators.
+
+The reference of each scene is BDF at a relative tolerance of 1e-10, checked by LSODA. Voltage
+errors are the worst over samples and channels, as a share of the range of the reference's volts
+(clean: without baselines, noise and faults). Run times are processor times on one core, without
+compilation. SciPy's methods get compiled rates.
+
+Keys of ``python -m benchmarks scenes --json``:
+
+``precision``
+    One object for each scene: ``scene``, ``simulated_s``, ``states`` (of the differential
+    equation), ``note`` (why there is nothing to compare, else empty), ``reference`` with
+    ``method``, ``check``, and the differences of the two: ``voltage_error``,
+    ``position_error_m``; and ``runs``: ``method`` (``live`` is the live stepper), ``setting``,
+    ``voltage_error``, ``position_error_m`` of an object, ``run_time_per_s`` (for a simulated
+    second), and ``said``: why a method gave up, with null for the figures. ``shipped_live`` is the
+    run of the live stepper with the step of the shipped scene.
+``costs``
+    One object for each scene: ``scene``, ``run_time_per_s``, noise included, and ``speed`` (times
+    real time).
+``pace``
+    For the plate: ``rows`` of a read, ``slowest_share``, the time of the slowest read as a share
+    of the time that its rows span, and ``mean_share``.
+``plate``
+    ``speed`` of the plate.
+"""
 
 import argparse
+import math
+import time
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
-from benchmarks.measurement import Measurement, heading, machine, shared_options
-from benchmarks.pictures import draw_scenes_precision
-from benchmarks.scenes.measure import PLATE, measure_scenes
-from benchmarks.verdicts import verdict_in_words
-from slip_detector.parameters.files import check_writable
-from slip_detector.report.tables import number_text, text_table
+import numpy as np
+
+from benchmarks.measurement import shared_options
+from benchmarks.scenes.reference import Ode, Solution, build_scene, solve_live
+from benchmarks.timing import garbage_collection_off
+from slip_detector.evaluation.figures import Bound
+from slip_detector.parameters.files import read_yaml, shared_folder
+from slip_detector.scenes import find_scene
+
+WANTED = {'plate.speed': Bound(low=50.0), 'pace.slowest_share': Bound(high=1.0, strict=True)}
+
+#: The scene for which speed and pace are wanted.
+PLATE = 'plate_400um'
+
+#: The reference and its check, and the processor time that each is given.
+REFERENCES = ('BDF', 'LSODA')
+REFERENCE_RTOL, REFERENCE_BUDGET_S = 1e-10, 120.0
+
+#: Processor time that a method is given for a scene.
+BUDGET_S = 4.0
+
+#: Number of rows that a live driver reads at once, at most.
+PACE_ROWS = 32
 
 
 def options() -> argparse.ArgumentParser:
@@ -31,67 +76,124 @@ def options() -> argparse.ArgumentParser:
     parser = shared_options(
         'scenes',
         "Measure errors and run times of the live stepper and of SciPy's integrators on the "
-        'shipped scenes against a tight reference. '
-        'Prints what is wanted and whether it is met; the exit code is 0 either way.',
-        picture='out/scenes_work_precision.png',
+        'shipped scenes against a tight reference.',
     )
     parser.add_argument(
-        '--scene',
-        action='append',
-        default=[],
-        metavar='NAME',
+        '--scene', action='append', default=[], metavar='NAME',
         help='measure only this scene; repeatable',
-    )
+    )  # fmt: skip
     return parser
 
 
-def run(words: argparse.Namespace) -> Measurement:
-    """Measure the scenes."""
-    # A picture that cannot be written is reported before the measurement, not after it.
-    picture = words.plot
-    if picture:
-        check_writable(picture)
-    figures = {'machine': machine(), 'quick': words.quick}
-    figures |= measure_scenes(words.quick, words.scene)
-    if picture:
-        draw_scenes_precision(picture, figures)
-    return Measurement(figures, '\n\n'.join((heading(figures), _tables(figures))))
+def measure(words: argparse.Namespace) -> dict[str, Any]:
+    """Measure errors and run times."""
+    quick = words.quick
+    folder = shared_folder() / 'config' / 'scenes'
+    shipped = sorted(path.stem for path in folder.glob('*.yaml'))
+    paths = [find_scene(name) for name in words.scene or shipped]
+    costs = [_cost(path, 2 if quick else 10) for path in paths]
+    return {
+        'precision': [_precision(path, quick) for path in paths],
+        'costs': costs,
+        'plate': {key: one[key] for one in costs if one['scene'] == PLATE for key in ('speed',)},
+        'pace': _pace(1 if quick else 5),
+    }
 
 
-def _tables(figures: Mapping[str, Any]) -> str:
-    """Return the figures as text."""
-    rows: list[tuple[str, ...]] = [('scene', 'ms per s', 'x real time')]
-    rows += [
-        (entry['scene'], f'{entry["run_time_per_s"] * 1e3:.2f}', f'{entry["speed"]:.0f}')
-        for entry in figures['costs']
-    ]
-    pace = figures['pace']
-    tables = [
-        text_table(rows),
-        f'Slowest read of {pace["rows"]} rows of {PLATE}: {pace["slowest_share"]:.1%} of '
-        f'the time they last; mean {pace["mean_share"]:.1%}',
-    ]
-    for entry in figures['precision']:
-        title = f'{entry["scene"]}: {entry["simulated_s"]:g} s, {entry["states"]} states'
-        if entry['note']:
-            tables.append(f'{title}\n  {entry["note"]}')
-            continue
-        reference = entry['reference']
-        shipped = {**entry['shipped_live'], 'method': 'shipped'}
-        rows = [('method', 'setting', 'volts', 'object m', 'ms per s')]
-        for run in (shipped, *entry['runs']):
-            errors = (
-                number_text(run[key], '.1e') for key in ('voltage_error', 'position_error_m')
-            )
-            taken_s = run['run_time_per_s']
-            last = run['said'] if taken_s is None else f'{taken_s * 1e3:.2f}'
-            rows.append((run['method'], run['setting'], *errors, last))
-        tables.append(
-            f'{title}\n  reference {reference["method"]}, from which {reference["check"]} differs '
-            f'by {reference["voltage_error"]:.1e} of the range\n{text_table(rows, "<<>")}'
+def _precision(path: Path, quick: bool) -> dict[str, Any]:
+    """Measure the errors and run times of all methods on one scene."""
+    description = read_yaml(path)
+    scene = build_scene(description)
+    ode = Ode(scene)
+    entry: dict[str, Any] = {
+        'scene': path.stem, 'simulated_s': scene.duration_s, 'states': ode.size, 'note': '',
+        'reference': None, 'runs': [], 'shipped_live': None,
+    }  # fmt: skip
+    if not ode.size:
+        return entry | {'note': 'no friction and no low-pass: its volts are a closed form'}
+    try:
+        reference, check = (
+            ode.solve(method, REFERENCE_RTOL, REFERENCE_BUDGET_S) for method in REFERENCES
         )
-    rows = [
-        (claim, number_text(entry['value'], '.3g'), entry['bound'], verdict_in_words(entry))
-        for claim, entry in figures['wanted'].items()
+    except RuntimeError as error:
+        return entry | {'note': f'there is no reference: {error}'}
+    errors = _errors(reference, check, ode.with_object)
+    entry['reference'] = {'method': REFERENCES[0], 'check': REFERENCES[1], **errors}
+    rounds = 1 if quick else 5
+    entry['runs'] = [
+        _live_run(description, steps, reference, ode, rounds)
+        for steps in ((1, 8) if quick else (1, 2, 3, 4, 6, 8, 16, 32, 64))
     ]
-    return '\n\n'.join([*tables, 'Wanted\n' + text_table(rows, '<><')])
+    entry['shipped_live'] = _live_run(
+        description, scene.constants.steps_per_sample, reference, ode, rounds
+    )
+    for method in REFERENCES:
+        for rtol in (1e-3, 1e-6) if quick else (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-8):
+            run: dict[str, Any] = {'method': method, 'setting': f'rtol {rtol:g}', 'said': ''}
+            try:
+                found = ode.solve(method, rtol, BUDGET_S)
+            except RuntimeError as error:
+                nothing = ('voltage_error', 'position_error_m', 'run_time_per_s')
+                entry['runs'].append(run | dict.fromkeys(nothing) | {'said': str(error)})
+                continue
+            run |= _errors(reference, found, ode.with_object)
+            entry['runs'].append(run | {'run_time_per_s': found.run_time_s / scene.duration_s})
+    return entry
+
+
+def _errors(reference: Solution, found: Solution, with_object: bool) -> dict[str, float | None]:
+    position_error_m = reference.error_m(found) if with_object else None
+    return {'voltage_error': reference.error(found), 'position_error_m': position_error_m}
+
+
+def _live_run(
+    description: Mapping[str, Any], steps: int, reference: Solution, ode: Ode, rounds: int
+) -> dict[str, Any]:
+    """Run the live stepper with a number of steps for a sample."""
+    step_s = (1.0 + 1e-6) / (ode.scene.true_rate_hz * steps)
+    n = len(reference.clean_v)
+    least_s = math.inf
+    for _ in range(rounds + 1):
+        scene = build_scene(description, step_s=step_s)
+        with garbage_collection_off():
+            found = solve_live(scene, n)
+        least_s = min(least_s, found.run_time_s)
+    return {
+        'method': 'live',
+        'setting': f'{scene.constants.steps_per_sample} steps a sample',
+        'said': '',
+        **_errors(reference, found, ode.with_object),
+        'run_time_per_s': least_s * scene.true_rate_hz / n,
+    }
+
+
+def _cost(path: Path, rounds: int) -> dict[str, Any]:
+    """Measure the run time of a scene, the shortest of some rounds."""
+    least_s = math.inf
+    for _ in range(rounds):
+        scene = build_scene(read_yaml(path))
+        with garbage_collection_off():
+            start_s = time.thread_time()
+            scene.read(scene.length)
+            least_s = min(least_s, time.thread_time() - start_s)
+    speed = scene.duration_s / least_s
+    return {'scene': path.stem, 'run_time_per_s': 1.0 / speed, 'speed': speed}
+
+
+def _pace(rounds: int) -> dict[str, Any]:
+    """Measure how long reads of a few rows take, as a share of the time that the rows span."""
+    taken_s = []
+    for _ in range(rounds):
+        scene = build_scene(read_yaml(find_scene(PLATE)))
+        with garbage_collection_off():
+            times = [time.perf_counter()]
+            while len(scene.read(PACE_ROWS).volts) == PACE_ROWS:
+                times.append(time.perf_counter())
+        taken_s.append(np.diff(times))
+    # A disturbance by other programs is in one round only, so the minimum is free of it.
+    shares = np.min(taken_s, axis=0) * scene.sample_rate_hz / PACE_ROWS
+    return {
+        'rows': PACE_ROWS,
+        'slowest_share': float(shares.max()),
+        'mean_share': float(shares.mean()),
+    }

@@ -52,7 +52,6 @@ class Solution(NamedTuple):
     clean_v: Floats
     position_m: Floats
     run_time_s: float = 0.0
-    calls: int = 0
 
     def error(self, of: 'Solution') -> float:
         """Return the largest difference of the volts, as a share of the range of these volts."""
@@ -143,7 +142,7 @@ class Ode:
         if method == 'LSODA' and not self.with_object:
             upper = max(self._own - 1, 0)
             options = {'lband': max(self._stride - 1, 0), 'uband': upper}
-        states, calls = [y[np.newaxis]], 0
+        states = [y[np.newaxis]]
         pieces = [0.0, *self._corners_s(time_s[-1]), time_s[-1]]
         for begin, end in itertools.pairwise(pieces):
             due = time_s[(time_s > begin) & (time_s <= end)]
@@ -154,7 +153,6 @@ class Ode:
             if solution.status < 0 or not np.isfinite(solution.y).all():
                 raise RuntimeError(f'{method} failed: {solution.message}')
             states.append(solution.y.T[: len(due)])
-            calls += solution.nfev
             if solution.status == 1:
                 break
             y = solution.y[:, -1]
@@ -162,7 +160,7 @@ class Ode:
         clean_v, position_m = self._volts(time_s[: len(found)], found)
         if self._smooth_at is not None:
             clean_v = found[:, self._smooth_at]
-        return Solution(clean_v, position_m, time.thread_time() - begin_s, calls)
+        return Solution(clean_v, position_m, time.thread_time() - begin_s)
 
     def _lost(self, _t: float, y: Floats, *_: float) -> float:
         """Return below 0 while the object is held; the solution ends where it is lost."""

@@ -23,18 +23,13 @@ It gives one object (keys of ``--json``):
     A driver and a detector for one or five fingers of 16 channels; ``finger`` and ``hand`` play
     the simulated fingertip at 380 Hz, ``fast_hand`` a recording at 1 kHz, ``fast_finger`` one at 5
     kHz in messages of ten samples; :mod:`benchmarks.soak.hand` has their figures.
-``wanted``
-    For each claim, by ``part.figure``: the measured ``value``, the ``bound`` as text and whether
-    it is ``met``; both are null where the part was not measured, and ``met`` where nothing is
-    judged.
 """
 
 import argparse
-from typing import Any, NamedTuple
+from typing import Any
 
-from benchmarks.measurement import Measurement, heading, machine, shared_options
+from benchmarks.measurement import shared_options
 from benchmarks.processes import figures_of_process, why_not_ros
-from benchmarks.verdicts import claim_in_words, values_of, verdicts
 from slip_detector.evaluation.figures import Bound
 
 WANTED = {
@@ -52,22 +47,15 @@ WANTED = {
 }
 
 
-class Part(NamedTuple):
-    """A module that runs as a process, its arguments, and for how long the nodes run."""
-
-    module: str
-    words: str
-    seconds: float
-    quick_seconds: float
-
-
 HAND = 'benchmarks.soak.hand'
+#: A module that runs as a process, its arguments, and for how long the nodes run, usually and
+#: with ``--quick``.
 PARTS = {
-    'relay': Part('benchmarks.soak.relay', '', 25.0, 4.0),
-    'finger': Part(HAND, '--fingers 1', 660.0, 15.0),
-    'hand': Part(HAND, '--fingers 5', 60.0, 15.0),
-    'fast_hand': Part(HAND, '--fingers 5 --sample-rate-hz 1000', 60.0, 15.0),
-    'fast_finger': Part(HAND, '--sample-rate-hz 5000 --samples-per-message 10', 60.0, 15.0),
+    'relay': ('benchmarks.soak.relay', '', 25.0, 4.0),
+    'finger': (HAND, '--fingers 1', 660.0, 15.0),
+    'hand': (HAND, '--fingers 5', 60.0, 15.0),
+    'fast_hand': (HAND, '--fingers 5 --sample-rate-hz 1000', 60.0, 15.0),
+    'fast_finger': (HAND, '--sample-rate-hz 5000 --samples-per-message 10', 60.0, 15.0),
 }
 
 #: Time for the start and the end of the processes on a busy machine.
@@ -79,46 +67,25 @@ def options() -> argparse.ArgumentParser:
     parser = shared_options(
         'soak',
         'Run drivers and detectors as processes and watch what they lose, how their memory and '
-        'latency grow and what they take of the processor; the detector against a bare relay too. '
-        'Says of each figure what is wanted and whether it is met; the exit code is 0 either way.',
+        'latency grow and what they take of the processor; the detector against a bare relay too.',
     )
     parser.add_argument('--part', choices=('all', *PARTS), default='all', help='only one of them')
-    times = ', '.join(f'{name} {part.seconds:g}' for name, part in PARTS.items())
+    times = ', '.join(f'{name} {usual_s:g}' for name, (_, _, usual_s, _) in PARTS.items())
     parser.add_argument(
         '--seconds', type=float, help=f'how long each part runs (default: {times})'
     )
     return parser
 
 
-def run(words: argparse.Namespace) -> Measurement:
+def measure(words: argparse.Namespace) -> dict[str, Any]:
     """Let the nodes run."""
     reason = why_not_ros()
     if reason:
         raise RuntimeError(f'the soak needs the nodes: {reason}')
-    figures: dict[str, Any] = {'machine': machine(), 'quick': words.quick}
-    parts = list(PARTS) if words.part == 'all' else [words.part]
-    for name in parts:
-        part = PARTS[name]
-        lasts_s = words.seconds or (part.quick_seconds if words.quick else part.seconds)
-        arguments = ['--seconds', str(lasts_s), *part.words.split()]
-        figures[name] = figures_of_process(part.module, arguments, lasts_s + EXTRA_S)
-    figures['wanted'] = verdicts(WANTED, values_of(WANTED, figures), judged=not words.quick)
-    lines = [line for name in parts for line in _lines(name, figures[name], figures['wanted'])]
-    return Measurement(figures, '\n'.join([heading(figures), *lines]))
-
-
-def _lines(part: str, figures: dict[str, Any], wanted: dict[str, Any]) -> list[str]:
-    """Return a line for each figure of a part, with what is wanted of it."""
-    lines = ['', part]
-    for name, figure in figures.items():
-        values = figure if isinstance(figure, dict) else {'': figure}
-        words = ', '.join(f'{key} {_rounded(one)}'.strip() for key, one in values.items() if one)
-        claim = wanted.get(f'{part}.{name}')
-        lines.append(
-            f'  {name:<22} {words or 0}' + (f'  {claim_in_words(claim)}' if claim else '')
-        )
-    return lines
-
-
-def _rounded(value: Any) -> str:
-    return ' and '.join(map(_rounded, value)) if isinstance(value, list) else f'{value:,.4g}'
+    figures = {}
+    for name in PARTS if words.part == 'all' else [words.part]:
+        module, more, usual_s, quick_s = PARTS[name]
+        lasts_s = words.seconds or (quick_s if words.quick else usual_s)
+        arguments = ['--seconds', str(lasts_s), *more.split()]
+        figures[name] = figures_of_process(module, arguments, lasts_s + EXTRA_S)
+    return figures

@@ -37,7 +37,6 @@ sends the samples and receives ``slip`` from both. How they are compared, and wh
 - Processor time is the user and system time of the whole process over the measured span.
 """
 
-import argparse
 import itertools
 import os
 import sys
@@ -257,7 +256,5 @@ def measure(seconds: float) -> dict[str, Any]:
 
 
 if __name__ == '__main__':
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--seconds', type=float, default=20.0, help='measured time')
-    words = parser.parse_args()
-    sys.exit(print_figures(lambda: measure(words.seconds)))
+    # The last argument is the measured time in seconds.
+    sys.exit(print_figures(lambda: measure(float(sys.argv[-1]))))

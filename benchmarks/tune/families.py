@@ -57,14 +57,9 @@ ROLLING_S = 6.6
 DRIFT_V = 0.01
 
 FIGURES = (
-    'slips',
-    'recall',
-    'sooner_than_chance',
-    'false_alarms_per_minute',
-    'false_time_percent',
-    'latency_median_ms',
-    'latency_median_all_ms',
-)
+    'slips', 'recall', 'sooner_than_chance', 'false_alarms_per_minute', 'false_time_percent',
+    'latency_median_ms', 'latency_median_all_ms',
+)  # fmt: skip
 
 
 def families() -> dict[str, list[dict[str, Any]]]:
@@ -138,14 +133,12 @@ def measure_families(
     for name, descriptions in families().items():
         verdict = tune_and_judge(play_scenes(descriptions, tuned_on), parameters, trials, seed=0)
         tracks = play_scenes(descriptions, reported_on)
-        both = {
-            'given': figures_on(tracks, parameters.chain),
-            'tuned': figures_on(tracks, verdict.chain),
-        }
+        given, tuned = (figures_on(tracks, one) for one in (parameters.chain, verdict.chain))
         result[name] = {
-            **both,
+            'given': given,
+            'tuned': tuned,
             'kept': verdict.kept,
-            'better': is_better(both['tuned'], both['given']),
+            'better': is_better(tuned, given),
             'parameters': searched(verdict.chain),
         }
     return result
@@ -164,13 +157,11 @@ def is_better(tuned: Mapping[str, Any], given: Mapping[str, Any]) -> bool:
     >>> is_better({**given, 'latency_median_all_ms': 20.0}, given)
     False
     """
+    latency, on, recall = 'latency_median_all_ms', 'false_time_percent', 'recall'
     return (
-        _less(tuned['latency_median_all_ms'], given['latency_median_all_ms'])
-        and (
-            _less(tuned['false_time_percent'], given['false_time_percent'])
-            or tuned['false_time_percent'] == 0.0
-        )
-        and (_less(given['recall'], tuned['recall']) or tuned['recall'] == 1.0)
+        _less(tuned[latency], given[latency])
+        and (_less(tuned[on], given[on]) or tuned[on] == 0.0)
+        and (_less(given[recall], tuned[recall]) or tuned[recall] == 1.0)
     )
 
 

@@ -45,12 +45,8 @@ REST_S, KNOCKS_S, BETWEEN_KNOCKS_S = 152.0, 160.0, 2.0
 
 #: The first configuration: evidence, with a noise floor below that of any sensor.
 GIVEN = {
-    'decision': 'evidence',
-    'noise_floor': [1e-9],
-    'gain': 1.0,
-    'exponent': 1,
-    'vote': 2,
-}
+    'decision': 'evidence', 'noise_floor': [1e-9], 'gain': 1.0, 'exponent': 1, 'vote': 2,
+}  # fmt: skip
 
 #: The processes of the search.
 JOBS = 2
@@ -75,8 +71,8 @@ def measure_new_sensor(
     """
     trembling = {part: read_yaml(find_scene('tremor_hum'))[part] for part in ('tremor', 'hum')}
     plates = [{**read_yaml(find_scene(name)), **trembling} for name in PLATES]
-    with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
         (folder / 'slips').mkdir()
         slips = play_scenes(plates, recorded)
         for k, track in enumerate(slips):
@@ -97,9 +93,9 @@ def measure_new_sensor(
         taps_s, told = _slip_tune(folder, 'quiet', 'taps', 'slips', '--taps', 'knocks.npz')
         words = ['slips', 'rest.npz', 'knocks.npz', '--jobs', str(JOBS), '--trials', str(trials)]
         search_s, _ = _slip_tune(folder, 'taps' if told else 'quiet', 'tuned', *words)
-        chains = {
-            which: ChainConfig.from_yaml(folder / f'{which}.yaml') for which in ('quiet', 'tuned')
-        }
+        quiet, tuned = (
+            ChainConfig.from_yaml(folder / f'{name}.yaml') for name in ('quiet', 'tuned')
+        )
     judged = play_scenes(plates, JUDGED_ON)
     return {
         'recording_s': sum(track.duration_s for track in slips) + rest_s + knocks_s,
@@ -108,8 +104,8 @@ def measure_new_sensor(
         'search_s': search_s,
         'total_s': quiet_s + taps_s + search_s,
         'taps_told': told,
-        'given': figures_on(judged, chains['quiet']),
-        'tuned': figures_on(judged, chains['tuned']),
+        'given': figures_on(judged, quiet),
+        'tuned': figures_on(judged, tuned),
     }
 
 

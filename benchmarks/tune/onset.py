@@ -15,37 +15,31 @@
 """Delay and false time of ``config/onset.yaml``, beside ``config/sure.yaml`` and the paper's.
 
 All scenes are simulated with seeds that the configurations were not chosen on.
-:func:`measure_onset` gives ``seeds``, the figures of ``config/onset.yaml``, and under ``sure`` and
-``paper`` the same figures of ``config/sure.yaml`` and of the paper's parameters:
+:func:`measure_onset` gives the figures of ``config/onset.yaml``, and under ``sure`` and ``paper``
+the same figures of ``config/sure.yaml`` and of the paper's parameters:
 
-``mean_delay_ms``
-    Delay of ``slip`` on the paper's plates, as the mean over the plates' means: from the first row
-    of the slip to the alarm that begins in it. A slip before which ``slip`` was ON has none.
-``mean_channel_delay_ms``
-    The same of the paper's delay: the mean over the channels of the time to their first ON
-    (Eq. 10).
+``mean_delay_ms``, ``worst_delay_ms``
+    Delay of ``slip`` on the paper's plates, as the mean over the plates' means, and the largest:
+    from the first row of the slip to the alarm that begins in it. A slip before which ``slip`` was
+    ON has none.
 ``detected_percent``
     Share of the slides over the plates that have such an alarm.
 ``false_time_percent``
     Share of the time in which a plate does not slide, nor has slid just before (``tail_s`` of
     ``slip_evaluate``), in which ``slip`` is ON.
-``false_positive_percent``
-    The paper's figure: the same over all time in which a plate does not slide, including the time
-    in which filters and evidence settle after a slide.
 ``taps_percent``, ``rolling_percent``, ``tremor_hum_percent``
     ``false_time_percent`` of the scenes of these names, in which nothing slides.
 ``fast_detected_percent``
     ``detected_percent`` of the slides at 40 and 80 mm/s.
-``plates``
-    ``mean_delay_ms``, ``worst_delay_ms`` and ``mean_channel_delay_ms`` of each plate, by its
-    spatial period in micrometres; null without a slide that was detected.
 """
 
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from benchmarks.tune.families import play_scenes
-from slip_detector.evaluation.figures import ReplayOutcome, mean_and_sd, percent, trial_delays_ms
+from slip_detector.evaluation.figures import ReplayOutcome, percent
 from slip_detector.evaluation.protocol import SCENES
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
@@ -81,22 +75,16 @@ def onset_figures(tracks: dict[str, list[Track]], chain: ChainConfig) -> dict[st
         name: [replay.run(track.rows(), track.sample_rate_hz) for track in several]
         for name, several in tracks.items()
     }
-    plates = {plate: _delays(outcomes[scene]) for plate, scene in SCENES.items()}
     slides = [one for scene in SCENES.values() for one in outcomes[scene]]
-    still = sum(one.rows - one.slip_rows for one in slides)
+    fast = [one for name in FAST for one in outcomes[name]]
+    by_plate = [_latencies_ms(outcomes[scene]) for scene in SCENES.values()]
     return {
-        **{
-            name: _mean([plate[name] for plate in plates.values()])
-            for name in ('mean_delay_ms', 'mean_channel_delay_ms')
-        },
+        'mean_delay_ms': float(np.mean(list(map(np.mean, by_plate)))) if all(by_plate) else None,
+        'worst_delay_ms': max(_latencies_ms(slides), default=None),
         'detected_percent': _detected_percent(slides),
         'false_time_percent': _false_time_percent(slides),
-        'false_positive_percent': percent(sum(one.on_rows for one in slides), still),
         **{f'{name}_percent': _false_time_percent(outcomes[name]) for name in WITHOUT_SLIP},
-        'fast_detected_percent': _detected_percent(
-            [one for name in FAST for one in outcomes[name]]
-        ),
-        'plates': plates,
+        'fast_detected_percent': _detected_percent(fast),
     }
 
 
@@ -114,12 +102,9 @@ def measure_onset(seeds: Sequence[int] = SEEDS) -> dict[str, Any]:
         The keys are in the module's docstring.
     """
     tracks = simulate(seeds)
-    onset, sure = (
-        ChainConfig.from_yaml(shared_folder() / 'config' / f'{name}.yaml')
-        for name in ('onset', 'sure')
-    )
+    folder = shared_folder() / 'config'
+    onset, sure = (ChainConfig.from_yaml(folder / f'{name}.yaml') for name in ('onset', 'sure'))
     return {
-        'seeds': list(seeds),
         **onset_figures(tracks, onset),
         'sure': onset_figures(tracks, sure),
         'paper': onset_figures(tracks, ChainConfig()),
@@ -129,21 +114,6 @@ def measure_onset(seeds: Sequence[int] = SEEDS) -> dict[str, Any]:
 def _latencies_ms(outcomes: Sequence[ReplayOutcome]) -> list[float]:
     slips = [slip for one in outcomes for slip in one.slips]
     return [slip.latency_s * 1e3 for slip in slips if slip.latency_s is not None]
-
-
-def _delays(outcomes: Sequence[ReplayOutcome]) -> dict[str, float | None]:
-    latencies_ms = _latencies_ms(outcomes)
-    slips = [slip for one in outcomes for slip in one.slips]
-    return {
-        'mean_delay_ms': mean_and_sd(latencies_ms)[0],
-        'worst_delay_ms': max(latencies_ms, default=None),
-        'mean_channel_delay_ms': mean_and_sd(trial_delays_ms(slips))[0],
-    }
-
-
-def _mean(values: Sequence[float | None]) -> float | None:
-    """Return the mean; None if one of the values is undefined."""
-    return None if None in values else mean_and_sd(values)[0]
 
 
 def _detected_percent(outcomes: Sequence[ReplayOutcome]) -> float | None:

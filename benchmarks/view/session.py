@@ -12,9 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The processes of the measurement: a hand, slip_view, and the viewers of its page."""
+"""The processes of the measurement: a hand, slip_view, and Chromium with its page."""
 
-import argparse
 import contextlib
 import os
 import socket
@@ -23,7 +22,7 @@ import tempfile
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -33,7 +32,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from benchmarks.processes import nodes_running, print_figures, processor_time_s
 from benchmarks.soak.hand import START_TIMEOUT_S, Watch, hand_commands, memory_growth
-from benchmarks.view.onlookers import NoViewer, Onlooker, chromium, frames_a_second
+from benchmarks.tune.browser import PATIENCE_MS, browser
 from slip_detector.nodes.health import AGE_KEYS
 
 FINGERS = 5
@@ -42,32 +41,29 @@ FINGERS = 5
 #: measurement, a share of it.
 SETTLE_S, SETTLE_SHARE = 15.0, 0.2
 
+#: Size of the browser's window, as on a laptop.
+WIDTH, HEIGHT = 1366, 768
+
 #: Period at which the memory of the page's objects is read.
 HEAP_S = 5.0
 
 
+#: Script that notes when each frame is drawn, which the page reports to the server.
+NOTE_FRAMES = """
+  const send = WebSocket.prototype.send;
+  window.drawnMs = [];
+  WebSocket.prototype.send = function (message) {
+    if (String(message).includes('"drawn"')) drawnMs.push(performance.now());
+    return send.call(this, message);
+  };
+"""
+
+
 def run_view(seconds: float, pairs: int, turn_seconds: float) -> dict[str, Any]:
-    """Run everything; see :mod:`benchmarks.view.measure`.
+    """Run everything; see :mod:`benchmarks.view.command` for the figures.
 
-    As other load of the machine varies, turns with and without a page alternate. The browser comes
-    last, when slip_view has allocated what it keeps of each finger.
-
-    Parameters
-    ----------
-    seconds
-        How long the page is open in the browser.
-    pairs, turn_seconds
-        How many pairs of other turns there are before, and how long each is.
-
-    Returns
-    -------
-    dict
-        The figures.
-
-    Raises
-    ------
-    RuntimeError
-        When a process ends too early or does not report in time.
+    As other load of the machine varies, pairs of turns without the page and with it alternate. The
+    last turn, for ``seconds``, comes when slip_view has allocated what it keeps of each finger.
     """
     namespace, port = f'/slip_view_{os.getpid()}', free_port()
     url = f'http://127.0.0.1:{port}/'
@@ -84,9 +80,14 @@ def run_view(seconds: float, pairs: int, turn_seconds: float) -> dict[str, Any]:
                 watch = Watch(namespace, processes)
                 turns = Turns(watch, url, {name: each.pid for name, each in processes.items()})
                 turns.start()
-                for who in (*('closed', 'elsewhere') * pairs, 'here'):
-                    turns.measure(who, seconds if who == 'here' else turn_seconds)
-                return {'fingers': FINGERS, **turns.figures()}
+                for _ in range(pairs):
+                    turns.measure('closed', turn_seconds)
+                    turns.measure('here', turn_seconds)
+                turns.measure('here', seconds)
+                return {
+                    'fingers': FINGERS,
+                    **figures_of_turns(turns.turns, watch.reports, watch.memory_kib),
+                }
     finally:
         rclpy.try_shutdown()
 
@@ -105,11 +106,11 @@ def free_port() -> int:
 
 
 class Turns:
-    """Alternates turns without a viewer, with a program and with a browser; notes their costs."""
+    """Runs turns without the page (``closed``) and with it (``here``), and notes their costs."""
 
     def __init__(self, watch: Watch, url: str, pids: dict[str, int]) -> None:
         self._watch, self._url, self._pids = watch, url, pids
-        self._spin: Callable[[Callable[[], bool], float, str], None] = watch.spin
+        self._spin = watch.spin
         self.turns: list[dict[str, Any]] = []
 
     def start(self) -> None:
@@ -119,27 +120,26 @@ class Turns:
         self._spin(lambda: answers(self._url), end_s, 'the page')
 
     def measure(self, who: str, seconds: float) -> None:
-        """Let one of them view the page for some time."""
+        """Let nobody or the browser view the page for some time."""
         with contextlib.ExitStack() as stack:
-            onlooker = NoViewer()
-            if who == 'elsewhere':
-                onlooker = stack.enter_context(Onlooker(self._url, FINGERS))
-            elif who == 'here':
-                onlooker = stack.enter_context(chromium(self._url, FINGERS))
-            now_s = time.monotonic()
-            self._spin(onlooker.is_drawing, now_s + START_TIMEOUT_S, 'the first frame')
+            page = stack.enter_context(chromium(self._url)) if who == 'here' else None
+            end_s = time.monotonic() + START_TIMEOUT_S
+            self._spin(lambda: not page or page.evaluate('drawnMs.length'), end_s, 'a frame')
             self._wait(min(SETTLE_S, SETTLE_SHARE * seconds))
-            onlooker.drawn_ms()
-            heap_mib = [(0.0, onlooker.heap_mib())]
+            drawn_ms: list[float] = []
+            heap_mib: list[tuple[float, float]] = []
+            if page:
+                page.evaluate('drawnMs.splice(0)')
+                heap_mib.append((0.0, heap_mib_of(page)))
             nodes = self._pids.values()
             before_s, browser_s = self._used_s(), children_s(nodes)
             begin_s = time.monotonic()
-            drawn_ms: list[float] = []
             while time.monotonic() < begin_s + seconds:
                 left_s = begin_s + seconds - time.monotonic()
                 self._wait(min(HEAP_S, left_s))
-                drawn_ms += onlooker.drawn_ms()
-                heap_mib.append((time.monotonic() - begin_s, onlooker.heap_mib()))
+                if page:
+                    drawn_ms += page.evaluate('drawnMs.splice(0)')
+                    heap_mib.append((time.monotonic() - begin_s, heap_mib_of(page)))
             end_s = time.monotonic()
             after_s = self._used_s()
             browser_s = children_s(nodes) - browser_s
@@ -151,7 +151,7 @@ class Turns:
                 'used_s': {name: after_s[name] - before_s[name] for name in before_s},
                 'browser_s': browser_s,
                 'drawn_ms': drawn_ms,
-                'heap_mib': [(at_s, mib) for at_s, mib in heap_mib if mib is not None],
+                'heap_mib': heap_mib,
             }
         )
 
@@ -162,9 +162,47 @@ class Turns:
     def _used_s(self) -> dict[str, float]:
         return {name: processor_time_s(pid) for name, pid in self._pids.items()}
 
-    def figures(self) -> dict[str, Any]:
-        """Return the figures of all turns; see :mod:`benchmarks.view.measure`."""
-        return figures_of_turns(self.turns, self._watch.reports, self._watch.memory_kib)
+
+@contextlib.contextmanager
+def chromium(url: str) -> Iterator[Any]:
+    """Open the page in Chromium, wait until it has all fingers, and close it at the end."""
+    with browser() as running:
+        page = running.new_page(viewport={'width': WIDTH, 'height': HEIGHT})
+        page.add_init_script(NOTE_FRAMES)
+        page.goto(url)
+        page.locator('#fingers article').nth(FINGERS - 1).wait_for(timeout=PATIENCE_MS)
+        yield page
+        page.close()
+
+
+def heap_mib_of(page: Any) -> float:
+    """Return the memory of a page's objects after a garbage collection."""
+    session = page.context.new_cdp_session(page)
+    session.send('Performance.enable')
+    session.send('HeapProfiler.collectGarbage')
+    metrics = session.send('Performance.getMetrics')['metrics']
+    session.detach()
+    return float({one['name']: one['value'] for one in metrics}['JSHeapUsedSize']) / 2**20
+
+
+def frames_a_second(drawn_ms: list[float]) -> tuple[float, float]:
+    """Return the number of frames drawn in a second: the mean, and the least of all seconds.
+
+    Parameters
+    ----------
+    drawn_ms
+        When each was drawn.
+
+    Examples
+    --------
+    >>> frames_a_second([0, 100, 200, 1000, 1500, 2000])
+    (2.5, 2.0)
+    """
+    times_s = np.asarray(drawn_ms) / 1e3
+    if len(times_s) < 2 or times_s[-1] - times_s[0] < 1.0:
+        return 0.0, 0.0
+    counts = np.bincount((times_s - times_s[0]).astype(int))[:-1]
+    return float((len(times_s) - 1) / (times_s[-1] - times_s[0])), float(counts.min())
 
 
 def figures_of_turns(
@@ -172,7 +210,7 @@ def figures_of_turns(
     reports: dict[str, list[tuple[float, dict[str, str]]]],
     memory_kib: dict[str, list[tuple[float, int]]],
 ) -> dict[str, Any]:
-    """Compute the figures of each kind of viewer over all its turns."""
+    """Compute the figures of each kind of turn over all of the kind."""
     latencies = [_latency_ms(turn, reports) for turn in turns]
     figures: dict[str, Any] = {}
     for who in dict.fromkeys(turn['who'] for turn in turns):
@@ -189,18 +227,13 @@ def figures_of_turns(
             },
         }
         figures[who]['slip_view_cpu_percent'] = figures[who]['cpu_percent']['slip_view']
-        if who != 'closed':
-            drawn = [frames_a_second(turns[i]['drawn_ms']) for i in own]
-            figures[who]['frames_a_second'] = float(np.mean([mean for mean, _ in drawn]))
-            figures[who]['frames_in_the_worst_second'] = min(worst for _, worst in drawn)
-    closed_ms = [latencies[i][0] for i, turn in enumerate(turns) if turn['who'] == 'closed']
-    for who in set(figures) - {'closed'}:
-        figures[who]['latency_ratio'] = (
-            figures[who]['latency_median_ms'] / figures['closed']['latency_median_ms']
-        )
-    figures['closed']['latency_noise'] = max(closed_ms) / min(closed_ms)
-    (here,) = (turn for turn in turns if turn['who'] == 'here')
+    drawn = [frames_a_second(turn['drawn_ms']) for turn in turns if turn['who'] == 'here']
+    here = turns[-1]
     figures['here'] |= {
+        'latency_ratio': figures['here']['latency_median_ms']
+        / figures['closed']['latency_median_ms'],
+        'frames_a_second': float(np.mean([mean for mean, _ in drawn])),
+        'frames_in_the_worst_second': min(worst for _, worst in drawn),
         'browser_cpu_percent': 100 * here['browser_s'] / (here['end_s'] - here['begin_s']),
         'memory_mib': memory_kib['slip_view'][-1][1] / 1024,
         'memory_growth_percent': 100
@@ -257,15 +290,6 @@ def children_s(but: Collection[int], of: int | None = None) -> float:
     return total_s
 
 
-def main() -> int:
-    """Run the measurement, and print one JSON object."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--seconds', type=float, default=60.0)
-    parser.add_argument('--pairs', type=int, default=5)
-    parser.add_argument('--turn-seconds', type=float, default=20.0)
-    words = parser.parse_args()
-    return print_figures(lambda: run_view(**vars(words)))
-
-
 if __name__ == '__main__':
-    sys.exit(main())
+    lasts_s, pairs, turn_s = sys.argv[1:]
+    sys.exit(print_figures(lambda: run_view(float(lasts_s), int(pairs), float(turn_s))))
