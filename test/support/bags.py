@@ -41,13 +41,8 @@ def rows(n=600, channels=3, seed=0, truth=True):
 
 
 def gathered(recording):
-    pieces = list(recording.pieces())
-    truth = [piece.truth for piece in pieces if piece.truth is not None]
-    return Samples(
-        np.concatenate([piece.volts for piece in pieces]),
-        np.concatenate([piece.stamps_ns for piece in pieces]),
-        np.concatenate(truth) if truth else None,
-    )
+    first, *others = recording.pieces()
+    return first.then(*others)
 
 
 def check_same(read, written):
@@ -81,16 +76,16 @@ class Bag:
     def make(self, msgtype, **fields):
         return self.store.types[msgtype](**fields)
 
-    def header(self, stamp_ns, frame_id='tip'):
+    def header(self, stamp_ns):
         sec, nanosec = divmod(int(stamp_ns), 1_000_000_000)
         stamp = self.make('builtin_interfaces/msg/Time', sec=sec, nanosec=nanosec)
-        return self.make('std_msgs/msg/Header', stamp=stamp, frame_id=frame_id)
+        return self.make('std_msgs/msg/Header', stamp=stamp, frame_id='tip')
 
-    def joints(self, stamp_ns, position, names=NAMES, frame_id='tip'):
+    def joints(self, stamp_ns, position, names=NAMES):
         nothing = np.empty(0)
         return self.make(
             JOINT_STATE,
-            header=self.header(stamp_ns, frame_id),
+            header=self.header(stamp_ns),
             name=list(names),
             position=np.array(position, dtype=np.float64),
             velocity=nothing,
