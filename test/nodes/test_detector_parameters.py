@@ -109,7 +109,7 @@ def test_what_only_fits_together_is_taken_together(bench):
     assert listed == ['groups.front']
     request = DescribeParameters.Request(names=['groups.front'])
     (descriptor,) = ask(bench, DescribeParameters, 'describe_parameters', request).descriptors
-    assert 'Channels (counted from 1) of each group' in descriptor.description
+    assert 'Channels (from 1) of each group' in descriptor.description
 
 
 def test_the_ordinary_service_takes_them_one_by_one(bench):
