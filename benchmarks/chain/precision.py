@@ -28,7 +28,8 @@ The rivals are SciPy's ``sosfilt`` and ``lfilter`` on the same filters, in float
 ``rates``
     One object for each sample rate: ``sample_rate_hz``, ``rows``, ``run_error`` (of the
     chain against its own float64 coefficients run in 50 digits: the error without that of the
-    design) and ``errors`` of ``chain`` and rivals, huge where a result is not finite.
+    design), ``errors`` of ``chain`` and rivals, huge where a result is not finite, and their run
+    times ``ns_per_row`` for 16 channels, measured in turns.
 ``edges``
     The same for the paper's bands scaled down to lower and lower edges, with the lowest edge's
     share ``edge_share`` of the sample rate and ``refused``: the line with which the configuration
@@ -46,7 +47,9 @@ The rivals are SciPy's ``sosfilt`` and ``lfilter`` on the same filters, in float
     The largest errors of the chain in these parts.
 """
 
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -54,6 +57,7 @@ from numpy.typing import NDArray
 
 from benchmarks.chain import reference
 from benchmarks.chain.rivals import scipy_levels
+from benchmarks.timing import least_times_s
 from slip_detector.chain.compiled import COMPILED
 from slip_detector.chain.filters import design, largest_pole_radius
 from slip_detector.chain.slip_chain import SlipChain
@@ -108,6 +112,7 @@ def measure_chain_precision(quick: bool = False) -> dict[str, Any]:
     }
     rates = [
         errors_of(ChainConfig(sample_rate_hz=rate_hz, channels=1, **RATES[rate_hz]), n)
+        | {'ns_per_row': ns_per_row(ChainConfig(sample_rate_hz=rate_hz, **RATES[rate_hz]), quick)}
         for rate_hz, n in rows.items()
     ]
     shares = (1e-3, 0.99e-5) if quick else EDGE_SHARES
@@ -182,6 +187,17 @@ def errors_of(config: ChainConfig, rows: int) -> dict[str, Any]:
         'run_error': worst_error(level, same_design),
         'errors': errors,
     }
+
+
+def ns_per_row(config: ChainConfig, quick: bool) -> dict[str, float]:
+    """Measure the run times of all methods in turns, for 16 channels."""
+    rows, chain = (2_000 if quick else 50_000), SlipChain(config)
+    samples = tones_v(config, rows, config.channels)
+    sides: dict[str, Callable[[], object]] = {'chain': lambda: chain.update(samples)}
+    for name, form in RIVALS.items():
+        sides[name] = partial(scipy_levels, config, samples, *form)
+    times_s = least_times_s(list(sides.values()), 1 if quick else 5, time.thread_time)
+    return {name: 1e9 * taken_s / rows for name, taken_s in zip(sides, times_s, strict=True)}
 
 
 def _edge(share: float, fewest: int, most: int) -> dict[str, Any]:

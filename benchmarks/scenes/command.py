@@ -49,6 +49,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.measurement import shared_options
+from benchmarks.pictures import draw_work_precision
 from benchmarks.scenes.reference import Ode, Solution, build_scene, solve_live
 from benchmarks.timing import garbage_collection_off
 from slip_detector.evaluation.figures import Bound
@@ -77,6 +78,7 @@ def options() -> argparse.ArgumentParser:
         'scenes',
         "Measure errors and run times of the live stepper and of SciPy's integrators on the "
         'shipped scenes against a tight reference.',
+        picture='scenes_work_precision.png',
     )
     parser.add_argument(
         '--scene', action='append', default=[], metavar='NAME',
@@ -92,12 +94,27 @@ def measure(words: argparse.Namespace) -> dict[str, Any]:
     shipped = sorted(path.stem for path in folder.glob('*.yaml'))
     paths = [find_scene(name) for name in words.scene or shipped]
     costs = [_cost(path, 2 if quick else 10) for path in paths]
+    precision = [_precision(path, quick) for path in paths]
+    if words.plot:
+        draw(words.plot, precision)
     return {
-        'precision': [_precision(path, quick) for path in paths],
+        'precision': precision,
         'costs': costs,
         'plate': {key: one[key] for one in costs if one['scene'] == PLATE for key in ('speed',)},
         'pace': _pace(1 if quick else 5),
     }
+
+
+def draw(path: Path, precision: list[dict[str, Any]]) -> None:
+    """Draw voltage error against run time of all methods, in a panel for each scene."""
+    panels: dict[str, dict[str, list[tuple[float, float]]]] = {}
+    for entry in precision:
+        for run in entry['runs']:
+            if not run['said']:
+                runs = panels.setdefault(entry['scene'], {}).setdefault(run['method'], [])
+                runs.append((run['voltage_error'], run['run_time_per_s'] * 1e3))
+    error_label = 'worst voltage error / range of the volts'
+    draw_work_precision(path, panels, error_label, 'run time for a simulated second [ms]')
 
 
 def _precision(path: Path, quick: bool) -> dict[str, Any]:
