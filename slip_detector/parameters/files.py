@@ -283,7 +283,7 @@ def _parsed(path: str | Path, parse: Callable[[_Loader], Any]) -> Any:
     except UnicodeDecodeError:
         said = ': is not text, allowed: a YAML file'
     except RecursionError:
-        said = ': is nested too deeply'
+        said = ': is nested too deeply, allowed: 200 levels'
     except _RefusedError as error:
         said = f': {error}'
     except yaml.YAMLError as error:

@@ -124,7 +124,7 @@ def test_a_word_that_is_not_known_stops_the_start(executable, word):
     [
         ('a: [', ' line 1 is not YAML (expected the node content'),
         ('a: 1\na: 2\n', ' line 2: has a again, as in line 1, allowed: once\n'),
-        ('a: ' + 20_000 * '[', ' is nested too deeply\n'),
+        ('a: ' + 20_000 * '[', ' is nested too deeply, allowed: 200 levels\n'),
     ],
     ids=['not YAML', 'twice', 'nested'],
 )

@@ -120,8 +120,20 @@ def test_a_detector_that_hangs_or_is_gone_is_reported_within_the_deadline(
     # An answer that came too late is not taken for that to the next question.
     assert 'is -1' in asyncio.run(client.set({'threshold': -1}))
     assert read(client).values['threshold'] == 0.25
+    ask = client._ask
+
+    async def hangs_with_the_change(service, once=False, **fields):
+        if once:
+            process.signal(signal.SIGSTOP)
+        return await ask(service, once=once, **fields)
+
+    monkeypatch.setattr(client, '_ask', hangs_with_the_change)
+    wait_s(1.0)
+    assert asyncio.run(client.set({'threshold': 0.5})) == (
+        'it is not known whether this was set: /slip_detector has not answered for 1 s'
+    )
+    process.signal(signal.SIGCONT)
     process.signal(signal.SIGTERM)
     assert process.wait() == 0
-    wait_s(1.0)
     words = asyncio.run(client_of().set({'threshold': 0.5}))
     assert words == 'nothing was changed: /slip_detector cannot be reached for 1 s'

@@ -172,7 +172,7 @@ def test_a_package_without_its_folder_says_so(monkeypatch, tmp_path):
             (f'a: {value}', ' is not YAML (a value is not what')
             for value in ('!!bool x', '!!timestamp x', '!!int x', '2026-13-45')
         ),
-        ('a: ' + '[' * 20_000, ' is nested too deeply'),
+        ('a: ' + '[' * 20_000, ' is nested too deeply, allowed: 200 levels'),
         ('', ' is not a YAML file of names and values'),
         ('- 1\n- 2\n', ' is not a YAML file of names and values'),
         ('a' * (MOST_BYTES + 1), f' has more than {MOST_BYTES} bytes, allowed: fewer'),
@@ -188,6 +188,12 @@ def test_yaml_that_is_not_what_it_looks_like_is_refused_with_its_line(tmp_path, 
     message = message_of(read_yaml, path)
     assert message.startswith(f'{path}:{said}')
     assert len(message) < 2 * LONGEST_SHOWN + len(str(path))
+
+
+def test_two_hundred_levels_are_read(tmp_path):
+    path = tmp_path / 'a.yaml'
+    path.write_text('a: ' + '[' * 199 + ']' * 199)
+    assert read_yaml(path)
 
 
 def test_a_file_that_cannot_be_read_or_never_ends_is_refused(tmp_path):

@@ -28,6 +28,7 @@ from slip_detector.tuning import search as search_module
 from slip_detector.tuning.problem import Problem, searched
 from slip_detector.tuning.search import Study, TuningParameters, tune
 from slip_detector.tuning.tracks import TrainingFiles
+from support.full_disk import full_disk
 from support.tuning_cases import CHAIN, problem, study_of, track, write
 
 PARAMETERS = TuningParameters(CHAIN, RecordingConfig(recording_truth_key='label'))
@@ -153,3 +154,19 @@ def test_a_damaged_journal_is_refused_in_one_line_and_is_not_changed(more, tmp_p
         Study(X, 0, str(path))
     assert ('was cut off after 7 bytes' in str(refused.value)) == (not more.endswith('\n'))
     assert path.read_text() == damaged
+
+
+def test_what_a_full_disk_cut_off_is_refused_and_the_trials_before_it_are_kept(tmp_path):
+    path = tmp_path / 'study.journal'
+    study = Study(X, 0, str(path))
+    study.tell(study.ask({'x': 0.25}), 3.0, {})
+    whole = path.read_bytes()
+    with (
+        full_disk(len(whole) + 7),
+        pytest.raises(ValueError, match=f'^storage {path}: File too large$'),
+    ):
+        study.tell(study.ask({'x': 0.5}), 2.0, {})
+    with pytest.raises(ValueError, match='was cut off after 7 bytes, allowed: whole lines'):
+        Study(X, 0, str(path))
+    path.write_bytes(whole)
+    assert Study(X, 0, str(path)).follow() == 1
