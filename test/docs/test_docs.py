@@ -28,9 +28,8 @@ from slip_detector.parameters.evaluation import EvaluationConfig, TuneConfig
 from slip_detector.parameters.grasp import GraspConfig
 from slip_detector.recordings.labels import read_labels
 from slip_detector.scenes import load_scene
-from slip_detector.scenes.parts import PARTS
 from support.pages import DOCS, PAGES, README, ROOT, blocks, file_name, identifier
-from support.parameter_tables import DOCUMENTS, tables, with_tables
+from support.parameter_tables import TABLES, with_tables
 
 SCENES = DOCS / 'scenes.md'
 
@@ -69,17 +68,11 @@ def test_the_readme_is_short():
     assert len(README.read_bytes()) <= 10_000
 
 
-@pytest.mark.parametrize('path', DOCUMENTS, ids=lambda path: path.name)
+@pytest.mark.parametrize('path', TABLES, ids=lambda path: path.name)
 def test_the_parameter_tables_are_those_of_the_dataclasses(path):
     assert with_tables(path) == path.read_text(encoding='utf-8'), (
         'run python test/support/parameter_tables.py'
     )
-
-
-def test_each_part_of_a_scene_has_its_table():
-    text = SCENES.read_text(encoding='utf-8')
-    for name, part in PARTS.items():
-        assert f'### `{name}`\n\n<!-- {part.__name__} -->\n{tables(part)}\n' in text
 
 
 @pytest.mark.parametrize('path', PAGES, ids=identifier)

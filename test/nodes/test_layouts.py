@@ -82,14 +82,11 @@ def check_field(message_type, field):
     return fields[field]
 
 
-@pytest.mark.parametrize('page', ['plotjuggler', 'foxglove'])
-def test_the_command_of_the_page_moves_each_topic_of_a_layout_to_a_namespace(page):
-    (command,) = re.findall(r'`(sed .*?)`', (ROOT / 'docs' / f'{page}.md').read_text())
-    words = shlex.split(command)
-    layout = next(word for word in words if word.startswith('slip.'))
-    done = subprocess.run(
-        words[: words.index(layout) + 1], cwd=CONFIG, capture_output=True, text=True, check=True
-    )
+@pytest.mark.parametrize('layout', ['slip.plotjuggler.xml', 'slip.foxglove.json'])
+def test_the_command_of_the_docs_moves_each_topic_of_a_layout_to_a_namespace(layout):
+    (command,) = re.findall(r'`(sed .*?)`', (ROOT / 'docs/other_programs.md').read_text())
+    *words, _, _, _ = shlex.split(command)
+    done = subprocess.run([*words, layout], cwd=CONFIG, capture_output=True, text=True, check=True)
     before, after = (CONFIG / layout).read_text(), done.stdout
     for topic in {*OF_PLOTS, '/slip_view/taxels'}:
         begins = re.compile(rf'(?<=[";]){topic}(?=[."/;])')

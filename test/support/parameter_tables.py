@@ -26,53 +26,57 @@ from slip_detector.parameters.driver import DriverConfig, RecordingConfig
 from slip_detector.parameters.evaluation import EvaluationConfig, TuneConfig
 from slip_detector.parameters.fields import allowed, default_of, under_headings
 from slip_detector.parameters.grasp import GraspConfig
-from slip_detector.parameters.sets import ParameterSet
 from slip_detector.scenes.motion import Step
 from slip_detector.scenes.parts import PARTS, Sampling
 
 ROOT = Path(__file__).resolve().parents[2]
 
-#: The files with tables, and whose parameters each has.
-DOCUMENTS = {
-    ROOT / 'docs' / 'parameters.md': (
-        ChainConfig,
-        DetectorConfig,
-        DriverConfig,
-        RecordingConfig,
-        GraspConfig,
-        EvaluationConfig,
-        TuneConfig,
-    ),
-    ROOT / 'docs' / 'scenes.md': (Sampling, Step, *PARTS.values()),
+
+def sections_of(config_class):
+    """Return the fields of a set of parameters below its headings, without inherited ones."""
+    own = config_class.__annotations__
+    return {
+        heading: [field for field in fields if field.name in own]
+        for heading, fields in under_headings(config_class).items()
+        if any(field.name in own for field in fields)
+    }
+
+
+#: The tables of each file by the name at their place: the fields below each heading.
+TABLES = {
+    ROOT / 'docs' / 'parameters.md': {
+        each.__name__: sections_of(each)
+        for each in (
+            ChainConfig,
+            DetectorConfig,
+            DriverConfig,
+            RecordingConfig,
+            GraspConfig,
+            EvaluationConfig,
+            TuneConfig,
+        )
+    },
+    ROOT / 'docs' / 'scenes.md': {
+        'parts': {
+            'the scene itself': dataclasses.fields(Sampling),
+            '`steps`: each of them': dataclasses.fields(Step),
+            **{f'`{name}`': dataclasses.fields(part) for name, part in PARTS.items()},
+        }
+    },
 }
 
 
-def tables(config_class):
-    """Lay out the fields of a configuration as Markdown tables, each below its heading."""
-    # Inherited fields are in the table of their own set.
-    inherited = {
-        field.name
-        for base in config_class.__bases__
-        if base is not ParameterSet
-        for field in dataclasses.fields(base)
-    }
-    found = []
-    for heading, fields in under_headings(config_class).items():
-        own = [field for field in fields if field.name not in inherited]
-        if own:
-            found.append((f'### {heading}\n\n' if heading else '') + table(own))
-    return '\n\n'.join(found)
-
-
-def table(fields):
-    """Lay out fields as a Markdown table."""
+def table(sections):
+    """Lay out fields as a Markdown table, each heading as a row above its fields."""
     lines = ['| parameter | default | unit | allowed | meaning |', '|---|---|---|---|---|']
-    for field in fields:
-        default = shown(default_of(field))
-        unit = field.metadata['unit']
-        limits = allowed(field).removesuffix(f' {unit}')
-        meaning = field.metadata['meaning']
-        lines.append(f'| `{field.name}` | {default} | {unit} | {limits} | {meaning} |')
+    for heading, fields in sections.items():
+        lines += [f'| **{heading}** | | | | |'] if heading else []
+        for field in fields:
+            default = shown(default_of(field))
+            unit = field.metadata['unit']
+            limits = allowed(field).removesuffix(f' {unit}')
+            meaning = field.metadata['meaning']
+            lines.append(f'| `{field.name}` | {default} | {unit} | {limits} | {meaning} |')
     return '\n'.join(lines)
 
 
@@ -93,16 +97,15 @@ def shown(value):
 def with_tables(path):
     """Return a file's text with the tables as they should be."""
     text = path.read_text(encoding='utf-8')
-    for config_class in DOCUMENTS[path]:
-        name = config_class.__name__
+    for name, sections in TABLES[path].items():
         pattern = rf'(<!-- {name} -->\n).*?(<!-- end -->)'
         text, found = re.subn(
-            pattern, lambda m, c=config_class: f'{m[1]}{tables(c)}\n{m[2]}', text, flags=re.S
+            pattern, lambda m, s=sections: f'{m[1]}{table(s)}\n{m[2]}', text, flags=re.S
         )
         assert found == 1, f'{path.name} has no place for {name}'
     return text
 
 
 if __name__ == '__main__':
-    for document in DOCUMENTS:
+    for document in TABLES:
         document.write_text(with_tables(document), encoding='utf-8')
