@@ -19,7 +19,9 @@ import contextlib
 import functools
 import time
 from bisect import bisect_right
+from collections import deque
 from collections.abc import Callable
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -102,8 +104,12 @@ class Topics(NamedTuple):
     envelope: str
 
 
-class States:
-    """Finds the state that belongs to each row of a stream, such as slip to levels.
+#: Latest states of a topic, each with the time at which it was published.
+States = deque[tuple[int, bool]]
+
+
+def state_at(states: States, published_ns: int) -> bool:
+    """Return the state that belongs to a row of a stream, such as slip to a level.
 
     States and rows are published by the same process, so a row has the last state that was
     published before it. A busy detector publishes levels late, after the decisions on the next
@@ -111,47 +117,34 @@ class States:
 
     Examples
     --------
-    >>> slip = States()
-    >>> slip.change(True, 25)
-    >>> [slip.at(published_ns) for published_ns in (10, 20, 30)]
+    >>> slip = deque([(25, True)])
+    >>> [state_at(slip, published_ns) for published_ns in (10, 20, 30)]
     [False, False, True]
     """
-
-    def __init__(self) -> None:
-        self._times_ns: list[int] = []
-        # One more than there are times: the first is the state before the first change.
-        self._states = [False]
-
-    def change(self, state: bool, published_ns: int) -> None:
-        """Note a state, which may be the same as before."""
-        if state != self._states[-1]:
-            self._times_ns.append(published_ns)
-            self._states.append(state)
-            if len(self._times_ns) > STATES:
-                del self._times_ns[0], self._states[0]
-
-    def at(self, published_ns: int) -> bool:
-        """Return the state of a row that was published at this time."""
-        return self._states[bisect_right(self._times_ns, published_ns)]
+    before = bisect_right(states, published_ns, key=itemgetter(0))
+    return before > 0 and states[before - 1][1]
 
 
 class FingerTopics:
     """Subscribes to the topics of a finger, and keeps the finger up to date."""
 
     def __init__(self, node: Node, finger: Finger, names: Topics) -> None:
-        self._finger = finger
+        self.finger = finger
         self._topics = PolledTopics(node)
         # What came since the last poll, with the time at which it was published.
         self._samples: list[tuple[int, Sample]] = []
         self._levels: list[tuple[int, bytes]] = []
-        self._slip, self._truth = States(), States()
+        self._slip: States = deque(maxlen=STATES)
+        self._truth: States = deque(maxlen=STATES)
+        #: Nodes that publish the samples.
+        self.senders: list[str] = []
         finger.heard_s, finger.sample_s = time.monotonic(), float('-inf')
         self.subscribe(names)
 
     def subscribe(self, names: Topics) -> None:
         """Replace all subscriptions by those to these topics."""
         self._topics.close()
-        self.names, self._config = names, self._finger.config
+        self.names, self._config = names, self.finger.config
         config, topics, states = self._config, self._topics, state_qos(depth=STATES)
         if names.voltages:
             self._subscribe_to_samples(names)
@@ -163,15 +156,15 @@ class FingerTopics:
         for g, name in enumerate(config.groups if config.publish_groups else ()):
             topics.add(Bool, f'{slip}/group/{name}', states, functools.partial(self._on_group, g))
         if not config.publish_groups:
-            self._finger.groups[:] = False  # No message will change their last states.
+            self.finger.groups[:] = False  # No message will change their last states.
 
     def _subscribe_to_samples(self, names: Topics) -> None:
         """Subscribe to the input; if that fails, the finger is shown without volts."""
-        kind, self._finger.no_volts = self._config.input_type, ''
+        kind, self.finger.no_volts = self._config.input_type, ''
         try:
             source = Input(self._config)
         except ValueError:
-            self._finger.no_volts = f'no volts are shown: {kind} is not installed here'
+            self.finger.no_volts = f'no volts are shown: {kind} is not installed here'
             return
         on_voltages = functools.partial(self._on_voltages, source)
         try:
@@ -181,7 +174,7 @@ class FingerTopics:
             self._topics.add(Bool, names.truth, state_qos(depth=STATES), self._on_truth)
         except ROS_ERROR:
             # A process can use a topic with one type only.
-            self._finger.no_volts = (
+            self.finger.no_volts = (
                 f'no volts are shown: {names.voltages} was of a type other than {kind}'
             )
 
@@ -191,7 +184,7 @@ class FingerTopics:
 
     def poll(self) -> None:
         """Process received messages; subscribe again if the detector's parameters require it."""
-        before, config = self._config, self._finger.config
+        before, config = self._config, self.finger.config
         if config is not before:
             self._config = config
             if any(getattr(config, name) != getattr(before, name) for name in OF_TOPICS):
@@ -211,23 +204,23 @@ class FingerTopics:
                 self._samples.append((info['source_timestamp'], sample))
 
     def _on_truth(self, message: Bool, info: dict[str, Any]) -> None:
-        self._truth.change(message.data, info['source_timestamp'])
+        self._truth.append((info['source_timestamp'], message.data))
 
     def _on_envelope(self, raw: bytes, info: dict[str, Any]) -> None:
         self._levels.append((info['source_timestamp'], raw))
 
     def _on_slip(self, message: Bool, info: dict[str, Any]) -> None:
-        self._slip.change(message.data, info['source_timestamp'])
-        self._finger.slip = message.data
+        self._slip.append((info['source_timestamp'], message.data))
+        self.finger.slip = message.data
 
     def _on_slip_valid(self, message: Bool) -> None:
-        self._finger.valid, self._finger.heard_s = message.data, time.monotonic()
+        self.finger.valid, self.finger.heard_s = message.data, time.monotonic()
 
     def _on_onset(self, message: Header) -> None:
-        self._finger.onset_s = time.monotonic()
+        self.finger.onset_s = time.monotonic()
 
     def _on_group(self, g: int, message: Bool) -> None:
-        self._finger.groups[g] = message.data
+        self.finger.groups[g] = message.data
 
     def _append_samples(self) -> None:
         """Append the samples to the track."""
@@ -238,18 +231,18 @@ class FingerTopics:
         last_ns = np.repeat([sample.stamp_ns or 0 for _, sample in received], counts)
         stamps_ns = last_ns - np.round(behind * 1e9 / self._config.sample_rate_hz).astype(np.int64)
         rows = np.concatenate([sample.rows for _, sample in received])
-        truth = np.repeat([self._truth.at(at_ns) for at_ns, _ in received], counts)
-        self._finger.frame_id = received[-1][1].frame_id
-        self._finger.sample_s = time.monotonic()
-        self._finger.track.add_samples(Samples(rows, stamps_ns, truth))
+        truth = np.repeat([state_at(self._truth, at_ns) for at_ns, _ in received], counts)
+        self.finger.frame_id = received[-1][1].frame_id
+        self.finger.sample_s = time.monotonic()
+        self.finger.track.add_samples(Samples(rows, stamps_ns, truth))
 
     def _append_levels(self) -> None:
         """Append the detector's levels and decisions to the track."""
         received, self._levels = self._levels, []
-        slip = np.array([self._slip.at(at_ns) for at_ns, _ in received])
+        slip = np.array([state_at(self._slip, at_ns) for at_ns, _ in received])
         groups = list(joint_state_groups([raw for _, raw in received]))
         if len(groups) != 1:  # the channels have just changed
             return
         levels, channels_on = groups[0].numbers('position'), groups[0].numbers('effort') > 0.0
         if levels.shape == channels_on.shape == (len(received), self._config.channels):
-            self._finger.track.add_levels(groups[0].stamps_ns, levels, channels_on, slip)
+            self.finger.track.add_levels(groups[0].stamps_ns, levels, channels_on, slip)

@@ -17,10 +17,11 @@
 
 import asyncio
 import contextlib
+import math
 import time
 from array import array
 from collections.abc import Collection, Mapping
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
@@ -31,6 +32,7 @@ from rcl_interfaces.srv import (
     ListParameters,
     SetParametersAtomically,
 )
+from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.serialization import serialize_message
@@ -39,7 +41,7 @@ from slip_detector.nodes.finger_topics import FingerTopics, PolledTopics, Topics
 from slip_detector.nodes.inputs import publishing_nodes
 from slip_detector.nodes.messages import event_qos
 from slip_detector.nodes.rclpy_internals import send_request, take_answer
-from slip_detector.view.detectors import Detectors, Diagnosis, Finger, Reading
+from slip_detector.view.detectors import OUTSIDE, RESTART, Detectors, Diagnosis, Finger, Reading
 
 #: Period, in seconds, at which detectors are looked for.
 SEARCH_S = 1.0
@@ -50,18 +52,12 @@ DIAGNOSIS_S = 3.5
 #: Longest time for an answer, in seconds; a detector needs only the time to check parameters.
 ANSWER_S = 5.0
 
-#: Time, in seconds, after which an unanswered request is sent again: an answer is lost if the
+#: Time, in seconds, after which an unanswered question is asked again: an answer is lost if the
 #: service has not discovered the client yet.
 ASK_AGAIN_S = 0.5
 
-#: A parameter that was set is reported by an event: longest time to wait for it, in seconds.
-EVENT_S = 1.0
-
-#: Period, in seconds, at which answers and events are looked for.
+#: Period, in seconds, at which answers are looked for.
 POLL_S = 0.01
-
-#: Most fingers that have gone whose data is kept.
-MOST_GONE = 20
 
 HEADER = 'std_msgs/msg/Header'
 
@@ -71,10 +67,6 @@ OF_A_DETECTOR = {'sample_rate_hz', 'channels', 'threshold', 'heartbeat_hz'}
 #: The middleware's name for a node that it does not know yet.
 UNKNOWN = '_NODE_NAME_UNKNOWN_'
 
-#: Time, in seconds, after which a node that publishes ``slip_onset`` and is still not known by
-#: name is reported.
-NAMELESS_S = 15.0
-
 SERVICES = {
     'list_parameters': ListParameters,
     'describe_parameters': DescribeParameters,
@@ -83,83 +75,85 @@ SERVICES = {
 }
 
 
-class ParameterClient:
-    """Calls the parameter services of one node without blocking the event loop.
+class RemoteDetector:
+    """The parameter services of one node, called without blocking the event loop.
 
-    No node has to be spun: each call takes its answers itself.
+    No node has to be spun: each call takes its answers itself. Errors are ValueErrors.
     """
 
-    def __init__(self, node: Node, of_node: str) -> None:
-        self._node, self._of_node = node, of_node
+    def __init__(self, node: Node, name: str) -> None:
+        self._node, self._name = node, name
         self._clients = {
-            name: node.create_client(kind, f'{of_node}/{name}') for name, kind in SERVICES.items()
+            service: node.create_client(kind, f'{name}/{service}')
+            for service, kind in SERVICES.items()
         }
-        self._destroyed = False
-        # One request at a time, so that an answer to an earlier one can be dropped.
-        self._asking = asyncio.Lock()
+        #: Its publishers: a new one tells that it was started again.
+        self.publishers: set[bytes] = set()
+        #: Whether it was started since its parameters were read.
+        self.started = False
+        #: Set when its parameters have to be read.
+        self.changed = asyncio.Event()
+        #: Held from a question until the answer is noted.
+        self.asking = asyncio.Lock()
 
-    def destroy(self) -> None:
+    def close(self) -> None:
         """Destroy the clients; requests under way end with an error."""
-        self._destroyed = True
         for client in self._clients.values():
             self._node.destroy_client(client)
 
     async def read(self) -> Reading:
-        """Return all parameters of the node; raise a ValueError if it does not answer."""
+        """Return all parameters of the node."""
         names = (await self._ask('list_parameters')).result.names
         described = (await self._ask('describe_parameters', names=names)).descriptors
-        values = (await self._ask('get_parameters', names=names)).values
         return Reading(
-            {name: as_python(value) for name, value in zip(names, values, strict=True)},
+            await self._get(names),
             frozenset(each.name for each in described if each.read_only),
             {each.name: each.description for each in described},
         )
 
-    async def set(self, values: Mapping[str, Any]) -> str:
-        """Set parameters, all or none; None deletes one. Return why not, or ''.
-
-        Why not is the message of the node, or that it does not answer.
-        """
+    async def set(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Set parameters, all or none, None deletes one; return what they are now."""
         try:
             parameters = [Parameter(*_typed(n, v)).to_parameter_msg() for n, v in values.items()]
             for each in parameters:
                 serialize_message(each)
         except (AssertionError, TypeError, ValueError, OverflowError) as error:
-            return f'this cannot be sent to the detector: {error}'
+            raise ValueError(f'this cannot be sent to the detector: {error}') from None
         try:
-            # An empty set changes nothing, so it may be sent repeatedly until it is answered. Then
-            # the node has discovered this client, and no answer is lost.
-            await self._ask('set_parameters_atomically')
+            answer = await self._ask(
+                'set_parameters_atomically', again_s=math.inf, parameters=parameters
+            )
         except ValueError as error:
-            return f'nothing was changed: {error}'
-        try:
-            answer = await self._ask('set_parameters_atomically', once=True, parameters=parameters)
-        except ValueError as error:
-            return f'it is not known whether this was set: {error}'
-        return '' if answer.result.successful else answer.result.reason or 'refused'
+            raise ValueError(f'it is not known whether this was set: {error}') from None
+        if not answer.result.successful:
+            raise ValueError(answer.result.reason or 'refused')
+        return await self._get(list(values))
 
-    async def _ask(self, service: str, *, once: bool = False, **request: Any) -> Any:
-        """Return the answer of a service; raise a ValueError if none comes."""
-        client, kind = self._clients[service], SERVICES[service]
+    async def _get(self, names: list[str]) -> dict[str, Any]:
+        values = (await self._ask('get_parameters', names=names)).values
+        return {name: _as_python(value) for name, value in zip(names, values, strict=True)}
+
+    async def _ask(self, service: str, again_s: float = ASK_AGAIN_S, **request: Any) -> Any:
+        """Return the answer of a service; a question is asked again until it is answered."""
+        client = self._clients[service]
         numbers: set[int] = set()
-        async with self._asking:
-            begun_s = asked_s = time.monotonic()
-            while time.monotonic() < begun_s + ANSWER_S:
-                if self._destroyed or not client.service_is_ready():
-                    if self._destroyed or numbers:
-                        raise ValueError(f'{self._of_node} ended before it answered')
-                elif not numbers or (not once and time.monotonic() > asked_s + ASK_AGAIN_S):
-                    numbers.add(send_request(client, kind.Request(**request)))
-                    asked_s = time.monotonic()
+        ask_s = time.monotonic()
+        until_s = ask_s + ANSWER_S
+        with contextlib.suppress(InvalidHandle):  # The node has ended.
+            while (now_s := time.monotonic()) < until_s:
+                if now_s >= ask_s and client.service_is_ready():
+                    numbers.add(send_request(client, SERVICES[service].Request(**request)))
+                    ask_s = now_s + again_s
                 while answer := take_answer(client):
+                    # An answer to an earlier question has come too late.
                     if answer[0] in numbers:
                         return answer[1]
                 await asyncio.sleep(POLL_S)
-        what = 'has not answered' if numbers else 'cannot be reached'
-        raise ValueError(f'{self._of_node} {what} for {ANSWER_S:g} s')
+            raise ValueError(f'{self._name} has not answered for {ANSWER_S:g} s')
+        raise ValueError(f'{self._name} ended before it answered')
 
 
-def as_python(value: Any) -> Any:
+def _as_python(value: Any) -> Any:
     """Return a value of a message as a Python value; None if it is not set."""
     found = parameter_value_to_python(value)
     return list(found) if isinstance(found, (array, tuple, np.ndarray)) else found
@@ -174,20 +168,6 @@ def _typed(name: str, value: Any) -> tuple[str, Parameter.Type, Any]:
     return name, Parameter.Type.from_parameter_value(value), value
 
 
-def changes_in(event: ParameterEvent) -> dict[str, Any]:
-    """Return the changes in a parameter event: values by name, None for a deleted parameter."""
-    given = [*event.changed_parameters, *event.new_parameters]
-    deleted = dict.fromkeys(each.name for each in event.deleted_parameters)
-    return {each.name: as_python(each.value) for each in given} | deleted
-
-
-class ReadTask(NamedTuple):
-    """A task that reads parameters, and whether it was begun because a detector was started."""
-
-    task: asyncio.Task[None]
-    started: bool
-
-
 class RosDetectors(Detectors):
     """The fingers of all detectors that can be reached.
 
@@ -200,18 +180,12 @@ class RosDetectors(Detectors):
     def __init__(self, node: Node) -> None:
         super().__init__()
         self._node = node
-        self._clients: dict[str, ParameterClient] = {}
-        # By detector, its publishers: a new one tells that it was started again.
-        self._publishers: dict[str, set[bytes]] = {}
-        # By publisher of a node that is not known by name, when it was first seen.
-        self._nameless: dict[bytes, float] = {}
-        # Fingers that have gone, the latest last: if one comes back, its changes are reported.
-        self._past: dict[str, Finger] = {}
-        self._readings: dict[str, ReadTask] = {}
+        # By name, the nodes that publish slip_onset, and what reads their parameters.
+        self._remotes: dict[str, RemoteDetector] = {}
+        self._tasks: dict[str, asyncio.Task[None]] = {}
         self._watched: dict[str, FingerTopics] = {}
-        # By watched finger, the nodes that publish its samples: their diagnostics are shown, too.
-        self._senders: dict[str, list[str]] = {}
         self._shared = PolledTopics(node)
+        # By finger and label.
         self._heard: dict[tuple[str, str], tuple[float, Diagnosis]] = {}
         self._searched_s = float('-inf')
 
@@ -221,10 +195,10 @@ class RosDetectors(Detectors):
         for name in set(self._watched) - wanted:
             self._watched.pop(name).close()
         for name in wanted - set(self._watched):
-            topics = self._topics_of(name)
-            self._watched[name] = FingerTopics(self._node, self.fingers[name], topics)
+            finger = self.fingers[name]
+            self._watched[name] = FingerTopics(self._node, finger, self._topics_of(finger))
             # Its parameters may have changed while it was not watched.
-            self._read(name)
+            self._remotes[name].changed.set()
         if self._watched and not self._shared:
             qos = event_qos(depth=1000)
             self._shared.add(DiagnosticArray, '/diagnostics', qos, self._on_diagnostics)
@@ -238,187 +212,123 @@ class RosDetectors(Detectors):
         if now_s - self._searched_s >= SEARCH_S:
             self._searched_s = now_s
             self._search()
-            self._forget_diagnostics(now_s)
+            self._show_diagnostics(now_s)
         self._shared.poll()
         for topics in self._watched.values():
             topics.poll()
 
-    async def set_parameters(self, name: str, values: Mapping[str, Any]) -> str:
-        """Set parameters of a finger's detector, all or none; return the refusal, or ''.
-
-        It waits until the panel of a watched finger has the new values, so that a request to save
-        that follows saves them.
-        """
-        refusal = await self._client(name).set(values)
-        panel, until_s = self.panel(name), time.monotonic() + EVENT_S
-        while not refusal and time.monotonic() < until_s:
-            if all(panel.values.get(each) == value for each, value in values.items()):
-                break
-            await asyncio.sleep(POLL_S)
-        return refusal
+    async def change(self, name: str, values: Mapping[str, Any], by: str) -> None:
+        """Set parameters of a finger's detector, all or none; a ValueError says why not."""
+        remote = self._remotes.get(name)
+        if remote is None:
+            raise ValueError(f'{name} is gone')
+        async with remote.asking:
+            self.panel(name).update(await remote.set(values), by)
+        remote.changed.set()
 
     def close(self) -> None:
         """Release all resources."""
         self.watch(())
-        for reading in self._readings.values():
-            reading.task.cancel()
-        for client in self._clients.values():
-            client.destroy()
-        self._clients.clear()
+        for name in [*self._remotes]:
+            self._forget(name)
 
     # Detectors that come and go.
 
     def _search(self) -> None:
         """Notice detectors that have come, were started again, or have gone."""
         found: dict[str, set[bytes]] = {}
-        nameless: dict[bytes, str] = {}
         for topic, types in self._node.get_topic_names_and_types():
             # Unlike those of slip and slip_valid, this publisher stays if heartbeat_hz changes.
             if types == [HEADER] and topic.rpartition('/')[2] == 'slip_onset':
                 for each in self._node.get_publishers_info_by_topic(topic):
-                    publisher = bytes(each.endpoint_gid)
-                    if each.node_name == UNKNOWN:
-                        nameless[publisher] = topic
-                        continue
                     name = f'{each.node_namespace.rstrip("/")}/{each.node_name}'
-                    found.setdefault(name, set()).add(publisher)
-        self._report_nameless(nameless)
-        for name in set(self._publishers) - set(found):
+                    if each.node_name != UNKNOWN:
+                        found.setdefault(name, set()).add(bytes(each.endpoint_gid))
+        for name in self._remotes.keys() - found.keys():
             self._forget(name)
         for name, publishers in found.items():
-            if publishers - self._publishers.get(name, set()):
-                self._read(name, started=True)
-            self._publishers[name] = publishers
-        for name, topics in self._watched.items():
-            names = self._topics_of(name)
+            if name not in self._remotes:
+                self._remotes[name] = RemoteDetector(self._node, name)
+                self._tasks[name] = asyncio.create_task(self._follow(name, self._remotes[name]))
+            remote = self._remotes[name]
+            if publishers - remote.publishers:
+                remote.started = True
+                remote.changed.set()
+            remote.publishers = publishers
+        for topics in self._watched.values():
+            names = self._topics_of(topics.finger)
             if names != topics.names:
                 topics.subscribe(names)
-        self._senders = {
-            name: publishing_nodes(self._node, topics.names.voltages)
-            for name, topics in self._watched.items()
-            if topics.names.voltages
-        }
-
-    def _report_nameless(self, nameless: Mapping[bytes, str]) -> None:
-        """Report, once each, publishers of a topic whose node does not become known by name."""
-        now_s = time.monotonic()
-        self._nameless = {each: self._nameless.get(each, now_s) for each in nameless}
-        for publisher, since_s in self._nameless.items():
-            if now_s - since_s >= NAMELESS_S:
-                self._nameless[publisher] = float('inf')
-                self._node.get_logger().warning(
-                    f'a node that publishes {nameless[publisher]} has not been known by name for '
-                    f'{NAMELESS_S:g} s, so it cannot be shown: end it, and start it again after '
-                    '20 s'
-                )
+            topics.senders = publishing_nodes(self._node, names.voltages) if names.voltages else []
 
     def _forget(self, name: str) -> None:
-        del self._publishers[name]
-        if name in self._readings:
-            self._readings.pop(name).task.cancel()
-        if name in self._watched:
-            self._watched.pop(name).close()
-        if name in self._clients:
-            self._clients.pop(name).destroy()
+        self._tasks.pop(name).cancel()
+        self._remotes.pop(name).close()
         if name in self.fingers:
-            finger = self._past[name] = self.fingers.pop(name)
-            self.gone[name] = finger.label
-            for oldest in [*self._past][:-MOST_GONE]:
-                del self._past[oldest], self.gone[oldest], self.panels[oldest]
+            self.gone[name] = self.fingers.pop(name)
 
-    def _topics_of(self, name: str) -> Topics:
+    def _topics_of(self, finger: Finger) -> Topics:
         """Return the topics of a detector from the ROS graph, as they may be remapped."""
-        namespace, _, node = name.rpartition('/')
-        config = self.fingers[name].config
+        namespace, _, node = finger.name.rpartition('/')
         subscribed = []
         with contextlib.suppress(NodeNameNonExistentError):  # It has just ended.
             subscribed = self._node.get_subscriber_names_and_types_by_node(node, namespace or '/')
-        inputs = [
-            topic
-            for topic, types in subscribed
-            if _long(config.input_type) in types
-            and topic not in (f'{namespace}/slip_valid', '/clock', '/parameter_events')
-        ]
+        package, _, name = finger.config.input_type.partition('/')
+        wanted = f'{package}/msg/{name.removeprefix("msg/")}'
+        others = f'{namespace}/slip_valid', '/clock', '/parameter_events'
+        inputs = [topic for topic, types in subscribed if wanted in types and topic not in others]
         voltages = inputs[0] if inputs else ''
-        return Topics(
-            namespace, voltages, f'{voltages.rpartition("/")[0]}/slip_truth', f'{name}/envelope'
-        )
+        truth = f'{voltages.rpartition("/")[0]}/slip_truth'
+        return Topics(namespace, voltages, truth, f'{finger.name}/envelope')
 
     # Their parameters.
 
-    def _client(self, name: str) -> ParameterClient:
-        if name not in self._publishers:
-            raise ValueError(f'{name} is gone')
-        if name not in self._clients:
-            self._clients[name] = ParameterClient(self._node, name)
-        return self._clients[name]
+    async def _follow(self, name: str, remote: RemoteDetector) -> None:
+        """Read the parameters of a node whenever they may have changed."""
+        while await remote.changed.wait():
+            remote.changed.clear()
+            try:
+                async with remote.asking:
+                    self._note(name, remote, await remote.read())
+            except ValueError:
+                # The detector hangs, starts or ends: ask again.
+                await asyncio.sleep(SEARCH_S)
+                remote.changed.set()
 
-    def _read(self, name: str, *, started: bool = False) -> None:
-        """Read the parameters of a detector; a task that is under way is replaced."""
-        before = self._readings.pop(name, None)
-        if before is not None:
-            before.task.cancel()
-            started |= before.started
-        task = asyncio.get_running_loop().create_task(self._read_parameters(name, started))
-        self._readings[name] = ReadTask(task, started)
-
-    async def _read_parameters(self, name: str, started: bool) -> None:
-        try:
-            reading = await self._client(name).read()
-        except ValueError:
-            # The detector hangs, starts or ends: ask again.
-            await asyncio.sleep(SEARCH_S)
-            self._read(name, started=started)
-            return
-        # The detector may have been replaced by another one meanwhile.
+    def _note(self, name: str, remote: RemoteDetector, reading: Reading) -> None:
+        """Note the parameters of a node; if it is a detector, show it as a finger."""
         self._search()
-        under_way = self._readings.get(name)
-        if under_way is None or under_way.task is not asyncio.current_task():
+        # It may have ended meanwhile, or may have been started again: then it is read again.
+        if self._remotes.get(name) is not remote or remote.changed.is_set():
             return
-        del self._readings[name]
+        started, remote.started = remote.started, False
         if not reading.values.keys() >= OF_A_DETECTOR:
             return
         panel = self.panel(name)
-        if started or not panel.values:
-            panel.read(reading)
-        else:
-            gone = dict.fromkeys(panel.values.keys() - reading.values.keys())
-            panel.update({**gone, **reading.values})
+        panel.read(reading, RESTART if started else OUTSIDE)
         try:
-            self._use_config(name, started)
+            config = panel.config
         except ValueError as error:
             self._node.get_logger().warning(
                 f'{name} has parameters that this version of slip_view does not know: {error}'
             )
-
-    def _use_config(self, name: str, started: bool) -> None:
-        config = self.panel(name).config
-        if name not in self.fingers:
-            self.gone.pop(name, None)
-            before = self._past.pop(name, None)
-            self.fingers[name] = before or Finger(name, config)
-            started = before is not None
-        finger = self.fingers[name]
-        if started:
+            return
+        finger = self.fingers.get(name) or self.gone.pop(name, None)
+        if finger is None:
+            finger = Finger(name, config)
+        elif started:
             finger.started_again(config)
-        elif finger.config != config:
+        else:
             finger.update_config(config)
+        self.fingers[name] = finger
 
     def _on_event(self, event: ParameterEvent) -> None:
-        name = event.node
-        if name not in self.fingers:
-            return
-        panel = self.panel(name)
-        if any(each.name in panel.values for each in event.new_parameters):
-            return  # The detector is restarting: its parameters are read when it publishes.
-        if name in self._readings:
-            self._read(name)
-            return
-        panel.update(changes_in(event))
-        try:
-            self._use_config(name, started=False)
-        except ValueError:  # Some of several events are missing, lost or still to come.
-            self._read(name)
+        """Read the parameters of a detector that reports a change."""
+        # One that declares what it had before is starting: it is read when it publishes.
+        if event.node in self.fingers and not (
+            self.panel(event.node).values.keys() & {each.name for each in event.new_parameters}
+        ):
+            self._remotes[event.node].changed.set()
 
     # Their diagnostics.
 
@@ -428,28 +338,17 @@ class RosDetectors(Detectors):
         for status in array.status:
             node, _, part = status.name.partition(': ')
             name = f'/{node.lstrip("/")}'
-            for finger in self._watched:
-                if name == finger or name in self._senders.get(finger, ()):
+            for finger, topics in self._watched.items():
+                if name == finger or name in topics.senders:
                     label = part if name == finger else f'{name.rpartition("/")[2]}: {part}'
                     diagnosis = Diagnosis(status.level[0], label, status.message)
                     self._heard[finger, label] = now_s, diagnosis
-        self._show_diagnostics()
 
-    def _forget_diagnostics(self, now_s: float) -> None:
-        old = [key for key, (at_s, _) in self._heard.items() if now_s - at_s > DIAGNOSIS_S]
-        for key in old:
-            del self._heard[key]
-        if old:
-            self._show_diagnostics()
-
-    def _show_diagnostics(self) -> None:
+    def _show_diagnostics(self, now_s: float) -> None:
+        self._heard = {
+            key: heard for key, heard in self._heard.items() if now_s - heard[0] <= DIAGNOSIS_S
+        }
         for name, finger in self.fingers.items():
             finger.diagnostics = tuple(
                 diagnosis for (of, _), (_, diagnosis) in self._heard.items() if of == name
             )
-
-
-def _long(message_type: str) -> str:
-    """Return the name of a message type in the form that the ROS graph uses."""
-    package, _, name = message_type.partition('/')
-    return f'{package}/msg/{name.removeprefix("msg/")}'

@@ -15,7 +15,6 @@
 
 """The detectors as the live page knows them, independent of ROS: one for each finger."""
 
-import contextlib
 import functools
 import time
 from abc import ABC, abstractmethod
@@ -283,8 +282,7 @@ class ParameterPanel:
     --------
     >>> panel = ParameterPanel()
     >>> _ = panel.read(Reading({'threshold': 0.5, 'gain': 1.0}, frozenset(), {}))
-    >>> panel.expect({'threshold': 0.25}, 'page 1')
-    >>> panel.update({'threshold': 0.25}).by
+    >>> panel.update({'threshold': 0.25}, by='page 1').by
     'page 1'
     >>> panel.to_undo(), panel.as_in_file()
     ({'threshold': 0.5}, {'threshold': 0.5})
@@ -302,9 +300,8 @@ class ParameterPanel:
         self.changes: deque[Change] = deque(maxlen=LISTED_CHANGES)
         #: Number of changes so far; and a number that increases with all that a page shows.
         self.count = self.version = 0
-        self._expected: deque[tuple[dict[str, Any], str]] = deque(maxlen=MOST_CHANGES)
 
-    def read(self, reading: Reading) -> Change | None:
+    def read(self, reading: Reading, by: str = RESTART) -> Change | None:
         """Update everything from the detector's answer; return the change since the last one.
 
         A detector that was started again has the values of its file. This counts as a change:
@@ -313,47 +310,19 @@ class ParameterPanel:
         self.version += 1
         self.read_only, self.meanings = reading.read_only, reading.meanings
         if self.values:
-            self._expected.clear()
             gone = dict.fromkeys(self.values.keys() - reading.values.keys())
-            return self._update({**gone, **reading.values}, RESTART)
+            return self.update({**gone, **reading.values}, by)
         self.values = dict(reading.values)
         if self.file_values is None:
             self.file_values = dict(reading.values)
         return None
 
-    def expect(self, values: Mapping[str, Any], by: str) -> None:
-        """Note that a page asks for a change, so that the change is attributed to it."""
-        self._expected.append((dict(values), by))
-
-    def refused(self, values: Mapping[str, Any], by: str) -> None:
-        """Drop an expected change, which the detector has refused."""
-        with contextlib.suppress(ValueError):
-            self._expected.remove((dict(values), by))
-
-    def update(self, values: Mapping[str, Any]) -> Change | None:
-        """Note values that the detector reports, None: deleted; return the change, if any."""
-        # The report is the event of one change, or has all parameters when they are read.
-        given = values.keys()
-        changed = {name for name in given if self.values.get(name) != values[name]}
-        asked = [
-            each
-            for each in self._expected
-            if changed <= each[0].keys() <= given and (changed or each[0].keys() == given)
-        ]
-        if not asked:
-            return self._update(values, OUTSIDE)
-        # Two pages may have asked for the same parameters at once: equal values tell which one.
-        # If none are equal, the detector has rounded them.
-        found = next((each for each in asked if each[0].items() <= values.items()), asked[0])
-        # No report will come of earlier requests for the same parameters: they were overtaken.
-        for each in asked[: asked.index(found) + 1]:
-            self._expected.remove(each)
-        return self._update(values, found[1])
-
-    def _update(self, values: Mapping[str, Any], by: str) -> Change | None:
+    def update(self, values: Mapping[str, Any], by: str = OUTSIDE) -> Change | None:
+        """Note values that the detector has now, None: deleted; return the change, if any."""
         after = {name: value for name, value in values.items() if self.values.get(name) != value}
         if not after:
             return None
+        by = by[:LONGEST_NAME]
         change = Change({name: self.values.get(name) for name in after}, after, by)
         self.changes.append(change)
         self.count += 1
@@ -394,8 +363,8 @@ class Detectors(ABC):
     def __init__(self) -> None:
         #: Each finger by its name.
         self.fingers: dict[str, Finger] = {}
-        #: Labels, by name, of fingers whose detectors have ended, until they come back.
-        self.gone: dict[str, str] = {}
+        #: Fingers whose detectors have ended, by name, until they come back.
+        self.gone: dict[str, Finger] = {}
         #: The panel of each detector by its name, also of one that has ended: its changes can be
         #: set again when it comes back. Subclasses enter what they read, and changes that
         #: detectors report.
@@ -420,28 +389,17 @@ class Detectors(ABC):
         """Return the panel of a detector, which is created at the first call."""
         return self.panels.setdefault(name, ParameterPanel())
 
+    @abstractmethod
     async def change(self, name: str, values: Mapping[str, Any], by: str) -> None:
         """Set parameters of a finger's detector, all or none; None deletes one.
+
+        When it returns, the panel has the new values, changed by this page.
 
         Raises
         ------
         ValueError
             When they are refused, in the words of the detector.
         """
-        panel, by = self.panel(name), by[:LONGEST_NAME]
-        panel.expect(values, by)
-        refusal = 'it could not be asked'
-        try:
-            refusal = await self.set_parameters(name, values)
-        finally:
-            if refusal:
-                panel.refused(values, by)
-        if refusal:
-            raise ValueError(refusal)
-
-    @abstractmethod
-    async def set_parameters(self, name: str, values: Mapping[str, Any]) -> str:
-        """Set parameters of a finger's detector, all or none; return the refusal, or ''."""
 
     @abstractmethod
     def close(self) -> None:

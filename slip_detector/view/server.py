@@ -289,7 +289,7 @@ class Server:
             'fingers',
             {
                 'fingers': [finger.description() for finger in fingers],
-                'gone': self.detectors.gone,
+                'gone': {name: each.label for name, each in self.detectors.gone.items()},
                 'read_only': self.access.read_only,
             },
         )

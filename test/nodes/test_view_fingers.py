@@ -17,21 +17,21 @@
 import asyncio
 import signal
 import time
-from types import SimpleNamespace
-from typing import NamedTuple
 
 import pytest
 
 rclpy = pytest.importorskip('rclpy', reason='needs rclpy')
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
+from rcl_interfaces.srv import SetParametersAtomically  # noqa: E402
 from rclpy.node import Node  # noqa: E402
+from rclpy.parameter import Parameter  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
 from std_msgs.msg import Header  # noqa: E402
 
-from slip_detector.nodes import view_fingers  # noqa: E402
 from slip_detector.nodes.messages import event_qos, sensor_qos, time_message  # noqa: E402
-from slip_detector.nodes.view_fingers import HEADER, UNKNOWN, RosDetectors  # noqa: E402
+from slip_detector.nodes.view_fingers import RosDetectors  # noqa: E402
+from slip_detector.view.detectors import OUTSIDE, RESTART  # noqa: E402
 from support.harness import DEADLINE_S  # noqa: E402
 
 INDEX = '/index/slip_detector'
@@ -141,57 +141,35 @@ def test_a_detector_whose_parameters_change_and_that_ends_and_comes_again(bench)
         detector = start(bench, 'index')
         await it.until(lambda: INDEX in it.detectors.fingers, 'the finger')
         assert it.subscribed() == set()
-        assert await it.detectors.set_parameters(INDEX, {'threshold': 0.75}) == ''
-        refusal = await it.detectors.set_parameters(INDEX, {'threshold': -1.0, 'gain': 5.0})
-        assert refusal == 'parameter threshold is -1, allowed: 1e-30 to 1e+30'
-        # Nobody watched: it is read when somebody does.
+        await it.detectors.change(INDEX, {'threshold': 0.75}, 'page 1')
+        with pytest.raises(ValueError, match='parameter threshold is -1, allowed: 1e-30 to 1e'):
+            await it.detectors.change(INDEX, {'threshold': -1.0, 'gain': 5.0}, 'page 1')
+        panel = it.detectors.panel(INDEX)
+        assert [change.by for change in panel.changes] == ['page 1']
+        # Nobody watched: its parameters are read when somebody does.
         it.watched = {INDEX}
         await it.until(lambda: it.detectors.fingers[INDEX].config.threshold == 0.75, 'the change')
         groups = {f'groups.{name}': None for name in ('TP', 'TD', 'LR', 'LU')}
-        await it.detectors.set_parameters(INDEX, {'channels': 4, **groups})
+        values = {n: Parameter(n, value=v) for n, v in {'channels': 4, **groups}.items()}
+        request = SetParametersAtomically.Request(
+            parameters=[each.to_parameter_msg() for each in values.values()]
+        )
+        bench.ask(SetParametersAtomically, f'{INDEX}/set_parameters_atomically', request)
         await it.until(lambda: it.detectors.fingers[INDEX].config.channels == 4, 'the channels')
         assert list(it.detectors.fingers[INDEX].config.groups) == ['all']
+        assert [change.by for change in panel.changes] == ['page 1', OUTSIDE]
         # One that ends is gone, with its subscriptions; it may come again.
         detector.signal(signal.SIGINT)
         await it.until(lambda: INDEX not in it.detectors.fingers, 'it to go')
-        assert it.detectors.gone == {INDEX: 'index'}
+        assert [*it.detectors.gone] == [INDEX]
         await it.until(lambda: not it.subscribed(), 'the end of the subscriptions')
         with pytest.raises(ValueError, match='is gone'):
-            await it.detectors.set_parameters(INDEX, {'threshold': 0.75})
+            await it.detectors.change(INDEX, {'threshold': 0.75}, 'page 1')
         start(bench, 'index')
         await it.until(lambda: INDEX in it.detectors.fingers, 'it to come again')
         assert 'started again' in it.detectors.fingers[INDEX].description()['notice']
-
-    watching(bench, test)
-
-
-def test_a_publisher_whose_node_stays_unknown_by_name_is_reported_once(bench, monkeypatch):
-    class Nameless(NamedTuple):
-        node_name: str
-        node_namespace: str
-        endpoint_gid: list[int]
-
-    warned = []
-
-    async def test(it):
-        publishers = [Nameless(UNKNOWN, '', [7]), Nameless(UNKNOWN, '', [8])]
-        monkeypatch.setattr(it.node, 'get_publishers_info_by_topic', lambda topic: publishers)
-        monkeypatch.setattr(
-            it.node, 'get_topic_names_and_types', lambda: [('/index/slip_onset', [HEADER])]
-        )
-        monkeypatch.setattr(it.node, 'get_logger', lambda: SimpleNamespace(warning=warned.append))
-        it.detectors._search()
-        assert not warned  # A node becomes known by name some time after its publishers.
-        monkeypatch.setattr(view_fingers, 'NAMELESS_S', 0.0)
-        del publishers[1]  # This one has become known, or has ended.
-        it.detectors._search()
-        it.detectors._search()
-        (line,) = warned
-        assert line.startswith('a node that publishes /index/slip_onset has not been known by ')
-        publishers.append(Nameless(UNKNOWN, '', [9]))
-        it.detectors._search()
-        assert len(warned) == 2
-        assert not it.detectors.fingers
+        assert panel.changes[-1].by == RESTART
+        assert panel.to_undo()['threshold'] == 0.75
 
     watching(bench, test)
 

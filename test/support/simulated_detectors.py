@@ -131,7 +131,7 @@ class SimulatedDetectors(Detectors):
     def remove(self, label):
         """Remove a finger."""
         name = f'/{label}/slip_detector'
-        self.gone[name] = self.fingers.pop(name).label
+        self.gone[name] = self.fingers.pop(name)
         del self.simulated[name]
 
     def watch(self, names):
@@ -145,20 +145,16 @@ class SimulatedDetectors(Detectors):
             if self.real_time and name in self.watched:
                 simulated.play(passed_s)
 
-    async def set_parameters(self, name, values):
+    async def change(self, name, values, by):
         simulated = self.simulated[name]
-        try:
-            present = {**simulated.finger.config.to_parameters(), **values}
-            present = {name: value for name, value in present.items() if value is not None}
-            config = DetectorConfig.from_parameters(present)
-        except ValueError as error:
-            return str(error)
+        present = {**simulated.finger.config.to_parameters(), **values}
+        present = {name: value for name, value in present.items() if value is not None}
+        config = DetectorConfig.from_parameters(present)
         if config.autostart != simulated.finger.config.autostart:
-            return 'Trying to set a read-only parameter: autostart.'
+            raise ValueError('Trying to set a read-only parameter: autostart.')
         simulated.change(config)
         now = config.to_parameters()
-        self.panel(name).update({name: now.get(name) for name in values})
-        return ''
+        self.panel(name).update({name: now.get(name) for name in values}, by)
 
     def close(self):
         self.simulated.clear()

@@ -28,6 +28,7 @@ from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.view import detectors
 from slip_detector.view.detectors import (
     GRID_PITCH_M,
+    LONGEST_NAME,
     OUTSIDE,
     RESTART,
     Finger,
@@ -201,48 +202,13 @@ def test_values_lost_in_a_restart_are_reported_and_can_be_set_again_by_undo():
     assert panel.read(Reading(panel.values, READ_ONLY, {})) is None
 
 
-def test_a_change_is_attributed_to_the_page_that_asked():
+def test_a_change_has_an_author_whose_name_is_not_longer_than_is_shown():
     panel = panel_of()
-    panel.expect({'threshold': 0.3, 'gain': 1.0}, 'page 1')
-    panel.expect({'vote': 'mean'}, 'page 2')
-    panel.expect({'exponent': 7}, 'page 2')
-    panel.refused({'exponent': 7}, 'page 2')
     authors = [
-        panel.update(values).by
-        for values in (
-            {'threshold': 0.2},
-            {'gain': 1.0, 'threshold': 0.3},
-            {'gain': 2.0, 'threshold': 0.4},
-            {'exponent': 2},
-        )
+        panel.update({'threshold': 0.2}).by,
+        panel.update({'threshold': 0.3}, 'page 1').by,
+        panel.read(Reading({**panel.values, 'threshold': 0.4}, READ_ONLY, {}), OUTSIDE).by,
     ]
-    # As all of them are read.
-    authors.append(panel.update({**panel.values, 'vote': 'mean'}).by)
-    assert authors == [OUTSIDE, 'page 1', OUTSIDE, OUTSIDE, 'page 2']
+    assert authors == [OUTSIDE, 'page 1', OUTSIDE]
     assert [change.by for change in panel.changes] == authors
-
-
-@pytest.mark.parametrize('refused', [(), (1,), (2,), (1, 2)])
-def test_two_pages_that_change_the_same_parameter_at_once_are_distinguished(refused):
-    panel = panel_of()
-    asked = {1: {'threshold': 0.2}, 2: {'threshold': 0.3}, 3: {'threshold': 0.4}}
-    for page, values in asked.items():
-        panel.expect(values, f'page {page}')
-    for page in refused:
-        panel.refused(asked[page], f'page {page}')
-    authors = {page: panel.update(v).by for page, v in asked.items() if page not in refused}
-    assert authors == {page: f'page {page}' for page in asked if page not in refused}
-    assert panel.update({'threshold': 0.5}).by == OUTSIDE
-
-
-def test_a_rounded_value_is_attributed_to_the_last_page_that_asked():
-    panel = panel_of()
-    panel.expect({'threshold': 0.3}, 'page 1')
-    assert panel.update({'threshold': 0.30000001}).by == 'page 1'
-    panel.expect({'threshold': 0.3}, 'page 1')
-    panel.read(Reading(panel.values, READ_ONLY, {}))  # The detector that was asked has ended.
-    assert panel.update({'threshold': 0.3}).by == OUTSIDE
-    panel.expect({'threshold': 0.2}, 'page 1')  # Its event is lost.
-    panel.expect({'threshold': 0.4}, 'page 2')
-    assert panel.update({'threshold': 0.4}).by == 'page 2'
-    assert panel.update({'threshold': 0.5}).by == OUTSIDE
+    assert len(panel.update({'threshold': 0.5}, 'p' * 1000).by) == LONGEST_NAME
