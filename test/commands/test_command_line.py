@@ -15,8 +15,10 @@
 """The commands as processes: what a user sees before anything is computed."""
 
 import argparse
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -61,6 +63,25 @@ def test_an_error_and_an_interrupt_of_a_command_are_one_line_and_an_exit_code(ca
     assert capsys.readouterr() == ('', 'slip_tune: trial.npz: has no label\n')
     assert run('slip_tune', interrupted) == 130
     assert capsys.readouterr() == ('', 'slip_tune: ended before it was done\n')
+
+
+@pytest.mark.skipif(not Path('/dev/full').exists(), reason='no /dev/full')
+def test_a_reader_that_leaves_early_is_no_error_and_a_full_disk_is_one():
+    code = 'import sys; from slip_detector.commands.command_line import print_text as it; '
+    code += 'sys.exit(it("slip_tune", "text"))'
+    # Without buffers there is nothing left over that could fail once more at the end.
+    environment = {**os.environ, 'PYTHONUNBUFFERED': ''}
+    reader, writer = os.pipe()
+    os.close(reader)
+    full = os.open('/dev/full', os.O_WRONLY)
+    said = 'slip_tune: the output cannot be written (No space left on device)\n'
+    for output, wanted in ((writer, (0, '')), (full, (1, said))):
+        done = subprocess.run(
+            [sys.executable, '-c', code], stdout=output, stderr=subprocess.PIPE, text=True,
+            env=environment, check=False, timeout=60,
+        )  # fmt: skip
+        os.close(output)
+        assert (done.returncode, done.stderr) == wanted
 
 
 @pytest.mark.parametrize('text', ['٣', '³', '1_0', '+3', '-1', '', '9' * 5000])

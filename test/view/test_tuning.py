@@ -91,19 +91,6 @@ def test_a_search_that_is_stopped_keeps_what_it_found_and_is_judged_by_what_was_
     assert {**DetectorConfig().to_parameters(), **changes} == found
 
 
-def test_what_fails_says_why_in_one_line(recorded):
-    run = TuneRun(listed(recorded), DetectorConfig())
-    file = recorded / 'rest_1' / 'rest_1.mcap'
-    away = file.rename(recorded / 'away')
-    try:
-        asyncio.run(finished(run))
-    finally:
-        away.rename(file)
-    assert 'rest_1' in run.failed
-    assert '\n' not in run.failed
-    assert not run.table
-
-
 def test_a_run_that_is_stopped_before_the_search_found_nothing(recorded):
     run = TuneRun(listed(recorded), DetectorConfig())
     asyncio.run(finished(run, run.stop))
