@@ -107,8 +107,9 @@ def test_every_page_is_in_the_index():
     assert pages <= {name.rsplit('/', 1)[-1] for name in linked}
 
 
-def test_every_example_and_picture_is_in_the_index():
+def test_every_example_and_picture_is_listed():
     text = (DOCS / 'README.md').read_text(encoding='utf-8')
+    text += (ROOT / 'CONTRIBUTING.md').read_text(encoding='utf-8')
     for path in (ROOT / 'examples').iterdir():
         assert path.is_dir() or f'(../examples/{path.name})' in text
     for path in (DOCS / 'figures').iterdir():
