@@ -14,7 +14,7 @@
 
 """The pictures of the live page in the README, made anew: what they show is really on the page.
 
-With ``SLIP_FIGURES`` naming a folder they are written there.
+With ``SLIP_FIGURES`` naming a folder they are written there; without it only one is made.
 """
 
 import os
@@ -37,6 +37,8 @@ CONFIG = Path(__file__).resolve().parents[2] / 'config' / 'slip_detector.yaml'
 IN_SLIP_S, AT_REST_S = 4.9, 8.75
 
 RATE_HZ = 380.0
+
+on_request = pytest.mark.skipif('SLIP_FIGURES' not in os.environ, reason='no SLIP_FIGURES')
 
 
 @pytest.fixture
@@ -100,6 +102,7 @@ def without_channel_7(rows):
     return rows
 
 
+@on_request
 def test_a_finger_at_rest_after_a_slip(opened, tmp_path):
     page = opened({'index': AT_REST_S - 2.0})
     until_s(page, AT_REST_S)
@@ -107,6 +110,7 @@ def test_a_finger_at_rest_after_a_slip(opened, tmp_path):
     keep(page, 'rest', tmp_path)
 
 
+@on_request
 def test_a_finger_in_slip(opened, tmp_path):
     page = opened({'index': IN_SLIP_S - 1.5}, stay_in_slip)
     until_s(page, IN_SLIP_S)
@@ -114,6 +118,7 @@ def test_a_finger_in_slip(opened, tmp_path):
     keep(page, 'slip', tmp_path)
 
 
+@on_request
 def test_a_finger_with_a_dead_channel(opened, tmp_path):
     def prepare(detectors):
         (simulated,) = detectors.simulated.values()
@@ -145,6 +150,7 @@ def test_five_fingers(opened, tmp_path):
     keep(page, 'five', tmp_path)
 
 
+@on_request
 def test_teaching(opened, tmp_path):
     page = opened({'index': 9.5})  # It slips again at 13.4 s.
     now = recording_now(page)

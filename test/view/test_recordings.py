@@ -20,7 +20,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slip_detector.chain.samples import Samples
@@ -120,6 +120,7 @@ def receive(finger, n):
     track.add_samples(Samples(np.stack([number, -number], axis=1), number * 10_000_000))
 
 
+@settings(max_examples=25)
 @given(
     steps=st.lists(st.tuples(st.integers(0, 30), st.booleans()), min_size=1, max_size=8),
     before=st.integers(0, 20),
