@@ -170,7 +170,7 @@ async def _serve(
     from slip_detector.nodes.view_fingers import RosDetectors
     from slip_detector.view.parameters import ParameterRequests
     from slip_detector.view.server import Access, Server, is_loopback, page_address
-    from slip_detector.view.teaching import TeachingRequests
+    from slip_detector.view.teaching import Teaching
 
     stop, loop = asyncio.Event(), asyncio.get_running_loop()
     for number in SIGNALS:
@@ -182,7 +182,7 @@ async def _serve(
     detectors = RosDetectors(node)
     server = Server(detectors, Access(arguments.host, token, arguments.read_only))
     ParameterRequests(server, arguments.folder, arguments.configs)
-    TeachingRequests(server, arguments.folder)
+    Teaching(server, arguments.folder)
     MarkerTopic(node, server)
     try:
         port = server.listen(arguments.port)

@@ -99,9 +99,7 @@ class Finger:
     def __post_init__(self) -> None:
         self.groups: NDArray[np.bool_] = np.zeros(len(self.config.groups), np.bool_)
         self.track = LiveTrack(self.config)
-        # After a restart the parameters may be read before the first message, which reveals it.
-        self._channels_at_start = self.config.channels
-        self._restart, self._restart_s = '', float('-inf')
+        self._restarted_s = float('-inf')  # since 1970
 
     @property
     def label(self) -> str:
@@ -135,13 +133,8 @@ class Finger:
 
     def started_again(self, config: DetectorConfig) -> None:
         """Note that the detector was started again, with these parameters."""
-        channels, before = config.channels, self._channels_at_start
-        self._channels_at_start = channels
         self.starts += 1
-        self._restart_s = time.monotonic()
-        self._restart = f'the detector was started again at {time.strftime("%H:%M:%S")}'
-        if channels != before:
-            self._restart += f', with {channels} channels instead of {before}'
+        self._restarted_s = time.time()
         self.update_config(config)
         self.slip = self.valid = False
         self.groups[:] = False
@@ -169,14 +162,15 @@ class Finger:
 
     def description(self) -> dict[str, Any]:
         """Return the channels, the groups and the decision, as a page shows them."""
-        config = self.config
-        # A restart, perhaps with other channels, is mentioned for some minutes.
-        recent = time.monotonic() - self._restart_s < RESTART_SHOWN_S
+        config, notices = self.config, [self.no_volts] if self.no_volts else []
+        if time.time() - self._restarted_s < RESTART_SHOWN_S:
+            at = time.strftime('%H:%M:%S', time.localtime(self._restarted_s))
+            notices.append(f'the detector was started again at {at}')
         return {
             'name': self.name,
             'label': self.label,
             'starts': self.starts,
-            'notice': '; '.join(filter(None, (self.no_volts, self._restart if recent else ''))),
+            'notice': '; '.join(notices),
             'channels': config.names,
             'positions_m': drawn_positions(config).tolist(),
             'disabled': config.disabled_channels,
@@ -238,21 +232,14 @@ def least_distance_m(positions: Floats) -> float:
 def _apart(taxel_positions_m: tuple[float, ...]) -> Floats:
     """Return the positions; those that coincide are moved onto a circle around them."""
     positions = np.reshape(taxel_positions_m, (-1, 3))
-    places, place_of, counts = np.unique(
-        positions, axis=0, return_inverse=True, return_counts=True
-    )
-    if len(places) == len(positions):
-        return positions
-    place_of = place_of.ravel()  # NumPy 2.0 gives it another shape.
-    sharing = counts[place_of]
-    # The index of each channel among those at its position.
-    number = [np.count_nonzero(place_of[:c] == place) for c, place in enumerate(place_of)]
-    radius = np.where(sharing > 1, CIRCLE_SHARE * least_distance_m(places), 0.0)
-    # Clockwise from the left, so that the x, y and z of a taxel stand in reading order.
-    angle = np.pi - 2 * np.pi * np.array(number) / sharing
-    circle = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(len(angle))])
-    apart: Floats = positions + radius[:, np.newaxis] * circle
-    return apart
+    places, counts = np.unique(positions, axis=0, return_counts=True)
+    for place in places[counts > 1]:
+        sharing = np.flatnonzero((positions == place).all(axis=1))
+        # Clockwise from the left, so that the x, y and z of a taxel stand in reading order.
+        angle = np.pi - 2 * np.pi * np.arange(len(sharing)) / len(sharing)
+        circle = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
+        positions[sharing] += CIRCLE_SHARE * least_distance_m(places) * circle
+    return positions
 
 
 class Reading(NamedTuple):
@@ -329,11 +316,11 @@ class ParameterPanel:
         self.version += 1
         merged = {**self.values, **after}
         self.values = {name: value for name, value in merged.items() if value is not None}
-        kept = Change(self._settable(change.before), self._settable(after), by)
-        if by != RESTART and self.history and self.history[-1].before == kept.after:
+        before, after = self._settable(change.before), self._settable(after)
+        if by != RESTART and self.history and self.history[-1].before == after:
             self.history.pop()
-        elif kept.after:
-            self.history.append(kept)
+        elif after:
+            self.history.append(Change(before, after, by))
         return change
 
     @property

@@ -21,6 +21,7 @@ launch files accept.
 """
 
 import asyncio
+import contextlib
 import dataclasses
 import re
 import shlex
@@ -70,8 +71,6 @@ class ParameterRequests:
     def __init__(self, server: Server, folder: Path, files: Sequence[Path] = ()) -> None:
         self._server, self._folder, self._files = server, folder.resolve(), files
         self._versions: dict[str, tuple[int, bool]] = {}
-        #: By detector, why its file cannot be read.
-        self._file_errors: dict[str, str] = {}
         server.each_tick.append(self._broadcast)
         server.on_request('set', self._set, changes=True)
         server.on_request('undo', self._undo, changes=True)
@@ -86,7 +85,9 @@ class ParameterRequests:
         if versions == self._versions:
             return
         for name in versions.keys() - self._versions.keys():
-            self._read_file(name)
+            # What cannot be read is reported when the file is needed.
+            with contextlib.suppress(ValueError):
+                self._read_file(name)
         self._versions = versions
         described = {name: self._described(name, panel) for name, panel in panels}
         self._server.broadcast('parameters', {'folder': str(self._folder), 'fingers': described})
@@ -97,7 +98,6 @@ class ParameterRequests:
             'gone': name not in self._server.detectors.fingers,
             'headings': described_panel(panel),
             'file': str(self._file_of(name) or ''),
-            'file_error': self._file_errors.get(name, ''),
             'differs': sorted(panel.as_in_file()),
             'undo': words_of(Change(last.after, last.before, last.by)) if last else '',
             'changes': [
@@ -118,18 +118,11 @@ class ParameterRequests:
 
     def _read_file(self, name: str) -> None:
         """Read the present content of a detector's file."""
-        file = self._file_of(name)
-        if file is None:
-            return
-        panel = self._server.detectors.panel(name)
-        try:
+        if file := self._file_of(name):
             values = read_parameter_file(file, DetectorConfig.NODE, running=name)
-            panel.file_values = DetectorConfig.from_parameters(values, str(file)).to_parameters()
-        except ValueError as error:
-            self._file_errors[name] = str(error)
-            return
-        self._file_errors.pop(name, None)
-        panel.version += 1
+            config, panel = DetectorConfig.from_parameters(values, str(file)), self._panel(name)
+            panel.file_values = config.to_parameters()
+            panel.version += 1
 
     def _panel(self, name: object) -> ParameterPanel:
         panel = self._server.detectors.panels.get(name) if isinstance(name, str) else None
@@ -160,33 +153,23 @@ class ParameterRequests:
     async def _as_in_file(self, message: Mapping[str, Any]) -> None:
         panel, name = self._panel(message.get('finger')), message['finger']
         self._read_file(name)
-        if name in self._file_errors:
-            raise ValueError(self._file_errors[name])
         if values := panel.as_in_file():
             await self._change(message, values)
 
     async def _save(self, message: Mapping[str, Any]) -> dict[str, Any]:
-        """Save the detectors' parameters; return how to launch with them, or why it cannot."""
-        names, name = message.get('fingers'), message.get('name')
+        """Save the detectors' parameters; return how to launch with them, or which file exists."""
+        names, name = message.get('fingers'), str(message.get('name') or '')
         if not isinstance(names, list) or not names:
             raise ValueError(f'fingers is {shown(names)}, allowed: a list of those that are shown')
-        if not isinstance(name, str):
-            raise ValueError(f'name is {shown(name)}, allowed: a name for the file')
         configs = {each: self._panel(each).config for each in names}
         comments = [f'Saved by slip_view: what {" and ".join(configs)} ran with.']
-        missing = ''
-        try:
-            document = parameter_file(configs, self._file_of(names[0]))
-        except ValueError as error:
-            missing = f'It lacks the parameters of other nodes: {error}'
-            document = parameter_file(configs)
-            comments.append(missing)
+        document = parameter_file(configs, self._file_of(names[0]))
         replace = message.get('replace') is True
         try:
             path = await asyncio.to_thread(save, self._folder, name, document, comments, replace)
         except FileExistsError as error:
             return {'taken': str(error)}
-        return {'launch': launch_arguments(configs, path), 'missing': missing}
+        return {'launch': launch_arguments(configs, path)}
 
 
 def described_panel(panel: ParameterPanel) -> list[dict[str, Any]]:
@@ -283,14 +266,10 @@ def typed(name: str, text: str) -> Any:
 
 
 def _scalar(text: str) -> Any:
-    if text in ('true', 'false'):
-        return text == 'true'
-    if re.fullmatch('[-+]?[0-9]+', text):
-        return int(text)
-    try:
-        return float(text) if re.fullmatch('[-+.0-9eE]+', text) else text
-    except ValueError:
-        return text
+    for read in (int, float):
+        with contextlib.suppress(ValueError):
+            return read(text)
+    return {'true': True, 'false': False}.get(text, text)
 
 
 def parameter_file(
@@ -391,8 +370,6 @@ def save(
     if not FILE_NAME.fullmatch(name):
         raise ValueError(f'name is {shown(name)}, allowed: {ALLOWED_NAME}')
     path = writable_folder(folder) / f'{name}.yaml'
-    if path.is_symlink():
-        raise ValueError(f'{path}: is a link to another file, allowed: a name of its own')
     if path.exists() and not replace:
         raise FileExistsError(f'{path}: already exists')
     write_yaml(path, document, comments)

@@ -19,8 +19,6 @@ Each recording is a bag. Its name is its kind and a number.
 """
 
 import asyncio
-import errno
-import os
 import re
 import shutil
 from pathlib import Path
@@ -30,7 +28,6 @@ import numpy as np
 
 from slip_detector.parameters.files import write_errors_of
 from slip_detector.recordings import open_recording
-from slip_detector.recordings.bag_storage import METADATA
 from slip_detector.recordings.labels import labels_name
 from slip_detector.recordings.writing import BagWriter
 from slip_detector.tuning.tracks import hold_out_evenly
@@ -115,15 +112,14 @@ class RecordedFolder:
         ValueError
             When no recording has this name.
         """
-        # The folder may have been replaced by a link.
-        if not isinstance(name, str) or name not in self.recordings or not self._is_bag(name):
+        if not isinstance(name, str) or name not in self.recordings:
             raise ValueError(
                 f'there is no recording {str(name)[:40]!r}, allowed: those of the list'
             )
         return self.folder / name
 
     def delete(self, name: object) -> None:
-        """Delete a recording with its labels, and no other file.
+        """Delete the folder of a recording, and its labels.
 
         Raises
         ------
@@ -131,15 +127,11 @@ class RecordedFolder:
             When no recording has this name, or it cannot be deleted.
         """
         path = self.path_of(name)
-        own = {path / METADATA, path / f'{path.name}.mcap'}
         try:
-            if {*path.iterdir()} - own:
-                raise OSError(errno.ENOTEMPTY, 'there is something else in it')
-            for file in (*own, path.parent / labels_name(path)):
-                file.unlink(missing_ok=True)
-            path.rmdir()
+            shutil.rmtree(path)
+            (path.parent / labels_name(path)).unlink(missing_ok=True)
         except OSError as error:
-            raise ValueError(f'{path}: cannot be deleted ({error.strerror})') from None
+            raise ValueError(f'{path}: cannot be deleted ({error})') from None
         del self.recordings[path.name]
 
     def of_kind(self, kind: str) -> list[str]:
@@ -164,8 +156,7 @@ class RecordedFolder:
             return []
 
     def _is_bag(self, name: str) -> bool:
-        path = self.folder / name
-        return not path.is_symlink() and (path / f'{name}.mcap').is_file()
+        return (self.folder / name / f'{name}.mcap').is_file()
 
     def _summary(self, name: str) -> RecordingSummary:
         """Read how long a recording is, and how many slips it has."""
@@ -194,7 +185,8 @@ class Recorder:
     """A recording that grows with the track of a finger.
 
     Each call of :meth:`write` writes all rows that have arrived, with the present label: whatever
-    happens to this process, the recording is complete up to the last call.
+    happens to this process, the recording is complete up to the last call. What cannot be written
+    is noted in ``failure``; what was written before is kept.
 
     Parameters
     ----------
@@ -218,17 +210,13 @@ class Recorder:
         self.slipping = False
         self._last_label = False
         self._rate_hz = finger.config.sample_rate_hz
-        #: Slips and rows in the recording, and rows that the track no longer had.
-        self.slips = self.rows = self.missing_rows = 0
+        #: Slips and rows in the recording.
+        self.slips = self.rows = 0
+        #: Why no more can be written; empty if it can.
+        self.failure = ''
         with write_errors_of(path):
             path.parent.mkdir(parents=True, exist_ok=True)
-            try:
-                self._bag = BagWriter(path, finger.config.names, finger.frame_id or 'fingertip')
-            except FileExistsError:  # Another program has just created it.
-                raise
-            except OSError:
-                shutil.rmtree(path, ignore_errors=True)  # It is empty.
-                raise
+            self._bag = BagWriter(path, finger.config.names, finger.frame_id or 'fingertip')
 
     @property
     def duration_s(self) -> float:
@@ -246,30 +234,21 @@ class Recorder:
         return self.rows > 0 and self._bag.path.exists()
 
     def write(self) -> None:
-        """Write the rows that have arrived, with the present label.
-
-        Raises
-        ------
-        ValueError
-            When they cannot be written: the disk is full or the file was removed, for example.
-            What was written before is kept.
-        """
+        """Write the rows that have arrived, with the present label."""
         track = self.finger.track
-        samples, appended = track.samples_since(self._next_row), track.samples.appended
+        samples = track.samples_since(self._next_row)
         n = len(samples.volts)
-        if self.interrupted or not n:
+        if self.interrupted or self.failure or not n:
             return
-        self.missing_rows += appended - self._next_row - n
-        with write_errors_of(self.path):
-            try:
+        try:
+            with write_errors_of(self.path):
                 self._bag.write(samples._replace(truth=np.full(n, self.slipping)))
                 self._bag.flush()
-                if not self._bag.path.exists():
-                    raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT))
-            except OSError:
-                self._abort()
-                raise
-        self._next_row = appended
+                self._bag.path.stat()  # Another program may have removed it.
+        except ValueError as error:
+            self.failure = str(error)
+            return
+        self._next_row = track.samples.appended
         self.rows += n
         # A slip during which no row came is not in the file.
         self.slips += self.slipping and not self._last_label
@@ -281,21 +260,14 @@ class Recorder:
         self.slipping = slipping
 
     def close(self) -> None:
-        """End the recording; one without rows is removed.
-
-        Raises
-        ------
-        ValueError
-            When its end cannot be written; what was written before is kept.
-        """
-        if not self.rows:
-            self._abort()
-            return
-        with write_errors_of(self.path):
-            self._bag.close()
-
-    def _abort(self) -> None:
-        """Close the file as it is, and remove it if it has no rows."""
-        self._bag.abort()
+        """End the recording; one without rows is removed."""
+        self.write()
+        try:
+            with write_errors_of(self.path):
+                if self.rows and not self.failure:
+                    self._bag.close()
+        except ValueError as error:
+            self.failure = str(error)
+        self._bag.abort()  # Closes what is still open.
         if not self.rows:
             shutil.rmtree(self.path, ignore_errors=True)

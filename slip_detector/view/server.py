@@ -28,10 +28,11 @@ from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote, urlsplit
+from urllib.parse import quote
 
 from tornado import web, websocket
 from tornado.httpserver import HTTPServer
+from tornado.httputil import split_host_and_port
 from tornado.netutil import bind_sockets
 
 from slip_detector.view.detectors import Detectors, Finger
@@ -49,9 +50,6 @@ PING_S = 10.0
 
 #: A connection without requests is closed after this time, in seconds (by default an hour).
 UNASKED_S = 60.0
-
-#: Most pages open at once, and most unanswered requests of a page.
-MOST_PAGES, MOST_REQUESTS = 20, 100
 
 #: Longest message of a page, in bytes.
 MOST_BYTES = 1 << 20
@@ -108,23 +106,18 @@ class Access:
 
     def refusal(self, host: str, origin: str | None) -> str:
         """Return why the headers of a request are refused; empty if they are accepted."""
-        name = host_name(host)
-        if name is None or not self._is_ours(name):
-            allowed = 'an address or name of this machine'
-            if is_loopback(self.host):
-                allowed = 'localhost, 127.0.0.1, [::1]'
+        name = split_host_and_port(host.lower())[0].strip('[]')
+        allowed = 'an address or name of this machine'
+        # Other sites are reached by a name: a numeric address can only be this machine's.
+        known = ('localhost', self.host, self.name, f'{self.name}.local')
+        ours = _address(name) is not None or name in map(str.lower, known)
+        if is_loopback(self.host):
+            allowed, ours = 'localhost, 127.0.0.1, [::1]', is_loopback(name)
+        if not ours:
             return f'Host is {host[:100]}, allowed: {allowed}'
         if origin is not None and origin.lower() != f'http://{host.lower()}':
             return f'Origin is {origin[:100]}, allowed: http://{host}'
         return ''
-
-    def _is_ours(self, name: str) -> bool:
-        """Return whether no other site can have this name."""
-        if is_loopback(self.host):
-            return is_loopback(name)
-        # Other sites are reached by a name: a numeric address can only be this machine's.
-        known = ('localhost', self.host, self.name, f'{self.name}.local')
-        return _address(name) is not None or name in map(str.lower, known)
 
     def knows(self, token: str) -> bool:
         """Return whether a token is right, in a time that reveals nothing about it."""
@@ -140,39 +133,18 @@ def page_address(host: str, port: int, token: str = '') -> str:
     ('http://127.0.0.1:8470/', 'http://[::1]:80/?token=a%26b')
     """
     if host in ('', '0.0.0.0', '::'):
-        host = _own_address(socket.AF_INET6 if host == '::' else socket.AF_INET)
+        host = _own_address()
     name = f'[{host}]' if ':' in host else host
     return f'http://{name}:{port}/' + (f'?token={quote(token, safe="")}' if token else '')
 
 
-def _own_address(family: socket.AddressFamily) -> str:
+def _own_address() -> str:
     """Return this machine's address in its network; its host name if it has no network."""
-    elsewhere = '2001:db8::1' if family == socket.AF_INET6 else '10.255.255.255'
-    try:
-        with socket.socket(family, socket.SOCK_DGRAM) as probe:
-            # Nothing is sent: connecting a datagram socket only selects the route.
-            probe.connect((elsewhere, 9))
-            return str(probe.getsockname()[0])
-    except OSError:
-        return socket.gethostname()
-
-
-def host_name(host: str) -> str | None:
-    """Return the name in a *Host* header, without its port; None if the header is malformed.
-
-    Examples
-    --------
-    >>> host_name('[::1]:8080'), host_name('Robot.local'), host_name('a b')
-    ('::1', 'robot.local', None)
-    """
-    if not host.isascii() or any(c in host for c in '/?#@\\') or not host.isprintable():
-        return None
-    try:
-        parts = urlsplit(f'//{host}')
-        _ = parts.port  # Raises if the port is not a number.
-    except ValueError:
-        return None
-    return None if ' ' in host else parts.hostname
+    with contextlib.suppress(OSError), socket.socket(type=socket.SOCK_DGRAM) as probe:
+        # Nothing is sent: connecting a datagram socket only selects the route.
+        probe.connect(('10.255.255.255', 9))
+        return str(probe.getsockname()[0])
+    return socket.gethostname()
 
 
 def _address(name: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
@@ -357,13 +329,9 @@ class _Guarded(web.RequestHandler):
             token = self.get_query_argument('token', '', strip=False)
             why = '' if access.knows(token) else NO_TOKEN
         if why:
-            self.refuse(why)
-
-    def refuse(self, why: str) -> None:
-        """Answer with the reason."""
-        self.set_status(403)
-        self.set_header('Content-Type', 'text/plain; charset=utf-8')
-        self.finish(f'{why}\n')
+            self.set_status(403)
+            self.set_header('Content-Type', 'text/plain; charset=utf-8')
+            self.finish(f'{why}\n')
 
 
 class File(_Guarded, web.StaticFileHandler):
@@ -386,16 +354,8 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         self._past: tuple[Finger, LiveTrack] | None = None
         self.news: dict[str, str] = {}
         self._frames = self._drawn = 0
-        self._sent_s = float('-inf')
         self._sending: asyncio.Future[None] | None = None
         self._answers: set[asyncio.Task[None]] = set()
-
-    async def get(self, *args: Any, **kwargs: Any) -> None:
-        """Open the connection, unless too many are open."""
-        if len(self.server.pages) >= MOST_PAGES:
-            self.refuse(f'{MOST_PAGES} pages are open already, allowed: at most {MOST_PAGES}')
-            return
-        await super().get(*args, **kwargs)
 
     def check_origin(self, origin: str) -> bool:
         """Tell tornado that the origin has been checked."""
@@ -423,9 +383,6 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
             self._drawn = self._frames
         elif content.get('type') == 'view':
             self._change_view(content)
-        elif len(self._answers) >= MOST_REQUESTS:
-            # The page does not read its answers, which are kept here until it does.
-            self.close(1008, f'more than {MOST_REQUESTS} requests wait for an answer')
         else:
             task = asyncio.get_running_loop().create_task(self._answer(content))
             self._answers.add(task)
@@ -458,11 +415,9 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         for text in self.news.values():
             self._send(text)
         self.news = {}
-        now_s = time.monotonic()
-        waits = self._drawn < self._frames or now_s - self._sent_s < 0.9 * FRAME_S
-        if self.view is not None and not waits:
+        # The page has to draw a frame before it gets the next one.
+        if self.view is not None and self._drawn == self._frames:
             self._frames += 1
-            self._sent_s = now_s
             past = self._past[1] if self._past else None
             self._send(self.view.frame(self.server.detectors, self._frames, past))
 

@@ -16,16 +16,14 @@
 """Records rest, slips and taps of the fingers, and tunes on them, as a page requests."""
 
 import asyncio
-import contextlib
-import re
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from slip_detector.view.detectors import Detectors, Finger
+from slip_detector.view.detectors import Finger
 from slip_detector.view.recordings import NO_SLIP, RecordedFolder, Recorder, RecordingSummary
 from slip_detector.view.server import Server
 from slip_detector.view.tuning import TuneRun
@@ -54,19 +52,16 @@ INTERRUPTED = (
     'The detector has other channels or another rate now, or the clock of the samples was set back'
 )
 
-#: Labels become folders: only what ROS allows in names is accepted.
-_LABEL = re.compile('[A-Za-z0-9_]+(/[A-Za-z0-9_]+)*')
-
 
 class Teaching:
-    """Makes and deletes the recordings of all fingers, one recording at a time.
+    """Makes and deletes recordings, one at a time, and tunes on them, as the pages request.
 
     What pages send is not trusted: fingers and recordings are looked up by name, and no path is
-    made of anything else. Its methods raise a ValueError that says what cannot be done.
+    made of anything else. A ValueError says what cannot be done.
     """
 
-    def __init__(self, detectors: Detectors, folder: Path) -> None:
-        self._detectors, self._folder = detectors, folder
+    def __init__(self, server: Server, folder: Path) -> None:
+        self._server, self._detectors, self._folder = server, server.detectors, folder.resolve()
         self._folders: dict[str, RecordedFolder] = {}
         self._recorder: Recorder | None = None
         self._begun_at_s = self._pressed_at_s = 0.0
@@ -75,17 +70,42 @@ class Teaching:
         self._ends_at_s = 0.0
         #: What happened last, for the page.
         self.words = ''
+        self._run: TuneRun | None = None
+        self._tuned_finger = ''
+        self._task: asyncio.Task[None] | None = None
+        server.each_tick.append(self.tick)
+        server.at_end.append(self.close)
+        server.on_request('recordings', self._recordings)
+        server.on_request('teach', self._teach, changes=True)
+        server.on_request('delete_recording', self._delete, changes=True)
+        server.on_request('tune', self._tune, changes=True)
+        server.on_request('stop_tuning', self._stop_tuning, changes=True)
+        server.on_request('apply_tuning', self._apply, changes=True)
 
-    @property
-    def finger(self) -> str:
-        """Name of the finger that is recorded, or ''."""
-        return self._recorder.finger.name if self._recorder else ''
+    async def close(self) -> None:
+        """End the recording and the tuning."""
+        self.stop()
+        if self._run is not None and self._task is not None:
+            self._run.kill()
+            await self._task
+
+    def tick(self) -> None:
+        """Write new rows, end what is due to end, and report; called after each poll."""
+        if self._recorder is not None:
+            self._continue(self._recorder)
+        recorder, run = self._recorder, self._run
+        self._server.wanted['recording'] = {recorder.finger.name} if recorder else set()
+        self._server.broadcast('recording', {'recording': self.recording()})
+        tuning = run and {'finger': self._tuned_finger, **run.described()}
+        fingers = {name: self._listed(folder) for name, folder in self._folders.items()}
+        content = {'fingers': fingers, 'words': self.words, 'tuning': tuning}
+        self._server.broadcast('teaching', content)
+
+    # Recordings.
 
     def folder_of(self, name: object) -> RecordedFolder:
         """Return the recordings of a finger, by the name that a page has sent."""
         finger = self._detectors.finger_of(name)
-        if not _LABEL.fullmatch(finger.label):
-            raise ValueError(f'{finger.label!r} is no name in ROS, allowed: letters, digits, _')
         return self._folders.setdefault(finger.name, RecordedFolder(self._folder / finger.label))
 
     def start(self, name: object, kind: object) -> None:
@@ -99,7 +119,6 @@ class Teaching:
         """End the present recording, if any."""
         if self._recorder is not None:
             self._detectors.poll()
-            self._guarded(self._recorder, self._recorder.write)
             self._end(self._recorder)
 
     def press(self, name: object) -> None:
@@ -107,23 +126,25 @@ class Teaching:
 
         The recording begins with the rest before the slip.
         """
-        if not self._is_slipping(name):
-            finger = self._free(name)
-            self._detectors.poll()
-            track, row = finger.track, finger.track.slip_ended
-            # By stamps rather than by rows, as samples may be missing.
-            stamps_ns = track.samples.stamps_ns(row)
-            rest_ns = stamps_ns[stamps_ns >= stamps_ns[-1:] - round(BEFORE_S * 1e9)]
-            recorder = self._begin(finger, 'slip', track.samples.appended - len(rest_ns))
-            self._guarded(recorder, lambda: recorder.label(True))
-            self.words += ': slip until the key is released'
-            before_s = np.ptp(rest_ns) * 1e-9 if len(rest_ns) else 0.0
-            if before_s < LEAST_BEFORE_S:
-                self.words += (
-                    f'. There are only {before_s:.1f} s of rest before it: wait for '
-                    f'{BEFORE_S:g} s between two slips'
-                )
         self.still_pressed()
+        if self._slipping(name):
+            return
+        finger = self._free(name)
+        self._detectors.poll()
+        track, row = finger.track, finger.track.slip_ended
+        # By stamps rather than by rows, as samples may be missing.
+        stamps_ns = track.samples.stamps_ns(row)
+        rest_ns = stamps_ns[stamps_ns >= stamps_ns[-1:] - round(BEFORE_S * 1e9)]
+        recorder = self._begin(finger, 'slip', track.samples.appended - len(rest_ns))
+        recorder.label(True)
+        self.words += ': slip until the key is released'
+        before_s = np.ptp(rest_ns) * 1e-9 if len(rest_ns) else 0.0
+        if before_s < LEAST_BEFORE_S:
+            self.words += (
+                f'. There are only {before_s:.1f} s of rest before it: wait for '
+                f'{BEFORE_S:g} s between two slips'
+            )
+        self._check(recorder)
 
     def still_pressed(self) -> None:
         """Note that the key is still pressed."""
@@ -131,32 +152,25 @@ class Teaching:
 
     def release(self, name: object) -> None:
         """End the slip of a finger; its recording goes on for some rest."""
-        if self._recorder is not None and self._is_slipping(name):
+        if recorder := self._slipping(name):
             self._detectors.poll()
-            self._end_slip(self._recorder)
+            self._end_slip(recorder)
+            self._check(recorder)
 
-    def _is_slipping(self, name: object) -> bool:
-        return self._recorder is not None and self._recorder.slipping and name == self.finger
+    def _slipping(self, name: object) -> Recorder | None:
+        """Return what records a slip of the finger now."""
+        recorder = self._recorder
+        slips = recorder is not None and recorder.slipping and name == recorder.finger.name
+        return recorder if slips else None
 
-    def tick(self) -> None:
-        """Write new rows, and end a recording that is due to end; called after each poll.
-
-        Errors are reported in ``words``.
-        """
-        if self._recorder is not None:
-            with contextlib.suppress(ValueError):
-                self._tick(self._recorder)
-
-    def _tick(self, recorder: Recorder) -> None:
-        now_s = time.monotonic()
-        finger = recorder.finger
-        gone = self._detectors.fingers.get(finger.name) is not finger
-        if gone or recorder.interrupted:
-            self._end(recorder)
-            self.words += f'. {GONE if gone else INTERRUPTED}'
-            return
-        self._guarded(recorder, recorder.write)
-        if recorder.slipping and now_s - self._pressed_at_s > PRESSED_S:
+    def _continue(self, recorder: Recorder) -> None:
+        now_s, finger = time.monotonic(), recorder.finger
+        recorder.write()
+        if self._detectors.fingers.get(finger.name) is not finger:
+            self._end(recorder, GONE)
+        elif recorder.interrupted:
+            self._end(recorder, INTERRUPTED)
+        elif recorder.slipping and now_s - self._pressed_at_s > PRESSED_S:
             self._end_slip(recorder)
             self.words = (
                 f'{recorder.path.name}: the page that held the slip is gone, so the slip was ended'
@@ -166,13 +180,8 @@ class Teaching:
             if past or now_s > self._ends_at_s:
                 self._end(recorder)
         elif now_s - self._begun_at_s > MOST_S:
-            self._end(recorder)
-            self.words += f'. It was ended after {MOST_S / 60:.0f} minutes'
-
-    def close(self) -> None:
-        """End the present recording; called when the server ends."""
-        with contextlib.suppress(ValueError):
-            self.stop()
+            self._end(recorder, f'It was ended after {MOST_S / 60:.0f} minutes')
+        self._check(recorder)
 
     def recording(self) -> dict[str, Any] | None:
         """Return the present recording, for the page; None if there is none."""
@@ -181,7 +190,7 @@ class Teaching:
             return None
         silent = time.monotonic() - recorder.finger.sample_s > SILENT_S
         return {
-            'finger': self.finger,
+            'finger': recorder.finger.name,
             'kind': recorder.kind,
             'name': recorder.path.name,
             'seconds': round(recorder.duration_s, 1),
@@ -190,27 +199,20 @@ class Teaching:
             'silent': 'no samples come: nothing is recorded until they do' if silent else '',
         }
 
-    def described(self) -> Mapping[str, Any]:
-        """Return folder and recordings of each finger that a page has asked about."""
-        writing = self._recorder.path if self._recorder else None
-        return {
-            name: {
-                'folder': str(folder.folder),
-                'recordings': [
-                    {
-                        **one._asdict(),
-                        'duration_s': round(one.duration_s, 1),
-                        'kind': one.kind,
-                        'usable': one.usable,
-                        'held_out': one.name in held_out,
-                    }
-                    for one in folder.recordings.values()
-                    if folder.folder / one.name != writing
-                ],
+    def _listed(self, folder: RecordedFolder) -> Mapping[str, Any]:
+        held_out, writing = folder.held_out(), self._recorder and self._recorder.path
+        recordings = [
+            {
+                **one._asdict(),
+                'duration_s': round(one.duration_s, 1),
+                'kind': one.kind,
+                'usable': one.usable,
+                'held_out': one.name in held_out,
             }
-            for name, folder in self._folders.items()
-            for held_out in [set(folder.held_out())]
-        }
+            for one in folder.recordings.values()
+            if folder.folder / one.name != writing
+        ]
+        return {'folder': str(folder.folder), 'recordings': recordings}
 
     def delete(self, name: object, recording: object) -> None:
         """Delete a recording of a finger, unless it is being written."""
@@ -222,13 +224,13 @@ class Teaching:
 
     def _free(self, name: object) -> Finger:
         """Return the finger to record; a slip that only waits for the rest after it is ended."""
-        recorder = self._recorder
-        if recorder is not None and (self._ends_ns is None or name != self.finger):
+        finger, recorder = self._detectors.finger_of(name), self._recorder
+        if recorder is not None and (self._ends_ns is None or recorder.finger is not finger):
             raise ValueError(
                 f'{recorder.path.name} of {recorder.finger.label} is being recorded: end it first'
             )
         self.stop()
-        return self._detectors.finger_of(name)
+        return finger
 
     def _begin(self, finger: Finger, kind: str, since: int) -> Recorder:
         self._recorder = Recorder(self.folder_of(finger.name).new_path(kind), finger, since)
@@ -237,7 +239,7 @@ class Teaching:
         return self._recorder
 
     def _end_slip(self, recorder: Recorder) -> None:
-        self._guarded(recorder, lambda: recorder.label(False))
+        recorder.label(False)
         track = recorder.finger.track
         track.slip_ended = track.samples.appended
         last_ns = max(track.samples.stamps_ns()[-1:], default=0)
@@ -245,103 +247,61 @@ class Teaching:
         self._ends_at_s = time.monotonic() + AFTER_S + SILENT_S
         self.words = f'recording {recorder.path.name}: the rest after the slip'
 
-    def _guarded(self, recorder: Recorder, write: Callable[[], None]) -> None:
-        """Write; if that fails, end the recording and say what is kept."""
-        try:
-            write()
-        except ValueError as error:
-            self._note_end(recorder, f'was cut off: {error}')
-            raise ValueError(self.words) from None
+    def _check(self, recorder: Recorder) -> None:
+        """End a recording that could not be written."""
+        if recorder.failure and recorder is self._recorder:
+            self._end(recorder)
 
-    def _end(self, recorder: Recorder) -> None:
-        self._guarded(recorder, recorder.close)
-        missing = recorder.missing_rows
-        note = f'{missing} rows are missing: this computer was too slow' if missing else ''
-        if recorder.kind == 'slip' and not recorder.slips:
-            note = f'{NO_SLIP}: no sample came while the key was held'
-        self._note_end(recorder, note)
-
-    def _note_end(self, recorder: Recorder, note: str) -> None:
-        """Note that the recording has ended, and list it with this note."""
+    def _end(self, recorder: Recorder, why: str = '') -> None:
+        """End the recording, list it, and say why it ended if nobody asked for that."""
+        recorder.close()
         self._recorder, self._ends_ns = None, None
-        name = recorder.path.name
-        if not recorder.has_file:
+        name, note = recorder.path.name, ''
+        if recorder.failure:
+            note = f'was cut off: {recorder.failure}'
+        elif recorder.kind == 'slip' and not recorder.slips:
+            note = f'{NO_SLIP}: no sample came while the key was held'
+        if recorder.has_file:
+            recorded = RecordingSummary(name, recorder.duration_s, recorder.slips, note)
+            self._folders[recorder.finger.name].add(recorded)
+            self.words = f'{name} has {recorded.duration_s:.1f} s'
+            self.words += f', which are kept; it {note}' if note else ''
+        elif note:
+            self.words = f'{name} {note}; nothing of it is left'
+        else:
             self.words = f'{name}: no sample came, so there is no recording'
-            if note:
-                self.words = f'{name} {note}; nothing of it is left'
-            return
-        recorded = RecordingSummary(name, recorder.duration_s, recorder.slips, note)
-        self._folders[recorder.finger.name].add(recorded)
-        self.words = f'{name} has {recorded.duration_s:.1f} s'
-        if note:
-            self.words += f', which are kept; it {note}'
+        self.words += f'. {why}' if why else ''
 
-
-class TeachingRequests:
-    """Answers the pages' requests about recordings and tuning, and reports the progress."""
-
-    def __init__(self, server: Server, folder: Path) -> None:
-        self._server, self._teaching = server, Teaching(server.detectors, folder.resolve())
-        self._run: TuneRun | None = None
-        self._tuned_finger = ''
-        self._task: asyncio.Task[None] | None = None
-        server.each_tick.append(self._tick)
-        server.at_end.append(self.close)
-        server.on_request('recordings', self._recordings)
-        server.on_request('teach', self._teach, changes=True)
-        server.on_request('delete_recording', self._delete, changes=True)
-        server.on_request('tune', self._tune, changes=True)
-        server.on_request('stop_tuning', self._stop_tuning, changes=True)
-        server.on_request('apply_tuning', self._apply, changes=True)
-
-    async def close(self) -> None:
-        """End the recording and the tuning."""
-        self._teaching.close()
-        if self._run is not None and self._task is not None:
-            self._run.kill()
-            await self._task
-
-    def _tick(self) -> None:
-        self._teaching.tick()
-        self._server.wanted['recording'] = {self._teaching.finger} - {''}
-        self._server.broadcast('recording', {'recording': self._teaching.recording()})
-        self._server.broadcast(
-            'teaching',
-            {
-                'fingers': self._teaching.described(),
-                'words': self._teaching.words,
-                'tuning': self._run and {'finger': self._tuned_finger, **self._run.described()},
-            },
-        )
+    # What pages request.
 
     async def _recordings(self, message: Mapping[str, Any]) -> None:
         """Update the list of a finger's recordings."""
-        await self._teaching.folder_of(message.get('finger')).refresh()
+        await self.folder_of(message.get('finger')).refresh()
 
     async def _teach(self, message: Mapping[str, Any]) -> None:
         finger, what = message.get('finger'), message.get('do')
         if what == 'press':
-            self._teaching.press(finger)
+            self.press(finger)
         elif what == 'still_pressed':
-            self._teaching.still_pressed()
+            self.still_pressed()
         elif what == 'release':
-            self._teaching.release(finger)
+            self.release(finger)
         elif what == 'stop':
-            self._teaching.stop()
+            self.stop()
         else:
-            self._teaching.start(finger, what)
+            self.start(finger, what)
 
     async def _delete(self, message: Mapping[str, Any]) -> None:
         if self._run is not None and self._run.running:
             raise ValueError('recordings are being tuned on, allowed: to delete one afterwards')
-        self._teaching.delete(message.get('finger'), message.get('recording'))
+        self.delete(message.get('finger'), message.get('recording'))
 
     async def _tune(self, message: Mapping[str, Any]) -> None:
         name = message.get('finger')
-        folder = self._teaching.folder_of(name)
+        folder = self.folder_of(name)
         await folder.refresh()
         # Meanwhile another page may have begun to tune, or the finger may have gone.
-        finger = self._server.detectors.finger_of(name)
+        finger = self._detectors.finger_of(name)
         if self._run is not None and self._run.running:
             raise ValueError('tuning runs already, allowed: one at a time')
         self._run, self._tuned_finger = TuneRun(folder, finger.config), finger.name
@@ -355,8 +315,8 @@ class TeachingRequests:
         """Set the parameters that were found, all or none."""
         if self._run is None or self._run.found is None:
             raise ValueError('there is nothing to apply: tune first')
-        detectors, name = self._server.detectors, self._tuned_finger
-        values = self._run.to_apply(detectors.finger_of(name).config)
+        name = self._tuned_finger
+        values = self._run.to_apply(self._detectors.finger_of(name).config)
         if values:
-            await detectors.change(name, values, f'page {message.get("page")}')
-        self._teaching.words = f'the detector runs with what was found: {len(values)} values set'
+            await self._detectors.change(name, values, f'page {message.get("page")}')
+        self.words = f'the detector runs with what was found: {len(values)} values set'

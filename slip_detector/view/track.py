@@ -213,7 +213,7 @@ def spectrum(volts: NDArray[np.float64], sample_rate_hz: float) -> Spectrum | No
     """Return the spectrum of the last seconds, or None if there are too few rows.
 
     It is the mean of several short spectra (Welch, 1967). A value that is not finite is replaced
-    by the last finite one.
+    by the mean of the finite ones.
 
     Examples
     --------
@@ -234,17 +234,14 @@ def spectrum(volts: NDArray[np.float64], sample_rate_hz: float) -> Spectrum | No
     # The squared values of a broken sensor may overflow.
     with np.errstate(over='ignore', invalid='ignore'):
         frequencies_hz, power = signal.welch(
-            _forward_filled(volts), sample_rate_hz, nperseg=rows, axis=0, detrend='linear'
+            _filled(volts), sample_rate_hz, nperseg=rows, axis=0, detrend='linear'
         )
     density_db = 10.0 * np.log10(np.maximum(power[1:], LEAST_V2_HZ))
     return Spectrum(float(frequencies_hz[1]), density_db.T.astype(np.float32))
 
 
-def _forward_filled(volts: NDArray[np.float64]) -> NDArray[np.float64]:
+def _filled(volts: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Replace values that are not finite by the mean of their channel; 0 if it has no other."""
     known = np.isfinite(volts)
-    if known.all():
-        return volts
-    row = np.maximum.accumulate(np.where(known, np.arange(len(volts))[:, np.newaxis], -1), axis=0)
-    # Rows before the first finite value get that value; a channel without any gets 0.
-    row = np.where(row < 0, known.argmax(axis=0), row)
-    return np.nan_to_num(np.take_along_axis(volts, row, axis=0), posinf=0.0, neginf=0.0)
+    mean = np.where(known, volts, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+    return np.where(known, volts, mean)

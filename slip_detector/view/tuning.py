@@ -18,6 +18,7 @@
 import asyncio
 import contextlib
 import dataclasses
+import functools
 import io
 import multiprocessing
 import os
@@ -37,7 +38,11 @@ from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.files import writable_folder, write_yaml
 from slip_detector.report.tables import MAIN_FIGURES, figure_text, heading
-from slip_detector.tuning.learning import LEAST_S, learn_from_quiet, learn_from_taps
+from slip_detector.tuning.learning import (
+    LearntParameters,
+    learn_from_quiet,
+    learn_from_taps,
+)
 from slip_detector.tuning.problem import Candidate, searched
 from slip_detector.tuning.search import TuningParameters, tune
 from slip_detector.tuning.tracks import TrainingFiles
@@ -71,10 +76,6 @@ OF_THE_CHAIN = {field.name for field in dataclasses.fields(ChainConfig)}
 
 #: How much the search gives way to the nodes.
 NICE = 10
-
-COMPARING = 'comparing on what was held out'
-
-STOPPED = 'stopped before anything was found'
 
 #: Parameters by name, as ROS has them.
 Values = dict[str, Any]
@@ -125,14 +126,13 @@ class TuneRun:
         def paths(names: Sequence[str]) -> list[str]:
             return [str(recorded.folder / name) for name in names]
 
-        def longest(kind: str, least_s: float = 0.0) -> str:
-            lengths_s = {name: recorded.recordings[name].duration_s for name in used[kind]}
-            name = max(lengths_s, key=lambda name: lengths_s[name], default='')
-            return str(recorded.folder / name) if name and lengths_s[name] >= least_s else ''
+        def longest(kind: str) -> str:
+            names = sorted(used[kind], key=lambda name: recorded.recordings[name].duration_s)
+            return ''.join(paths(names[-1:]))
 
-        self._job = TuneJob(
+        job = TuneJob(
             config.to_parameters(),
-            longest('rest', LEAST_S),
+            longest('rest'),
             longest('taps'),
             paths(used['slip']),
             paths([name for names in used.values() for name in names]),
@@ -141,10 +141,12 @@ class TuneRun:
             TRIALS,
         )
         context = multiprocessing.get_context('spawn')
-        self._connection, self._child = context.Pipe()
-        self._process = context.Process(target=work, args=(self._job, self._child), daemon=True)
-        #: Whether it has not ended, was stopped, and was killed.
-        self.running, self.stopping, self.killed = True, False, False
+        self._connection, child = context.Pipe()
+        self._process = context.Process(target=work, args=(job, child), daemon=True)
+        self._process.start()
+        child.close()
+        #: Whether it has not ended, and was stopped.
+        self.running, self.stopping = True, False
         #: What was learnt, and which steps did not work.
         self.lines: list[str] = []
         #: The present step, and why the run failed, in one line.
@@ -157,25 +159,15 @@ class TuneRun:
         self.found: DetectorConfig | None = None
 
     async def run(self) -> None:
-        """Run to the end; an error is reported in ``failed``."""
-        try:
-            if not self.killed:
-                self._process.start()
-            self._child.close()
-            with contextlib.suppress(EOFError, ConnectionResetError):  # The process has ended.
-                while not self.killed:
-                    vars(self).update(await asyncio.to_thread(self._connection.recv))
-            if self.killed:
-                self.failed = 'slip_view has ended'
-            elif self.found is None and not self.failed:
-                self.failed = 'the search ended before it was done, the log of slip_view says why'
-        except OSError as error:  # There is no room for another process, for example.
-            self.failed = f'the search cannot be run ({error.strerror or error})'
-        finally:
-            if self._process.pid is not None:
-                await asyncio.to_thread(self._process.join)
-            self._connection.close()
-            self.running, self.step = False, ''
+        """Note what the process reports until it ends; an error is noted in ``failed``."""
+        with contextlib.suppress(EOFError, ConnectionResetError):  # The process has ended.
+            while True:
+                vars(self).update(await asyncio.to_thread(self._connection.recv))
+        if self.found is None and not self.failed:
+            self.failed = 'the search ended before it was done, the log of slip_view says why'
+        await asyncio.to_thread(self._process.join)
+        self._connection.close()
+        self.running, self.step = False, ''
 
     def to_apply(self, config: DetectorConfig) -> Values:
         """Return the parameters to set so that a detector decides as the tuned one.
@@ -207,22 +199,20 @@ class TuneRun:
 
     def stop(self) -> None:
         """Stop the search; the best chain so far is judged and kept."""
-        if self.running and not self.stopping and self.step != COMPARING:
+        if self.running and not self.stopping:
             self.stopping = True
             with contextlib.suppress(OSError):  # It has just ended.
                 self._connection.send('stop')
 
     def kill(self) -> None:
         """End the process at once; the run then fails."""
-        self.killed = True
-        if self._process.pid is not None:
-            self._process.kill()
+        self._process.kill()
 
     def described(self) -> dict[str, Any]:
         """Return the state of the run, for the page."""
         return {
             'running': self.running,
-            'stopping': self.stopping and self.running and self.step != COMPARING,
+            'stopping': self.stopping and self.running,
             'step': self.step,
             'share': self.share,
             'lines': self.lines,
@@ -242,7 +232,7 @@ def work(job: TuneJob, connection: Connection) -> None:
         threading.Thread(target=_obey, args=(connection,), daemon=True).start()
         _tune(job, lambda **changes: connection.send(changes))
     except KeyboardInterrupt:
-        connection.send({'failed': STOPPED})
+        connection.send({'failed': 'stopped before anything was found'})
     except ValueError as error:
         connection.send({'failed': str(error)})
 
@@ -275,7 +265,8 @@ def _tune(job: TuneJob, report: Callable[..., None]) -> None:
     with contextlib.redirect_stderr(io.StringIO()):  # It says how to go on in a terminal.
         journal = str(job.folder / 'tuned.yaml.study.journal')
         result = tune(files, parameters, job.trials, storage=journal, progress=progress)
-    report(step=COMPARING)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    report(step='comparing on what was held out')
     verdict = result.verdict
     tuned = {**begin, **({} if verdict.kept else searched(verdict.chain))}
     before, after = (
@@ -305,24 +296,22 @@ def beginning(config: DetectorConfig) -> Values:
 
 def learnt(job: TuneJob, begin: Values, report: Callable[..., None]) -> Values:
     """Learn noise and impacts if there are recordings of them; return the parameters."""
-    lines = []
-    if job.rest:
-        report(step=f'learning the noise of {Path(job.rest).name}')
-        parameters = _parameters(begin)
-        found = learn_from_quiet(job.rest, parameters.chain, parameters.loader)
-        begin, lines = {**begin, **found.parameters}, found.lines
-    else:
-        lines.append(f'No noise is learnt: that needs {LEAST_S:g} s of rest')
-    if job.taps:
-        report(lines=lines, step=f'learning the impacts of {Path(job.taps).name}')
+    steps: list[tuple[str, str, Callable[..., LearntParameters]]] = [
+        ('noise', job.rest, learn_from_quiet),
+        ('impacts', job.taps, functools.partial(learn_from_taps, slips=job.slips)),
+    ]
+    lines: list[str] = []
+    for what, path, learn in steps:
+        if not path:
+            lines = [*lines, f'No {what} learnt: there is no recording for that']
+            continue
+        report(lines=lines, step=f'learning the {what} of {Path(path).name}')
         parameters = _parameters(begin)
         try:
-            found = learn_from_taps(job.taps, job.slips, parameters.chain, parameters.loader)
+            found = learn(path, chain=parameters.chain, loader=parameters.loader)
             begin, lines = {**begin, **found.parameters}, [*lines, *found.lines]
         except ValueError as error:  # Taps may look like slips: what was learnt before is kept.
-            lines.append(str(error))
-    else:
-        lines.append('No impact is learnt: nothing was tapped')
+            lines = [*lines, str(error)]
     report(lines=lines)
     return begin
 

@@ -22,7 +22,7 @@ import pytest
 
 from slip_detector.view import server
 from slip_detector.view.parameters import ParameterRequests
-from slip_detector.view.teaching import TeachingRequests
+from slip_detector.view.teaching import Teaching
 from support.browsers import complaints_of
 from support.finger_states import Player, QuietDetectors
 from support.simulated_detectors import served_beside
@@ -79,7 +79,7 @@ def serve(tmp_path):
     def serve_(detectors, files=(), access=None):
         def prepare(server):
             ParameterRequests(server, tmp_path, files)
-            TeachingRequests(server, tmp_path)
+            Teaching(server, tmp_path)
 
         return ends.enter_context(served_beside(detectors, access=access, prepare=prepare))
 

@@ -109,16 +109,25 @@ def test_a_detector_has_the_file_of_its_namespace(tmp_path):
         assert server.detectors.fingers[name].config.threshold == threshold
 
 
-def test_a_file_that_cannot_be_read_is_named_and_nothing_else_fails(tmp_path):
+def test_a_file_that_cannot_be_read_is_named_and_values_can_be_set(tmp_path):
     server = server_of(tmp_path, [tmp_path / 'none.yaml'])
     server.tick()
-    assert 'none.yaml: cannot be read' in server.news['parameters']
+    for request in ({'type': 'as_in_file'}, {'type': 'save', 'fingers': [NAME], 'name': 'kept'}):
+        assert 'none.yaml: cannot be read' in ask(server, **request)['refusal']
     assert ask(server, type='set', values={'threshold': 0.25})['refusal'] == ''
-    assert 'none.yaml: cannot be read' in ask(server, type='as_in_file')['refusal']
-    answer = ask(server, type='save', fingers=[NAME], name='kept')
+
+
+def test_a_saved_file_is_named_and_replaced_on_request(tmp_path):
+    server = server_of(tmp_path)
+    assert ask(server, type='set', values={'threshold': 0.25})['refusal'] == ''
+    save = {'type': 'save', 'fingers': [NAME], 'name': 'kept'}
+    answer = ask(server, **save)
     assert (answer['refusal'], answer['launch']) == ('', f'config:={tmp_path}/saved/kept.yaml')
-    assert 'none.yaml: cannot be read' in answer['missing']
     saved = tmp_path / 'saved' / 'kept.yaml'
+    assert DetectorConfig.from_yaml(saved) == DetectorConfig(threshold=0.25)
+    assert 'kept.yaml: already exists' in ask(server, **save)['taken']
+    saved.write_text('')
+    assert ask(server, **save, replace=True)['refusal'] == ''
     assert DetectorConfig.from_yaml(saved) == DetectorConfig(threshold=0.25)
 
 
@@ -198,20 +207,3 @@ def test_no_name_leads_out_of_the_folder(tmp_path_factory, name):
         assert len(words) < 400
         assert list(folder.iterdir()) == []
     assert list(outer.iterdir()) == [folder]
-
-
-def test_a_link_is_not_followed_and_a_file_is_replaced_only_where_that_is_wanted(tmp_path):
-    folder = tmp_path / 'recordings'
-    folder.mkdir()
-    other = tmp_path / 'other.yaml'
-    other.write_text('kept', encoding='utf-8')
-    (folder / 'linked.yaml').symlink_to(other)
-    (folder / 'taken.yaml').write_text('kept', encoding='utf-8')
-    for replace in (False, True):
-        assert 'link' in message_of(save, folder, 'linked', {}, [], replace=replace)
-    assert other.read_text(encoding='utf-8') == 'kept'
-    with pytest.raises(FileExistsError, match=r'taken\.yaml: already exists'):
-        save(folder, 'taken', {}, [])
-    assert (folder / 'taken.yaml').read_text(encoding='utf-8') == 'kept'
-    save(folder, 'taken', {'a': 1}, [], replace=True)
-    assert (folder / 'taken.yaml').read_text(encoding='utf-8') == '{a: 1}\n'

@@ -15,7 +15,6 @@
 """The recordings of a finger: how they grow, which there are, and which are held out."""
 
 import asyncio
-import os
 from itertools import pairwise
 
 import numpy as np
@@ -54,7 +53,6 @@ def test_recordings_and_nothing_else_are_listed_in_the_order_in_which_they_were_
         written(recorded.folder, name, slips=3 * name.startswith('slip'))
     for name in ('rest_0', 'tuning', 'rest_02', 'noise_1', 'rest_2'):
         (recorded.folder / name).mkdir()
-    (recorded.folder / 'rest_3').symlink_to(recorded.folder / 'rest_1')
     asyncio.run(recorded.refresh())
     assert [*recorded.recordings] == ['rest_1', 'slip_9', 'slip_10', 'taps_1']
     assert recorded.recordings['slip_9'] == RecordingSummary('slip_9', pytest.approx(1.0), 3)
@@ -78,7 +76,7 @@ def test_a_recording_that_is_broken_or_has_no_slip_is_listed_with_why_and_not_tu
 def test_a_new_recording_has_a_number_that_none_had(recorded):
     assert recorded.new_path('rest').name == 'rest_1'
     written(recorded.folder, 'rest_7')
-    (recorded.folder / 'rest_8').symlink_to(os.devnull)
+    (recorded.folder / 'rest_8').mkdir()
     assert recorded.new_path('rest').name == 'rest_9'
     assert recorded.new_path('taps').name == 'taps_1'
 
@@ -89,11 +87,6 @@ def test_labels_that_a_person_wrote_are_counted_and_deleted_with_their_recording
     labels.write_text('slip_s: [[0.1, 0.2], [0.3, 0.4]]')
     asyncio.run(recorded.refresh())
     assert recorded.recordings['slip_1'].slips == 2
-    notes = recorded.folder / 'slip_1' / 'notes.txt'
-    notes.write_text('with the red cup')
-    with pytest.raises(ValueError, match='something else in it'):
-        recorded.delete('slip_1')
-    notes.unlink()
     recorded.delete('slip_1')
     assert [*recorded.folder.iterdir()] == []
 
@@ -152,18 +145,6 @@ def test_each_row_from_the_first_on_is_written_once_with_its_label(
     numbers = np.concatenate([piece.volts[:, 0] for piece in pieces])
     assert numbers.tolist() == [*range(since, since + len(truth))]
     assert np.concatenate([piece.truth for piece in pieces]).tolist() == truth
-
-
-def test_rows_that_the_track_has_no_more_are_counted(tmp_path):
-    finger = Finger('/index/slip_detector', CONFIG)
-    recorder = Recorder(tmp_path / 'rest_1', finger, 0)
-    for _ in range(60):
-        receive(finger, 1000)
-    recorder.write()
-    kept = len(finger.track.samples)
-    assert (recorder.rows, recorder.missing_rows) == (kept, 60_000 - kept)
-    assert recorder.missing_rows > 0
-    recorder.close()
 
 
 def test_a_folder_that_another_process_has_just_made_is_left_to_it(tmp_path):

@@ -27,7 +27,7 @@ from hypothesis import strategies as st
 from tornado.httpclient import AsyncHTTPClient, HTTPRequest
 
 from slip_detector.view import server
-from slip_detector.view.server import FOLDERS, Access, host_name, page_address
+from slip_detector.view.server import FOLDERS, Access, page_address
 from slip_detector.view.view_request import ViewRequest
 from support.live_client import LiveClient
 from support.served_pages import UPGRADE, port_of, refused, served, status_of, ticks
@@ -51,7 +51,7 @@ def test_the_page_is_reached_by_names_and_addresses_of_this_machine():
 @given(site=SITES)
 def test_another_site_cannot_reach_the_server_by_its_own_name(site):
     # The site may have its name lead to this machine.
-    if host_name(site) and not site.replace('.', '').isdigit():
+    if not site.replace('.', '').isdigit():
         for access in (LOCAL, OPEN):
             assert access.refusal(f'{site}:80', f'http://{site}:80').startswith('Host is')
             assert access.refusal('localhost:80', f'http://{site}').startswith('Origin is')
@@ -253,20 +253,3 @@ async def test_connections_that_sleep_or_ask_nothing_are_closed(monkeypatch):
         assert (await heard)['count'] == 1
         for writer in (silent, asleep):
             writer.close()
-
-
-async def test_too_many_pages_or_unanswered_requests_are_refused(monkeypatch):
-    monkeypatch.setattr(server, 'MOST_REQUESTS', 3)
-    monkeypatch.setattr(server, 'MOST_PAGES', 1)
-
-    async def wait(message):
-        await asyncio.Event().wait()
-
-    async with served() as (it, page):
-        it.server.on_request('wait', wait)
-        assert await refused(f'{it.url}live') == 403
-        for k in range(5):
-            await page.say('wait', id=k)
-        while await page._socket.read_message() is not None:
-            pass
-        assert page._socket.close_reason == 'more than 3 requests wait for an answer'

@@ -112,10 +112,11 @@ def test_the_power_over_all_frequencies_is_the_variance(rate_hz, rows, scale, se
     assert found.density_db.shape[1] * found.step_hz == pytest.approx(rate_hz / 2, rel=0.05)
 
 
-def test_values_that_are_no_numbers_are_replaced_by_the_one_before():
+def test_values_that_are_no_numbers_are_replaced_by_the_mean_of_their_channel():
     volts = np.random.default_rng(1).normal(size=(2000, 3))
     filled = volts.copy()
-    filled[700:704, 1], filled[0, 2] = filled[699, 1], filled[1, 2]
+    filled[700:704, 1] = np.delete(volts[:, 1], range(700, 704)).mean()
+    filled[0, 2] = volts[1:, 2].mean()
     volts[700:704, 1], volts[0, 2] = (np.nan, np.inf, np.nan, -np.inf), np.nan
     volts[9, 0] = 1e300  # Its square is infinite, which is of its own channel only.
     found, wanted = (spectrum(each, 380.0).density_db[1:] for each in (volts, filled))

@@ -115,7 +115,6 @@ export class Parameters extends Tool {
     if (!panel) return this.finger ? `Waiting for the parameters of ${label}.` : 'No detector is chosen.';
     const words = [`Of ${label}. Values hold when they are set, all that were changed at once or none.`];
     if (panel.file) words.push(`Its file is ${panel.file}.`);
-    if (panel.file_error) words.push(`It cannot be read: ${panel.file_error}.`);
     if (panel.gone) words.push('The detector is gone: these are the values that it had.');
     if (this.locked) words.push('Nothing can be changed from here: slip_view was started with --read-only.');
     return words.join(' ');
@@ -224,10 +223,10 @@ export class Parameters extends Tool {
   async write(replace) {
     const all = Object.keys(this.latest.fingers).filter((name) => !this.latest.fingers[name].gone);
     const fingers = this.scope.value === 'all' ? all : [this.finger];
-    const {refusal, launch, missing, taken} = await this.connection.request('save', {fingers, name: this.fileName.value, replace});
+    const {refusal, launch, taken} = await this.connection.request('save', {fingers, name: this.fileName.value, replace});
     this.replace.hidden = !taken;
     this.saved.textContent = refusal || taken
-      ? `Not saved: ${refusal || taken}` : `Saved. ${missing && `${missing}. `}ros2 launch slip_detector slip_detector.launch.py ${launch}`;
+      ? `Not saved: ${refusal || taken}` : `Saved. ros2 launch slip_detector slip_detector.launch.py ${launch}`;
   }
 }
 
