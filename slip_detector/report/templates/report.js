@@ -10,15 +10,12 @@ function showSpan(from, to) {
   redraw();
 }
 
-const zoom = (factor, at = (view.from + view.to) / 2) =>
-  showSpan(at - (at - view.from) * factor, at + (view.to - at) * factor);
-const pan = (seconds) => showSpan(view.from + seconds, view.to + seconds);
 const whole = () => showSpan(0, duration());
 
 const timeline = new Timeline(root, {
   tickText: clock,
-  onLook: (from, to) => (Number.isFinite(from) ? showSpan(from, to) : whole()),
-  onPoint: readOut,
+  onInterval: (from, to, how) => (how === 'whole' ? whole() : showSpan(from, to)),
+  onPoint: (seconds, lane) => seconds !== null && readOut(seconds, lane),
   onClick: chooseNear,
 });
 
@@ -44,22 +41,15 @@ minimap.addEventListener('pointermove', (event) => {
   if (strip && isDrag(event)) showSpan(...[strip.at, onStrip(event)].sort((a, b) => a - b));
 });
 minimap.addEventListener('pointerup', (event) => {
-  if (strip && !isDrag(event)) pan(strip.at - (view.from + view.to) / 2);
+  const half = (view.to - view.from) / 2;
+  if (strip && !isDrag(event)) showSpan(strip.at - half, strip.at + half);
   strip = null;
 });
 
 document.addEventListener('keydown', (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches('select, input')) return;
-  const tenth = (view.to - view.from) / 10, keys = {n: () => step(1), p: () => step(-1)};
-  const inTimeline = {
-    '+': () => zoom(0.5), '=': () => zoom(0.5), '-': () => zoom(2), Home: whole,
-    ArrowLeft: () => pan(-tenth), ArrowRight: () => pan(tenth),
-    PageUp: () => pan(-9 * tenth), PageDown: () => pan(9 * tenth),
-  };
-  const act = keys[event.key] ?? (event.target === root && inTimeline[event.key]);
-  if (!act) return;
-  event.preventDefault();
-  act();
+  if (event.key === 'n') step(1);
+  if (event.key === 'p') step(-1);
 });
 
 function readOut(seconds, lane) {
@@ -189,8 +179,8 @@ function start() {
   element('variant-choice').hidden = names.length < 2;
   const on = (id, event, act) => element(id).addEventListener(event, act);
   on('recording', 'change', ({target}) => choose('recording', Number(target.value)));
-  on('zoom-in', 'click', () => zoom(0.5));
-  on('zoom-out', 'click', () => zoom(2));
+  on('zoom-in', 'click', () => timeline.zoom(0.5));
+  on('zoom-out', 'click', () => timeline.zoom(2));
   on('whole', 'click', whole);
   on('previous', 'click', () => step(-1));
   on('next', 'click', () => step(1));

@@ -13,21 +13,72 @@ const TICKS_S = [
   1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 36000, 86400, 864000,
 ];
 
+// Keys that move the interval, by shares of it, and keys that zoom, by factors.
+const MOVES = {ArrowLeft: -0.1, ArrowRight: 0.1, PageUp: -0.9, PageDown: 0.9}, ZOOMS = {'+': 0.5, '=': 0.5, '-': 2};
+// With Shift, keys that move the pointer: to the right by a share of the interval, down by lanes.
+const POINTS = {ArrowLeft: [-0.01, 0], ArrowRight: [0.01, 0], ArrowUp: [0, -1], ArrowDown: [0, 1]};
+
 class Timeline {
   // root: an empty element.
   // tickText(seconds, step): the text at a tick, where ticks are `step` seconds apart.
-  // onLook(from, to, how): the user wants to see another interval; how: 'zoom', 'move', 'choose', or
+  // onInterval(from, to, how): the user wants to see another interval; how: 'zoom', 'move', 'choose', or
   // 'whole', with from -Infinity and to Infinity.
-  // onPoint(seconds, lane): the pointer has moved to this place.
+  // onPoint(seconds, lane): the pointer, or keys, have moved to this place; null: it has left.
   // onClick(seconds, lane, reach): the user has clicked at this place; what is up to `reach` seconds
   // away counts as clicked.
-  constructor(root, {tickText, onLook, onPoint, onClick}) {
-    Object.assign(this, {root, tickText, onLook, onPoint, onClick});
+  constructor(root, {tickText, onInterval, onPoint, onClick = () => {}}) {
+    Object.assign(this, {root, tickText, onInterval, onPoint, onClick});
     this.lanes = [];
-    this.names = document.createElement('div');
-    this.names.className = 'lane-names';
+    this.names = make('div', undefined, 'lane-names');
     root.append(this.names);
-    root.addEventListener('dblclick', () => onLook(-Infinity, Infinity, 'whole'));
+    root.addEventListener('dblclick', () => this.showWhole());
+    root.addEventListener('keydown', (event) => this.onKey(event));
+    for (const kind of ['pointerleave', 'blur']) root.addEventListener(kind, () => this.point(null));
+  }
+
+  // The time that is pointed at, in seconds, or null; it stays where it is when the interval changes.
+  get pointed() {
+    return this.pointedShare === undefined ? null : this.from + this.pointedShare * (this.to - this.from);
+  }
+
+  point(seconds, lane) {
+    this.pointedShare = seconds === null ? undefined : (seconds - this.from) / (this.to - this.from);
+    this.pointedLane = lane;
+    this.onPoint(seconds, lane);
+  }
+
+  showWhole() {
+    this.onInterval(-Infinity, Infinity, 'whole');
+  }
+
+  zoom(factor, at = (this.from + this.to) / 2) {
+    this.onInterval(at - (at - this.from) * factor, at + (this.to - at) * factor, 'zoom');
+  }
+
+  // Move the interval by a share of it.
+  move(share) {
+    const by = share * (this.to - this.from);
+    this.onInterval(this.from + by, this.to + by, 'move');
+  }
+
+  // Move the cursor as if the pointer moved, beginning near the end of the first lane with a curve.
+  pointElsewhere([share, down]) {
+    const {lanes, plot} = this, before = lanes.indexOf(this.pointedLane);
+    const lane = lanes[before < 0 ? lanes.findIndex(({curve}) => curve) : Math.min(Math.max(before + down, 0), lanes.length - 1)];
+    const at = Math.min(Math.max((this.pointedShare ?? 0.9) + share, 0), 1), seconds = this.from + at * (this.to - this.from);
+    plot.setCursor({left: plot.valToPos(seconds, 'x'), top: lane.top + lane.height / 2 - AXIS_HEIGHT});
+    this.point(seconds, lane);
+  }
+
+  onKey(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey || !this.plot) return;
+    const {key, shiftKey} = event;
+    if (shiftKey && key in POINTS) this.pointElsewhere(POINTS[key]);
+    else if (!shiftKey && key in MOVES) this.move(MOVES[key]);
+    else if (key in ZOOMS) this.zoom(ZOOMS[key]);
+    else if (key === 'Home') this.showWhole();
+    else return;
+    event.preventDefault();
   }
 
   // Set the lanes from top to bottom: {name, note, className, height, curve, colors, below, paint}.
@@ -47,21 +98,16 @@ class Timeline {
       this.plot?.destroy();
       this.plot = null;
     }
+    // The lane that was pointed at no longer exists.
+    this.pointedShare = this.pointedLane = undefined;
     this.lanes = lanes;
     this.height = top;
     this.names.replaceChildren(...lanes.map((lane) => {
-      const name = document.createElement('div');
-      name.className = `lane-name ${lane.className ?? ''}`;
-      name.style.top = `${lane.top}px`;
-      name.style.height = `${lane.height}px`;
-      name.textContent = lane.name;
+      const name = make('div', lane.name, `lane-name ${lane.className ?? ''}`);
+      Object.assign(name.style, {top: `${lane.top}px`, height: `${lane.height}px`});
       // The colour of a single curve is shown beside the name.
       if (lane.colors?.length === 1) name.style.boxShadow = `inset 4px 0 ${lane.colors[0]}`;
-      if (lane.note && lane.height >= 26) {
-        const note = document.createElement('small');
-        note.textContent = lane.note;
-        name.append(note);
-      }
+      if (lane.note && lane.height >= 26) name.append(make('small', lane.note));
       return name;
     }));
   }
@@ -75,9 +121,10 @@ class Timeline {
   // {rows, low, high, range}. rows: samples, joined by a line. low, high: the lowest and the highest
   // values from each time to the next. All are null where there are none. range: the values at the
   // bottom and the top of the lane. steps: whether low and high are drawn as steps; where a step is
-  // hardly wider than a pixel, lines do. paint(pen): paints what lies under all lanes.
-  draw({from, to, x, curves, steps, paint}) {
-    Object.assign(this, {steps, paintUnderAll: paint});
+  // hardly wider than a pixel, lines do. joined: values so many seconds apart are joined by a line
+  // although there are none in between. paint(pen): paints what lies under all lanes.
+  draw({from, to, x, curves, steps = false, joined = 0, paint}) {
+    Object.assign(this, {from, to, steps, joined, paintUnderAll: paint});
     const data = [x, ...curves.flatMap(({rows, low, high}) => [high, low, rows])];
     const width = this.root.clientWidth;
     this.plot ??= new uPlot(this.options(width), data, this.root);
@@ -97,27 +144,23 @@ class Timeline {
     });
   }
 
-  // Show the cursor at a time in a lane, as if the pointer were there; null hides it.
-  showPointer(seconds, lane) {
-    this.plot?.setCursor(seconds === null ? {left: -10, top: -10} : {
-      left: this.plot.valToPos(seconds, 'x'), top: lane.top + lane.height / 2 - AXIS_HEIGHT,
-    });
-  }
-
   options(width) {
     const stepped = uPlot.paths.stepped({align: 1, alignGaps: 1}), linear = uPlot.paths.linear({alignGaps: 1});
     const paths = (...stretch) => (this.steps ? stepped : linear)(...stretch);
+    const gaps = (plot, i, first, last, found) => {
+      const joined = this.joined / (this.to - this.from) * plot.bbox.width;
+      return found.filter(([start, stop]) => stop - start > joined);
+    };
     const series = [{}], scales = {x: {time: false, auto: false}}, bands = [];
     this.curveLanes().forEach(({lane, i: k}, i) => {
       const stroke = lane.colors?.[k] ?? CURVE;
-      const curve = {scale: `lane-${i}`, auto: false, stroke, width: 1, points: {show: false}};
+      const curve = {scale: `lane-${i}`, auto: false, stroke, width: 1, points: {show: false}, gaps};
       scales[curve.scale] = {auto: false, range: [0, 1]};
       bands.push({series: [series.length, series.length + 1], fill: lane.colors ? `${stroke}70` : CURVE_RANGE});
       series.push({...curve, paths}, {...curve, paths},
         // A sample is drawn as a dot where there is room, or where it has no neighbour.
         {...curve, pxAlign: 0, points: {size: 4, space: 9, fill: stroke, filter: lonely}});
     });
-    const bind = (act) => () => act;
     return {
       width, height: this.height, series, scales, bands,
       padding: [0, RIGHT_MARGIN, 0, NAMES_WIDTH],
@@ -131,7 +174,7 @@ class Timeline {
         y: false, points: {show: false}, drag: {x: true, y: false, setScale: false},
         bind: {
           mousedown: (plot, target, choose) => (event) => event.shiftKey && choose(event),
-          dblclick: bind(null),
+          dblclick: () => null,
         },
       },
       hooks: {
@@ -141,7 +184,7 @@ class Timeline {
         setSelect: [(plot) => {
           const {left, width: chosen} = plot.select;
           plot.setSelect({left: 0, top: 0, width: 0, height: 0}, false);
-          if (chosen > 3) this.onLook(plot.posToVal(left, 'x'), plot.posToVal(left + chosen, 'x'), 'choose');
+          if (chosen > 3) this.onInterval(plot.posToVal(left, 'x'), plot.posToVal(left + chosen, 'x'), 'choose');
         }],
       },
     };
@@ -163,7 +206,7 @@ class Timeline {
 
   // Let the wheel zoom at the pointer, and dragging move the interval.
   listen(plot) {
-    const view = () => [plot.scales.x.min, plot.scales.x.max];
+    const {over} = plot;
     const under = (event) => {
       const box = this.root.getBoundingClientRect(), y = event.clientY - box.top;
       return [
@@ -171,41 +214,33 @@ class Timeline {
         this.lanes.find((lane) => y >= lane.top && y < lane.top + lane.height + 2),
       ];
     };
-    plot.over.addEventListener('wheel', (event) => {
+    over.addEventListener('wheel', (event) => {
       event.preventDefault();
-      const unit = event.deltaMode === 1 ? 30 : 1, [from, to] = view();
-      if (Math.abs(event.deltaX) > Math.abs(event.deltaY)) {
-        const shift = (to - from) * event.deltaX * unit / 1000;
-        this.onLook(from + shift, to + shift, 'move');
-      } else {
-        const [at] = under(event), factor = Math.exp(event.deltaY * unit * 0.002);
-        this.onLook(at - (at - from) * factor, at + (to - at) * factor, 'zoom');
-      }
+      const unit = event.deltaMode === 1 ? 30 : 1;
+      if (Math.abs(event.deltaX) > Math.abs(event.deltaY)) this.move(event.deltaX * unit / 1000);
+      else this.zoom(Math.exp(event.deltaY * unit * 0.002), under(event)[0]);
     }, {passive: false});
     let grip = null;
-    plot.over.addEventListener('pointerdown', (event) => {
+    over.addEventListener('pointerdown', (event) => {
       if (event.button || event.shiftKey) return;
-      plot.over.setPointerCapture(event.pointerId);
-      grip = {x: event.clientX, view: view(), moved: false};
+      over.setPointerCapture(event.pointerId);
+      grip = {x: event.clientX, from: this.from, to: this.to, moved: false};
     });
-    plot.over.addEventListener('pointermove', (event) => {
-      this.onPoint(...under(event));
+    over.addEventListener('pointermove', (event) => {
+      this.point(...under(event));
       if (!grip) return;
       grip.moved ||= Math.abs(event.clientX - grip.x) > 3;
-      const [from, to] = grip.view, shift = (grip.x - event.clientX) * (to - from) / plot.over.clientWidth;
-      if (grip.moved) this.onLook(from + shift, to + shift, 'move');
-      plot.over.classList.toggle('moving', grip.moved);
+      const shift = (grip.x - event.clientX) * (grip.to - grip.from) / over.clientWidth;
+      if (grip.moved) this.onInterval(grip.from + shift, grip.to + shift, 'move');
+      over.classList.toggle('moving', grip.moved);
     });
     const release = (event) => {
-      const [from, to] = view();
-      if (grip && !grip.moved && event.type === 'pointerup') {
-        this.onClick(...under(event), 8 * (to - from) / plot.over.clientWidth);
-      }
+      const reach = 8 * (this.to - this.from) / over.clientWidth;
+      if (grip && !grip.moved && event.type === 'pointerup') this.onClick(...under(event), reach);
       grip = null;
-      plot.over.classList.remove('moving');
+      over.classList.remove('moving');
     };
-    plot.over.addEventListener('pointerup', release);
-    plot.over.addEventListener('pointercancel', release);
+    for (const kind of ['pointerup', 'pointercancel']) over.addEventListener(kind, release);
   }
 }
 

@@ -2,7 +2,7 @@
 
 import {FingerCard} from './card.js';
 import {Connection} from './connection.js';
-import {News, build, tabs} from './elements.js';
+import {News, tabs} from './elements.js';
 import {Parameters} from './parameters.js';
 import {SpectrumPanel} from './spectrum.js';
 import {Teach} from './teach.js';
@@ -15,8 +15,7 @@ const connection = new Connection((words) => {
   else refuse('');
 });
 const news = new News(element('news'));
-const parameters = new Parameters(connection, element('parameters'));
-const teach = new Teach(connection, element('teach'), element('key-list'));
+const parameters = new Parameters(connection), teach = new Teach(connection);
 // The finger whose signals are shown, and the one that the user has chosen. The address keeps the
 // latter for when the page is loaded again.
 let chosen = null, wanted = new URLSearchParams(location.hash.slice(1)).get('finger');
@@ -27,10 +26,10 @@ const cards = new Map();
 // of parameters may be hidden.
 const set = async (values) => refuse(await parameters.set(chosen, values));
 const onView = (changes) => connection.changeView(changes);
-const traces = new Traces(element('traces'), {onView, onSet: set});
-const spectrum = new SpectrumPanel(element('spectrum'), {onView, onSet: set, onKeepRest: async () => {
+const traces = new Traces({onView, onSet: set}), spectrum = new SpectrumPanel({onView, onSet: set});
+element('keep-rest').addEventListener('click', async () => {
   refuse((await connection.request('keep_rest', {finger: chosen})).refusal);
-}});
+});
 
 function refuse(words) {
   element('refusal').textContent = words;
@@ -113,7 +112,6 @@ connection.on('frame', ({header, arrays}) => {
     news.note(card.finger.label, card.words);
   });
   if (header.traces) traces.take(header.traces, arrays);
-  traces.refresh();
   if (header.spectrum) spectrum.take(header.spectrum, arrays);
 });
 
@@ -131,17 +129,6 @@ const KEYS = {
     if (card) choose(card.finger.name);
   }])),
 };
-const KEY_WORDS = [
-  ['1 to 9', 'show the signals of that finger'], ['P', 'pause the traces, and go on'],
-  ['arrows, Page Up and Down', 'move a line of a drawing; Enter sets it, Escape leaves it'],
-  ['+ \u2212 \u2190 \u2192 Home', 'in the traces: zoom, move, back to now'],
-  ['Shift and arrows', 'in the traces: values elsewhere, of another lane'],
-  ['\u2190 \u2192 Page Up and Down', 'in the spectrum: values at another frequency'],
-  ['wheel, drag, Shift and drag', 'in the traces: zoom, move, choose a stretch; double click: back to now'],
-  ['?', 'show these keys, and hide them'],
-];
-
-element('key-list').append(...KEY_WORDS.map(([keys, words]) => build('div', build('dt', keys), build('dd', words))));
 
 element('keys-button').addEventListener('click', ({currentTarget}) => {
   element('keys').hidden = !element('keys').hidden;

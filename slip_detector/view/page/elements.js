@@ -19,6 +19,9 @@ export function button(words, act, properties = {}) {
   return made;
 }
 
+// Set the text of the element with this id.
+export const write = (id, text) => (element(id).textContent = text);
+
 // A row of a table: texts and elements, of which the given number are headings of this scope.
 export function tableRow(cells, headings, scope) {
   return build('tr', ...cells.map((cell, i) => (i < headings ? build('th', cell, {scope}) : build('td', cell))));
@@ -26,12 +29,12 @@ export function tableRow(cells, headings, scope) {
 
 // A tab below "Set up": the fingers by their labels, requests, and the line that shows why one was refused.
 export class Tool {
-  constructor(connection) {
-    this.connection = connection;
+  // line: an element for why a request was refused.
+  constructor(connection, line) {
+    Object.assign(this, {connection, line});
     this.finger = null;
     this.labels = {};
     this.locked = false;
-    this.line = build('p.refusal', {role: 'alert', hidden: true});
     connection.on('fingers', ({fingers, read_only: readOnly}) => {
       this.labels = Object.fromEntries(fingers.map(({name, label}) => [name, label]));
       this.locked = readOnly;
@@ -84,8 +87,16 @@ export function tabs(list, onChoose = () => {}) {
   choose(all[0]);
 }
 
-// Announces changes of the fingers to screen readers, without interrupting them.
-// Changes within so many milliseconds are announced together: slip may come and go many times a second.
+// A range that grows at once, with a margin on either side, but shrinks only when less than this share of
+// it is wanted: one that followed each value would make curves jump.
+export function steady(before, [least, most], share, margin = 0) {
+  const size = most - least;
+  const fits = before && least >= before[0] && most <= before[1] && size > share * (before[1] - before[0]);
+  return fits ? before : [least - margin * size, most + margin * size];
+}
+
+// Announces changes of the fingers to screen readers, without interrupting them; those within so many
+// milliseconds together, as slip may come and go many times a second.
 const GATHERED_MS = 1500;
 
 export class News {
@@ -94,27 +105,21 @@ export class News {
     this.region = region;
     this.announced = new Map();
     this.waiting = new Map();
-    this.timer = null;
+    setInterval(() => this.say(), GATHERED_MS);
   }
 
   // Note the present state of a finger. Slip that has ended before it was announced is still announced.
   note(label, words) {
-    const states = this.waiting.get(label) ?? [this.announced.get(label)];
-    if (states.at(-1) === words) return;
-    // Of the states in between only slip is kept.
-    this.waiting.set(label, [...states.filter((each, i) => i === 0 || each.startsWith('SLIP')), words]);
-    this.timer ??= setTimeout(() => this.say(), GATHERED_MS);
+    const slips = words.startsWith('SLIP');
+    this.waiting.set(label, {words, slips, slipped: slips || this.waiting.get(label)?.slipped});
   }
 
   say() {
-    this.timer = null;
     const sentences = [];
-    for (const [label, [, ...states]] of this.waiting) {
-      const different = states.filter((words, i) => words !== states[i - 1]);
-      if (different.length > 1 || different[0] !== this.announced.get(label)) {
-        sentences.push(`${label}: ${different.join(', then ')}`);
-      }
-      this.announced.set(label, states.at(-1));
+    for (const [label, {words, slips, slipped}] of this.waiting) {
+      const before = this.announced.get(label), missed = slipped && !slips && !before?.startsWith('SLIP');
+      if (missed || words !== before) sentences.push(`${label}: ${missed ? 'SLIP, then ' : ''}${words}`);
+      this.announced.set(label, words);
     }
     this.waiting.clear();
     if (sentences.length) this.region.textContent = `${sentences.join('. ')}.`;

@@ -1,7 +1,7 @@
 // The parameters of the chosen detector: show, set together, undo, restore those of the file, save.
 // The detector decides what is allowed; its message is shown as it is.
 
-import {PAGE, Tool, build, button} from './elements.js';
+import {PAGE, Tool, build, button, write} from './elements.js';
 
 // The heading of the groups, and the headings that are open at first: the values changed most often.
 const OF_GROUPS = 'Threshold and vote';
@@ -11,20 +11,30 @@ const OPEN = new Set(['Filters', OF_GROUPS]);
 const isNamed = (name, words) => words.split(/[\s,;:]+/).includes(name);
 
 export class Parameters extends Tool {
-  // root: an empty element.
-  constructor(connection, root) {
-    super(connection);
+  constructor(connection) {
+    super(connection, element('parameters-refusal'));
     this.latest = {folder: '', fingers: {}};
     // By finger: values typed but not set yet, by name (null: to be deleted); and the number of the
     // last change that was shown.
     this.edits = new Map();
     this.lastChange = new Map();
     this.rows = new Map();
-    this.build(root);
+    this.sections = element('parameter-values');
     connection.on('parameters', (message) => {
       this.latest = message;
       this.show();
     });
+    const on = (id, kind, act) => element(id).addEventListener(kind, (event) => {
+      if (kind === 'submit') event.preventDefault();
+      act();
+    });
+    on('parameter-values', 'submit', () => this.submit());
+    on('discard', 'click', () => this.forget());
+    on('undo', 'click', () => this.ask('undo'));
+    on('as-in-file', 'click', () => this.ask('as_in_file'));
+    on('saving', 'submit', () => this.write(false));
+    on('replace-file', 'click', () => this.write(true));
+    on('file-name', 'input', () => (element('replace-file').hidden = true));
   }
 
   // Show the parameters of this finger; what was typed for another one stays.
@@ -34,9 +44,9 @@ export class Parameters extends Tool {
     this.refuse('');
     this.rows.clear();
     this.sections.replaceChildren();
-    this.changes.replaceChildren();
-    this.saved.textContent = '';
-    this.fileName.value = (this.labels[finger] ?? '').replace(/\W+|__+/g, '_');
+    element('changes').replaceChildren();
+    element('saved').textContent = '';
+    element('file-name').value = (this.labels[finger] ?? '').replace(/\W+|__+/g, '_');
     this.show();
   }
 
@@ -51,64 +61,26 @@ export class Parameters extends Tool {
     for (const [name, row] of this.rows) row.markRefused(isNamed(name, words));
   }
 
-  build(root) {
-    this.state = build('p.hint', 'No detector is chosen.');
-    this.setAll = build('button', 'Set');
-    this.setAll.setAttribute('form', 'parameter-values');
-    this.discard = button('Discard', () => this.forget());
-    this.undo = button('Undo', () => this.ask('undo'));
-    this.asInFile = button('As in the file', () => this.ask('as_in_file'));
-    this.undoes = build('p.hint');
-    this.changes = build('ul.changes', {ariaLive: 'polite', ariaLabel: 'Changes'});
-    this.sections = build('form.sections', {id: 'parameter-values', ariaLabel: 'Values'});
-    this.sections.addEventListener('submit', (event) => {
-      event.preventDefault();
-      this.submit();
-    });
-    const buttons = build('div.buttons', this.setAll, this.discard, this.undo, this.asInFile);
-    root.append(this.state, buttons, this.undoes, this.line, this.changes, this.sections);
-    // Below both tabs, as tuned parameters are saved here, too.
-    root.after(this.buildSaving());
-  }
-
-  buildSaving() {
-    this.fileName = build('input', {required: true, spellcheck: false});
-    this.scope = build('select', new Option('this detector, for any finger', 'one'), new Option('all detectors, each by its name', 'all'));
-    this.save = build('button', 'Save');
-    this.replace = button('Replace the file', () => this.write(true), {hidden: true});
-    this.whereTo = build('p.hint');
-    this.saved = build('p.saved', {role: 'status'});
-    this.fileName.addEventListener('input', () => (this.replace.hidden = true));
-    const form = build('form.saving', build('h3', 'Save as a parameter file'), build('label', 'File ', this.fileName),
-      build('label', 'What ', this.scope), this.save, this.replace, this.whereTo, this.saved);
-    form.addEventListener('submit', (event) => {
-      event.preventDefault();
-      this.write(false);
-    });
-    return form;
-  }
-
   show() {
     const panel = this.latest.fingers[this.finger], label = this.labels[this.finger] ?? this.finger;
     const usable = Boolean(panel) && !panel.gone && !this.locked;
     const edits = this.edits.get(this.finger) ?? new Map();
-    this.state.textContent = this.stateWords(panel, label);
     if (panel) {
       this.showRows(panel, edits, usable);
-      this.showChanges(panel, edits);
+      this.showChanges(panel);
     }
-    const n = edits.size;
-    this.setAll.textContent = n ? `Set ${n} ${n === 1 ? 'value' : 'values'}` : 'Set';
-    this.setAll.disabled = !usable || !n;
-    this.discard.disabled = !n;
-    this.undo.disabled = !usable || !panel.undo;
-    this.undoes.textContent = panel?.undo ? `Undo takes back: ${panel.undo}.` : '';
-    const differs = panel?.differs ?? [];
-    this.asInFile.disabled = !usable || !differs.length;
-    this.asInFile.textContent = panel?.file ? 'As in the file' : 'As first seen';
-    this.asInFile.title = differs.length ? `Differs: ${differs.join(', ')}` : 'Nothing differs';
-    this.save.disabled = this.replace.disabled = !panel || this.locked;
-    this.whereTo.textContent = this.latest.folder && `It is written to ${this.latest.folder}`;
+    const n = edits.size, differs = panel?.differs ?? [];
+    write('parameters-state', this.stateWords(panel, label));
+    write('set-all', n ? `Set ${n} ${n === 1 ? 'value' : 'values'}` : 'Set');
+    write('undoes', panel?.undo ? `Undo takes back: ${panel.undo}.` : '');
+    write('as-in-file', panel?.file ? 'As in the file' : 'As first seen');
+    write('save-folder', this.latest.folder && `It is written to ${this.latest.folder}`);
+    element('as-in-file').title = differs.length ? `Differs: ${differs.join(', ')}` : 'Nothing differs';
+    const enabled = {
+      'set-all': usable && n, discard: n, undo: usable && panel.undo, 'as-in-file': usable && differs.length,
+      save: panel && !this.locked, 'replace-file': panel && !this.locked,
+    };
+    for (const [id, on] of Object.entries(enabled)) element(id).disabled = !on;
   }
 
   stateWords(panel, label) {
@@ -184,29 +156,25 @@ export class Parameters extends Tool {
     this.show();
   }
 
-  showChanges(panel, edits) {
+  showChanges(panel) {
     const newest = panel.changes[0]?.number ?? 0;
     // After a restart, slip_view counts changes from the beginning.
-    const last = Math.min(this.lastChange.get(this.finger) ?? newest, newest);
+    const last = Math.min(this.lastChange.get(this.finger) ?? newest, newest), list = element('changes');
     this.lastChange.set(this.finger, newest);
-    const fresh = panel.changes.filter(({number}) => number > last);
-    for (const {by, words, names} of fresh.reverse()) {
-      const own = by === `page ${PAGE}`;
-      const lead = own ? 'Set' : {
-        outside: 'Changed by another program', restart: 'The detector was started again, with',
+    for (const {by, words, names} of panel.changes.filter(({number}) => number > last).reverse()) {
+      const lead = {
+        [`page ${PAGE}`]: 'Set', outside: 'Changed by another program', restart: 'The detector was started again, with',
       }[by] ?? 'Changed on another page';
-      this.changes.append(build('li', `${lead}: ${words}.`));
-      if (this.changes.children.length > 5) this.changes.firstChild.remove();
+      list.append(build('li', `${lead}: ${words}.`));
+      if (list.children.length > 5) list.firstChild.remove();
       // A value that somebody else has set is mentioned beside the one typed here.
-      for (const name of names) {
-        if (!own && edits.has(name)) this.rows.get(name)?.noteMeanwhile(lead);
-      }
+      for (const name of lead === 'Set' ? [] : names) this.rows.get(name)?.noteMeanwhile(lead);
     }
   }
 
   async submit() {
     const edits = this.edits.get(this.finger);
-    if (!edits?.size || this.setAll.disabled) return;
+    if (!edits?.size || element('set-all').disabled) return;
     const sent = new Map(edits);
     const refusal = await this.set(this.finger, Object.fromEntries(sent));
     if (refusal) return;
@@ -222,10 +190,10 @@ export class Parameters extends Tool {
 
   async write(replace) {
     const all = Object.keys(this.latest.fingers).filter((name) => !this.latest.fingers[name].gone);
-    const fingers = this.scope.value === 'all' ? all : [this.finger];
-    const {refusal, launch, taken} = await this.connection.request('save', {fingers, name: this.fileName.value, replace});
-    this.replace.hidden = !taken;
-    this.saved.textContent = refusal || taken
+    const fingers = element('save-scope').value === 'all' ? all : [this.finger], name = element('file-name').value;
+    const {refusal, launch, taken} = await this.connection.request('save', {fingers, name, replace});
+    element('replace-file').hidden = !taken;
+    element('saved').textContent = refusal || taken
       ? `Not saved: ${refusal || taken}` : `Saved. ros2 launch slip_detector slip_detector.launch.py ${launch}`;
   }
 }
@@ -295,9 +263,11 @@ class ParameterRow {
     }
   }
 
+  // Note that somebody else has changed a value that is being edited.
   noteMeanwhile(lead) {
+    if (!this.root.classList.contains('edited')) return;
     this.meanwhile = `${lead} meanwhile.`;
-    this.notes.textContent = `${this.notes.textContent} ${this.meanwhile}`;
+    this.notes.textContent += ` ${this.meanwhile}`;
   }
 
   markRefused(refused) {

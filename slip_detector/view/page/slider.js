@@ -6,6 +6,7 @@ import {build} from './elements.js';
 const KEYS_MS = 700;
 // Longest time between the answer to a change and the message with the new value.
 const SHOWN_MS = 500;
+const STEPS = {ArrowUp: 1, ArrowRight: 1, ArrowDown: -1, ArrowLeft: -1, PageUp: 10, PageDown: -10};
 
 export class Slider {
   // vertical: whether the line is moved up and down, else to the left and right.
@@ -20,15 +21,19 @@ export class Slider {
     // The value while the user moves the line; and the value sent, until it is shown or refused.
     this.moved = this.sent = null;
     this.timer = null;
-    // Removes the listeners of a drag; null without one.
-    this.gripped = null;
-    this.root.addEventListener('pointerdown', (event) => this.grip(event));
-    this.root.addEventListener('keydown', (event) => this.onKey(event));
-    this.root.addEventListener('blur', () => this.timer && this.set());
+    this.gripped = false;
+    const on = (kind, act) => this.root.addEventListener(kind, act);
+    on('pointerdown', (event) => this.grip(event));
+    on('pointermove', (event) => this.gripped && this.move(this.valueAt(event)));
+    on('pointerup', () => this.gripped && this.set());
+    on('pointercancel', () => this.leave());
+    on('keydown', (event) => this.onKey(event));
+    on('blur', () => this.timer && this.set());
   }
 
-  get isMoved() {
-    return this.moved !== null;
+  // Allow the line to be moved, or not.
+  allow(allowed) {
+    this.root.ariaDisabled = String(!allowed);
   }
 
   // The value that the user has chosen, until the detector has it; else null.
@@ -44,15 +49,18 @@ export class Slider {
     if (described !== this.described) {
       this.described = described;
       this.label.textContent = words;
-      Object.assign(this.root, {
-        ariaValueNow: String(shown), ariaValueMin: String(least), ariaValueMax: String(most), ariaValueText: words,
-      });
+      Object.assign(this.root, {ariaValueNow: `${shown}`, ariaValueMin: `${least}`, ariaValueMax: `${most}`, ariaValueText: words});
     }
     return shown;
   }
 
   place(pixel) {
     this.root.style[this.vertical ? 'top' : 'left'] = `${pixel}px`;
+  }
+
+  valueAt({clientX, clientY}) {
+    const box = this.root.parentElement.getBoundingClientRect();
+    return this.valueOf(this.vertical ? clientY - box.top : clientX - box.left);
   }
 
   move(value) {
@@ -72,12 +80,12 @@ export class Slider {
     const sent = this.sent = {value, before: this.value};
     await this.onSet(value);
     setTimeout(() => {
-      if (this.sent !== sent) return;
-      this.sent = null;
+      if (this.sent === sent) this.sent = null;
       this.onMove();
     }, SHOWN_MS);
   }
 
+  // Show the detector's value again.
   leave() {
     this.drop();
     this.sent = null;
@@ -93,14 +101,8 @@ export class Slider {
 
   drop() {
     clearTimeout(this.timer);
-    this.gripped?.abort();
-    this.gripped = this.timer = this.moved = null;
-  }
-
-  // Remove the line.
-  close() {
-    this.drop();
-    this.root.remove();
+    this.gripped = false;
+    this.timer = this.moved = null;
   }
 
   grip(event) {
@@ -109,22 +111,13 @@ export class Slider {
     event.stopPropagation();
     this.root.focus();
     this.root.setPointerCapture(event.pointerId);
-    const at = (moved) => {
-      const box = this.root.parentElement.getBoundingClientRect();
-      return this.valueOf(this.vertical ? moved.clientY - box.top : moved.clientX - box.left);
-    };
-    this.gripped = new AbortController();
-    const {signal} = this.gripped;
-    this.root.addEventListener('pointermove', (moved) => this.move(at(moved)), {signal});
-    this.root.addEventListener('pointerup', () => this.set(), {signal});
-    for (const lost of ['pointercancel', 'lostpointercapture']) this.root.addEventListener(lost, () => this.leave(), {signal});
+    this.gripped = true;
   }
 
   onKey(event) {
-    const steps = {ArrowUp: 1, ArrowRight: 1, ArrowDown: -1, ArrowLeft: -1, PageUp: 10, PageDown: -10}[event.key];
     if (this.root.ariaDisabled === 'true' || event.ctrlKey || event.metaKey || event.altKey) return;
-    if (steps) {
-      this.move(this.step(this.chosen ?? this.value, steps));
+    if (event.key in STEPS) {
+      this.move(this.step(this.chosen ?? this.value, STEPS[event.key]));
       clearTimeout(this.timer);
       this.timer = setTimeout(() => this.set(), KEYS_MS);
     } else if (event.key === 'Enter') {

@@ -1,120 +1,72 @@
 // What traces show: columns of pixels, and the stretch of time of them.
 
+// What comes with each stream of a frame: by the name of a part its array.
+const PARTS = {samples: {low: 'volts/low', high: 'volts/high', truth: 'truth'}, levels: {level: 'level/high', slip: 'slip'}};
+
 // The data of traces: columns of pixels, each with the lowest and the highest value in it. Column k
 // has the stamps from k * width up to, but not including, (k + 1) * width, so that its content does not
 // change while the page scrolls.
-// Values more than so many sample periods apart are not joined by a line.
-const JOINED_PERIODS = 3;
-
 export class Columns {
   // kept: how many columns are kept at least. begun_s: the stamp at which times are 0; null: the
   // whole minute before the first column, so that ticks are those of a clock.
-  constructor({width_ns: width, channels}, kept, period_s, begun_s) {
+  constructor({width_ns: width, channels}, kept, begun_s) {
     this.width_s = width / 1e9;
     this.kept = kept;
-    this.most = Math.max(1, Math.ceil(JOINED_PERIODS * period_s / this.width_s));
     this.channels = channels;
-    this.last_s = null;
     this.begun_s = begun_s;
-    this.clear();
+    // The number of the first column that is kept, and of the one after the last.
+    this.base = this.stop = null;
   }
 
-  clear() {
-    this.base = null;
-    this.x = [];
-    const curves = () => this.channels.map(() => []);
-    this.curves = {low: curves(), high: curves(), level: curves()};
-    this.bits = {slip: [], truth: []};
-    // By curve, the last column with a value, counted from base.
-    this.before = new Map();
-    this.stop = {samples: 0, levels: 0};
+  // The end of the newest column, in seconds; null before the first.
+  get last_s() {
+    return this.stop === null ? null : this.stop * this.width_s - this.begun_s;
   }
 
   // Take a frame's traces and their arrays.
-  take({samples, levels}, arrays) {
-    const came = Object.entries({samples, levels}).filter(([, {count}]) => count);
-    const stop = Math.max(...came.map(([, {first, count}]) => first + count));
+  take(traces, arrays) {
+    const came = [traces.samples, traces.levels].filter(({count}) => count);
+    if (!came.length) return;
+    const stop = Math.max(...came.map(({first, count}) => first + count));
     // Start over after a long gap, in which the page was hidden or no samples came.
-    if (this.base !== null && stop > this.base + this.x.length + this.kept) this.clear();
-    if (came.length) this.base ??= Math.max(Math.min(...came.map(([, {first}]) => first)), stop - this.kept);
-    if (this.base === null) return;
+    if (this.base === null || stop > this.stop + this.kept) {
+      this.base = Math.max(Math.min(...came.map(({first}) => first)), stop - this.kept);
+      const each = () => this.channels.map(() => []);
+      this.parts = {low: each(), high: each(), level: each(), slip: [[]], truth: [[]]};
+    }
+    this.stop = stop;
     this.begun_s ??= 60 * Math.floor(this.base * this.width_s / 60);
-    for (const [name, {first, count}] of came) this.stop[name] = first + count;
-    this.last_s = Math.max(samples.last_ns, levels.last_ns) / 1e9 - this.begun_s;
-    for (let k = this.base + this.x.length; k <= Math.max(this.stop.samples, this.stop.levels); k++) {
-      this.x.push(k * this.width_s - this.begun_s);
+    for (const [stream, parts] of Object.entries(PARTS)) {
+      for (const [part, name] of Object.entries(parts)) this.put(this.parts[part], traces[stream], arrays[name]);
     }
-    const fill = (to, stream, values, c = 0) => {
-      for (let i = 0, at = stream.first - this.base; i < stream.count; i++, at++) {
-        if (at >= 0) this.put(to, at, values[c * stream.count + i]);
+    const old = stop - this.base - this.kept;
+    if (old < 0.3 * this.kept) return;
+    this.base += old;
+    for (const values of Object.values(this.parts).flat()) values.splice(0, old);
+  }
+
+  // Put the values of a part into their columns: those of one channel, or of each, after the other.
+  put(part, {first, count}, from) {
+    part.forEach((values, c) => {
+      for (let i = Math.max(0, this.base - first); i < count; i++) {
+        const value = from[c * count + i];
+        values[first - this.base + i] = Number.isNaN(value) ? null : value;
       }
-    };
-    if (samples.count) {
-      this.channels.forEach((_, c) => {
-        fill(this.curves.low[c], samples, arrays['volts/low'], c);
-        fill(this.curves.high[c], samples, arrays['volts/high'], c);
-      });
-      fill(this.bits.truth, samples, arrays.truth);
-    }
-    if (levels.count) {
-      this.channels.forEach((_, c) => fill(this.curves.level[c], levels, arrays['level/high'], c));
-      fill(this.bits.slip, levels, arrays.slip);
-    }
-    if (this.x.length > 1.3 * this.kept) this.forget(this.x.length - this.kept);
+    });
   }
 
-  // uPlot draws a line across undefined values, but not across null: columns between values that are to
-  // be joined stay undefined, those in a gap become null.
-  put(values, at, value) {
-    if (Number.isNaN(value)) {
-      values[at] = undefined;
-      return;
-    }
-    const before = this.before.get(values);
-    if (before !== undefined && at - before > this.most) values.fill(null, before + 1, at);
-    values[at] = value;
-    this.before.set(values, at);
-  }
-
-  forget(count) {
-    this.base += count;
-    this.x.splice(0, count);
-    for (const values of [...Object.values(this.curves).flat(), ...Object.values(this.bits)]) {
-      values.splice(0, count);
-      const before = this.before.get(values);
-      if (before !== undefined) this.before.set(values, before - count);
-    }
-  }
-
-  // The indices of the first column between two times, and of the one after the last.
-  within(from, to) {
-    if (!this.x.length) return [0, 0];
+  // The columns between two times: x, their beginnings in seconds, and of each part its values.
+  between(from, to) {
     const at = (seconds) => Math.floor((seconds + this.begun_s) / this.width_s) - this.base;
-    const inside = (index) => Math.max(0, Math.min(index, this.x.length));
-    return [inside(at(from)), inside(at(to) + 2)];
-  }
-
-  // The lowest and the highest number in columns first to stop; null where there is none.
-  static range(curves, first, stop) {
-    let least = Infinity, most = -Infinity;
-    for (const values of curves) {
-      for (let i = first; i < stop; i++) {
-        const value = values[i];
-        if (value < least) least = value;
-        if (value > most) most = value;
-      }
-    }
-    return least <= most ? [least, most] : null;
+    const first = Math.max(0, at(from)), stop = Math.max(first, Math.min(at(to) + 2, this.stop - this.base));
+    const x = Array.from({length: stop - first}, (_, i) => (this.base + first + i) * this.width_s - this.begun_s);
+    const inside = ([name, all]) => [name, all.map((values) => values.slice(first, stop))];
+    return {x, ...Object.fromEntries(Object.entries(this.parts).map(inside))};
   }
 }
 
 // The stretch of time that traces show, live or paused. Times are those of the columns, in seconds.
 const WINDOW_S = {least: 0.5, most: 60, first: 10}, LEAST_S = 0.02;
-// Delay, in seconds, after which a column is drawn, so that there is always one to draw.
-const DELAY_S = 0.08;
-// Columns arrive unevenly, but the axis moves evenly: with each new column it moves this share of its
-// distance towards the newest. As the distance is limited, in seconds, the axis stops if nothing comes.
-const FOLLOWED_SHARE = 0.04, MOST_APART_S = 0.4;
 
 const within = (value, least, most) => Math.min(Math.max(value, least), most);
 
@@ -130,37 +82,25 @@ export class Stretch {
     this.goOn();
   }
 
-  // Take the columns to show; goesOn: their times continue those of the columns before.
-  of(columns, goesOn) {
-    this.columns = columns;
-    if (!goesOn) this.offset = null;
-  }
-
   goOn(window_s = this.window_s) {
-    // A live stretch that is made longer or shorter keeps its end.
-    if (!this.live || !this.columns) this.offset = null;
     this.live = true;
-    this.pauses = false;
     this.window_s = within(window_s, WINDOW_S.least, WINDOW_S.most);
   }
 
   pause() {
-    // Before the first column has come, the pause begins as soon as it comes.
-    this.pauses = this.columns?.last_s == null;
-    if (this.pauses) return;
+    if (this.columns?.last_s == null) return;
     [this.from, this.to] = this.ends();
     this.live = false;
-    this.window_s = this.to - this.from;
     this.paused_s = this.columns.last_s;
   }
 
   pauseOrGoOn() {
-    if (this.live && !this.pauses) this.pause();
+    if (this.live) this.pause();
     else this.goOn();
   }
 
-  // Show another stretch; how: 'zoom', 'move', 'choose' or 'whole', as Timeline has it.
-  look(from, to, how) {
+  // Show another interval; how: 'zoom', 'move', 'choose' or 'whole', as Timeline has it.
+  change(from, to, how) {
     if (how === 'whole') this.goOn(WINDOW_S.first);
     else if (how === 'zoom' && this.live) this.goOn(to - from);
     else this.lookBack(from, to);
@@ -176,25 +116,10 @@ export class Stretch {
     this.window_s = span;
   }
 
-  // Note that a newer column has come.
-  follow() {
-    if (this.offset !== null) this.offset += FOLLOWED_SHARE * (this.ahead() - this.offset);
-  }
-
-  // How far the newest column that is drawn is ahead of this computer's clock.
-  ahead() {
-    return this.columns.last_s - DELAY_S - performance.now() / 1000;
-  }
-
-  // The beginning and the end of the stretch.
+  // The beginning and the end of the stretch; live, the end of the newest column.
   ends() {
     if (!this.live) return [this.from, this.to];
-    const {columns, window_s} = this;
-    if (columns?.last_s == null) return [0, window_s];
-    const ahead = this.ahead();
-    this.offset = within(this.offset ?? ahead, ahead - MOST_APART_S, ahead + MOST_APART_S);
-    // In whole columns, so that a column looks the same wherever it is.
-    const to = Math.floor((performance.now() / 1000 + this.offset) / columns.width_s) * columns.width_s;
-    return [to - window_s, to];
+    const to = this.columns?.last_s ?? this.window_s;
+    return [to - this.window_s, to];
   }
 }
