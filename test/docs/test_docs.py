@@ -20,7 +20,6 @@ import numpy as np
 import pytest
 import yaml
 
-from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.nodes.view import _parser as view_options
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
@@ -41,9 +40,6 @@ SECTIONS = {
     'slip_tune': TuneConfig,
     'grasp_controller': GraspConfig,
 }
-
-#: What blocks are: commands, what they print, files, programs.
-LANGUAGES = {'sh', 'text', 'yaml', 'python'}
 
 #: Roots of what pages name as code.
 FOLDERS = 'config|slip_detector|test|docs|benchmarks|examples|launch'
@@ -116,11 +112,6 @@ def test_every_example_and_picture_is_listed():
         assert f'`{path.name}`' in text
 
 
-@pytest.mark.parametrize('path', PAGES, ids=identifier)
-def test_every_block_says_what_it_is(path):
-    assert {block.language for block in blocks(path)} <= LANGUAGES
-
-
 @pytest.mark.parametrize(('name', 'text'), list(files_shown()))
 def test_every_file_that_is_shown_is_a_good_one(name, text, tmp_path):
     assert name, 'its first line is to be its name: # NAME.yaml'
@@ -136,15 +127,6 @@ def test_every_file_that_is_shown_is_a_good_one(name, text, tmp_path):
         for section, parameters in content.items():
             file.write_text(yaml.safe_dump({section: parameters}), encoding='utf-8')
             SECTIONS[section.rpartition('/')[2]].from_yaml(file)
-
-
-def test_the_detector_runs_with_the_sensor_of_the_readme(tmp_path):
-    (text,) = (block.text for block in blocks(README) if file_name(block) == 'my_sensor.yaml')
-    file = tmp_path / 'my_sensor.yaml'
-    file.write_text(text, encoding='utf-8')
-    config = DetectorConfig.from_yaml(file)
-    assert list(config.groups) == ['left', 'right']
-    assert SlipChain(config).update(np.zeros((1, 4))).groups.shape == (1, 2)
 
 
 def test_the_options_of_the_live_page_are_those_of_its_command():

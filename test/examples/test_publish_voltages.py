@@ -44,12 +44,3 @@ def test_a_detector_with_the_parameters_of_the_readme_tells_its_slip(bench, tmp_
         assert process.wait() == 0, process.log()
         assert 'Traceback' not in process.log()
     assert 'dropped' not in detector.log()
-
-
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_it_ends_cleanly(bench, number):
-    sensor = bench.start_python(ROOT / 'examples' / 'publish_voltages.py')
-    bench.wait_for(lambda: bench.node.count_publishers('/voltages'), 'the publisher')
-    sensor.signal(number)
-    assert sensor.wait() == 0, sensor.log()
-    assert 'Traceback' not in sensor.log()

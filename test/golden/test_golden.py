@@ -18,11 +18,11 @@ The golden files are written anew by ``python test/golden/test_golden.py``; a ch
 decision, which the message of its commit names.
 """
 
+import contextlib
 import hashlib
+import io
 import json
-import os
 import platform
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -33,6 +33,7 @@ import pytest
 import scipy
 
 from slip_detector import ChainConfig, SlipChain
+from slip_detector.commands import evaluate
 from slip_detector.scenes import load_scene
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -82,35 +83,20 @@ def decided(scene, preset):
     }
 
 
-def printed_by(command, *options):
-    """Run a command of the package and return the JSON that it prints."""
-    environment = {**os.environ, 'PYTHONPATH': str(ROOT)}
-    run = subprocess.run(
-        [sys.executable, '-c', f'from {command} import main; main()', *options],
-        capture_output=True,
-        text=True,
-        check=True,
-        env=environment,
-    )
-    return json.loads(run.stdout)
-
-
 def paper_figures():
-    options = '--protocol', 'paper', '--trials', '1', '--json'
-    return printed_by('slip_detector.commands.evaluate', *options)
+    with contextlib.redirect_stdout(io.StringIO()) as printed:
+        assert evaluate.main(['--protocol', 'paper', '--trials', '1', '--json']) == 0
+    return json.loads(printed.getvalue())
 
 
 def grasp_figures():
     """Return what ``slip_grasp`` writes about two objects in simulated time."""
-    with tempfile.TemporaryDirectory() as folder:
-        code = 'from slip_detector.nodes.grasp_demo import main; main()'
-        options = '--seeds', '2', '--live', '0', '--out', folder
-        subprocess.run(
-            [sys.executable, '-c', code, *options],
-            capture_output=True,
-            check=True,
-            env={**os.environ, 'PYTHONPATH': str(ROOT)},
-        )
+    from slip_detector.nodes.grasp_demo import main
+
+    with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
+        words = ['slip_grasp', '--seeds', '2', '--live', '0', '--out', folder]
+        patch.setattr(sys, 'argv', words)
+        main()
         return json.loads((Path(folder) / 'grasp.json').read_text(encoding='utf-8'))
 
 

@@ -23,6 +23,12 @@ from support.launching import defaults_of
 ALL_FILES = {'namespace', 'config', 'source', 'view', 'view_options'}
 
 
+def test_no_name_of_a_file_is_a_default():
+    # It would also be that of a file in the folder in which somebody launches.
+    assert defaults_of('slip_detector')['config'] == ''
+    assert defaults_of('grasp')['config'].startswith('/')
+
+
 def test_the_arguments_of_included_files_are_shown_too():
     assert defaults_of('slip_detector').keys() == ALL_FILES | {'fingers', 'recording'}
     assert defaults_of('hand').keys() == defaults_of('slip_detector').keys()

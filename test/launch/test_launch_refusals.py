@@ -49,6 +49,6 @@ def test_a_wrong_argument_of_a_grasp_is_refused_in_one_line_and_no_node_starts(a
     assert 'Traceback' not in said
 
 
-@pytest.mark.parametrize('name', ['slip_detector', 'hand', 'grasp'])
+@pytest.mark.parametrize('name', ['hand', 'grasp'])
 def test_no_node_starts_where_an_argument_of_the_page_is_refused(name):
     assert "Valid options are: ['true', 'false']" in refused(name, 'view:=maybe')

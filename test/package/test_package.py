@@ -122,30 +122,6 @@ def test_every_shipped_parameter_file_is_taken(path):
     assert sections <= set(SECTIONS)
 
 
-def declared_arguments(path):
-    """Return the arguments of a launch file, those of the launch files that it includes too."""
-    files = {file.name: file for file in LAUNCH_FILES}
-    declared = {}
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.Call) and getattr(node.func, 'id', '') == 'DeclareLaunchArgument':
-            declared[node.args[0].value] = {
-                keyword.arg: keyword.value for keyword in node.keywords
-            }
-        elif isinstance(node, ast.Constant) and node.value in files:
-            declared = declared_arguments(files[node.value]) | declared
-    return declared
-
-
-@pytest.mark.parametrize('name', ['slip_detector', 'hand', 'grasp'])
-def test_launch_files_offer_the_documented_arguments(name):
-    declared = declared_arguments(ROOT / 'launch' / f'{name}.launch.py')
-    assert {'namespace', 'config', 'source', 'view', 'view_options'} <= declared.keys()
-    # A name alone would also be that of a file in the folder in which somebody launches; empty
-    # is none.
-    default = declared['config']['default_value']
-    assert not isinstance(default, ast.Constant) or default.value == ''
-
-
 def test_no_yaml_file_needs_what_ros_parameter_files_lack():
     for path in (ROOT / 'config').glob('*.yaml'):
         for section in yaml.safe_load(path.read_text()).values():

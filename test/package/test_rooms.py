@@ -115,20 +115,6 @@ def test_nothing_is_imported_against_the_arrows():
     assert not against
 
 
-def test_the_package_imports_neither_benchmarks_nor_tests():
-    beside = {path.name for path in ROOT.iterdir() if path.is_dir()} - {PACKAGE.name, 'launch'}
-    beside |= {path.name for path in (ROOT / 'test').iterdir()}
-    assert {'benchmarks', 'test', 'support'} <= beside
-    for path in modules_in(PACKAGE).values():
-        for node in ast.walk(tree_of(path)):
-            names = []
-            if isinstance(node, ast.Import):
-                names = [alias.name for alias in node.names]
-            elif isinstance(node, ast.ImportFrom):
-                names = [node.module or '']
-            assert not {name.split('.')[0] for name in names} & beside, path
-
-
 def test_contributing_draws_the_arrows_as_they_are():
     text = (ROOT / 'CONTRIBUTING.md').read_text(encoding='utf-8')
     drawn = {
