@@ -15,7 +15,6 @@
 """The detector node as a process of its own, fed over DDS."""
 
 import dataclasses
-import signal
 
 import numpy as np
 import pytest
@@ -131,7 +130,6 @@ def test_the_heart_beats_where_nobody_publishes_a_clock(bench):
     ('parameters', 'words'),
     [
         ({'threshold': -1.0}, ['threshold', '-1', '1e-30 to 1e+30']),
-        ({'threshhold': 0.5}, ['threshhold', '0.5', 'did you mean threshold?']),
         ({'groups.TP': [1, 17]}, ['groups.TP', 'channel 17', '1 to 16']),
     ],
 )
@@ -139,20 +137,16 @@ def test_a_wrong_parameter_stops_the_start_with_one_line(bench, parameters, word
     bench.check_refused('slip_detector', parameters, words)
 
 
-@pytest.mark.parametrize('content', [None, '- a list'])
-def test_a_missing_or_broken_parameter_file_is_named_in_one_line(bench, tmp_path, content):
-    file = tmp_path / 'broken.yaml'
-    if content is not None:
-        file.write_text(content)
+def test_a_missing_parameter_file_is_named_in_one_line(bench, tmp_path):
+    file = tmp_path / 'missing.yaml'
     process = bench.start('slip_detector', '--params-file', file)
     line = process.refusal()
     assert str(file) in line
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_signals_end_the_node_cleanly(bench, rows, number):
+def test_ctrl_c_ends_the_node_cleanly(bench, rows):
     detected = Detected(bench)
-    with ended_quietly(detected.process, number):
+    with ended_quietly(detected.process):
         begin = detected.settle(rows[0], START_NS, PERIOD_NS)
         detected.send_all(rows[:50], begin, PERIOD_NS)
 

@@ -282,8 +282,7 @@ def test_a_sensor_that_was_reset_is_heard_again(bench):
     assert np.all(np.diff(listening.stamps_ns()) > 0)
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize('there', [True, False])
+@pytest.mark.parametrize(('number', 'there'), [(signal.SIGINT, True), (signal.SIGTERM, False)])
 def test_signals_end_a_driver_that_listens_cleanly(bench, port, number, there):
     path = port.path if there else f'{port.path}_not_there'
     process = bench.start('slip_driver', parameters={'source': 'serial', 'serial_port': path})
@@ -296,10 +295,7 @@ def test_signals_end_a_driver_that_listens_cleanly(bench, port, number, there):
     ('parameters', 'words'),
     [
         ({'source': 'serial'}, ['serial_port', "''", 'a port']),
-        ({'source': 'serial', 'serial_baud': 1}, ['serial_baud', '1', '50 to']),
-        ({'source': 'udp', 'udp_senders': '[hand]'}, ['udp_senders', "'hand'", '127.0.0.1']),
         ({'source': 'udp', 'udp_bind_address': '192.0.2.1'}, ['192.0.2.1', 'Cannot assign']),
-        ({'source': 'udp', 'packet_values': 'int8'}, ['packet_values', "'int8'", 'int16, int24']),
     ],
 )
 def test_a_wrong_parameter_ends_the_driver_with_one_line(bench, parameters, words):

@@ -300,9 +300,8 @@ except ValueError as error:
 """
 
 
-@pytest.mark.parametrize('name', ['trial.mcap', 'trial', 'trial.npz', 'trial.csv'])
-def test_disk_full_while_recording(tmp_path, name):
-    path = tmp_path / name
+def test_disk_full_while_recording(tmp_path):
+    path = tmp_path / 'trial.mcap'
     done = subprocess.run(
         [sys.executable, '-c', RECORD, str(path)], capture_output=True, text=True, check=True
     )

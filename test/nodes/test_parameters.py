@@ -131,15 +131,12 @@ def values_of(bench, node, *names):
     return [parameter_value_to_python(value) for value in values]
 
 
-@pytest.mark.parametrize('node', NODES)
 @pytest.mark.parametrize(
-    ('section', 'words', 'name'),
+    ('node', 'section', 'words', 'name'),
     [
-        ('{node}', ['-r', '__ns:=/index'], '/index/{node}'),
-        ('/thumb/{node}', ['-r', '__ns:=/index'], '/index/{node}'),
-        ('/thumb/{node}', [], '/{node}'),
-        ('/*/{node}', ['-r', '__ns:=/left/index'], '/left/index/{node}'),
-        ('{node}', ['-r', '__node:=mine'], '/mine'),
+        ('slip_driver', '{node}', ['-r', '__ns:=/index'], '/index/{node}'),
+        ('slip_detector', '/*/{node}', ['-r', '__ns:=/left/index'], '/left/index/{node}'),
+        ('grasp_controller', '{node}', ['-r', '__node:=mine'], '/mine'),
     ],
 )
 def test_a_file_whose_sections_are_for_nodes_of_other_names_stops_the_start(
@@ -164,11 +161,8 @@ def test_a_file_whose_sections_are_for_nodes_of_other_names_stops_the_start(
 @pytest.mark.parametrize(
     ('section', 'words', 'name'),
     [
-        ('slip_detector', [], '/slip_detector'),
         ('/**/slip_detector', ['-r', '__ns:=/left/index'], '/left/index/slip_detector'),
         ('/*/slip_detector', ['-r', '__ns:=/index'], '/index/slip_detector'),
-        ('/index/slip_detector', ['-r', '__ns:=/index'], '/index/slip_detector'),
-        ('/**/mine', ['-r', '__node:=mine'], '/mine'),
         ('/mine', ['-r', '__node:=mine'], '/mine'),
         ('/index/**', ['-r', '__ns:=/index'], '/index/slip_detector'),
     ],
@@ -183,10 +177,13 @@ def test_a_section_is_taken_where_ros_takes_it(bench, tmp_path, section, words, 
     assert values_of(bench, name, 'threshold') == [0.7]
 
 
-@pytest.mark.parametrize('node', NODES)
 @pytest.mark.parametrize(
-    ('section', 'parameter'),
-    [('/**', 'sample_rate_h: 400.0'), ('/**/{node}', 'missed_costs_ms: 1.0')],
+    ('node', 'section', 'parameter'),
+    [
+        ('slip_driver', '/**', 'sample_rate_h: 400.0'),
+        ('slip_detector', '/**/{node}', 'missed_costs_ms: 1.0'),
+        ('grasp_controller', '/**/{node}', 'sample_rate_h: 400.0'),
+    ],
 )
 def test_an_unknown_name_keeps_each_node_from_starting(bench, tmp_path, node, section, parameter):
     file = tmp_path / 'typo.yaml'

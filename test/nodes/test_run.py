@@ -95,22 +95,22 @@ def test_a_node_that_a_signal_ends_while_it_is_made_says_goodbye(bench, executab
     check_that_it_says_goodbye(bench, process, executable, signal.SIGTERM, 0)
 
 
-@pytest.mark.parametrize('executable', EXECUTABLES)
-def test_help_says_how_a_parameter_file_is_given(executable):
-    done = run(executable, '--help')
+def test_help_says_how_a_parameter_file_is_given():
+    done = run('slip_detector', '--help')
     assert (done.returncode, done.stderr) == (0, '')
-    assert f'  {executable} --ros-args --params-file my_sensor.yaml\n' in done.stdout
+    assert '  slip_detector --ros-args --params-file my_sensor.yaml\n' in done.stdout
 
 
-@pytest.mark.parametrize('executable', ['slip_driver', 'grasp_controller'])
-def test_parameter_files_for_several_nodes_are_for_detectors_only(executable):
-    done = run(executable, '--configs', 'a.yaml,b.yaml')
+def test_parameter_files_for_several_nodes_are_for_detectors_only():
+    done = run('slip_driver', '--configs', 'a.yaml,b.yaml')
     assert done.returncode == 1
-    assert done.stderr == f'{executable}: --configs is given, allowed: for slip_detector only\n'
+    assert done.stderr == 'slip_driver: --configs is given, allowed: for slip_detector only\n'
 
 
-@pytest.mark.parametrize('executable', EXECUTABLES)
-@pytest.mark.parametrize('word', ['--bogus', '--finger', 'thumb', '-v'])
+@pytest.mark.parametrize(
+    ('executable', 'word'),
+    [('slip_driver', '--finger'), ('slip_detector', '-v'), ('grasp_controller', 'thumb')],
+)
 def test_a_word_that_is_not_known_stops_the_start(executable, word):
     done = run(executable, word, 'thumb', '--ros-args', '-p', 'use_sim_time:=false')
     assert done.returncode == 1
@@ -119,22 +119,14 @@ def test_a_word_that_is_not_known_stops_the_start(executable, word):
     )
 
 
-@pytest.mark.parametrize(
-    ('text', 'said'),
-    [
-        ('a: [', ' line 1 is not YAML (expected the node content'),
-        ('a: 1\na: 2\n', ' line 2: has a again, as in line 1, allowed: once\n'),
-        ('a: ' + 20_000 * '[', ' is nested too deeply, allowed: 200 levels\n'),
-    ],
-    ids=['not YAML', 'twice', 'nested'],
-)
-def test_a_parameter_file_is_refused_in_our_words_before_rcl_reads_it(tmp_path, text, said):
+def test_a_parameter_file_is_refused_in_our_words_before_rcl_reads_it(tmp_path):
     file = tmp_path / 'a.yaml'
-    file.write_text(text)
+    file.write_text('a: 1\na: 2\n')
     done = run('slip_detector', '--ros-args', '--params-file', str(file))
     assert done.returncode == 1
-    assert done.stderr.startswith(f'slip_detector: {file}:{said}')
-    assert done.stderr.count('\n') == 1
+    assert (
+        done.stderr == f'slip_detector: {file}: line 2: has a again, as in line 1, allowed: once\n'
+    )
 
 
 def test_an_option_is_given_once():
@@ -143,15 +135,14 @@ def test_an_option_is_given_once():
     assert done.stderr == 'slip_detector: --fingers is given twice, allowed: once\n'
 
 
-@pytest.mark.parametrize('executable', EXECUTABLES)
 @pytest.mark.parametrize('finger', ['1', 'ü', '../b', 'a/b', 'a__b', 'a b', 'a' * 65])
-def test_a_finger_that_cannot_be_a_namespace_stops_the_start(executable, finger):
-    words = [executable, '--fingers', f'thumb,{finger}']
+def test_a_finger_that_cannot_be_a_namespace_stops_the_start(finger):
+    words = ['slip_detector', '--fingers', f'thumb,{finger}']
     with pytest.raises(ValueError, match=rf"^--fingers has '{finger}', allowed: up to 64 letters"):
         _arguments_of_each(words, words)
 
 
-@pytest.mark.parametrize('given', ['__ns:=/1', '__ns:=/ü', f'__ns:=/{"a" * 300}', '__node:=1'])
+@pytest.mark.parametrize('given', ['__ns:=/ü', '__node:=1'])
 def test_a_name_that_ros_does_not_take_is_no_traceback(given):
     done = run('slip_detector', '--ros-args', '-r', given)
     assert done.returncode == 1

@@ -157,10 +157,8 @@ def test_beyond_loopback_the_printed_address_has_a_token_that_is_needed(bench):
 @pytest.mark.parametrize(
     ('words', 'code', 'said'),
     [
-        (['--port', '70000'], 2, "argument --port: is '70000', allowed: a whole number, 0 to"),
         (['--prot', '0'], 2, 'unrecognized arguments: --prot 0'),
         (['--config', 'none.yaml'], 1, "--config is 'none.yaml', allowed: the path of a"),
-        (['--token', 'a\tb'], 1, '--token has a character that cannot be seen, allowed:'),
         (['--host', '192.0.2.1'], 1, '--host 192.0.2.1 --port 8470 cannot be used (Cannot assign'),
         (['--ros-args', '-r', 'a b'], 1, "Couldn't parse remap rule: '-r a b'"),
     ],
