@@ -110,7 +110,9 @@ def test_what_the_recorder_does_meanwhile_is_no_latency(bench):
 
 
 def test_where_nothing_moves_delays_are_undefined_and_the_rest_is_told(tmp_path):
-    text = played(tmp_path, '--scene', 'taps')
+    scene = tmp_path / 'rest.yaml'
+    scene.write_text('steps: [{duration_s: 1.0, force_n: 0.4}]')
+    text = played(tmp_path, '--scene', str(scene))
     assert 'first ON: undefined, as nothing moves' in text
     for word in ('False positives', '% of the rest', 'p99'):
         assert word in text
