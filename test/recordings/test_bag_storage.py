@@ -130,7 +130,7 @@ def refusal(path):
 
 
 #: Of a file, up to which it is there.
-SHARES = np.linspace(0.0, 1.0, 13)[:-1]
+SHARES = np.linspace(0.0, 1.0, 9)[:-1]
 
 
 @pytest.mark.parametrize('in_folder', [True, False])
@@ -205,7 +205,7 @@ def test_a_bag_without_checksums_is_read_with_a_warning(tmp_path):
 
 
 # The metadata of a folder take longer to read than all of the file.
-@pytest.mark.parametrize(('in_folder', 'step'), [(True, 113), (False, 37)])
+@pytest.mark.parametrize(('in_folder', 'step'), [(True, 227), (False, 73)])
 def test_no_damage_changes_rows_unseen(tmp_path, in_folder, step):
     path = tmp_path / ('a' if in_folder else 'a.mcap')
     written = rows(60)
