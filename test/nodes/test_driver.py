@@ -14,7 +14,6 @@
 
 """The driver node as a process of its own, and both nodes together."""
 
-
 import numpy as np
 import pytest
 from sensor_msgs.msg import JointState

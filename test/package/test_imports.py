@@ -23,7 +23,6 @@ import sys
 import pytest
 
 import slip_detector
-from benchmarks.__main__ import COMMANDS
 from support.pages import ROOT
 
 CORE = tuple(
@@ -46,7 +45,6 @@ GROUPS = {
     'recordings': ('slip_detector.recordings',),
     'others': tuple(name for name in CORE if not name.startswith('slip_detector.report.')),
     'core': CORE,
-    'benchmarks': tuple(f'benchmarks.{command}.command' for command in COMMANDS),
 }
 
 IMPORT = """
@@ -83,11 +81,6 @@ def test_only_nodes_import_rclpy_and_messages():
     assert len(CORE) >= 10
     assert loaded_after('core') > set(CORE)
     assert loaded_after('core').isdisjoint(ROS)
-
-
-def test_no_command_of_the_benchmarks_imports_ros_itself():
-    assert loaded_after('benchmarks') > set(GROUPS['benchmarks'])
-    assert loaded_after('benchmarks').isdisjoint(ROS)
 
 
 def test_only_the_report_imports_a_plotting_library():

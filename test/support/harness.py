@@ -314,18 +314,13 @@ class Detected:
     Samples and decisions are reliable here, as each is compared (see ``reliable_samples``).
     """
 
-    def __init__(self, bench, *words, parameters=None, namespace=''):
-        lead = f'{namespace}/' if namespace else ''
+    def __init__(self, bench, parameters=None):
         self.bench = bench
-        self.envelope = bench.listen(JointState, f'{lead}slip_detector/envelope', reliable_qos())
-        self.slip = bench.listen(Bool, f'{lead}slip', patient_state_qos())
-        self.valid = bench.listen(Bool, f'{lead}slip_valid', patient_state_qos())
-        self._voltages = bench.node.create_publisher(JointState, f'{lead}voltages', reliable_qos())
-        if namespace:
-            words = ('-r', f'__ns:=/{namespace}', *words)
-        self.process = bench.start(
-            'slip_detector', *words, parameters=parameters, reliable_samples=True
-        )
+        self.envelope = bench.listen(JointState, 'slip_detector/envelope', reliable_qos())
+        self.slip = bench.listen(Bool, 'slip', patient_state_qos())
+        self.valid = bench.listen(Bool, 'slip_valid', patient_state_qos())
+        self._voltages = bench.node.create_publisher(JointState, 'voltages', reliable_qos())
+        self.process = bench.start('slip_detector', parameters=parameters, reliable_samples=True)
         bench.wait_for(self._connected, 'the detector to connect')
 
     def _connected(self):
@@ -350,13 +345,14 @@ class Detected:
         subscriptions made before it have reached the detector too. A constant input leaves the
         chain at rest, so it does not matter how many of them it took.
         """
-        deadline = time.monotonic() + DEADLINE_S
-        while not self.envelope:
-            if time.monotonic() > deadline:
-                pytest.fail(f'no decision came:\n{self.process.log()}')
+
+        def answered():
+            nonlocal at_ns
             self.send(row, at_ns)
             at_ns += period_ns
-            self.bench.executor.spin_once(timeout_sec=0.01)
+            return self.envelope
+
+        self.bench.wait_for(answered, 'a decision')
         return self.send_all([row], at_ns, period_ns)
 
     def send_all(self, rows, at_ns, period_ns):
