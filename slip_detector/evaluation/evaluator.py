@@ -14,7 +14,7 @@
 
 """Opens recordings, checks them, reads them in pieces, and runs a chain over each."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -43,7 +43,6 @@ class LabelledRecording(NamedTuple):
         file is broken.
     sample_rate_hz : float
         Rate of these rows.
-    channel_names : tuple of str
     recording : Recording
         Its ``counts`` are complete when all pieces have been read.
 
@@ -64,7 +63,6 @@ class LabelledRecording(NamedTuple):
 
     rows: Iterator[Samples]
     sample_rate_hz: float
-    channel_names: tuple[str, ...]
     recording: Recording
 
 
@@ -133,7 +131,7 @@ class RecordingLoader(NamedTuple):
         rate_hz = recording.sample_rate_hz
         if rates_differ(rate_hz, config.sample_rate_hz):
             rate_hz = config.sample_rate_hz
-        return LabelledRecording(self._rows(recording), rate_hz, names, recording)
+        return LabelledRecording(self._rows(recording), rate_hz, recording)
 
     def _no_truth(self, recording: Recording) -> str:
         config, there = self.recording_config, ', '.join(recording.array_names())
@@ -168,42 +166,32 @@ class RecordingLoader(NamedTuple):
 
     def _moving(self, recording: Recording) -> Bools | None:
         """Return which rows are rows of motion, shape (n,), from the recorded velocities."""
-        key, path = self.config.motion_key, recording.path
+        key, columns = self.config.motion_key, list(self.config.motion_columns)
         if not key:
             return None
-        velocities = recording.array(key)
+        velocities, names = recording.array(key), recording.array(f'{key}_names')
         if velocities is None:
             there = ', '.join(recording.array_names()) or 'none'
-            raise ValueError(f'{path}: has no array {key}, there are: {there}')
+            raise ValueError(f'{recording.path}: has no array {key}, there are: {there}')
+        refusal = ValueError(
+            f'{recording.path}: {key} has the shape {velocities.shape} and type '
+            f'{velocities.dtype}, allowed: finite numbers of shape (rows,) or (rows, columns)'
+        )
         numbers = velocities.dtype.kind in 'fiu' and velocities.ndim in (1, 2) and velocities.size
         if not numbers:
-            raise ValueError(
-                f'{path}: {key} has the shape {velocities.shape} and type {velocities.dtype}, '
-                'allowed: numbers of shape (rows,) or (rows, columns)'
-            )
+            raise refusal
         table = velocities.astype(np.float64).reshape(len(velocities), -1)
-        if self.config.motion_columns:
-            table = table[:, self._columns(recording, table.shape[1])]
-        if not np.isfinite(table).all():
-            row = int(np.flatnonzero(~np.isfinite(table).all(axis=1))[0]) + 1
-            raise ValueError(f'{path}: {key} is not finite in row {row}, allowed: finite numbers')
-        return np.asarray(np.linalg.norm(table, axis=1) > self.config.moving_above)
-
-    def _columns(self, recording: Recording, n_columns: int) -> list[int]:
-        """Return the numbers of the configured columns of motion."""
-        key = f'{self.config.motion_key}_names'
-        where, names = f'{recording.path}: {key}', recording.array(key)
-        if names is None or names.shape != (n_columns,):
-            found = 'is not there' if names is None else f'has the shape {names.shape}'
-            raise ValueError(f'{where} {found}, allowed: a name for each of {n_columns} columns')
-        known = [str(name) for name in names]
-        for name in self.config.motion_columns:
-            if known.count(name) != 1:
+        if columns:
+            known = [] if names is None else [str(name) for name in names.ravel()]
+            if len(known) != table.shape[1] or {known.count(name) for name in columns} != {1}:
                 raise ValueError(
-                    f'{where} has {name} {known.count(name)} times, allowed: once; there are: '
-                    f'{", ".join(known)}'
+                    f'{recording.path}: {key}_names has the names {known}, allowed: one for each '
+                    f'of {table.shape[1]} columns, with each of {columns} once'
                 )
-        return [known.index(name) for name in self.config.motion_columns]
+            table = table[:, [known.index(name) for name in columns]]
+        if not np.isfinite(table).all():
+            raise refusal
+        return np.asarray(np.linalg.norm(table, axis=1) > self.config.moving_above)
 
 
 class EvaluatedRecording(NamedTuple):
@@ -215,20 +203,20 @@ class EvaluatedRecording(NamedTuple):
     counts : RecordingCounts
         Gaps, bad samples and losses.
     observer : Observer or None
-        The observer that received the rows, if there was one.
+        What received the rows for a report; None without one.
 
     Examples
     --------
     >>> rest = Samples.evenly(np.full((760, 16), 4.3), 380.0, truth=np.zeros(760))
     >>> outcome = Replay(ChainConfig()).run([rest])
-    >>> evaluated = EvaluatedRecording(outcome, RecordingCounts(gaps=1), observer=None)
+    >>> evaluated = EvaluatedRecording(outcome, RecordingCounts(gaps=1))
     >>> evaluated.outcome.duration_s, evaluated.counts.gaps
     (2.0, 1)
     """
 
     outcome: ReplayOutcome
     counts: RecordingCounts
-    observer: Observer | None
+    observer: Observer | None = None
 
 
 def recording_figures(evaluations: Iterable[EvaluatedRecording]) -> dict[str, Any]:
@@ -246,7 +234,7 @@ def recording_figures(evaluations: Iterable[EvaluatedRecording]) -> dict[str, An
     --------
     >>> rest = Samples.evenly(np.ones((5, 16)), 380.0, truth=np.zeros(5))
     >>> replayed = Replay(ChainConfig()).run([rest])
-    >>> figures = recording_figures([EvaluatedRecording(replayed, RecordingCounts(gaps=2), None)])
+    >>> figures = recording_figures([EvaluatedRecording(replayed, RecordingCounts(gaps=2))])
     >>> figures['rows'], figures['slips'], figures['gaps']
     (5, 0, 2)
     """
@@ -254,19 +242,15 @@ def recording_figures(evaluations: Iterable[EvaluatedRecording]) -> dict[str, An
     counts = [one.counts for one in several]
     return {
         **figures_of_merit([one.outcome for one in several]),
-        'bad_samples': sum(one.bad_samples for one in counts),
-        'gaps': sum(one.gaps for one in counts),
-        'bridged_rows': sum(one.bridged_rows for one in counts),
+        **{
+            name: sum(getattr(one, name) for one in counts)
+            for name in ('bad_samples', 'gaps', 'bridged_rows', 'dropped')
+        },
         'long_gaps': sum(one.stretches - 1 for one in counts),
-        'dropped': sum(one.dropped for one in counts),
     }
 
 
-def evaluate_recording(
-    loader: RecordingLoader,
-    path: Path,
-    watch: Callable[[LabelledRecording], Observer] | None = None,
-) -> EvaluatedRecording:
+def evaluate_recording(loader: RecordingLoader, path: Path) -> EvaluatedRecording:
     """Run a chain over a recording from its first row.
 
     Parameters
@@ -275,8 +259,6 @@ def evaluate_recording(
         Opens the recording; it has the parameters of the chain and of the evaluation.
     path
         The recording.
-    watch
-        Makes an observer of the replay, given the opened recording.
 
     Raises
     ------
@@ -298,6 +280,5 @@ def evaluate_recording(
     """
     replay = Replay(loader.chain_config, loader.config)
     opened = loader.open(path)
-    observer = None if watch is None else watch(opened)
-    outcome = replay.run(opened.rows, opened.sample_rate_hz, observer)
-    return EvaluatedRecording(outcome, opened.recording.counts, observer)
+    outcome = replay.run(opened.rows, opened.sample_rate_hz)
+    return EvaluatedRecording(outcome, opened.recording.counts)

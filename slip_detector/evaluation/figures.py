@@ -173,17 +173,8 @@ class Alarm:
     slip: int | None
 
 
-def event_figures(
-    slips: Sequence[TrueSlip], alarms: Sequence[Alarm], rest_s: float, on_rest_s: float
-) -> dict[str, Any]:
+def event_figures(outcomes: Sequence['ReplayOutcome']) -> dict[str, Any]:
     """Return the figures that matter to a robot; None where one is not defined.
-
-    Parameters
-    ----------
-    slips, alarms
-        The slips and alarms of one recording or of several.
-    rest_s, on_rest_s
-        Time of the rest, and how much of it the global decision is ON.
 
     Returns
     -------
@@ -197,22 +188,16 @@ def event_figures(
         :func:`.slip_figures`; ``<stage>_ms``: mean time that the latency of the matched slips
         spends in the stage; ``late_<stage>_ms``: the same for the late slips;
         ``missed_at_<stage>`` and ``missed_already_on``: how many slips were lost there.
-
-    Examples
-    --------
-    >>> false_alarms = [Alarm(2.0, 2.1, 'false', slip=None), Alarm(5.0, 5.4, 'false', slip=None)]
-    >>> figures = event_figures([], false_alarms, rest_s=30.0, on_rest_s=0.5)
-    >>> figures['false_alarms_per_minute'], figures['false_time_s_per_hour'], figures['recall']
-    (4.0, 60.0, None)
     """
+    slips = [slip for one in outcomes for slip in one.slips]
+    kinds = [alarm.kind for one in outcomes for alarm in one.alarms]
+    rest_s = sum(one.rest_rows / one.sample_rate_hz for one in outcomes)
+    on_rest_s = sum(one.on_rest_rows / one.sample_rate_hz for one in outcomes)
     scored = [slip for slip in slips if not slip.settling]
-    kinds = [alarm.kind for alarm in alarms]
-    false_alarms = kinds.count(FALSE)
-    matched = sum(slip.latency_s is not None for slip in scored)
-    lost = [slip.lost_at for slip in scored]
     late = [slip for slip in scored if slip.late]
-    known = all(slip.lost_at for slip in scored if slip.latency_s is None)
-    windows_s = [slip.window_s for slip in scored]
+    lost = [slip.lost_at for slip in scored if slip.latency_s is None]
+    matched, false_alarms = len(scored) - len(lost), kinds.count(FALSE)
+    leads_s, windows_s = [s.lead_s for s in scored], [s.window_s for s in scored]
     scored_s = sum(windows_s) + rest_s
     latencies_ms = [np.nan if slip.latency_s is None else slip.latency_s * 1e3 for slip in scored]
     return {
@@ -220,37 +205,28 @@ def event_figures(
         'settling_slips': len(slips) - len(scored),
         'matched': matched,
         'late': len(late),
-        'missed': len(scored) - matched,
-        'alarms': len(alarms),
+        'missed': len(lost),
+        'alarms': len(kinds),
         'repeated_alarms': kinds.count(REPEAT),
         'false_alarms': false_alarms,
         'settling_alarms': kinds.count(SETTLING),
         'precision': matched / (matched + false_alarms) if matched + false_alarms else None,
         'precision_by_chance': sum(windows_s) / scored_s if scored_s else None,
         'rest_s': rest_s,
-        **slip_figures(
-            latencies_ms,
-            [slip.lead_s for slip in scored],
-            windows_s,
-            false_alarms,
-            rest_s,
-            on_rest_s,
-        ),
+        **slip_figures(latencies_ms, leads_s, windows_s, false_alarms, rest_s, on_rest_s),
         **_mean_stages(scored, ''),
         **_mean_stages(late, 'late_'),
-        **{f'missed_at_{stage}': lost.count(stage) if known else None for stage in STAGES},
-        f'missed_{ALREADY_ON}': lost.count(ALREADY_ON) if known else None,
+        **{
+            f'missed_{where}': None if None in lost else lost.count(stage)
+            for stage, where in [*((s, f'at_{s}') for s in STAGES), (ALREADY_ON, ALREADY_ON)]
+        },
     }
 
 
 def _mean_stages(slips: Sequence[TrueSlip], prefix: str) -> dict[str, float | None]:
     parts = [slip.stages_s for slip in slips if slip.stages_s is not None]
-    return {
-        f'{prefix}{stage}_ms': 1e3 * float(np.mean([part[stage] for part in parts]))
-        if parts
-        else None
-        for stage in STAGES
-    }
+    means = {stage: mean_and_sd(part[stage] * 1e3 for part in parts)[0] for stage in STAGES}
+    return {f'{prefix}{stage}_ms': mean_ms for stage, mean_ms in means.items()}
 
 
 def first_on_delay_s(on: ArrayLike, time_s: ArrayLike, start_s: float) -> float | None:
@@ -315,17 +291,8 @@ def percent(part: int, whole: int) -> float | None:
     return 100.0 * part / whole if whole else None
 
 
-def paper_figures(slips: Sequence[TrueSlip], on_rows: int, rest_rows: int) -> dict[str, Any]:
+def paper_figures(outcomes: Sequence['ReplayOutcome']) -> dict[str, Any]:
     """Return the figures that the paper reports; each slip counts as one of its trials.
-
-    Parameters
-    ----------
-    slips
-        The slips of one recording or of several; :func:`trial_delays_ms` has their delays.
-    on_rows
-        Number of rows without slip in which the global decision is ON.
-    rest_rows
-        Number of rows without slip.
 
     Returns
     -------
@@ -333,18 +300,15 @@ def paper_figures(slips: Sequence[TrueSlip], on_rows: int, rest_rows: int) -> di
         ``mean_delay_ms`` and ``sd_delay_ms`` (n - 1) of the slips; ``success_percent``: the share
         of the slips during which the global decision is ON; ``false_positive_percent``: the share
         of the rows without slip in which it is ON. None where one is not defined.
-
-    Examples
-    --------
-    >>> paper_figures([], on_rows=19, rest_rows=1900)['false_positive_percent']
-    1.0
     """
+    slips = [slip for one in outcomes for slip in one.slips]
     mean_ms, sd_ms = mean_and_sd(trial_delays_ms(slips))
+    rest_rows = sum(one.rows - one.slip_rows for one in outcomes)
     return {
         'mean_delay_ms': mean_ms,
         'sd_delay_ms': sd_ms,
         'success_percent': percent(sum(slip.on_while for slip in slips), len(slips)),
-        'false_positive_percent': percent(on_rows, rest_rows),
+        'false_positive_percent': percent(sum(one.on_rows for one in outcomes), rest_rows),
     }
 
 
@@ -388,8 +352,8 @@ class ReplayOutcome:
     ...     rows=760, slip_rows=190, moving_rows=None, on_rows=19, settling_rows=190,
     ...     rest_rows=380, on_rest_rows=19, sample_rate_hz=380.0, slips=(), alarms=(), scores=None,
     ... )
-    >>> outcome.duration_s, outcome.rest_s, outcome.on_rest_s
-    (2.0, 1.0, 0.05)
+    >>> outcome.duration_s
+    2.0
     """
 
     rows: int
@@ -408,16 +372,6 @@ class ReplayOutcome:
     def duration_s(self) -> float:
         """Time of its rows, without gaps."""
         return self.rows / self.sample_rate_hz
-
-    @property
-    def rest_s(self) -> float:
-        """Time of its rest."""
-        return self.rest_rows / self.sample_rate_hz
-
-    @property
-    def on_rest_s(self) -> float:
-        """Time of its rest in which the global decision is ON."""
-        return self.on_rest_rows / self.sample_rate_hz
 
 
 def figures_of_merit(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:
@@ -443,23 +397,16 @@ def figures_of_merit(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:
     >>> figures['duration_s'], figures['false_alarms'], figures['recall']
     (2.0, 0, None)
     """
-    slips = [slip for one in outcomes for slip in one.slips]
-    rows, slip_rows = sum(one.rows for one in outcomes), sum(one.slip_rows for one in outcomes)
     moving = [one.moving_rows for one in outcomes if one.moving_rows is not None]
     scores = ScoreCounts.pooled([one.scores for one in outcomes if one.scores is not None])
     return {
-        'rows': rows,
-        'slip_rows': slip_rows,
+        'rows': sum(one.rows for one in outcomes),
+        'slip_rows': sum(one.slip_rows for one in outcomes),
         'moving_rows': sum(moving) if moving else None,
         'settling_rows': sum(one.settling_rows for one in outcomes),
         'duration_s': sum(one.duration_s for one in outcomes),
         'auc_all': scores.auc(),
         'auc_moving': scores.auc([MOTION]) if moving else None,
-        **paper_figures(slips, sum(one.on_rows for one in outcomes), rows - slip_rows),
-        **event_figures(
-            slips,
-            [alarm for one in outcomes for alarm in one.alarms],
-            sum(one.rest_s for one in outcomes),
-            sum(one.on_rest_s for one in outcomes),
-        ),
+        **paper_figures(outcomes),
+        **event_figures(outcomes),
     }

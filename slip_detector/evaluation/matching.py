@@ -23,6 +23,7 @@ Time is counted in rows from the first row of the recording, including the rows 
 gaps, so that nothing depends on rounding.
 """
 
+import itertools
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -35,6 +36,7 @@ from slip_detector.parameters.evaluation import EvaluationConfig
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Rows = Sequence[int] | Ints
 
 #: Takes the place of the number of an alarm or a slip where there is none.
 NONE = -1
@@ -103,6 +105,28 @@ class OnIntervals:
         """Return the intervals that have ended, the oldest first."""
         pairs = zip(self.edges[::2], self.edges[1::2], strict=False)
         return [RowInterval(*pair) for pair in pairs]
+
+
+def rows_on(on: Sequence[RowInterval], starts: Rows, ends: Rows) -> Ints:
+    """Return in how many rows from each start to its end a signal is ON; shape (n,).
+
+    Parameters
+    ----------
+    on
+        The intervals in which the signal is ON, in order.
+    starts, ends
+        Rows, shapes (n,).
+
+    Examples
+    --------
+    >>> rows_on([RowInterval(2, 5), RowInterval(8, 9)], starts=[0, 4], ends=[3, 9])
+    array([1, 2])
+    """
+    edges = np.array([0, 0, *itertools.chain(*on)], np.int64)
+    # The rows that are ON before each edge: within an interval they grow by one a row.
+    before = np.cumsum(np.diff(edges, prepend=0) * (np.arange(edges.size) % 2))
+    rows_before = np.interp([starts, ends], edges, before)
+    return np.asarray(np.diff(rows_before, axis=0)[0], np.int64)
 
 
 @compiled
@@ -246,16 +270,6 @@ class ScoredRows:
 
     def _stretch_of(self, rows: Ints) -> Ints:
         return np.searchsorted(self._starts, rows, 'right') - 1
-
-    def on_rest_rows(self, on: Sequence[RowInterval]) -> int:
-        """Return in how many rows of rest a signal is ON, given its intervals in order."""
-        if not self.rest_rows:
-            return 0
-        edges = np.stack([self.rest_starts, self.rest_ends], axis=1).ravel()
-        # The rows of rest before each row: within the rest they grow by one a row.
-        before = np.cumsum(np.diff(edges, prepend=edges[0]) * (np.arange(edges.size) % 2))
-        starts, ends = (np.interp(rows, edges, before) for rows in _columns(on))
-        return int((ends - starts).sum())
 
     def alarms(self, on: Sequence[RowInterval]) -> list[RowInterval]:
         """Return the alarms of a decision, given the intervals in which it is ON, in order.

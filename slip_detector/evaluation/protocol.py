@@ -67,7 +67,7 @@ from slip_detector.chain.samples import Samples
 from slip_detector.evaluation.figures import Bound, ReplayOutcome, paper_figures, trial_delays_ms
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.recordings import RATE_TOLERANCE, rates_differ
+from slip_detector.recordings import rates_differ
 from slip_detector.scenes import find_scene, load_scene
 
 Bools = NDArray[np.bool_]
@@ -89,8 +89,6 @@ WINDOWS_S = (0.02, 0.03, 0.04)
 #: Fig. 7: the band-passes without the high stop-band.
 BANDS_HZ = ((10.0, 100.0), (10.0, 150.0))
 
-ROWS_PER_READ = 4096
-
 
 class PlateTrial(NamedTuple):
     """All samples of one trial.
@@ -99,22 +97,20 @@ class PlateTrial(NamedTuple):
     ----------
     volts : ndarray, shape (n, c)
     position_m : ndarray, shape (n,)
-        Position of the platform.
-    moving : ndarray of bool, shape (n,)
-        Whether the plate moves, from the last row at which it still stood (Eq. 9) to the first row
-        at which it stands again.
+        Position of the platform, which moves.
     sample_rate_hz : float
 
     Examples
     --------
-    >>> position_m = np.clip(np.arange(380) - 95, 0, 95) * 1e-5
-    >>> plate_trial(np.full((380, 16), 4.3), position_m, 380.0).motion_s
-    (0.25, 0.5)
+    >>> trial = PlateTrial(np.zeros((5, 16)), np.array([0, 0, 1e-3, 2e-3, 2e-3]), 4.0)
+    >>> trial.moving
+    array([False,  True,  True,  True, False])
+    >>> trial.motion_s
+    (0.25, 0.75)
     """
 
     volts: Floats
     position_m: Floats
-    moving: Bools
     sample_rate_hz: float
 
     @property
@@ -124,31 +120,15 @@ class PlateTrial(NamedTuple):
 
     @property
     def motion_s(self) -> tuple[float, float]:
-        """Times of the first and the last row of motion."""
-        rows = np.flatnonzero(self.moving)
-        return float(rows[0]) / self.sample_rate_hz, float(rows[-1]) / self.sample_rate_hz
+        """Times of the last row at which the plate still stood (Eq. 9), and of the next such."""
+        moved = np.flatnonzero(np.diff(self.position_m))
+        return float(self.time_s[moved[0]]), float(self.time_s[moved[-1] + 1])
 
-
-def plate_trial(volts: Floats, position_m: Floats, sample_rate_hz: float) -> PlateTrial:
-    """Make a trial from volts, shape (n, c), and positions of the platform, shape (n,).
-
-    Raises
-    ------
-    ValueError
-        When the position of the platform never changes.
-
-    Examples
-    --------
-    >>> trial = plate_trial(np.zeros((5, 16)), np.array([0, 0, 1e-3, 2e-3, 2e-3]), 380.0)
-    >>> trial.moving
-    array([False,  True,  True,  True, False])
-    """
-    moved = np.flatnonzero(np.diff(position_m))
-    if not moved.size:
-        raise ValueError('the platform does not move, allowed: a trial in which it does')
-    rows = np.arange(len(volts))
-    moving = (rows >= moved[0]) & (rows <= moved[-1] + 1)
-    return PlateTrial(volts, position_m, moving, sample_rate_hz)
+    @property
+    def moving(self) -> Bools:
+        """Whether the plate moves: the rows of ``motion_s`` and those between; shape (n,)."""
+        first_s, last_s = self.motion_s
+        return (self.time_s >= first_s) & (self.time_s <= last_s)
 
 
 def simulate_trials(scene: str, seeds: Iterable[int]) -> list[PlateTrial]:
@@ -157,7 +137,7 @@ def simulate_trials(scene: str, seeds: Iterable[int]) -> list[PlateTrial]:
     Raises
     ------
     ValueError
-        When there is no such scene, it cannot be read, or its plate does not move; names it.
+        When there is no such scene or it cannot be read; names it.
 
     Examples
     --------
@@ -165,51 +145,13 @@ def simulate_trials(scene: str, seeds: Iterable[int]) -> list[PlateTrial]:
     >>> bool((first.volts == second.volts).all())
     False
     """
-    path, trials = find_scene(scene), []
+    trials = []
     for seed in seeds:
-        played = load_scene(path, np.random.default_rng(seed))
-        parts = [played.read(ROWS_PER_READ)]
-        while len(parts[-1].volts) == ROWS_PER_READ:
-            parts.append(played.read(ROWS_PER_READ))
-        volts = np.concatenate([part.volts for part in parts])
-        position_m = np.concatenate([part.position_m for part in parts])
-        try:
-            trials.append(plate_trial(volts, position_m, played.sample_rate_hz))
-        except ValueError as error:
-            raise ValueError(f'{path}: {error}') from None
+        played = load_scene(find_scene(scene), np.random.default_rng(seed))
+        rows = played.read(played.length)
+        assert rows.position_m is not None
+        trials.append(PlateTrial(rows.volts, rows.position_m, played.sample_rate_hz))
     return trials
-
-
-def replay_trial(trial: PlateTrial, replay: Replay) -> ReplayOutcome:
-    """Run a trial through a chain from its first row; its only slip is the motion of the plate.
-
-    A channel that is first ON after the plate has come to rest has no delay.
-
-    Raises
-    ------
-    ValueError
-        When the trial does not suit the chain.
-
-    Examples
-    --------
-    >>> volts, position_m = np.full((380, 16), 4.3), np.arange(380) * 1e-5
-    >>> outcome = replay_trial(plate_trial(volts, position_m, 380.0), Replay(ChainConfig()))
-    >>> len(outcome.slips), outcome.on_rows
-    (1, 0)
-    """
-    config = replay.chain.config
-    rate, wanted = trial.sample_rate_hz, config.sample_rate_hz
-    if rates_differ(rate, wanted):
-        raise ValueError(
-            f'the trial has {rate:g} Hz where the parameter sample_rate_hz is {wanted:g} Hz, '
-            f'allowed: at most {RATE_TOLERANCE:.0%} apart'
-        )
-    if trial.volts.shape[1] != config.channels:
-        raise ValueError(
-            f'the trial has {trial.volts.shape[1]} channels, allowed: {config.channels}, the '
-            'parameter channels'
-        )
-    return replay.run([Samples.evenly(trial.volts, rate, trial.moving)], rate)
 
 
 def plate_figures(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:
@@ -218,7 +160,7 @@ def plate_figures(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:
     Parameters
     ----------
     outcomes
-        At least one, each with one slip.
+        Each has one slip.
 
     Returns
     -------
@@ -227,19 +169,12 @@ def plate_figures(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:
 
     Examples
     --------
-    >>> replay = Replay(ChainConfig(), scores=False, stages=False)
-    >>> trials = simulate_trials('plate_440um', [0])
-    >>> figures = plate_figures([replay_trial(trial, replay) for trial in trials])
-    >>> figures['detected'], figures['trials']
-    (1, 1)
+    >>> plate_figures([])['trials']
+    0
     """
     slips = [slip for one in outcomes for slip in one.slips]
     return {
-        **paper_figures(
-            slips,
-            sum(one.on_rows for one in outcomes),
-            sum(one.rows - one.slip_rows for one in outcomes),
-        ),
+        **paper_figures(outcomes),
         'trial_delays_ms': trial_delays_ms(slips),
         'detected': sum(slip.on_while for slip in slips),
         'trials': len(slips),
@@ -274,18 +209,23 @@ def evaluate_plates(
     >>> time_s = np.arange(760) / 380.0
     >>> position_m = np.clip(time_s - 1.0, 0.0, 0.5)
     >>> tone = np.where(time_s > 1.0, np.sin(2 * np.pi * 20.0 * time_s), 0.0)
-    >>> trial = plate_trial(np.tile(tone, (16, 1)).T, position_m, 380.0)
+    >>> trial = PlateTrial(np.tile(tone, (16, 1)).T, position_m, 380.0)
     >>> figures = evaluate_plates({'400': [trial]}, ChainConfig())
     >>> figures['plates']['400']['success_percent'], figures['all']['detected']
     (100.0, 1)
     """
     replay = Replay(config, scores=False, stages=False)
-    outcomes: dict[str, list[ReplayOutcome]] = {}
+    outcomes = {}
     for plate, trials in plates.items():
-        try:
-            outcomes[plate] = [replay_trial(trial, replay) for trial in trials]
-        except ValueError as error:
-            raise ValueError(f'plate {plate}: {error}') from None
+        rate, channels = trials[0].sample_rate_hz, trials[0].volts.shape[1]
+        if rates_differ(rate, config.sample_rate_hz) or channels != config.channels:
+            raise ValueError(
+                f'plate {plate} has {channels} channels at {rate:g} Hz, allowed: as the '
+                f'parameters channels and sample_rate_hz, {config.channels} at '
+                f'{config.sample_rate_hz:g} Hz'
+            )
+        rows = (Samples.evenly(trial.volts, rate, trial.moving) for trial in trials)
+        outcomes[plate] = [replay.run([one], rate) for one in rows]
     return {
         'plates': {plate: plate_figures(several) for plate, several in outcomes.items()},
         'all': plate_figures([one for several in outcomes.values() for one in several]),
@@ -314,17 +254,6 @@ def with_band(config: ChainConfig, passband_hz: tuple[float, float]) -> ChainCon
     top_hz = config.passband_hz[1] or np.inf  # 0: a high-pass, above which there is nothing.
     kept = tuple(pair for pair in config.stopbands_hz if pair[0] < top_hz)
     return dataclasses.replace(config, passband_hz=passband_hz, stopbands_hz=kept)
-
-
-def band_name(name: str) -> str:
-    """Return the name of a band in tables and pictures.
-
-    Examples
-    --------
-    >>> band_name('10-100')
-    '[10, 100] Hz, no high stop-band'
-    """
-    return f'[{name.replace("-", ", ")}] Hz, no high stop-band'
 
 
 #: Trials on each plate (Section 3).
@@ -361,21 +290,20 @@ def claims(result: Mapping[str, Any]) -> dict[str, float | None]:
         return np.array(means, np.float64)  # None becomes NaN
 
     def false_percent(part: Mapping[str, Any]) -> float:
-        return float(np.float64(part['all']['false_positive_percent']))
+        return float(np.float64(part['false_positive_percent']))
 
-    means, windows, bands = means_of(result), result['windows'], result['bands']
-    of_plates = [result['plates'][plate]['false_positive_percent'] for plate in SCENES]
-    longest = false_percent(windows[f'{WINDOWS_S[-1] * 1e3:.0f}'])
+    means, plates, windows = means_of(result), result['plates'], result['windows']
+    longest = false_percent(windows[f'{WINDOWS_S[-1] * 1e3:.0f}']['all'])
     values = {
         'detected_percent': result['all']['success_percent'],
         'least_rise_ms': np.diff(means).min(),
-        'worst_false_positive_percent': np.array(of_plates, np.float64).max(),
-        **{f'mean_delay_ms.{plate}': mean for plate, mean in zip(SCENES, means, strict=True)},
+        'worst_false_positive_percent': np.max([false_percent(plates[plate]) for plate in SCENES]),
     }
+    values |= {f'mean_delay_ms.{plate}': mean for plate, mean in zip(SCENES, means, strict=True)}
     for name, part in windows.items():
-        more = false_percent(part) - longest
+        more = false_percent(part['all']) - longest
         values[f'windows.{name}.false_positive_percent_more'] = more
-    for name, part in bands.items():
+    for name, part in result['bands'].items():
         values[f'bands.{name}.least_shortening_ms'] = (means - means_of(part)).min()
     return {
         name: None if value is None or np.isnan(value) else float(value)

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from slip_detector.grasp.comparison import AT_LIMIT, CONTROLLER, PAPER, UNCONTROLLED
 from slip_detector.grasp.loop import GraspTrial
-from slip_detector.report.pictures import COLORS, save_picture
+from slip_detector.report.pictures import COLORS, draw_decision, save_picture
 from slip_detector.report.tables import heading, number_text, text_table, verdict_cells
 
 Floats = NDArray[np.float64]
@@ -155,53 +155,38 @@ def draw_grasp(
     wanted_mm
         Upper bound of the worst slide under the controller.
     """
-    figure = plt.figure(figsize=(12.5, 7.2), layout='constrained')
-    halves: Any = figure.subfigures(1, 2, width_ratios=[2.1, 1.0])
-    left, right = halves
-    force, decision, place = left.subplots(3, 1, sharex=True, height_ratios=[3.0, 0.8, 2.6])
-    slides, spent = right.subplots(2, 1)
+    figure, axes = plt.subplot_mosaic(
+        [['force', 'slides'], ['decision', 'slides'], ['place', 'spent']],
+        figsize=(12.5, 7.2), width_ratios=[2.1, 1.0], height_ratios=[3.0, 0.8, 2.6],
+        layout='constrained',
+    )  # fmt: skip
+    force, slides, decision, place, spent = axes.values()
     controlled = trials[CONTROLLER]
     _draw_force(force, controlled, limit_n, live.get('command'))
-    for row, (on, color) in enumerate(
-        ((controlled.sliding, '0.35'), (controlled.slip, COLOR[CONTROLLER]))
-    ):
-        band = (row - 0.35, row + 0.35)
-        decision.fill_between(controlled.time_s, *band, where=on, color=color, step='post')
-    decision.set(ylim=(-0.6, 1.6))
-    decision.set_yticks([0, 1], ['it slides', '/slip'])
+    draw_decision(decision, controlled.time_s, controlled.slip, COLOR[CONTROLLER], '/slip')
+    decision.plot(controlled.time_s, controlled.sliding, color='0.35', label='it slides')
+    decision.legend(loc='upper left', fontsize=9, frameon=False)
     _draw_place(place, trials, live.get('position'))
-    begin_s = controlled.time_s[np.argmax(controlled.needed_n > 0.0)]
-    for onset_s in controlled.onsets_s[controlled.onsets_s >= begin_s]:
-        for axis in (force, decision, place):
-            axis.axvline(onset_s, color=COLOR[CONTROLLER], linewidth=0.8, alpha=0.35, zorder=0)
-    place.set(xlabel='time [s]', xlim=(controlled.time_s[0], controlled.time_s[-1]))
-    left.suptitle('One object: gripped, lifted, filled', fontsize=11)
+    for axis in (force, decision, place):
+        axis.set_xlim(controlled.time_s[0], controlled.time_s[-1])
+    place.set_xlabel('time [s]')
+    force.set_title('One object: gripped, lifted, filled', fontsize=11)
     _draw_slides(slides, figures, wanted_mm)
     _draw_spent(spent, figures)
-    right.suptitle(f'All {figures[CONTROLLER]["trials"]} objects', fontsize=11)
-    for axis in (force, decision, place, slides, spent):
-        axis.spines[['top', 'right']].set_visible(False)
+    slides.set_title(f'All {figures[CONTROLLER]["trials"]} objects', fontsize=11)
     save_picture(figure, path)
 
 
 def _draw_force(axis: Axes, trial: GraspTrial, limit_n: float, command: Floats | None) -> None:
-    time_s, limit_color = trial.time_s, COLOR[AT_LIMIT]
-    label = 'just enough to hold it'
+    time_s, label = trial.time_s, 'just enough to hold it'
     axis.fill_between(time_s, trial.needed_n, color='0.55', alpha=0.3, linewidth=0, label=label)
-    axis.axhline(limit_n, color=limit_color, linestyle='--', linewidth=1.2)
-    axis.text(time_s[-1], 0.99 * limit_n, 'limit', color=limit_color, ha='right', va='top')
+    axis.axhline(limit_n, color=COLOR[AT_LIMIT], linestyle='--', linewidth=1.2, label='limit')
     axis.plot(time_s, trial.command_n, color='k', linewidth=0.9, label='commanded')
     axis.plot(time_s, trial.force_n, color=COLOR[CONTROLLER], linewidth=2.0, label='grip')
     if command is not None:
         axis.plot(*command.T, color='k', linestyle=':', linewidth=1.6, label='commanded, live')
     axis.set(ylabel='force [N]', ylim=(0.0, 1.06 * limit_n))
     axis.legend(loc='upper left', bbox_to_anchor=(0.0, 0.93), fontsize=9, frameon=False)
-    # The weight grows twice: when the object is lifted and when it is filled.
-    grows = np.diff(trial.needed_n) > 0.0
-    edges = np.flatnonzero(np.diff(grows.astype(int), prepend=0, append=0))
-    for word, first, last in zip(('lifted', 'filled'), edges[::2], edges[1::2], strict=False):
-        middle_s = 0.5 * (time_s[first] + time_s[last])
-        axis.text(middle_s, 0.15, word, ha='center', fontsize=9, color='0.25')
 
 
 def _draw_place(axis: Axes, trials: Mapping[str, GraspTrial], position: Floats | None) -> None:
@@ -210,11 +195,8 @@ def _draw_place(axis: Axes, trials: Mapping[str, GraspTrial], position: Floats |
     for name in (UNCONTROLLED, PAPER, CONTROLLER):
         trial = trials[name]
         end = 'dropped' if trial.dropped else f'{trial.position_m[-1] * 1e3:.2f} mm'
-        axis.plot(
-            trial.time_s, trial.position_m * 1e3, color=COLOR[name],
-            linewidth=2.0 if name == CONTROLLER else 1.3,
-            label=f'{LABEL[name]}: {end}'.replace('\n', ' '),
-        )  # fmt: skip
+        label = f'{LABEL[name]}: {end}'.replace('\n', ' ')
+        axis.plot(trial.time_s, trial.position_m * 1e3, color=COLOR[name], label=label)
     if position is not None:
         label = f'controller, live: {position[-1, 1] * 1e3:.2f} mm'
         axis.plot(position[:, 0], position[:, 1] * 1e3, 'k:', linewidth=1.6, label=label)
@@ -228,7 +210,7 @@ def _draw_slides(axis: Axes, figures: Figures, wanted_mm: float) -> None:
     dropped_mm = HEADROOM * max([wanted_mm, *known])
     for place, name in enumerate(names):
         slides = [dropped_mm if s is None else s for s in figures[name]['slide_mm']]
-        spread = np.linspace(-0.28, 0.28, len(slides)) if len(slides) > 1 else np.zeros(1)
+        spread = np.linspace(-0.28, 0.28, len(slides))
         axis.plot(place + spread, slides, 'o', color=COLOR[name], markersize=4, alpha=0.8)
         mean_mm = figures[name]['mean_slide_mm']
         if mean_mm is not None:
@@ -247,10 +229,10 @@ def _draw_slides(axis: Axes, figures: Figures, wanted_mm: float) -> None:
 
 def _draw_spent(axis: Axes, figures: Figures) -> None:
     shares = [figures[name]['force_percent'] for name in COLOR]
-    bars = axis.bar(range(len(COLOR)), shares, 0.65, color=list(COLOR.values()))
+    bars = axis.bar(list(LABEL.values()), shares, 0.65, color=list(COLOR.values()))
     axis.bar_label(bars, [f'{share:.0f}' for share in shares], padding=2, fontsize=9)
     needed = figures[CONTROLLER]['needed_percent']
-    axis.axhline(needed, color='k', linestyle=':', linewidth=1.4)
-    axis.text(2.0, needed, 'just enough', ha='center', va='bottom', fontsize=9)
-    axis.set_xticks(range(len(COLOR)), list(LABEL.values()), fontsize=8)
+    axis.axhline(needed, color='k', linestyle=':', linewidth=1.4, label='just enough')
+    axis.legend(loc='upper left', fontsize=9, frameon=False)
+    axis.tick_params('x', labelsize=8)
     axis.set(ylabel='mean grip [% of the limit]', ylim=(0.0, 115.0))

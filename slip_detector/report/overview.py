@@ -236,7 +236,8 @@ class Overview:
         self.groups = {name: OnIntervals() for name in config.groups}
         self.events: Sequence[Event] = ()
         self.snippets: list[Snippet] = []
-        self._pieces: list[Snippet] = []
+        # The numbers of rows, their volts and their codes, so far.
+        self._pieces: list[tuple[NDArray[np.int64], Volts, Codes]] = []
 
     def add(self, volts: ArrayLike, result: SlipResult, truth: ArrayLike | None) -> None:
         """Take the next rows.
@@ -252,10 +253,9 @@ class Overview:
             Whether there is slip; None in each call for a recording without labels.
         """
         values = np.asarray(volts, np.float64)
-        if not len(values):
-            return
         samples = np.where(np.abs(values) < MOST_VOLTS, values, np.nan).astype(np.float32)
-        self._pieces.append(Snippet(self.rows, samples, signal_codes(result, self.config)))
+        numbers = self.rows + np.arange(len(values))
+        self._pieces.append((numbers, samples, signal_codes(result, self.config)))
         self.slip.add(result.slip, self.rows)
         for group, on in zip(self.groups.values(), result.groups.T, strict=True):
             group.add(on, self.rows)
@@ -283,25 +283,30 @@ class Overview:
         n, signals = -(-self.rows // self.bin_rows), len(signal_ranges(self.config))
         self.low = np.full((n, channels), np.nan, np.float32)
         self.high, self.codes = self.low.copy(), np.zeros((n, signals * channels), np.uint8)
-        for start, volts, codes in self._pieces:
-            first, ahead = divmod(start, self.bin_rows)
-            starts = np.maximum(np.arange(-ahead, len(volts), self.bin_rows), 0)
-            bins_of_piece = slice(first, first + len(starts))
-            for merged, extreme, values in (
-                (self.low, np.fmin, volts),
-                (self.high, np.fmax, volts),
-                (self.codes, np.maximum, codes),
-            ):
-                extremes = extreme.reduceat(values, starts)
-                merged[bins_of_piece] = extreme(merged[bins_of_piece], extremes)
+        if self.rows:
+            numbers, volts, codes = map(np.concatenate, zip(*self._pieces, strict=True))
+            self._pieces = []
+            filled, firsts = np.unique(numbers // self.bin_rows, return_index=True)
+            self.low[filled] = np.fmin.reduceat(volts, firsts)
+            self.high[filled] = np.fmax.reduceat(volts, firsts)
+            self.codes[filled] = np.maximum.reduceat(codes, firsts)
         if self.bin_rows > 1:
-            self.snippets = [self._snippet(*span) for span in self._spans_about_events()]
-        self._pieces = []
+            for start, stop in self._spans_about_events():
+                a, b = np.searchsorted(numbers, [start, stop])
+                # Rows in gaps have no sample.
+                snippet = Snippet(
+                    start,
+                    np.full((stop - start, channels), np.nan, np.float32),
+                    np.zeros((stop - start, signals * channels), np.uint8),
+                )
+                snippet.volts[numbers[a:b] - start] = volts[a:b]
+                snippet.codes[numbers[a:b] - start] = codes[a:b]
+                self.snippets.append(snippet)
 
     def _close_intervals(self) -> None:
-        truth = [self.truth] if self.truth else []
-        for intervals in (self.slip, self.after_impact, *self.groups.values(), *truth):
-            intervals.close(self.rows)
+        for intervals in (self.slip, self.after_impact, *self.groups.values(), self.truth):
+            if intervals:
+                intervals.close(self.rows)
 
     def _spans_about_events(self) -> list[list[int]]:
         """Return the first row and the end of each span of rows to keep, in order.
@@ -309,15 +314,12 @@ class Overview:
         Where there is too little room for all events, it is given to the more important ones, and
         among equals to those that lie where chance has it.
         """
-        random = np.random.default_rng(0).random(len(self.events))
-        order = [
-            (EVENT_KINDS.index(event.kind), chance, event)
-            for event, chance in zip(self.events, random, strict=True)
-        ]
+        random = np.random.default_rng(0).permutation(len(self.events))
+        order = sorted(random, key=lambda k: EVENT_KINDS.index(self.events[k].kind))
         room = ROWS_SHARE * self.share * MOST_CELLS / self.config.channels
         before, after = self.config.samples(BEFORE_S), self.config.samples(AFTER_S)
         spans = []
-        for _, _, event in sorted(order, key=lambda one: one[:2]):
+        for event in (self.events[k] for k in order):
             for start_s in {event.start_s, event.start_s + (event.latency_s or 0.0)}:
                 row = round(start_s * self.sample_rate_hz)
                 spans.append([max(row - before, 0), min(row + after, self.rows)])
@@ -331,14 +333,3 @@ class Overview:
             else:
                 merged.append([start, stop])
         return merged
-
-    def _snippet(self, start: int, stop: int) -> Snippet:
-        """Return the rows from ``start`` up to ``stop``; those in gaps have no sample."""
-        volts = np.full((stop - start, self.low.shape[1]), np.nan, np.float32)
-        codes = np.zeros((stop - start, self.codes.shape[1]), np.uint8)
-        for first, its_volts, its_codes in self._pieces:
-            a, b = max(start, first), min(stop, first + len(its_volts))
-            if a < b:
-                volts[a - start : b - start] = its_volts[a - first : b - first]
-                codes[a - start : b - start] = its_codes[a - first : b - first]
-        return Snippet(start, volts, codes)

@@ -36,9 +36,7 @@ from numpy.typing import NDArray
 
 from slip_detector.evaluation.evaluator import (
     EvaluatedRecording,
-    LabelledRecording,
     RecordingLoader,
-    evaluate_recording,
     recording_figures,
 )
 from slip_detector.evaluation.figures import ReplayOutcome, figures_of_merit
@@ -218,15 +216,12 @@ def evaluate_for_report(
     loader: RecordingLoader, recordings: int, path: Path
 ) -> EvaluatedRecording:
     """Evaluate one of several recordings with its overview as the observer."""
-
-    def watch(opened: LabelledRecording) -> Overview:
-        name, rate_hz = path.name, opened.sample_rate_hz
-        return Overview(name, loader.chain_config, opened.channel_names, 1 / recordings, rate_hz)
-
-    evaluated = evaluate_recording(loader, path, watch)
-    assert isinstance(evaluated.observer, Overview)
-    evaluated.observer.finish(events_of(evaluated.outcome))
-    return evaluated
+    chain, opened = loader.chain_config, loader.open(path)
+    names, rate_hz = opened.recording.channel_names, opened.sample_rate_hz
+    overview = Overview(path.name, chain, names, 1 / recordings, rate_hz)
+    outcome = Replay(chain, loader.config).run(opened.rows, rate_hz, overview)
+    overview.finish(events_of(outcome))
+    return EvaluatedRecording(outcome, opened.recording.counts, overview)
 
 
 def write_evaluation_report(

@@ -26,21 +26,16 @@ from matplotlib.ticker import MaxNLocator
 
 from slip_detector.chain.filters import design, group_delay_s, response
 from slip_detector.evaluation.figures import ReplayOutcome
-from slip_detector.evaluation.scores import MOTION, ScoreCounts
+from slip_detector.evaluation.scores import MOTION, REST, ScoreCounts
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report.overview import Overview
 from slip_detector.report.pictures import COLORS, svg
-from slip_detector.report.tables import MAIN_FIGURES, figure_text, heading
-
-UNDEFINED = '\N{EN DASH}'
+from slip_detector.report.tables import MAIN_FIGURES, UNDEFINED, figure_text, heading
 
 #: The figures in which trials of a search are compared; of the last one more is better.
 COSTS = (
     'latency_median_ms', 'false_alarms_per_minute', 'false_time_percent', 'sooner_than_chance',
 )  # fmt: skip
-
-#: Largest number of trials of the front that are listed.
-MOST_LISTED = 60
 
 
 class Variant(NamedTuple):
@@ -54,8 +49,8 @@ class Variant(NamedTuple):
     overviews : sequence of Overview
         One for each recording, in the same order for all variants.
     figures : mapping
-        Figures of each recording, and of all together, by its name. Each figure is a number or a
-        text by its own name, or None where it is not defined.
+        Figures of each recording, and of all together, by its name; None where one is not
+        defined.
 
     Examples
     --------
@@ -67,7 +62,7 @@ class Variant(NamedTuple):
     name: str
     config: ChainConfig
     overviews: Sequence[Overview]
-    figures: Mapping[str, Mapping[str, float | str | None]]
+    figures: Mapping[str, Mapping[str, float | None]]
 
 
 class SearchTrial(NamedTuple):
@@ -161,105 +156,67 @@ def sections(
 
 
 def _figures(variants: Sequence[Variant]) -> str:
-    of_rows = [row for variant in variants for row in variant.figures.values()]
-    names = list(dict.fromkeys(name for row in of_rows for name in row))
-    main = [name for name in MAIN_FIGURES if name in names] or names
-    content = _figure_table(variants, main)
-    if len(main) < len(names):
-        whole = _figure_table(variants, names)
-        content += f'<details><summary>All figures</summary>{whole}</details>'
+    titles = list(dict.fromkeys(title for variant in variants for title in variant.figures))
+    rows = [(title, one.name, one.figures.get(title, {})) for title in titles for one in variants]
+    names = list(dict.fromkeys(name for *_, figures in rows for name in figures))
+
+    def table(names: Sequence[str]) -> str:
+        cells = [
+            [title, variant, *(figure_text(name, figures.get(name)) for name in names)]
+            for title, variant, figures in rows
+        ]
+        return _table('figures', ['recording', 'variant', *map(heading, names)], cells)
+
+    main = table([name for name in MAIN_FIGURES if name in names])
     legend = f'{UNDEFINED}: not defined, as nothing of the kind occurred or it was not asked for'
-    return f'{content}<p class="legend">{legend}</p>'
-
-
-def _figure_table(variants: Sequence[Variant], names: Sequence[str]) -> str:
-    several = len(variants) > 1
-    bodies = []
-    for title in dict.fromkeys(title for variant in variants for title in variant.figures):
-        lines = []
-        for v, variant in enumerate(variants):
-            figures = variant.figures.get(title, {})
-            heads = [title if v == 0 else '', *([variant.name] if several else [])]
-            lines.append(_row([*heads, *(_cell(name, figures.get(name)) for name in names)]))
-        kind = ' class="whole"' if title.startswith('all ') else ''
-        bodies.append(f'<tbody{kind}>{"".join(lines)}</tbody>')
-    heads = ['recording', *([''] if several else []), *map(heading, names)]
-    return _table(heads, bodies, 'figures')
+    return f'{main}{_details("All figures", table(names))}<p class="legend">{legend}</p>'
 
 
 def _front(trials: Sequence[SearchTrial]) -> str:
     searched = [trial for trial in trials if trial.number is not None]
     best = trade_off_front(searched)
+    undefined = sum(trial.costs is None for trial in searched)
     text = (
         f'{len(searched)} trials. {len(best)} of them are on the front: no other trial is as good '
         'in latency, false alarms, false time and sooner than chance and better in one of them. '
-        'The figures are those of the recordings that were tuned on.'
+        'The figures are those of the recordings that were tuned on. Not drawn are trials that '
+        f'found no more slips than chance, which have no latency: {undefined}.'
     )
-    undefined = sum(trial.costs is None for trial in searched)
-    if undefined:
-        text += (
-            f' {undefined} are not drawn, as one of these figures is not defined: there is no '
-            'latency where no more slips were found than chance finds.'
-        )
-    image = _image(front_figure(trials), 'Latency, false alarms and sooner than chance')
     rows = []
-    for trial in [*(trial for trial in trials if trial.number is None), *best[:MOST_LISTED]]:
+    for trial in [*(trial for trial in trials if trial.number is None), *best]:
         name = trial.mark if trial.number is None else f'{trial.number} {trial.mark}'.strip()
         parameters = (f'{name} {_value(value)}' for name, value in trial.parameters.items())
-        figures = (_cell(name, trial.figures[name]) for name in COSTS)
-        rows.append(_row([name, *figures, ', '.join(parameters)]))
-    table = _table(['trial', *map(heading, COSTS), 'parameters'], rows, 'front')
-    listed = '' if len(best) <= MOST_LISTED else f' (the first {MOST_LISTED})'
-    return (
-        f'<p>{text}</p>{image}'
-        f'<details><summary>The trials on the front{listed}</summary>{table}</details>'
-    )
+        figures = (figure_text(name, trial.figures[name]) for name in COSTS)
+        rows.append([name, *figures, ', '.join(parameters)])
+    table = _table('front', ['trial', *map(heading, COSTS), 'parameters'], rows)
+    image = _image(front_figure(trials), 'Latency, false alarms and sooner than chance')
+    return f'<p>{text}</p>{image}{_details("The trials on the front", table)}'
 
 
 def _parameters(variants: Sequence[Variant]) -> str:
-    columns = [_each_number(variant.config) for variant in variants]
-    rows, differing = [], []
-    for name in dict.fromkeys(name for column in columns for name in column):
-        values = [column.get(name, UNDEFINED) for column in columns]
-        differs = any(value != values[0] for value in values)
-        rows.append(_row([name, *map(_value, values)], 'differs' if differs else ''))
-        if differs:
-            differing.append(rows[-1])
+    columns = [variant.config.to_parameters() for variant in variants]
+    names = dict.fromkeys(name for column in columns for name in column)
+    rows = [[name, *(_value(column.get(name, UNDEFINED)) for column in columns)] for name in names]
     heads = ['parameter', *(variant.name for variant in variants)]
-    whole = _table(heads, rows, 'parameters')
-    if len(variants) == 1:
-        return whole
-    shown = _table(heads, differing, 'parameters') if differing else '<p>All equal.</p>'
-    return f'{shown}<details><summary>All parameters</summary>{whole}</details>'
+    differing = [row for row in rows if len(set(row[1:])) > 1]
+    shown = _table('parameters', heads, differing) if differing else '<p>All equal.</p>'
+    return shown + _details('All parameters', _table('parameters', heads, rows))
 
 
-def _each_number(config: ChainConfig) -> dict[str, Any]:
-    """Return the parameters of a chain; one that has a number for each channel has as many."""
-    parameters: dict[str, Any] = {}
-    for name, value in config.to_parameters().items():
-        if isinstance(value, list) and len(value) == config.channels > 1:
-            channels = zip(config.names, value, strict=True)
-            parameters |= {f'{name} {channel}': one for channel, one in channels}
-        else:
-            parameters[name] = value
-    return parameters
+def _table(name: str, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [f'<thead><tr>{_cells("th", heads)}</tr></thead>']
+    for row in rows:
+        kind = ' class="whole"' if row[0].startswith('all ') else ''
+        lines.append(f'<tbody{kind}><tr>{_cells("td", row)}</tr></tbody>')
+    return f'<div class="scroll"><table class="{name}">{"".join(lines)}</table></div>'
 
 
-def _table(heads: Sequence[str], rows: Sequence[str], name: str) -> str:
-    head = ''.join(f'<th scope="col">{escape(text)}</th>' for text in heads)
-    table = f'<table class="{name}"><thead><tr>{head}</tr></thead>{"".join(rows)}</table>'
-    return f'<div class="scroll">{table}</div>'
+def _cells(tag: str, texts: Sequence[str]) -> str:
+    return ''.join(f'<{tag}>{escape(text)}</{tag}>' for text in texts)
 
 
-def _row(cells: Sequence[str], name: str = '') -> str:
-    kind = f' class="{name}"' if name else ''
-    return f'<tr{kind}>{"".join(f"<td>{escape(cell)}</td>" for cell in cells)}</tr>'
-
-
-def _cell(name: str, value: float | str | None) -> str:
-    if value is None:
-        return UNDEFINED
-    return value if isinstance(value, str) else figure_text(name, value)
+def _details(title: str, content: str) -> str:
+    return f'<details><summary>{title}</summary>{content}</details>'
 
 
 def _value(value: Any) -> str:
@@ -316,10 +273,8 @@ def filters_figure(variants: Sequence[Variant]) -> Figure:
             axis.set(xscale='log', xlabel='frequency [Hz]')
     gain_axis.set(ylabel='gain [dB]', title='Response (shaded: passband)', ylim=(-80, 5))
     # The scale is set by the passband: outside of it the delay has no meaning and may be extreme.
-    limits_ms = (min(0.0, -0.05 * longest_ms), 1.3 * longest_ms)
-    delay_axis.set(ylabel='group delay [ms]', title='Delay', ylim=limits_ms)
-    if len(variants) > 1:
-        gain_axis.legend(loc='lower center')
+    delay_axis.set(ylabel='group delay [ms]', title='Delay', ylim=(0.0, 1.3 * longest_ms))
+    gain_axis.legend(loc='lower center')
     return figure
 
 
@@ -333,22 +288,19 @@ def front_figure(trials: Sequence[SearchTrial]) -> Figure:
     'median latency [ms]'
     """
     figure, (axis,) = _panels(1, 8, 4.6)
-    known = [trial for trial in trials if trial.costs is not None]
-    marked = {_plain(trial.mark): [trial] for trial in known if trial.mark}
-    searched = [trial for trial in known if not trial.mark]
-    layers = {'trial': searched, 'on the front': trade_off_front(trials), **marked}
-    edges = ['none', 'k', *COLORS[1:]]
-    for (name, some), edge, size in zip(layers.items(), edges, (22, 60, 200, 200), strict=False):
-        costs = np.array([trial.costs for trial in some]).reshape(-1, len(COSTS))
-        latency_ms, alarms, _, lack = costs.T
-        label = name
-        if name in marked:
-            words = f'{latency_ms[0]:.0f} ms, {alarms[0]:.2g} a minute'
-            label = f'{name}: {words}, sooner than chance {1.0 - lack[0]:.2f}'
-        drawn = axis.scatter(
-            latency_ms, alarms, size, 1.0 - lack, marker='*' if size > 100 else 'o', vmin=0.0,
-            vmax=1.0, edgecolors=edge, label=label,
-        )  # fmt: skip
+    layers: list[tuple[str, Sequence[SearchTrial], dict[str, Any]]] = [
+        ('trial', [trial for trial in trials if not trial.mark], {'s': 22}),
+        ('on the front', trade_off_front(trials), {'s': 60, 'edgecolors': 'k'}),
+    ]
+    for trial, color in zip((one for one in trials if one.mark), COLORS[1:], strict=False):
+        layers.append(
+            (_plain(trial.mark), [trial], {'s': 200, 'marker': '*', 'edgecolors': color})
+        )
+    for label, some, style in layers:
+        known = [trial.costs for trial in some if trial.costs is not None]
+        latency_ms, alarms, _, lack = np.array(known).reshape(-1, len(COSTS)).T
+        colors: Any = {'c': 1.0 - lack, 'vmin': 0.0, 'vmax': 1.0, **style}
+        drawn = axis.scatter(latency_ms, alarms, label=label, **colors)
     figure.colorbar(drawn, label='sooner than chance')
     # Logarithmic, but linear near 0, so that the axis can show 0 false alarms too.
     axis.set_yscale('symlog', linthresh=1.0)
@@ -373,33 +325,23 @@ def latency_figure(outcomes: Sequence[ReplayOutcome]) -> Figure:
     figure, (latencies, roc) = _panels(2, 10, 4.2)
     slips = [slip for one in outcomes for slip in one.slips if not slip.settling]
     known_ms = [slip.latency_s * 1e3 for slip in slips if slip.latency_s is not None]
-    if known_ms:
-        latencies.hist(known_ms, bins=min(40, max(10, len(known_ms) // 5)), color='C0')
-        latencies.yaxis.set_major_locator(MaxNLocator(integer=True))  # slips are whole numbers
-        for name, percent, style in (('median', 50, '-'), ('p90', 90, ':')):
-            at_ms = np.percentile(known_ms, percent)
-            label = f'{name} {at_ms:.0f} ms'
-            latencies.axvline(at_ms, color='k', linewidth=1, linestyle=style, label=label)
-        latencies.legend(loc='upper right')
+    latencies.hist(known_ms, bins=min(40, max(10, len(known_ms) // 5)), color=COLORS[0])
+    latencies.yaxis.set_major_locator(MaxNLocator(integer=True))  # slips are whole numbers
     latencies.set(xlabel='latency of the global signal [ms]', ylabel='slips')
     latencies.set_title(f'{len(known_ms)} detected, {len(slips) - len(known_ms)} missed')
     scores = ScoreCounts.pooled([one.scores for one in outcomes if one.scores is not None])
-    against: dict[str, tuple[tuple[int, ...], ...]] = {'all other rows': ()}
-    if any(one.moving_rows is not None for one in outcomes):
-        against['rows of motion'] = ((MOTION,),)
-    for name, kinds in against.items():
-        area = scores.auc(*kinds)
+    for name, kinds in (('all other rows', (REST, MOTION)), ('rows of motion', (MOTION,))):
+        area = scores.auc(kinds)
         if area is not None:
-            false_share, true_share, limit = scores.roc(*kinds)
+            false_share, true_share, limit = scores.roc(kinds)
             label = f'{name}: {area:.3f}'
             (line,) = roc.plot([0.0, *false_share], [0.0, *true_share], label=label)
             at = max(int(np.searchsorted(-limit, -1.0, 'right')) - 1, 0)
             roc.plot(false_share[at], true_share[at], 'o', color=line.get_color())
-    roc.plot([0.0, 1.0], [0.0, 1.0], color='0.7', linewidth=0.8, linestyle=':')
+    roc.plot([0.0, 1.0], [0.0, 1.0], color='0.7', linewidth=0.8, linestyle=':', label='chance')
     roc.set(xlabel='share of the rows without slip', ylabel='share of the rows with slip')
     roc.set_title('ROC of the decision statistic (dot: threshold)')
-    if len(roc.lines) > 1:
-        roc.legend(title='area, slip against', loc='lower right', frameon=False)
+    roc.legend(title='area, slip against', loc='lower right', frameon=False)
     return figure
 
 

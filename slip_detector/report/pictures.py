@@ -40,9 +40,6 @@ Bools = NDArray[np.bool_]
 #: purple, orange, sky blue, black.
 COLORS = ('#0072B2', '#D55E00', '#009E73', '#CC79A7', '#E69F00', '#56B4E9', '#000000')
 
-#: The time around the start of the motion that is shown enlarged.
-ENLARGED_S = (-0.04, 0.16)
-
 
 def save_picture(figure: Figure, path: Path) -> None:
     """Write a figure to a file, in the format that the ending names, and close the figure.
@@ -142,100 +139,20 @@ def draw_trial(
             raw.plot(time_s, volts[:, channel - 1], linewidth=0.7, label=f'{channel}')
         raw.set_ylabel(f'{name} [V]')
         raw.legend(title='channel', loc='center left', bbox_to_anchor=(1.0, 0.5), fontsize=8)
-        _draw_decision(decision, time_s, on, COLORS[0])
-        decision.set_ylabel(name)
-    _draw_decision(axes[-1], time_s, slip, COLORS[1])
-    axes[-1].set(ylabel='slip', xlabel='time [s]', xlim=(time_s[0], time_s[-1]))
+        draw_decision(decision, time_s, on, COLORS[0], name)
+    draw_decision(axes[-1], time_s, slip, COLORS[1], 'slip')
+    axes[-1].set(xlabel='time [s]', xlim=(time_s[0], time_s[-1]))
     if motion_s:
         for axis in axes:
             axis.axvspan(*motion_s, color='0.92', zorder=0)
             axis.axvline(motion_s[0], color='k', linestyle='--', linewidth=1)
         axes[0].set_title('grey: the plate moves', fontsize=9, loc='left')
-    if title:
-        figure.suptitle(title)
-    save_picture(figure, path)
-
-
-def enlarged_panels(
-    rows: int, motion_s: tuple[float, float], height: float, **settings: Any
-) -> tuple[Figure, Any]:
-    """Return a figure with whole trials on the left, the start of the motion on the right."""
-    figure, axes = plt.subplots(
-        rows, 2, sharex='col', figsize=(11, height), layout='constrained', **settings
-    )
-    axes[0, 1].set_title('the start of the motion', fontsize=10)
-    axes[-1, 0].set_xlabel('time [s]')
-    axes[-1, 1].set(
-        xlabel='time since the start of the plate [ms]',
-        xlim=tuple(edge_s * 1e3 for edge_s in ENLARGED_S),
-    )
-    for whole, enlarged in axes:
-        whole.axvspan(*motion_s, color='0.92', zorder=0)
-        enlarged.axvspan(0.0, (motion_s[1] - motion_s[0]) * 1e3, color='0.92', zorder=0)
-    return figure, axes
-
-
-def draw_stages(
-    path: Path,
-    time_s: Floats,
-    stages: Mapping[str, Floats],
-    on: Bools,
-    threshold: float,
-    motion_s: tuple[float, float],
-    title: str,
-) -> None:
-    """Draw one channel after each stage of the chain, counterpart of the paper's Fig. 2.
-
-    Parameters
-    ----------
-    path
-        The picture to write.
-    time_s : ndarray, shape (n,)
-        When the samples were taken.
-    stages
-        The signals after each stage, arrays of shape (n,), by name and unit: first the raw
-        signal, last the level, which is compared with the threshold.
-    on : ndarray of bool, shape (n,)
-        The channel's decision.
-    threshold
-        In the unit of the level.
-    motion_s
-        When the plate started and stopped.
-    title
-        Title of the picture.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> time_s, level = np.arange(40) / 380.0, np.linspace(0.0, 1.0, 40)
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = Path(folder) / 'stages.png'
-    ...     draw_stages(path, time_s, {'level [V]': level}, level > 0.5, 0.5, (0.05, 0.1), 'ch1')
-    ...     path.is_file()
-    True
-    """
-    rows = len(stages) + 1
-    ratios = [1.0] * len(stages) + [0.5]
-    figure, axes = enlarged_panels(rows, motion_s, 1.35 * rows + 1, height_ratios=ratios)
-    edges_s = [motion_s[0] + edge_s for edge_s in ENLARGED_S]
-    near = (time_s >= edges_s[0]) & (time_s <= edges_s[1])
-    sides = ((time_s, near | True), ((time_s - motion_s[0]) * 1e3, near))
-    for column, (times, shown) in enumerate(sides):
-        for axis, (name, values) in zip(axes[:, column], stages.items(), strict=False):
-            axis.plot(times[shown], values[shown], color=COLORS[0], linewidth=0.9)
-            axis.grid(color='0.9', linewidth=0.5)
-            axis.set_ylabel('' if column else name)
-        level, label = axes[-2, column], f'threshold {threshold:g}'
-        level.axhline(threshold, color=COLORS[1], linestyle='--', label=label)
-        _draw_decision(axes[-1, column], times[shown], on[shown], COLORS[0])
-    axes[-2, 0].legend(loc='upper left')
-    axes[-1, 0].set(ylabel='decision', xlim=(time_s[0], time_s[-1]))
-    axes[0, 0].set_title('the whole trial (grey: the plate moves)', fontsize=10)
     figure.suptitle(title)
     save_picture(figure, path)
 
 
-def _draw_decision(axis: Axes, time_s: Floats, on: Bools, color: str) -> None:
+def draw_decision(axis: Axes, time_s: Floats, on: Bools, color: str, name: str) -> None:
+    """Draw when a signal is ON."""
     axis.fill_between(time_s, on.astype(float), step='post', color=color, alpha=0.6, linewidth=0)
-    axis.set_ylim(-0.1, 1.2)
+    axis.set(ylabel=name, ylim=(-0.1, 1.2))
     axis.set_yticks([0, 1], ['OFF', 'ON'])

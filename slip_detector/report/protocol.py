@@ -14,37 +14,34 @@
 
 """The figures of the paper's protocol as text, and the counterparts of the paper's pictures."""
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from matplotlib import pyplot as plt
+from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
-from scipy import signal
 
-from slip_detector.chain.filters import design
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation.protocol import (
     PAPER_DELAY_MS,
     PAPER_FALSE_POSITIVE_PERCENT,
     SCENES,
     PlateTrial,
-    band_name,
 )
+from slip_detector.evaluation.replay import of_filters
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.report.pictures import (
-    COLORS,
-    ENLARGED_S,
-    draw_stages,
-    draw_trial,
-    enlarged_panels,
-    save_picture,
-)
+from slip_detector.report.pictures import COLORS, draw_decision, draw_trial, save_picture
 from slip_detector.report.tables import number_text, text_table, verdict_cells
 
+Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
+
+#: The time about the start of the motion that is shown enlarged.
+ENLARGED_S = (-0.04, 0.16)
 
 #: Headings of the wanted figures.
 MEANINGS = {
@@ -70,7 +67,7 @@ def protocol_table(result: Mapping[str, Any]) -> str:
     result
         As :func:`slip_detector.evaluation.protocol.run_protocol` returns it.
     """
-    plates, seeds = result['plates'], result['seeds']
+    plates, seeds, (windows, bands) = result['plates'], result['seeds'], _named(result)
     wanted = [[MEANINGS[name], *verdict_cells(one)] for name, one in result['wanted'].items()]
     blocks = [
         f"The paper's protocol: {len(plates)} plates, {len(seeds)} trials on each, "
@@ -80,9 +77,9 @@ def protocol_table(result: Mapping[str, Any]) -> str:
         "False positives: share of the time at which the plate stands. The paper's delays of the "
         'single trials are not known.',
         'Mean delay [ms] by the length of both windows (as Fig. 4)',
-        text_table(_variants(plates, _windows(result))),
+        text_table(_variants(plates, windows)),
         'Mean delay [ms] by band (as Fig. 7)',
-        text_table(_variants(plates, _bands(result))),
+        text_table(_variants(plates, bands)),
         'Wanted',
         text_table(wanted),
     ]
@@ -135,15 +132,13 @@ def _detected(part: Mapping[str, Any]) -> str:
     return f'{part["detected"]} of {part["trials"]}'
 
 
-def _windows(result: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
-    """Return the figures with each length of the windows, by its name."""
-    return {f'{name} ms': part for name, part in result['windows'].items()}
-
-
-def _bands(result: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
-    """Return the figures with the configured band and with each other one, by its name."""
-    others = {band_name(name): part for name, part in result['bands'].items()}
-    return {'as configured': result, **others}
+def _named(result: Mapping[str, Any]) -> tuple[dict[str, Any], ...]:
+    """Return the figures with each length of the windows, and with each band, by their names."""
+    windows = {f'{name} ms': part for name, part in result['windows'].items()}
+    bands: dict[str, Any] = {'as configured': result}
+    for name, part in result['bands'].items():
+        bands[f'[{name.replace("-", ", ")}] Hz, no high stop-band'] = part
+    return windows, bands
 
 
 def stage_signals(trial: PlateTrial, config: ChainConfig, channel: int) -> dict[str, Floats]:
@@ -172,32 +167,27 @@ def stage_signals(trial: PlateTrial, config: ChainConfig, channel: int) -> dict[
 
     Examples
     --------
-    >>> from slip_detector.evaluation.protocol import plate_trial
+    >>> from slip_detector.evaluation.protocol import PlateTrial
     >>> time_s = np.arange(760) / 380.0
     >>> volts = 4.3 + 0.02 * np.sin(2 * np.pi * 25.0 * time_s)[:, np.newaxis] * np.ones(16)
-    >>> trial = plate_trial(volts, np.clip(time_s - 1.0, 0.0, 0.5), 380.0)
+    >>> trial = PlateTrial(volts, np.clip(time_s - 1.0, 0.0, 0.5), 380.0)
     >>> {signal.shape for signal in stage_signals(trial, ChainConfig(), channel=1).values()}
     {(760,)}
     """
-    evidence = config.decision == 'evidence'
+    evidence, at = config.decision == 'evidence', channel - 1
     result = SlipChain(config).update(trial.volts, floor=evidence, excess=evidence)
-    at = channel - 1
-    # Like the chain, filter the deviations from the first row, the baseline.
-    deviations = trial.volts - trial.volts[0]
-    volts = deviations[:, at]
-    if config.common_mode != 'none':
-        enabled = [c for c in range(config.channels) if c + 1 not in config.disabled_channels]
-        volts = volts - getattr(np, config.common_mode)(deviations[:, enabled], axis=1)
-    if config.mains_rows:
-        before = volts[: -config.mains_rows]
-        volts = np.concatenate([np.zeros(config.mains_rows), volts[config.mains_rows :] - before])
-    filtered = signal.sosfilt(design(config), volts)
-    rectified = np.abs(filtered) if config.rectify == 'full' else np.maximum(filtered, 0.0)
+    # With windows of one sample the envelope is the filtered signal, rectified and raised.
+    sharp = of_filters(config)
+    half = dataclasses.replace(sharp, exponent=1, rectify='half', valid_range_v=(-1e9, 1e9))
+    above, below, powered = (
+        SlipChain(chain).update(volts).envelope[:, at]
+        for chain, volts in ((half, trial.volts), (half, -trial.volts), (sharp, trial.volts))
+    )
     unit = 'V' if config.exponent == 1 else f'V$^{config.exponent}$'
     signals = {
         'raw [V]': trial.volts[:, at],
-        f'filtered,\ntimes {config.gain:g} [V]': filtered,
-        f'rectified,\nto the power\nof {config.exponent} [{unit}]': rectified**config.exponent,
+        f'filtered,\ntimes {config.gain:g} [V]': above - below,
+        f'rectified,\nto the power\nof {config.exponent} [{unit}]': powered,
         f'RMS envelope\n[{unit}]': result.envelope[:, at],
     }
     if not evidence:
@@ -241,48 +231,80 @@ def draw_protocol(
     channel = next(c for c in range(1, config.channels + 1) if c not in config.disabled_channels)
     of_trial = f'plate of {first_plate} µm, trial with the seed {result["seeds"][0]}'
     paths = {number: folder / f'paper_fig{number}.png' for number in (2, 4, 5, 6, 7)}
-    stages, on = stage_signals(trial, config, channel), decided.channels[:, channel - 1]
     title = f'{config.names[channel - 1]} from stage to stage; {of_trial}'
-    draw_stages(paths[2], trial.time_s, stages, on, config.threshold, trial.motion_s, title)
-    _draw_variants(paths[4], _windows(result), 'length of\nboth windows')
+    _draw_stages(paths[2], trial, config, channel, decided.channels[:, channel - 1], title)
+    windows, bands = _named(result)
+    _draw_variants(paths[4], windows, 'length of\nboth windows')
     groups = dict(zip(config.groups, decided.groups.T, strict=True))
     title = f'Channels by group, decisions of the groups and of all; {of_trial}'
     draw_trial(
         paths[5], trial.time_s, trial.volts, config, groups, decided.slip, trial.motion_s, title
     )
     _draw_decisions(paths[6], plates, config)
-    _draw_variants(paths[7], _bands(result), 'band')
+    _draw_variants(paths[7], bands, 'band')
     return list(paths.values())
+
+
+def _panels(trial: PlateTrial, heights: Sequence[float]) -> tuple[Figure, Any]:
+    """Return a figure with whole trials on the left, the start of the motion on the right."""
+    start_s, figsize = trial.motion_s[0], (11, 1.35 * sum(heights) + 1)
+    figure, axes = plt.subplots(
+        len(heights), 2, sharex='col', sharey='row', figsize=figsize, height_ratios=heights,
+        layout='constrained',
+    )  # fmt: skip
+    for axis in axes.flat:
+        axis.axvspan(*trial.motion_s, color='0.92', zorder=0)
+        axis.grid(color='0.9', linewidth=0.5)
+        axis.set_axisbelow(True)
+    axes[0, 0].set_title('whole trials (grey: the plate moves)', fontsize=10)
+    axes[0, 1].set_title('the start of the motion', fontsize=10)
+    axes[0, 0].set_xlim(0.0, trial.time_s[-1])
+    axes[0, 1].set_xlim(start_s + ENLARGED_S[0], start_s + ENLARGED_S[1])
+    for axis in axes[-1]:
+        axis.set_xlabel('time [s]')
+    return figure, axes
+
+
+def _draw_stages(
+    path: Path, trial: PlateTrial, config: ChainConfig, channel: int, on: Bools, title: str
+) -> None:
+    """Draw one channel after each stage of the chain, counterpart of the paper's Fig. 2."""
+    stages = stage_signals(trial, config, channel)
+    figure, axes = _panels(trial, [1.0] * len(stages) + [0.5])
+    for column in axes.T:
+        for axis, values in zip(column, stages.values(), strict=False):
+            axis.plot(trial.time_s, values, color=COLORS[0], linewidth=0.9)
+        label = f'threshold {config.threshold:g}'
+        column[-2].axhline(config.threshold, color=COLORS[1], linestyle='--', label=label)
+        draw_decision(column[-1], trial.time_s, on, COLORS[0], '')
+    for axis, name in zip(axes[:, 0], [*stages, 'decision'], strict=True):
+        axis.set_ylabel(name)
+    axes[-2, 0].legend(loc='upper left')
+    figure.suptitle(title)
+    save_picture(figure, path)
 
 
 def _draw_decisions(
     path: Path, plates: Mapping[str, Sequence[PlateTrial]], config: ChainConfig
 ) -> None:
-    """Draw the global decision of each trial, counterpart of the paper's Fig. 6.
+    """Draw the global decision of each trial below the motion, counterpart of the paper's Fig. 6.
 
-    The motion is above it. A row of bars is a trial.
+    A row of bars is a trial; a bar shows that slip is ON.
     """
-    rows, motion_s = 1 + len(plates), next(iter(plates.values()))[0].motion_s
-    figure, axes = enlarged_panels(rows, motion_s, 1.8 * rows)
+    figure, axes = _panels(next(iter(plates.values()))[0], [1.35] * (1 + len(plates)))
     for (plate, trials), color, panels in zip(plates.items(), COLORS, axes[1:], strict=False):
-        first = trials[0]
-        since_ms = (first.time_s - first.motion_s[0]) * 1e3
-        near = since_ms <= ENLARGED_S[1] * 1e3
-        axes[0, 0].plot(first.time_s, first.position_m * 1e3, color='0.2')
-        axes[0, 1].plot(since_ms[near], first.position_m[near] * 1e3, color='0.2')
+        for axis in axes[0]:
+            axis.plot(trials[0].time_s, trials[0].position_m * 1e3, color='0.2')
         for number, trial in enumerate(trials, start=1):
             slip = SlipChain(config).update(trial.volts, envelope=False, level=False).slip
             edges = np.flatnonzero(np.diff(slip, prepend=False, append=False))
-            for axis, times in zip(panels, (first.time_s, since_ms), strict=True):
-                turns = np.append(times, 2 * times[-1] - times[-2])[edges]
-                spans = np.column_stack([turns[::2], np.diff(turns)[::2]])
+            turns = edges.reshape(-1, 2) / trial.sample_rate_hz
+            spans = np.column_stack([turns[:, 0], turns[:, 1] - turns[:, 0]])
+            for axis in panels:
                 axis.broken_barh(spans, (number - 0.35, 0.7), color=color)
-        for axis in panels:
-            axis.set_ylim(len(trials) + 0.7, 0.3)
-            axis.yaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10], integer=True))
-        panels[0].set(ylabel=f'{plate} µm\ntrial', xlim=(0.0, first.time_s[-1]))
+        panels[0].set(ylabel=f'{plate} µm\ntrial', ylim=(len(trials) + 0.7, 0.3))
+        panels[0].yaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10], integer=True))
     axes[0, 0].set_ylabel('platform [mm]')
-    axes[0, 0].set_title('whole trials (grey: the plate moves; bars: slip is ON)', fontsize=10)
     save_picture(figure, path)
 
 
@@ -300,22 +322,20 @@ def _draw_variants(path: Path, variants: Mapping[str, Mapping[str, Any]], title:
             ],
             np.float64,
         )
-        at = places + (v - len(variants) / 2) * width
-        error_ms = np.nan_to_num(sd_ms)
-        bars = delay.bar(at, mean_ms, 0.9 * width, yerr=error_ms, capsize=3, color=color)
+        bar: Any = {'x': places + v * width, 'width': 0.9 * width, 'color': color}
+        bars = delay.bar(height=mean_ms, yerr=np.nan_to_num(sd_ms), capsize=3, **bar)
         delay.bar_label(bars, fmt='%.1f', label_type='center', color='w', fontsize=8)
-        share.bar(at, false_percent, 0.9 * width, color=color, label=name)
+        share.bar(height=false_percent, label=name, **bar)
     paper_ms, paper_sd_ms = zip(*(PAPER_DELAY_MS[plate] for plate in plates), strict=True)
-    at = places + len(variants) / 2 * width
+    at = places + len(variants) * width
     delay.errorbar(at, paper_ms, paper_sd_ms, fmt='D', color='k', capsize=4)
     share.axhline(PAPER_FALSE_POSITIVE_PERCENT, color='k', linestyle='--', label='the paper')
-    delay.set(ylabel='mean delay ± sd [ms]', ylim=(0.0, None))
-    delay.set_title('Delay from the start of the plate (diamonds: the paper)', fontsize=10)
-    share.set(ylabel='ON while the plate stands [%]', ylim=(0.0, None))
-    share.set_title('False positives', fontsize=10)
-    for axis in (delay, share):
-        axis.set_xticks(places, [f'{plate} µm' for plate in plates])
-        axis.grid(axis='y', color='0.9', linewidth=0.5)
-        axis.set_axisbelow(True)
+    for axis, what, unit in (
+        (delay, 'Delay from the start of the plate (diamonds: the paper)', 'mean delay ± sd [ms]'),
+        (share, 'False positives', 'ON while the plate stands [%]'),
+    ):
+        axis.set_title(what, fontsize=10)
+        axis.set(ylabel=unit, ylim=(0.0, None))
+        axis.set_xticks(places + 0.4 - 0.5 * width, [f'{plate} µm' for plate in plates])
     share.legend(title=title, loc='center left', bbox_to_anchor=(1.0, 0.5), frameon=False)
     save_picture(figure, path)

@@ -25,7 +25,7 @@ from slip_detector.evaluation.chance import (
     slip_figures,
     sooner_than_chance,
 )
-from slip_detector.evaluation.matching import OnIntervals, RowInterval, ScoredRows
+from slip_detector.evaluation.matching import OnIntervals, RowInterval, ScoredRows, rows_on
 from slip_detector.parameters.evaluation import EvaluationConfig
 
 RATE_HZ = 100.0
@@ -88,7 +88,8 @@ def test_always_on_and_never_on_are_exactly_as_good_as_chance(always):
     rows = ScoredRows(slips, [RowInterval(0, 1100)], 0, EvaluationConfig(), RATE_HZ)
     rises = [alarm.start for alarm in rows.alarms(on)]
     assert rows.match(rises) == ([None] * 4, [None] * len(rises))
-    seconds = rows.rest_rows / RATE_HZ, rows.on_rest_rows(on) / RATE_HZ
+    on_rows = rows_on(on, rows.rest_starts, rows.rest_ends).sum()
+    seconds = rows.rest_rows / RATE_HZ, on_rows / RATE_HZ
     # The one alarm rises while the chain settles.
     figures = slip_figures([np.nan] * 4, rows.leads_s, rows.windows_s, 0, *seconds)
     assert figures['sooner_than_chance'] == 0.0

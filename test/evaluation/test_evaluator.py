@@ -97,22 +97,31 @@ def test_a_row_is_one_of_motion_where_the_speed_of_the_named_columns_is_above_th
     np.testing.assert_array_equal(whole(opened).moving, speed > 0.5)
 
 
-class Rows:
-    def __init__(self, opened):
-        self.sample_rate_hz, self.volts = opened.sample_rate_hz, []
+@pytest.mark.parametrize(
+    ('changes', 'message'),
+    [
+        ({'v': None}, 'has no array v, there are: sample_rate_hz, slip, v_names, volts$'),
+        ({'v': np.zeros((40, 3, 1))}, r'v has the shape \(40, 3, 1\) and type float64, '),
+        ({'v': np.full((40, 3), np.nan)}, r'v has the shape \(40, 3\) and type float64, '),
+        ({'v_names': list('xx')}, r"v_names has the names \['x', 'x'\], allowed: one for "),
+        ({'v_names': list('xxz')}, r"v_names has .*, with each of \['x', 'z'\] once$"),
+        ({'v': np.zeros((50, 3))}, 'v has 50 rows, allowed: as many as the recording has$'),
+    ],
+)  # fmt: skip
+def test_velocities_that_do_not_suit_are_refused(tmp_path, changes, message):
+    arrays = {'v': np.zeros((40, 3)), 'v_names': list('xyz'), **changes}
+    path = tmp_path / 'a.npz'
+    write(path, rows=40, **{name: one for name, one in arrays.items() if one is not None})
+    with pytest.raises(ValueError, match=f'^{path}: {message}'):
+        whole(loader(motion_key='v', motion_columns=('x', 'z')).open(path))
 
-    def add(self, volts, result, truth):
-        self.volts.append(volts)
 
-
-def test_an_evaluation_is_the_replay_of_the_rows_of_the_file_with_an_observer(tmp_path):
-    evaluated = evaluate_recording(loader(), write(tmp_path / 'a.npz'), Rows)
+def test_an_evaluation_is_the_replay_of_the_rows_of_the_file(tmp_path):
+    evaluated = evaluate_recording(loader(), write(tmp_path / 'a.npz'))
     volts, slip = arrays(0)
     outcome = Replay(CHAIN).run([Samples.evenly(volts, RATE_HZ, slip)], RATE_HZ)
     assert figures_of_merit([evaluated.outcome]) == figures_of_merit([outcome])
     assert evaluated.outcome.slips == outcome.slips
-    assert evaluated.observer.sample_rate_hz == RATE_HZ
-    np.testing.assert_array_equal(np.concatenate(evaluated.observer.volts), volts)
 
 
 def test_figures_of_several_recordings_count_the_faults_of_all(tmp_path):

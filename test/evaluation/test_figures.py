@@ -27,6 +27,7 @@ from slip_detector.evaluation.figures import (
     STAGES,
     TRUE,
     Alarm,
+    ReplayOutcome,
     TrueSlip,
     event_figures,
     figures_of_merit,
@@ -48,6 +49,15 @@ MISSED = dataclasses.replace(
 )
 
 
+def outcome(slips=(), kinds=(), rest_rows=0, on_rest_rows=0, rows=0, on_rows=0):
+    """Return the outcome of a recording with 10 rows a second, none of them called slip."""
+    return ReplayOutcome(
+        rows=rows, slip_rows=0, moving_rows=None, on_rows=on_rows, settling_rows=0,
+        rest_rows=rest_rows, on_rest_rows=on_rest_rows, sample_rate_hz=10.0, slips=tuple(slips),
+        alarms=tuple(Alarm(1.0, 1.5, kind, None) for kind in kinds), scores=None,
+    )  # fmt: skip
+
+
 def test_figures_of_events_by_hand():
     late = dataclasses.replace(
         SLIP,
@@ -60,9 +70,8 @@ def test_figures_of_events_by_hand():
     already_on = dataclasses.replace(MISSED, lost_at='already_on')
     slips = [SLIP, late, MISSED, already_on, early, begun]
     kinds = (TRUE, TRUE, TRUE, REPEAT, FALSE, SETTLING)
-    alarms = [Alarm(1.0, 1.5, kind, None) for kind in kinds]
-    figures = event_figures(slips, alarms, 30.0, 0.6)
-    assert figures == pytest.approx(
+    outcomes = [outcome(slips[:2], kinds[:1], 100, 6), outcome(slips[2:], kinds[1:], 200)]
+    assert event_figures(outcomes) == pytest.approx(
         {
             'slips': 6, 'settling_slips': 1, 'matched': 3, 'late': 1, 'missed': 2,
             'alarms': 6, 'repeated_alarms': 1, 'false_alarms': 1, 'settling_alarms': 1,
@@ -84,7 +93,7 @@ def test_figures_of_events_by_hand():
 
 
 def test_an_undefined_figure_is_none():
-    nothing = event_figures([], [], 0.0, 0.0)
+    nothing = event_figures([])
     undefined = {name for name, value in nothing.items() if value is None}
     assert undefined == {
         'recall', 'recall_by_chance', 'sooner_than_chance', 'precision', 'precision_by_chance',
@@ -92,13 +101,13 @@ def test_an_undefined_figure_is_none():
         'latency_median_all_ms', 'latency_median_ms', 'latency_p90_ms', 'latency_worst_ms',
         *(f'{lead}{stage}_ms' for lead in ('', 'late_') for stage in STAGES),
     }  # fmt: skip
-    missed = event_figures([MISSED], [], 10.0, 0.0)
+    missed = event_figures([outcome([MISSED], rest_rows=100)])
     assert (missed['recall'], missed['precision']) == (0.0, None)
     assert missed['false_alarms_per_minute'] == 0.0
     assert missed['latency_median_ms'] is None
-    unknown = event_figures([dataclasses.replace(MISSED, lost_at=None)], [], 10.0, 0.0)
+    unknown = event_figures([outcome([dataclasses.replace(MISSED, lost_at=None)])])
     assert unknown['missed_at_filter'] is None
-    quiet = event_figures([], [Alarm(0.0, 1.0, FALSE, None)], 60.0, 1.0)
+    quiet = event_figures([outcome(kinds=[FALSE], rest_rows=600)])
     assert (quiet['recall'], quiet['precision']) == (None, 0.0)
 
 
@@ -118,7 +127,7 @@ def test_the_figures_of_the_paper_by_hand():
         dataclasses.replace(SLIP, delay_s=delay_s, on_while=on_while)
         for delay_s, on_while in ((0.03, True), (0.05, False), (None, True), (0.04, True))
     ]
-    assert paper_figures(slips, on_rows=3, rest_rows=60) == pytest.approx(
+    assert paper_figures([outcome(slips, rows=60, on_rows=3)]) == pytest.approx(
         {
             'mean_delay_ms': 40.0,
             'sd_delay_ms': 10.0,  # n - 1
@@ -126,7 +135,7 @@ def test_the_figures_of_the_paper_by_hand():
             'false_positive_percent': 5.0,
         }
     )
-    assert set(paper_figures([], 0, 0).values()) == {None}
+    assert set(paper_figures([]).values()) == {None}
 
 
 def labelled(*slips, others=()):

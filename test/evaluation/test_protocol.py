@@ -14,21 +14,22 @@
 
 """The paper's protocol: its trials, their figures, the variants of the chain and the claims."""
 
+import dataclasses
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from slip_detector.chain.samples import Samples
 from slip_detector.evaluation import protocol
 from slip_detector.evaluation.protocol import (
     PAPER_DELAY_MS,
     SCENES,
     WANTED,
+    PlateTrial,
     claims,
     evaluate_plates,
     plate_figures,
-    plate_trial,
-    replay_trial,
     run_protocol,
     simulate_trials,
     with_band,
@@ -71,7 +72,7 @@ class Deciding:
 def moving_trial(rows=20, start=5, end=12):
     """Make a trial whose plate moves from row ``start`` to row ``end``."""
     position_m = np.clip(np.arange(rows) - start, 0, end - start) * 1e-3
-    return plate_trial(np.zeros((rows, 2)), position_m, RATE_HZ)
+    return PlateTrial(np.zeros((rows, 2)), position_m, RATE_HZ)
 
 
 def decided(trial, *firsts, slip=None):
@@ -80,23 +81,17 @@ def decided(trial, *firsts, slip=None):
     channels = np.array([rows >= (rows.size if first is None else first) for first in firsts]).T
     replay = Replay(ChainConfig(), scores=False, stages=False)
     replay.chain = Deciding(channels, channels.any(axis=1) if slip is None else slip)
-    return replay_trial(trial, replay)
+    return replay.run([Samples.evenly(trial.volts, RATE_HZ, trial.moving)], RATE_HZ)
 
 
 def test_a_trial_lasts_from_the_last_row_at_rest_to_the_first_at_rest_again():
-    trial = plate_trial(np.zeros((7, 1)), np.array([0, 0, 0, 1, 2, 2, 2.0]), RATE_HZ)
-    assert trial.motion_s == (0.02, 0.04)
-    assert trial.moving.tolist() == [False, False, True, True, True, False, False]
     # A pause between two motions is part of the slip, as the paper has one slip in a trial.
-    again = plate_trial(np.zeros((6, 1)), np.array([0, 1, 1, 1, 2, 2.0]), RATE_HZ)
-    assert again.motion_s == (0.0, 0.04)
-
-
-def test_a_scene_whose_plate_does_not_move_is_named(tmp_path):
-    path = tmp_path / 'still.yaml'
-    path.write_text('steps: [{duration_s: 1.0, force_n: 0.4}]')
-    with pytest.raises(ValueError, match=f'^{path}: the platform does not move'):
-        simulate_trials(str(path), [0])
+    for position_m, motion_s in (
+        ([0, 0, 0, 1, 2, 2, 2], (0.02, 0.04)), ([0, 1, 1, 1, 2, 2], (0.0, 0.04)),
+    ):  # fmt: skip
+        trial = PlateTrial(np.zeros((len(position_m), 1)), np.array(position_m), RATE_HZ)
+        assert trial.motion_s == motion_s
+        assert np.flatnonzero(trial.moving).tolist() == list(range(round(motion_s[0] * 100), 5))
 
 
 def test_the_plates_differ_only_in_their_spatial_period():
@@ -137,13 +132,9 @@ def test_a_delay_that_is_not_defined_is_none():
 
 
 def test_a_trial_that_does_not_suit_the_chain_is_refused_with_its_plate():
-    trials, start = {'400': [moving_trial()]}, '^plate 400: the trial has'
-    with pytest.raises(ValueError, match=f'{start} 2 channels, allowed: 16, the parameter chan'):
-        evaluate_plates(
-            trials, ChainConfig(sample_rate_hz=RATE_HZ, stopbands_hz=(), passband_hz=(7.0, 40.0))
-        )
-    with pytest.raises(ValueError, match=f'{start} 100 Hz where the parameter sample_rate_hz is'):
-        evaluate_plates(trials, ChainConfig(channels=2))
+    for changes in ({'channels': 1, 'groups': {'a': (1,)}}, {'sample_rate_hz': 200.0}):
+        with pytest.raises(ValueError, match=r'^plate 400 has 2 channels at 100 Hz, '):
+            evaluate_plates({'400': [moving_trial()]}, dataclasses.replace(CHAIN, **changes))
 
 
 def test_a_high_pass_keeps_all_stop_bands_and_a_band_pass_those_below_its_upper_edge():
