@@ -58,9 +58,12 @@ TABLES = {
     },
     ROOT / 'docs' / 'scenes.md': {
         'parts': {
-            'the scene itself': dataclasses.fields(Sampling),
-            '`steps`: each of them': dataclasses.fields(Step),
-            **{f'`{name}`': dataclasses.fields(part) for name, part in PARTS.items()},
+            'The scene itself': dataclasses.fields(Sampling),
+            '`steps`: Each of them.': dataclasses.fields(Step),
+            **{
+                f'`{name}`: {part.__doc__.splitlines()[0]}': dataclasses.fields(part)
+                for name, part in PARTS.items()
+            },
         }
     },
 }
@@ -70,7 +73,8 @@ def table(sections):
     """Lay out fields as a Markdown table, each heading as a row above its fields."""
     lines = ['| parameter | default | unit | allowed | meaning |', '|---|---|---|---|---|']
     for heading, fields in sections.items():
-        lines += [f'| **{heading}** | | | | |'] if heading else []
+        name, _, about = heading.partition(': ')
+        lines += [f'| **{name}** | | | | {about} |'] if heading else []
         for field in fields:
             default = shown(default_of(field))
             unit = field.metadata['unit']
