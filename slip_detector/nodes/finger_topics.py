@@ -38,7 +38,7 @@ from slip_detector.nodes.messages import event_qos, sensor_qos, state_qos
 from slip_detector.nodes.rclpy_internals import ROS_ERROR, receiver
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.fields import names_that_affect
-from slip_detector.recordings.messages import Sample, joint_state_groups
+from slip_detector.recordings.messages import Sample, joint_state_table
 from slip_detector.view.detectors import Finger
 
 #: Parameters on which the subscriptions depend.
@@ -240,9 +240,9 @@ class FingerTopics:
         """Append the detector's levels and decisions to the track."""
         received, self._levels = self._levels, []
         slip = np.array([state_at(self._slip, at_ns) for at_ns, _ in received])
-        groups = list(joint_state_groups([raw for _, raw in received]))
-        if len(groups) != 1:  # the channels have just changed
+        table = joint_state_table([raw for _, raw in received])
+        if table is None:  # the channels have just changed
             return
-        levels, channels_on = groups[0].numbers('position'), groups[0].numbers('effort') > 0.0
+        levels, channels_on = table.numbers('position'), table.numbers('effort') > 0.0
         if levels.shape == channels_on.shape == (len(received), self._config.channels):
-            self.finger.track.add_levels(groups[0].stamps_ns, levels, channels_on, slip)
+            self.finger.track.add_levels(table.stamps_ns, levels, channels_on, slip)

@@ -248,27 +248,6 @@ def read_yaml(path: str | Path) -> dict[str, Any]:
     return {str(name): value for name, value in document.items()}
 
 
-def compose_yaml(path: str | Path) -> yaml.Node | None:
-    """Read a YAML file as a node, which knows its line numbers; None: the file is empty.
-
-    Raises
-    ------
-    ValueError
-        As :func:`read_yaml`.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     file = Path(folder) / 'a.yaml'
-    ...     _ = file.write_text('slip_s: [[1.0, 2.5]]')
-    ...     compose_yaml(file).value[0][0].value
-    'slip_s'
-    """
-    node: yaml.Node | None = _parsed(path, _Loader.get_single_node)
-    return node
-
-
 def _parsed(path: str | Path, parse: Callable[[_Loader], Any]) -> Any:
     """Parse a file; an error is one line with file and, where it is known, line."""
     try:

@@ -14,14 +14,22 @@
 
 """Recordings: rows of volts with their stamps and labels, in bags, npz and csv files."""
 
+from collections.abc import Sequence
+from pathlib import Path
+
+from slip_detector.parameters.driver import RecordingConfig
+from slip_detector.recordings.bag_recording import BagRecording
+from slip_detector.recordings.bag_storage import BAG_ENDINGS, METADATA
+from slip_detector.recordings.csv_recording import CsvRecording
+from slip_detector.recordings.labels import find_labels, read_labels
+from slip_detector.recordings.npz_recording import NpzRecording
 from slip_detector.recordings.rates import RATE_TOLERANCE, rates_differ
-from slip_detector.recordings.reading import (
-    ENDINGS,
-    is_recording,
-    open_recording,
-    recording_sets,
+from slip_detector.recordings.recording import (
+    PIECE_ROWS,
+    Recording,
+    RecordingCounts,
+    named_errors,
 )
-from slip_detector.recordings.recording import PIECE_ROWS, Recording, RecordingCounts
 from slip_detector.recordings.writing import write_recording
 
 __all__ = [
@@ -36,3 +44,123 @@ __all__ = [
     'recording_sets',
     'write_recording',
 ]
+
+ENDINGS = ('.npz', '.csv', *BAG_ENDINGS)
+
+
+def is_recording(path: 'str | Path') -> bool:
+    """Return whether a path is a recording: a file with a known ending, or the folder of a bag.
+
+    Examples
+    --------
+    >>> from slip_detector.recordings import is_recording
+    >>> is_recording('trial.mcap'), is_recording('trial.labels.yaml')
+    (True, False)
+    """
+    path = Path(path)
+    if path.is_dir():
+        return (path / METADATA).is_file()
+    return path.suffix in ENDINGS
+
+
+def open_recording(path: 'str | Path', config: 'RecordingConfig | None' = None) -> Recording:
+    """Open a recording to read it in pieces.
+
+    An npz file has the rows under ``recording_volts_key``, the rate under ``recording_rate_key``
+    and perhaps the labels under ``recording_truth_key``. A csv file has a header of names, a
+    column ``time_s``, perhaps a column of labels, and a column for each channel. A bag (a rosbag2
+    folder, one of its .mcap or .db3 files, or a .bag of ROS 1) has a topic ``recording_topic``
+    with the rows in the field ``recording_field``.
+
+    Parameters
+    ----------
+    path
+        The file or the folder of a bag.
+    config
+        Where in the recording the samples and labels are; None: the defaults.
+
+    Raises
+    ------
+    ValueError
+        When the file is missing or broken or lacks a part; names the file and the part.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> import numpy as np
+    >>> from slip_detector.recordings import open_recording
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = Path(folder) / 'trial.npz'
+    ...     np.savez(path, volts=np.full((100, 2), 4.3), sample_rate_hz=100.0)
+    ...     recording = open_recording(path)
+    ...     n = sum(len(piece.volts) for piece in recording.pieces())
+    >>> recording.sample_rate_hz, n
+    (100.0, 100)
+    """
+    path, config = Path(path), config or RecordingConfig()
+    labels_file = find_labels(config.recording_labels, path)
+    labels = None if labels_file is None else read_labels(labels_file)
+    with named_errors(path):
+        # A device such as /dev/zero may have no end.
+        if path.is_char_device() or path.is_block_device():
+            raise ValueError('is no file, allowed: a file or the folder of a bag')
+        if path.suffix == '.csv':
+            return CsvRecording(path, config, labels)
+        if path.suffix == '.npz':
+            return NpzRecording(path, config, labels)
+        if path.suffix in BAG_ENDINGS or path.is_dir():
+            return BagRecording(path, config, labels)
+        ending = path.suffix or 'without ending'
+        raise ValueError(f'is {ending}, allowed: {", ".join(ENDINGS)} or the folder of a bag')
+
+
+def recording_sets(arguments: Sequence[str]) -> dict[str, list[Path]]:
+    """Sort files and folders into sets of recordings.
+
+    Parameters
+    ----------
+    arguments
+        Paths of recordings, and of folders of recordings. The recordings in one folder are a set.
+
+    Returns
+    -------
+    dict
+        The files of each set by its name: the name of the folder, or its path if two folders have
+        the same name. The files of a folder in ``arguments`` are sorted by name.
+
+    Raises
+    ------
+    ValueError
+        For a folder without recordings or a recording given twice.
+
+    Examples
+    --------
+    >>> sets = recording_sets(['left/a.npz', 'right/a.npz', 'left/b.mcap'])
+    >>> {name: [file.name for file in files] for name, files in sets.items()}
+    {'left': ['a.npz', 'b.mcap'], 'right': ['a.npz']}
+    """
+    by_folder: dict[Path, list[Path]] = {}
+    for argument in map(Path, arguments):
+        folder = argument.is_dir() and not is_recording(argument)
+        files = _recordings_in(argument) if folder else [argument]
+        for file in files:
+            mine = by_folder.setdefault(file.parent.resolve(), [])
+            if file.name in [other.name for other in mine]:
+                raise ValueError(f'{file}: is given twice, allowed: each once')
+            mine.append(file)
+    names = [folder.name for folder in by_folder]
+    return {
+        folder.name if folder.name and names.count(folder.name) == 1 else str(folder): files
+        for folder, files in by_folder.items()
+    }
+
+
+def _recordings_in(folder: Path) -> list[Path]:
+    try:
+        files = sorted(filter(is_recording, folder.iterdir()))
+    except OSError as error:
+        raise ValueError(f'{folder}: cannot be read ({error.strerror})') from None
+    if not files:
+        raise ValueError(f'{folder}: has no recordings, allowed: {", ".join(ENDINGS)} or bags')
+    return files

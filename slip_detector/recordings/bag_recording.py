@@ -15,7 +15,7 @@
 """Recordings in bags: a topic with the rows, and perhaps a topic with the true slip."""
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,10 +26,10 @@ from slip_detector.chain.samples import Samples
 from slip_detector.chain.stamps import GAP_PERIODS
 from slip_detector.parameters.detector import default_channel_names
 from slip_detector.parameters.driver import RecordingConfig
-from slip_detector.parameters.fields import listed, shown_name
+from slip_detector.parameters.fields import listed
 from slip_detector.recordings.bag_storage import BagStorage, Message, Topic, typestore_of
 from slip_detector.recordings.labels import Labels, moving_at, states_at
-from slip_detector.recordings.messages import JOINT_FIELDS, FieldReader, joint_state_groups
+from slip_detector.recordings.messages import JOINT_FIELDS, FieldReader, joint_state_table
 from slip_detector.recordings.rates import checked_rate, rate_of
 from slip_detector.recordings.recording import PIECE_ROWS, Recording
 
@@ -92,54 +92,46 @@ class _Decoder:
             When none of the messages so far has channels.
         """
         times, raws = zip(*messages, strict=True)
-        left = np.ones(len(raws), bool)
-        parts: list[tuple[NDArray[Any], Stamps, Floats, tuple[str, ...]]] = []
-        for group in joint_state_groups(raws) if self._is_quick else ():
-            left[group.indices] = False
-            rows = group.numbers(self._field)[:, np.newaxis]
-            names = _names(group.layout.names, rows.shape[2])
-            parts.append((group.indices, group.stamps_ns, rows, names))
-        why = ValueError(f'the field {self._field} is empty in every message')
-        for i in np.flatnonzero(left):
-            try:
-                parts.append((np.array([i]), *self._decoded(raws[i])))
-            except ValueError as error:
-                why = error
-        parts.sort(key=lambda part: int(part[0][0]))
-        if not self.channels:
-            first = next((part for part in parts if part[2].shape[2]), None)
-            if first is None:
-                raise why
-            self.channels, self.names = first[2].shape[2], first[3]
-        nothing, kind = np.empty(0, np.int64), (self.channels, self.names)
-        parts = [part for part in parts if (part[2].shape[2], part[3]) == kind]
-        parts.append((nothing, nothing, np.empty((0, 1, self.channels)), ()))
-        number, stamps_ns = (
-            np.concatenate([np.repeat(part[k], part[2].shape[1]) for part in parts])
-            for k in (0, 1)
-        )
+        table = joint_state_table(raws) if self._is_quick else None
+        number: Stamps = np.arange(len(raws))
+        if table is not None and self._is_same(table.layout.names, table.numbers(self._field)):
+            volts, stamps_ns = table.numbers(self._field), table.stamps_ns
+        else:
+            volts, stamps_ns, number = self._one_by_one(raws)
         received_ns = np.array(times, np.int64)[number]
         stamps_ns = np.where(stamps_ns == 0, received_ns, stamps_ns)
-        volts = np.concatenate([part[2].reshape(-1, self.channels) for part in parts])
-        order = np.argsort(number, kind='stable') if len(parts) > 2 else slice(None)
-        samples = Samples(volts, stamps_ns, row_numbers=number)
-        return samples.take(order), (received_ns - stamps_ns)[order]
+        return Samples(volts, stamps_ns, row_numbers=number), received_ns - stamps_ns
 
-    def _decoded(self, raw: bytes) -> tuple[Stamps, Floats, tuple[str, ...]]:
-        """Return stamp, rows, (1, samples, channels), and names of one message."""
-        message = self.message(raw)
-        rows = self._reader(message)
-        stamp = getattr(getattr(message, 'header', None), 'stamp', None)
-        stamp_ns = 0 if stamp is None else int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
-        names = _names(getattr(message, 'name', ()), rows.shape[1])
-        return np.array([stamp_ns]), rows[np.newaxis], names
+    def _one_by_one(self, raws: Sequence[bytes]) -> tuple[Floats, Stamps, Stamps]:
+        """Return rows, their stamps, and the places of their messages."""
+        rows, stamps_ns, places = [], [], []
+        why = ValueError(f'the field {self._field} is empty in every message')
+        for i, raw in enumerate(raws):
+            try:
+                message = self.message(raw)
+                some = self._reader(message)
+            except ValueError as error:
+                why = error
+                continue
+            if some.size and self._is_same(getattr(message, 'name', ()), some):
+                stamp = getattr(getattr(message, 'header', None), 'stamp', None)
+                stamp_ns = 0 if stamp is None else stamp.sec * 1_000_000_000 + stamp.nanosec
+                rows.append(some)
+                stamps_ns += [stamp_ns] * len(some)
+                places += [i] * len(some)
+        if not self.channels:
+            raise ValueError(f'{why}; --field (recording_field) names one')
+        volts = np.concatenate([np.empty((0, self.channels)), *rows])
+        return volts, np.array(stamps_ns, np.int64), np.array(places, np.int64)
 
-
-def _names(names: Any, channels: int) -> tuple[str, ...]:
-    """Return the names in a message if they are those of its channels, else none."""
-    if isinstance(names, str) or len(names) != channels:
-        return ()
-    return tuple(names) if all(isinstance(name, str) for name in names) else ()
+    def _is_same(self, names: Any, rows: Floats) -> bool:
+        """Return whether rows have the channels and names of the first ones."""
+        channels = rows.shape[1]
+        is_named = not isinstance(names, str) and len(names) == channels
+        its = tuple(names) if is_named and all(isinstance(one, str) for one in names) else ()
+        if not self.channels:
+            self.channels, self.names = channels, its
+        return channels > 0 and (channels, its) == (self.channels, self.names)
 
 
 class BagRecording(Recording):
@@ -162,9 +154,10 @@ class BagRecording(Recording):
 
     def __init__(self, path: Path, config: RecordingConfig, labels: 'Labels | None') -> None:
         super().__init__(path, labels, config)
-        self._storage = BagStorage(path, self._limit)
+        self._storage = BagStorage(path)
         self._topic = self._rows_topic(config.recording_topic)
-        self._field = config.recording_field or self._usual_field()
+        usual = 'position' if self._topic.msgtype == JOINT_STATE else 'data'
+        self._field = config.recording_field or usual
         self._truth_topic = self._label_topic(config, 'recording_truth_topic', BOOL)
         self._position_topic = self._label_topic(config, 'recording_position_topic', JOINT_STATE)
         self._still_m = config.recording_still_m
@@ -176,13 +169,8 @@ class BagRecording(Recording):
         self.named = bool(decoder.names)
         self.channel_names = decoder.names or default_channel_names(decoder.channels)
         firsts, counts = _messages_of(first)
-        message_hz = rate_of((first.stamps_ns[firsts] - first.stamps_ns[0]) * 1e-9)
-        if message_hz is None:
-            raise ValueError(
-                f'the stamps on {self._topic.name} do not rise, allowed: two or more messages, '
-                'each with its time'
-            )
         self._per_message = int(np.median(counts))
+        message_hz = rate_of(first.stamps_ns[firsts], f'the stamps on {self._topic.name}')
         self.sample_rate_hz = checked_rate(message_hz * self._per_message)
 
     def read(self) -> Iterator[Samples]:
@@ -212,14 +200,12 @@ class BagRecording(Recording):
         messages = self._storage.messages(topic)
         most = FIRST_MESSAGES
         while some := list(itertools.islice(messages, most)):
-            largest = max(len(raw) for _, raw in some)
-            self._limit.check(8 * largest, f'a message on {topic.name}')
             rows, late_ns = decoder.rows(some)
-            self._limit.check_channels(decoder.channels)
             yield rows, late_ns, len(some)
             # As many as give the usual number of rows, or some MB.
             rows_each = max(1, len(rows.volts) // len(some))
-            most = max(1, min(PIECE_ROWS // rows_each, MOST_BYTES // largest))
+            largest = max(len(raw) for _, raw in some)
+            most = max(1, min(PIECE_ROWS // rows_each, MOST_BYTES // max(largest, 1)))
 
     def _spread(self, rows: Samples, last_ns: 'int | None') -> Stamps:
         """Return the stamp of each row.
@@ -265,18 +251,14 @@ class BagRecording(Recording):
 
     def _rows_topic(self, name: str) -> Topic:
         """Find the topic that has the rows."""
-        found = [topic for topic in self._storage.topics if _is_named(topic.name, name or TOPIC)]
+        topics = self._storage.topics
+        found = [topic for topic in topics if _is_named(topic.name, name or TOPIC)]
         if len(found) == 1:
             return found[0]
-        if found:
-            raise ValueError(
-                f'has {listed([topic.name for topic in found])}, allowed: one of them, named by '
-                '--topic (recording_topic)'
-            )
-        known = listed([f'{topic.name} ({topic.msgtype})' for topic in self._storage.topics])
+        known = listed([f'{topic.name} ({topic.msgtype})' for topic in found or topics])
         raise ValueError(
-            f'has no topic {name or TOPIC}, there are: {known or "none"}{self._found_damage()}; '
-            '--topic (recording_topic) names one'
+            f'has {len(found) or "no"} topics {name or TOPIC}, there are: {known or "none"}'
+            f'{self._found_damage()}; --topic (recording_topic) names one'
         )
 
     def _label_topic(
@@ -289,27 +271,13 @@ class BagRecording(Recording):
         found = [topic for topic in alike if topic.name == full]
         found = found or [topic for topic in alike if _is_named(topic.name, name)]
         if len(found) == 1:
-            # A topic without messages labels nothing.
-            return found[0] if self._storage.counts.get(found[0].name, 1) else None
+            return found[0]
         if name == getattr(RecordingConfig, parameter):
             return None
         known = listed([topic.name for topic in found or alike])
         raise ValueError(
             f'parameter {parameter} is {name!r}, allowed: one topic of type {msgtype}, there '
             f'are: {known or "none"}'
-        )
-
-    def _usual_field(self) -> str:
-        """Return the field that usually has the channels in messages of this type."""
-        name, msgtype = self._topic.name, self._topic.msgtype
-        if msgtype == JOINT_STATE:
-            return 'position'
-        if msgtype.endswith('MultiArray'):
-            return 'data'
-        fields = listed([name for name, _ in typestore_of(self._topic).fielddefs[msgtype][1]])
-        raise ValueError(
-            f'{shown_name(name)} is {shown_name(msgtype)}, allowed: with a field named by '
-            f'--field (recording_field), there are: {fields}'
         )
 
 

@@ -14,16 +14,14 @@
 
 """The true slip in a recording: from intervals written by hand, labels, states or positions."""
 
-import itertools
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
 from slip_detector.chain.samples import Samples
-from slip_detector.parameters.files import compose_yaml
+from slip_detector.parameters.files import read_yaml
 
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -36,41 +34,24 @@ ENDING = '.labels.yaml'
 KEY = 'slip_s'
 
 
-class SlipInterval(NamedTuple):
-    """An interval with slip, in seconds from the first sample, and its line in the file.
-
-    Examples
-    --------
-    >>> interval = SlipInterval(1.0, 2.5, line=3)
-    >>> interval.end_s - interval.start_s
-    1.5
-    """
-
-    start_s: float
-    end_s: float
-    line: int
-
-
-class Labels:
+class Labels(NamedTuple):
     """Intervals of slip from a file.
 
-    Parameters
+    Attributes
     ----------
-    path
-        The file.
-    intervals
-        The intervals in order of time, without overlap.
+    path : Path
+    edges_s : ndarray, shape (k, 2)
+        Start and end of each, in order of time, without overlap; seconds from the first sample.
 
     Examples
     --------
-    >>> labels = Labels(Path('trial.labels.yaml'), [SlipInterval(1.0, 2.5, line=1)])
+    >>> labels = Labels(Path('trial.labels.yaml'), np.array([[1.0, 2.5]]))
     >>> labels.at(np.array([999_999_999, 1_000_000_000, 2_500_000_000]))
     array([False,  True, False])
     """
 
-    def __init__(self, path: Path, intervals: list[SlipInterval]) -> None:
-        self.path, self.intervals = path, intervals
-        self._edges_ns = np.rint([edge * 1e9 for one in intervals for edge in one[:2]])
+    path: Path
+    edges_s: Floats
 
     def at(self, after_ns: Stamps) -> Bools:
         """Return whether there is slip at each time; an interval excludes its end.
@@ -80,22 +61,17 @@ class Labels:
         after_ns : ndarray of int, shape (n,)
             Times since the first sample, in nanoseconds.
         """
-        return np.asarray(np.searchsorted(self._edges_ns, after_ns, side='right') % 2 == 1)
+        edges_ns = np.rint(1e9 * self.edges_s.ravel())
+        return np.asarray(np.searchsorted(edges_ns, after_ns, side='right') % 2 == 1)
 
     def check_end(self, end_s: float, recording: Path) -> None:
-        """Check that no interval ends after the recording.
-
-        Raises
-        ------
-        ValueError
-            When an interval does; names its line.
-        """
-        for one in self.intervals:
-            if one.end_s > end_s:
-                raise ValueError(
-                    f'{self.path}: line {one.line}: the slip [{one.start_s:g}, {one.end_s:g}] s '
-                    f'is outside the recording {recording.name}, allowed: 0 to {end_s:.6g} s'
-                )
+        """Raise an error if an interval ends after the recording."""
+        if len(self.edges_s) and self.edges_s[-1, 1] > end_s:
+            start_s, last_s = self.edges_s[-1]
+            raise ValueError(
+                f'{self.path}: the slip [{start_s:g}, {last_s:g}] s is outside the recording '
+                f'{recording.name}, allowed: 0 to {end_s:.6g} s'
+            )
 
 
 def labels_name(recording: Path) -> str:
@@ -158,8 +134,8 @@ def read_labels(path: Path) -> Labels:
     Raises
     ------
     ValueError
-        When the file cannot be read or has no such list, or an interval is empty, begins before
-        the recording or overlaps another; names the file and the line.
+        When the file cannot be read or has no such list or more, or an interval is empty, begins
+        before the recording or overlaps another; names the file and the interval.
 
     Examples
     --------
@@ -174,62 +150,23 @@ def read_labels(path: Path) -> Labels:
     >>> labels.at(np.array([0, 1_000_000_000, 2_500_000_000]))
     array([False,  True, False])
     """
-    node = compose_yaml(path)
-    intervals = sorted(_interval(item, path) for item in _items(node, path))
-    for before, one in itertools.pairwise(intervals):
-        if one.start_s < before.end_s:
-            first, second = sorted([before, one], key=lambda interval: interval.line)
-            raise ValueError(
-                f'{path}: line {second.line}: the slip [{second.start_s:g}, {second.end_s:g}] s '
-                f'overlaps [{first.start_s:g}, {first.end_s:g}] s of line {first.line}, '
-                'allowed: each time once'
-            )
-    return Labels(path, intervals)
-
-
-def _items(node: 'yaml.Node | None', path: Path) -> list[yaml.Node]:
-    """Return the entries of the list."""
-    if not isinstance(node, yaml.MappingNode):
-        raise ValueError(f'{path}: is not a YAML file of labels, allowed: {KEY}: [[start, end]]')
-    items: list[yaml.Node] | None = None
-    for key, value in node.value:
-        line = key.start_mark.line + 1
-        if key.value != KEY:
-            name = key.value if isinstance(key, yaml.ScalarNode) else 'a key that is no name'
-            raise ValueError(f'{path}: line {line}: has {name}, allowed: {KEY}')
-        if not isinstance(value, yaml.SequenceNode):
-            raise ValueError(f'{path}: line {line}: {KEY} is no list, allowed: [start, end] pairs')
-        items = value.value
-    if items is None:
-        raise ValueError(f'{path}: has no {KEY}, allowed: {KEY}: [[start, end]] ([] for no slip)')
-    return items
-
-
-def _interval(node: yaml.Node, path: Path) -> SlipInterval:
-    """Read one pair of times."""
-    where = f'{path}: line {node.start_mark.line + 1}:'
-    if not isinstance(node, yaml.SequenceNode) or len(node.value) != 2:
-        raise ValueError(f'{where} is no pair, allowed: [start, end] in seconds')
-    start_s, end_s = (_time(part, where) for part in node.value)
-    text = f'the slip [{start_s:g}, {end_s:g}] s'
-    if end_s <= start_s:
-        raise ValueError(f'{where} {text} is empty, allowed: the start first')
-    if start_s < 0.0:
-        raise ValueError(f'{where} {text} is outside the recording, allowed: from 0 s')
-    return SlipInterval(start_s, end_s, node.start_mark.line + 1)
-
-
-def _time(node: yaml.Node, where: str) -> float:
-    """Read a time as a decimal number; YAML 1.1 would read 1:30 as 90 and 010 as 8."""
-    text = node.value if isinstance(node, yaml.ScalarNode) and node.style is None else ''
+    document = read_yaml(path)
     try:
-        number = float(text)
-    except ValueError:
-        number = float('nan')
-    if not np.isfinite(number) or '_' in text:
-        shown = repr(node.value) if isinstance(node, yaml.ScalarNode) else 'a list'
-        raise ValueError(f'{where} {shown} is no time, allowed: a number of seconds')
-    return number
+        edges_s = np.array(document.pop(KEY), np.float64).reshape(-1, 2)
+    except (KeyError, TypeError, ValueError, ArithmeticError):
+        document = {KEY: None}
+    if document:
+        raise ValueError(f'{path}: has more or less than {KEY}: [[start, end]] in seconds')
+    edges_s = edges_s[np.argsort(edges_s[:, 0])]
+    steps_s = np.diff(edges_s.ravel(), prepend=0.0).reshape(-1, 2)
+    wrong = ~((steps_s[:, 0] >= 0.0) & (steps_s[:, 1] > 0.0))
+    if wrong.any():
+        start_s, end_s = edges_s[wrong][0]
+        raise ValueError(
+            f'{path}: the slip [{start_s:g}, {end_s:g}] s is not allowed: it begins before 0 s '
+            'or the end of another, or ends before it begins'
+        )
+    return Labels(path, edges_s)
 
 
 def as_truth(label: NDArray[Any], key: str) -> NDArray[np.bool_]:

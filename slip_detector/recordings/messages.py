@@ -23,9 +23,10 @@ selects. A message is any object with the fields as attributes, such as one of r
 """
 
 import dataclasses
+import functools
 import re
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -54,9 +55,6 @@ TEXTS = ENCAPSULATION_BYTES + STAMP.size
 
 #: The fields of a JointState that are lists of numbers, in their order.
 JOINT_FIELDS = ('position', 'velocity', 'effort')
-
-#: Number of groups of messages with equal texts and lengths; further messages are read one by one.
-MOST_GROUPS = 32
 
 _STEP = re.compile(r'(?P<name>[A-Za-z]\w*)(\[(?P<element>\d{0,9})\])?', re.ASCII)
 _SYNTAX = 'names joined by dots, each perhaps with [] (all elements) or [2] (the third)'
@@ -94,28 +92,19 @@ class JointStateLayout(NamedTuple):
     ----------
     size : int
         Number of bytes.
-    fixed : ndarray of int
-        Places of texts and lengths, without the padding between them, which may have any value.
-        In messages with equal bytes there the numbers are at the same places.
-    fixed_bytes : bytes
     frame_id : str
     names : list of str
     numbers : dict
         Bytes of position, velocity and effort.
+    varying : list of slice
+        Bytes of the stamp, of the numbers, and of the padding, which may have any value.
     """
 
     size: int
-    fixed: NDArray[np.intp]
-    fixed_bytes: bytes
     frame_id: str
     names: list[str]
     numbers: dict[str, slice]
-
-    def fits(self, raw: bytes) -> bool:
-        """Return whether another message has this layout, with the same texts."""
-        if len(raw) != self.size:
-            return False
-        return np.frombuffer(raw, np.uint8)[self.fixed].tobytes() == self.fixed_bytes
+    varying: list[slice]
 
 
 def joint_state_layout(raw: bytes) -> JointStateLayout:
@@ -129,36 +118,34 @@ def joint_state_layout(raw: bytes) -> JointStateLayout:
     if not raw.startswith(LITTLE_ENDIAN):
         raise ValueError('not little-endian CDR')
     place = TEXTS
-    fixed = [*range(len(LITTLE_ENDIAN))]
+    varying = [slice(ENCAPSULATION_BYTES, TEXTS)]
 
-    def passed(n: int) -> bytes:
+    def part(n: int) -> slice:
         nonlocal place
-        begin, place = place, place + n
-        if place > len(raw):
-            raise ValueError('the message is cut off')
-        return raw[begin:place]
-
-    def fixed_part(n: int) -> bytes:
-        fixed.extend(range(place, min(place + n, len(raw))))
-        return passed(n)
+        place += n
+        return slice(place - n, place)
 
     def length() -> int:
-        passed(-place % LENGTH.size)
-        return int(LENGTH.unpack(fixed_part(LENGTH.size))[0])
+        varying.append(part(-place % LENGTH.size))
+        return int(LENGTH.unpack_from(raw, part(LENGTH.size).start)[0])
 
     def text() -> str:
-        return fixed_part(length()).partition(b'\0')[0].decode(errors='replace')
+        return raw[part(length())].partition(b'\0')[0].decode(errors='replace')
 
-    frame_id = text()
-    names = [text() for _ in range(length())]
-    numbers = {}
-    for field in JOINT_FIELDS:
-        n = length()
-        passed(-(place - ENCAPSULATION_BYTES) % DOUBLES.itemsize if n else 0)
-        passed(DOUBLES.itemsize * n)
-        numbers[field] = slice(place - DOUBLES.itemsize * n, place)
-    fixed_bytes = bytes(raw[i] for i in fixed)
-    return JointStateLayout(len(raw), np.array(fixed), fixed_bytes, frame_id, names, numbers)
+    try:
+        frame_id = text()
+        names = [text() for _ in range(length())]
+        numbers = {}
+        for field in JOINT_FIELDS:
+            n = length()
+            varying.append(part(-(place - ENCAPSULATION_BYTES) % DOUBLES.itemsize if n else 0))
+            varying.append(part(DOUBLES.itemsize * n))
+            numbers[field] = varying[-1]
+    except struct.error:
+        place = len(raw) + 1
+    if place > len(raw):
+        raise ValueError('the message is cut off')
+    return JointStateLayout(len(raw), frame_id, names, numbers, varying)
 
 
 class JointStateReader:
@@ -191,9 +178,8 @@ class JointStateReader:
             or raw[TEXTS : self._position.start] != self._texts
             or not raw.startswith(LITTLE_ENDIAN)
         ):
-            if layout is None or not layout.fits(raw):  # else only the padding differs
-                self._layout = layout = joint_state_layout(raw)
-                self._position = layout.numbers['position']
+            self._layout = layout = joint_state_layout(raw)
+            self._position = layout.numbers['position']
             self._texts = raw[TEXTS : self._position.start]
         seconds, rest = STAMP.unpack_from(raw, ENCAPSULATION_BYTES)
         # A writable copy, aligned for float64.
@@ -203,64 +189,47 @@ class JointStateReader:
         return Sample(rows, stamp_ns, layout.names, layout.frame_id)
 
 
-class JointStateGroup(NamedTuple):
-    """Messages that differ in stamp and numbers only.
+class JointStateTable(NamedTuple):
+    """Messages that differ in stamp and numbers only: their layout and bytes, (n, size)."""
 
-    Attributes
-    ----------
-    indices : ndarray of int, shape (n,)
-        Their places among all messages.
-    layout : JointStateLayout
-    table : ndarray of uint8, shape (n, bytes)
-    """
-
-    indices: NDArray[np.intp]
     layout: JointStateLayout
-    table: NDArray[np.uint8]
+    content: NDArray[np.uint8]
 
     @property
     def stamps_ns(self) -> Stamps:
         """The stamps, (n,)."""
-        parts = slice(ENCAPSULATION_BYTES, TEXTS)
-        stamps = np.ascontiguousarray(self.table[:, parts])
+        stamps = np.ascontiguousarray(self.content[:, ENCAPSULATION_BYTES:TEXTS])
         seconds, rest = stamps[:, :4].view('<i4'), stamps[:, 4:].view('<u4')
         return np.asarray(seconds.astype(np.int64) * 1_000_000_000 + rest)[:, 0]
 
     def numbers(self, field: str) -> Floats:
         """Return the numbers of a field, (n, joints)."""
-        return np.ascontiguousarray(self.table[:, self.layout.numbers[field]]).view(DOUBLES)
+        return np.ascontiguousarray(self.content[:, self.layout.numbers[field]]).view(DOUBLES)
 
 
-def joint_state_groups(raws: Sequence[bytes]) -> Iterator[JointStateGroup]:
-    """Sort serialised JointState messages into groups that are read at once.
-
-    What cannot be read is in no group.
+def joint_state_table(raws: Sequence[bytes]) -> 'JointStateTable | None':
+    """Read serialised JointState messages at once; None if they are not alike, or no such.
 
     Examples
     --------
     >>> writer = JointStateWriter('thumb', ['a', 'b'])
     >>> raws = writer.many(np.array([[4.3, 4.2], [4.1, 4.0]]), np.array([5, 10]))
-    >>> (group,) = joint_state_groups([b'', *raws])
-    >>> group.indices.tolist(), group.stamps_ns.tolist(), group.numbers('position').tolist()
-    ([1, 2], [5, 10], [[4.3, 4.2], [4.1, 4.0]])
+    >>> table = joint_state_table(raws)
+    >>> table.stamps_ns.tolist(), table.numbers('position').tolist()
+    ([5, 10], [[4.3, 4.2], [4.1, 4.0]])
     """
-    sizes = np.array([len(raw) for raw in raws])
-    left = np.arange(len(raws))
-    groups = 0
-    while len(left):
-        raw = raws[left[0]]
-        try:
-            layout = joint_state_layout(raw)
-        except ValueError:
-            left = left[1:]
-            continue
-        like = left[sizes[left] == layout.size] if groups < MOST_GROUPS else left[:1]
-        table = np.frombuffer(b''.join([raws[i] for i in like.tolist()]), np.uint8)
-        table = table.reshape(len(like), layout.size)
-        fits = (table[:, layout.fixed] == table[0, layout.fixed]).all(axis=1)
-        groups += 1
-        yield JointStateGroup(like[fits], layout, table if fits.all() else table[fits])
-        left = np.setdiff1d(left, like[fits], assume_unique=True)
+    try:
+        layout = joint_state_layout(raws[0])
+    except ValueError:
+        return None
+    if any(len(raw) != layout.size for raw in raws):
+        return None
+    content = np.frombuffer(b''.join(raws), np.uint8).reshape(-1, layout.size)
+    fixed = np.ones(layout.size, bool)
+    for part in layout.varying:
+        fixed[part] = False
+    alike = (content[:, fixed] == content[0, fixed]).all()
+    return JointStateTable(layout, content) if alike else None
 
 
 class JointStateWriter:
@@ -277,8 +246,7 @@ class JointStateWriter:
     --------
     >>> writer = JointStateWriter('thumb', ['a', 'b'], efforts=True)
     >>> raw = writer.written(5, np.array([4.1, 4.3]), np.array([0.0, 1.0]))
-    >>> (group,) = joint_state_groups([raw])
-    >>> group.numbers('effort').tolist()
+    >>> joint_state_table([raw]).numbers('effort').tolist()
     [[0.0, 1.0]]
     """
 
@@ -380,85 +348,52 @@ class FieldReader:
         ValueError
             When there is no such field or it holds no numbers; names the existing fields.
         """
-        found = [(type(message).__name__.rsplit('__', 1)[-1], message)]
-        for k, (name, element) in enumerate(self._steps):
-            inner = [self._field(value, name, where) for where, value in found]
-            paths = [name if k == 0 else f'{where}.{name}' for where, _ in found]
-            found = [
-                part
-                for where, value in zip(paths, inner, strict=True)
-                for part in self._elements(value, element, where, k + 1 == len(self._steps))
-            ]
-            if not found:
-                raise self._error(f'{paths[0]} is empty, allowed: at least one element')
-        rows = np.concatenate([self._numbers(value, where) for where, value in found])
+        found: list[Any] = [message]
+        for name, element in self._steps:
+            inner: list[Any] = []
+            for one in found:
+                if name not in _field_names(one.__class__):
+                    raise self._error(name, one)
+                value = getattr(one, name)
+                try:
+                    # NumPy's arrays and those of rclpy (array.array) are lists of numbers.
+                    values = [value] if element is None else list(value)
+                    inner += [values[int(element)]] if element else values
+                except (TypeError, IndexError):
+                    raise self._error(f'{name}[{element}]', one) from None
+            found = inner
+        rows = [np.empty(0)]
+        for one in found:
+            numbers = np.asarray(one)
+            if numbers.dtype.kind not in 'fiub':
+                raise self._error(self.path, one)
+            with np.errstate(invalid='ignore'):  # a signalling NaN warns
+                rows.append(numbers.astype(np.float64).reshape(-1))
+        if not found:
+            raise self._error(self.path, message)
+        row = np.concatenate(rows)
         layout = getattr(message, 'layout', None)
         labels = [dimension.label for dimension in layout.dim] if layout is not None else []
-        if self.path == 'data' and labels == BATCH_LABELS:
-            return self._as_laid_out(rows, layout)
-        return rows.reshape(1, -1)
+        if self.path == 'data' and layout is not None and labels == BATCH_LABELS:
+            shape = [int(dimension.size) for dimension in layout.dim]
+            return row[int(layout.data_offset) :].reshape(shape)
+        return row.reshape(1, -1)
 
-    def _error(self, text: str) -> ValueError:
-        return ValueError(f'field {self.path}: {text}')
-
-    def _field(self, message: Any, name: str, where: str) -> Any:
-        known = field_names(message)
-        if name not in known:
-            raise self._error(f'{where} has no {name}, there are: {listed(known)}')
-        return getattr(message, name)
-
-    def _elements(
-        self, value: Any, element: 'str | None', where: str, is_end: bool
-    ) -> list[tuple[str, Any]]:
-        """Return names and values of the elements that a step selects."""
-        is_list = hasattr(value, '__len__') and not isinstance(value, (str, bytes))
-        if element is None:
-            if not is_end and not field_names(value):
-                hint = f'{where}[] or {where}[0]' if is_list else 'the path to end here'
-                raise self._error(f'{where} is no message, allowed: {hint}')
-            return [(where, value)]
-        if not is_list:
-            raise self._error(f'{where} is no list, allowed: {where} without []')
-        if element == '':
-            return [(f'{where}[{i}]', one) for i, one in enumerate(value)]
-        if int(element) >= len(value):
-            raise self._error(f'{where} has {len(value)} elements, allowed: below that')
-        return [(f'{where}[{int(element)}]', value[int(element)])]
-
-    def _numbers(self, value: Any, where: str) -> Floats:
-        """Return the numbers at the end of a path, (n,)."""
-        inner = field_names(value)
-        if inner:
-            known = listed([f'{where}.{name}' for name in inner])
-            raise self._error(f'{where} is a message, allowed: one of its fields: {known}')
-        if isinstance(value, (str, bytes)):
-            raise self._error(f'{where} is text, allowed: numbers')
-        # NumPy reads the arrays of rclpy (array.array) through their buffer.
-        array = np.asarray(value)
-        if array.dtype.kind not in 'fiub':
-            names = field_names(value[0])[:1] if len(value) else []
-            hint = ''.join(f', such as {where}[].{name}' for name in names)
-            raise self._error(f'{where} is no list of numbers, allowed: numbers{hint}')
-        with np.errstate(invalid='ignore'):  # a signalling NaN warns
-            return array.astype(np.float64).reshape(-1)
-
-    def _as_laid_out(self, values: Floats, layout: Any) -> Floats:
-        """Return the samples of a batch as rows."""
-        samples, channels = (int(dimension.size) for dimension in layout.dim)
-        begin = int(layout.data_offset)
-        if begin + samples * channels != len(values):
-            raise self._error(
-                f'has {len(values)} numbers, allowed: {samples} x {channels}, as the layout says'
-            )
-        return values[begin:].reshape(samples, channels)
+    def _error(self, part: str, where: Any) -> ValueError:
+        """Return the error that a part of the path gives no numbers, with the fields there."""
+        is_list = isinstance(where, list) and len(where) > 0
+        names = _field_names((where[0] if is_list else where).__class__)
+        there = listed([f'[].{name}' if is_list else name for name in names])
+        return ValueError(f'field {self.path}: no numbers at {part}, there are: {there or "none"}')
 
 
-def field_names(message: Any) -> list[str]:
-    """Return the names of a message's fields in order; empty for other objects."""
-    if hasattr(message, 'get_fields_and_field_types'):  # a message of rclpy
-        return list(message.get_fields_and_field_types())
-    if dataclasses.is_dataclass(message):
+@functools.cache
+def _field_names(kind: Any) -> tuple[str, ...]:
+    """Return the names of the fields in a class of messages; empty for other classes."""
+    if hasattr(kind, 'get_fields_and_field_types'):  # of rclpy
+        return tuple(kind.get_fields_and_field_types())
+    if dataclasses.is_dataclass(kind):
         # The message classes of rosbags have the name of the type as a further field.
-        names = [field.name for field in dataclasses.fields(message)]
-        return [name for name in names if not name.startswith('__')]
-    return []
+        names = [field.name for field in dataclasses.fields(kind)]
+        return tuple(name for name in names if not name.startswith('__'))
+    return ()

