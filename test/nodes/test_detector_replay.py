@@ -135,20 +135,3 @@ def test_a_negative_time_on_the_clock_is_ignored_and_named(bench):
     replayed.send_all(rows, begin_ns, PERIOD_NS)
     with ended_quietly(replayed.process):
         pass
-
-
-@pytest.mark.parametrize('node', ['slip_driver', 'grasp_controller'])
-def test_the_other_nodes_ignore_a_negative_time_too(bench, node):
-    clock = bench.node.create_publisher(Clock, '/clock', 10)
-    given = {'use_sim_time': 'true'}
-    if node == 'slip_driver':
-        given.update(source='scene', wait_for_subscribers=1)
-    process = bench.start(node, parameters=given)
-
-    def warned():
-        clock.publish(Clock(clock=time_message(-(10**9))))
-        return '/clock is -1 s and 0 ns, allowed: no negative time' in process.log()
-
-    bench.wait_for(warned, 'the warning')
-    with ended_quietly(process):
-        pass
