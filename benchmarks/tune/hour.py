@@ -32,7 +32,7 @@ from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.recordings import open_recording, write_recording
 from slip_detector.report import page as report
-from slip_detector.report.overview import Overview, events_of
+from slip_detector.report.overview import Overview
 from slip_detector.report.page_sections import Variant
 from slip_detector.scenes import find_scene, load_scene
 from slip_detector.tuning.problem import Problem
@@ -123,10 +123,8 @@ def measure_report(duration_s: float = HOUR_S) -> dict[str, Any]:
     skipped = why_no_browser()
     variants = []
     for name, config in CONFIGS.items():
-        overview = Overview('hour', config)
-        replay = Replay(config, scores=False)
-        outcome = replay.run(scenes_with_noise(duration_s), observer=overview)
-        overview.finish(events_of(outcome))
+        overview, replay = Overview('hour', config), Replay(config, scores=False)
+        outcome = overview.replay(replay, scenes_with_noise(duration_s))
         variants.append(Variant(name, config, [overview], {'hour': figures_of_merit([outcome])}))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / 'report.html'

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from slip_detector.chain.samples import Samples
 from slip_detector.evaluation.figures import ReplayOutcome, figures_of_merit
-from slip_detector.evaluation.replay import Observer, Replay
+from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
@@ -202,7 +202,7 @@ class EvaluatedRecording(NamedTuple):
     outcome : ReplayOutcome
     counts : RecordingCounts
         Gaps, bad samples and losses.
-    observer : Observer or None
+    observer : Any
         What received the rows for a report; None without one.
 
     Examples
@@ -216,7 +216,7 @@ class EvaluatedRecording(NamedTuple):
 
     outcome: ReplayOutcome
     counts: RecordingCounts
-    observer: Observer | None = None
+    observer: Any = None
 
 
 def recording_figures(evaluations: Iterable[EvaluatedRecording]) -> dict[str, Any]:

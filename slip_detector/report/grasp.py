@@ -23,7 +23,7 @@ from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
-from slip_detector.grasp.comparison import AT_LIMIT, CONTROLLER, PAPER, UNCONTROLLED
+from slip_detector.grasp.comparison import CONTROLLER, PAPER, UNCONTROLLED
 from slip_detector.grasp.loop import GraspTrial
 from slip_detector.report.pictures import COLORS, draw_decision, save_picture
 from slip_detector.report.tables import heading, number_text, text_table, verdict_cells
@@ -45,9 +45,8 @@ LABEL = {
     CONTROLLER: 'controller',
     PAPER: "controller,\npaper's detector",
     UNCONTROLLED: 'no controller',
-    AT_LIMIT: 'always\nat the limit',
 }
-COLOR = dict(zip(LABEL, (COLORS[0], COLORS[4], COLORS[1], COLORS[2]), strict=True))
+COLOR = dict(zip(LABEL, (COLORS[0], COLORS[4], COLORS[1]), strict=True))
 
 #: Height of the displacement panel, as a multiple of the object's slide under the controller.
 SHOWN_SLIDES = 4.0
@@ -78,7 +77,7 @@ def grasp_table(result: Mapping[str, Any]) -> str:
     'In simulated time, 5 ms from sample to command'
     """
     seeds, parts = result['seeds'], result['conditions']
-    rows = [['', '', 'slide [mm]', '', 'grip [% of limit]', '', ''],
+    rows = [['', '', 'slide [mm]', '', 'grip [% of limit]'],
             ['', 'dropped', 'mean', 'worst', 'mean', 'most', 'onsets']]  # fmt: skip
     for name, part in {**parts, **result['harder']}.items():
         figures = [number_text(part[key], form) for key, form in FORMATS.items()]
@@ -89,43 +88,33 @@ def grasp_table(result: Mapping[str, Any]) -> str:
         for name, entry in entries.items()
     ]
     needed = parts[CONTROLLER]['needed_percent']
-    lines = [
+    blocks = [
         f'{len(seeds)} objects (seeds {seeds[0]} to {seeds[-1]}): gripped, lifted and filled '
-        'until they are two to three times as heavy',
+        'until they are two to three times as heavy\n'
         f'In simulated time, {result["transport_ms"]:g} ms from sample to command',
-        '',
         text_table(rows),
-        '',
         f'The smallest grip that would hold the objects: {needed:.1f} % of the limit.',
-        '',
         'Wanted of the controller',
-        '',
         text_table(wanted, '<<><'),
     ]
     if result['nodes']:
-        lines += ['', *_through_nodes(result)]
-    return '\n'.join(lines)
-
-
-def _through_nodes(result: Mapping[str, Any]) -> list[str]:
-    rows = [['', 'slide [mm]', '', 'command [% of limit]', ''],
-            ['seed', 'nodes', 'simulated', 'nodes', 'simulated']]  # fmt: skip
-    for seed, part in result['nodes'].items():
-        both = (part, part['simulated'])
-        slides = (number_text(one['slide_mm'], '.2f') for one in both)
-        commands = (number_text(one['command_percent'], '.1f') for one in both)
-        rows.append([seed, *slides, *commands])
-    latency = result['latency_ms']
-    says = 'undefined, no onset was answered'
-    if latency:
-        says = f'median {latency["median"]:.1f} ms, most {latency["most"]:.1f} ms'
-    return [
-        'Through driver, detector and controller in real time, beside the same in simulated time',
-        '',
-        text_table(rows),
-        '',
-        f'From sample to command: {says}',
-    ]
+        rows = [['', 'slide [mm]', '', 'command [% of limit]'],
+                ['seed', 'nodes', 'simulated', 'nodes', 'simulated']]  # fmt: skip
+        for seed, part in result['nodes'].items():
+            both = (part, part['simulated'])
+            slides = (number_text(one['slide_mm'], '.2f') for one in both)
+            commands = (number_text(one['command_percent'], '.1f') for one in both)
+            rows.append([seed, *slides, *commands])
+        says, latency = 'undefined, no onset was answered', result['latency_ms']
+        if latency:
+            says = f'median {latency["median"]:.1f} ms, most {latency["most"]:.1f} ms'
+        blocks += [
+            'Through driver, detector and controller in real time, beside the same in simulated '
+            'time',
+            text_table(rows),
+            f'From sample to command: {says}',
+        ]
+    return '\n\n'.join(blocks)
 
 
 def draw_grasp(
@@ -156,11 +145,11 @@ def draw_grasp(
         Upper bound of the worst slide under the controller.
     """
     figure, axes = plt.subplot_mosaic(
-        [['force', 'slides'], ['decision', 'slides'], ['place', 'spent']],
+        [['force', 'slides'], ['decision', 'slides'], ['place', 'slides']],
         figsize=(12.5, 7.2), width_ratios=[2.1, 1.0], height_ratios=[3.0, 0.8, 2.6],
         layout='constrained',
     )  # fmt: skip
-    force, slides, decision, place, spent = axes.values()
+    force, slides, decision, place = axes.values()
     controlled = trials[CONTROLLER]
     _draw_force(force, controlled, limit_n, live.get('command'))
     draw_decision(decision, controlled.time_s, controlled.slip, COLOR[CONTROLLER], '/slip')
@@ -172,7 +161,6 @@ def draw_grasp(
     place.set_xlabel('time [s]')
     force.set_title('One object: gripped, lifted, filled', fontsize=11)
     _draw_slides(slides, figures, wanted_mm)
-    _draw_spent(spent, figures)
     slides.set_title(f'All {figures[CONTROLLER]["trials"]} objects', fontsize=11)
     save_picture(figure, path)
 
@@ -180,7 +168,7 @@ def draw_grasp(
 def _draw_force(axis: Axes, trial: GraspTrial, limit_n: float, command: Floats | None) -> None:
     time_s, label = trial.time_s, 'just enough to hold it'
     axis.fill_between(time_s, trial.needed_n, color='0.55', alpha=0.3, linewidth=0, label=label)
-    axis.axhline(limit_n, color=COLOR[AT_LIMIT], linestyle='--', linewidth=1.2, label='limit')
+    axis.axhline(limit_n, color=COLORS[2], linestyle='--', linewidth=1.2, label='limit')
     axis.plot(time_s, trial.command_n, color='k', linewidth=0.9, label='commanded')
     axis.plot(time_s, trial.force_n, color=COLOR[CONTROLLER], linewidth=2.0, label='grip')
     if command is not None:
@@ -192,7 +180,7 @@ def _draw_force(axis: Axes, trial: GraspTrial, limit_n: float, command: Floats |
 def _draw_place(axis: Axes, trials: Mapping[str, GraspTrial], position: Floats | None) -> None:
     # An object that slides further leaves the panel; the legend says how far it slides.
     most_mm = max(SHOWN_SLIDES * float(trials[CONTROLLER].position_m[-1]) * 1e3, 0.1)
-    for name in (UNCONTROLLED, PAPER, CONTROLLER):
+    for name in reversed(LABEL):
         trial = trials[name]
         end = 'dropped' if trial.dropped else f'{trial.position_m[-1] * 1e3:.2f} mm'
         label = f'{LABEL[name]}: {end}'.replace('\n', ' ')
@@ -205,34 +193,19 @@ def _draw_place(axis: Axes, trials: Mapping[str, GraspTrial], position: Floats |
 
 
 def _draw_slides(axis: Axes, figures: Figures, wanted_mm: float) -> None:
-    names = (CONTROLLER, PAPER, UNCONTROLLED)
-    known = [s for name in names for s in figures[name]['slide_mm'] if s is not None]
+    known = [s for name in LABEL for s in figures[name]['slide_mm'] if s is not None]
     dropped_mm = HEADROOM * max([wanted_mm, *known])
-    for place, name in enumerate(names):
+    for place, name in enumerate(LABEL):
         slides = [dropped_mm if s is None else s for s in figures[name]['slide_mm']]
-        spread = np.linspace(-0.28, 0.28, len(slides))
+        spread = np.linspace(-0.3, 0.3, len(slides))
         axis.plot(place + spread, slides, 'o', color=COLOR[name], markersize=4, alpha=0.8)
         mean_mm = figures[name]['mean_slide_mm']
         if mean_mm is not None:
-            axis.hlines(mean_mm, place - 0.36, place + 0.36, color='k', linewidth=1.5)
-            axis.text(place + 0.38, mean_mm, f'{mean_mm:.2f}', va='center', fontsize=9)
-    for slide_mm, word in ((wanted_mm, 'wanted'), (dropped_mm, 'dropped')):
-        axis.axhline(slide_mm, color='0.6', linestyle='--', linewidth=0.8, zorder=0)
-        axis.text(-0.45, slide_mm, word, va='bottom', fontsize=9, color='0.4')
-    axis.set_xticks(range(len(names)), [LABEL[name] for name in names])
+            axis.hlines(mean_mm, place - 0.4, place + 0.4, color='k', linewidth=1.5)
+    axis.axhline(dropped_mm, color='0.6', linestyle=':', zorder=0, label='dropped')
+    axis.axhline(wanted_mm, color='0.6', linestyle='--', zorder=0, label='wanted of the worst')
+    axis.legend(loc='lower right', fontsize=9, frameon=False)
+    axis.set_xticks(range(len(LABEL)), list(LABEL.values()))
     # Logarithmic from LINEAR_TO_MM on: the slides differ by a factor of a thousand.
     axis.set_yscale('symlog', linthresh=LINEAR_TO_MM)
-    axis.set(xlim=(-0.5, len(names) - 0.3), ylim=(0.0, 1.5 * dropped_mm))
-    axis.set_ylabel('slide of each, and mean [mm]')
-    axis.yaxis.set_major_formatter('{x:g}')
-
-
-def _draw_spent(axis: Axes, figures: Figures) -> None:
-    shares = [figures[name]['force_percent'] for name in COLOR]
-    bars = axis.bar(list(LABEL.values()), shares, 0.65, color=list(COLOR.values()))
-    axis.bar_label(bars, [f'{share:.0f}' for share in shares], padding=2, fontsize=9)
-    needed = figures[CONTROLLER]['needed_percent']
-    axis.axhline(needed, color='k', linestyle=':', linewidth=1.4, label='just enough')
-    axis.legend(loc='upper left', fontsize=9, frameon=False)
-    axis.tick_params('x', labelsize=8)
-    axis.set(ylabel='mean grip [% of the limit]', ylim=(0.0, 115.0))
+    axis.set(ylabel='slide of each, and mean [mm]', ylim=(0.0, 1.5 * dropped_mm))

@@ -19,18 +19,21 @@ signal. In a short recording a bin is one row. About the starts of slips and ala
 rows themselves, as far as there is room.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
+from slip_detector.chain.samples import Samples
 from slip_detector.chain.slip_chain import SlipResult
 from slip_detector.chain.stages import LEAST_EXCESS_DB
 from slip_detector.evaluation.figures import FALSE, ReplayOutcome
 from slip_detector.evaluation.matching import OnIntervals
+from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 
+Floats = NDArray[np.float64]
 Volts = NDArray[np.float32]
 Codes = NDArray[np.uint8]
 
@@ -101,8 +104,6 @@ def events_of(outcome: ReplayOutcome) -> list[Event]:
 
     Examples
     --------
-    >>> from slip_detector.chain.samples import Samples
-    >>> from slip_detector.evaluation.replay import Replay
     >>> quiet = Samples.evenly(np.full((380, 16), 4.3), 380.0, np.arange(380) >= 190)
     >>> outcome = Replay(ChainConfig()).run([quiet])
     >>> [(event.kind, event.start_s, event.note) for event in events_of(outcome)]
@@ -193,8 +194,7 @@ class Overview:
     rows : int
         Number of rows so far, including those that are missing in gaps.
     truth, slip, after_impact : OnIntervals
-        When the label is slip, the global decision ON, an impact held; ``truth`` is None for a
-        recording without labels.
+        When the label is slip, the global decision ON, an impact held.
     groups : dict
         The same of each group, by its name.
     bin_rows : int
@@ -208,13 +208,11 @@ class Overview:
 
     Examples
     --------
-    >>> from slip_detector.chain.samples import Samples
-    >>> from slip_detector.evaluation.replay import Replay
     >>> volts = np.full((400, 16), 4.3)
     >>> volts[200:] += np.sin(2 * np.pi * 20.0 * np.arange(200) / 380.0)[:, np.newaxis]
     >>> rows = Samples.evenly(volts, 380.0, np.arange(400) >= 200)
     >>> overview = Overview('trial', ChainConfig())
-    >>> overview.finish(events_of(Replay(ChainConfig()).run([rows], observer=overview)))
+    >>> outcome = overview.replay(Replay(ChainConfig()), [rows])
     >>> overview.rows, overview.bin_rows, overview.slip.edges
     (400, 1, [202, 400])
     """
@@ -231,40 +229,42 @@ class Overview:
         self.channel_names = tuple(channel_names) or config.names
         self.sample_rate_hz = sample_rate_hz or config.sample_rate_hz
         self.rows = 0
-        self.truth: OnIntervals | None = None
-        self.slip, self.after_impact = OnIntervals(), OnIntervals()
+        self.truth, self.slip, self.after_impact = OnIntervals(), OnIntervals(), OnIntervals()
         self.groups = {name: OnIntervals() for name in config.groups}
         self.events: Sequence[Event] = ()
         self.snippets: list[Snippet] = []
         # The numbers of rows, their volts and their codes, so far.
         self._pieces: list[tuple[NDArray[np.int64], Volts, Codes]] = []
 
-    def add(self, volts: ArrayLike, result: SlipResult, truth: ArrayLike | None) -> None:
+    def replay(self, replay: Replay, rows: Iterable[Samples]) -> ReplayOutcome:
+        """Replay the whole recording, and finish the overview with its events."""
+        outcome = replay.run(rows, self.sample_rate_hz, self)
+        self.finish(events_of(outcome))
+        return outcome
+
+    def add(self, volts: Floats, result: SlipResult, truth: NDArray[np.bool_]) -> None:
         """Take the next rows.
 
         Parameters
         ----------
-        volts : array_like, shape (n, c)
+        volts : ndarray, shape (n, c)
             Oldest row first; NaN where a sample is missing.
         result : SlipResult
             The chain's result for these rows, with the level, and with evidence also floor and
             excess.
-        truth : array_like of bool, shape (n,), or None
-            Whether there is slip; None in each call for a recording without labels.
+        truth : ndarray of bool, shape (n,)
+            Whether there is slip.
         """
-        values = np.asarray(volts, np.float64)
-        samples = np.where(np.abs(values) < MOST_VOLTS, values, np.nan).astype(np.float32)
-        numbers = self.rows + np.arange(len(values))
+        samples = np.where(np.abs(volts) < MOST_VOLTS, volts, np.nan).astype(np.float32)
+        numbers = self.rows + np.arange(len(volts))
         self._pieces.append((numbers, samples, signal_codes(result, self.config)))
         self.slip.add(result.slip, self.rows)
         for group, on in zip(self.groups.values(), result.groups.T, strict=True):
             group.add(on, self.rows)
         if self.config.decision == 'evidence':
             self.after_impact.add(result.after_impact, self.rows)
-        if truth is not None:
-            self.truth = self.truth or OnIntervals()
-            self.truth.add(np.asarray(truth, dtype=bool), self.rows)
-        self.rows += len(values)
+        self.truth.add(truth, self.rows)
+        self.rows += len(volts)
 
     def gap(self, seconds: float) -> None:
         """Count the rows that are missing in a gap of the recording."""
@@ -305,21 +305,17 @@ class Overview:
 
     def _close_intervals(self) -> None:
         for intervals in (self.slip, self.after_impact, *self.groups.values(), self.truth):
-            if intervals:
-                intervals.close(self.rows)
+            intervals.close(self.rows)
 
     def _spans_about_events(self) -> list[list[int]]:
         """Return the first row and the end of each span of rows to keep, in order.
 
-        Where there is too little room for all events, it is given to the more important ones, and
-        among equals to those that lie where chance has it.
+        Where there is too little room for all events, it is given to the more important ones.
         """
-        random = np.random.default_rng(0).permutation(len(self.events))
-        order = sorted(random, key=lambda k: EVENT_KINDS.index(self.events[k].kind))
         room = ROWS_SHARE * self.share * MOST_CELLS / self.config.channels
         before, after = self.config.samples(BEFORE_S), self.config.samples(AFTER_S)
         spans = []
-        for event in (self.events[k] for k in order):
+        for event in sorted(self.events, key=lambda event: EVENT_KINDS.index(event.kind)):
             for start_s in {event.start_s, event.start_s + (event.latency_s or 0.0)}:
                 row = round(start_s * self.sample_rate_hz)
                 spans.append([max(row - before, 0), min(row + after, self.rows)])

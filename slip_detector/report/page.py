@@ -50,7 +50,6 @@ from slip_detector.report.overview import (
     Event,
     Overview,
     Volts,
-    events_of,
     signal_ranges,
 )
 from slip_detector.report.page_sections import SearchTrial, Variant, sections
@@ -104,7 +103,7 @@ def write_page(
     >>> import tempfile
     >>> from slip_detector import ChainConfig, SlipChain
     >>> overview, volts = Overview('rest.npz', ChainConfig()), np.full((380, 16), 4.3)
-    >>> overview.add(volts, SlipChain().update(volts), truth=None)
+    >>> overview.add(volts, SlipChain().update(volts), truth=np.zeros(380, bool))
     >>> overview.finish(events=[])
     >>> given = Variant('given', ChainConfig(), [overview], {'rest.npz': {'alarms': 0}})
     >>> with tempfile.TemporaryDirectory() as folder:
@@ -177,7 +176,7 @@ def pack_recording(variants: Sequence[Overview]) -> tuple[dict[str, Any], str]:
         'channels': first.channel_names,
         'lowest_v': lowest.tolist(),
         'step_v': step.tolist(),
-        'truth': first.truth.edges if first.truth else None,
+        'truth': first.truth.edges,
         'variants': [_variant(overview) for overview in variants],
     }
     return header, base64.b64encode(zlib.compress(b''.join(data))).decode()
@@ -216,11 +215,10 @@ def evaluate_for_report(
     loader: RecordingLoader, recordings: int, path: Path
 ) -> EvaluatedRecording:
     """Evaluate one of several recordings with its overview as the observer."""
-    chain, opened = loader.chain_config, loader.open(path)
+    opened, chain = loader.open(path), loader.chain_config
     names, rate_hz = opened.recording.channel_names, opened.sample_rate_hz
     overview = Overview(path.name, chain, names, 1 / recordings, rate_hz)
-    outcome = Replay(chain, loader.config).run(opened.rows, rate_hz, overview)
-    overview.finish(events_of(outcome))
+    outcome = overview.replay(Replay(chain, loader.config), opened.rows)
     return EvaluatedRecording(outcome, opened.recording.counts, overview)
 
 
@@ -245,7 +243,6 @@ def write_evaluation_report(
     every = [one for files in sets.values() for one in files.values()]
     for name, files in sets.items():
         for file, one in files.items():
-            assert isinstance(one.observer, Overview)
             title = f'{name}/{file}' if len(sets) > 1 else file
             one.observer.name = title
             overviews.append(one.observer)
@@ -297,12 +294,9 @@ def replay_variant(
     for what, tracks in (('held out', held_out), ('tuned on', tuned_on)):
         outcomes = []
         for track in tracks:
-            overview = Overview(track.name, chain, (), share, track.sample_rate_hz)
-            outcome = replay.run(track.rows(), track.sample_rate_hz, overview)
-            overview.finish(events_of(outcome))
-            overviews.append(overview)
-            outcomes.append(outcome)
-            of_each[f'{track.name} ({what})'] = figures_of_merit([outcome])
+            overviews.append(Overview(track.name, chain, (), share, track.sample_rate_hz))
+            outcomes.append(overviews[-1].replay(replay, track.rows()))
+            of_each[f'{track.name} ({what})'] = figures_of_merit(outcomes[-1:])
         of_all[f'all {what}'] = figures_of_merit(outcomes)
     return Variant(name, chain, overviews, {**of_all, **of_each})
 

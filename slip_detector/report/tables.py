@@ -14,6 +14,7 @@
 
 """Tables of plain text, as the commands print them, and the texts of figures."""
 
+import itertools
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -80,17 +81,12 @@ def text_table(rows: Sequence[Sequence[str]], alignment: str = '<>', indent: int
     Parameters
     ----------
     rows
-        Rows with the same number of cells.
+        Rows of cells; one that has fewer than others is filled up.
     alignment
         One character for each column: ``<`` aligns its cells to the left, ``>`` to the right. The
         last character applies to all further columns too.
     indent
         Spaces before the first column.
-
-    Raises
-    ------
-    ValueError
-        When the rows differ in length.
 
     Examples
     --------
@@ -99,7 +95,7 @@ def text_table(rows: Sequence[Sequence[str]], alignment: str = '<>', indent: int
     400 um       38.98
     all              -
     """
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    widths = [max(map(len, column)) for column in itertools.zip_longest(*rows, fillvalue='')]
     sides = alignment.ljust(len(widths), alignment[-1])
     lines = []
     for row in rows:

@@ -132,11 +132,10 @@ def test_a_gap_is_time_without_samples_and_one_of_years_costs_no_memory(monkeypa
             assert np.isnan(overview.snippets[0].volts[30:]).all()
 
 
-def test_without_labels_there_is_no_truth_and_without_rows_no_bin():
+def test_without_rows_there_is_no_bin():
     overview = Overview('a.npz', CONFIG)
-    overview.add(np.empty((0, 3)), SlipChain(CONFIG).update(np.empty((0, 3))), None)
     overview.finish([])
-    assert (overview.truth, len(overview.low), overview.snippets) == (None, 0, [])
+    assert (len(overview.low), overview.snippets) == (0, [])
 
 
 def test_codes_of_levels_are_above_the_threshold_where_and_only_where_the_channel_is_on():

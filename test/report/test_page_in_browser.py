@@ -34,12 +34,12 @@ def folder(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr('slip_detector.report.overview.MOST_CELLS', 16 * 256)
         report.write_page(folder / 'coarse.html', 'A title', scenes.variants(('a.npz',))[:1])
-    volts, _ = scenes.volts_and_truth(800, 96)
+    volts, truth = scenes.volts_and_truth(800, 96)
     volts[200:300, 4] = float('nan')
     config = scenes.GIVEN.__class__(channels=96, disabled_channels=(96,))
-    seen = scenes.overview('skin.npz', config, volts, None)
+    seen = scenes.overview('skin.npz', config, volts, truth)
     report.write_page(
-        folder / 'unlabelled.html', 'A title', [report.Variant('given', config, [seen], {})]
+        folder / 'skin.html', 'A title', [report.Variant('given', config, [seen], {})]
     )
     seen = [
         scenes.overview(name, scenes.EVIDENCE, *scenes.tapped(seed=i))
@@ -158,11 +158,10 @@ def test_it_renders(opened):
 
 
 @pytest.mark.parametrize('width', [800, 1280])
-def test_many_channels_without_labels_or_events_fit_into_the_window(opened, width):
-    page = opened('unlabelled.html', width=width)
+def test_many_channels_without_events_fit_into_the_window(opened, width):
+    page = opened('skin.html', width=width)
     assert page.evaluate('document.documentElement.scrollWidth') <= width
     names = names_of_lanes(page)
-    assert 'label' not in names
     assert len([name for name in names if name.startswith('ch')]) == 95
     assert 'Disabled channels, 1 of them' in page.inner_text('#resolution')
     assert page.locator('#event-list tbody').inner_text() == 'no events'

@@ -87,7 +87,7 @@ def overview(name, config, volts, truth, events=(), **settings):
     for a in range(0, len(volts), 1000):
         piece = volts[a : a + 1000]
         result = chain.update(piece, floor=evidence, excess=evidence)
-        made.add(piece, result, None if truth is None else truth[a : a + 1000])
+        made.add(piece, result, truth[a : a + 1000])
     made.finish(events)
     return made
 
