@@ -104,7 +104,6 @@ class ParameterRequests:
                 {
                     'number': panel.count - i,
                     'by': change.by,
-                    'names': list(change.after),
                     'words': words_of(change),
                 }
                 for i, change in enumerate(reversed(panel.changes))

@@ -353,7 +353,7 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         # The finger, and a copy of its last minute from when the page was paused.
         self._past: tuple[Finger, LiveTrack] | None = None
         self.news: dict[str, str] = {}
-        self._frames = self._drawn = 0
+        self._draws = False
         self._sending: asyncio.Future[None] | None = None
         self._answers: set[asyncio.Task[None]] = set()
 
@@ -380,7 +380,7 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         if not isinstance(content, dict):
             self.close(1003, 'no JSON object')
         elif content.get('type') == 'drawn':
-            self._drawn = self._frames
+            self._draws = False
         elif content.get('type') == 'view':
             self._change_view(content)
         else:
@@ -416,10 +416,9 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
             self._send(text)
         self.news = {}
         # The page has to draw a frame before it gets the next one.
-        if self.view is not None and self._drawn == self._frames:
-            self._frames += 1
-            past = self._past[1] if self._past else None
-            self._send(self.view.frame(self.server.detectors, self._frames, past))
+        if self.view is not None and not self._draws:
+            self._draws = True
+            self._send(self.view.frame(self.server.detectors, self._past and self._past[1]))
 
     def _send(self, content: str | bytes) -> None:
         # Neither side may have begun to close the connection.

@@ -17,7 +17,7 @@
 
 import asyncio
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -39,8 +39,7 @@ LEAST_BEFORE_S = 1.0
 #: the page counts as gone, and the slip ends.
 PRESSED_S = 2.0
 
-#: After so many seconds without a sample the page shows a warning, and the recording of a slip
-#: ends without waiting longer for the rest after it.
+#: After so many seconds without a sample the page shows a warning.
 SILENT_S = 2.0
 
 #: A recording ends by itself after so many seconds.
@@ -65,9 +64,8 @@ class Teaching:
         self._folders: dict[str, RecordedFolder] = {}
         self._recorder: Recorder | None = None
         self._begun_at_s = self._pressed_at_s = 0.0
-        # The stamp, and the time of this computer, at which the recording of a slip ends.
+        # The stamp at which the recording of a slip ends.
         self._ends_ns: int | None = None
-        self._ends_at_s = 0.0
         #: What happened last, for the page.
         self.words = ''
         self._run: TuneRun | None = None
@@ -144,7 +142,6 @@ class Teaching:
                 f'. There are only {before_s:.1f} s of rest before it: wait for '
                 f'{BEFORE_S:g} s between two slips'
             )
-        self._check(recorder)
 
     def still_pressed(self) -> None:
         """Note that the key is still pressed."""
@@ -155,7 +152,6 @@ class Teaching:
         if recorder := self._slipping(name):
             self._detectors.poll()
             self._end_slip(recorder)
-            self._check(recorder)
 
     def _slipping(self, name: object) -> Recorder | None:
         """Return what records a slip of the finger now."""
@@ -166,7 +162,9 @@ class Teaching:
     def _continue(self, recorder: Recorder) -> None:
         now_s, finger = time.monotonic(), recorder.finger
         recorder.write()
-        if self._detectors.fingers.get(finger.name) is not finger:
+        if recorder.failure:
+            self._end(recorder)
+        elif self._detectors.fingers.get(finger.name) is not finger:
             self._end(recorder, GONE)
         elif recorder.interrupted:
             self._end(recorder, INTERRUPTED)
@@ -175,13 +173,10 @@ class Teaching:
             self.words = (
                 f'{recorder.path.name}: the page that held the slip is gone, so the slip was ended'
             )
-        elif self._ends_ns is not None:
-            past = (finger.track.samples.stamps_ns()[-1:] >= self._ends_ns).any()
-            if past or now_s > self._ends_at_s:
-                self._end(recorder)
+        elif self._ends_ns and (finger.track.samples.stamps_ns()[-1:] >= self._ends_ns).any():
+            self._end(recorder)
         elif now_s - self._begun_at_s > MOST_S:
             self._end(recorder, f'It was ended after {MOST_S / 60:.0f} minutes')
-        self._check(recorder)
 
     def recording(self) -> dict[str, Any] | None:
         """Return the present recording, for the page; None if there is none."""
@@ -244,13 +239,7 @@ class Teaching:
         track.slip_ended = track.samples.appended
         last_ns = max(track.samples.stamps_ns()[-1:], default=0)
         self._ends_ns = int(last_ns) + round(AFTER_S * 1e9)
-        self._ends_at_s = time.monotonic() + AFTER_S + SILENT_S
         self.words = f'recording {recorder.path.name}: the rest after the slip'
-
-    def _check(self, recorder: Recorder) -> None:
-        """End a recording that could not be written."""
-        if recorder.failure and recorder is self._recorder:
-            self._end(recorder)
 
     def _end(self, recorder: Recorder, why: str = '') -> None:
         """End the recording, list it, and say why it ended if nobody asked for that."""
@@ -280,16 +269,13 @@ class Teaching:
 
     async def _teach(self, message: Mapping[str, Any]) -> None:
         finger, what = message.get('finger'), message.get('do')
-        if what == 'press':
-            self.press(finger)
-        elif what == 'still_pressed':
-            self.still_pressed()
-        elif what == 'release':
-            self.release(finger)
-        elif what == 'stop':
-            self.stop()
-        else:
-            self.start(finger, what)
+        acts: dict[str, Callable[[], None]] = {
+            'press': lambda: self.press(finger),
+            'release': lambda: self.release(finger),
+            'still_pressed': self.still_pressed,
+            'stop': self.stop,
+        }
+        acts.get(str(what), lambda: self.start(finger, what))()
 
     async def _delete(self, message: Mapping[str, Any]) -> None:
         if self._run is not None and self._run.running:

@@ -16,9 +16,8 @@
 """The view that one page asks for, and the binary frames that it gets.
 
 A frame is the length of the header (4 bytes, little-endian), the header in JSON, padded with
-spaces to a multiple of 4 bytes, and the arrays, each padded to a multiple of 4 bytes, so that a
-browser reads them without a copy. ``arrays`` in the header lists the name, the type (``float32``
-or ``uint8``) and the shape of each array.
+spaces to a multiple of 4 bytes, and the arrays, so that a browser reads them without a copy.
+``arrays`` in the header lists the name and the shape of each array; all are float32.
 """
 
 import json
@@ -48,9 +47,6 @@ MOST_FINGERS, MOST_CHANNELS = 256, 64
 HIGHEST_CHANNEL = 1_000_000
 
 LENGTH = struct.Struct('<I')
-
-#: Types of the arrays in a frame.
-TYPES: dict[str, np.dtype[Any]] = {'float32': np.dtype('<f4'), 'uint8': np.dtype('u1')}
 
 
 class ViewRequest:
@@ -107,13 +103,13 @@ class ViewRequest:
         """Names of all fingers whose data is needed."""
         return {*self.fingers, *filter(None, [self.finger])}
 
-    def frame(self, detectors: Detectors, number: int, past: LiveTrack | None = None) -> bytes:
-        """Return a frame with this number; ``past`` is drawn in place of the finger's track."""
+    def frame(self, detectors: Detectors, past: LiveTrack | None = None) -> bytes:
+        """Return the next frame; ``past`` is drawn in place of the finger's track."""
         arrays: dict[str, Any] = {}
         now_s = time.monotonic()
         shown = [detectors.fingers[name] for name in self.fingers if name in detectors.fingers]
         states = [self._state(i, finger, now_s, arrays) for i, finger in enumerate(shown)]
-        header: dict[str, Any] = {'frame': number, 'fingers': states}
+        header: dict[str, Any] = {'fingers': states}
         if self.finger in detectors.fingers:
             finger = detectors.fingers[self.finger]
             header['traces'] = self._traces(finger, past or finger.track, arrays)
@@ -168,7 +164,7 @@ class ViewRequest:
         ):
             stamps_ns = rows.stamps_ns()
             if not len(stamps_ns):
-                header[stream] = {'first': 0, 'count': 0, 'last_ns': 0}
+                header[stream] = {'first': 0, 'count': 0}
                 continue
             stop = int(stamps_ns[-1]) // self._width_ns
             if self.until_ns is not None:
@@ -176,7 +172,7 @@ class ViewRequest:
             oldest = max(int(stamps_ns[0]) // self._width_ns, stop - self._columns)
             first = min(max(self._next.get(stream, oldest), oldest), stop)
             self._next[stream] = stop
-            header[stream] = {'first': first, 'count': stop - first, 'last_ns': int(stamps_ns[-1])}
+            header[stream] = {'first': first, 'count': stop - first}
             columns = first, stop - first, self._width_ns
             low, high = rows.columns(values, *columns, channels)
             arrays[f'{values}/low'], arrays[f'{values}/high'] = low, high
@@ -218,20 +214,15 @@ def _number(name: str, message: Mapping[str, Any], low: float, high: float) -> f
 
 
 def packed(header: Mapping[str, Any], arrays: Mapping[str, ArrayLike]) -> bytes:
-    r"""Return a frame; booleans become ``uint8``, all other numbers ``float32``.
+    r"""Return a frame.
 
     Examples
     --------
     >>> packed({}, {'on': [False, True]})
-    b'$\x00\x00\x00{"arrays": [["on", "uint8", [2]]]}  \x00\x01\x00\x00'
+    b'\x1c\x00\x00\x00{"arrays": [["on", [2]]]}   \x00\x00\x00\x00\x00\x00\x80?'
     """
-    described, parts = [], []
-    for name, values in arrays.items():
-        array = np.asarray(values)
-        kind = 'uint8' if array.dtype in (np.bool_, np.uint8) else 'float32'
-        described.append([name, kind, list(array.shape)])
-        content = array.astype(TYPES[kind], copy=False).tobytes()
-        parts += [content, bytes(-len(content) % 4)]
+    floats = {name: np.asarray(values, '<f4') for name, values in arrays.items()}
+    described = [[name, array.shape] for name, array in floats.items()]
     text = json.dumps({**header, 'arrays': described}, allow_nan=False).encode()
     text += b' ' * (-len(text) % 4)
-    return b''.join([LENGTH.pack(len(text)), text, *parts])
+    return b''.join([LENGTH.pack(len(text)), text, *(each.tobytes() for each in floats.values())])

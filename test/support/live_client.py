@@ -19,7 +19,7 @@ import json
 import numpy as np
 from tornado.websocket import websocket_connect
 
-from slip_detector.view.view_request import LENGTH, TYPES
+from slip_detector.view.view_request import LENGTH
 
 
 class LiveClient:
@@ -58,16 +58,14 @@ class LiveClient:
         """Return the next frame, drawn: the one after it may come."""
         while (frame := await self.next()) is None:
             pass
-        header, arrays = frame
-        await self.say('drawn', frame=header['frame'])
-        return header, arrays
+        await self.say('drawn')
+        return frame
 
     async def until(self, kind, holds=lambda content: True):
         """Return the first message of this kind that meets a condition; draw frames meanwhile."""
         while kind not in self.latest or not holds(self.latest[kind]):
-            frame = await self.next()
-            if frame is not None:
-                await self.say('drawn', frame=frame[0]['frame'])
+            if await self.next() is not None:
+                await self.say('drawn')
         return self.latest[kind]
 
     async def view(self, **content):
@@ -91,8 +89,7 @@ def unpacked(frame):
     place = LENGTH.size + length
     header = json.loads(frame[LENGTH.size : place])
     arrays = {}
-    for name, kind, shape in header['arrays']:
-        count = int(np.prod(shape))
-        arrays[name] = np.frombuffer(frame, TYPES[kind], count, place).reshape(shape)
-        place += -(-count * TYPES[kind].itemsize // 4) * 4
+    for name, shape in header['arrays']:
+        arrays[name] = np.frombuffer(frame, '<f4', int(np.prod(shape)), place).reshape(shape)
+        place += arrays[name].nbytes
     return header, arrays

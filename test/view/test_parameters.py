@@ -19,14 +19,12 @@ import asyncio
 import pytest
 import yaml
 from hypothesis import given
-from hypothesis import strategies as st
 from view.test_detectors import VALUES, panel_of
 
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.sets import read_parameter_file
 from slip_detector.view.parameters import (
-    FILE_NAME,
     OF_ROS,
     ParameterRequests,
     described_panel,
@@ -188,22 +186,12 @@ def test_saving_keeps_the_sections_of_other_nodes_and_replaces_the_detectors(tmp
     assert document['/**']['ros__parameters'] == {'channels': 2}
 
 
-@given(
-    name=st.text()
-    | st.sampled_from(
-        ['..', '../a', '/tmp/a', 'a.b', '', 'a\0', 'a\n', '-rf', 'Ärmel', 'a' * 65, 'a__b']
-    )
+@pytest.mark.parametrize(
+    'name',
+    ['..', '../a', '/tmp/a', 'a.b', '', 'a\0', 'a\n', '-rf', 'Ärmel', 'a' * 65, 'a__b'],
 )
-def test_no_name_leads_out_of_the_folder(tmp_path_factory, name):
-    outer = tmp_path_factory.mktemp('outer')
-    folder = outer / 'inner'
-    folder.mkdir()
-    if FILE_NAME.fullmatch(name):
-        path = save(folder, name, {}, [])
-        assert list(folder.iterdir()) == [path]
-    else:
-        words = message_of(save, folder, name, {}, [])
-        assert 'allowed: a letter' in words
-        assert len(words) < 400
-        assert list(folder.iterdir()) == []
-    assert list(outer.iterdir()) == [folder]
+def test_no_name_leads_out_of_the_folder(tmp_path, name):
+    words = message_of(save, tmp_path / 'inner', name, {}, [])
+    assert 'allowed: a letter' in words
+    assert len(words) < 400
+    assert [*tmp_path.iterdir()] == []

@@ -102,34 +102,28 @@ def without_channel_7(rows):
     return rows
 
 
-@on_request
-def test_a_finger_at_rest_after_a_slip(opened, tmp_path):
-    page = opened({'index': AT_REST_S - 2.0})
-    until_s(page, AT_REST_S)
-    expect(card(page, 'index')).to_have_attribute('data-state', 'rest')
-    keep(page, 'rest', tmp_path)
+def with_a_dead_channel(detectors):
+    (simulated,) = detectors.simulated.values()
+    simulated.play(AT_REST_S - 2.0)
+    simulated.disturb = without_channel_7
 
 
 @on_request
-def test_a_finger_in_slip(opened, tmp_path):
-    page = opened({'index': IN_SLIP_S - 1.5}, stay_in_slip)
-    until_s(page, IN_SLIP_S)
-    expect(card(page, 'index')).to_have_attribute('data-state', 'slip')
-    keep(page, 'slip', tmp_path)
-
-
-@on_request
-def test_a_finger_with_a_dead_channel(opened, tmp_path):
-    def prepare(detectors):
-        (simulated,) = detectors.simulated.values()
-        simulated.play(AT_REST_S - 2.0)
-        simulated.disturb = without_channel_7
-
-    page = opened({'index': 0.0}, prepare)
-    page.get_by_role('button', name='LR', exact=True).click()
-    until_s(page, AT_REST_S)
-    expect(card(page, 'index').locator('.dead')).to_contain_text('ch7 is not valid')
-    keep(page, 'dead', tmp_path)
+@pytest.mark.parametrize(
+    ('name', 'played_s', 'prepare', 'seen_s', 'state'),
+    [
+        ('rest', AT_REST_S - 2.0, lambda detectors: None, AT_REST_S, 'rest'),
+        ('slip', IN_SLIP_S - 1.5, stay_in_slip, IN_SLIP_S, 'slip'),
+        ('dead', 0.0, with_a_dead_channel, AT_REST_S, 'rest'),
+    ],
+)
+def test_one_finger(opened, tmp_path, name, played_s, prepare, seen_s, state):
+    page = opened({'index': played_s}, prepare)
+    if name == 'dead':
+        page.get_by_role('button', name='LR', exact=True).click()
+    until_s(page, seen_s)
+    expect(card(page, 'index')).to_have_attribute('data-state', state)
+    keep(page, name, tmp_path)
 
 
 def test_five_fingers(opened, tmp_path):
@@ -140,12 +134,11 @@ def test_five_fingers(opened, tmp_path):
         simulated[3].disturb = without_channel_7
         simulated[4].play = lambda seconds: None
 
-    # In the order of their names: index, little, middle, ring, thumb.
-    labels = ('index', 'little', 'middle', 'ring', 'thumb')
-    seconds = (IN_SLIP_S - 1.5, 6.8, 0.5, 7.0, 0.0)
-    page = opened(dict(zip(labels, seconds, strict=True)), prepare)
+    # In the order of their names.
+    seconds = {'index': IN_SLIP_S - 1.5, 'little': 6.8, 'middle': 0.5, 'ring': 7.0, 'thumb': 0.0}
+    page = opened(seconds, prepare)
     until_s(page, IN_SLIP_S)
-    for label, state in zip(labels, ('slip', 'rest', 'rest', 'rest', 'noInput'), strict=True):
+    for label, state in zip(seconds, ('slip', 'rest', 'rest', 'rest', 'noInput'), strict=True):
         expect(card(page, label)).to_have_attribute('data-state', state)
     keep(page, 'five', tmp_path)
 

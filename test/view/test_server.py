@@ -18,12 +18,9 @@
 import asyncio
 import json
 import re
-import string
 from urllib.parse import parse_qs, urlsplit
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from tornado.httpclient import AsyncHTTPClient, HTTPRequest
 
 from slip_detector.view import server
@@ -35,29 +32,26 @@ from support.simulated_detectors import SimulatedDetectors
 
 LOCAL = Access('127.0.0.1', name='robot')
 OPEN = Access('0.0.0.0', token='secret', name='robot')
-LETTERS = st.text(string.ascii_lowercase + string.digits + '-', min_size=1, max_size=12)
-SITES = st.lists(LETTERS, min_size=2, max_size=4).map('.'.join)
 
 
-def test_the_page_is_reached_by_names_and_addresses_of_this_machine():
-    for name in ('localhost', '127.0.0.2', '[::1]:8765'):
-        for access in (LOCAL, OPEN):
-            assert access.refusal(name, None) == access.refusal(name, f'http://{name}') == ''
-    for name in ('robot:80', 'ROBOT.local', '192.168.1.5', '[fe80::1]'):
-        assert OPEN.refusal(name, f'http://{name}') == ''
-        assert LOCAL.refusal(name, f'http://{name}') != ''
+@pytest.mark.parametrize(
+    ('host', 'local', 'beyond'),
+    [
+        ('localhost', True, True), ('127.0.0.2', True, True), ('[::1]:8765', True, True),
+        ('robot:80', False, True), ('ROBOT.local', False, True), ('192.168.1.5', False, True),
+        ('[fe80::1]', False, True), ('evil.example:80', False, False), ('evil', False, False),
+        ('localhost.evil.example', False, False), ('localhost:80@evil', False, False),
+        ('127.0.0.1/evil', False, False), ('', False, False), ('a b', False, False),
+    ],
+)  # fmt: skip
+def test_the_page_is_reached_by_names_of_this_machine_and_by_no_other(host, local, beyond):
+    for access, reached in ((LOCAL, local), (OPEN, beyond)):
+        assert (access.refusal(host, None) == '') is reached
+        assert (access.refusal(host, f'http://{host}') == '') is reached
+        assert access.refusal('localhost:80', f'http://{host}') != ''
 
 
-@given(site=SITES)
-def test_another_site_cannot_reach_the_server_by_its_own_name(site):
-    # The site may have its name lead to this machine.
-    if not site.replace('.', '').isdigit():
-        for access in (LOCAL, OPEN):
-            assert access.refusal(f'{site}:80', f'http://{site}:80').startswith('Host is')
-            assert access.refusal('localhost:80', f'http://{site}').startswith('Origin is')
-
-
-@given(token=st.text(st.characters(exclude_categories=['Cs']), max_size=20))
+@pytest.mark.parametrize('token', ['', 'secret', 'Secret', 'secret ', 'a&b=c#d', 'Schlüssel'])
 def test_only_the_right_token_opens_the_page_and_the_address_has_it(token):
     assert OPEN.knows(token) == (token == 'secret')
     query = urlsplit(page_address('robot', 8470, token)).query
@@ -71,11 +65,9 @@ async def test_a_page_gets_frames_of_the_fingers_that_it_views_and_only_they_are
         assert it.detectors.watched == set()
         it.detectors.simulated[names[0]].play(3.5)  # It slips from 3.8 s on.
         await page.view(fingers=names[:1], finger=names[0])
-        slips = columns = number = 0
+        slips = columns = 0
         while not (slips and columns > 20):
             header, arrays = await page.drawn_frame()
-            assert header['frame'] == number + 1
-            number = header['frame']
             slips += header['fingers'][0]['slip']
             columns += header['traces']['samples']['count']
             assert arrays['level/0'].shape == arrays['on/0'].shape == (16,)

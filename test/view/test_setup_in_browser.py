@@ -74,7 +74,7 @@ def test_parameters_are_set_together_refused_undone_and_saved(serve, open_page, 
     set_values(page, threshold='0.25', passband_hz='10, 60')
     expect(changes(page)).to_contain_text('Set: threshold from 0.5 to 0.25, ')
     expect(changes(other)).to_contain_text('Changed on another page: threshold from 0.5 to 0.25')
-    expect(row(other, 'threshold')).to_contain_text('Changed on another page meanwhile.')
+    expect(row(other, 'threshold')).to_contain_text('Not set yet; the detector has 0.25.')
     expect(field(other, 'threshold')).to_have_value('0.9')
     served.call(lambda: served.detectors.panel(NAME).update({'gain': 5.0}))
     expect(changes(page)).to_contain_text('Changed by another program: gain from 100 to 5.')

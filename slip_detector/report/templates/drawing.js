@@ -21,6 +21,26 @@ function volts(value) {
   return size < 0.1 ? `${(1e3 * value).toPrecision(3)} mV` : `${value.toPrecision(size >= 1000 ? 6 : 4)} V`;
 }
 
+// The lowest and the highest of values; null where there is none.
+function rangeOf(values) {
+  let least = Infinity, most = -Infinity;
+  for (const value of values) {
+    if (value == null) continue;
+    if (value < least) least = value;
+    if (value > most) most = value;
+  }
+  return least <= most ? [least, most] : null;
+}
+
+// Fit a canvas to its size on the page; returns its context, in CSS pixels, and that size.
+function fitted(canvas) {
+  const ratio = window.devicePixelRatio || 1, {clientWidth: width, clientHeight: height} = canvas;
+  Object.assign(canvas, {width: Math.round(width * ratio), height: Math.round(height * ratio)});
+  const context = canvas.getContext('2d');
+  context.scale(ratio, ratio);
+  return {context, width, height};
+}
+
 // Shades of levels below the threshold, darker towards it. Few shades are enough, and need fewer
 // rectangles.
 const SHADES = Array.from({length: 2 * LEVEL_OCTAVES + 1}, (_, i) => {
@@ -33,38 +53,24 @@ function shade(octaves) {
   return octaves > 0 ? ON : SHADES[Math.max(0, 2 * LEVEL_OCTAVES + Math.floor(2 * octaves))];
 }
 
+// The pattern of what is not valid.
 let hatch = null;
 function hatching(context) {
-  if (!hatch) {
-    const tile = make('canvas');
-    tile.width = tile.height = 4;
-    const pen = tile.getContext('2d');
-    pen.strokeStyle = '#999';
-    pen.beginPath();
-    pen.moveTo(0, 4);
-    pen.lineTo(4, 0);
-    pen.stroke();
-    hatch = context.createPattern(tile, 'repeat');
-  }
+  if (hatch) return hatch;
+  const tile = Object.assign(make('canvas'), {width: 4, height: 4}), pen = tile.getContext('2d');
+  pen.strokeStyle = '#999';
+  pen.stroke(new Path2D('M0 4 L4 0'));
+  hatch = context.createPattern(tile, 'repeat');
   return hatch;
 }
 
-// Fill intervals of time. times: their starts and stops, alternately. Intervals that touch on the
-// screen are filled as one.
-function bars({context, left: least, right: most}, xOf, times, top, height, color) {
+// Fill intervals of time. times: their starts and stops, alternately.
+function bars({context, left, right}, xOf, times, top, height, color) {
   context.fillStyle = color;
-  let left = null, right = null;
   for (let i = 0; i < times.length; i += 2) {
-    const a = xOf(times[i]), b = Math.max(xOf(times[i + 1]), a + 1);
-    if (b < least || a > most) continue;
-    if (left !== null && a <= right + 0.25) {
-      right = Math.max(right, b);
-      continue;
-    }
-    if (left !== null) context.fillRect(left, top, right - left, height);
-    [left, right] = [a, b];
+    const from = xOf(times[i]), to = Math.max(xOf(times[i + 1]), from + 1);
+    if (to > left && from < right) context.fillRect(from, top, to - from, height);
   }
-  if (left !== null) context.fillRect(left, top, right - left, height);
 }
 
 // Paint the values from first up to stop; value i reaches from xOf(i) to xOf(i + 1). Neighbours of

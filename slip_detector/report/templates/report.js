@@ -78,20 +78,11 @@ function ticked() {
 }
 
 function fillList() {
-  const all = header.recordings.flatMap((_, r) => eventsOf(r)), rows = ticked();
-  element('kinds').replaceChildren(...KINDS.map(([name, mark], kind) => {
-    const label = make('label'), box = make('input');
-    Object.assign(box, {type: 'checkbox', checked: shown.has(kind)});
-    box.addEventListener('change', () => {
-      shown[box.checked ? 'add' : 'delete'](kind);
-      fillList();
-      element('kinds').children[kind].firstChild.focus();
-    });
+  const all = header.recordings.flatMap((_, r) => eventsOf(r)), body = document.querySelector('#event-list tbody');
+  KINDS.forEach(([name, mark], kind) => {
     const count = all.filter((event) => event[0] === kind).length;
-    label.append(box, make('span', ` ${mark} ${name} (${count})`, `kind-${kind}`));
-    return label;
-  }));
-  const body = document.querySelector('#event-list tbody');
+    element('kinds').children[kind].lastChild.textContent = ` ${mark} ${name} (${count})`;
+  });
   body.replaceChildren();
   const row = (cells, key) => {
     const made = make('tr');
@@ -102,18 +93,17 @@ function fillList() {
   const across = (text, className, key) => row([Object.assign(make('td', text, className), {colSpan: 4})], key);
   const ms = (seconds) => (seconds === null ? '\u2013' : `${(1e3 * seconds).toFixed(0)}\u00a0ms`);
   let above = header.recordings.length > 1 ? null : 0;
-  for (const [r, i, [kind, start, end, latency, parts, note]] of rows) {
+  for (const [r, i, [kind, start, end, latency, parts, note]] of ticked()) {
     if (r !== above) across(header.recordings[r].name, 'name');
     above = r;
     const link = make('a', `${KINDS[kind][1]} ${KINDS[kind][0]}`, `kind-${kind}`), first = make('td');
     link.href = `#event-${view.variant}-${r}-${i}`;
     first.append(link);
     row([first, ...[clock(start), ms(end - start), ms(latency)].map((text) => make('td', text))], `${r}-${i}`);
-    const where = Object.entries(parts).map(([name, s]) => `${name} ${ms(s)}`);
-    if (note) where.push(note);
+    const where = [...Object.entries(parts).map(([name, s]) => `${name} ${ms(s)}`), note].filter(Boolean);
     if (where.length) across(where.join(', '), 'where', `${r}-${i}`);
   }
-  if (!rows.length) across(all.length ? 'none of the kinds that are ticked' : 'no events');
+  if (!body.children.length) across(all.length ? 'none of the kinds that are ticked' : 'no events');
   markChosen();
 }
 
@@ -165,18 +155,27 @@ function choose(what, value) {
   redraw();
 }
 
+// A box or a button of a group with its label; ticked(box) is called when it changes.
+function choice(properties, label, ticked) {
+  const made = make('label'), box = Object.assign(make('input'), properties);
+  box.addEventListener('change', () => ticked(box));
+  made.append(box, label);
+  return made;
+}
+
 function start() {
-  header.recordings.forEach(({name}, r) => (
-    element('recording').append(Object.assign(make('option', name), {value: r}))));
+  element('recording').append(...header.recordings.map(({name}, r) => new Option(name, r)));
   element('recording-choice').hidden = header.recordings.length < 2;
-  names.forEach((name, v) => {
-    const label = make('label'), radio = make('input');
-    Object.assign(radio, {type: 'radio', name: 'variant', value: v, checked: v === view.variant});
-    radio.addEventListener('change', () => choose('variant', v));
-    label.append(radio, ` ${name}`);
-    element('variant-choice').append(label);
-  });
+  const all = header.recordings.flatMap((_, r) => eventsOf(r));
+  if (all.length && all.every(([kind]) => kind === DETECTED)) shown.add(DETECTED);
+  element('variant-choice').append(...names.map((name, v) => choice(
+    {type: 'radio', name: 'variant', value: v, checked: v === view.variant}, ` ${name}`, () => choose('variant', v))));
   element('variant-choice').hidden = names.length < 2;
+  element('kinds').append(...KINDS.map((_, kind) => choice(
+    {type: 'checkbox', checked: shown.has(kind)}, make('span', '', `kind-${kind}`), (box) => {
+      shown[box.checked ? 'add' : 'delete'](kind);
+      fillList();
+    })));
   const on = (id, event, act) => element(id).addEventListener(event, act);
   on('recording', 'change', ({target}) => choose('recording', Number(target.value)));
   on('zoom-in', 'click', () => timeline.zoom(0.5));
@@ -200,8 +199,6 @@ function start() {
     if (option.value !== 'volts' && !signals.includes(option.value)) option.remove();
     if (option.value === 'level' && signals.includes('excess')) option.textContent = 'level or evidence / threshold';
   }
-  const all = header.recordings.flatMap((_, r) => eventsOf(r));
-  if (all.length && all.every(([kind]) => kind === DETECTED)) shown.add(DETECTED);
   [view.from, view.to] = [0, Math.max(duration(), 10 / now().rate_hz)];
   fillList();
   showScale();
@@ -210,6 +207,4 @@ function start() {
   new ResizeObserver(redraw).observe(element('drawing'));
 }
 
-if (typeof DecompressionStream === 'undefined') {
-  fail('This browser is too old for the timeline: it lacks DecompressionStream.');
-} else start();
+start();

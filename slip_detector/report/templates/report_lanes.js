@@ -44,17 +44,16 @@ function decode({channels: {length: channels}, bins, bin_rows: binRows, variants
     return codes;
   };
   const signalsOf = ({signals}, rows) => each(Object.keys(signals), () => next(channels * rows));
-  const lower = (a, b) => (a < b ? a : b), higher = (a, b) => (a > b ? a : b);
   // A bin without samples has the code NO_SAMPLE, the highest one, in both.
   const higherVolts = (a, b) => (a === NO_SAMPLE ? b : b === NO_SAMPLE || a > b ? a : b);
   const low = voltsOf(bins), high = binRows > 1 ? voltsOf(bins) : low;
   return {
-    low: halved(low, channels, bins, lower),
+    low: halved(low, channels, bins, Math.min),
     high: halved(high, channels, bins, higherVolts),
     variants: variants.map((variant) => {
       const signals = signalsOf(variant, bins);
       return {
-        signals: each(Object.keys(signals), (name) => halved(signals[name], channels, bins, higher)),
+        signals: each(Object.keys(signals), (name) => halved(signals[name], channels, bins, Math.max)),
         snippets: variant.snippets.map(([start, rows]) => (
           {start, rows, volts: voltsOf(rows), signals: signalsOf(variant, rows)})),
       };
@@ -129,13 +128,10 @@ function startsOf(found) {
 function curve(found, channel) {
   const signal = signalShown(), rows = [], low = [], high = [];
   const [least, most] = signal === 'level' ? LEVEL_CODES : [1, 255];
-  let [lowest, highest] = [Infinity, -Infinity];
-  const code = signal === 'volts' ? (value) => {
-    if (value === NO_SAMPLE) return null;
-    if (value < lowest) lowest = value;
-    if (value > highest) highest = value;
-    return value;
-  } : (value) => (value ? Math.max(least, Math.min(most, value)) : null);
+  const code = (value) => {
+    if (signal === 'volts') return value === NO_SAMPLE ? null : value;
+    return value ? Math.max(least, Math.min(most, value)) : null;
+  };
   for (const piece of found) {
     const [lows, highs] = signal === 'volts' ? [piece.low, piece.high] : Array(2).fill(piece.signals[signal]);
     for (let i = piece.first, k = channel * piece.n + i; i < piece.stop; i++, k++) {
@@ -148,13 +144,12 @@ function curve(found, channel) {
   // Repeated at its end, the last bin is drawn in its full length.
   for (const values of [low, high]) values.push(values.at(-1) ?? null);
   rows.push(null);
-  return {rows, low, high, range: signal === 'volts' ? [lowest, highest] : [least, most]};
+  return {rows, low, high, range: signal === 'volts' ? rangeOf([rows, low, high].flat()) : [least, most]};
 }
 
 // ---- text
 
-function clock(seconds, step = 0.001) {
-  const digits = step >= 1 ? 0 : Math.min(3, Math.ceil(-Math.log10(step) - 1e-9));
+function clock(seconds, digits = 3) {
   if (duration() < 120) return `${seconds.toFixed(digits)} s`;
   const total = Number(seconds.toFixed(digits)), minutes = Math.floor(total / 60);
   const rest = (total - 60 * minutes).toFixed(digits).padStart(digits ? digits + 3 : 2, '0');
@@ -269,8 +264,6 @@ const paintStrip = (found) => (pen, lane) => {
 
 function paintUnderAll(pen) {
   const {context, xOf, top, bottom} = pen, {truth} = now();
-  context.fillStyle = '#fff';
-  context.fillRect(pen.left, top, pen.right - pen.left, bottom - top);
   if (truth) bars(pen, xOfRow(pen), truth, top, bottom - top, '#e8f2f9');
   if (!view.chosen) return;
   const [, start, end, latency] = view.chosen, {top: upper, height} = timeline.lanes[0];
@@ -284,11 +277,6 @@ function paintUnderAll(pen) {
 
 // ---- drawing
 
-function fail(text) {
-  element('failure').hidden = false;
-  element('failure').textContent = text;
-}
-
 function redraw() {
   if (pending) return;
   pending = true;
@@ -300,7 +288,8 @@ function redraw() {
       const data = await load(r);
       if (r === view.recording) draw(data);
     } catch (error) {
-      fail(`${header.recordings[r].name} cannot be drawn: ${error.message}`);
+      const text = `${header.recordings[r].name} cannot be drawn: ${error.message}`;
+      Object.assign(element('failure'), {hidden: false, textContent: text});
       throw error;
     }
   });
@@ -314,14 +303,14 @@ function draw(data) {
   const lanes = lanesOf(found), channels = lanes.filter((lane) => lane.curve);
   const curves = channels.map((lane) => curve(found, lane.channel));
   if (signalShown() === 'volts') {
-    const spans = curves.map(({range: [low, high]}, i) => Math.max(step[channels[i].channel] * (high - low), 0));
+    const spans = curves.map(({range}, i) => (range ? step[channels[i].channel] * (range[1] - range[0]) : 0));
     const widest = Math.max(...spans);
     channels.forEach((lane, i) => {
-      const [low, high] = curves[i].range, span = element('same-scale').checked ? widest : spans[i];
+      const {range} = curves[i], span = element('same-scale').checked ? widest : spans[i];
       // A curve that is flat lies in the middle of its lane; one without samples anywhere.
-      const half = span / step[lane.channel] / 2 || 1, middle = high < low ? 0 : (low + high) / 2;
+      const half = span / step[lane.channel] / 2 || 1, middle = range ? (range[0] + range[1]) / 2 : 0;
       curves[i].range = [middle - half, middle + half];
-      if (high >= low) lane.note = volts(span);
+      if (range) lane.note = volts(span);
     });
   }
   timeline.setLanes(lanes);
@@ -337,10 +326,7 @@ function draw(data) {
 }
 
 function drawMinimap() {
-  const ratio = window.devicePixelRatio || 1, width = minimap.clientWidth, height = minimap.clientHeight;
-  Object.assign(minimap, {width: Math.round(width * ratio), height: Math.round(height * ratio)});
-  const context = minimap.getContext('2d'), pen = {context, left: NAMES_WIDTH, right: width - RIGHT_MARGIN};
-  context.scale(ratio, ratio);
+  const {context, width, height} = fitted(minimap), pen = {context, left: NAMES_WIDTH, right: width - RIGHT_MARGIN};
   const xOf = (seconds) => pen.left + seconds * (pen.right - pen.left) / duration();
   const xOfRows = (row) => xOf(row / now().rate_hz);
   context.fillStyle = '#f3f4f5';

@@ -20,7 +20,7 @@ const POINTS = {ArrowLeft: [-0.01, 0], ArrowRight: [0.01, 0], ArrowUp: [0, -1], 
 
 class Timeline {
   // root: an empty element.
-  // tickText(seconds, step): the text at a tick, where ticks are `step` seconds apart.
+  // tickText(seconds, digits): the text at a tick, with so many digits after the point.
   // onInterval(from, to, how): the user wants to see another interval; how: 'zoom', 'move', 'choose', or
   // 'whole', with from -Infinity and to Infinity.
   // onPoint(seconds, lane): the pointer, or keys, have moved to this place; null: it has left.
@@ -31,7 +31,7 @@ class Timeline {
     this.lanes = [];
     this.names = make('div', undefined, 'lane-names');
     root.append(this.names);
-    root.addEventListener('dblclick', () => this.showWhole());
+    root.addEventListener('dblclick', () => onInterval(-Infinity, Infinity, 'whole'));
     root.addEventListener('keydown', (event) => this.onKey(event));
     for (const kind of ['pointerleave', 'blur']) root.addEventListener(kind, () => this.point(null));
   }
@@ -45,10 +45,6 @@ class Timeline {
     this.pointedShare = seconds === null ? undefined : (seconds - this.from) / (this.to - this.from);
     this.pointedLane = lane;
     this.onPoint(seconds, lane);
-  }
-
-  showWhole() {
-    this.onInterval(-Infinity, Infinity, 'whole');
   }
 
   zoom(factor, at = (this.from + this.to) / 2) {
@@ -76,7 +72,7 @@ class Timeline {
     if (shiftKey && key in POINTS) this.pointElsewhere(POINTS[key]);
     else if (!shiftKey && key in MOVES) this.move(MOVES[key]);
     else if (key in ZOOMS) this.zoom(ZOOMS[key]);
-    else if (key === 'Home') this.showWhole();
+    else if (key === 'Home') this.onInterval(-Infinity, Infinity, 'whole');
     else return;
     event.preventDefault();
   }
@@ -168,7 +164,10 @@ class Timeline {
       axes: [{
         side: 0, size: AXIS_HEIGHT, gap: 1, space: 90, incrs: TICKS_S, stroke: TEXT,
         font: '12px system-ui, sans-serif', grid: {stroke: GRID, width: 1}, ticks: {show: false},
-        values: (_, splits, axis, space, step) => splits.map((s) => this.tickText(s, step)),
+        values: (_, splits, axis, space, step) => {
+          const digits = step >= 1 ? 0 : Math.min(3, Math.ceil(-Math.log10(step) - 1e-9));
+          return splits.map((seconds) => this.tickText(seconds, digits));
+        },
       }],
       cursor: {
         y: false, points: {show: false}, drag: {x: true, y: false, setScale: false},
@@ -179,7 +178,11 @@ class Timeline {
       },
       hooks: {
         ready: [(plot) => this.listen(plot)],
-        drawClear: [(plot) => this.withPen(plot, (pen) => this.paintUnderAll(pen))],
+        drawClear: [(plot) => this.withPen(plot, (pen) => {
+          pen.context.fillStyle = '#fff';
+          pen.context.fillRect(pen.left, pen.top, pen.right - pen.left, pen.bottom - pen.top);
+          this.paintUnderAll(pen);
+        })],
         drawAxes: [(plot) => this.withPen(plot, (pen) => this.lanes.forEach((lane) => lane.paint?.(pen, lane)))],
         setSelect: [(plot) => {
           const {left, width: chosen} = plot.select;

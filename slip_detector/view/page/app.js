@@ -24,7 +24,7 @@ let gone = {};
 const cards = new Map();
 // Values dragged in a drawing are set like typed ones, but a refusal is shown at the top, as the panel
 // of parameters may be hidden.
-const set = async (values) => refuse(await parameters.set(chosen, values));
+const set = async (values) => refuse(await parameters.ask('set', {values}));
 const onView = (changes) => connection.changeView(changes);
 const traces = new Traces({onView, onSet: set}), spectrum = new SpectrumPanel({onView, onSet: set});
 element('keep-rest').addEventListener('click', async () => {
@@ -43,7 +43,8 @@ function choose(name) {
 }
 
 function show(name) {
-  for (const part of [traces, spectrum]) part.settle();
+  // Changes of the finger that was shown end before.
+  for (const line of [traces.line, ...spectrum.lines.values()]) line.settle();
   chosen = name;
   refuse('');
   connection.changeView({finger: name ?? ''});
@@ -67,7 +68,7 @@ connection.on('fingers', ({fingers, gone: labels, read_only: readOnly}) => {
   for (const [name, card] of cards) {
     if (names.includes(name)) continue;
     news.note(card.finger.label, 'detector gone');
-    card.close();
+    card.root.remove();
     cards.delete(name);
   }
   fingers.forEach((finger, i) => {
@@ -75,7 +76,7 @@ connection.on('fingers', ({fingers, gone: labels, read_only: readOnly}) => {
       onChoose: () => choose(finger.name),
       onChannel: (channel) => {
         choose(finger.name);
-        traces.toggle(channel);
+        traces.chooser.toggle(channel);
       },
     });
     cards.set(finger.name, card);
@@ -90,7 +91,8 @@ connection.on('fingers', ({fingers, gone: labels, read_only: readOnly}) => {
   element('panels').hidden = !fingers.length;
   document.querySelector('main').classList.toggle('single', fingers.length === 1);
   connection.changeView({fingers: names});
-  for (const part of [traces, spectrum]) part.allowChanges(!readOnly);
+  traces.line.allow(!readOnly);
+  spectrum.allowChanges(!readOnly);
   // A finger that is gone may come back: meanwhile no other is chosen, or changes would go to that one.
   const next = [wanted, chosen].find((name) => names.includes(name)) ?? (chosen in gone ? chosen : names[0] ?? null);
   if (next !== chosen) show(next);
@@ -118,31 +120,16 @@ connection.on('frame', ({header, arrays}) => {
 tabs(document.querySelector('#signals [role=tablist]'), (panel) => spectrum.open(panel === 'spectrum'));
 tabs(document.querySelector('#tools [role=tablist]'));
 
-// ---- keys
-
-// The action of each key, wherever the focus is except in text fields.
-const KEYS = {
-  p: () => traces.pauseOrGoOn(),
-  '?': () => element('keys-button').click(),
-  ...Object.fromEntries(Array.from({length: 9}, (_, i) => [String(i + 1), () => {
-    const card = [...cards.values()].find(({root}) => root === element('fingers').children[i]);
-    if (card) choose(card.finger.name);
-  }])),
-};
-
-element('keys-button').addEventListener('click', ({currentTarget}) => {
-  element('keys').hidden = !element('keys').hidden;
-  currentTarget.ariaExpanded = String(!element('keys').hidden);
-});
-
 document.addEventListener('keydown', (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches('input, select, textarea')) return;
   // They can be switched off, as speech input and accidental strokes trigger them (WCAG 2.1.4).
   if (!element('keys-act').checked) return;
-  const act = KEYS[event.key] ?? KEYS[event.key.toLowerCase()];
-  if (!act) return;
+  const finger = element('fingers').children[event.key - 1]?.dataset.finger, keys = element('keys');
+  if (finger) choose(finger);
+  else if (event.key.toLowerCase() === 'p') traces.pauseOrGoOn();
+  else if (event.key === '?') keys.open = !keys.open;
+  else return;
   event.preventDefault();
-  act();
 });
 
 connection.open();

@@ -6,17 +6,14 @@ const CHECK_MS = 1000, MOST_CHECKS = 3;
 const UNREACHABLE = 'slip_view cannot be reached';
 
 // Return a binary frame, as slip_detector/view/view_request.py makes it, as {header, arrays}: the arrays
-// by name, each a typed array with its shape as .shape.
+// by name.
 function readFrame(buffer) {
-  const length = new DataView(buffer).getUint32(0, true);
+  const length = new DataView(buffer).getUint32(0, true), arrays = {};
   const header = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
-  const arrays = {};
   let place = 4 + length;
-  for (const [name, type, shape] of header.arrays) {
-    const count = shape.reduce((product, n) => product * n, 1);
-    const array = new (type === 'uint8' ? Uint8Array : Float32Array)(buffer, place, count);
-    arrays[name] = Object.assign(array, {shape});
-    place += Math.ceil(array.byteLength / 4) * 4;
+  for (const [name, shape] of header.arrays) {
+    arrays[name] = new Float32Array(buffer, place, shape.reduce((product, n) => product * n, 1));
+    place += arrays[name].byteLength;
   }
   return {header, arrays};
 }
@@ -33,8 +30,8 @@ export class Connection extends EventTarget {
     this.answers = new Map();
     this.requests = 0;
     this.view = {};
+    // The frame that waits to be drawn, or null.
     this.frame = null;
-    this.waits = false;
     // A hidden page asks for nothing.
     document.addEventListener('visibilitychange', () => this.sendView());
     setInterval(() => this.checkForFrames(), CHECK_MS);
@@ -47,7 +44,7 @@ export class Connection extends EventTarget {
 
   // Count checks without a frame, if frames are due and none waits to be drawn.
   checkForFrames() {
-    const due = this.isOpen && !document.hidden && this.view.fingers?.length && !this.waits;
+    const due = this.isOpen && !document.hidden && this.view.fingers?.length && !this.frame;
     this.checks = due ? this.checks + 1 : 0;
     if (this.checks > MOST_CHECKS) this.say('slip_view does not answer');
   }
@@ -97,9 +94,8 @@ export class Connection extends EventTarget {
     if (typeof data !== 'string') {
       this.checks = 0;
       this.say('');
+      if (!this.frame) requestAnimationFrame(() => this.draw());
       this.frame = readFrame(data);
-      if (!this.waits) requestAnimationFrame(() => this.draw());
-      this.waits = true;
       return;
     }
     const message = JSON.parse(data);
@@ -111,12 +107,13 @@ export class Connection extends EventTarget {
   }
 
   draw() {
-    this.waits = false;
+    const {frame} = this;
+    this.frame = null;
     // A frame from before the connection was lost is old.
     if (!this.isOpen) return;
     // The next frame is made while this one is drawn.
-    this.send({type: 'drawn', frame: this.frame.header.frame});
-    this.dispatchEvent(new CustomEvent('frame', {detail: this.frame}));
+    this.send({type: 'drawn'});
+    this.dispatchEvent(new CustomEvent('frame', {detail: frame}));
   }
 
   // Change what the page asks for: {fingers, finger, channels, window_s, pixels, spectrum, until_ns};

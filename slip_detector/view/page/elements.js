@@ -22,10 +22,8 @@ export function button(words, act, properties = {}) {
 // Set the text of the element with this id.
 export const write = (id, text) => (element(id).textContent = text);
 
-// A row of a table: texts and elements, of which the given number are headings of this scope.
-export function tableRow(cells, headings, scope) {
-  return build('tr', ...cells.map((cell, i) => (i < headings ? build('th', cell, {scope}) : build('td', cell))));
-}
+// A row of a table: its heading, and texts and elements.
+export const tableRow = ([heading, ...cells]) => build('tr', build('th', heading, {scope: 'row'}), ...cells.map((cell) => build('td', cell)));
 
 // A tab below "Set up": the fingers by their labels, requests, and the line that shows why one was refused.
 export class Tool {
@@ -104,24 +102,19 @@ export class News {
   constructor(region) {
     this.region = region;
     this.announced = new Map();
-    this.waiting = new Map();
+    this.present = new Map();
     setInterval(() => this.say(), GATHERED_MS);
   }
 
-  // Note the present state of a finger. Slip that has ended before it was announced is still announced.
+  // Note the present state of a finger, again and again. Slip is kept until it is announced.
   note(label, words) {
-    const slips = words.startsWith('SLIP');
-    this.waiting.set(label, {words, slips, slipped: slips || this.waiting.get(label)?.slipped});
+    if (!this.present.get(label)?.startsWith('SLIP')) this.present.set(label, words);
   }
 
   say() {
-    const sentences = [];
-    for (const [label, {words, slips, slipped}] of this.waiting) {
-      const before = this.announced.get(label), missed = slipped && !slips && !before?.startsWith('SLIP');
-      if (missed || words !== before) sentences.push(`${label}: ${missed ? 'SLIP, then ' : ''}${words}`);
-      this.announced.set(label, words);
-    }
-    this.waiting.clear();
-    if (sentences.length) this.region.textContent = `${sentences.join('. ')}.`;
+    const fresh = [...this.present].filter(([label, words]) => words !== this.announced.get(label));
+    if (fresh.length) this.region.textContent = fresh.map(([label, words]) => `${label}: ${words}.`).join(' ');
+    this.announced = new Map([...this.announced, ...this.present]);
+    this.present.clear();
   }
 }

@@ -7,9 +7,6 @@ import {PAGE, Tool, build, button, write} from './elements.js';
 const OF_GROUPS = 'Threshold and vote';
 const OPEN = new Set(['Filters', OF_GROUPS]);
 
-// Whether words name a parameter; another name that contains this one does not count.
-const isNamed = (name, words) => words.split(/[\s,;:]+/).includes(name);
-
 export class Parameters extends Tool {
   constructor(connection) {
     super(connection, element('parameters-refusal'));
@@ -29,7 +26,11 @@ export class Parameters extends Tool {
       act();
     });
     on('parameter-values', 'submit', () => this.submit());
-    on('discard', 'click', () => this.forget());
+    on('discard', 'click', () => {
+      this.edits.delete(this.finger);
+      this.refuse('');
+      this.show();
+    });
     on('undo', 'click', () => this.ask('undo'));
     on('as-in-file', 'click', () => this.ask('as_in_file'));
     on('saving', 'submit', () => this.write(false));
@@ -50,15 +51,11 @@ export class Parameters extends Tool {
     this.show();
   }
 
-  // Set parameters of a finger, all or none: values by name, texts as they were typed or numbers.
-  // Resolves with the refusal, or ''.
-  set(finger, values) {
-    return this.ask('set', {finger, values});
-  }
-
   refuse(words) {
     super.refuse(words);
-    for (const [name, row] of this.rows) row.markRefused(isNamed(name, words));
+    // Another name that contains that of a parameter does not count.
+    const named = words.split(/[\s,;:]+/);
+    for (const [name, {field}] of this.rows) field.setAttribute('aria-invalid', String(named.includes(name)));
   }
 
   show() {
@@ -93,26 +90,24 @@ export class Parameters extends Tool {
   }
 
   showRows(panel, edits, usable) {
-    const seen = new Set();
-    for (const {heading, parameters} of panel.headings) {
-      const section = this.sectionOf(heading);
-      for (const parameter of parameters) {
-        seen.add(parameter.name);
-        if (edits.get(parameter.name) === parameter.text) edits.delete(parameter.name);
-        this.rowOf(parameter, section).show(parameter, edits.get(parameter.name), usable);
-      }
-    }
-    // A group to be added has a row, though the detector has no such parameter yet.
+    const shown = panel.headings.flatMap(({heading, parameters}) => parameters.map((parameter) => [heading, parameter]));
+    let names = new Set(shown.map(([, {name}]) => name));
     for (const [name, text] of edits) {
-      if (seen.has(name) || text === null) continue;
-      seen.add(name);
-      this.rowOf({name}, this.sectionOf(OF_GROUPS)).showNew(text, usable);
+      if (names.has(name)) continue;
+      // A group to be added has a row, though the detector has no such parameter yet.
+      if (text === null) edits.delete(name);
+      else shown.push([OF_GROUPS, {name}]);
+    }
+    names = new Set(shown.map(([, {name}]) => name));
+    for (const [heading, parameter] of shown) {
+      const {name, text} = parameter;
+      if (edits.get(name) === text) edits.delete(name);
+      this.rowOf(parameter, this.sectionOf(heading)).show(parameter, edits.get(name), usable);
     }
     for (const [name, row] of this.rows) {
-      if (seen.has(name)) continue;
+      if (names.has(name)) continue;
       row.root.remove();
       this.rows.delete(name);
-      edits.delete(name);
     }
     for (const add of this.sections.querySelectorAll('.add-group :is(input, button)')) add.disabled = !usable;
   }
@@ -122,19 +117,14 @@ export class Parameters extends Tool {
     if (found) return found;
     const section = build('details', build('summary', heading), build('div.rows'), {open: OPEN.has(heading)});
     section.dataset.heading = heading;
-    if (heading === OF_GROUPS) section.append(this.buildAddGroup());
     this.sections.append(section);
-    return section;
-  }
-
-  buildAddGroup() {
+    if (heading !== OF_GROUPS) return section;
     const name = build('input', {placeholder: 'name'});
-    const add = button('Add', () => {
-      if (!name.value.trim()) return;
-      this.edit(`groups.${name.value.trim()}`, '');
+    section.append(build('p.add-group', build('label', 'New group ', name), button('Add', () => {
+      if (name.value.trim()) this.edit(`groups.${name.value.trim()}`, '');
       name.value = '';
-    });
-    return build('p.add-group', build('label', 'New group ', name), add);
+    })));
+    return section;
   }
 
   rowOf(parameter, section) {
@@ -161,14 +151,12 @@ export class Parameters extends Tool {
     // After a restart, slip_view counts changes from the beginning.
     const last = Math.min(this.lastChange.get(this.finger) ?? newest, newest), list = element('changes');
     this.lastChange.set(this.finger, newest);
-    for (const {by, words, names} of panel.changes.filter(({number}) => number > last).reverse()) {
+    for (const {by, words} of panel.changes.filter(({number}) => number > last).reverse()) {
       const lead = {
         [`page ${PAGE}`]: 'Set', outside: 'Changed by another program', restart: 'The detector was started again, with',
       }[by] ?? 'Changed on another page';
       list.append(build('li', `${lead}: ${words}.`));
       if (list.children.length > 5) list.firstChild.remove();
-      // A value that somebody else has set is mentioned beside the one typed here.
-      for (const name of lead === 'Set' ? [] : names) this.rows.get(name)?.noteMeanwhile(lead);
     }
   }
 
@@ -176,15 +164,9 @@ export class Parameters extends Tool {
     const edits = this.edits.get(this.finger);
     if (!edits?.size || element('set-all').disabled) return;
     const sent = new Map(edits);
-    const refusal = await this.set(this.finger, Object.fromEntries(sent));
+    const refusal = await this.ask('set', {values: Object.fromEntries(sent)});
     if (refusal) return;
     for (const [name, text] of sent) if (edits.get(name) === text) edits.delete(name);
-    this.show();
-  }
-
-  forget() {
-    this.edits.delete(this.finger);
-    this.refuse('');
     this.show();
   }
 
@@ -205,72 +187,45 @@ class ParameterRow {
   // onEdit(text): the user typed this; undefined: keep the detector's value; null: delete the parameter.
   constructor({name, choices = []}, onEdit) {
     const id = `parameter-${++rows}`;
-    this.label = build('label', name, {htmlFor: id});
+    this.root = element('parameter').content.firstElementChild.cloneNode(true);
+    [this.label, this.unit, this.notes, this.meaning] = this.root.children;
+    Object.assign(this.label, {textContent: name, htmlFor: id});
+    Object.assign(this.notes, {id: `${id}-notes`});
+    Object.assign(this.meaning, {id: `${id}-meaning`});
     this.field = build(choices.length ? 'select' : 'input', ...choices.map((choice) => new Option(choice)), {
       id, spellcheck: false, autocomplete: 'off',
     });
-    this.unit = build('span.unit');
-    this.notes = build('p.notes', {id: `${id}-notes`});
-    this.meaning = build('p.hint', {id: `${id}-meaning`});
-    this.field.setAttribute('aria-describedby', `${this.notes.id} ${this.meaning.id}`);
+    this.field.setAttribute('aria-describedby', `${id}-notes ${id}-meaning`);
     this.field.addEventListener('input', () => onEdit(this.field.value === this.present ? undefined : this.field.value));
-    this.field.addEventListener('keydown', ({key}) => {
-      if (key === 'Escape') onEdit(undefined);
-    });
-    this.root = build('div.parameter', this.label, this.field, this.unit);
+    this.field.addEventListener('keydown', ({key}) => key === 'Escape' && onEdit(undefined));
+    this.label.after(this.field);
     this.root.dataset.name = name;
     if (name.startsWith('groups.')) {
       this.remove = button('Remove', () => onEdit(this.removed || this.present === undefined ? undefined : null));
-      this.root.append(this.remove);
+      this.unit.after(this.remove);
     }
-    this.root.append(this.notes, this.meaning);
   }
 
-  // Show the server's description. edit: what was typed; undefined: nothing; null: delete the parameter.
-  show({text, unit, allowed, meaning, in_file: inFile, read_only: fixed}, edit, usable) {
-    if (edit === undefined) this.meanwhile = '';
+  // Show the server's description, of a new group its name alone. edit: what was typed; undefined: nothing;
+  // null: delete the parameter.
+  show({text, unit = '', allowed, meaning = '', in_file: inFile, read_only: fixed}, edit, usable) {
     this.present = text;
     this.removed = edit === null;
-    const wanted = edit ?? text;
+    const wanted = edit ?? text, {removed} = this;
     if (this.field.value !== wanted) this.field.value = wanted;
     this.unit.textContent = unit;
     this.meaning.textContent = allowed ? `${meaning} Allowed: ${allowed}.` : meaning;
-    this.fixed = fixed;
-    this.notes.textContent = [
+    this.notes.textContent = text === undefined ? 'New, not set yet: numbers of channels with commas between.' : [
       fixed && 'Holds from the start: it cannot be changed while the detector runs.',
-      edit !== undefined && !this.removed && `Not set yet; the detector has ${text || 'nothing'}.`,
-      this.removed && 'To be removed.',
-      this.meanwhile,
+      edit !== undefined && !removed && `Not set yet; the detector has ${text || 'nothing'}.`,
+      removed && 'To be removed.',
       inFile !== null && inFile !== text && `In the file: ${inFile || 'nothing'}.`,
     ].filter(Boolean).join(' ');
-    this.mark(edit !== undefined, usable && !fixed);
-  }
-
-  showNew(text, usable) {
-    this.present = undefined;
-    if (this.field.value !== text) this.field.value = text;
-    this.notes.textContent = 'New, not set yet: numbers of channels with commas between.';
-    this.mark(true, usable);
-  }
-
-  mark(edited, usable) {
-    this.root.classList.toggle('edited', edited);
-    this.root.classList.toggle('removed', Boolean(this.removed));
-    this.field.disabled = !usable || Boolean(this.removed);
-    if (this.remove) {
-      this.remove.disabled = !usable;
-      this.remove.textContent = this.removed ? 'Keep' : 'Remove';
-    }
-  }
-
-  // Note that somebody else has changed a value that is being edited.
-  noteMeanwhile(lead) {
-    if (!this.root.classList.contains('edited')) return;
-    this.meanwhile = `${lead} meanwhile.`;
-    this.notes.textContent += ` ${this.meanwhile}`;
-  }
-
-  markRefused(refused) {
-    this.field.setAttribute('aria-invalid', String(refused));
+    this.root.classList.toggle('edited', edit !== undefined);
+    this.root.classList.toggle('removed', removed);
+    this.field.disabled = !usable || fixed || removed;
+    if (!this.remove) return;
+    this.remove.disabled = !usable;
+    this.remove.textContent = removed ? 'Keep' : 'Remove';
   }
 }

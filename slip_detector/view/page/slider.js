@@ -45,12 +45,9 @@ export class Slider {
   show(value, least, most) {
     if (this.sent && value !== this.sent.before) this.sent = null;
     this.value = value;
-    const shown = this.chosen ?? value, words = this.words(shown), described = [shown, least, most, words].join();
-    if (described !== this.described) {
-      this.described = described;
-      this.label.textContent = words;
-      Object.assign(this.root, {ariaValueNow: `${shown}`, ariaValueMin: `${least}`, ariaValueMax: `${most}`, ariaValueText: words});
-    }
+    const shown = this.chosen ?? value, words = this.words(shown);
+    if (this.label.textContent !== words) this.label.textContent = words;
+    Object.assign(this.root, {ariaValueNow: `${shown}`, ariaValueMin: `${least}`, ariaValueMax: `${most}`, ariaValueText: words});
     return shown;
   }
 
@@ -97,6 +94,11 @@ export class Slider {
     if (this.timer) this.set();
     this.drop();
     this.sent = null;
+  }
+
+  close() {
+    this.drop();
+    this.root.remove();
   }
 
   drop() {

@@ -5,7 +5,6 @@ import {Slider, rounded} from './slider.js';
 
 const AXIS_WIDTH = 40, AXIS_DEPTH = 24, LABEL_SIZE = 18, RIGHT = 16, TOP = 8, HEIGHT = {least: 220, most: 420};
 const NOW = '#0072b2', REST_FILL = 'rgba(90, 102, 112, 0.3)', REST = '#66717a', PASS = '#e4f1e9', STOP = '#f3e3da', COMB = '#7b2d6b';
-const HATCH = '#c98f6d';
 // An upper edge above this share of half the sample rate means none: the band-pass is a high-pass.
 const OPEN_SHARE = 0.98;
 const LEAST_HZ = 0.1;
@@ -64,11 +63,6 @@ export class SpectrumPanel {
     this.ask();
   }
 
-  // End changes of this finger before another one is shown.
-  settle() {
-    for (const line of this.lines.values()) line.settle();
-  }
-
   ask() {
     this.onView({spectrum: this.shown ? this.channel : null});
   }
@@ -103,15 +97,11 @@ export class SpectrumPanel {
   }
 
   updateBands() {
-    const edges = this.edges();
-    for (const [name, line] of this.lines) {
-      if (edges.some((edge) => edge.name === name)) continue;
-      line.drop();
-      line.root.remove();
-      this.lines.delete(name);
-    }
-    for (const {name, short, open, whole} of edges) {
-      if (!this.lines.has(name)) this.lines.set(name, this.lineOf(name, short, open, whole));
+    const edges = this.edges(), names = String(edges.map(({name}) => name));
+    if (names !== this.names) {
+      for (const line of this.lines.values()) line.close();
+      this.lines = new Map(edges.map((edge) => [edge.name, this.lineOf(edge)]));
+      this.names = names;
     }
     const {stopbands_hz: stops, mains_hz: mains} = this.finger;
     element('removers').replaceChildren(...stops.map(([low, high], i) => button(
@@ -122,7 +112,7 @@ export class SpectrumPanel {
 
   // The line at an edge. open: at the end of the axis it means that there is no edge. whole: values are
   // whole numbers.
-  lineOf(name, short, open, whole) {
+  lineOf({name, short, open, whole}) {
     const edge = () => this.edges().find((each) => each.name === name);
     const inside = (hz) => {
       const {least, most} = edge(), within = Math.min(Math.max(hz, least), most);
@@ -142,10 +132,8 @@ export class SpectrumPanel {
   }
 
   addStopband() {
-    const {passband_hz: [, high], stopbands_hz: stops} = this.finger, {nyquist} = this;
-    const taken = Math.max(high, ...stops.flat().filter((hz) => hz < nyquist * 0.9));
-    const from = taken < nyquist * 0.8 ? taken : high || nyquist / 2;
-    this.onSet({stopbands_hz: [...stops.flat(), rounded(from), rounded(Math.min(from * 1.25, nyquist * 0.98))]});
+    const {passband_hz: [, high], stopbands_hz: stops} = this.finger, from = high || this.nyquist / 2;
+    this.onSet({stopbands_hz: [...stops.flat(), rounded(from), rounded(Math.min(from * 1.25, this.nyquist * 0.98))]});
   }
 
   // ---- drawing
@@ -217,35 +205,28 @@ export class SpectrumPanel {
       context.fillStyle = color;
       context.fillRect(xOf(low), top, xOf(high) - xOf(low), height);
     };
-    // Lines at some pixels, at their upper end shifted to the right.
-    const strokes = (pixels, color, shift = 0) => {
-      context.strokeStyle = color;
-      context.lineWidth = ratio;
-      context.beginPath();
-      for (const x of pixels) {
-        context.moveTo(x, top + height);
-        context.lineTo(x + shift, top);
-      }
-      context.stroke();
-    };
     // The values of the edges: those to which they are dragged, or the detector's.
     const [from, to, ...others] = this.edges().map(({name, value}) => this.lines.get(name)?.chosen ?? value);
     context.save();
     fill(from, to || this.nyquist, PASS);
     this.finger.stopbands_hz.forEach((_, i) => {
-      const [low, high] = others.slice(2 * i), begin = xOf(low) - height, spacing = 12 * ratio;
+      const [low, high] = others.slice(2 * i);
       fill(low, high, STOP);
       // Hatched, too: not by colour alone.
-      context.save();
-      context.beginPath();
-      context.rect(xOf(low), top, xOf(high) - xOf(low), height);
-      context.clip();
-      strokes(Array.from({length: Math.ceil((xOf(high) - begin) / spacing)}, (_, k) => begin + k * spacing), HATCH, height);
-      context.restore();
+      context.globalAlpha = 0.4;
+      fill(low, high, hatching(context));
+      context.globalAlpha = 1;
     });
     const hum = this.finger.mains_hz && others.at(-1);
+    context.strokeStyle = COMB;
+    context.lineWidth = ratio;
     context.setLineDash([2 * ratio, 3 * ratio]);
-    if (hum) strokes(Array.from({length: Math.floor(this.nyquist / hum)}, (_, k) => xOf((k + 1) * hum)), COMB);
+    context.beginPath();
+    for (let hz = hum; hum && hz < this.nyquist; hz += hum) {
+      context.moveTo(xOf(hz), top);
+      context.lineTo(xOf(hz), top + height);
+    }
+    context.stroke();
     context.restore();
   }
 
@@ -255,10 +236,7 @@ export class SpectrumPanel {
     const name = this.finger.channels[this.channel - 1], {passband_hz: [low, high]} = this.finger;
     const words = `Spectrum of ${name}${this.rest ? ', with the one at rest behind it' : ''}; pass-band ${low} to ${high || 'all above'} Hz`
       + (this.now ? `; strongest at ${rounded((this.strongest() + 1) * this.now.step)} Hz` : '; too few samples yet');
-    if (this.root.ariaLabel !== words && !(Date.now() - this.describedAt < 1000)) {
-      this.root.ariaLabel = words;
-      this.describedAt = Date.now();
-    }
+    if (this.root.ariaLabel !== words) this.root.ariaLabel = words;
   }
 
   // Keys read the values at a frequency as the pointer does, beginning with the strongest one.

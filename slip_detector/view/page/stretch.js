@@ -72,14 +72,9 @@ const within = (value, least, most) => Math.min(Math.max(value, least), most);
 
 export class Stretch {
   constructor() {
-    this.window_s = WINDOW_S.first;
-    this.begin();
-  }
-
-  // Start over, for a finger without columns yet.
-  begin() {
+    // The columns that are shown; null before the first.
     this.columns = null;
-    this.goOn();
+    this.goOn(WINDOW_S.first);
   }
 
   goOn(window_s = this.window_s) {
@@ -94,20 +89,11 @@ export class Stretch {
     this.paused_s = this.columns.last_s;
   }
 
-  pauseOrGoOn() {
-    if (this.live) this.pause();
-    else this.goOn();
-  }
-
   // Show another interval; how: 'zoom', 'move', 'choose' or 'whole', as Timeline has it.
   change(from, to, how) {
     if (how === 'whole') this.goOn(WINDOW_S.first);
     else if (how === 'zoom' && this.live) this.goOn(to - from);
-    else this.lookBack(from, to);
-  }
-
-  lookBack(from, to) {
-    if (this.live) this.pause();
+    else if (this.live) this.pause();
     if (this.live) return;
     const span = within(to - from, LEAST_S, WINDOW_S.most), end = (from + to + span) / 2;
     // There is nothing after the beginning of the pause, and nothing older than what is kept.

@@ -158,7 +158,7 @@ export class Teach extends Tool {
       const remove = button('Delete', () => {
         if (confirm(`Delete ${name}, ${seconds.toFixed(1)} s? It cannot be brought back.`)) this.ask('delete_recording', {recording: name});
       }, {ariaLabel: `Delete ${name}`, disabled: this.locked});
-      const row = tableRow([name, `${seconds.toFixed(1)} s`, String(slips), heldOut ? 'held out' : usable ? 'tuning' : 'not used', remove], 1, 'row');
+      const row = tableRow([name, `${seconds.toFixed(1)} s`, String(slips), heldOut ? 'held out' : usable ? 'tuning' : 'not used', remove]);
       if (note) row.firstChild.append(build('p.notice', note));
       return row;
     }));
@@ -201,7 +201,7 @@ export class Teach extends Tool {
     const rows = mine?.table ?? [];
     element('tuning-result').hidden = !rows.length;
     element('compared').replaceChildren(...rows.map(([title, before, after, change]) => {
-      const row = tableRow([title, before, after, change && `${change === 'better' ? '\u25b2' : '\u25bd'} ${change}`], 1, 'row');
+      const row = tableRow([title, before, after, change && `${change === 'better' ? '\u25b2' : '\u25bd'} ${change}`]);
       row.className = change;
       return row;
     }));

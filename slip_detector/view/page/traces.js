@@ -31,7 +31,7 @@ export class Traces {
     });
     this.root.after(this.line.root);
     this.timeline = new Timeline(this.root, {
-      tickText: (seconds, step) => this.tickText(seconds, step),
+      tickText: (seconds, digits) => this.tickText(seconds, digits),
       onInterval: (from, to, how) => {
         this.stretch.change(from, to, how);
         this.ask();
@@ -48,7 +48,8 @@ export class Traces {
   show(finger) {
     if (finger.name !== this.finger?.name || finger.channels.length !== this.finger.channels.length) {
       this.columns = null;
-      this.stretch.begin();
+      this.stretch.columns = null;
+      this.stretch.goOn();
       this.truth = false;
     }
     this.finger = finger;
@@ -57,26 +58,9 @@ export class Traces {
     this.layOut();
   }
 
-  // Allow the threshold to be dragged, or not with --read-only.
-  allowChanges(allowed) {
-    this.line.allow(allowed);
-  }
-
-  // End changes of this finger before another one is shown.
-  settle() {
-    this.line.settle();
-  }
-
-  get channels() {
-    return this.chooser.channels;
-  }
-
-  toggle(channel) {
-    this.chooser.toggle(channel);
-  }
-
   pauseOrGoOn() {
-    this.stretch.pauseOrGoOn();
+    if (this.stretch.live) this.stretch.pause();
+    else this.stretch.goOn();
     this.ask();
   }
 
@@ -87,7 +71,7 @@ export class Traces {
     const pixels = Math.max(10, Math.min(4000, this.root.clientWidth - NAMES_WIDTH - RIGHT_MARGIN));
     const {live, window_s, to} = this.stretch;
     this.onView({
-      channels: this.channels, window_s, pixels,
+      channels: this.chooser.channels, window_s, pixels,
       until_ns: live || !this.columns ? null : Math.round((to + this.columns.begun_s) * 1e9),
     });
     element('pause').textContent = live ? 'Pause' : 'Go on';
@@ -117,7 +101,7 @@ export class Traces {
 
   layOut() {
     if (!this.finger || !this.root.clientWidth) return;
-    const {channels} = this, n = channels.length, top = this.root.getBoundingClientRect().top + window.scrollY;
+    const {channels} = this.chooser, n = channels.length, top = this.root.getBoundingClientRect().top + window.scrollY;
     const free = Math.max(window.innerHeight - top - 60, 300);
     const levels = Math.max(LEVEL_HEIGHT.least, Math.min(LEVEL_HEIGHT.most, Math.round(free * 0.35)));
     const height = Math.max(18, Math.min(60, Math.floor((free - levels - 2 * SLIP_HEIGHT - 30) / n)));
@@ -143,7 +127,7 @@ export class Traces {
 
   // Draw the present state, unless the panel is hidden.
   draw() {
-    const {columns, channels} = this;
+    const {columns, chooser: {channels}} = this;
     if (!this.root.clientWidth || columns?.begun_s == null || String(columns.channels) !== String(channels)) return;
     if (this.laidOut !== this.truth) {
       this.layOut();
@@ -156,7 +140,7 @@ export class Traces {
     const range = this.levelRange(seen.level.flat()), logarithm = (level) => (level == null ? level : Math.max(range[0], Math.log10(level)));
     for (const values of seen.level) curves.push({rows: values.map(logarithm), low: [], high: [], range});
     this.timeline.draw({
-      from, to, curves, joined: JOINED_PERIODS / this.finger.sample_rate_hz, paint: (pen) => this.paintTruth(pen),
+      from, to, curves, joined: JOINED_PERIODS / this.finger.sample_rate_hz, paint: (pen) => this.paintBits(pen, {top: pen.top, height: pen.bottom}, 'truth', '#e8f2f9'),
       // Without columns there is still an axis, with which the user can move elsewhere.
       x: seen.x.length ? seen.x : [from, to],
     });
@@ -186,7 +170,7 @@ export class Traces {
 
   // The scale of the first curve of levels.
   get scale() {
-    return `lane-${this.channels.length}`;
+    return `lane-${this.chooser.channels.length}`;
   }
 
   levelAt(y) {
@@ -206,13 +190,6 @@ export class Traces {
   paintBits(pen, {top, height}, name, color) {
     const [bits] = this.seen[name];
     paintRuns(pen.context, top, height - 1, 0, bits.length, (i) => (bits[i] ? color : null), (i) => this.xOf(pen, i));
-  }
-
-  paintTruth(pen) {
-    const {context, left, right, top, bottom} = pen;
-    context.fillStyle = '#fff';
-    context.fillRect(left, top, right - left, bottom - top);
-    this.paintBits(pen, {top, height: bottom - top + 1}, 'truth', '#e8f2f9');
   }
 
   // How many columns may lie between two values that are joined.
@@ -253,8 +230,8 @@ export class Traces {
 
   // ---- words
 
-  tickText(seconds, step) {
-    const total = seconds + (this.columns?.begun_s ?? 0), digits = step >= 1 ? 0 : Math.min(3, Math.ceil(-Math.log10(step) - 1e-9));
+  tickText(seconds, digits = 3) {
+    const total = seconds + (this.columns?.begun_s ?? 0);
     // The time of day if the stamps are dates; simulated time begins at zero.
     if (total < 1e9) return `${total.toFixed(digits)} s`;
     const tenths = Number(total.toFixed(digits)), date = new Date(1000 * Math.floor(tenths + 1e-6));
@@ -275,30 +252,19 @@ export class Traces {
       const value = back(level[i]);
       return value === null ? 'not valid' : `level ${rounded(value)}${this.unit}, ${rounded(value / this.finger.threshold)} of the threshold`;
     };
-    const words = [this.tickText(seconds, 0.001)];
+    const words = [this.tickText(seconds)];
     if (lane?.channel !== undefined) {
       const [least, most] = [back(low[lane.channel]), back(high[lane.channel])];
       words.push(lane.name, least === null ? 'no sample' : most > least ? `${volts(least)} to ${volts(most)}` : volts(least));
       words.push(levelWords(lane.channel));
     } else if (lane === this.levels) {
-      const found = this.channels.map((c, i) => [back(level[i]), i]).filter(([value]) => value !== null).sort(([a], [b]) => b - a);
-      for (const [, i] of found.slice(0, 4)) words.push(`${this.finger.channels[this.channels[i] - 1]} ${levelWords(i)}`);
+      const found = this.chooser.channels.map((c, i) => [back(level[i]), i]).filter(([value]) => value !== null).sort(([a], [b]) => b - a);
+      for (const [, i] of found.slice(0, 4)) words.push(`${this.finger.channels[this.chooser.channels[i] - 1]} ${levelWords(i)}`);
     } else if (lane) {
       words.push(`${lane.name} ${bits[lane.name][0][at] ? 'ON' : 'OFF'}`);
     }
     return words;
   }
-}
-
-// The lowest and the highest of values; null where there is none.
-function rangeOf(values) {
-  let least = Infinity, most = -Infinity;
-  for (const value of values) {
-    if (value == null) continue;
-    if (value < least) least = value;
-    if (value > most) most = value;
-  }
-  return least <= most ? [least, most] : null;
 }
 
 // Which channels of a finger have traces: a button for each, under its group.
@@ -309,35 +275,32 @@ class ChannelChooser {
   // root: an empty element. onChoose(): called when other channels are chosen.
   constructor(root, onChoose) {
     Object.assign(this, {root, onChoose});
-    // The chosen channels, counted from 1, in order; and those last chosen for each finger, by name.
-    this.channels = [];
+    // By finger, its channels that were chosen last, counted from 1, in order.
     this.kept = new Map();
+  }
+
+  get channels() {
+    return this.kept.get(this.name) ?? [];
   }
 
   // Show the channels of a finger: those that were chosen before, else its first group.
   show({name, channels, groups, disabled}) {
     const described = JSON.stringify([name, channels, groups, disabled]);
     if (described === this.described) return;
-    this.described = described;
-    this.name = name;
-    const kept = this.kept.get(name) ?? [];
-    const chosen = kept.length && kept.at(-1) <= channels.length ? kept : (Object.values(groups)[0] ?? [1]).slice(0, 4);
-    this.fill(channels, groups, disabled);
-    this.take(chosen);
-  }
-
-  fill(channels, groups, disabled) {
-    const grouped = new Set(Object.values(groups).flat());
-    const left = channels.map((_, c) => c + 1).filter((c) => !grouped.has(c) && !disabled.includes(c));
-    const sets = [...Object.entries(groups), ...(left.length ? [['no group', left]] : [])];
-    this.root.replaceChildren(...sets.map(([name, members]) => {
-      const whole = button(name, () => this.choose(members), {className: 'whole-set', title: `The traces of ${name} and of no other`});
+    Object.assign(this, {described, name});
+    const grouped = Object.values(groups).flat();
+    const others = channels.map((_, c) => c + 1).filter((c) => !grouped.includes(c) && !disabled.includes(c));
+    const sets = [...Object.entries(groups), ...(others.length ? [['no group', others]] : [])];
+    this.root.replaceChildren(...sets.map(([set, members]) => {
+      const whole = button(set, () => this.choose(members), {className: 'whole-set', title: `The traces of ${set} and of no other`});
       return build('span.channel-set', whole, ...members.map((c) => {
         const one = button(String(c), () => this.toggle(c), {ariaLabel: `Traces of ${channels[c - 1]}`, title: channels[c - 1]});
         one.dataset.channel = c;
         return one;
       }));
     }));
+    const kept = this.channels;
+    this.keep(kept.length && kept.at(-1) <= channels.length ? kept : (Object.values(groups)[0] ?? [1]).slice(0, 4));
   }
 
   // Add or remove a channel; the last one stays.
@@ -348,13 +311,12 @@ class ChannelChooser {
   }
 
   choose(channels) {
-    this.take(channels);
+    this.keep(channels);
     this.onChoose();
   }
 
-  take(channels) {
-    this.channels = channels.slice(0, MOST_CHANNELS).sort((a, b) => a - b);
-    this.kept.set(this.name, this.channels);
+  keep(channels) {
+    this.kept.set(this.name, channels.slice(0, MOST_CHANNELS).sort((a, b) => a - b));
     for (const one of this.root.querySelectorAll('[data-channel]')) {
       const chosen = this.channels.includes(Number(one.dataset.channel));
       one.ariaPressed = String(chosen);
