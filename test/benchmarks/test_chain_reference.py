@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The chain in 50 digits: that its digits are right, and that the chain comes close to it."""
+"""The chain against 50 digits that share no line with it: where they agree both are right."""
 
 import mpmath
 import numpy as np
@@ -20,24 +20,13 @@ import pytest
 from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 from mpmath import mpf
-from scipy import signal
 
 from benchmarks.chain import reference
 from benchmarks.chain.command import WANTED
-from benchmarks.chain.precision import RATES, errors_of, evidence_errors, tones_v
-from slip_detector.chain.filters import design, response
+from benchmarks.chain.precision import RATES, errors_of, evidence_errors
+from slip_detector.chain.filters import design
 from slip_detector.parameters.chain_checks import LOWEST_EDGE
 from slip_detector.parameters.detector import ChainConfig
-
-ORDINARY = [
-    {},
-    {'passband_degree': 8, 'stopband_degree': 2},
-    {'passband_degree': 6, 'stopband_degree': 6, 'stopband_attenuation_db': 60.0},
-    {'passband_hz': (10.0, 150.0), 'stopbands_hz': ()},
-    {'passband_hz': (7.0, 0.0), 'passband_degree': 3},
-    {'passband_hz': (7.0, 0.0), 'passband_degree': 4, 'stopbands_hz': ((45.0, 55.0),)},
-    {'sample_rate_hz': 2000.0, 'stopband_degree': 10, 'stopband_ripple_db': 0.5},
-]
 
 
 def gains(sections, shares):
@@ -51,56 +40,6 @@ def gains(sections, shares):
                 gain *= (z * (z * b0 + b1) + b2) / (z * (z + a1) + a2)
             found.append(gain)
     return found
-
-
-@pytest.mark.parametrize('values', ORDINARY)
-def test_the_reference_designs_the_filters_that_scipy_designs(values):
-    config = ChainConfig(**values)
-    frequency_hz = np.linspace(0.002, 0.498, 60) * config.sample_rate_hz
-    mine = gains(reference.design(config), frequency_hz / config.sample_rate_hz)
-    theirs = response(design(config), frequency_hz, config.sample_rate_hz)
-    assert np.abs(np.array(mine, complex) - theirs).max() <= 1e-12 * np.abs(theirs).max()
-
-
-@pytest.mark.parametrize('values', ORDINARY[:4])
-def test_the_reference_has_the_gains_by_which_its_filters_are_defined(values):
-    config = ChainConfig(**values)
-    rate = mpf(config.sample_rate_hz)
-    passband = reference.design(ChainConfig(**values | {'stopbands_hz': ()}))
-    with mpmath.workdps(reference.DIGITS):
-        half_power = config.gain * mpmath.sqrt(mpf(1) / 2)
-        for gain in gains(passband, [mpf(edge) / rate for edge in config.passband_hz]):
-            assert abs(abs(gain) / half_power - 1) < 1e-40
-        ripple = mpf(10) ** (-mpf(config.stopband_ripple_db) / 20)
-        for pair in config.stopbands_hz:
-            one = reference.design(ChainConfig(**values | {'stopbands_hz': (pair,)}))
-            for edge in pair:
-                (gain,) = gains(one[len(passband) :], [mpf(edge) / rate])
-                assert abs(abs(gain) / ripple - 1) < 1e-40
-
-
-@pytest.mark.parametrize('values', ORDINARY)
-def test_the_reference_runs_as_scipy_and_numpy_do(values):
-    config = ChainConfig(**values)
-    samples = tones_v(ChainConfig(), 400)[:, 0]
-    filtered = reference.run_filter(reference.design(config), samples)
-    envelope, level = reference.envelope_and_level(filtered, config)
-    out = signal.sosfilt(design(config), samples - samples[0])
-    assert np.allclose(np.array(filtered, float), out, rtol=0, atol=1e-12)
-    window = np.ones(config.samples(config.envelope_window_s))
-    window /= window.size
-    wanted = np.sqrt(np.convolve(np.abs(out) ** 6, window)[:400])
-    assert np.allclose(np.array(envelope, float), wanted, rtol=0, atol=1e-12 * wanted.max())
-    wanted = np.convolve(wanted, window)[:400]
-    assert np.allclose(np.array(level, float), wanted, rtol=0, atol=1e-12 * wanted.max())
-
-
-def test_windows_of_the_reference_keep_nothing_of_a_huge_value():
-    config = ChainConfig(exponent=6, envelope_window_s=2 / 380, decision_window_s=1 / 380)
-    small = mpf(10) ** -20
-    _, level = reference.envelope_and_level([small, mpf(10) ** 30, small, small], config)
-    with mpmath.workdps(reference.DIGITS):
-        assert abs(level[-1] / small**6 - 1) < 1e-45
 
 
 @pytest.mark.parametrize('rate_hz', RATES)
