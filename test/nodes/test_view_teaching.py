@@ -37,7 +37,7 @@ SEARCH_MS = 300_000
 
 
 #: Seconds of rest and taps that are recorded, number of slips.
-REST_S, TAPS_S, SLIPS = 7, 12, 6
+REST_S, TAPS_S, SLIPS = 6, 10, 4
 
 
 @contextlib.contextmanager
@@ -116,6 +116,9 @@ def test_rest_slip_taps_tune_apply_and_save(bench, browser, tmp_path):
         recorded_for(page, 't', 'taps_1', TAPS_S)
 
     page.get_by_role('button', name='Tune', exact=True).click()
+    searching = re.compile(r'searching: ([2-9]\d|1\d\d) of')
+    expect(page.locator('.tuning-step')).to_have_text(searching, timeout=SEARCH_MS)
+    page.locator('#stop-tuning').click()
     expect(page.locator('.tuning-step')).to_contain_text('Done', timeout=SEARCH_MS)
     apply = page.get_by_role('button', name=re.compile('^Apply'))
     apply.click()
