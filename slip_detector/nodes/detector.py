@@ -29,31 +29,24 @@ from rclpy.timer import Timer
 from std_msgs.msg import Bool
 
 from slip_detector.chain.live_chain import HISTORY_S, INPUT_PARAMETERS, LiveChain
-from slip_detector.chain.slip_chain import SlipResult, check_memory
+from slip_detector.chain.slip_chain import check_memory
 from slip_detector.chain.stamps import Arrival, StampGrid
 from slip_detector.nodes.health import Diagnostics, Health
 from slip_detector.nodes.inputs import Input, Senders, publishing_nodes
 from slip_detector.nodes.messages import sensor_qos
 from slip_detector.nodes.outputs import TOPIC_PARAMETERS, Outputs, check_topics
 from slip_detector.nodes.parameters import declare, follow_changes
-from slip_detector.nodes.rclpy_internals import (
-    ROS_ERROR,
-    SampleExecutor,
-    answer_impossible_transitions,
-    destroy_state_machine,
-)
+from slip_detector.nodes.rclpy_internals import ROS_ERROR, destroy_state_machine
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.fields import listed
-
-#: Period, in seconds, at which a failed subscription to the input is tried again.
-LISTEN_S = 0.02
 
 #: Number of checks of the input within ``input_timeout_s``, and the share of the timeout after
 #: which it counts as lost, from the last check that found a sample. That is between 0.8 and 0.9 of
 #: the timeout after the last sample.
 CHECKS, LOST_AFTER = 10, 0.75
 
-#: Longest time, in seconds, until a chain that was built is used.
+#: Longest time, in seconds, until a chain that was built is used, and until a failed subscription
+#: is tried again.
 SWAP_S = 0.1
 
 #: Shortest time, in seconds, for which several publishers of a topic count as sending after they
@@ -66,28 +59,22 @@ LOG_S = 1.0
 #: Most channel names in a log message.
 NAMES = 4
 
-#: Parameters that have an effect only while the node starts.
-FIXED = ('autostart',)
+SUCCESS, FAILED = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.ERROR
 
 Receive = Callable[[bytes, dict[str, int | None]], None]
 Transition = Callable[['Detector', LifecycleState], TransitionCallbackReturn]
 
 
-def _keeping_error(transition: Transition) -> Transition:
-    """Keep the error of a failed transition in ``_failed``, and log it: rclpy drops the exception.
-
-    With ``autostart`` it is not logged, as the node's constructor raises it.
-    """
+def _logged(transition: Transition) -> Transition:
+    """Log the error of a failed transition: rclpy drops the exception."""
 
     @functools.wraps(transition)
     def run(self: 'Detector', state: LifecycleState) -> TransitionCallbackReturn:
         try:
             return transition(self, state)
         except Exception as error:
-            self._failed = ' '.join(str(error).split()) or type(error).__name__
-            if not self.requested.autostart:
-                self.get_logger().error(self._failed)
-            return TransitionCallbackReturn.ERROR
+            self.get_logger().error(f'the {transition.__name__} failed: {error!r}')
+            return FAILED
 
     return run
 
@@ -109,55 +96,49 @@ class Detector(LifecycleNode):
     def __init__(self, cli_args: list[str] | None = None) -> None:
         super().__init__('slip_detector', allow_undeclared_parameters=True, cli_args=cli_args)
         # The configuration that was set last; it is active once its filters are built.
-        self.requested = declare(self, DetectorConfig, FIXED, cli_args)
+        self.requested = declare(self, DetectorConfig, ('autostart',), cli_args)
         self._check(self.requested)
         follow_changes(self, lambda: self.requested, self._check, self._apply)
-        self._outputs: Outputs | None = None
+        self._configured = False
         self._samples: Subscription | None = None
         # The node is active while it has timers.
-        self._timers_by_name: dict[str, Timer] = {}
-        self._replayed = self._heard = self._lost = False
-        self._heard_ns = 0
-        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
-        answer_impossible_transitions(self)
-        self._failed = ''
+        self._running: list[Timer] = []
         if self.requested.autostart:
             for trigger in (self.trigger_configure, self.trigger_activate):
-                if trigger() is not TransitionCallbackReturn.SUCCESS:
-                    raise ValueError(self._failed or 'the node cannot be started')
+                if trigger() is not SUCCESS:
+                    raise ValueError('the node cannot be started')
 
     # The life of the node.
 
-    @_keeping_error
+    @_logged
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Build the chain and the topics."""
-        config = self.requested
+        self._active = config = self.requested
         self._chain = LiveChain(config, on_built=lambda: None)
         self._health = Health(config)
         self._logged_s: dict[str, float] = {}  # By kind of event.
         self._outputs = Outputs(self, config)
-        disabled = len(config.disabled_channels)
-        self.get_logger().info(
-            f'{config.channels - disabled} channels at {config.sample_rate_hz:g} Hz, '
-            f'groups {", ".join(config.groups)}'
-        )
-        return TransitionCallbackReturn.SUCCESS
+        self._configured = True
+        count, groups = config.channels - len(config.disabled_channels), ', '.join(config.groups)
+        words = f'{count} channels at {config.sample_rate_hz:g} Hz, groups {groups}'
+        self.get_logger().info(words)
+        return SUCCESS
 
-    @_keeping_error
+    @_logged
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Subscribe to the input."""
         self._chain.reset()
         self._forget_input()
         self._diagnostics = Diagnostics(self)
-        self._choose_clock()
-        self._reported_s = time.monotonic()
-        for name in ('beat', 'check', 'report'):
-            self._start_timer(name)
+        # Whether a sample has come since the last check, when the last one had that found some,
+        # and whether the loss of the input has been noted. The timeout begins with the first one.
+        self._heard, self._heard_ns, self._lost = True, 0, False
+        self._start_timers()
         self._listen()
         # The heartbeat of another detector that publishes on the same topics.
         self._detectors = Senders(max(SEVERAL_S, 3 / self._active.heartbeat_hz))
         self._heartbeats = self._subscription(Bool, 'slip_valid', self._on_slip_valid)
-        return TransitionCallbackReturn.SUCCESS
+        return SUCCESS
 
     def destroy_node(self) -> None:
         """Destroy the node and what its life cycle is kept in."""
@@ -166,44 +147,30 @@ class Detector(LifecycleNode):
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Publish that slip is not valid, then stop publishing."""
-        for name in list(self._timers_by_name):
-            self._stop_timer(name)
+        self._stop_timers()
         self._stop_input()
         self.destroy_subscription(self._heartbeats)
         self._diagnostics.destroy()
-        self._topics.withdraw()
-        return TransitionCallbackReturn.SUCCESS
+        self._outputs.withdraw()
+        return SUCCESS
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Destroy the topics."""
-        self._topics.destroy()
-        self._outputs = None
-        return TransitionCallbackReturn.SUCCESS
+        self._outputs.destroy()
+        self._configured = False
+        return SUCCESS
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Destroy everything, from any state."""
-        if self._timers_by_name:
+        if self._running:
             self.on_deactivate(state)
-        if self._outputs is not None:
+        if self._configured:
             self.on_cleanup(state)
-        return TransitionCallbackReturn.SUCCESS
+        return SUCCESS
 
-    def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Return to the unconfigured state after a failed transition."""
-        return self.on_shutdown(state)
-
-    @property
-    def _topics(self) -> Outputs:
-        assert self._outputs is not None, 'not configured'
-        return self._outputs
+    on_error = on_shutdown  # After a failed transition the node is unconfigured.
 
     # Parameters.
-
-    @property
-    def _active(self) -> DetectorConfig:
-        config = self._chain.config
-        assert isinstance(config, DetectorConfig)
-        return config
 
     def _check(self, config: DetectorConfig) -> None:
         """Raise a ValueError if a configuration cannot be run."""
@@ -214,115 +181,98 @@ class Detector(LifecycleNode):
     def _apply(self, config: DetectorConfig) -> None:
         """Use a new configuration, at once or when its chain is built."""
         self.requested = config
-        if self._outputs is not None and self._chain.change(config):
+        if self._configured and self._chain.change(config):
             self._swap()
 
     def _swap(self) -> bool:
         """Use the new chain from the next row on, if it is ready; return whether it was."""
-        before = self._active
         if not self._chain.swap():
             return False
-        config = self._active
+        before, config = self._active, self.requested
+        self._active = config
         differ = {name for name in vars(config) if getattr(config, name) != getattr(before, name)}
-        self._health.configure(config)
+        self._health.config = config
         if differ & TOPIC_PARAMETERS:
-            self._outputs = Outputs(self, config, self._outputs)
-        if not self._timers_by_name:
+            self._outputs.configure(config)
+        if not self._running:
             return True
         if differ & {'input_type', 'input_field'}:
             self._stop_input()
-            self._start_timer('listen')
         if differ & {*INPUT_PARAMETERS, 'channel_names'}:
             self._forget_input()
         self._stamp_grid.max_gap_s = config.max_gap_s
-        for name, parameter in (('beat', 'heartbeat_hz'), ('check', 'input_timeout_s')):
-            if parameter in differ:
-                self._start_timer(name)
+        if differ & {'heartbeat_hz', 'input_timeout_s'}:
+            self._start_timers()
         return True
 
-    # Timers, by a clock that is never set: a replayed one must not stop the heartbeat.
+    # Timers.
 
-    def _start_timer(self, name: str) -> None:
+    def _start_timers(self) -> None:
+        """Start all timers anew, by a clock that is never set: a replayed one may stand still."""
+        self._stop_timers()
         config = self._active
-        period_s, call = {
-            'beat': (1 / config.heartbeat_hz, self._beat),
-            'check': (min(config.input_timeout_s / CHECKS, SWAP_S), self._check_input),
-            'report': (1.0, self._report),
-            'listen': (LISTEN_S, self._listen),
-        }[name]
-        self._stop_timer(name)
-        self._timers_by_name[name] = self.create_timer(period_s, call, clock=self._steady)
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._running = [
+            self.create_timer(period_s, call, clock=self._steady)
+            for period_s, call in (
+                (1 / config.heartbeat_hz, self._outputs.beat),
+                (min(config.input_timeout_s / CHECKS, SWAP_S), self._check_input),
+                (1.0, self._report),
+            )
+        ]
 
-    def _stop_timer(self, name: str) -> None:
-        timer = self._timers_by_name.pop(name, None)
-        if timer is not None:
+    def _stop_timers(self) -> None:
+        for timer in self._running:
             self.destroy_timer(timer)
-
-    def _beat(self) -> None:
-        self._topics.beat()
+        self._running = []
 
     def _check_input(self) -> None:
         """Withdraw the decisions if samples have stopped arriving; use a chain that was built."""
+        if self._samples is None:
+            self._listen()
         if self._swap():
             self.get_logger().info('the new filters have taken over')
-        if self._replayed != self.get_parameter('use_sim_time').value:
-            self._choose_clock()
-            # A step between two clocks is no gap in the input.
-            self._stamp_grid = StampGrid(1 / self._active.sample_rate_hz, self._active.max_gap_s)
-        now_ns = self._timeout_now_ns()
+        # The timeout follows the replayed clock, or the machine's if there is none.
+        clock = self.get_clock() if self._replayed else self._steady
+        now_ns = clock.now().nanoseconds
         if self._heard or now_ns < self._heard_ns:  # The clock may be set back.
-            self._heard, self._lost = False, False
-            self._heard_ns = now_ns
+            self._heard, self._heard_ns, self._lost = False, now_ns, False
         elif not self._lost:
             self._lost = now_ns - self._heard_ns >= LOST_AFTER * self._active.input_timeout_s * 1e9
             # There is no last row, too, if the input was changed and has been silent since.
-            if self._lost and (self._last_row is not None or self._topics.valid):
+            if self._lost and (self._last_row is not None or self._outputs.valid):
                 self._note('silent', 'no input any more')
-                self._topics.withdraw()
+                self._outputs.withdraw()
 
-    def _choose_clock(self) -> None:
-        """Let the timeout follow the replayed clock, or the machine's if there is none."""
-        self._replayed = self.get_parameter('use_sim_time').value
-        # Whether a sample has come since the last check, when the last one had that found some,
-        # and whether the loss of the input has been noted.
-        self._heard, self._lost = False, False
-        self._heard_ns = self._timeout_now_ns()
-
-    def _timeout_now_ns(self) -> int:
-        clock = self.get_clock() if self._replayed else self._steady
-        return int(clock.now().nanoseconds)
+    @property
+    def _replayed(self) -> bool:
+        return bool(self.get_clock().ros_time_is_active)
 
     def _report(self) -> None:
         """Publish the diagnostics."""
-        now_s = time.monotonic()
-        health, topics = self._health, self._topics
-        health.totals['onsets'] = topics.onsets
-        # Nodes that only have a publisher are included: the middleware does not tell who sends.
-        health.senders = health.detectors = ()
-        if self._samples is not None and self._senders.several:
-            health.senders = publishing_nodes(self, self._samples.topic_name)
-        if self._detectors.several:
-            health.detectors = publishing_nodes(self, self._heartbeats.topic_name)
-        for topic, names in (('voltages', health.senders), ('slip', health.detectors)):
-            if names:
-                self.get_logger().error(
-                    f'{topic} is published by {" and ".join(names)}, allowed: one of them; '
-                    'slip_valid is false'
-                )
-        statuses = health.summary(
-            now_s - self._reported_s,
-            silent_s=now_s - self._decided_s,
-            slip=topics.slip,
-            valid=topics.valid,
-        )
-        self._reported_s = now_s
-        self._diagnostics.publish(statuses, self._frame_id)
+        health, outputs = self._health, self._outputs
+        health.totals['onsets'] = outputs.onsets
+        health.senders = self._several('voltages', self._senders, self._samples)
+        health.detectors = self._several('slip', self._detectors, self._heartbeats)
+        self._diagnostics.publish(health.summary(outputs.slip, outputs.valid), self._frame_id)
+
+    def _several(self, what: str, senders: Senders, heard: Subscription | None) -> list[str]:
+        """Return, and log, the nodes that publish on a topic if several send.
+
+        Nodes that only have a publisher are included: the middleware does not tell who sends.
+        """
+        if heard is None or not senders.several:
+            return []
+        names = publishing_nodes(self, heard.topic_name)
+        who = f'{what} is published by {" and ".join(names)}'
+        self.get_logger().error(f'{who}, allowed: one of them; slip_valid is false')
+        return names
 
     def _on_slip_valid(self, raw: bytes, info: dict[str, int | None]) -> None:
         number = info['publication_sequence_number']
         self._detectors.accepts(number, self._heartbeats.get_publisher_count())
         if self._detectors.several:
-            self._topics.withdraw()
+            self._outputs.withdraw()
 
     # The input.
 
@@ -353,12 +303,7 @@ class Detector(LifecycleNode):
                 self._input.message_class, 'voltages', self._on_voltages
             )
         except ROS_ERROR:
-            kind = config.input_type
-            self._note('listen', f'this process has voltages with a type other than {kind}')
-            if 'listen' not in self._timers_by_name:
-                self._start_timer('listen')
-            return
-        self._stop_timer('listen')
+            self._note('listen', f'this process has voltages that are no {config.input_type}')
 
     def _stop_input(self) -> None:
         if self._samples is not None:
@@ -372,18 +317,18 @@ class Detector(LifecycleNode):
         self._names = list(config.channel_names) or None
         self._frame_id = ''
         self._last_row: NDArray[np.float64] | None = None
-        self._decided_s = -math.inf
+        self._health.forget()
 
     def _on_voltages(self, raw: bytes, info: dict[str, int | None]) -> None:
         """Check the samples of a message, run them through the chain, publish what changes."""
         began_s = time.perf_counter()
-        source, senders, topics, chain = self._input, self._senders, self._topics, self._chain
+        source, senders, outputs, chain = self._input, self._senders, self._outputs, self._chain
         publishers = 0 if self._samples is None else self._samples.get_publisher_count()
         if not senders.accepts(info['publication_sequence_number'], publishers):
             self._health.totals['senders'] += 1
             if senders.several:
                 self._heard = True
-                topics.withdraw()
+                outputs.withdraw()
             return
         try:
             rows, at_ns, names, frame_id, number = source.read(raw, info, self._replayed)
@@ -393,7 +338,9 @@ class Detector(LifecycleNode):
         if not len(rows):  # An empty batch.
             self._stamp_grid.skip(number)
             return
-        if self._refused(rows, names if source.has_names else None):
+        misfit = self._misfit(rows, names if source.has_names else None)
+        if misfit:
+            self._note(*misfit)
             return
         if at_ns is None:
             # Replayed samples without stamps are taken to have no gaps.
@@ -401,15 +348,14 @@ class Detector(LifecycleNode):
         else:
             arrival = self._stamp_grid.arrive(at_ns, len(rows), number)
             if not arrival.accepted:
-                self._note(
-                    'backwards', 'the stamp of a message is not after the one before: dropped'
-                )
+                words = 'the stamp of a message is not after the one before: dropped'
+                self._note('backwards', words)
                 return
             if arrival.missing or arrival.reset:
                 rows = self._mend(rows, arrival)
         self._heard = True
         unsettled = chain.unsettled_rows
-        listened = topics.envelope_subscribers() > 0
+        listened = outputs.envelope_subscribers() > 0
         result = chain.update(rows, level=listened)
         self._last_row, self._frame_id = rows[-1:], frame_id
         # Subscribers could not tell these decisions from another detector's.
@@ -417,45 +363,29 @@ class Detector(LifecycleNode):
             period_ns = self._stamp_grid.period_ns
             for i, flags in enumerate(result.flags):
                 stamp_ns = at_ns + round((i + 1 - len(rows)) * period_ns)
-                topics.announce(flags, stamp_ns, frame_id, settled=i >= unsettled)
+                outputs.announce(flags, stamp_ns, frame_id, settled=i >= unsettled)
         age_s = (self.get_clock().now().nanoseconds - at_ns) * 1e-9
         if listened:
-            show = functools.partial(self._show_envelope, at_ns, frame_id, result)
-            # Decisions of other fingers in this process must not wait for the envelope.
-            if isinstance(self.executor, SampleExecutor):
-                self.executor.put_off(show)
-            else:
-                show()
-        self._decided_s = time.monotonic()
+            outputs.show_envelope(at_ns, frame_id, result)
         spent_s = time.perf_counter() - began_s
         self._health.note_rows(rows, result.valid, at_ns, age_s, spent_s)
 
-    def _refused(self, rows: NDArray[np.float64], names: list[str] | None) -> bool:
-        """Return whether samples are dropped as their channels are others than before."""
+    def _misfit(
+        self, rows: NDArray[np.float64], names: list[str] | None
+    ) -> tuple[str, str] | None:
+        """Return the kind and description of channels that are others than before, if they are."""
         channels = self._active.channels
         if rows.shape[1] != channels:
-            self._note(
-                'channels',
-                f'a message has {rows.shape[1]} channels, allowed: {channels}: dropped',
-            )
-            return True
+            words = f'a message has {rows.shape[1]} channels, allowed: {channels}: dropped'
+            return 'channels', words
         if names is None or names == self._names:
-            return False
+            return None
         if self._names is None and len(names) in (0, channels):
             self._names = names
-            return False
+            return None
         wanted = f'{channels} names' if self._names is None else listed(self._names, NAMES)
-        self._note(
-            'names',
-            f'the channels of a message are {listed(names, NAMES) or "without names"}, allowed: '
-            f'{wanted or "without names"}: dropped',
-        )
-        return True
-
-    def _show_envelope(self, at_ns: int, frame_id: str, result: SlipResult) -> None:
-        """Publish the levels of a sample, unless the number of channels has changed since."""
-        if self._timers_by_name and result.channels.shape[1] == self._active.channels:
-            self._topics.show_envelope(at_ns, frame_id, result)
+        words = f'the channels of a message are {listed(names, NAMES) or "without names"}'
+        return 'names', f'{words}, allowed: {wanted or "without names"}: dropped'
 
     def _mend(self, rows: NDArray[np.float64], arrival: Arrival) -> NDArray[np.float64]:
         """Bridge a short gap with the last row, or restart the chain after a long one."""

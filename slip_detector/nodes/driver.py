@@ -20,19 +20,19 @@ import time
 from array import array
 from collections import Counter
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor, wait
 
 import numpy as np
 from numpy.typing import NDArray
 from rclpy.clock import Clock, ClockType
-from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float32MultiArray, MultiArrayDimension
 
 from slip_detector.chain.samples import Samples
-from slip_detector.nodes.health import Diagnostics, Level, Status
-from slip_detector.nodes.messages import sensor_qos, state_qos
+from slip_detector.nodes.health import ERROR, WARN, Diagnostics, status
+from slip_detector.nodes.messages import create_publisher, sensor_qos, state_qos
 from slip_detector.nodes.parameters import declare
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.recordings.messages import BATCH_LABELS, JointStateWriter
@@ -88,8 +88,13 @@ class Driver(Node):
         self.source = source = open_source(
             config, now_ns=lambda: self.get_clock().now().nanoseconds
         )
-        self._voltages = Voltages(self, config.frame_id, config.samples_per_message)
+        message_type = JointState if config.samples_per_message == 1 else Float32MultiArray
+        self._voltages = create_publisher(self, message_type, 'voltages', sensor_qos())
+        self._writer = JointStateWriter(config.frame_id, source.channel_names)
+        # Samples that wait for their batch.
+        self._rows: list[NDArray[np.float64]] = []
         self._truth = self.create_publisher(Bool, 'slip_truth', state_qos())
+        self._last_truth: bool | None = None
         self._position = self.create_publisher(JointState, 'platform_position', sensor_qos())
         self._position_writer = JointStateWriter(
             config.frame_id, ['object' if source.has_object else 'platform']
@@ -97,9 +102,8 @@ class Driver(Node):
         self._grip_n: float | None = None
         if source.has_object:
             self.create_subscription(JointState, 'grip_force', self._on_grip_force, state_qos())
-        self._last_truth: bool | None = None
-        #: The threads that publish the samples, once they run.
-        self.playing: Playing | None = None
+        #: Ends the threads that publish the samples, once they run.
+        self.end_playing: Callable[[], object] = lambda: None
         if source.is_live:
             self._diagnostics = Diagnostics(self)
         else:
@@ -110,63 +114,63 @@ class Driver(Node):
 
     def destroy_node(self) -> None:
         """Stop playing, then destroy the node."""
-        if self.playing is not None:
-            self.playing.end()
+        self.end_playing()
         super().destroy_node()
 
     def _on_grip_force(self, message: JointState) -> None:
         if len(message.effort) == 1:
             self._grip_n = message.effort[0]
         else:
-            self.get_logger().warning(
-                f'grip_force has {len(message.effort)} efforts, allowed: 1; ignored',
-                throttle_duration_sec=LOG_S,
-            )
+            self._warn(f'grip_force has {len(message.effort)} efforts, allowed: 1; ignored')
 
-    def play(self) -> Iterator[float]:
-        """Play once the awaited subscribers exist; yields when to be resumed."""
-        yield from self._wait_for_subscribers()
-        yield from self._play(self.source)
+    def _warn(self, words: str) -> None:
+        self.get_logger().warning(words, throttle_duration_sec=LOG_S)
 
     def relay(self, stop: threading.Event) -> None:
         """Publish the samples of a sensor as they arrive, until the event is set."""
-        for due_s in self._wait_for_subscribers():
-            if stop.wait(max(0.0, due_s - time.monotonic())):
-                return
-        source, names = self.source, list(self.source.channel_names)
+        play_in_turn([self._wait_for_subscribers()], stop)
+        source = self.source
         logged_state, reported_s, reported = '', time.monotonic(), Counter[str]()
         source.start()
         try:
             while not stop.is_set():
                 if source.state != logged_state:
                     logged_state = source.state
-                    self._log_state(source)
+                    if source.connected:
+                        self.get_logger().info(logged_state)
+                    else:
+                        self._publish_batch()
+                        self.get_logger().warning(logged_state)
                 if time.monotonic() - reported_s >= REPORT_S:
                     reported_s = time.monotonic()
                     self._report(source, source.counts - reported)
                     reported = source.counts.copy()
                 samples = source.read(1)
                 for stamp_ns, row in zip(samples.stamps_ns.tolist(), samples.volts, strict=True):
-                    self._voltages.publish(stamp_ns, names, row)
+                    self._publish_row(stamp_ns, row)
         finally:
             source.close()
 
-    def _log_state(self, source: Source) -> None:
-        """Log that the sensor was connected or disconnected."""
-        if source.connected:
-            self.get_logger().info(source.state)
-        else:
-            self._voltages.flush()
-            self.get_logger().warning(source.state)
-
     def _report(self, source: Source, since: Counter[str]) -> None:
         """Publish the state of the sensor; log what was dropped or lost since the last report."""
-        status = sensor_status(source.state, source.connected, since)
-        status.values = {kind: str(n) for kind, n in sorted(source.counts.items()) if n}
-        if any(kind not in GOOD for kind in since):
-            faults = ', '.join(f'{k} {n}' for k, n in status.values.items() if k not in GOOD)
-            self.get_logger().warning(f'counted so far: {faults}')
-        self._diagnostics.publish([status], self.config.frame_id)
+        complaints = []
+        if not source.connected:
+            complaints.append((ERROR, source.state))
+        elif not since['samples']:
+            complaints.append((ERROR, f'no samples come; {source.state}'))
+        faults, all_faults = (
+            ', '.join(
+                f'{kind} {n}' for kind, n in sorted(counts.items()) if n and kind not in GOOD
+            )
+            for counts in (since, source.counts)
+        )
+        if faults:
+            complaints.append((WARN, f'dropped or lost in the last second: {faults}'))
+            self.get_logger().warning(f'counted so far: {all_faults}')
+        values = {kind: str(n) for kind, n in sorted(source.counts.items()) if n}
+        self._diagnostics.publish(
+            [status('sensor', source.state, complaints, values)], self.config.frame_id
+        )
 
     def _wait_for_subscribers(self) -> Iterator[float]:
         """Wait for the configured subscribers and the grip; yields when to be resumed."""
@@ -179,144 +183,99 @@ class Driver(Node):
             while self._grip_n is None:
                 yield time.monotonic() + POLL_S
 
-    def _play(self, source: Source) -> Iterator[float]:
+    def play(self) -> Iterator[float]:
         """Play the source, repeatedly with ``loop``; yields when to be resumed."""
+        yield from self._wait_for_subscribers()
+        source, config = self.source, self.config
+        rows = 1 if source.has_object else READ_ROWS
+        gripped_n = self._hold(source, None)
         # The first read opens the file and loads compiled code, so it comes before the start.
-        ahead = None if source.has_object else source.read(READ_ROWS)
+        samples = source.read(rows)
         # The samples of all drivers with the same rate are due at the same moments, so that the
         # detectors wake up once for all fingers.
-        now_s, now_ns = self._moment()
-        period_s = self.config.samples_per_message / (source.sample_rate_hz * self.config.rate)
+        now_s, now_ns = time.monotonic(), self.get_clock().now().nanoseconds
+        period_s = config.samples_per_message / (source.sample_rate_hz * config.rate)
         start_s = math.ceil(now_s / period_s) * period_s
         # The stamps are the samples' own times, from this time of the node's clock on.
         first_stamp_ns = now_ns + round((start_s - now_s) * 1e9)
-        played = 0
-        repetition = 0
-        begin_ns = end_ns = 0
-        gripped_n: float | None = None
+        played = repetition = begin_ns = end_ns = 0
         while True:
-            if source.has_object:
-                yield from self._wait(start_s + end_ns * 1e-9 / self.config.rate)
-                if self._grip_n is not None and self._grip_n != gripped_n:
-                    gripped_n = self._grip_n
-                    self._hold(source, gripped_n)
-            samples = ahead or source.read(1 if source.has_object else READ_ROWS)
-            ahead = None
-            n = len(samples.volts)
-            if n:
-                taken_ns = (begin_ns + samples.stamps_ns).tolist()
-                yield from self._publish(source, samples, taken_ns, start_s, first_stamp_ns)
-                played += n
+            taken_ns = (begin_ns + samples.stamps_ns).tolist()
+            for i, sample_ns in enumerate(taken_ns):
+                # Within a batch only the last sample is waited for: waking up costs most.
+                if len(self._rows) + 1 >= config.samples_per_message:
+                    yield from self._wait(start_s + sample_ns * 1e-9 / config.rate)
+                self._publish(samples, i, first_stamp_ns + sample_ns)
+            played += len(taken_ns)
+            if taken_ns:
                 end_ns = taken_ns[-1] + round(1e9 / source.sample_rate_hz)
-                continue
-            if source.damage and not repetition:
-                self.get_logger().warning(f'{source.name}: {source.damage}')
-            if not self.config.loop:
-                self._voltages.flush()
-                break
-            repetition += 1
-            begin_ns = end_ns
-            source = open_source(self.config, repetition)
-            gripped_n = None
+            else:
+                if source.damage and not repetition:
+                    self.get_logger().warning(f'{source.name}: {source.damage}')
+                if not config.loop:
+                    break
+                repetition += 1
+                begin_ns, gripped_n = end_ns, None
+                source = open_source(config, repetition)
+            if source.has_object:
+                yield from self._wait(start_s + end_ns * 1e-9 / config.rate)
+                gripped_n = self._hold(source, gripped_n)
+            samples = source.read(rows)
+        self._publish_batch()
         self.get_logger().info(f'played all {played} samples')
         # A subscriber loses samples that it has not received when their publisher ends.
         yield time.monotonic() + LINGER_S
-
-    def _moment(self) -> tuple[float, int]:
-        """Return one moment on the clock of :func:`time.monotonic` and, in ns, on the node's.
-
-        As the thread may be held up between the two readings, the quickest of some tries is taken.
-        """
-
-        def read() -> tuple[float, float, int]:
-            before_s, now_ns = time.monotonic(), self.get_clock().now().nanoseconds
-            after_s = time.monotonic()
-            return after_s - before_s, (before_s + after_s) / 2, now_ns
-
-        return min(read() for _ in range(5))[1:]
-
-    def _publish(
-        self,
-        source: Source,
-        samples: Samples,
-        taken_ns: list[int],
-        start_s: float,
-        first_stamp_ns: int,
-    ) -> Iterator[float]:
-        """Publish each sample when it is due; yields when to be resumed."""
-        names = list(source.channel_names)
-        for i, volts in enumerate(samples.volts):
-            due_s = start_s + taken_ns[i] * 1e-9 / self.config.rate
-            # Within a batch only the last sample is waited for: waking up costs most.
-            if self._voltages.completed_by_next:
-                yield from self._wait(due_s)
-            # The truth applies to the samples that follow it, also in a bag, so it comes first.
-            if samples.truth is not None and bool(samples.truth[i]) != self._last_truth:
-                self._last_truth = bool(samples.truth[i])
-                self._truth.publish(Bool(data=self._last_truth))
-            stamp_ns = first_stamp_ns + taken_ns[i]
-            self._voltages.publish(stamp_ns, names, volts)
-            if samples.position_m is not None:
-                self._position.publish(
-                    self._position_writer.written(stamp_ns, samples.position_m[i : i + 1])
-                )
 
     def _wait(self, due_s: float) -> Iterator[float]:
         """Yield the time at which a sample is due; warn if the driver is resumed much later."""
         yield due_s
         late_s = time.monotonic() - due_s
         if late_s > LATE_S:
-            self.get_logger().warning(
-                f'{late_s * 1e3:.0f} ms late: the pace cannot be kept',
-                throttle_duration_sec=LOG_S,
-            )
+            self._warn(f'{late_s * 1e3:.0f} ms late: the pace cannot be kept')
 
-    def _hold(self, source: Source, force_n: float) -> None:
-        try:
-            source.hold_force(force_n)
-        except ValueError as error:
-            self.get_logger().warning(f'grip_force: {error}; ignored', throttle_duration_sec=LOG_S)
+    def _hold(self, source: Source, before_n: float | None) -> float | None:
+        """Hold the object with the grip force that was commanded last; return that."""
+        force_n = self._grip_n
+        if force_n is not None and force_n != before_n:
+            try:
+                source.hold_force(force_n)
+            except ValueError as error:
+                self._warn(f'grip_force: {error}; ignored')
+        return force_n
 
+    def _publish(self, samples: Samples, i: int, stamp_ns: int) -> None:
+        """Publish sample ``i`` with its truth and position, if it has them."""
+        # The truth applies to the samples that follow it, also in a bag, so it comes first.
+        if samples.truth is not None and bool(samples.truth[i]) != self._last_truth:
+            self._last_truth = bool(samples.truth[i])
+            self._truth.publish(Bool(data=self._last_truth))
+        self._publish_row(stamp_ns, samples.volts[i])
+        if samples.position_m is not None:
+            position_m = samples.position_m[i : i + 1]
+            self._position.publish(self._position_writer.written(stamp_ns, position_m))
 
-class Playing:
-    """The threads in which drivers publish; the main thread spins their nodes.
+    def _publish_row(self, stamp_ns: int, volts: NDArray[np.float64]) -> None:
+        """Publish a sample, or keep it until its batch is complete."""
+        if self.config.samples_per_message == 1:
+            self._voltages.publish(self._writer.written(stamp_ns, volts))
+            return
+        self._rows.append(volts)
+        if len(self._rows) == self.config.samples_per_message:
+            self._publish_batch()
 
-    Samples of several drivers that are due at the same moment are published one after the other by
-    one thread: waking a thread for each driver would cost more than publishing its message. Each
-    sensor has a thread of its own.
-    """
-
-    def __init__(self, nodes: list[Driver]) -> None:
-        self._stop = threading.Event()
-        self._failure: Exception | None = None
-        runs: list[Callable[[threading.Event], None]]
-        runs = [node.relay for node in nodes if node.source.is_live]
-        played = [node.play() for node in nodes if not node.source.is_live]
-        if played:
-            runs.append(lambda stop: play_in_turn(played, stop))
-        self._threads = [threading.Thread(target=self._run, args=(run,)) for run in runs]
-        for thread in self._threads:
-            thread.daemon = True
-            thread.start()
-
-    def _run(self, run: Callable[[threading.Event], None]) -> None:
-        try:
-            run(self._stop)
-        except Exception as failure:
-            self._failure = failure
-
-    def end(self) -> None:
-        """Stop all threads and wait until they have ended."""
-        self._stop.set()
-        for thread in self._threads:
-            thread.join()
-
-    def check(self) -> None:
-        """Raise the exception of a thread; ExternalShutdownException if all have ended."""
-        if self._failure is not None:
-            raise self._failure
-        if not any(thread.is_alive() for thread in self._threads):
-            raise ExternalShutdownException
+    def _publish_batch(self) -> None:
+        """Publish the samples kept so far, however few, without stamp and names."""
+        if not self._rows:
+            return
+        rows = np.array(self._rows, np.float32)
+        self._rows = []
+        message = Float32MultiArray(data=array('f', rows.tobytes()))
+        strides = rows.size, rows.shape[1]
+        message.layout.dim = [
+            MultiArrayDimension(label=label, size=size, stride=stride)
+            for label, size, stride in zip(BATCH_LABELS, rows.shape, strides, strict=True)
+        ]
+        self._voltages.publish(message)
 
 
 def play_in_turn(tasks: list[Iterator[float]], stop: threading.Event) -> None:
@@ -341,103 +300,33 @@ def play_in_turn(tasks: list[Iterator[float]], stop: threading.Event) -> None:
         due_s[task] = next(task, math.inf)
 
 
-class Voltages:
-    """Publishes samples on ``voltages``.
-
-    Parameters
-    ----------
-    node
-        The driver.
-    frame_id
-        Frame of the messages, if their type has one.
-    samples_per_message
-        1: each sample is a ``JointState`` with stamp and names. More: this many samples are a
-        ``Float32MultiArray``, which has neither.
-    """
-
-    def __init__(self, node: Node, frame_id: str, samples_per_message: int) -> None:
-        self._frame_id, self._per_message = frame_id, samples_per_message
-        self._names: list[str] = []
-        self._writer: JointStateWriter | None = None
-        self._rows: list[NDArray[np.float64]] = []
-        self._publisher = node.create_publisher(
-            JointState if samples_per_message == 1 else Float32MultiArray,
-            'voltages',
-            sensor_qos(),
-            event_callbacks=PublisherEventCallbacks(use_default_callbacks=False),
-        )
-
-    def get_subscription_count(self) -> int:
-        """Return the number of subscribers."""
-        return int(self._publisher.get_subscription_count())
-
-    @property
-    def completed_by_next(self) -> bool:
-        """Whether the next sample completes a message, which is then published at once."""
-        return len(self._rows) + 1 >= self._per_message
-
-    def publish(self, stamp_ns: int, names: list[str], volts: NDArray[np.float64]) -> None:
-        """Publish a sample, or keep it until its message is complete."""
-        if self._per_message > 1:
-            self._rows.append(volts)
-            if len(self._rows) == self._per_message:
-                self.flush()
-            return
-        if self._writer is None or names != self._names:
-            self._names = names
-            self._writer = JointStateWriter(self._frame_id, names)
-        self._publisher.publish(self._writer.written(stamp_ns, volts))
-
-    def flush(self) -> None:
-        """Publish the samples kept so far, however few."""
-        if not self._rows:
-            return
-        rows = np.array(self._rows, np.float32)
-        self._rows = []
-        message = Float32MultiArray(data=array('f', rows.tobytes()))
-        samples, channels = rows.shape
-        strides = (samples * channels, channels)
-        message.layout.dim = [
-            MultiArrayDimension(label=label, size=size, stride=stride)
-            for label, size, stride in zip(BATCH_LABELS, rows.shape, strides, strict=True)
-        ]
-        self._publisher.publish(message)
-
-
-def sensor_status(state: str, connected: bool, since: Counter[str]) -> Status:
-    """Return the line of the diagnostics on a sensor.
-
-    Parameters
-    ----------
-    state, connected
-        Attributes of :class:`.Source`: how the sensor is connected, or why not; and whether it is.
-    since
-        Counts since the last report.
-
-    Examples
-    --------
-    >>> state = 'listening to /dev/ttyACM0 at 115200 baud'
-    >>> sensor_status(state, True, Counter(samples=380, checksum=2)).message
-    'dropped or lost in the last second: checksum 2'
-    """
-    status = Status('sensor', all_well=state)
-    if not connected:
-        status.complain(Level.ERROR, state)
-    elif not since['samples']:
-        status.complain(Level.ERROR, f'no samples come; {state}')
-    faults = ', '.join(f'{kind} {n}' for kind, n in sorted(since.items()) if kind not in GOOD)
-    if faults:
-        status.complain(Level.WARN, f'dropped or lost in the last second: {faults}')
-    return status
-
-
 def drivers(arguments_of_each: list[list[str] | None]) -> list[Driver]:
-    """Create the drivers of a process, each with its ROS arguments, and start them."""
-    made = [Driver(arguments) for arguments in arguments_of_each]
-    playing = Playing(made)
-    for node in made:
-        node.playing = playing
-    # Ends the spinning, from within the spinning thread, when everything has been played.
-    steady = Clock(clock_type=ClockType.STEADY_TIME)
-    made[0].create_timer(LOOK_S, playing.check, clock=steady)
-    return made
+    """Create the drivers of a process, each with its ROS arguments, and start them.
+
+    They publish in threads; the main thread spins the nodes. Samples of several drivers that are
+    due at the same moment are published one after the other by one thread: waking a thread for
+    each driver would cost more than publishing its message. Each sensor has a thread of its own.
+    """
+    nodes = [Driver(arguments) for arguments in arguments_of_each]
+    stop, threads = threading.Event(), ThreadPoolExecutor(len(nodes))
+    runs = [threads.submit(node.relay, stop) for node in nodes if node.source.is_live]
+    played = [node.play() for node in nodes if not node.source.is_live]
+    if played:
+        runs.append(threads.submit(play_in_turn, played, stop))
+
+    def end() -> None:
+        stop.set()
+        wait(runs)
+
+    def check() -> None:
+        """Raise the exception of a thread; end the spinning when everything has been played."""
+        for run in runs:
+            if run.done():
+                run.result()
+        if all(run.done() for run in runs):
+            raise ExternalShutdownException
+
+    for node in nodes:
+        node.end_playing = end
+    nodes[0].create_timer(LOOK_S, check, clock=Clock(clock_type=ClockType.STEADY_TIME))
+    return nodes

@@ -18,7 +18,6 @@ import math
 import time
 
 from rclpy.clock import Clock, ClockType
-from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.exceptions import InvalidTopicNameException
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
@@ -26,7 +25,7 @@ from std_msgs.msg import Bool, Float64MultiArray
 
 from slip_detector.grasp.law import GraspLaw
 from slip_detector.nodes.inputs import publishing_nodes
-from slip_detector.nodes.messages import state_qos
+from slip_detector.nodes.messages import create_publisher, state_qos
 from slip_detector.nodes.parameters import declare
 from slip_detector.nodes.rclpy_internals import ROS_ERROR
 from slip_detector.parameters.fields import listed, shown
@@ -74,12 +73,8 @@ class GraspController(Node):
         self._heard = False
         # Time for which this node has run, and when it was last updated.
         self._ran_s, self._counted_s = 0.0, time.monotonic()
-        self._command = self.create_publisher(
-            JointState if config.command_type == JOINT_STATE else Float64MultiArray,
-            config.command_topic,
-            state_qos(),
-            event_callbacks=PublisherEventCallbacks(use_default_callbacks=False),
-        )
+        message_type = JointState if config.command_type == JOINT_STATE else Float64MultiArray
+        self._command = create_publisher(self, message_type, config.command_topic, state_qos())
         for topic, take in (('slip', self._on_slip), ('slip_valid', self._on_slip_valid)):
             self.create_subscription(Bool, topic, take, state_qos(DEPTH, config.deadline_s))
         # A clock that is set back must not stop the commands.

@@ -16,13 +16,12 @@
 
 import contextlib
 import importlib
-import os
 import re
+import sys
 import time
 from pathlib import Path
 from typing import Any
 
-import rclpy
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
@@ -34,9 +33,6 @@ from slip_detector.recordings.messages import FieldReader, JointStateReader, Sam
 #: Most messages of a publisher that may be lost in a row; after a larger step of the numbers it
 #: counts as another publisher.
 MOST_LOST = 1000
-
-#: Most publishers that can be distinguished.
-MOST_SENDERS = 8
 
 _TYPE = re.compile(r'(?P<package>\w+)/(msg/)?(?P<name>\w+)')
 
@@ -113,7 +109,16 @@ class Input:
             with contextlib.suppress(ValueError):  # Perhaps the middleware can read it.
                 sample = self._reader.read(raw)
         if sample is None:
-            sample = self._read_whole(raw)
+            try:
+                message = deserialize_message(raw, self.message_class)
+            except RuntimeError:  # Its text speaks of the middleware's code.
+                raise ValueError(f'a message is no {self._type}') from None
+            sample = Sample(
+                self._field(message),
+                stamp_ns(message.header.stamp) if self._has_header else None,
+                list(message.name) if self.has_names else [],
+                str(message.header.frame_id) if self._has_header else '',
+            )
         if sample.stamp_ns:
             return sample
         if replayed:
@@ -122,26 +127,12 @@ class Input:
             stamp_ns=info['source_timestamp'], number=info['publication_sequence_number']
         )
 
-    def _read_whole(self, raw: bytes) -> Sample:
-        try:
-            message = deserialize_message(raw, self.message_class)
-        except RuntimeError:  # Its text speaks of the middleware's code.
-            raise ValueError(f'a message is no {self._type}') from None
-        rows = self._field(message)
-        header = message.header if self._has_header else None
-        return Sample(
-            rows,
-            None if header is None else stamp_ns(header.stamp),
-            list(message.name) if self.has_names else [],
-            '' if header is None else str(header.frame_id),
-        )
-
 
 def message_class(name: str) -> Any:
     """Return the class of a message type.
 
-    A module is imported only if the ament index has the type: importing any other module would run
-    code that has nothing to do with messages.
+    Only a package with a folder ``msg`` is imported: importing another module would run code that
+    has nothing to do with messages.
 
     Parameters
     ----------
@@ -159,40 +150,27 @@ def message_class(name: str) -> Any:
     True
     """
     match = _TYPE.fullmatch(name)
-    if match and f'msg/{match["name"]}.msg' in _interfaces_of(match['package']):
+    if match and any(Path(folder, match['package'], 'msg').is_dir() for folder in sys.path):
         with contextlib.suppress(ImportError, AttributeError):
             module = importlib.import_module(f'{match["package"]}.msg')
-            return getattr(module, match['name'])
+            found = getattr(module, match['name'])
+            if hasattr(found, 'get_fields_and_field_types'):
+                return found
     raise ValueError(
         f'parameter input_type is {name!r}, allowed: the name of an installed message type, '
         'such as sensor_msgs/msg/JointState'
     )
 
 
-def _interfaces_of(package: str) -> set[str]:
-    """Return the interface files of a package in the ament index, such as ``msg/JointState.msg``.
-
-    The index is in the folders of ``AMENT_PREFIX_PATH``, and where rclpy is installed, as its
-    wheels do not set that variable.
-    """
-    prefixes = [Path(text) for text in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)]
-    prefixes += Path(rclpy.__file__).parents[4:5]  # of lib/python3.12/site-packages/rclpy
-    for prefix in prefixes:
-        file = prefix / 'share/ament_index/resource_index/rosidl_interfaces' / package
-        with contextlib.suppress(OSError):
-            return set(file.read_text(encoding='utf-8').split())
-    return set()
-
-
 class Senders:
     """Detects by the numbers of messages whether several publishers send on a topic.
 
     The middleware numbers the messages of each publisher. With one publisher each message has the
-    next number; if two publishers send, the numbers alternate between two sequences. A publisher
-    that exists but does not send is ignored: one that was killed stays known for some twenty
-    seconds, and one that is silent does no harm. If a topic has several publishers, the accepted
-    one is replaced only after it has been silent for the window. If the middleware does not number
-    messages, each publisher counts as sending.
+    next number, or a higher one if some were lost; if two publishers send, their numbers do not
+    continue each other. A publisher that exists but does not send is ignored: one that was killed
+    stays known for some twenty seconds, and one that is silent does no harm. If a topic has
+    several publishers, the accepted one is replaced only after it has been silent for the window.
+    If the middleware does not number messages, each publisher counts as sending.
 
     Parameters
     ----------
@@ -211,12 +189,9 @@ class Senders:
 
     def __init__(self, window_s: float) -> None:
         self.window_s = window_s
-        # The last number of each sequence, that of the latest message at the end.
-        self._last_numbers: list[int] = []
         self._several_s = float('-inf')
         # The last number of the accepted publisher, and when it was heard.
-        self._accepted: int | None = None
-        self._accepted_s = float('-inf')
+        self._accepted, self._accepted_s = 0, float('-inf')
 
     @property
     def several(self) -> bool:
@@ -234,27 +209,16 @@ class Senders:
             Number of publishers that are connected to the subscription.
         """
         now_s = time.monotonic()
-        if publishers < 2:
-            self._last_numbers = [] if number is None else [number]
-            self._several_s = float('-inf')
-            self._accepted, self._accepted_s = number, now_s
-            return True
         if number is None:
+            self._several_s = now_s if publishers > 1 else float('-inf')
+            return publishers < 2
+        if publishers < 2 or now_s - self._accepted_s >= self.window_s:
+            self._several_s = float('-inf')
+        elif not 0 < number - self._accepted <= MOST_LOST:
             self._several_s = now_s
             return False
-        before = number - 1
-        known = before in self._last_numbers
-        if known:
-            if self._last_numbers[-1] != before:
-                self._several_s = now_s
-            self._last_numbers.remove(before)
-        self._last_numbers = [*self._last_numbers[1 - MOST_SENDERS :], number]
-        goes_on = self._accepted is not None and 0 <= before - self._accepted <= MOST_LOST
-        # Another publisher is accepted when the one before has been silent.
-        if goes_on or (known and now_s - self._accepted_s >= self.window_s):
-            self._accepted, self._accepted_s = number, now_s
-            return not self.several
-        return False
+        self._accepted, self._accepted_s = number, now_s
+        return not self.several
 
 
 def publishing_nodes(node: Node, topic: str) -> list[str]:

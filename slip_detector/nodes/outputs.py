@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
@@ -27,6 +26,7 @@ from std_msgs.msg import Bool, Header
 
 from slip_detector.chain.slip_chain import SlipResult
 from slip_detector.nodes.messages import (
+    create_publisher,
     event_qos,
     heartbeat_qos,
     sensor_qos,
@@ -44,47 +44,13 @@ DEADLINE_BEATS = 2.0
 #: Parameters on which the topics and the columns of the decisions depend.
 TOPIC_PARAMETERS = names_that_affect(DetectorConfig, 'outputs')
 
-
-#: Most topics of channels, and most of groups: each is a publisher, which costs time and memory
-#: here and in all nodes that discover it.
-MOST_TOPICS = 1000
-
-
-def check_topics(node: Node, config: DetectorConfig) -> None:
-    """Check the number of topics of channels and groups, and the lengths of their names.
-
-    Raises
-    ------
-    ValueError
-        When there are too many, or a name is too long for a topic in the node's namespace.
-    """
-    groups = list(config.groups) if config.publish_groups else []
-    channels = config.names if config.publish_channels else ()
-    for parameter, names in (('publish_groups', groups), ('publish_channels', channels)):
-        if len(names) > MOST_TOPICS:
-            raise ValueError(
-                f'parameter {parameter} is true with {len(names)} topics, allowed: at most '
-                f'{MOST_TOPICS}, or false'
-            )
-    for parameter, kind, names in (
-        ('groups', 'group', groups),
-        ('channel_names', 'channel', channels),
-    ):
-        longest = max(names, key=len, default='')
-        try:
-            node.resolve_topic_name(f'slip/{kind}/{longest or kind}')
-        except ROS_ERROR:
-            raise ValueError(
-                f'parameter {parameter} has a name of {len(longest)} characters, allowed: at most '
-                f'247 in slip/{kind}/<name> and the namespace before it'
-            ) from None
+#: What a column of :attr:`.SlipResult.flags` is: kind, name, and number of channels. Channels are
+#: the same only where there are as many.
+Column = tuple[str, str, int]
 
 
-def columns_of(config: DetectorConfig) -> list[tuple[str, str, int]]:
-    """Return what each column of :attr:`.SlipResult.flags` is: kind, name, and number of channels.
-
-    Channels are the same only where there are as many.
-    """
+def columns_of(config: DetectorConfig) -> list[Column]:
+    """Return what each column of :attr:`.SlipResult.flags` is."""
     n = config.channels
     return [
         ('slip', '', 0),
@@ -93,90 +59,105 @@ def columns_of(config: DetectorConfig) -> list[tuple[str, str, int]]:
     ]
 
 
-class Outputs:
-    """The publishers of one configuration, and the latest decisions.
+def topics_of(config: DetectorConfig) -> dict[int, str]:
+    """Return the topics of groups and channels, by column."""
+    published = {'group': config.publish_groups, 'channel': config.publish_channels}
+    disabled = {('channel', config.names[channel - 1]) for channel in config.disabled_channels}
+    return {
+        column: f'slip/{kind}/{name}'
+        for column, (kind, name, _) in enumerate(columns_of(config))
+        if published.get(kind) and (kind, name) not in disabled
+    }
 
-    Parameters
-    ----------
-    node
-        The detector.
-    config
-        Its parameters.
-    before
-        The outputs that these replace. Decisions, and publishers that stay the same, are taken
-        over; the other publishers are destroyed once the new ones have published the present
-        state.
+
+def check_topics(node: Node, config: DetectorConfig) -> None:
+    """Raise a ValueError if the name of a topic is too long."""
+    longest = max(topics_of(config).values(), key=len, default='slip')
+    try:
+        node.resolve_topic_name(longest)
+    except ROS_ERROR:
+        raise ValueError(
+            f'parameters groups and channel_names give the topic {longest}, allowed: at most 247 '
+            'characters with the namespace'
+        ) from None
+
+
+class Outputs:
+    """The publishers of the present configuration, and the latest decisions.
 
     Attributes
     ----------
+    slip, valid : bool
+        The decision that was published last, and whether any group could vote.
     onsets : int
         Number of onsets that were published.
     envelope_subscribers : callable
         Returns the number of subscribers to the envelope.
     """
 
-    def __init__(
-        self, node: Node, config: DetectorConfig, before: 'Outputs | None' = None
-    ) -> None:
-        self._node, self._config = node, config
-        # By topic and deadline. Of `_before`, publishers that are used again are taken out.
+    def __init__(self, node: Node, config: DetectorConfig) -> None:
+        self._node = node
+        # By topic and deadline.
         self._publishers: dict[tuple[str, int], Publisher] = {}
-        self._before = {} if before is None else before._publishers
-        self._new: list[Publisher] = []
+        self._columns: list[Column] = []
+        self._flags = np.zeros(0, np.bool_)
+        self.slip, self.valid, self.onsets = False, False, 0
+        self._messages = (Bool(data=False), Bool(data=True))
+        self.configure(config)
+
+    def configure(self, config: DetectorConfig) -> None:
+        """Take another configuration.
+
+        Decisions on the same groups, and on channels if there are as many, are carried over.
+        Publishers that stay the same are kept; the others are destroyed once the new ones have
+        published the present state.
+        """
+        self._config = config
+        before, self._publishers = self._publishers, {}
+        new: list[Publisher] = []
+
+        def publisher(message_type: Any, topic: str, qos: QoSProfile) -> Publisher:
+            key = topic, qos.deadline.nanoseconds
+            found = before.pop(key, None)
+            if found is None:
+                found = create_publisher(self._node, message_type, topic, qos)
+                new.append(found)
+            self._publishers[key] = found
+            return found
+
         beat = heartbeat_qos(DEADLINE_BEATS / config.heartbeat_hz)
-        self._slip = self._publisher(Bool, 'slip', beat)
-        self._slip_valid = self._publisher(Bool, 'slip_valid', beat)
-        self._onset = self._publisher(Header, 'slip_onset', event_qos())
+        self._slip = publisher(Bool, 'slip', beat)
+        self._slip_valid = publisher(Bool, 'slip_valid', beat)
+        self._onset = publisher(Header, 'slip_onset', event_qos())
         self._frame_id = ''
         self._writer: JointStateWriter | None = None
-        self._envelope = self._publisher(JointState, '~/envelope', sensor_qos())
-        self._columns = columns_of(config)
-        disabled = {config.names[channel - 1] for channel in config.disabled_channels}
-        published = {'group': config.publish_groups, 'channel': config.publish_channels}
+        self._envelope = publisher(JointState, '~/envelope', sensor_qos())
+        self.envelope_subscribers = self._envelope.get_subscription_count
         # By column, the publisher of its changes; without slip, column 0.
         self._listeners = {
-            column: self._publisher(Bool, f'slip/{kind}/{name}', state_qos())
-            for column, (kind, name, _) in enumerate(self._columns)
-            if published.get(kind) and not (kind == 'channel' and name in disabled)
+            column: publisher(Bool, topic, state_qos())
+            for column, topic in topics_of(config).items()
         }
+        flags = dict(zip(self._columns, self._flags, strict=True))
+        self._columns = columns_of(config)
+        self._flags = np.array([flags.get(column, False) for column in self._columns], np.bool_)
         self._can_vote = slice(1 + len(config.groups), 1 + 2 * len(config.groups))
-        self._messages = (Bool(data=False), Bool(data=True))
-        self._all_off = np.zeros(len(self._columns), np.bool_)
-        self._flags, self._valid, self.onsets = self._all_off, False, 0
-        if before is not None:
-            # Decisions on the same groups, and on channels if there are as many, are carried over.
-            flags = dict(zip(before._columns, before._flags, strict=True))
-            self._flags = np.array([flags.get(column, False) for column in self._columns])
-            self._valid, self.onsets = before._valid, before.onsets
-        self._flags_bytes = self._flags.tobytes()
-        self.envelope_subscribers = self._envelope.get_subscription_count
-        for column, publisher in [(0, self._slip), *self._listeners.items()]:
-            if publisher in self._new:
-                publisher.publish(self._messages[bool(self._flags[column])])
-        if self._slip_valid in self._new:
-            self._slip_valid.publish(self._messages[self._valid])
-        if before is not None:
-            before.destroy()
+        for column, each in [(0, self._slip), *self._listeners.items()]:
+            if each in new:
+                each.publish(self._messages[bool(self._flags[column])])
+        if self._slip_valid in new:
+            self._slip_valid.publish(self._messages[self.valid])
+        for each in before.values():
+            self._node.destroy_publisher(each)
 
     def destroy(self) -> None:
         """Destroy the publishers."""
         for publisher in self._publishers.values():
             self._node.destroy_publisher(publisher)
-        self._publishers.clear()
-
-    @property
-    def slip(self) -> bool:
-        """The decision that was published last."""
-        return bool(self._flags[0])
-
-    @property
-    def valid(self) -> bool:
-        """Whether any group could vote."""
-        return self._valid
 
     def withdraw(self) -> None:
         """Publish all decisions as OFF and not valid, for late subscribers too."""
-        self.announce(self._all_off, 0, '')
+        self.announce(np.zeros_like(self._flags), 0, '')
 
     def announce(
         self, flags: NDArray[np.bool_], at_ns: int, frame_id: str, *, settled: bool = True
@@ -193,13 +174,13 @@ class Outputs:
             Whether a change of ``slip`` to ON is an onset: shortly after a change of parameters it
             may be a consequence of that.
         """
-        flags_bytes = flags.tobytes()
-        if flags_bytes == self._flags_bytes:
+        flags_bytes, bytes_before = flags.tobytes(), self._flags.tobytes()
+        if flags_bytes == bytes_before:
             return
-        slip, was_on = flags_bytes[0], self._flags_bytes[0]
-        before, self._flags, self._flags_bytes = self._flags, flags, flags_bytes
+        slip, was_on = flags_bytes[0], bytes_before[0]
+        before, self._flags, self.slip = self._flags, flags, bool(slip)
         valid = 1 in flags_bytes[self._can_vote]
-        if valid < self._valid:  # Before slip, as an OFF that follows cannot be relied on.
+        if valid < self.valid:  # Before slip, as an OFF that follows cannot be relied on.
             self._slip_valid.publish(self._messages[valid])
         # Before NumPy searches for the others, which takes a tenth of the latency.
         if slip != was_on:
@@ -211,9 +192,9 @@ class Outputs:
         if slip > was_on and settled:
             self.onsets += 1
             self._onset.publish(Header(stamp=time_message(at_ns), frame_id=frame_id))
-        if valid > self._valid:
+        if valid > self.valid:
             self._slip_valid.publish(self._messages[valid])
-        self._valid = valid
+        self.valid = valid
 
     def show_envelope(self, at_ns: int, frame_id: str, result: SlipResult) -> None:
         """Publish the levels of the last row, which are compared with the threshold.
@@ -230,22 +211,4 @@ class Outputs:
     def beat(self) -> None:
         """Repeat ``slip`` and ``slip_valid``."""
         self._slip.publish(self._messages[self.slip])
-        self._slip_valid.publish(self._messages[self._valid])
-
-    def _publisher(self, message_type: Any, topic: str, qos: QoSProfile) -> Publisher:
-        """Return the same publisher of the outputs before, or else create one.
-
-        It has no callback for subscribers with an incompatible quality of service: rclpy would
-        check for such events each time the executor waits, which for 24 publishers costs more than
-        everything else together. Such a subscriber logs a warning anyway.
-        """
-        key = topic, qos.deadline.nanoseconds
-        publisher = self._before.pop(key, None)
-        if publisher is None:
-            events = PublisherEventCallbacks(use_default_callbacks=False)
-            publisher = self._node.create_publisher(
-                message_type, topic, qos, event_callbacks=events
-            )
-            self._new.append(publisher)
-        self._publishers[key] = publisher
-        return publisher
+        self._slip_valid.publish(self._messages[self.valid])

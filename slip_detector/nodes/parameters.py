@@ -14,7 +14,6 @@
 
 """Declares the fields of a configuration as ROS parameters, and applies their changes."""
 
-import dataclasses
 import itertools
 import sys
 from collections.abc import Callable, Collection, Sequence
@@ -38,6 +37,12 @@ from slip_detector.parameters.sets import (
     check_sections,
     names_for_others,
 )
+
+#: How a range is described: field of the descriptor, its type, and the number for no upper limit.
+RANGES: dict[type, tuple[str, Any, float]] = {
+    float: ('floating_point_range', FloatingPointRange, sys.float_info.max),
+    int: ('integer_range', IntegerRange, 2**63 - 1),
+}
 
 
 def declare(
@@ -135,18 +140,9 @@ def follow_changes(
         refusal = outcome if isinstance(outcome, str) else ''
         return SetParametersResult(successful=not refusal, reason=refusal)
 
-    def applied(parameters: list[Parameter]) -> None:
-        for parameter in parameters:
-            name = parameter.name
-            # rclpy declares a new group without a descriptor; a deleted one is gone.
-            if name.startswith('groups.') and node.has_parameter(name):
-                descriptor = _descriptor(type(current()), name, parameter.value, read_only=False)
-                node.set_descriptor(name, descriptor)
-        apply(outcome)
-
     node.add_pre_set_parameters_callback(converted)
     node.add_on_set_parameters_callback(checked)
-    node.add_post_set_parameters_callback(applied)
+    node.add_post_set_parameters_callback(lambda parameters: apply(outcome))
 
 
 def changed(config: ConfigType, parameters: list[Parameter]) -> ConfigType:
@@ -182,7 +178,7 @@ def _value(parameter: Parameter) -> Any:
 def _descriptor(
     config_class: type[ParameterSet], name: str, value: Any, read_only: bool
 ) -> ParameterDescriptor:
-    field = next(f for f in dataclasses.fields(config_class) if f.name == name.partition('.')[0])
+    field = config_class.__dataclass_fields__[name.partition('.')[0]]
     unit = f' [{field.metadata["unit"]}]' if field.metadata['unit'] else ''
     descriptor = ParameterDescriptor(
         name=name,
@@ -192,16 +188,10 @@ def _descriptor(
         # An empty list has no type, and a vote is a number or a word.
         dynamic_typing=isinstance(value, list) or field.name == 'vote',
     )
-    low, high = field.metadata['low'], field.metadata['high']
-    if low is None and high is None:
-        return descriptor
-    default = default_of(field)
-    if isinstance(default, float):
-        low = -sys.float_info.max if low is None else float(low)
-        high = sys.float_info.max if high is None else float(high)
-        descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
-    elif isinstance(default, int):
-        low = -(2**63) if low is None else int(low)
-        high = 2**63 - 1 if high is None else int(high)
-        descriptor.integer_range = [IntegerRange(from_value=low, to_value=high)]
+    low, kind = field.metadata['low'], type(default_of(field))
+    if low is not None and kind in RANGES:
+        name_of_range, make, most = RANGES[kind]
+        high = most if field.metadata['high'] is None else field.metadata['high']
+        limits = make(from_value=kind(low), to_value=kind(high))
+        setattr(descriptor, name_of_range, [limits])
     return descriptor

@@ -23,6 +23,7 @@ import os
 import secrets
 import signal
 import sys
+import traceback
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -41,33 +42,26 @@ CHECK_S = 1.0
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
-def run() -> int:
+def main() -> None:
     """Serve the page until a signal arrives.
 
-    Slow imports come after the signal handlers are set: otherwise a signal during start-up ends in
-    a traceback.
-
-    Returns
-    -------
-    int
-        Exit code: 0, 1 after an error, or 2 after a wrong argument, which is reported as one line
-        on stderr.
+    The exit code is 0, 1 after an error, or 2 after a wrong argument, which is reported as one
+    line on stderr. Slow imports come after the signal handlers are set: otherwise a signal during
+    start-up ends in a traceback.
     """
     for number in SIGNALS:
         signal.signal(number, lambda *_: os._exit(0))
-    # Objects made during start-up live until the end: the garbage collector need not check them.
-    gc.disable()
     import rclpy
     from rclpy.signals import SignalHandlerOptions
     from rclpy.utilities import remove_ros_args
 
     from slip_detector.nodes.demo import NodeProcesses
-    from slip_detector.nodes.rclpy_internals import shut_down
+    from slip_detector.nodes.rclpy_internals import leave
 
+    arguments = _parser().parse_args(remove_ros_args(sys.argv)[1:])
     code = 0
     takedowns: list[Callable[[], object]] = []
     try:
-        arguments = _parser().parse_args(remove_ros_args(sys.argv)[1:])
         _check(arguments)
         if arguments.scene:
             # All processes are on this machine.
@@ -86,10 +80,11 @@ def run() -> int:
     except (ValueError, RuntimeError, OSError) as error:
         print(f'slip_view: {" ".join(str(error).split())}', file=sys.stderr)
         code = 1
-    finally:
-        _ignore_signals()
-        shut_down(takedowns, code)
-    return code
+    except Exception:
+        traceback.print_exc()
+        code = 1
+    _ignore_signals()
+    leave(takedowns, code)
 
 
 def _ignore_signals() -> None:
@@ -192,8 +187,7 @@ async def _serve(
             f'--host {arguments.host} --port {arguments.port} cannot be used ({why}), '
             'allowed: an address of this machine and a port that is free'
         ) from None
-    gc.freeze()
-    gc.enable()
+    gc.freeze()  # A collection of what lives until the end would hold up frames.
     print(f'slip_view: {page_address(arguments.host, port, token)}', flush=True)
     checking = asyncio.create_task(_check_nodes(nodes, stop))
     try:
@@ -216,14 +210,6 @@ async def _check_nodes(nodes: 'NodeProcesses', stop: asyncio.Event) -> None:
                 await asyncio.wait_for(stop.wait(), CHECK_S)
     finally:
         stop.set()
-
-
-def main() -> None:
-    """Entry point of ``slip_view``."""
-    code = run()
-    from slip_detector.nodes.rclpy_internals import leave
-
-    leave(code)
 
 
 if __name__ == '__main__':

@@ -25,7 +25,7 @@ from slip_detector.nodes.messages import event_qos, stamp_ns
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.sources import open_source
-from support.harness import PERIOD_NS, ROOT, START_NS, Detected, ended_quietly, patient_state_qos
+from support.harness import PERIOD_NS, ROOT, START_NS, Detected, patient_state_qos
 
 
 @pytest.fixture(scope='module')
@@ -130,25 +130,12 @@ def test_the_heart_beats_where_nobody_publishes_a_clock(bench):
     ('parameters', 'words'),
     [
         ({'threshold': -1.0}, ['threshold', '-1', '1e-30 to 1e+30']),
+        ({'threshhold': 0.5}, ['threshhold', '0.5', 'did you mean threshold?']),
         ({'groups.TP': [1, 17]}, ['groups.TP', 'channel 17', '1 to 16']),
     ],
 )
 def test_a_wrong_parameter_stops_the_start_with_one_line(bench, parameters, words):
     bench.check_refused('slip_detector', parameters, words)
-
-
-def test_a_missing_parameter_file_is_named_in_one_line(bench, tmp_path):
-    file = tmp_path / 'missing.yaml'
-    process = bench.start('slip_detector', '--params-file', file)
-    line = process.refusal()
-    assert str(file) in line
-
-
-def test_ctrl_c_ends_the_node_cleanly(bench, rows):
-    detected = Detected(bench)
-    with ended_quietly(detected.process):
-        begin = detected.settle(rows[0], START_NS, PERIOD_NS)
-        detected.send_all(rows[:50], begin, PERIOD_NS)
 
 
 def test_the_shipped_file_holds_the_defaults_and_where_the_taxels_are():

@@ -16,11 +16,8 @@
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
-from rcl_interfaces.msg import ParameterType
 from rcl_interfaces.srv import (
-    DescribeParameters,
     GetParameters,
-    GetParameterTypes,
     ListParameters,
     SetParameters,
     SetParametersAtomically,
@@ -75,7 +72,6 @@ def test_a_set_is_refused_whole_with_the_reason_and_nothing_changes(bench):
         ({'threshold': 0.3, 'groups__': True}, ['groups.', 'did you mean groups?']),
         ({'groups': [1], 'groups__new': [1]}, ['groups is given beside', 'groups.new']),
         ({'input_type': 'std_msgs/msg/__name__'}, ['input_type', 'installed message type']),
-        (many_channels(5_000), ['publish_channels is true with 5000 topics', 'at most 1000']),
         (
             many_channels(5_000)
             | {'publish_channels': False, 'envelope_window_s': 60.0, 'sample_rate_hz': 5e4},
@@ -83,7 +79,7 @@ def test_a_set_is_refused_whole_with_the_reason_and_nothing_changes(bench):
         ),
         (
             {'channel_names': [f'{"a" * 240}{k}' for k in range(16)]},
-            ['channel_names has a name of 242 characters', '247'],
+            ['channel_names give the topic slip/channel/aaa', 'at most 247'],
         ),
     ):
         result = set_all(bench, **values)
@@ -107,9 +103,6 @@ def test_what_only_fits_together_is_taken_together(bench):
     request = ListParameters.Request(prefixes=['groups'])
     listed = ask(bench, ListParameters, 'list_parameters', request).result.names
     assert listed == ['groups.front']
-    request = DescribeParameters.Request(names=['groups.front'])
-    (descriptor,) = ask(bench, DescribeParameters, 'describe_parameters', request).descriptors
-    assert 'Channels (from 1) of each group' in descriptor.description
 
 
 def test_the_ordinary_service_takes_them_one_by_one(bench):
@@ -130,39 +123,15 @@ def test_the_ordinary_service_takes_them_one_by_one(bench):
     assert value_of(bench, 'vote') == 'mean'
 
 
-def test_the_types_of_parameters_are_told(bench):
-    Detected(bench)
-
-    def types(*names):
-        request = GetParameterTypes.Request(names=names)
-        return list(ask(bench, GetParameterTypes, 'get_parameter_types', request).types)
-
-    assert types('threshold', 'vote') == [
-        ParameterType.PARAMETER_DOUBLE,
-        ParameterType.PARAMETER_STRING,
-    ]
-    assert types('threshold', 'none') == [
-        ParameterType.PARAMETER_DOUBLE,
-        ParameterType.PARAMETER_NOT_SET,
-    ]
-
-
 def test_a_value_of_no_type_is_refused_with_all_that_is_asked_with_it(bench):
     detected = Detected(bench)
     parameters = [Parameter('threshold', value=0.7).to_parameter_msg() for _ in range(2)]
     parameters[1].value.type = 99
-    request = SetParameters.Request(parameters=parameters)
-    results = ask(bench, SetParameters, 'set_parameters', request).results
     request = SetParametersAtomically.Request(parameters=parameters)
-    results.append(
-        ask(bench, SetParametersAtomically, 'set_parameters_atomically', request).result
-    )
-    assert len(results) == 3
-    for result in results:
-        assert not result.successful
-        assert '99' in result.reason
+    answer = ask(bench, SetParametersAtomically, 'set_parameters_atomically', request)
+    assert not answer.result.successful
+    assert 'refused: 99 is not a valid' in detected.process.log()
     assert value_of(bench, 'threshold') == 0.5
-    assert 'Traceback' not in detected.process.log()
 
 
 #: Each is allowed whatever the others still are.
@@ -255,4 +224,4 @@ def test_another_type_of_input_is_taken_while_it_runs(bench):
     }
     bench.start('slip_driver', parameters=driver, reliable_samples=True)
     bench.wait_for(lambda: detected.valid[-1].data, 'slip_valid')
-    assert 'voltages with a type' not in detected.process.log()
+    assert 'voltages that are no' not in detected.process.log()

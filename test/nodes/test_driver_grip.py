@@ -35,21 +35,17 @@ friction: {{stribeck_velocity_m_s: 0.1}}
 object: {{mass_kg: 0.2, length_m: 0.05, rest_patches: 200}}
 """
 
-PLATE = """
-steps: [{duration_s: 60.0, force_n: 0.4}]
-"""
-
 
 class Gripped:
     """A driver process with a scene, the test in place of its controller."""
 
-    def __init__(self, bench, folder, scene=SCENE, **parameters):
+    def __init__(self, bench, folder, **parameters):
         self.bench = bench
         self.voltages = bench.listen(JointState, 'voltages', patient_qos())
         self.position = bench.listen(JointState, 'platform_position', patient_qos())
         self.command = bench.node.create_publisher(JointState, 'grip_force', state_qos())
         path = folder / 'scene.yaml'
-        path.write_text(scene)
+        path.write_text(SCENE)
         self.process = bench.start(
             'slip_driver',
             parameters={'source': 'scene', 'scene': path, 'wait_for_subscribers': 1, **parameters},

@@ -15,11 +15,12 @@
 """What is said of the detector's input and load."""
 
 import math
+import time
 
 import numpy as np
 import pytest
 
-from slip_detector.nodes.health import Health, Level
+from slip_detector.nodes.health import ERROR, OK, WARN, Health
 from slip_detector.parameters.detector import DetectorConfig
 
 CONFIG = DetectorConfig(valid_range_v=(0.0, 5.0))
@@ -39,10 +40,16 @@ def good(n):
     return 2.0 + 0.01 * np.random.default_rng(0).standard_normal((n, 16))
 
 
-def summed(health, passed_s=1.0, silent_s=0.0, slip=False, valid=True):
-    statuses = health.summary(passed_s, silent_s=silent_s, slip=slip, valid=valid)
+def summed(health, slip=False, valid=True):
+    """Sum up a second."""
+    health._summed_s = time.monotonic() - 1.0
+    statuses = health.summary(slip, valid)
     assert [status.name for status in statuses] == ['input', 'channels', 'decisions']
     return statuses
+
+
+def values(status):
+    return {pair.key: pair.value for pair in status.values}
 
 
 def test_all_is_well():
@@ -51,13 +58,13 @@ def test_all_is_well():
     summed(health)
     fed(health, good(380), first)
     statuses = summed(health, slip=True)
-    assert [status.level for status in statuses] == [Level.OK] * 3
+    assert [status.level for status in statuses] == [OK] * 3
     assert statuses[0].message == '380.0 samples a second'
-    assert statuses[0].values['measured rate [Hz]'] == '380.00'
+    assert values(statuses[0])['measured rate [Hz]'] == '380.00'
     assert statuses[1].message == 'all 16 channels are valid'
-    assert statuses[1].values['valid now'] == '16 of 16'
+    assert values(statuses[1])['valid now'] == '16 of 16'
     assert statuses[2].message == 'slip is ON'
-    assert statuses[2].values['time per row [ms]'] == '0.100'
+    assert values(statuses[2])['time per row [ms]'] == '0.100'
 
 
 def test_who_publishes_beside_the_one_that_may_is_named():
@@ -70,10 +77,10 @@ def test_who_publishes_beside_the_one_that_may_is_named():
         'the input is published by /index/slip_driver, /slip_driver: only one of them may'
     )
     assert 'slip is published by /slip_detector, /slip_detector:' in statuses[2].message
-    assert [status.level for status in statuses] == [Level.ERROR, Level.OK, Level.ERROR]
+    assert [status.level for status in statuses] == [ERROR, OK, ERROR]
     health.senders = health.detectors = []
     fed(health, good(380), first)
-    assert [status.level for status in summed(health)] == [Level.OK] * 3
+    assert [status.level for status in summed(health)] == [OK] * 3
 
 
 @pytest.mark.parametrize(
@@ -86,10 +93,10 @@ def test_a_channel_that_gives_nothing_is_named(value, kind):
     rows[100:, 4] = value
     fed(health, rows)
     status = summed(health)[1]
-    assert status.level == Level.WARN
+    assert status.level == WARN
     assert status.message.startswith(f'{kind}: ch5: ')
-    assert status.values[kind] == 'ch5'
-    assert status.values['valid now'] == ('16 of 16' if value == 5.0 else '15 of 16')
+    assert values(status)[kind] == 'ch5'
+    assert values(status)['valid now'] == ('16 of 16' if value == 5.0 else '15 of 16')
 
 
 def test_disabled_channels_are_not_complained_of():
@@ -100,9 +107,9 @@ def test_disabled_channels_are_not_complained_of():
     valid[:, 2] = False
     fed(health, rows, valid=valid)
     status = summed(health)[1]
-    assert status.level == Level.OK
-    assert status.values['valid now'] == '15 of 15'
-    assert status.values['disabled'] == 'ch3'
+    assert status.level == OK
+    assert values(status)['valid now'] == '15 of 15'
+    assert values(status)['disabled'] == 'ch3'
 
 
 def test_what_was_lost_is_complained_of_once_and_counted_on():
@@ -111,19 +118,17 @@ def test_what_was_lost_is_complained_of_once_and_counted_on():
     health.totals['bridged'] += 7
     health.totals['channels'] += 1
     status = summed(health)[0]
-    assert status.level == Level.ERROR
+    assert status.level == ERROR
     worst, other = status.message.split('; ')
     assert worst == '1 samples dropped: not as many channels as configured'
     assert other.startswith('7 samples lost and bridged')
     fed(health, good(100), first)
     status = summed(health)[0]
-    assert status.level == Level.OK
-    assert status.values['lost and bridged'] == '7'
+    assert status.level == OK
+    assert values(status)['lost and bridged'] == '7'
 
 
-@pytest.mark.parametrize(
-    ('spent_s', 'level'), [(1e-3, Level.OK), (1.5e-3, Level.WARN), (2.5e-3, Level.ERROR)]
-)
+@pytest.mark.parametrize(('spent_s', 'level'), [(1e-3, OK), (1.5e-3, WARN), (2.5e-3, ERROR)])
 def test_rows_that_take_too_much_of_the_time_are_said(spent_s, level):
     health = Health(CONFIG)
     fed(health, good(380), spent_s=spent_s)

@@ -14,7 +14,6 @@
 
 """The executables of the nodes: their words, and how they end."""
 
-import os
 import signal
 import subprocess
 import sys
@@ -61,7 +60,6 @@ def test_a_node_that_ends_says_goodbye(bench, executable):
 # Runs an executable whose node, after a method of its base, waits for a signal.
 WAITING = """
 import signal, sys, time
-import rclpy
 from rclpy.node import Node
 from slip_detector.nodes.run import main
 
@@ -72,7 +70,7 @@ signal.signal(signal.SIGUSR1, lambda *_: told.append(True))
 def call_and_wait(self, *words, **named):
     result = method(self, *words, **named)
     deadline_s = time.monotonic() + 60.0
-    while rclpy.ok() and not told and time.monotonic() < deadline_s:
+    while not told and time.monotonic() < deadline_s:
         time.sleep(0.001)
     return result
 
@@ -96,84 +94,45 @@ def test_a_node_that_a_signal_ends_while_it_is_made_says_goodbye(bench, executab
 
 
 def test_help_says_how_a_parameter_file_is_given():
-    done = run('slip_detector', '--help')
+    done = run('slip_driver', '--help')
     assert (done.returncode, done.stderr) == (0, '')
-    assert '  slip_detector --ros-args --params-file my_sensor.yaml\n' in done.stdout
-
-
-def test_parameter_files_for_several_nodes_are_for_detectors_only():
-    done = run('slip_driver', '--configs', 'a.yaml,b.yaml')
-    assert done.returncode == 1
-    assert done.stderr == 'slip_driver: --configs is given, allowed: for slip_detector only\n'
+    assert ' slip_driver --ros-args --params-file my_sensor.yaml\n' in done.stdout
 
 
 @pytest.mark.parametrize(
-    ('executable', 'word'),
-    [('slip_driver', '--finger'), ('slip_detector', '-v'), ('grasp_controller', 'thumb')],
+    ('words', 'said'),
+    [
+        (['slip_driver', '--configs', 'a.yaml'], 'unrecognized arguments: --configs a.yaml'),
+        (['slip_detector', '--finger', 'thumb'], 'unrecognized arguments: --finger thumb'),
+        (['grasp_controller', 'thumb'], 'unrecognized arguments: thumb'),
+        (['slip_detector', '--fingers', 'a,b/c'], '--fingers gives the namespaces a, b/c, allow'),
+        (['slip_detector', '--ros-args', '-r', '__ns:=/1'], 'Failed to parse ROS arguments: '),
+        (['slip_detector', '--ros-args', '-r', f'__ns:=/{"a" * 300}'], ''),
+        (['slip_detector', '--ros-args', 'bogus'], ''),
+    ],
 )
-def test_a_word_that_is_not_known_stops_the_start(executable, word):
-    done = run(executable, word, 'thumb', '--ros-args', '-p', 'use_sim_time:=false')
+def test_a_word_that_is_not_known_or_allowed_stops_the_start_with_one_line(words, said):
+    done = run(*words)
     assert done.returncode == 1
-    assert done.stderr == (
-        f'{executable}: {word} is not known, allowed: --fingers, --configs, and --ros-args\n'
-    )
-
-
-def test_a_parameter_file_is_refused_in_our_words_before_rcl_reads_it(tmp_path):
-    file = tmp_path / 'a.yaml'
-    file.write_text('a: 1\na: 2\n')
-    done = run('slip_detector', '--ros-args', '--params-file', str(file))
-    assert done.returncode == 1
-    assert (
-        done.stderr == f'slip_detector: {file}: line 2: has a again, as in line 1, allowed: once\n'
-    )
-
-
-def test_an_option_is_given_once():
-    done = run('slip_detector', '--fingers', 'thumb', '--fingers', 'index')
-    assert done.returncode == 1
-    assert done.stderr == 'slip_detector: --fingers is given twice, allowed: once\n'
-
-
-@pytest.mark.parametrize('finger', ['1', 'ü', '../b', 'a/b', 'a__b', 'a b', 'a' * 65])
-def test_a_finger_that_cannot_be_a_namespace_stops_the_start(finger):
-    words = ['slip_detector', '--fingers', f'thumb,{finger}']
-    with pytest.raises(ValueError, match=rf"^--fingers has '{finger}', allowed: up to 64 letters"):
-        _arguments_of_each(words, words)
-
-
-@pytest.mark.parametrize('given', ['__ns:=/ü', '__node:=1'])
-def test_a_name_that_ros_does_not_take_is_no_traceback(given):
-    done = run('slip_detector', '--ros-args', '-r', given)
-    assert done.returncode == 1
-    assert done.stderr.strip().splitlines()[-1].startswith('slip_detector: ')
+    assert done.stderr.splitlines()[-1].startswith(f'{words[0]}: {said}')
     assert 'Traceback' not in done.stderr
 
 
-LOGGED = """
-from slip_detector.nodes.run import log_compiling
-from slip_detector.chain.stamps import StampGrid
-
-log_compiling('slip_detector')
-grid = StampGrid(1.0, 1.0)
-for stamp_ns in (0, 10**9, 2 * 10**9):
-    grid.arrive(stamp_ns)
-grid.arrive_all(__import__('numpy').arange(3) + 3 * 10**9)
-"""
-
-
-@pytest.mark.skipif(not COMPILED, reason='without Numba nothing is compiled')
-def test_the_log_says_once_that_something_is_compiled_and_only_when_it_is(tmp_path):
-    def logged():
-        return subprocess.run(
-            [sys.executable, '-c', LOGGED],
-            env={**os.environ, 'NUMBA_CACHE_DIR': str(tmp_path)},
-            capture_output=True, text=True, check=True, timeout=120,
-        ).stderr  # fmt: skip
-
-    (line,) = logged().splitlines()
-    assert '[slip_detector]: compiling slip_detector.chain, which takes some seconds' in line
-    assert logged() == ''
+@pytest.mark.parametrize(
+    ('text', 'said'),
+    [
+        ('a: 1\na: 2\n', ' line 2: has a again, as in line 1, allowed: once\n'),
+        (None, ' cannot be read (No such file or directory)\n'),
+    ],
+    ids=['twice', 'missing'],
+)
+def test_a_parameter_file_is_refused_in_our_words_before_rcl_reads_it(tmp_path, text, said):
+    file = tmp_path / 'a.yaml'
+    if text is not None:
+        file.write_text(text)
+    done = run('slip_detector', '--ros-args', '--params-file', str(file))
+    assert done.returncode == 1
+    assert done.stderr == f'slip_detector: {file}:{said}'
 
 
 @pytest.mark.skipif(not COMPILED, reason='without Numba nothing is compiled')
@@ -182,12 +141,17 @@ def test_a_signal_ends_a_node_before_it_has_compiled_all(bench, monkeypatch, tmp
     monkeypatch.setenv('NUMBA_CACHE_DIR', str(tmp_path))
     given = {'source': 'scene'} if executable == 'slip_driver' else {}
     process = bench.start(executable, parameters=given)
-    bench.wait_for(lambda: 'compiling slip_detector.' in process.log(), 'the node to compile')
+    bench.wait_for(lambda: 'compiling, kept for' in process.log(), 'the node to compile')
     process.signal(signal.SIGINT)
     assert process.wait() == 0
     assert len(process.lines()) == 1
     # The start of a driver compiles more than thirty functions.
     assert len(list(tmp_path.rglob('*.nbi'))) < 20
+
+
+def arguments_of_each(monkeypatch, *words):
+    monkeypatch.setattr(sys, 'argv', ['slip_detector', *words])
+    return _arguments_of_each('slip_detector')
 
 
 @pytest.mark.parametrize(
@@ -199,34 +163,43 @@ def test_a_signal_ends_a_node_before_it_has_compiled_all(bench, monkeypatch, tmp
         (['--ros-args', '-r', '__ns:=/a', '-r', '__ns:=/b/c/'], '/b/c/thumb'),
     ],
 )
-def test_a_finger_is_a_namespace_in_that_of_the_process(of_ros, wanted):
-    ours = ['slip_detector', '--fingers', 'thumb']
-    assert _arguments_of_each(ours + of_ros, ours) == [['--ros-args', '-r', f'__ns:={wanted}']]
+def test_a_finger_is_a_namespace_in_that_of_the_process(monkeypatch, of_ros, wanted):
+    found = arguments_of_each(monkeypatch, '--fingers', 'thumb', *of_ros)
+    assert found == [['--ros-args', '-r', f'__ns:={wanted}']]
 
 
 @pytest.mark.parametrize(
-    ('of_ros', 'fingers', 'above'),
+    ('words', 'above'),
     [
-        ([], [], ['']),
-        (['--ros-args', '-r', '__ns:=/left'], [], ['/left']),
-        (['--ros-args', '-r', '__ns:=/left'], ['--fingers', 'a,b'], ['/left/a', '/left/b']),
+        ([], ['']),
+        (['--ros-args', '-r', '__ns:=/left'], ['/left']),
+        (['--fingers', 'a,b', '--ros-args', '-r', '__ns:=/left'], ['/left/a', '/left/b']),
     ],
 )
 def test_each_parameter_file_is_a_namespace_and_all_of_a_finger_have_the_same_input(
-    of_ros, fingers, above
+    monkeypatch, tmp_path, words, above
 ):
-    ours = ['slip_detector', *fingers, '--configs', 'onset.yaml, etc/sure.yaml']
-    assert _arguments_of_each(ours + of_ros, ours) == [
+    monkeypatch.chdir(tmp_path)
+    for name in ('onset.yaml', 'sure.yaml'):
+        (tmp_path / name).write_text('/**: {ros__parameters: {gain: 1.0}}')
+    given = '--configs', f'onset.yaml, {tmp_path}/sure.yaml'
+    assert arguments_of_each(monkeypatch, *given, *words) == [
         [
             *('--ros-args', '-r', f'__ns:={namespace}/{name}'),
             *('-r', f'voltages:={namespace}/voltages', '--params-file', path),
         ]
         for namespace in above
-        for name, path in (('onset', 'onset.yaml'), ('sure', 'etc/sure.yaml'))
+        for name, path in (('onset', 'onset.yaml'), ('sure', f'{tmp_path}/sure.yaml'))
     ]
 
 
-@pytest.mark.parametrize('files', ['a.yaml,b/a.yaml', 'my sensor.yaml', '1.yaml,2.yaml'])
-def test_parameter_files_that_cannot_be_namespaces_are_refused(files):
-    with pytest.raises(ValueError, match=r'--configs is .*, allowed: files with different names'):
-        _arguments_of_each(['--configs', files], ['--configs', files])
+@pytest.mark.parametrize(
+    ('option', 'text'),
+    [
+        *(('--fingers', text) for text in ('1', 'ü', '../b', 'a__b', 'a b', 'a' * 65, 'a,,b')),
+        *(('--configs', text) for text in ('a.yaml,b/a.yaml', 'my sensor.yaml', '1.yaml')),
+    ],
+)
+def test_names_that_cannot_be_namespaces_are_refused(monkeypatch, option, text):
+    with pytest.raises(ValueError, match=rf'^{option} gives the namespaces .*, allowed: diff'):
+        arguments_of_each(monkeypatch, option, text)
