@@ -121,10 +121,10 @@ class Driver(Node):
         if len(message.effort) == 1:
             self._grip_n = message.effort[0]
         else:
-            self._warn(f'grip_force has {len(message.effort)} efforts, allowed: 1; ignored')
+            self._ignore(f'grip_force has {len(message.effort)} efforts, allowed: 1')
 
-    def _warn(self, words: str) -> None:
-        self.get_logger().warning(words, throttle_duration_sec=LOG_S)
+    def _ignore(self, words: str) -> None:
+        self.get_logger().warning(f'{words}; ignored', throttle_duration_sec=LOG_S)
 
     def relay(self, stop: threading.Event) -> None:
         """Publish the samples of a sensor as they arrive, until the event is set."""
@@ -231,7 +231,8 @@ class Driver(Node):
         yield due_s
         late_s = time.monotonic() - due_s
         if late_s > LATE_S:
-            self._warn(f'{late_s * 1e3:.0f} ms late: the pace cannot be kept')
+            words = f'{late_s * 1e3:.0f} ms late: the pace cannot be kept'
+            self.get_logger().warning(words, throttle_duration_sec=LOG_S)
 
     def _hold(self, source: Source, before_n: float | None) -> float | None:
         """Hold the object with the grip force that was commanded last; return that."""
@@ -240,7 +241,7 @@ class Driver(Node):
             try:
                 source.hold_force(force_n)
             except ValueError as error:
-                self._warn(f'grip_force: {error}; ignored')
+                self._ignore(f'grip_force: {error}')
         return force_n
 
     def _publish(self, samples: Samples, i: int, stamp_ns: int) -> None:

@@ -151,10 +151,9 @@ class SampleExecutor(SingleThreadedExecutor):
                     service.send_response(response, header)
                     return  # Another request may wait, and the entities may have changed.
             self._look_ns = time.monotonic_ns() + LOOK_NS
-        untils_ns = [timer.time_until_next_call() for timer in self._timers]
         now_ns = time.monotonic_ns()
-        of_active_ns = [now_ns + until_ns for until_ns in untils_ns if until_ns is not None]
-        self._due_ns = min([self._look_ns, *of_active_ns])
+        untils_ns = [timer.time_until_next_call() for timer in self._timers]
+        self._due_ns = min(self._look_ns, *(now_ns + ns for ns in untils_ns if ns is not None))
 
 
 def given_parameters(node: Node) -> dict[str, Parameter]:

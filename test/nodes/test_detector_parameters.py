@@ -52,14 +52,6 @@ def value_of(bench, name):
     return list(value) if hasattr(value, '__iter__') and not isinstance(value, str) else value
 
 
-def many_channels(channels):
-    """Return what a detector of many channels has, in one group, with a name each."""
-    one_group = {f'groups__{name}': None for name in ('TP', 'TD', 'LR', 'LU')}
-    one_group['groups__all'] = list(range(1, channels + 1))
-    names = [f'name{channel}' for channel in range(channels)]
-    return {'channels': channels, 'channel_names': names, **one_group}
-
-
 def test_a_set_is_refused_whole_with_the_reason_and_nothing_changes(bench):
     detected = Detected(bench)
     for values, words in (
@@ -73,8 +65,7 @@ def test_a_set_is_refused_whole_with_the_reason_and_nothing_changes(bench):
         ({'groups': [1], 'groups__new': [1]}, ['groups is given beside', 'groups.new']),
         ({'input_type': 'std_msgs/msg/__name__'}, ['input_type', 'installed message type']),
         (
-            many_channels(5_000)
-            | {'publish_channels': False, 'envelope_window_s': 60.0, 'sample_rate_hz': 5e4},
+            {'channels': 5_000, 'envelope_window_s': 60.0, 'sample_rate_hz': 5e4},
             ['channels is 5000', 'windows of 60 s and 0.04 s at 50000 Hz', 'GB of memory'],
         ),
         (

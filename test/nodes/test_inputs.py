@@ -71,11 +71,6 @@ def test_a_batch_without_a_header_has_a_row_for_each_sample_and_the_time_of_publ
     assert sample.number == PUBLISHED['publication_sequence_number']
 
 
-@pytest.mark.parametrize('name', ['sensor_msgs/msg/JointState', 'sensor_msgs/JointState'])
-def test_a_type_may_be_named_with_and_without_its_folder(name):
-    assert message_class(name) is JointState
-
-
 @pytest.mark.parametrize(
     'name',
     [
