@@ -18,11 +18,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from slip_detector.parameters.driver import RecordingConfig
+from slip_detector.recordings.array_recordings import CsvRecording, NpzRecording
 from slip_detector.recordings.bag_recording import BagRecording
 from slip_detector.recordings.bag_storage import BAG_ENDINGS, METADATA
-from slip_detector.recordings.csv_recording import CsvRecording
 from slip_detector.recordings.labels import find_labels, read_labels
-from slip_detector.recordings.npz_recording import NpzRecording
 from slip_detector.recordings.rates import RATE_TOLERANCE, rates_differ
 from slip_detector.recordings.recording import (
     PIECE_ROWS,
@@ -143,7 +142,10 @@ def recording_sets(arguments: Sequence[str]) -> dict[str, list[Path]]:
     by_folder: dict[Path, list[Path]] = {}
     for argument in map(Path, arguments):
         folder = argument.is_dir() and not is_recording(argument)
-        files = _recordings_in(argument) if folder else [argument]
+        with named_errors(argument):
+            files = sorted(filter(is_recording, argument.iterdir())) if folder else [argument]
+            if not files:
+                raise ValueError(f'has no recordings, allowed: {", ".join(ENDINGS)} or bags')
         for file in files:
             mine = by_folder.setdefault(file.parent.resolve(), [])
             if file.name in [other.name for other in mine]:
@@ -154,13 +156,3 @@ def recording_sets(arguments: Sequence[str]) -> dict[str, list[Path]]:
         folder.name if folder.name and names.count(folder.name) == 1 else str(folder): files
         for folder, files in by_folder.items()
     }
-
-
-def _recordings_in(folder: Path) -> list[Path]:
-    try:
-        files = sorted(filter(is_recording, folder.iterdir()))
-    except OSError as error:
-        raise ValueError(f'{folder}: cannot be read ({error.strerror})') from None
-    if not files:
-        raise ValueError(f'{folder}: has no recordings, allowed: {", ".join(ENDINGS)} or bags')
-    return files

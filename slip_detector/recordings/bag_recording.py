@@ -46,9 +46,6 @@ TOPIC = 'voltages'
 #: Number of messages that are decoded first, to find the rate and the samples per message.
 FIRST_MESSAGES = 1024
 
-#: Bytes of messages that are decoded at a time.
-MOST_BYTES = 1 << 26
-
 
 class _Decoder:
     """Decodes the messages of a topic to rows.
@@ -67,13 +64,6 @@ class _Decoder:
         self._is_quick = topic.msgtype == JOINT_STATE and field in JOINT_FIELDS
         self.channels = 0
         self.names: tuple[str, ...] = ()
-
-    def message(self, raw: bytes) -> Any:
-        """Return a message as an object with its fields as attributes."""
-        try:
-            return self._typestore.deserialize_cdr(raw, self._msgtype)
-        except Exception as error:  # generated code of rosbags may raise anything
-            raise ValueError(f'a message is no {self._msgtype} ({error})') from None
 
     def rows(self, messages: list[Message]) -> tuple[Samples, Stamps]:
         """Decode messages; those are left out that cannot be, or have other channels or names.
@@ -105,12 +95,12 @@ class _Decoder:
     def _one_by_one(self, raws: Sequence[bytes]) -> tuple[Floats, Stamps, Stamps]:
         """Return rows, their stamps, and the places of their messages."""
         rows, stamps_ns, places = [], [], []
-        why = ValueError(f'the field {self._field} is empty in every message')
+        why: Exception | str = f'the field {self._field} is empty in every message'
         for i, raw in enumerate(raws):
             try:
-                message = self.message(raw)
+                message = self._typestore.deserialize_cdr(raw, self._msgtype)
                 some = self._reader(message)
-            except ValueError as error:
+            except Exception as error:  # generated code of rosbags may raise anything
                 why = error
                 continue
             if some.size and self._is_same(getattr(message, 'name', ()), some):
@@ -202,10 +192,8 @@ class BagRecording(Recording):
         while some := list(itertools.islice(messages, most)):
             rows, late_ns = decoder.rows(some)
             yield rows, late_ns, len(some)
-            # As many as give the usual number of rows, or some MB.
-            rows_each = max(1, len(rows.volts) // len(some))
-            largest = max(len(raw) for _, raw in some)
-            most = max(1, min(PIECE_ROWS // rows_each, MOST_BYTES // max(largest, 1)))
+            # As many as give the usual number of rows.
+            most = max(1, PIECE_ROWS * len(some) // max(1, len(rows.volts)))
 
     def _spread(self, rows: Samples, last_ns: 'int | None') -> Stamps:
         """Return the stamp of each row.
@@ -230,21 +218,16 @@ class BagRecording(Recording):
         Its arguments are the stamps of the rows and their delays until receipt. A Bool has no
         stamp: it holds for the rows that were received after it. Positions have stamps like rows.
         """
-        if self._labels is not None:
+        topic = self._truth_topic or self._position_topic
+        if self._labels is not None or topic is None:
             return None
-        if self._truth_topic is not None:
-            topic, decoder = self._truth_topic, _Decoder(self._truth_topic, 'data')
-            changes = [
-                (at, decoder.message(raw).data) for at, raw in self._storage.messages(topic)
-            ]
-            at_ns, states = np.array(changes, np.int64).reshape(-1, 2).T
-            return lambda stamps_ns, late_ns: states_at(at_ns, states != 0, stamps_ns + late_ns)
-        if self._position_topic is not None:
-            topic = self._position_topic
-            parts = [rows for rows, _, _ in self._rows(topic, _Decoder(topic, 'position'))]
-            positions = parts[0].then(*parts[1:])
-            return lambda stamps_ns, _: moving_at(positions, self._still_m, stamps_ns)
-        return None
+        decoder = _Decoder(topic, 'data' if self._truth_topic else 'position')
+        first, *others = (rows for rows, _, _ in self._rows(topic, decoder))
+        states = first.then(*others)
+        if self._truth_topic is None:
+            return lambda stamps_ns, _: moving_at(states, self._still_m, stamps_ns)
+        at_ns, is_slip = states.stamps_ns, states.volts[:, 0] != 0.0
+        return lambda stamps_ns, late_ns: states_at(at_ns, is_slip, stamps_ns + late_ns)
 
     def _found_damage(self) -> str:
         return f' ({self._storage.damage[0]})' if self._storage.damage else ''

@@ -154,7 +154,7 @@ def read_labels(path: Path) -> Labels:
     try:
         edges_s = np.array(document.pop(KEY), np.float64).reshape(-1, 2)
     except (KeyError, TypeError, ValueError, ArithmeticError):
-        document = {KEY: None}
+        document = {'no': KEY}
     if document:
         raise ValueError(f'{path}: has more or less than {KEY}: [[start, end]] in seconds')
     edges_s = edges_s[np.argsort(edges_s[:, 0])]
@@ -189,12 +189,11 @@ def as_truth(label: NDArray[Any], key: str) -> NDArray[np.bool_]:
     >>> as_truth(np.array([0.0, 1.0]), 'slip')
     array([False,  True])
     """
-    if label.dtype.kind == 'b':
-        return label.reshape(-1)
-    wrong = label[~np.isin(label, (0, 1))] if label.dtype.kind in 'iuf' else label.reshape(-1)
+    flat = label.reshape(-1)
+    wrong = flat[~np.isin(flat, (0, 1))] if label.dtype.kind in 'biuf' else flat
     if wrong.size:
         raise ValueError(f'{key} has {wrong.tolist()[0]!r}, allowed: 0 and 1')
-    return np.asarray(label, dtype=bool).reshape(-1)
+    return flat.astype(bool)
 
 
 def states_at(changed_at: NDArray[Any], states: Bools, at: NDArray[Any]) -> Bools:

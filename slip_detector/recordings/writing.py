@@ -16,10 +16,11 @@
 
 import contextlib
 import csv
+import decimal
 import errno
 import os
 import sqlite3
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -27,8 +28,7 @@ import numpy as np
 
 from slip_detector.chain.samples import Samples
 from slip_detector.parameters.files import whole_file, write_errors_of
-from slip_detector.recordings.bag_storage import load_rosbags
-from slip_detector.recordings.mcap_files import write_checksums
+from slip_detector.recordings.bag_storage import load_rosbags, write_checksums
 from slip_detector.recordings.messages import JointStateWriter
 
 #: Version of the bag metadata for ROS 2 Jazzy and later.
@@ -36,6 +36,13 @@ BAG_VERSION = 9
 
 #: Name of rosbags for the storage of each ending.
 PLUGINS = {'.mcap': 'MCAP', '.db3': 'SQLITE3'}
+
+#: The topics of a bag and their types.
+TOPICS = {
+    '/voltages': 'sensor_msgs/msg/JointState',
+    '/slip_truth': 'std_msgs/msg/Bool',
+    '/platform_position': 'sensor_msgs/msg/JointState',
+}
 
 #: The serialised states of a Bool.
 _BOOLS = (b'\0\1\0\0\0', b'\0\1\0\0\1')
@@ -110,24 +117,18 @@ def _write_csv(path: Path, pieces: Iterable[Samples], names: Sequence[str]) -> N
             truth = piece.truth
             if k == 0:
                 lines.writerow(['time_s', *names, *([] if truth is None else ['slip'])])
-            rows = piece.volts.tolist()
-            for i, (stamp_ns, row) in enumerate(zip(piece.stamps_ns.tolist(), rows, strict=True)):
-                sign, (seconds, rest) = '-' * (stamp_ns < 0), divmod(abs(stamp_ns), 1_000_000_000)
+            for i, (stamp_ns, row) in enumerate(zip(piece.stamps_ns, piece.volts, strict=True)):
+                time_s = decimal.Decimal(int(stamp_ns)).scaleb(-9)
                 label = [] if truth is None else [int(truth[i])]
                 # The repr of a float is read back to the same bits.
-                lines.writerow([f'{sign}{seconds}.{rest:09d}', *map(repr, row), *label])
+                lines.writerow([f'{time_s:f}', *map(repr, row.tolist()), *label])
 
 
 def _write_npz(path: Path, pieces: Iterable[Samples], sample_rate_hz: float) -> None:
     first, *others = pieces
     samples = first.then(*others)
-    columns = {
-        'volts': samples.volts,
-        'stamps_ns': samples.stamps_ns,
-        'slip': samples.truth,
-        'position_m': samples.position_m,
-    }
-    arrays: dict[str, Any] = {key: part for key, part in columns.items() if part is not None}
+    columns = zip(('volts', 'stamps_ns', 'slip', 'position_m'), samples, strict=False)
+    arrays: dict[str, Any] = {key: part for key, part in columns if part is not None}
     np.savez(path, sample_rate_hz=sample_rate_hz, **arrays)
 
 
@@ -137,10 +138,12 @@ def _write_bag(path: Path, pieces: Iterable[Samples], names: Sequence[str], fram
     try:
         for piece in pieces:
             bag.write(piece)
-    except BaseException:
+        bag.close()
+    except BaseException as error:
         bag.abort()
+        if isinstance(error, sqlite3.Error):  # for example of a full disk
+            raise OSError(str(error)) from None
         raise
-    bag.close()
     if path.suffix:
         os.replace(bag.path, path)
 
@@ -197,32 +200,22 @@ class BagWriter:
         from rosbags.typesys import Stores, get_typestore
 
         self.path = folder / f'{folder.name}{ending}'
-        self._types = get_typestore(Stores.ROS2_JAZZY)
+        types = get_typestore(Stores.ROS2_JAZZY)
         self._rows = JointStateWriter(frame_id, channel_names)
         self._platform = JointStateWriter(frame_id, ['platform'])
-        self._connections: dict[str, Any] = {}
         self._last: bool | None = None
         plugin = rosbag2.StoragePlugin[PLUGINS[ending]]
         try:
             self._writer = rosbag2.Writer(folder, version=BAG_VERSION, storage_plugin=plugin)
-            with _as_os_errors():
-                self._writer.open()
+            self._writer.open()
         except rosbag2.WriterError:
             raise FileExistsError(errno.EEXIST, 'already exists') from None
-        with _as_os_errors():
-            self._connection('/voltages')
-
-    def _connection(self, name: str) -> Any:
-        """Return the connection of rosbags for a topic; it is made when it is first used."""
-        if name not in self._connections:
-            is_state = name == '/slip_truth'
-            self._connections[name] = self._writer.add_connection(
-                name,
-                'std_msgs/msg/Bool' if is_state else 'sensor_msgs/msg/JointState',
-                typestore=self._types,
-                offered_qos_profiles=[_quality(is_state)],
+        self._voltages, self._slip_truth, self._position = (
+            self._writer.add_connection(
+                topic, msgtype, typestore=types, offered_qos_profiles=[_quality()]
             )
-        return self._connections[name]
+            for topic, msgtype in TOPICS.items()
+        )
 
     def write(self, piece: Samples) -> None:
         """Write the next rows; all pieces have a truth, or none.
@@ -241,15 +234,14 @@ class BagWriter:
             positions = self._platform.many(piece.position_m[:, np.newaxis], piece.stamps_ns)
         rows = self._rows.many(piece.volts, piece.stamps_ns)
         stamps_ns = piece.stamps_ns.tolist()
-        with _as_os_errors():
-            for at_ns, row, slip, position in zip(stamps_ns, rows, truth, positions, strict=True):
-                # A state holds for the messages that are received after it.
-                if slip is not None and slip != self._last:
-                    self._last = slip
-                    self._writer.write(self._connection('/slip_truth'), at_ns, _BOOLS[slip])
-                if position is not None:
-                    self._writer.write(self._connection('/platform_position'), at_ns, position)
-                self._writer.write(self._connections['/voltages'], at_ns, row)
+        for at_ns, row, slip, position in zip(stamps_ns, rows, truth, positions, strict=True):
+            # A state holds for the messages that are received after it.
+            if slip is not None and slip != self._last:
+                self._last = slip
+                self._writer.write(self._slip_truth, at_ns, _BOOLS[slip])
+            if position is not None:
+                self._writer.write(self._position, at_ns, position)
+            self._writer.write(self._voltages, at_ns, row)
 
     def flush(self) -> None:
         """Pass all rows so far to the operating system, so that they survive a killed process.
@@ -275,8 +267,7 @@ class BagWriter:
             When these cannot be written. Flushed rows are kept.
         """
         try:
-            with _as_os_errors():
-                self._writer.close()
+            self._writer.close()
             if self.path.suffix == '.mcap':
                 write_checksums(self.path)
         except OSError:
@@ -290,29 +281,16 @@ class BagWriter:
             self._writer.abort()
 
 
-@contextlib.contextmanager
-def _as_os_errors() -> Iterator[None]:
-    """Turn errors of a database, for example of a full disk, into OSError as of other files."""
-    try:
-        yield
-    except sqlite3.Error as error:
-        raise OSError(str(error)) from None
-
-
-def _quality(is_state: bool) -> Any:
-    """Return the driver's quality of service for samples or for states.
-
-    ``ros2 bag play`` publishes with it, so that a late subscriber gets the last state.
-    """
+def _quality() -> Any:
+    """Return the quality of service that ``ros2 bag play`` offers, also to a late subscriber."""
     from rosbags import interfaces
 
     for_ever = interfaces.QosTime(9223372036, 854775807)
-    reliability, durability = interfaces.QosReliability, interfaces.QosDurability
     return interfaces.Qos(
         history=interfaces.QosHistory.KEEP_LAST,
-        depth=1 if is_state else 100,
-        reliability=reliability.RELIABLE if is_state else reliability.BEST_EFFORT,
-        durability=durability.TRANSIENT_LOCAL if is_state else durability.VOLATILE,
+        depth=100,
+        reliability=interfaces.QosReliability.RELIABLE,
+        durability=interfaces.QosDurability.TRANSIENT_LOCAL,
         deadline=for_ever,
         lifespan=for_ever,
         liveliness=interfaces.QosLiveliness.AUTOMATIC,

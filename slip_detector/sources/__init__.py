@@ -57,11 +57,11 @@ def open_source(
 
         source = live.SerialSource if config.source == 'serial' else live.UdpSource
         return source(config, now_ns)
-    if config.source in ('scene', 'recording'):
-        from slip_detector.sources import played
+    from slip_detector.sources import played
 
-        if config.source == 'recording':
-            return played.RecordingSource(config)
+    if config.source == 'recording':
+        return played.RecordingSource(config)
+    if config.source == 'scene':
         return played.SceneSource(config, repetition)
     raise ValueError(
         'parameter source is not given, allowed: scene (a simulation), recording, serial or udp'

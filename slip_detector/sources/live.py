@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Sensors on a serial port, and on the network with a packet in each datagram."""
+"""Sensors on a serial port or the network, and the stamps of their samples."""
 
 import ipaddress
 import os
@@ -22,15 +22,29 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import numpy as np
 import serial
+from numpy.typing import ArrayLike, NDArray
 
 from slip_detector.chain.samples import Samples
 from slip_detector.parameters.detector import default_channel_names
 from slip_detector.parameters.driver import DriverConfig
-from slip_detector.sources.device_clock import DeviceClock
 from slip_detector.sources.packets import LONGEST_BYTES, PacketDecoder
 from slip_detector.sources.source import WAIT_S, Source
 from slip_detector.sources.text_lines import LineDecoder
+
+Stamps = NDArray[np.int64]
+
+#: Length, by the sender's clock, of the windows whose smallest delay is sought. The smaller delay
+#: of the present window and the one before is used.
+WINDOW_NS = 2_000_000_000
+
+#: Largest share by which stamps run faster or slower than the sender's clock to follow a changed
+#: estimate. It is far too small to make a sample look missing.
+SLEW = 0.1
+
+#: Largest change of the clocks' difference that can be drift; after a larger one, a clock was set.
+STEP_NS = 250_000_000
 
 #: Time until a lost port is tried again.
 RETRY_S = 0.5
@@ -45,10 +59,95 @@ BUFFER_BYTES = 1 << 20
 SENDER_SILENT_S = 0.25
 
 
-def packet_decoder(config: DriverConfig) -> PacketDecoder:
-    """Return a decoder of the packets that the driver's parameters describe."""
-    scale_v, offset_v = config.packet_scale_v, config.packet_offset_v
-    return PacketDecoder(config.channels, config.packet_values, scale_v, offset_v)
+class DeviceClock:
+    """Maps the times of a sender's clock to the receiver's.
+
+    The delay of the bytes varies but is never negative. So the sample with the smallest delay
+    gives the best estimate of the difference between the clocks, and the smallest delay of the
+    last seconds follows their drift. The remaining error is the shortest delay, which is some
+    tenths of a millisecond on most lines.
+
+    Examples
+    --------
+    >>> clock = DeviceClock()
+    >>> clock.stamps_ns([0, 1_000_000], arrival_ns=50_000_000)
+    array([49000000, 50000000])
+    """
+
+    def __init__(self) -> None:
+        self._last_ns: int | None = None
+        self._arrival_ns = 0
+        self._offset_ns = self._newest_ns = self._window_ends_ns = 0
+        self._smallest_ns = self._smallest_before_ns = 0
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget the mapping, as the sender's next times are unrelated to the times before."""
+        self._mapped = False
+
+    def stamps_ns(self, times_ns: ArrayLike, arrival_ns: int) -> Stamps:
+        """Stamp consecutive samples that arrived together.
+
+        The stamps rise strictly, except where the receiver's clock itself was set back.
+
+        Parameters
+        ----------
+        times_ns : array_like of int, shape (n,)
+            When the samples were taken, by the sender's clock, in rising order; at least one.
+        arrival_ns
+            When the last of them arrived, by the receiver's clock.
+        """
+        times_ns = np.asarray(times_ns, np.int64)
+        newest_ns = int(times_ns[-1])
+        delay_ns = arrival_ns - newest_ns
+        wanted_ns = self._smallest_delay(newest_ns, delay_ns) - self._offset_ns
+        if not self._mapped or abs(wanted_ns) > STEP_NS:
+            self._mapped, wanted_ns = True, 0
+            self._offset_ns = self._smallest_ns = self._smallest_before_ns = delay_ns
+            self._window_ends_ns = newest_ns + WINDOW_NS
+        start_ns, offset_ns = self._newest_ns, self._offset_ns
+        slope = max(-SLEW, min(SLEW, wanted_ns / max(newest_ns - start_ns, 1)))
+        self._newest_ns = newest_ns
+        self._offset_ns += round(slope * (newest_ns - start_ns))
+        slewed_ns = np.rint(slope * (times_ns - start_ns)).astype(np.int64)
+        return self._rising(times_ns + offset_ns + slewed_ns, arrival_ns)
+
+    def stamp(self, decoded: Sequence[Samples], channels: int, arrival_ns: int) -> Samples:
+        """Stamp samples that arrived together, of which there may be none.
+
+        Their stamps are the sender's times; where it sends none, their arrival is used.
+        """
+        stamps_ns = [np.empty(0, np.int64)]
+        for samples in decoded:
+            if not len(samples.stamps_ns):
+                arrived = np.full(len(samples.volts), arrival_ns)
+                stamps_ns.append(self._rising(arrived, arrival_ns))
+                continue
+            if samples.new_stretch:
+                self.restart()
+            stamps_ns.append(self.stamps_ns(samples.stamps_ns, arrival_ns))
+        volts = [np.empty((0, channels)), *(samples.volts for samples in decoded)]
+        return Samples(np.concatenate(volts), np.concatenate(stamps_ns))
+
+    def _rising(self, stamps_ns: Stamps, arrival_ns: int) -> Stamps:
+        """Move each stamp that is not after the one before to 1 ns after it.
+
+        Where the arrival shows that the receiver's clock was set back, the first stamp may be
+        lower than the one before.
+        """
+        at = np.arange(len(stamps_ns))
+        rising_ns = np.maximum.accumulate(stamps_ns - at) + at
+        if self._last_ns is not None and arrival_ns >= self._arrival_ns - STEP_NS:
+            rising_ns = np.maximum(rising_ns, self._last_ns + 1 + at)
+        self._arrival_ns, self._last_ns = arrival_ns, int(rising_ns[-1])
+        return rising_ns
+
+    def _smallest_delay(self, newest_ns: int, delay_ns: int) -> int:
+        if newest_ns >= self._window_ends_ns:
+            self._smallest_before_ns, self._smallest_ns = self._smallest_ns, delay_ns
+            self._window_ends_ns = newest_ns + WINDOW_NS
+        self._smallest_ns = min(self._smallest_ns, delay_ns)
+        return min(self._smallest_ns, self._smallest_before_ns)
 
 
 class LiveSource(Source):
@@ -56,16 +155,18 @@ class LiveSource(Source):
 
     is_live = True
 
-    def __init__(
-        self,
-        name: str,
-        config: DriverConfig,
-        now_ns: Callable[[], int],
-        decoder: PacketDecoder | LineDecoder,
-        rate_hz: float = 0.0,
-    ) -> None:
-        super().__init__(name, default_channel_names(config.channels), rate_hz)
-        self.counts, self._now_ns, self._clock = decoder.counts, now_ns, DeviceClock()
+    def __init__(self, name: str, config: DriverConfig, now_ns: Callable[[], int]) -> None:
+        is_text = config.source == 'serial' and config.serial_format == 'text'
+        rate_hz, channels = config.text_rate_hz if is_text else 0.0, config.channels
+        super().__init__(name, default_channel_names(channels), rate_hz)
+        scale_v, offset_v = config.packet_scale_v, config.packet_offset_v
+        self._decoder: Any = (
+            LineDecoder(channels, rate_hz)
+            if is_text
+            else PacketDecoder(channels, config.packet_values, scale_v, offset_v)
+        )
+        self._config, self._now_ns, self._clock = config, now_ns, DeviceClock()
+        self.counts = self._decoder.counts
         self._line: Any = None  # The port or the socket.
 
     def close(self) -> None:
@@ -103,10 +204,7 @@ class SerialSource(LiveSource):
     def __init__(self, config: DriverConfig, now_ns: Callable[[], int]) -> None:
         if not config.serial_port:
             raise ValueError("parameter serial_port is '', allowed: a port, as source is serial")
-        text, rate_hz = config.serial_format == 'text', config.text_rate_hz
-        decoder = LineDecoder(config.channels, rate_hz) if text else packet_decoder(config)
-        super().__init__(config.serial_port, config, now_ns, decoder, rate_hz if text else 0.0)
-        self._config, self._decoder = config, decoder
+        super().__init__(config.serial_port, config, now_ns)
         self._retry_at_s = 0.0
 
     def start(self) -> None:
@@ -184,9 +282,7 @@ class UdpSource(LiveSource):
         if not self._senders:
             raise ValueError('parameter udp_senders is empty, allowed: at least one address')
         self._address = _address('udp_bind_address', config.udp_bind_address)
-        self._udp_port, self._decoder = config.udp_port, packet_decoder(config)
-        name = f'{self._address} port {config.udp_port}'
-        super().__init__(name, config, now_ns, self._decoder)
+        super().__init__(f'{self._address} port {config.udp_port}', config, now_ns)
         self._sender: Any = None
         self._heard_s = 0.0
         self._arrival_ns = 0
@@ -204,11 +300,11 @@ class UdpSource(LiveSource):
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
         listener.settimeout(WAIT_S)
         try:
-            listener.bind((str(self._address), self._udp_port))
+            listener.bind((str(self._address), self._config.udp_port))
         except OSError as error:
             listener.close()
             raise ValueError(
-                f'parameter udp_port is {self._udp_port}: cannot be listened on at '
+                f'parameter udp_port is {self._config.udp_port}: cannot be listened on at '
                 f'{self._address} ({os.strerror(error.errno or 0)}), allowed: a free port of this '
                 'machine'
             ) from None
@@ -238,7 +334,7 @@ class UdpSource(LiveSource):
                 return None
             self._sender = sender
             self._decoder.restart()
-        decoded = self._decoder.decode(packet)
+        decoded: Samples | None = self._decoder.decode(packet)
         if decoded is not None:
             self._heard_s = now_s
         return decoded

@@ -20,7 +20,7 @@ samples; bytes that are not part of a sample are dropped and counted.
 
 import struct
 import zlib
-from collections import Counter, deque
+from collections import Counter
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -49,12 +49,9 @@ LONGEST_BYTES = 8192
 #: Longest time that a packet of several samples spans, well below a wrap of the sender's time.
 LONGEST_PACKET_NS = 60_000_000_000
 
-#: A sender was reset when sequence numbers below the last one have risen for this long by the
-#: sender's clock, by at most this step from packet to packet.
-RESTART_US, RESTART_STEP = 250_000, 4
-
-#: Numbers of packets that are remembered, to tell a packet that came twice from a late one.
-REMEMBERED = 64
+#: A packet that is up to this many numbers behind the last one is late, or came twice. Where it is
+#: further behind, its sender was reset.
+MOST_BEHIND = 256
 
 _WRAP = 2**32
 _HALF = 2**31
@@ -80,9 +77,9 @@ class PacketDecoder:
         packets by reason: ``broken`` (not COBS, or too short), ``overlong``, ``checksum``,
         ``kind``, ``channels``, ``length``, ``period`` (0 between several samples, or a packet
         of more than a minute), ``no_time`` (its samples do not fit between the end of the packet
-        before and its own end), ``duplicate``, ``late`` (came after a later packet, and was
-        counted as lost then); ``restarts`` of the sender's clock or numbering;
-        ``garbage_bytes``, the bytes of dropped packets except duplicate and late ones.
+        before and its own end), ``late`` (came twice, or after a later packet, and was counted as
+        lost then); ``restarts`` of the sender's clock or numbering; ``garbage_bytes``, the bytes
+        of dropped packets except late ones.
 
     Examples
     --------
@@ -110,8 +107,6 @@ class PacketDecoder:
         self._last: int | None = None  # Number of the last packet.
         self._last_us = self._time_us = 0
         self._last_ns = 0  # Time of the last sample, by the sender's clock.
-        self._seen: deque[int] = deque(maxlen=REMEMBERED)
-        self._old_last, self._old_first_us = 0, -1
 
     def feed(self, data: bytes) -> list[Samples]:
         """Take the next bytes of a serial line; return the samples that they complete."""
@@ -181,35 +176,19 @@ class PacketDecoder:
     def _in_order(self, sequence: int, time_us: int) -> bool | None:
         """Return whether the sender's clock restarted before a packet; None: drop the packet."""
         ahead = (sequence - (self._last or 0)) % _WRAP
-        if self._last is None:
-            clock_restarted = True
-        elif 0 < ahead < _HALF:
-            self.counts['lost'] += ahead - 1
-            # A clock that stands still or runs backwards was restarted.
-            clock_restarted = not 0 < (time_us - self._last_us) % _WRAP < _HALF
-            self.counts['restarts'] += clock_restarted
-        elif self._restarted(sequence, time_us):
-            clock_restarted = True
-            self.counts['restarts'] += 1
-            self._seen.clear()
-        else:
-            self.counts['duplicate' if sequence in self._seen else 'late'] += 1
-            self._seen.append(sequence)
+        behind = -ahead % _WRAP
+        if self._last is not None and behind <= MOST_BEHIND:
+            self.counts['late'] += 1
             return None
+        # A clock that stands still or runs backwards was restarted.
+        goes_on = ahead < _HALF and 0 < (time_us - self._last_us) % _WRAP < _HALF
+        clock_restarted = self._last is None or not goes_on
+        if self._last is not None:
+            self.counts['lost'] += ahead - 1 if ahead < _HALF else 0
+            self.counts['restarts'] += clock_restarted
         self._time_us += 0 if clock_restarted else (time_us - self._last_us) % _WRAP
-        self._last, self._last_us, self._old_first_us = sequence, time_us, -1
-        self._seen.append(sequence)
+        self._last, self._last_us = sequence, time_us
         return clock_restarted
-
-    def _restarted(self, sequence: int, time_us: int) -> bool:
-        """Return whether the sender was reset, given a packet whose number has not risen.
-
-        Late packets come between new ones, or cease; those of a sender that was reset go on.
-        """
-        if self._old_first_us < 0 or not 0 < (sequence - self._old_last) % _WRAP <= RESTART_STEP:
-            self._old_first_us = time_us
-        self._old_last = sequence
-        return RESTART_US <= (time_us - self._old_first_us) % _WRAP < _HALF
 
     def _integers(self, data: bytes) -> NDArray[np.integer]:
         letter = 'u' if self._kind & 8 else 'i'
@@ -255,16 +234,14 @@ def encode(
     kind = PACKET_KINDS[values]
     bits = 8 * (kind & 7)
     low, high = (0, 2**bits - 1) if kind & 8 else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
-    if rows.ndim != 2 or not rows.size or rows.shape[1] > 255:
-        raise ValueError(f'integers has the shape {rows.shape}, allowed: (n, 1 to 255)')
-    if rows.min() < low or rows.max() > high:
+    n, channels = rows.shape
+    longest = (LONGEST_BYTES - HEADER.size - CHECKSUM.size) // (channels * (kind & 7))
+    if rows.min() < low or rows.max() > high or n > longest or channels > 255:
         raise ValueError(
-            f'integers has {rows.min()} to {rows.max()}, allowed: {low} to {high} for {values}'
+            f'integers has {rows.min()} to {rows.max()} in {n} rows of {channels}, allowed: '
+            f'{low} to {high} for {values}, {longest} rows, 255 channels'
         )
     data = rows.astype('<i8').view(np.uint8).reshape(-1, 8)[:, : kind & 7].tobytes()
-    n, channels = rows.shape
-    if HEADER.size + len(data) + CHECKSUM.size > LONGEST_BYTES:
-        raise ValueError(f'integers has {n} rows, allowed: a packet of {LONGEST_BYTES} bytes')
     packet = HEADER.pack(kind, channels, n, sequence % _WRAP, time_us % _WRAP, period_ns) + data
     return packet + CHECKSUM.pack(zlib.crc32(packet))
 

@@ -125,7 +125,7 @@ def test_any_messages_are_read_as_rclpy_reads_them_or_refused():
             [serialize_message(batch([], [1.0]))[:-4] + SIGNALLING],
         ),
     ]
-    fuzz('messages', sequences(), check, corpus=corpus, few=100)
+    fuzz(sequences(), check, corpus=corpus, few=100)
 
 
 def check_type(case):
@@ -146,7 +146,6 @@ def test_any_name_of_a_type_and_any_field_is_taken_or_refused():
     names = st.lists(parts, max_size=4).map(''.join)
     pairs = st.tuples(names, names.filter(bool))
     fuzz(
-        'types of messages',
         pairs,
         check_type,
         corpus=corpus,

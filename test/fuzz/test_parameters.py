@@ -96,4 +96,4 @@ CORPUS = [
 
 @pytest.mark.filterwarnings('ignore:overflow:RuntimeWarning')
 def test_any_set_is_taken_whole_or_refused_in_one_line():
-    fuzz('sets of parameters', parameters(), check, corpus=CORPUS, few=60, refusal='allowed|mean')
+    fuzz(parameters(), check, corpus=CORPUS, few=60, refusal='allowed|mean')

@@ -125,7 +125,6 @@ def test_any_bytes_are_read_or_refused_in_one_line_and_never_take_much_memory(tm
         lambda ending: st.tuples(st.just(ending), mutated_bytes(originals[ending], most=6))
     )
     fuzz(
-        'recordings',
         cases,
         check,
         corpus=list(corpus(found)),

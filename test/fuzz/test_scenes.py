@@ -96,4 +96,4 @@ CORPUS = [
 
 
 def test_any_scene_plays_or_is_refused_in_one_line():
-    fuzz('scenes', scenes(), check, corpus=CORPUS, few=40)
+    fuzz(scenes(), check, corpus=CORPUS, few=40)

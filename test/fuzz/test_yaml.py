@@ -70,4 +70,4 @@ def test_any_text_of_a_file_is_read_or_refused_in_one_line_that_names_the_file(t
 
     texts = [path.read_text(encoding='utf-8') for path in FILES]
     texts += ['slip_s: [[1.0, 2.5], [3.0, 4.0]]\n', 'slip: [1, 2]\n']
-    fuzz('YAML', mutated_text(texts, PIECES), check, corpus=CORPUS, few=20, refusal='some.yaml')
+    fuzz(mutated_text(texts, PIECES), check, corpus=CORPUS, few=20, refusal='some.yaml')

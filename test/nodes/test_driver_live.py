@@ -160,8 +160,8 @@ def check_spoilt(listening, send, pieces, received, counts):
     places = [sent[tuple(row)] for row in rows.tolist()]
     assert places == sorted(set(places))
     assert len(places) > 200
-    assert min(counts[fault] for fault in ('checksum', 'channels', 'kind', 'duplicate')) > 20
-    assert min(counts[fault] for fault in ('late', 'lost', 'broken')) > 5
+    assert min(counts[fault] for fault in ('checksum', 'channels', 'kind', 'late')) > 20
+    assert min(counts[fault] for fault in ('lost', 'broken')) > 5
 
 
 def pass_on(listening, send, pieces, received, counts):
@@ -272,13 +272,12 @@ def test_diagnostics_tell_of_a_sensor_that_sends_spoilt_packets_stops_and_is_gon
 def test_a_sensor_that_was_reset_is_heard_again(bench):
     listening, send = Listening.to_udp(bench)
     packets = make_packets(INTEGERS[:1000], RATE_HZ)
-    due = [*range(500), *[500] * 250, *range(500, 1250)]
-    with sending(send, packets[500:] + packets, RATE_HZ, listening.voltages, due):
-        listening.wait_for(500 + 750)
+    with sending(send, packets[500:] + packets, RATE_HZ, listening.voltages):
+        listening.wait_for(1500)
     rows = listening.rows()
     np.testing.assert_array_equal(rows[:500], SCALE_V * INTEGERS[500:1000])
-    np.testing.assert_array_equal(rows[500:], SCALE_V * INTEGERS[250:1000])
-    listening.wait_for_counts({'late': 250, 'restarts': 1})
+    np.testing.assert_array_equal(rows[500:], SCALE_V * INTEGERS[:1000])
+    listening.wait_for_counts({'restarts': 1})
     assert np.all(np.diff(listening.stamps_ns()) > 0)
 
 

@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 
 from slip_detector.chain.stamps import StampGrid
 from slip_detector.recordings import (
-    npz_recording,
+    array_recordings,
     open_recording,
 )
 from slip_detector.recordings.recording import RecordingCounts
@@ -72,7 +72,7 @@ def test_any_stamps_are_treated_as_the_node_treats_them(
     path = save_rows(tmp_path_factory.mktemp('any') / 'a.npz', volts, stamps_ns, slip=truth)
     recording = open_recording(path)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(npz_recording, 'PIECE_ROWS', piece_rows)
+        patch.setattr(array_recordings, 'PIECE_ROWS', piece_rows)
         stretches = stretches_of(recording.pieces(RATE_HZ, max_gap_s))
     wanted, counts = as_the_node_does(volts, stamps_ns, truth, max_gap_s)
     assert recording.counts == counts

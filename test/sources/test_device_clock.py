@@ -20,7 +20,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slip_detector.chain.samples import Samples
-from slip_detector.sources.device_clock import SLEW, STEP_NS, WINDOW_NS, DeviceClock
+from slip_detector.sources.live import SLEW, STEP_NS, WINDOW_NS, DeviceClock
 
 PERIOD_NS = 1_000_000
 

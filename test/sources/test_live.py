@@ -185,7 +185,7 @@ def test_two_sensors_are_not_taken_for_one(heard, monkeypatch):
     # What is no packet takes nobody's place, and does not make a duplicate fresh.
     assert len(heard.rows(other, b'noise')) == 0
     assert len(heard.rows(one, PACKETS[2])) == 0
-    assert heard.source.counts['duplicate'] == 1
+    assert heard.source.counts['late'] == 1
     # The other one may begin where it likes, once the first is silent.
     np.testing.assert_array_equal(heard.rows(other, PACKETS[0]), SCALE_V * INTEGERS[:1])
     assert len(heard.rows(one, PACKETS[3])) == 0

@@ -124,10 +124,9 @@ def test_the_packet_after_a_broken_one_is_taken():
 @pytest.mark.parametrize(
     ('numbers', 'values', 'words'),
     [
-        ([[40000]], 'int16', '40000 to 40000, allowed: -32768 to 32767 for int16'),
-        ([1, 2], 'int16', r'shape \(2,\), allowed: \(n, 1 to 255\)'),
-        (np.zeros((1, 256)), 'int16', r'shape \(1, 256\)'),
-        (np.zeros((3000, 4)), 'int16', '3000 rows, allowed: a packet of 8192 bytes'),
+        ([[40000]], 'int16', '40000 to 40000 in 1 rows of 1, allowed: -32768 to 32767 for int16'),
+        (np.zeros((1, 256)), 'int16', '1 rows of 256, allowed: .* 255 channels'),
+        (np.zeros((3000, 4)), 'int16', 'in 3000 rows of 4, allowed: .* 1021 rows, 255 channels'),
     ],
 )
 def test_samples_that_do_not_fit_a_packet_are_refused(numbers, values, words):

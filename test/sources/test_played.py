@@ -20,7 +20,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slip_detector.parameters.driver import DriverConfig
-from slip_detector.recordings import npz_recording
+from slip_detector.recordings import array_recordings
 from slip_detector.scenes import find_scene, load_scene
 from slip_detector.sources import open_source
 from slip_detector.sources.played import RecordingSource, SceneSource
@@ -42,7 +42,7 @@ def whole(tmp_path_factory):
 def test_a_recording_is_read_to_its_end_in_any_cut(whole, piece_rows, cuts):
     path, volts, slip = whole
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(npz_recording, 'PIECE_ROWS', piece_rows)
+        patch.setattr(array_recordings, 'PIECE_ROWS', piece_rows)
         source = RecordingSource(DriverConfig(recording=str(path)))
         pieces = [source.read(n) for n in [*cuts, N_ROWS, 1]]
     np.testing.assert_array_equal(np.concatenate([p.volts for p in pieces]), volts)
