@@ -37,7 +37,7 @@ from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.files import shared_folder
 from slip_detector.sources import open_source
-from slip_detector.tuning.sweep import VoteStatistics, sweep_thresholds
+from slip_detector.tuning.sweep import sweep_thresholds, vote_statistics
 from slip_detector.tuning.tracks import track_of
 
 NAME = 'slip_compile'
@@ -80,8 +80,8 @@ def _use_evaluation_and_tuning() -> None:
     Replay(config).run([samples])
     track = track_of('compiled', [samples], config.sample_rate_hz)
     limits, rows = np.array([0.5, 1.0]), settling_rows(config)
-    for statistic in VoteStatistics(config, ['all', 'mean', 2]).of(track):
-        sweep_thresholds([statistic], [track], limits, EvaluationConfig(), rows)
+    for statistic in vote_statistics(config, ['all', 'mean', 2], [track]).values():
+        sweep_thresholds(statistic, [track], limits, EvaluationConfig(), rows)
 
 
 PARTS: dict[str, Callable[[], None]] = {

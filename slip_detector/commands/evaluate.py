@@ -54,12 +54,13 @@ from typing import Any
 
 from slip_detector.commands.command_line import INTERRUPTED, Parser, run, whole_number
 from slip_detector.commands.workers import (
-    Workers,
+    Calls,
     add_options,
     paths_for_workers,
     paths_read,
     progress_bar,
-    recording_config,
+    sets_of_parameters,
+    workers,
 )
 from slip_detector.evaluation.evaluator import (
     EvaluatedRecording,
@@ -87,7 +88,7 @@ MOST_TRIALS = 1000
 def evaluate(
     arguments: Sequence[str],
     loader: RecordingLoader,
-    workers: Workers,
+    calls: Calls | None = None,
     for_report: bool = False,
 ) -> tuple[dict[str, dict[str, EvaluatedRecording]], list[Path]]:
     """Evaluate sets of recordings, in parallel where there are several workers.
@@ -98,8 +99,8 @@ def evaluate(
         Files and folders, see :func:`slip_detector.recordings.recording_sets`.
     loader
         Opens the recordings; it has the parameters of the chain and of the evaluation.
-    workers
-        The processes that evaluate.
+    calls
+        Evaluates in other processes, see :func:`.workers.workers`; None: in this one.
     for_report
         Whether overviews for a report are gathered.
 
@@ -122,10 +123,10 @@ def evaluate(
     >>> import tempfile
     >>> import numpy as np
     >>> loader = RecordingLoader(ChainConfig(), RecordingConfig(), EvaluationConfig())
-    >>> with tempfile.TemporaryDirectory() as folder, Workers(1) as workers:
+    >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder) / 'rest.npz'
     ...     np.savez(path, volts=np.full((100, 16), 4.3), sample_rate_hz=380.0, slip=np.zeros(100))
-    ...     sets, left = evaluate([str(path)], loader, workers)
+    ...     sets, left = evaluate([str(path)], loader)
     >>> as_report(sets)['all']['rows'], left
     (100, [])
     """
@@ -139,7 +140,8 @@ def evaluate(
     found: dict[Path, EvaluatedRecording] = {}
     with progress_bar(len(files), 'recording') as bar:
         try:
-            for place, one in workers.results(function, files):
+            every = calls(function, files) if calls else enumerate(map(function, files))
+            for place, one in every:
                 found[files[place]] = one
                 bar.update()
         except KeyboardInterrupt:
@@ -245,16 +247,14 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
 def _of_recordings(options: argparse.Namespace) -> tuple[dict[str, Any], Callable[..., str]]:
     """Return the figures of the recordings, and the function that prints them as tables."""
     file, page = options.config, options.report
-    config = ChainConfig.from_yaml(file) if file else ChainConfig()
-    reading = RecordingConfig.from_yaml(file) if file else RecordingConfig()
-    evaluation = EvaluationConfig.from_yaml(file) if file else EvaluationConfig()
-    loader = RecordingLoader(config, recording_config(reading, options), evaluation)
+    kinds = ChainConfig, RecordingConfig, EvaluationConfig
+    loader = RecordingLoader(*sets_of_parameters(options, *kinds))
     if page:  # an error is reported before an hour of recordings is read
         check_apart({'--report': page}, [*paths_read(options), *([file] if file else [])])
         check_writable(page)
     paths = paths_for_workers(options, options.recordings)
-    with Workers(options.jobs, options.cluster) as workers:
-        sets, left = evaluate(paths, loader, workers, page is not None)
+    with workers(options.jobs, options.cluster) as calls:
+        sets, left = evaluate(paths, loader, calls, page is not None)
     report = as_report(sets)
     if left:
         report['not_evaluated'] = [str(path) for path in left]
@@ -272,7 +272,7 @@ def _of_protocol(options: argparse.Namespace) -> tuple[dict[str, Any], Callable[
     from slip_detector.evaluation import protocol
     from slip_detector.report.protocol import draw_protocol, protocol_table
 
-    config = ChainConfig.from_yaml(options.config) if options.config else ChainConfig()
+    (config,) = sets_of_parameters(options, ChainConfig)
     trials = options.trials or protocol.TRIALS
     draw = partial(draw_protocol, writable_folder(options.plot)) if options.plot else None
     return protocol.run_protocol(config, trials, options.seed or 0, draw), protocol_table

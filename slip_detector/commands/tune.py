@@ -33,24 +33,20 @@ from typing import Any
 
 from slip_detector.commands.command_line import Parser, run, whole_number
 from slip_detector.commands.workers import (
-    Workers,
     add_options,
     paths_for_workers,
     paths_read,
     progress_bar,
-    recording_config,
+    sets_of_parameters,
+    workers,
 )
 from slip_detector.parameters.files import check_apart, check_writable, write_yaml
 from slip_detector.parameters.sets import with_parameters
 from slip_detector.report.tables import comparison_table, number_text
-from slip_detector.tuning.learning import learn_from_quiet, learn_from_taps
+from slip_detector.tuning.impacts import learn_from_taps
+from slip_detector.tuning.noise import learn_from_quiet
 from slip_detector.tuning.problem import Candidate, searched
-from slip_detector.tuning.search import (
-    TuningParameters,
-    TuningResult,
-    tune,
-    tuning_parameters_of,
-)
+from slip_detector.tuning.search import TuningParameters, TuningResult, tune
 from slip_detector.tuning.tracks import Track, TrainingFiles
 
 NAME = 'slip_tune'
@@ -66,56 +62,42 @@ LINES = 10
 
 def _parser() -> argparse.ArgumentParser:
     parser = Parser(prog=NAME, description=__doc__.split('\n\n')[1])
-    parser.add_argument(
-        'recordings', nargs='*', metavar='RECORDING', help='a recording or a folder of them'
-    )
-    parser.add_argument(
-        '--out', type=Path, required=True, metavar='FILE', help='the parameter file to write'
-    )
-    parser.add_argument('--report', type=Path, metavar='FILE', help='an HTML report to write')
-    parser.add_argument(
-        '--config', metavar='FILE',
-        help='a ROS parameter file to start from: what is not searched keeps its value there; the '
-        f'section {NAME} has the weights (default: the default parameters)',
+    add = parser.add_argument
+    add('recordings', nargs='*', metavar='RECORDING', help='a recording or a folder of them')
+    add('--out', type=Path, required=True, metavar='FILE', help='the parameter file to write')
+    add('--report', type=Path, metavar='FILE', help='an HTML report to write')
+    add(
+        '--config', metavar='FILE', help='a ROS parameter file to start from: what is not '
+        f'searched keeps its value; the section {NAME} has the weights (default: the defaults)',
     )  # fmt: skip
-    parser.add_argument(
+    add(
         '--trials', type=whole_number(1), default=TRIALS, metavar='N',
         help='number of trials of the study, including earlier runs (default: %(default)s)',
     )  # fmt: skip
-    parser.add_argument(
-        '--storage', metavar='URL',
-        help='where the study is kept and shared: the path of a journal (.journal), '
-        'sqlite:///FILE, postgresql://USER@HOST/NAME (default: a journal beside --out)',
+    add(
+        '--storage', metavar='URL', help='where the study is kept and shared: the path of a '
+        'journal (.journal), sqlite:///FILE, postgresql://... (default: a journal beside --out)',
     )  # fmt: skip
-    parser.add_argument(
-        '--seed', type=int, default=0, metavar='N',
-        help='seed of the search (default: %(default)s)',
-    )  # fmt: skip
+    add('--seed', type=int, default=0, metavar='N', help='seed (default: %(default)s)')
     what = parser.add_mutually_exclusive_group()
     what.add_argument(
         '--hold-out', type=float, default=1 / 3, metavar='SHARE',
         help='share of the recordings, or of the time of a single one, to hold out (default: 1/3)',
     )  # fmt: skip
     what.add_argument(
-        '--held-out', action='append', default=[], metavar='RECORDING',
-        help='hold out these recordings, or folders of them, and tune on all other RECORDINGs; '
-        'repeatable',
+        '--held-out', action='append', default=[], metavar='RECORDING', help='hold out this '
+        'recording, or a folder of them, and tune on all other RECORDINGs; repeatable',
     )  # fmt: skip
     add_options(parser, 'search')
-    quiet = parser.add_argument_group('learn from a recording, without a search')
-    quiet.add_argument(
-        '--quiet', metavar='RECORDING',
-        help='a recording without slip, in which mains hum is sought and, where evidence decides, '
-        'the noise floors are learnt',
+    add = parser.add_argument_group('learn from a recording, without a search').add_argument
+    add(
+        '--quiet', metavar='RECORDING', help='a recording without slip, in which mains hum is '
+        'sought and, where evidence decides, the noise floors are learnt',
     )  # fmt: skip
-    quiet.add_argument(
-        '--false-alarms-per-hour', type=float, metavar='R',
-        help='set the threshold too: the allowed rate, above 0',
-    )  # fmt: skip
-    quiet.add_argument(
-        '--taps', metavar='RECORDING',
-        help='a recording of knocks: impact_v is set between its steps and those of the slips of '
-        'the RECORDINGs',
+    add('--false-alarms-per-hour', type=float, metavar='R', help='set the threshold too, for this')
+    add(
+        '--taps', metavar='RECORDING', help='a recording of knocks: impact_v is set between its '
+        'steps and those of the slips of the RECORDINGs',
     )  # fmt: skip
     return parser
 
@@ -191,8 +173,8 @@ def _names_of(tracks: Sequence[Track]) -> str:
 
 
 def _parameters(options: argparse.Namespace) -> TuningParameters:
-    parameters = tuning_parameters_of(options.config)
-    return parameters._replace(recording=recording_config(parameters.recording, options))
+    kinds = TuningParameters._field_defaults.values()
+    return TuningParameters(*sets_of_parameters(options, *map(type, kinds)))
 
 
 def _comments(argv: Sequence[str] | None, lines: Sequence[str]) -> list[str]:
@@ -207,14 +189,13 @@ def _learn(options: argparse.Namespace, argv: Sequence[str] | None) -> list[str]
     parameters = _parameters(options)
     check_apart({'--out': options.out}, paths_read(options))
     check_writable(options.out)
-    chain, loader = parameters.chain, parameters.loader
+    of = parameters.chain, parameters.loader
     if options.quiet is not None:
-        learnt = learn_from_quiet(options.quiet, chain, loader, options.false_alarms_per_hour)
+        learnt, lines = learn_from_quiet(options.quiet, *of, options.false_alarms_per_hour)
     else:
-        learnt = learn_from_taps(options.taps, options.recordings, chain, loader)
-    document = with_parameters(options.config, learnt.parameters)
-    write_yaml(options.out, document, _comments(argv, learnt.lines))
-    return [*learnt.lines, f'Written: {options.out}']
+        learnt, lines = learn_from_taps(options.taps, options.recordings, *of)
+    write_yaml(options.out, with_parameters(options.config, learnt), _comments(argv, lines))
+    return [*lines, f'Written: {options.out}']
 
 
 def _search(options: argparse.Namespace, argv: Sequence[str] | None) -> list[str]:
@@ -234,14 +215,11 @@ def _search(options: argparse.Namespace, argv: Sequence[str] | None) -> list[str
         options.hold_out,
     )
     with (
-        Workers(options.jobs, options.cluster) as workers,
+        workers(options.jobs, options.cluster) as calls,
         progress_bar(options.trials, 'trial') as bar,
     ):
-        calls, progress = None if workers.here else workers.results, _progress(bar)
-        settings = {'seed': options.seed, 'storage': where}
-        result = tune(
-            files, parameters, options.trials, progress=progress, calls=calls, **settings
-        )
+        study = {'seed': options.seed, 'storage': where, 'progress': _progress(bar)}
+        result = tune(files, parameters, options.trials, calls=calls, **study)
     return _finish(options, argv, result)
 
 

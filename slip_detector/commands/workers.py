@@ -15,24 +15,19 @@
 """What the commands share that read recordings: their options, the bar, and several processes."""
 
 import argparse
+import contextlib
 import dataclasses
+import functools
 import logging
 import multiprocessing
 import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import (
-    BrokenExecutor,
-    CancelledError,
-    Executor,
-    Future,
-    ProcessPoolExecutor,
-    as_completed,
-)
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor, as_completed
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from tqdm import tqdm
 
@@ -54,8 +49,9 @@ NEEDS_DISTRIBUTED = (
 #: The parameters of :class:`RecordingConfig` that are options, without ``recording_``.
 READING = ('topic', 'field', 'labels', 'resample')
 
-Argument = TypeVar('Argument')
-Result = TypeVar('Result')
+#: Calls a function with many arguments; yields the index of each, and the result of its call, as
+#: the calls end.
+Calls = Callable[[Callable[[Any], Any], Sequence[Any]], Iterator[tuple[int, Any]]]
 
 
 def add_options(parser: argparse.ArgumentParser, work: str) -> None:
@@ -86,31 +82,35 @@ def add_options(parser: argparse.ArgumentParser, work: str) -> None:
             group.add_argument(f'--{name}', action=action, default=None, help=meaning)
 
 
-def recording_config(config: RecordingConfig, options: argparse.Namespace) -> RecordingConfig:
-    """Return the configuration with the values of the options, and paths that workers can open.
+def sets_of_parameters(options: argparse.Namespace, *kinds: Any) -> list[Any]:
+    """Return sets of parameters of some kinds from ``--config``, with the values of the options.
 
     Raises
     ------
     ValueError
-        When a value is not allowed.
+        When the file cannot be read or has a value that is not allowed; names it.
 
     Examples
     --------
-    >>> options = argparse.Namespace(topic='/a', field=None, labels=None, resample=None)
-    >>> options.cluster = None
-    >>> recording_config(RecordingConfig(), options).recording_topic
+    >>> options = argparse.Namespace(
+    ...     config=None, cluster=None, topic='/a', field=None, labels=None, resample=None)
+    >>> sets_of_parameters(options, RecordingConfig)[0].recording_topic
     '/a'
     """
     given = {f'recording_{name}': getattr(options, name) for name in READING}
     changes = {name: value for name, value in given.items() if value is not None}
-    config = dataclasses.replace(config, **changes)
-    if not config.recording_labels:
-        return config
-    (labels,) = paths_for_workers(options, [config.recording_labels])
-    return dataclasses.replace(config, recording_labels=labels)
+    sets = []
+    for kind in kinds:
+        one = kind.from_yaml(options.config) if options.config else kind()
+        if kind is RecordingConfig:
+            one = dataclasses.replace(one, **changes)
+            labels = ''.join(paths_for_workers(options, filter(None, [one.recording_labels])))
+            one = dataclasses.replace(one, recording_labels=labels)
+        sets.append(one)
+    return sets
 
 
-def paths_for_workers(options: argparse.Namespace, paths: Sequence[str]) -> list[str]:
+def paths_for_workers(options: argparse.Namespace, paths: Iterable[str]) -> list[str]:
     """Return paths for the workers: absolute for a cluster, whose workers run in other folders.
 
     Examples
@@ -155,16 +155,18 @@ def progress_bar(total: int, unit: str, done: int = 0) -> 'tqdm[Any]':
     return tqdm(total=total, initial=done, unit=unit, disable=not sys.stderr.isatty(), **shown)
 
 
-class Workers:
-    """Calls a function with many arguments: here, in several processes or on a Dask cluster.
+@contextlib.contextmanager
+def workers(jobs: int | None = None, cluster: str | None = None) -> Iterator[Calls | None]:
+    """Within this context, let several processes or a Dask cluster make calls.
 
-    It is a context manager: processes or connection are opened when the context is entered and
-    closed when it is left; calls that still run then are given up.
+    Function, arguments and results must be picklable. At the end calls that still run are given
+    up.
 
     Parameters
     ----------
     jobs
-        Number of processes on this machine; with one, the calls are made in this process.
+        Number of processes on this machine; with one there are no calls, as this process can do
+        the work.
     cluster
         Address of the scheduler of a Dask cluster, which is used instead of such processes. There
         another worker repeats the calls of one that dies.
@@ -172,111 +174,72 @@ class Workers:
     Raises
     ------
     ValueError
-        On entering the context, when the cluster cannot be reached; names it.
+        When the cluster cannot be reached, a process dies or the cluster is lost.
 
     Examples
     --------
-    >>> with Workers(jobs=1) as workers:
-    ...     dict(workers.results(abs, [3, -4]))
+    >>> with workers(jobs=2) as calls:
+    ...     dict(calls(abs, [3, -4]))
     {0: 3, 1: 4}
     """
+    if cluster is not None:
+        try:
+            from distributed import Client
 
-    def __init__(self, jobs: int | None = None, cluster: str | None = None) -> None:
-        self._jobs, self._cluster = jobs or 1, cluster
-        self._executor: Executor | None = None
-
-    @property
-    def here(self) -> bool:
-        """Whether the calls are made in this process."""
-        return self._jobs == 1 and self._cluster is None
-
-    def __enter__(self) -> 'Workers':
-        if self._cluster is not None:
-            self._client = _client_of(self._cluster)
-            self._executor = self._client.get_executor(pure=False)
-        elif not self.here:
-            spawn = multiprocessing.get_context('spawn')
-            self._executor = ProcessPoolExecutor(self._jobs, spawn, _end_with_parent)
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        if isinstance(self._executor, ProcessPoolExecutor):
-            results: Any = self._executor._result_queue  # type: ignore[attr-defined]
-            processes = list((self._executor._processes or {}).values())
-            self._executor.shutdown(wait=False, cancel_futures=True)
+            for name in LOGS:
+                logging.getLogger(name).setLevel(logging.CRITICAL)
+            client = Client(cluster, timeout=CONNECT_TIMEOUT_S)
+        except ImportError:
+            raise ValueError(NEEDS_DISTRIBUTED) from None
+        except (OSError, ValueError) as error:
+            raise ValueError(f'cluster {cluster}: cannot be reached ({error})') from None
+        executor = client.get_executor(pure=False)
+        try:
+            # Dask has errors of its own: a call killed its workers, or one lacks this package.
+            yield functools.partial(_results, executor, Exception, f'cluster {cluster}: was lost')
+        finally:
+            executor.shutdown(wait=False)
+            client.close()
+    elif jobs is not None and jobs > 1:
+        pool = ProcessPoolExecutor(jobs, multiprocessing.get_context('spawn'), _end_with_parent)
+        died = f'a worker process died, allowed: fewer --jobs than {jobs} where memory is short'
+        try:
+            yield functools.partial(_results, pool, BrokenExecutor, died)
+        finally:
+            results: Any = pool._result_queue  # type: ignore[attr-defined]
+            processes = list((pool._processes or {}).values())
+            pool.shutdown(wait=False, cancel_futures=True)
             # A process that is ended while it writes its result leaves a part of it in the pipe;
-            # the executor waits for the rest until nobody has the pipe open for writing.
+            # the pool waits for the rest until nobody has the pipe open for writing.
             results._writer.close()
             for process in processes:
                 process.kill()
                 process.join()
-        elif self._executor is not None:
-            self._executor.shutdown(wait=False)
-            self._client.close()
-
-    def results(
-        self, function: Callable[[Argument], Result], arguments: Sequence[Argument]
-    ) -> Iterator[tuple[int, Result]]:
-        """Yield the index of each argument and the result of its call, as the calls end.
-
-        Parameters
-        ----------
-        function
-            The function to call. It, its arguments and its results must be picklable unless the
-            calls are made in this process.
-        arguments
-            One for each call.
-
-        Raises
-        ------
-        ValueError
-            When the function raises one, a process dies or the cluster is lost.
-        """
-        if self._executor is None:
-            yield from enumerate(map(function, arguments))
-            return
-        try:
-            calls = self._submit(function, arguments)
-            for call in as_completed(calls):
-                yield calls[call], call.result()
-        except BrokenExecutor:
-            raise ValueError(
-                f'a worker process died, allowed: fewer --jobs than {self._jobs} where memory is '
-                'short'
-            ) from None
-        except CancelledError:
-            raise ValueError(f'cluster {self._cluster}: was lost') from None
-        except Exception as error:
-            # Dask's own: the call killed its workers, or a worker lacks this package.
-            if self._cluster is None or isinstance(error, ValueError):
-                raise
-            raise ValueError(f'cluster {self._cluster}: {error}') from None
-
-    def _submit(
-        self, function: Callable[[Argument], Result], arguments: Sequence[Argument]
-    ) -> dict['Future[Result]', int]:
-        assert self._executor is not None
-        # Ctrl-C goes to all processes of a terminal, but only this one is to react. A signal that
-        # is blocked while the others start stays blocked in them; here it is only delayed.
-        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        try:
-            return {self._executor.submit(function, one): k for k, one in enumerate(arguments)}
-        finally:
-            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    else:
+        yield None
 
 
-def _client_of(address: str) -> Any:
-    """Return a client of a Dask cluster."""
+def _results(
+    executor: Executor,
+    failures: type[Exception],
+    failed: str,
+    function: Callable[[Any], Any],
+    arguments: Sequence[Any],
+) -> Iterator[tuple[int, Any]]:
+    # Ctrl-C goes to all processes of a terminal, but only this one is to react. A signal that is
+    # blocked while the others start stays blocked in them; here it is only delayed.
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
-        from distributed import Client
-    except ImportError:
-        raise ValueError(NEEDS_DISTRIBUTED) from None
-    for name in LOGS:
-        logging.getLogger(name).setLevel(logging.CRITICAL)
+        calls = {executor.submit(function, one): k for k, one in enumerate(arguments)}
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     try:
-        return Client(address, timeout=CONNECT_TIMEOUT_S)
-    except (OSError, ValueError) as error:
-        raise ValueError(f'cluster {address}: cannot be reached ({error})') from None
+        for call in as_completed(calls):
+            yield calls[call], call.result()
+    except ValueError:
+        raise
+    except failures as error:
+        raise ValueError(f'{failed} ({error})') from None
 
 
 def _end_with_parent() -> None:

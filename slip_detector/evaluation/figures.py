@@ -100,7 +100,7 @@ class TrueSlip:
         when a channel of the deciding group has a filtered signal (rectified, raised to the
         exponent) above the threshold: it includes the time until the sensor feels the slip.
         ``envelope`` ends when the envelope of a channel is above the threshold (for the limits
-        that evidence uses instead see :mod:`.stage_watch`), ``decision`` when its level is,
+        that evidence uses instead see :mod:`.replay`), ``decision`` when its level is,
         which turns the channel ON, and ``vote`` when the group is ON. None where there is no
         latency, where the alarm rises before the label and where another alarm was not over when
         the slip began.

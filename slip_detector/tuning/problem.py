@@ -18,7 +18,8 @@ import dataclasses
 import functools
 import hashlib
 import math
-from collections.abc import Iterable, Mapping, Sequence
+import sys
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -32,13 +33,12 @@ from slip_detector.parameters.evaluation import EvaluationConfig, TuneConfig
 from slip_detector.tuning.space import SearchSpace
 from slip_detector.tuning.sweep import (
     ThresholdSweep,
-    Vote,
-    VoteStatistics,
     sweep_thresholds,
     thresholds,
+    vote_statistics,
     votes_of,
 )
-from slip_detector.tuning.tracks import Track, fingerprint
+from slip_detector.tuning.tracks import Track
 
 Floats = NDArray[np.float64]
 
@@ -98,7 +98,8 @@ class CandidateFigures(NamedTuple):
     false_time_percent : float or None
         These five are those of :func:`.slip_figures`.
     auc : float or None
-        Area under the ROC curve of the decision statistic; see :meth:`Problem.auc`.
+        Area under the ROC curve of rows with slip against rows of motion; where no motion is
+        known, against all rows without slip.
 
     Examples
     --------
@@ -166,6 +167,16 @@ class Candidate(NamedTuple):
     error_ms: float
     figures: CandidateFigures
 
+    def as_json(self) -> dict[str, Any]:
+        """Return its entry in a study, in types of JSON; see :meth:`Problem.candidates`."""
+        return {
+            'parameters': searched(self.chain),
+            'cost_ms': self.cost_ms,
+            # JSON has no infinity; the largest float takes its place.
+            'error_ms': min(self.error_ms, sys.float_info.max),
+            'figures': self.figures._asdict(),
+        }
+
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Problem:
@@ -206,15 +217,15 @@ class Problem:
     config: TuneConfig = dataclasses.field(default_factory=TuneConfig)
 
     def study_name(self) -> str:
-        """Return a name for the study that no other problem has."""
-        asked = (
-            fingerprint(self.tracks),
-            self.given.to_parameters(),
-            self.figures,
-            self.evaluation.to_parameters(),
-            self.config.to_parameters(),
-        )
-        return f'{self.config.NODE}-{hashlib.sha256(repr(asked).encode()).hexdigest()[:16]}'
+        """Return a name for the study that no other problem has, however recordings are named."""
+        sets = (self.given, self.evaluation, self.config)
+        shapes = [(track.stretches, track.sample_rate_hz) for track in self.tracks]
+        asked = ([one.to_parameters() for one in sets], self.figures, shapes)
+        digest = hashlib.sha256(repr(asked).encode())
+        for track in self.tracks:
+            digest.update(np.ascontiguousarray(track.volts).data)
+            digest.update(track.kinds.data)
+        return f'{self.config.NODE}-{digest.hexdigest()[:16]}'
 
     @functools.cached_property
     def space(self) -> SearchSpace:
@@ -250,18 +261,17 @@ class Problem:
         ValueError
             When the chain cannot be built.
         """
-        candidates = []
-        for vote, statistic in self.statistics(chain, votes_of(chain)).items():
+        found = []
+        for vote, statistic in vote_statistics(chain, votes_of(chain), self.tracks).items():
             limits = thresholds(chain, statistic, self.tracks)
             if limits.size:
-                sweep = self.sweep(chain, statistic, limits)
+                sweep = self._sweep(chain, statistic, limits)
                 costs_ms = _with_neighbours(self._event_costs_ms(sweep))
-                if np.isinf(costs_ms).all():
-                    continue
                 at = int(np.argmin(costs_ms))
-                best = dataclasses.replace(chain, threshold=float(limits[at]), vote=vote)
-                candidates.append(self._candidate(best, statistic, sweep, at, float(costs_ms[at])))
-        return sorted(candidates, key=lambda one: one.cost_ms)
+                if costs_ms[at] < math.inf:
+                    best = dataclasses.replace(chain, threshold=float(limits[at]), vote=vote)
+                    found.append(self._candidate(best, statistic, sweep, at, costs_ms[at]))
+        return sorted(found, key=lambda one: one.cost_ms)
 
     def as_it_is(self, chain: ChainConfig) -> Candidate:
         """Return the cost of a chain with its own threshold and vote.
@@ -271,43 +281,15 @@ class Problem:
         ValueError
             When the chain cannot be built.
         """
-        statistic = self.statistics(chain, [chain.vote])[chain.vote]
-        sweep = self.sweep(chain, statistic, np.array([chain.threshold]))
-        cost_ms = float(self._event_costs_ms(sweep)[0])
-        return self._candidate(chain, statistic, sweep, 0, cost_ms)
+        (statistic,) = vote_statistics(chain, [chain.vote], self.tracks).values()
+        sweep = self._sweep(chain, statistic, np.array([chain.threshold]))
+        return self._candidate(chain, statistic, sweep, 0, self._event_costs_ms(sweep)[0])
 
-    def statistics(
-        self, chain: ChainConfig, votes: Sequence[Vote]
-    ) -> Mapping[Vote, Sequence[Floats]]:
-        """Return the decision statistic, by vote and track: arrays of shape (n,).
-
-        It is compared with the threshold.
-        """
-        one_pass = VoteStatistics(chain, votes)
-        of_tracks = [one_pass.of(track) for track in self.tracks]
-        return {vote: [one[v] for one in of_tracks] for v, vote in enumerate(votes)}
-
-    @functools.cached_property
-    def _tally(self) -> ScoreTally:
-        return ScoreTally()
-
-    def sweep(
+    def _sweep(
         self, chain: ChainConfig, statistic: Sequence[Floats], limits: Floats
     ) -> ThresholdSweep:
-        """Match slips and alarms at each threshold; see :func:`sweep_thresholds`."""
         rows = settling_rows(chain)
         return sweep_thresholds(statistic, self.tracks, limits, self.evaluation, rows)
-
-    def auc(self, statistic: Sequence[Floats], threshold: float) -> float | None:
-        """Return the area under the ROC curve of rows with slip against rows of motion.
-
-        Where no motion is known, it is against all rows without slip.
-        """
-        for part, track in zip(statistic, self.tracks, strict=True):
-            # The chain divides in the same way, so the scores equal an evaluation's to the bit.
-            self._tally.add(part / threshold, track.kinds)
-        counts = self._tally.collect()
-        return counts.auc([MOTION] if counts.counts[MOTION].any() else (REST, MOTION))
 
     def _candidate(
         self,
@@ -318,16 +300,19 @@ class Problem:
         event_cost_ms: float,
     ) -> Candidate:
         """Return the cost of a chain at its own threshold, which is one of a sweep."""
-        auc = self.auc(statistic, chain.threshold)
+        tally = ScoreTally()
+        for part, track in zip(statistic, self.tracks, strict=True):
+            # The chain divides in the same way, so the scores equal an evaluation's to the bit.
+            tally.add(part / chain.threshold, track.kinds)
+        counts = tally.collect()
+        auc = counts.auc([MOTION] if counts.counts[MOTION].any() else (REST, MOTION))
         lacking = 1.0 - (auc or 0.0)
         if self.figures is not None and self.figures.better_than_chance:
             lacking += WORSE_COUNTS * max((self.figures.auc or 0.0) - (auc or 0.0), 0.0)
-        cost_ms = event_cost_ms + self.config.auc_costs_ms * lacking
-        figures = sweep.figures(at)
-        compared = {name: figures[name] for name in CandidateFigures._fields if name != 'auc'}
-        return Candidate(
-            chain, cost_ms, self._error_ms(sweep, at), CandidateFigures(**compared, auc=auc)
-        )
+        cost_ms = float(event_cost_ms) + self.config.auc_costs_ms * lacking
+        figures = {**sweep.figures(at), 'auc': auc}
+        compared = CandidateFigures(*map(figures.get, CandidateFigures._fields))
+        return Candidate(chain, cost_ms, self._error_ms(sweep, at), compared)
 
     def _event_costs_ms(self, sweep: ThresholdSweep) -> Floats:
         """Return the cost of slips and alarms at each of T thresholds, shape (T,).
@@ -413,21 +398,22 @@ class Problem:
         to the given chain. So with few slips, which cannot distinguish a good chain from a lucky
         one, the result stays close to the given chain.
         """
-        best = self.best_of(trials)
+        best, space = self.best_of(trials), self.space
         if best is None:
             return None
-        space = self.space
         given = space.point(self.given)
-        nearest, choice = math.inf, best
-        for trial in trials:
-            away = space.distance(trial.params, given)
-            for found in self.candidates(trial):
-                if found.cost_ms > best.cost_ms + best.error_ms or self._worse(found, best):
-                    continue
-                distance = math.hypot(away, found.chain.vote != self.given.vote)
-                if distance < nearest:
-                    nearest, choice = distance, found
-        return choice
+        as_good = [
+            (
+                math.hypot(
+                    space.distance(trial.params, given), found.chain.vote != self.given.vote
+                ),
+                found,
+            )
+            for trial in trials
+            for found in self.candidates(trial)
+            if found.cost_ms <= best.cost_ms + best.error_ms and not self._worse(found, best)
+        ]
+        return min(as_good, key=lambda one: one[0])[1]
 
     def _worse(self, found: Candidate, best: Candidate) -> bool:
         """Return whether a chain is worse than the given one where the best is not.
@@ -504,22 +490,17 @@ def judge(problem: Problem, held: Sequence[Track], best: Candidate | None) -> Ve
     >>> judge(Problem([]), [], best=None).kept
     'no trial found a chain that detects slip'
     """
-    given = problem.given
     if best is None:
-        return Verdict(given, 'no trial found a chain that detects slip')
+        return Verdict(problem.given, 'no trial found a chain that detects slip')
     on_held = dataclasses.replace(problem, tracks=held, figures=None)
-    before, after = on_held.as_it_is(given), on_held.as_it_is(best.chain)
-    if not after.cost_ms < before.cost_ms:
-        return Verdict(
-            given,
-            f'on the held-out recordings the best found costs {after.cost_ms:.4g} ms against '
-            f'{before.cost_ms:.4g} ms',
-        )
+    before, after = on_held.as_it_is(problem.given), on_held.as_it_is(best.chain)
     worse = [] if problem.config.trade else after.figures.worse_than(before.figures)
-    if worse:
-        return Verdict(
-            given,
-            f'on the held-out recordings the best found has {", ".join(worse)} (trade: true '
-            f'in the section {problem.config.NODE} allows that where the cost falls)',
-        )
-    return Verdict(best.chain, '')
+    if not after.cost_ms < before.cost_ms:
+        worse.insert(0, f'a cost of {after.cost_ms:.4g} against {before.cost_ms:.4g} ms')
+    if not worse:
+        return Verdict(best.chain, '')
+    return Verdict(
+        problem.given,
+        f'on the held-out recordings the best found has {", ".join(worse)} (trade: true in the '
+        f'section {problem.config.NODE} allows all but a higher cost)',
+    )

@@ -14,7 +14,7 @@
 
 """A search, one batch of trials after another, and its verdict: what command and live page call.
 
-A search asks the study for a batch of trials and tells it their results when all are done, in the
+A search asks the study for a batch of trials and stores their results when all are done, in the
 order in which it asked for them. So the result of a search depends neither on the number of
 processes that work on a batch nor on the order in which they finish.
 
@@ -32,7 +32,6 @@ import pickle
 import signal
 import sys
 import threading
-import uuid
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import FrameType
@@ -42,7 +41,7 @@ from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.parameters.evaluation import EvaluationConfig, TuneConfig
-from slip_detector.tuning.problem import Candidate, Problem, Verdict, judge, searched
+from slip_detector.tuning.problem import Candidate, Problem, Verdict, judge
 from slip_detector.tuning.tracks import Track, TrainingFiles
 
 #: Number of trials in a batch, which is the largest number of processes that are useful.
@@ -84,24 +83,12 @@ class TuningParameters(NamedTuple):
         """Opens recordings for the chain."""
         return RecordingLoader(self.chain, self.recording, self.evaluation)
 
-
-def tuning_parameters_of(file: str | None) -> TuningParameters:
-    """Read the sets of parameters from a file; without a file return the defaults.
-
-    Raises
-    ------
-    ValueError
-        When the file cannot be read or has a value that is not allowed; names it.
-
-    Examples
-    --------
-    >>> tuning_parameters_of(None).tune.missed_costs_ms
-    500.0
-    """
-    if file is None:
-        return TuningParameters()
-    kinds = ChainConfig, RecordingConfig, EvaluationConfig, TuneConfig
-    return TuningParameters(*(kind.from_yaml(file) for kind in kinds))  # type: ignore[arg-type]
+    def problem(self, tracks: Sequence[Track]) -> Problem:
+        """Return the problem of a search on tracks."""
+        problem = Problem(tracks, self.chain, None, self.evaluation, self.tune)
+        if self.tune.trade:
+            return problem
+        return dataclasses.replace(problem, figures=problem.as_it_is(self.chain).figures)
 
 
 class TuningResult(NamedTuple):
@@ -123,7 +110,7 @@ class TuningResult(NamedTuple):
 
     problem: Problem
     held: list[Track]
-    study: Any
+    study: 'Study'
     verdict: Verdict
     notes: list[str]
 
@@ -163,27 +150,24 @@ def tune(
     Raises
     ------
     ValueError
-        When a recording cannot be read, there are too few slips, a held-out recording is also
-        tuned on, or the storage fails; names what is wrong.
+        When a recording cannot be read, there are too few slips, or the storage fails; names what
+        is wrong.
     """
     if importlib.util.find_spec('optuna') is None:
         raise ValueError(NEEDS_OPTUNA)
     training, held, notes = files.load()
     with _first_interrupt_noted() as stop:
-        problem = Problem(training, parameters.chain, None, parameters.evaluation, parameters.tune)
-        if not parameters.tune.trade:
-            figures = problem.as_it_is(problem.given).figures
-            problem = dataclasses.replace(problem, figures=figures)
+        problem = parameters.problem(training)
         study = Study(problem.space.distributions, seed, storage, problem.study_name())
-        function = problem.candidates_at if calls is None else _in_workers(files, problem)
+        # It has a few kilobytes, without any rows.
+        pickled = pickle.dumps((files, dataclasses.replace(problem, tracks=())))
 
         def show(count: int) -> None:
             progress(count, problem.best_of(study.trials))
 
         show(study.follow())
-        search(
-            problem, study, trials, stop.is_set, show, functools.partial(calls or _here, function)
-        )
+        results = calls and functools.partial(calls, functools.partial(_candidates_at, pickled))
+        search(problem, study, trials, stop.is_set, show, results)
     if stop.is_set():
         notes.append('Stopped early.')
     verdict = judge(problem, held, problem.choice(study.trials))
@@ -206,14 +190,6 @@ def _first_interrupt_noted() -> Iterator[threading.Event]:
         yield stop
     finally:
         signal.signal(signal.SIGINT, before)
-
-
-def _here(
-    function: Callable[[Point], list[Candidate]], points: Sequence[Point]
-) -> Iterator[tuple[int, list[Candidate]]]:
-    """Make the calls in this process."""
-    for place, point in enumerate(points):
-        yield place, function(point)
 
 
 def search(
@@ -262,69 +238,35 @@ def search(
     >>> study.follow(), problem.choice(study.trials) is not None
     (2, True)
     """
-    results = results or functools.partial(_here, problem.candidates_at)
+    results = results or (lambda points: enumerate(map(problem.candidates_at, points)))
     starts = problem.space.starts()
     count = study.follow()
     while not stop() and count < trials:
-        batch = [
-            study.ask(starts[k] if k < len(starts) else None)
-            for k in range(count, min(count + BATCH, trials))
-        ]
+        places = range(count, min(count + BATCH, trials))
+        points = [starts[k] if k < len(starts) else study.ask() for k in places]
         found = {}
-        for place, candidates in results([trial.params for trial in batch]):
+        for place, candidates in results(points):
             found[place] = candidates
             progress(count + len(found))
             if stop():
                 break
         for place, candidates in sorted(found.items()):
             cost_ms = candidates[0].cost_ms if candidates else None
-            study.tell(batch[place], cost_ms, {'found': list(map(_kept, candidates))})
+            study.tell(points[place], cost_ms, [one.as_json() for one in candidates])
         count = study.follow()
         progress(count)
 
 
-def _kept(found: Candidate) -> dict[str, Any]:
-    """Return the entry of a chain in a study, in types of JSON."""
-    return {
-        'parameters': searched(found.chain),
-        'cost_ms': found.cost_ms,
-        # JSON has no infinity; the largest float takes its place.
-        'error_ms': min(found.error_ms, sys.float_info.max),
-        'figures': found.figures._asdict(),
-    }
-
-
-#: A worker of a cluster may call from several threads; a problem works for one at a time.
-_one_at_a_time = threading.Lock()
-
-
-def _in_workers(files: TrainingFiles, problem: Problem) -> Callable[[Point], list[Candidate]]:
-    """Return :meth:`Problem.candidates_at` for other processes, which read the files themselves.
-
-    It has a few kilobytes, as it contains no rows.
-    """
-    without_rows = dataclasses.replace(problem, tracks=[])
-    return functools.partial(
-        _candidates_at, pickle.dumps((files, without_rows, problem.study_name()))
-    )
-
-
 def _candidates_at(pickled: bytes, point: Point) -> list[Candidate]:
-    with _one_at_a_time:
-        return _with_rows(pickled).candidates_at(point)
+    """Do :meth:`Problem.candidates_at` in another process, which reads the recordings itself."""
+    return _with_rows(pickled).candidates_at(point)
 
 
 @functools.lru_cache(maxsize=1)
 def _with_rows(pickled: bytes) -> Problem:
     """Read the recordings of a problem, once for all of its trials."""
-    files, problem, name = pickle.loads(pickled)
-    found: Problem = dataclasses.replace(problem, tracks=files.load()[0])
-    if found.study_name() != name:
-        raise ValueError(
-            f'{", ".join(files.paths)}: a worker finds other recordings there, allowed: paths '
-            'that are the same for all workers'
-        )
-    return found
+    files, problem = pickle.loads(pickled)
+    return dataclasses.replace(problem, tracks=files.load()[0])  # type: ignore[no-any-return]
 
 
 class Study:
@@ -352,9 +294,9 @@ class Study:
     --------
     >>> from optuna.distributions import FloatDistribution
     >>> study = Study({'x': FloatDistribution(0.0, 1.0)}, seed=0)
-    >>> study.tell(study.ask({'x': 0.5}), cost=3.0, found={})
-    >>> [(trial.params, trial.value) for trial in study.trials]
-    [({'x': 0.5}, 3.0)]
+    >>> study.tell({'x': 0.5}, cost=3.0, found=[])
+    >>> study.follow(), [(trial.params, trial.value) for trial in study.trials]
+    (1, [({'x': 0.5}, 3.0)])
     """
 
     def __init__(
@@ -368,16 +310,14 @@ class Study:
 
         optuna.logging.set_verbosity(optuna.logging.ERROR)
         self._distributions, self._where = distributions, storage
-        self._worker = uuid.uuid4().hex
         sampler = optuna.samplers.TPESampler(seed=seed, n_startup_trials=STARTUP_TRIALS)
-        self._mine = optuna.create_study(sampler=sampler)
-        self._shared: Any = None
-        self._followed = 0
-        if storage is not None:
-            with self._errors_in_one_line():
-                self._shared = optuna.create_study(
-                    storage=_opened(storage), study_name=name, load_if_exists=True
-                )
+        self._copy = optuna.create_study(sampler=sampler)
+        self._asked: list[Any] = []
+        self._all: list[Any] = []
+        with self._errors_in_one_line():
+            self._shared = optuna.create_study(
+                storage=storage and _opened(storage), study_name=name, load_if_exists=True
+            )
         self.follow()
 
     @contextlib.contextmanager
@@ -385,48 +325,48 @@ class Study:
         """Turn the errors of all kinds of storages into one line that names the storage."""
         try:
             yield
-        except (
-            Exception
-        ) as error:  # Drivers have errors of their own; a journal may hold anything.
+        # Drivers have errors of their own; a journal may hold anything.
+        except Exception as error:
             cause = error.__cause__ or error
             text = str(getattr(cause, 'strerror', None) or cause).strip().split('\n')[0]
             raise ValueError(f'storage {self._where}: {text or type(cause).__name__}') from None
 
     def follow(self) -> int:
-        """Read the trials of other workers; return the number of all trials."""
-        if self._shared is None:
-            return sum(trial.state.is_finished() for trial in self._mine.get_trials(False))
-        with self._errors_in_one_line():
-            trials = self._shared.get_trials(deepcopy=False)
-            for trial in trials[self._followed :]:
-                if trial.user_attrs.get('worker') != self._worker:
-                    self._mine.add_trial(trial)
-        self._followed = len(trials)
-        return self._followed
-
-    def ask(self, point: Point | None = None) -> Any:
-        """Return the next trial, or one at a given point of the space."""
-        if point is not None:
-            self._mine.enqueue_trial(point)
-        return self._mine.ask(self._distributions)
-
-    def tell(self, trial: Any, cost: float | None, found: dict[str, Any]) -> None:
-        """Store the result of a trial; its cost is None where the point has no chain."""
+        """Read the new trials of all workers; return the number of all trials."""
         from optuna.trial import TrialState
 
-        for key, value in {**found, 'worker': self._worker}.items():
-            trial.set_user_attr(key, value)
-        finished = self._mine.tell(trial, cost, TrialState.FAIL if cost is None else None)
-        if self._shared is not None:
-            with self._errors_in_one_line():
-                self._shared.add_trial(finished)
+        with self._errors_in_one_line():
+            trials = self._shared.get_trials(deepcopy=False)
+            self._copy.add_trials(trials[len(self._all) :])
+        # What was asked for is among them; until now the sampler kept away from these points.
+        while self._asked:
+            self._copy.tell(self._asked.pop(), state=TrialState.FAIL)
+        self._all = trials
+        return len(trials)
+
+    def ask(self) -> Point:
+        """Return the next point to try."""
+        self._asked.append(self._copy.ask(self._distributions))
+        return dict(self._asked[-1].params)
+
+    def tell(self, point: Point, cost: float | None, found: list[dict[str, Any]]) -> None:
+        """Store the result of a trial; its cost is None where the point has no chain."""
+        from optuna.trial import TrialState, create_trial
+
+        trial = create_trial(
+            state=TrialState.FAIL if cost is None else TrialState.COMPLETE,
+            value=cost,
+            params=point,
+            distributions=self._distributions,
+            user_attrs={'found': found},
+        )
+        with self._errors_in_one_line():
+            self._shared.add_trial(trial)
 
     @property
     def trials(self) -> list[Any]:
         """All trials with a cost that this worker has read."""
-        return [
-            trial for trial in self._mine.get_trials(deepcopy=False) if trial.value is not None
-        ]
+        return [trial for trial in self._all if trial.value is not None]
 
 
 def _opened(storage: str) -> Any:
@@ -436,7 +376,7 @@ def _opened(storage: str) -> Any:
     could then not read the file any more.
     """
     from optuna.storages import JournalStorage
-    from optuna.storages.journal import JournalFileBackend, JournalFileSymlinkLock
+    from optuna.storages.journal import JournalFileBackend
 
     if '://' in storage:
         return storage
@@ -446,13 +386,7 @@ def _opened(storage: str) -> Any:
             'sqlite:///study.db or postgresql://user@host/study'
         )
     opened = JournalStorage(JournalFileBackend(storage))
-    # Optuna takes this lock to append: a line that is being written is no half line.
-    lock = JournalFileSymlinkLock(storage)
-    lock.acquire()
-    try:
-        lines = Path(storage).read_bytes().splitlines(keepends=True)
-    finally:
-        lock.release()
+    lines = Path(storage).read_bytes().splitlines(keepends=True)
     if lines and not lines[-1].endswith(b'\n'):
         raise ValueError(
             f'line {len(lines)} was cut off after {len(lines[-1])} bytes, allowed: whole lines '

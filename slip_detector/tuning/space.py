@@ -25,21 +25,12 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
 from slip_detector.parameters.files import shared_folder
-from slip_detector.tuning.learning import (
-    LEAST_RATIO,
-    MAINS_HZ,
-    largest_slip_steps_v,
-    learnt_floors,
-)
+from slip_detector.tuning.impacts import LEAST_RATIO, largest_slip_steps_v
+from slip_detector.tuning.noise import MAINS_HZ, learnt_floors
 from slip_detector.tuning.sweep import rounded
 from slip_detector.tuning.tracks import Track
-
-Floats = NDArray[np.float64]
 
 #: Edges as shares of the sample rate: lowest and highest low edge of the pass-band, and the
 #: highest edge of any band. A pass-band that would end above it becomes a high-pass.
@@ -167,60 +158,57 @@ class SearchSpace:
         if high_hz > self._highest_hz:
             high_hz = 0.0
         degree = point['passband_degree']
-        # A band-pass has an even degree.
-        degree += degree % 2 if high_hz else 0
+        # A rounded window must not be shorter than a sample.
+        envelope_s, decision_s = (
+            max(rounded(point[f'{stage}_window_s']), self._least_window_s)
+            for stage in ('envelope', 'decision')
+        )
         chain = dataclasses.replace(
             self._given,
             decision='mean',
             passband_hz=(low_hz, high_hz),
-            passband_degree=degree,
+            passband_degree=degree + degree % 2 if high_hz else degree,
             stopbands_hz=self._stopbands(point, low_hz, high_hz),
             mains_hz=point['mains_hz'],
             exponent=point['exponent'],
-            # A rounded window must not be shorter than a sample.
-            envelope_window_s=max(rounded(point['envelope_window_s']), self._least_window_s),
+            envelope_window_s=envelope_s,
             common_mode=point['common_mode'],
         )
         if point['decision'] == 'mean':
-            window_s = max(rounded(point['decision_window_s']), self._least_window_s)
-            return dataclasses.replace(chain, decision_window_s=window_s)
-        return dataclasses.replace(chain, **self._of_evidence(point, chain))
+            return dataclasses.replace(chain, decision_window_s=decision_s)
+        limit_db_s, offset_db = (
+            rounded(point[name]) for name in ('evidence_limit_db_s', 'evidence_offset_db')
+        )
+        reached = chain.threshold < limit_db_s
+        return dataclasses.replace(
+            chain,
+            decision='evidence',
+            noise_floor=self._floors(point, chain),
+            noise_floor_learnt={
+                'given': chain.noise_floor_learnt, 'learnt': True, 'followed': False,
+            }[point['floors']],
+            noise_floor_range_db=rounded(point['floor_range_db']),
+            noise_floor_rate_db_s=rounded(point['floor_rate_db_s']),
+            evidence_offset_db=offset_db,
+            evidence_cap_db=rounded(offset_db + point['cap_above_db']),
+            evidence_limit_db_s=limit_db_s,
+            threshold=chain.threshold if reached else rounded(0.5 * limit_db_s),
+            **self._impacts(point),
+            impact_hold_s=rounded(point['impact_hold_s']),
+        )  # fmt: skip
 
-    def _of_evidence(self, point: dict[str, Any], chain: ChainConfig) -> dict[str, Any]:
-        """Return the parameters of evidence at a point; ``chain`` has all other parameters."""
-        given, limit_db_s = self._given, rounded(point['evidence_limit_db_s'])
-        offset_db = rounded(point['evidence_offset_db'])
-        return {
-            'decision': 'evidence',
-            **self._of_floors(point, chain),
-            'noise_floor_range_db': rounded(point['floor_range_db']),
-            'noise_floor_rate_db_s': rounded(point['floor_rate_db_s']),
-            'evidence_offset_db': offset_db,
-            'evidence_cap_db': rounded(offset_db + point['cap_above_db']),
-            'evidence_limit_db_s': limit_db_s,
-            'threshold': given.threshold
-            if given.threshold < limit_db_s
-            else rounded(0.5 * limit_db_s),
-            **self._of_impacts(point),
-            'impact_hold_s': rounded(point['impact_hold_s']),
-        }
-
-    def _of_floors(self, point: dict[str, Any], chain: ChainConfig) -> dict[str, Any]:
-        """Return the parameters of the noise floors at a point."""
-        given, which = self._given, point['floors']
+    def _floors(self, point: dict[str, Any], chain: ChainConfig) -> tuple[float, ...]:
+        """Return the noise floors at a point; ``chain`` has all other parameters."""
         scale, power = rounded(point['floor_scale']), 1.0
-        if which == 'given':
-            floors, power = given.noise_floor, chain.exponent / given.exponent
-            made = {}
+        if point['floors'] == 'given':
+            floors, power = chain.noise_floor, chain.exponent / self._given.exponent
         else:
             floors = learnt_floors(chain, self._tracks)
-            made = {'noise_floor_learnt': which == 'learnt'}
-        if scale != 1.0 or power != 1.0:
-            factor = scale**chain.exponent
-            floors = tuple(rounded(factor * floor**power) for floor in floors)
-        return {'noise_floor': floors, **made}
+        if scale == power == 1.0:
+            return floors
+        return tuple(rounded(scale**chain.exponent * floor**power) for floor in floors)
 
-    def _of_impacts(self, point: dict[str, Any]) -> dict[str, Any]:
+    def _impacts(self, point: dict[str, Any]) -> dict[str, Any]:
         """Return the parameters of the step that is an impact at a point."""
         if point['impact'] != 'above slips':
             return {'impact_v': self._given.impact_v if point['impact'] == 'given' else 0.0}
@@ -229,7 +217,7 @@ class SearchSpace:
         return {'impact_v': rounded(LEAST_RATIO * step_v), 'impact_channels': channels}
 
     @functools.cached_property
-    def _slip_steps_v(self) -> Floats:
+    def _slip_steps_v(self) -> Any:
         return largest_slip_steps_v(self._given, self._tracks)
 
     def _has_whole_periods(self, mains_hz: float) -> bool:
@@ -255,62 +243,36 @@ class SearchSpace:
         return tuple(pairs)
 
     def point(self, chain: ChainConfig) -> dict[str, Any]:
-        """Return the point of the space that is nearest to a chain."""
+        """Return the point of the space that is nearest to a chain.
+
+        Noise floors and an impact that are not the given ones belong to another sensor, and are
+        replaced by learnt ones. Of such floors only whether they follow the envelope counts; with
+        the decision ``mean`` they do not.
+        """
+        given, by_evidence = self._given, chain.decision == 'evidence'
         low_hz, high_hz = chain.passband_hz
         stopbands = 'both' if chain.stopbands_hz else 'none'
-        if chain.stopbands_hz == self._given.stopbands_hz:
-            stopbands = 'given'
-        degrees = self.distributions['passband_degree'].choices
+        floors = 'followed' if by_evidence and not chain.noise_floor_learnt else 'learnt'
+        if given.decision == 'evidence' and chain.noise_floor == given.noise_floor:
+            floors = 'given'
+        impact = 'above slips' if chain.impact_v else 'none'
         values: dict[str, Any] = {
-            'decision': chain.decision,
             'passband_low_hz': low_hz,
             'passband_octaves': math.log2(high_hz / low_hz) if high_hz else WIDEST,
-            'passband_degree': min(degrees, key=lambda one: abs(one - chain.passband_degree)),
-            'stopbands': stopbands,
+            'stopbands': 'given' if chain.stopbands_hz == given.stopbands_hz else stopbands,
             'notch_hz': 0.0,
-            'mains_hz': chain.mains_hz,
-            'exponent': chain.exponent,
-            'envelope_window_s': chain.envelope_window_s,
-            'decision_window_s': chain.decision_window_s,
-            'floors': self._floors_of(chain),
+            'floors': floors,
             'floor_scale': 1.0,
             'floor_range_db': chain.noise_floor_range_db,
             'floor_rate_db_s': chain.noise_floor_rate_db_s,
-            'evidence_offset_db': chain.evidence_offset_db,
             'cap_above_db': chain.evidence_cap_db - chain.evidence_offset_db,
-            'evidence_limit_db_s': chain.evidence_limit_db_s,
-            'impact': self._impact_of(chain),
-            'impact_channels': chain.impact_channels,
-            'impact_hold_s': chain.impact_hold_s,
-            'common_mode': chain.common_mode,
+            'impact': 'given' if impact != 'none' and chain.impact_v == given.impact_v else impact,
         }
-        return {name: self._nearest(name, value) for name, value in values.items()}
-
-    def _nearest(self, name: str, value: Any) -> Any:
-        """Return the nearest value in a parameter's range; of choices, what stands for none."""
-        allowed = self.distributions[name]
-        if not hasattr(allowed, 'choices'):
-            return min(max(value, allowed.low), allowed.high)
-        if value in allowed.choices:
-            return value
-        return 0.0 if name == 'mains_hz' else 'none'
-
-    def _floors_of(self, chain: ChainConfig) -> str:
-        """Return where the noise floors of a chain come from, one of its choices.
-
-        Floors that are not the given ones belong to another sensor and are replaced by learnt
-        ones. Only whether they follow the envelope counts; with the decision ``mean`` they do not.
-        """
-        given = self._given
-        if given.decision == 'evidence' and chain.noise_floor == given.noise_floor:
-            return 'given'
-        followed = chain.decision == 'evidence' and not chain.noise_floor_learnt
-        return 'followed' if followed else 'learnt'
-
-    def _impact_of(self, chain: ChainConfig) -> str:
-        if not chain.impact_v:
-            return 'none'
-        return 'given' if chain.impact_v == self._given.impact_v else 'above slips'
+        # All others have the names of the chain's parameters.
+        return {
+            name: _nearest(allowed, values[name] if name in values else getattr(chain, name))
+            for name, allowed in self.distributions.items()
+        }
 
     def distance(self, point: dict[str, Any], other: dict[str, Any]) -> float:
         """Return the distance of two points: 1 for another choice, or for a parameter's range.
@@ -346,3 +308,14 @@ class SearchSpace:
             point = self.point(chain)
             points += [] if point in points else [point]
         return points
+
+
+def _nearest(allowed: Any, value: Any) -> Any:
+    """Return the nearest value of a distribution; of choices, what stands for none."""
+    if not hasattr(allowed, 'choices'):
+        return min(max(value, allowed.low), allowed.high)
+    if value in allowed.choices:
+        return value
+    if isinstance(value, int):
+        return min(allowed.choices, key=lambda one: abs(one - value))
+    return 0.0 if 0.0 in allowed.choices else 'none'

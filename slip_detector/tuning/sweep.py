@@ -80,23 +80,6 @@ def votes_of(config: ChainConfig) -> tuple[Vote, ...]:
     return tuple(votes) if config.vote in votes else (*votes, config.vote)
 
 
-def threshold_scale(chain: ChainConfig) -> tuple[int, float]:
-    """Return the power of the amplitude that a chain's level is, and the limit of its thresholds.
-
-    Evidence is no power of the amplitude, as it is in decibels, but it is limited.
-
-    Examples
-    --------
-    >>> threshold_scale(ChainConfig())
-    (3, inf)
-    >>> threshold_scale(ChainConfig(decision='evidence', noise_floor=1e-3))
-    (1, 1.3)
-    """
-    if chain.decision == 'evidence':
-        return 1, chain.evidence_limit_db_s
-    return chain.exponent, math.inf
-
-
 def thresholds(chain: ChainConfig, statistic: Sequence[Floats], tracks: Sequence[Track]) -> Floats:
     """Return the thresholds of a vote to try, in rising order, evenly spaced in amplitude.
 
@@ -128,20 +111,20 @@ def thresholds(chain: ChainConfig, statistic: Sequence[Floats], tracks: Sequence
     >>> thresholds(ChainConfig(exponent=1), [np.linspace(0.95, 1.0, 20)], tracks)
     array([0.9709, 1.    ])
     """
-    top = max((float(part.max()) for part in statistic if part.size), default=0.0)
+    top = max(float(part.max()) for part in statistic)
     if not 0.0 < top < math.inf:
         return np.zeros(0)
-    quiet = [
-        part[::STRIDE][track.kinds[::STRIDE] != SLIP]
-        for part, track in zip(statistic, tracks, strict=True)
-    ]
+    parts = zip(statistic, tracks, strict=True)
+    quiet = [part[::STRIDE][track.kinds[::STRIDE] != SLIP] for part, track in parts]
     rest = float(np.median(np.concatenate(quiet))) if any(part.size for part in quiet) else 0.0
-    exponent, limit = threshold_scale(chain)
-    low = max(rest, top * RANGE**-exponent, 1e-30)
-    least_step = 0.0
-    if chain.decision == 'evidence':
+    exponent, least_step, limit = chain.exponent, 0.0, math.inf
+    if chain.decision == 'evidence':  # in decibels, so no power of the amplitude, and limited
+        exponent, limit = 1, chain.evidence_limit_db_s
         least_step = 20.0 * math.log10(STEP) * chain.envelope_window_s
-    value, falling = top, [_rounded_up(top)]
+    low = max(rest, top * RANGE**-exponent, 1e-30)
+    value, falling = top, [rounded(top)]
+    if falling[0] < top:
+        falling[0] = rounded(falling[0] + 10.0 ** (math.floor(math.log10(top)) - 3))
     while value > low:
         value = min(value / STEP**exponent, value - least_step)
         if value > 0.0:
@@ -161,15 +144,13 @@ def rounded(value: float) -> float:
     return float(f'{value:.4g}')
 
 
-def _rounded_up(value: float) -> float:
-    """Round up to four significant digits."""
-    near = rounded(value)
-    step = 10.0 ** (math.floor(math.log10(value)) - 3)
-    return near if near >= value else rounded(near + step)
+def vote_statistics(
+    config: ChainConfig, votes: Sequence[Vote], tracks: Sequence[Track]
+) -> dict[Vote, list[Floats]]:
+    """Run a chain once over tracks; return the decision statistic by vote and track, shape (n,).
 
-
-class VoteStatistics:
-    """Runs a chain over tracks and returns the decision statistic of each vote.
+    It has the unit of the level. A chain with that vote is ON exactly where it is above the
+    threshold.
 
     Parameters
     ----------
@@ -177,6 +158,8 @@ class VoteStatistics:
         Parameters of the chain; its threshold and vote are not used.
     votes
         Each is ``all``, ``mean`` or a number of channels.
+    tracks
+        The tracks.
 
     Raises
     ------
@@ -188,36 +171,29 @@ class VoteStatistics:
     >>> from slip_detector.chain.samples import Samples
     >>> from slip_detector.tuning.tracks import track_of
     >>> rows = Samples.evenly(np.full((5, 16), 4.3), 380.0, np.zeros(5, bool))
-    >>> track = track_of('rest', [rows], sample_rate_hz=380.0)
-    >>> VoteStatistics(ChainConfig(), ['all', 'mean']).of(track).shape
-    (2, 5)
+    >>> tracks = [track_of('rest', [rows], sample_rate_hz=380.0)]
+    >>> vote_statistics(ChainConfig(), ['all'], tracks)
+    {'all': [array([0., 0., 0., 0., 0.])]}
     """
-
-    def __init__(self, config: ChainConfig, votes: Sequence[Vote]) -> None:
-        # With a threshold of 1 the statistic has the unit of the level. Where evidence cannot
-        # reach 1, the threshold is a power of two, which is multiplied back without rounding. The
-        # chain's own decision is not used, so it has the fastest vote.
-        self._unit = 1.0
-        if config.decision == 'evidence' and config.evidence_limit_db_s <= 1.0:
-            self._unit = 2.0 ** (math.floor(math.log2(config.evidence_limit_db_s)) - 1)
-        self._chain = SlipChain(dataclasses.replace(config, vote='all', threshold=self._unit))
-        self._votes = tuple(votes)
-
-    def of(self, track: Track) -> Floats:
-        """Return the statistic of each row of a track in the level's unit; shape (votes, n).
-
-        A chain with that vote is ON exactly where this is above its threshold.
-        """
-        out = np.empty((len(self._votes), len(track.volts)))
+    # With a threshold of 1 the statistic has the unit of the level. Where evidence cannot reach 1,
+    # the threshold is a power of two, which is multiplied back without rounding. The chain's own
+    # decision is not used, so it has the fastest vote.
+    unit = 1.0
+    if config.decision == 'evidence' and config.evidence_limit_db_s <= 1.0:
+        unit = 2.0 ** (math.floor(math.log2(config.evidence_limit_db_s)) - 1)
+    chain = SlipChain(dataclasses.replace(config, vote='all', threshold=unit))
+    of_tracks = []
+    for track in tracks:
+        out = np.empty((len(votes), len(track.volts)))
         for begin, end, _ in track.stretches:
-            self._chain.restart() if begin else self._chain.reset()
+            chain.restart() if begin else chain.reset()
             for start in range(begin, end, ROWS_PER_CALL):
                 rows = slice(start, min(start + ROWS_PER_CALL, end))
-                result = self._chain.update(
-                    track.volts[rows], envelope=False, level=False, votes=self._votes
-                )
-                np.multiply(result.vote_statistic.T, self._unit, out=out[:, rows])
-        return out
+                volts = track.volts[rows]
+                result = chain.update(volts, envelope=False, level=False, votes=tuple(votes))
+                np.multiply(result.vote_statistic.T, unit, out=out[:, rows])
+        of_tracks.append(out)
+    return {vote: [out[v] for out in of_tracks] for v, vote in enumerate(votes)}
 
 
 @compiled

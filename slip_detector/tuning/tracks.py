@@ -16,7 +16,6 @@
 
 import dataclasses
 import functools
-import hashlib
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple, TypeVar
 
@@ -33,9 +32,6 @@ from slip_detector.recordings import RecordingCounts, recording_sets
 Floats = NDArray[np.float64]
 
 T = TypeVar('T')
-
-#: Time between the two parts of a recording that is cut in two; it is in neither part.
-MARGIN_S = 1.0
 
 
 class Stretch(NamedTuple):
@@ -97,21 +93,17 @@ class Track:
     @functools.cached_property
     def kinds(self) -> NDArray[np.int8]:
         """See above."""
-        return kinds_of(self._truth, self.samples.moving)
+        assert self.samples.truth is not None
+        return kinds_of(self.samples.truth, self.samples.moving)
 
     @functools.cached_property
     def slips(self) -> tuple[RowInterval, ...]:
         """See above."""
         labels = OnIntervals()
         for stretch in self.stretches:
-            labels.add(self._truth[stretch.begin : stretch.end], stretch.first_row)
+            labels.add(self.kinds[stretch.begin : stretch.end] == SLIP, stretch.first_row)
             labels.close(stretch.interval.end)
         return tuple(labels.closed())
-
-    @property
-    def _truth(self) -> NDArray[np.bool_]:
-        assert self.samples.truth is not None
-        return self.samples.truth
 
     @property
     def volts(self) -> Floats:
@@ -123,18 +115,11 @@ class Track:
         """Time of its rows, without gaps."""
         return len(self.volts) / self.sample_rate_hz
 
-    def rows(self) -> Iterator[Samples]:
-        """Yield its stretches, for a replay."""
+    def rows(self, first: int = 0, last: int | None = None) -> Iterator[Samples]:
+        """Yield its stretches, or of these the rows from one index up to another."""
         for begin, end, _ in self.stretches:
-            yield self.samples.take(slice(begin, end))._replace(new_stretch=True)
-
-    def part(self, name: str, first: int, last: int) -> 'Track':
-        """Return the rows from index ``first`` up to, but not including, ``last`` as a track."""
-        pieces = [
-            self.samples.take(slice(max(begin, first), min(end, last)))._replace(new_stretch=True)
-            for begin, end, _ in self.stretches
-        ]
-        return track_of(name, pieces, self.sample_rate_hz)
+            rows = slice(max(begin, first), end if last is None else min(end, last))
+            yield self.samples.take(rows)._replace(new_stretch=True)
 
 
 def track_of(name: str, pieces: Iterable[Samples], sample_rate_hz: float) -> Track:
@@ -163,46 +148,27 @@ def track_of(name: str, pieces: Iterable[Samples], sample_rate_hz: float) -> Tra
     filled = [piece for piece in pieces if len(piece.volts)]
     if not filled:
         raise ValueError(f'{name}: has no samples')
+    samples = filled[0].then(*filled[1:])
     stretches: list[Stretch] = []
-    last = filled[0]
+    end = row = 0
     for piece in filled:
-        n = len(piece.volts)
-        if not stretches:
-            stretches.append(Stretch(0, n, 0))
-        elif piece.new_stretch:
-            gap = missing_rows(int(last.stamps_ns[-1]), int(piece.stamps_ns[0]), sample_rate_hz)
-            begin, row = stretches[-1].end, stretches[-1].interval.end + gap
-            stretches.append(Stretch(begin, begin + n, row))
+        begin, end = end, end + len(piece.volts)
+        if begin and not piece.new_stretch:
+            stretches[-1] = stretches[-1]._replace(end=end)
         else:
-            stretches[-1] = stretches[-1]._replace(end=stretches[-1].end + n)
-        last = piece
-    return Track(name, filled[0].then(*filled[1:]), tuple(stretches), sample_rate_hz)
-
-
-def fingerprint(tracks: Sequence[Track]) -> str:
-    """Return a hash of the content of tracks, which does not depend on their names.
-
-    Examples
-    --------
-    >>> rows = [Samples.evenly(np.zeros((4, 1)), 2.0, truth=np.zeros(4))]
-    >>> fingerprint([track_of('a', rows, 2.0)]) == fingerprint([track_of('b', rows, 2.0)])
-    True
-    """
-    digest = hashlib.sha256()
-    for track in tracks:
-        stretches = [tuple(stretch) for stretch in track.stretches]
-        digest.update(repr((track.volts.shape, stretches, track.sample_rate_hz)).encode())
-        digest.update(np.ascontiguousarray(track.volts).data)
-        digest.update(track.kinds.data)
-    return digest.hexdigest()[:16]
+            if begin:
+                last_ns, stamp_ns = samples.stamps_ns[begin - 1 : begin + 1].tolist()
+                row += missing_rows(last_ns, stamp_ns, sample_rate_hz)
+            stretches.append(Stretch(begin, end, row))
+        row += end - begin
+    return Track(name, samples, tuple(stretches), sample_rate_hz)
 
 
 def held_out(tracks: Sequence[Track], share: float) -> tuple[list[Track], list[Track]]:
     """Divide recordings into those that are tuned on and those that are held out.
 
     Of several recordings with slip every n-th is held out, and likewise of those without slip. A
-    single one with slip is cut in two between two slips, as near to the share as possible; the
-    ``MARGIN_S`` after the cut are in neither part.
+    single one with slip is cut in two between two slips, as near to the share as possible.
 
     Parameters
     ----------
@@ -210,16 +176,6 @@ def held_out(tracks: Sequence[Track], share: float) -> tuple[list[Track], list[T
         The recordings in their order.
     share
         Share of the recordings, or of the time of a single one, to hold out: above 0, below 1.
-
-    Returns
-    -------
-    training, held : list of Track
-        Both have slips.
-
-    Raises
-    ------
-    ValueError
-        When there are too few slips for both; names the recordings.
 
     Examples
     --------
@@ -229,11 +185,6 @@ def held_out(tracks: Sequence[Track], share: float) -> tuple[list[Track], list[T
     (['a', 'b'], ['c'])
     """
     with_slip = [track for track in tracks if track.slips]
-    if not with_slip:
-        raise ValueError(
-            f'{", ".join(track.name for track in tracks)}: has no slip, allowed: recordings with '
-            'slips, to tune on and to hold out'
-        )
     divide = _cut_in_two if len(with_slip) == 1 else hold_out_evenly
     training, held = divide(with_slip, share)
     quiet, quiet_held = hold_out_evenly([track for track in tracks if not track.slips], share)
@@ -261,18 +212,16 @@ def _cut_in_two(tracks: Sequence[Track], share: float) -> tuple[list[Track], lis
     """Cut the one recording between two slips; the later part is held out."""
     (track,) = tracks
     edges = np.flatnonzero(np.diff(track.kinds == SLIP, prepend=False, append=False))
-    if edges.size < 4:
-        raise ValueError(
-            f'{track.name}: has one slip, allowed: two or more, to tune on and to hold out'
-        )
-    ends, starts, rate = edges[1:-1:2], edges[2::2], track.sample_rate_hz
-    # The margin is centred between the two slips; it is shorter where they are close together.
-    margins = np.minimum(round(MARGIN_S * rate), (starts - ends) // 2)
-    cuts = (ends + starts) // 2 - margins // 2
-    k = int(np.argmin(np.abs(cuts - (1.0 - share) * len(track.volts))))
-    cut, after = int(cuts[k]), int(cuts[k] + margins[k])
-    training = track.part(f'{track.name} to {cut / rate:.1f} s', 0, cut)
-    held = track.part(f'{track.name} from {after / rate:.1f} s', after, len(track.volts))
+    cuts = (edges[1:-1:2] + edges[2::2]) // 2
+    if not cuts.size:
+        return [track], []
+    cut = int(min(cuts, key=lambda cut: abs(cut - (1.0 - share) * len(track.volts))))
+    rate_hz = track.sample_rate_hz
+    parts = (('to', track.rows(0, cut)), ('from', track.rows(cut)))
+    training, held = (
+        track_of(f'{track.name} {word} {cut / rate_hz:.1f} s', rows, rate_hz)
+        for word, rows in parts
+    )
     return [training], [held]
 
 
@@ -332,6 +281,14 @@ def load_tracks(
     return tracks, notes
 
 
+def load_track(path: str, loader: RecordingLoader) -> tuple[Track, list[str]]:
+    """Read the one recording of a path, without labels, and the line of its faults."""
+    tracks, notes = load_tracks([path], loader, labelled=False)
+    if len(tracks) != 1:
+        raise ValueError(f'{path}: has {len(tracks)} recordings, allowed: one')
+    return tracks[0], notes
+
+
 def _faults(counts: RecordingCounts) -> str:
     """Return a text on the faults of a recording; empty where there are none."""
     many = {
@@ -377,26 +334,15 @@ class TrainingFiles(NamedTuple):
         Raises
         ------
         ValueError
-            When a recording cannot be read, there are too few slips or a held-out recording is
-            also tuned on; names the recordings.
+            When a recording cannot be read, or there are too few slips; names the recordings.
         """
         training, notes = load_tracks(self.paths, self.loader, left_out=self.left_out)
-        if self.left_out:
-            held, more_notes = load_tracks(self.left_out, self.loader)
-            notes += more_notes
-            for part, what in ((training, 'to tune on'), (held, 'held out')):
-                if not any(track.slips for track in part):
-                    names = ', '.join(track.name for track in part)
-                    none = f'{names}: has no slip' if names else 'no recording is left'
-                    raise ValueError(f'{none}, allowed: some with slips {what}')
-        else:
+        held, more_notes = load_tracks(self.left_out, self.loader)
+        if not self.left_out:
             training, held = held_out(training, self.share)
-        tuned_on = {fingerprint([track]): track.name for track in training}
-        for track in held:
-            same = tuned_on.get(fingerprint([track]))
-            if same is not None:
-                raise ValueError(
-                    f'{track.name}: is held out and holds the same as {same}, which is tuned on, '
-                    'allowed: each recording once'
-                )
-        return training, held, notes
+        if not all(any(track.slips for track in part) for part in (training, held)):
+            names = ', '.join(track.name for track in training + held)
+            raise ValueError(
+                f'{names}: too few slips, allowed: some to tune on and others to hold out'
+            )
+        return training, held, notes + more_notes

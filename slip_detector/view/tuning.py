@@ -38,11 +38,8 @@ from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.files import writable_folder, write_yaml
 from slip_detector.report.tables import MAIN_FIGURES, figure_text, heading
-from slip_detector.tuning.learning import (
-    LearntParameters,
-    learn_from_quiet,
-    learn_from_taps,
-)
+from slip_detector.tuning.impacts import learn_from_taps
+from slip_detector.tuning.noise import learn_from_quiet
 from slip_detector.tuning.problem import Candidate, searched
 from slip_detector.tuning.search import TuningParameters, tune
 from slip_detector.tuning.tracks import TrainingFiles
@@ -296,7 +293,7 @@ def beginning(config: DetectorConfig) -> Values:
 
 def learnt(job: TuneJob, begin: Values, report: Callable[..., None]) -> Values:
     """Learn noise and impacts if there are recordings of them; return the parameters."""
-    steps: list[tuple[str, str, Callable[..., LearntParameters]]] = [
+    steps: list[tuple[str, str, Callable[..., tuple[Values, list[str]]]]] = [
         ('noise', job.rest, learn_from_quiet),
         ('impacts', job.taps, functools.partial(learn_from_taps, slips=job.slips)),
     ]
@@ -308,8 +305,8 @@ def learnt(job: TuneJob, begin: Values, report: Callable[..., None]) -> Values:
         report(lines=lines, step=f'learning the {what} of {Path(path).name}')
         parameters = _parameters(begin)
         try:
-            found = learn(path, chain=parameters.chain, loader=parameters.loader)
-            begin, lines = {**begin, **found.parameters}, [*lines, *found.lines]
+            found, more = learn(path, chain=parameters.chain, loader=parameters.loader)
+            begin, lines = {**begin, **found}, lines + more
         except ValueError as error:  # Taps may look like slips: what was learnt before is kept.
             lines = [*lines, str(error)]
     report(lines=lines)
