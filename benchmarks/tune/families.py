@@ -22,7 +22,6 @@ figures of both chains on scenes with seeds that the search has not seen (:data:
 as they can be; and ``parameters``: the tuned values of the parameters that are searched.
 """
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -34,7 +33,7 @@ from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.files import read_yaml
 from slip_detector.scenes import Scene, find_scene
-from slip_detector.tuning.problem import Problem, Verdict, judge, searched
+from slip_detector.tuning.problem import Verdict, judge, searched
 from slip_detector.tuning.search import Study, TuningParameters, search
 from slip_detector.tuning.tracks import Track, held_out, track_of
 
@@ -106,9 +105,7 @@ def tune_and_judge(
 ) -> Verdict:
     """Tune as ``slip_tune`` does: search on a part of the tracks, judge on the rest."""
     training, held = held_out(tracks, SHARE)
-    problem = Problem(training, parameters.chain, None, parameters.evaluation, parameters.tune)
-    figures = problem.as_it_is(problem.given).figures
-    problem = dataclasses.replace(problem, figures=figures)
+    problem = parameters.problem(training)
     study = Study(problem.space.distributions, seed)
     search(problem, study, trials)
     return judge(problem, held, problem.choice(study.trials))

@@ -149,18 +149,18 @@ def in_short(found: Candidate) -> str:
     Examples
     --------
     >>> from slip_detector.parameters import ChainConfig
-    >>> from slip_detector.tuning.problem import CandidateFigures
-    >>> figures = CandidateFigures(41.0, 40.0, 0.95, 1.5, 0.25, auc=0.95)
+    >>> figures = {'latency_median_all_ms': 41.0, 'sooner_than_chance': 0.95}
+    >>> figures |= {'false_alarms_per_minute': 1.5, 'false_time_percent': None}
     >>> in_short(Candidate(ChainConfig(), cost_ms=91.0, error_ms=9.0, figures=figures))
-    'costs 91.0 ms, latency 41.0 ms, sooner than chance 0.95, 1.5 false/min, 0.25 % false time'
+    'costs 91.0 ms, latency 41.0 ms, sooner than chance 0.95, 1.5 false/min, - % false time'
     """
-    counts = found.figures
+    figures = found.figures
     return (
         f'costs {found.cost_ms:.1f} ms, '
-        f'latency {number_text(counts.latency_median_all_ms, ".1f")} ms, '
-        f'sooner than chance {number_text(counts.sooner_than_chance, ".2f")}, '
-        f'{number_text(counts.false_alarms_per_minute, ".2g")} false/min, '
-        f'{number_text(counts.false_time_percent, ".2g")} % false time'
+        f'latency {number_text(figures["latency_median_all_ms"], ".1f")} ms, '
+        f'sooner than chance {number_text(figures["sooner_than_chance"], ".2f")}, '
+        f'{number_text(figures["false_alarms_per_minute"], ".2g")} false/min, '
+        f'{number_text(figures["false_time_percent"], ".2g")} % false time'
     )
 
 

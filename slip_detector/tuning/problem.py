@@ -42,6 +42,12 @@ from slip_detector.tuning.tracks import Track
 
 Floats = NDArray[np.float64]
 
+#: Figures by name, None where one is not defined: those of :func:`.slip_figures`;
+#: ``false_alarms_per_minute_off``, the false alarms per minute of rest in which the decision is
+#: OFF, as one that is mostly ON has few alarms; and ``auc``, the area under the ROC curve of rows
+#: with slip against rows of motion, or, where no motion is known, all rows without slip.
+Figures = dict[str, float | None]
+
 #: The cost of a threshold is averaged with those of this many neighbours on each side, which are
 #: :data:`slip_detector.tuning.sweep.STEP` apart: from day to day, contact and sensor change
 #: the amplitude by about a tenth.
@@ -79,74 +85,38 @@ def searched(chain: ChainConfig) -> dict[str, Any]:
     >>> searched(ChainConfig())['decision_window_s']
     0.04
     """
-    parameters = chain.to_parameters()
-    fields = [
-        f for f in dataclasses.fields(chain) if chain.decision in f.metadata['searched_with']
-    ]
-    return {field.name: parameters[field.name] for field in fields}
+    parameters, decision = chain.to_parameters(), chain.decision
+    fields = dataclasses.fields(chain)
+    return {f.name: parameters[f.name] for f in fields if decision in f.metadata['searched_with']}
 
 
-class CandidateFigures(NamedTuple):
-    """The figures of a chain that the search compares; None where one is not defined.
+def better_than_chance(figures: Figures) -> bool:
+    """Return whether a chain finds slips sooner than decisions that do not depend on slip."""
+    return (figures['sooner_than_chance'] or 0.0) > 0.0
 
-    Attributes
-    ----------
-    latency_median_all_ms, latency_median_ms : float or None
-        Median latency of all slips, and of those found.
-    sooner_than_chance : float or None
-    false_alarms_per_minute : float or None
-    false_time_percent : float or None
-        These five are those of :func:`.slip_figures`.
-    auc : float or None
-        Area under the ROC curve of rows with slip against rows of motion; where no motion is
-        known, against all rows without slip.
+
+def worse_than(figures: Figures, other: Figures) -> list[str]:
+    """Return a text for each figure that is worse, or not defined where the other's is.
+
+    Empty where the other's figures are no better than chance. The latency of the slips found
+    is not compared, as it falls where late slips are missed.
 
     Examples
     --------
-    >>> given = CandidateFigures(50.0, 50.0, 1.0, 2.0, 0.1, auc=0.9)
-    >>> CandidateFigures(40.0, 38.0, 0.9, 2.0, 0.1, auc=0.9).worse_than(given)
+    >>> given = dict.fromkeys(COMPARED, 1.0)
+    >>> worse_than({**given, 'sooner_than_chance': 0.9}, given)
     ['sooner than chance 0.9 against 1']
     """
-
-    latency_median_all_ms: float | None
-    latency_median_ms: float | None
-    sooner_than_chance: float | None
-    false_alarms_per_minute: float | None
-    false_time_percent: float | None
-    auc: float | None
-
-    @property
-    def better_than_chance(self) -> bool:
-        """Whether the chain finds slips sooner than decisions that do not depend on slip."""
-        return self.sooner_than_chance is not None and self.sooner_than_chance > 0.0
-
-    @property
-    def false_alarms_per_minute_off(self) -> float | None:
-        """False alarms per minute of rest in which the decision is OFF; None where it never is.
-
-        A decision that is ON for most of the time has few alarms, as they hardly end.
-        """
-        if self.false_alarms_per_minute is None or self.false_time_percent is None:
-            return None
-        off = 1.0 - self.false_time_percent / 100.0
-        return self.false_alarms_per_minute / off if off > 0.0 else None
-
-    def worse_than(self, other: 'CandidateFigures') -> list[str]:
-        """Return a text for each figure that is worse, or not defined where the other's is.
-
-        Empty where the other's figures are no better than chance. The latency of the slips found
-        is not compared, as it falls where late slips are missed.
-        """
-        texts = []
-        for name, (words, unit, more_is_better, step) in COMPARED.items():
-            figure, its = getattr(self, name), getattr(other, name)
-            if its is None or not other.better_than_chance:
-                continue
-            if figure is None:
-                texts.append(f'no {words} defined against {its:.4g}{unit}')
-            elif (its - figure if more_is_better else figure - its) > step:
-                texts.append(f'{words} {figure:.4g} against {its:.4g}{unit}')
-        return texts
+    texts = []
+    for name, (words, unit, more_is_better, step) in COMPARED.items():
+        figure, its = figures[name], other[name]
+        if its is None or not better_than_chance(other):
+            continue
+        if figure is None:
+            texts.append(f'no {words} defined against {its:.4g}{unit}')
+        elif (its - figure if more_is_better else figure - its) > step:
+            texts.append(f'{words} {figure:.4g} against {its:.4g}{unit}')
+    return texts
 
 
 class Candidate(NamedTuple):
@@ -159,23 +129,21 @@ class Candidate(NamedTuple):
     error_ms : float
         Half the confidence interval of the mean latency in the cost, by Student's t; large with
         few slips.
-    figures : CandidateFigures
+    figures : dict
+        See :data:`Figures`.
     """
 
     chain: ChainConfig
     cost_ms: float
     error_ms: float
-    figures: CandidateFigures
+    figures: Figures
 
     def as_json(self) -> dict[str, Any]:
         """Return its entry in a study, in types of JSON; see :meth:`Problem.candidates`."""
-        return {
-            'parameters': searched(self.chain),
-            'cost_ms': self.cost_ms,
-            # JSON has no infinity; the largest float takes its place.
-            'error_ms': min(self.error_ms, sys.float_info.max),
-            'figures': self.figures._asdict(),
-        }
+        # JSON has no infinity; the largest float takes its place.
+        error_ms = min(self.error_ms, sys.float_info.max)
+        entry = self._replace(error_ms=error_ms)._asdict()
+        return {'parameters': searched(entry.pop('chain')), **entry}
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -188,7 +156,7 @@ class Problem:
         The recordings to tune on, with at least one slip and some time without slip.
     given : ChainConfig
         The chain that is tuned.
-    figures : CandidateFigures or None
+    figures : dict or None
         Figures that must not get worse.
     evaluation : EvaluationConfig
         What counts as detected.
@@ -204,7 +172,7 @@ class Problem:
     >>> rows = Samples.evenly(np.tile(volts, (16, 1)).T, 380.0, truth=slip)
     >>> problem = Problem([track_of('trial', [rows], sample_rate_hz=380.0)])
     >>> given = problem.as_it_is(problem.given)
-    >>> given.figures.sooner_than_chance, given.figures.false_alarms_per_minute
+    >>> given.figures['sooner_than_chance'], given.figures['false_alarms_per_minute']
     (1.0, 0.0)
     >>> [one.chain.vote for one in problem.candidates_at(problem.space.point(problem.given))]
     ['all', 'mean', 1, 2, 3]
@@ -212,7 +180,7 @@ class Problem:
 
     tracks: Sequence[Track]
     given: ChainConfig = dataclasses.field(default_factory=ChainConfig)
-    figures: CandidateFigures | None = None
+    figures: Figures | None = None
     evaluation: EvaluationConfig = dataclasses.field(default_factory=EvaluationConfig)
     config: TuneConfig = dataclasses.field(default_factory=TuneConfig)
 
@@ -307,12 +275,15 @@ class Problem:
         counts = tally.collect()
         auc = counts.auc([MOTION] if counts.counts[MOTION].any() else (REST, MOTION))
         lacking = 1.0 - (auc or 0.0)
-        if self.figures is not None and self.figures.better_than_chance:
-            lacking += WORSE_COUNTS * max((self.figures.auc or 0.0) - (auc or 0.0), 0.0)
+        if self.figures is not None and better_than_chance(self.figures):
+            lacking += WORSE_COUNTS * max((self.figures['auc'] or 0.0) - (auc or 0.0), 0.0)
         cost_ms = float(event_cost_ms) + self.config.auc_costs_ms * lacking
-        figures = {**sweep.figures(at), 'auc': auc}
-        compared = CandidateFigures(*map(figures.get, CandidateFigures._fields))
-        return Candidate(chain, cost_ms, self._error_ms(sweep, at), compared)
+        figures = sweep.figures(at)
+        alarms, on_percent = figures['false_alarms_per_minute'], figures['false_time_percent']
+        off = 1.0 - (on_percent or 0.0) / 100.0
+        per_minute_off = alarms / off if alarms is not None and off > 0.0 else None
+        figures = {**figures, 'false_alarms_per_minute_off': per_minute_off, 'auc': auc}
+        return Candidate(chain, cost_ms, self._error_ms(sweep, at), figures)
 
     def _event_costs_ms(self, sweep: ThresholdSweep) -> Floats:
         """Return the cost of slips and alarms at each of T thresholds, shape (T,).
@@ -334,7 +305,7 @@ class Problem:
             + false_costs * per_minute
             + config.false_time_costs_ms * percent
         )
-        if given is not None and given.better_than_chance:
+        if given is not None and better_than_chance(given):
             latencies_s = sweep.latencies_ms[scored] / 1e3
             sooner = sooner_than_chance(latencies_s, leads_s, windows_s, rates_hz)
             median = np.where(sooner >= HALF, np.median(late_ms, axis=0), missed_costs)
@@ -342,10 +313,10 @@ class Problem:
             off = np.maximum(1.0 - percent / 100.0, 0.0)
             per_minute_off = np.divide(per_minute, off, out=np.zeros(off.size), where=off > 0.0)
             worse = (
-                _more(median, given.latency_median_all_ms)
-                + missed_costs * np.maximum((given.sooner_than_chance or 0.0) - sooner, 0.0)
-                + false_costs * _more(per_minute_off, given.false_alarms_per_minute_off)
-                + config.false_time_costs_ms * _more(percent, given.false_time_percent)
+                _more(median, given['latency_median_all_ms'])
+                + missed_costs * np.maximum((given['sooner_than_chance'] or 0.0) - sooner, 0.0)
+                + false_costs * _more(per_minute_off, given['false_alarms_per_minute_off'])
+                + config.false_time_costs_ms * _more(percent, given['false_time_percent'])
             )
             costs += WORSE_COUNTS * worse
         return np.asarray(costs)
@@ -378,12 +349,10 @@ class Problem:
         """Return the chains that a finished trial found, one for each vote, cheapest first."""
         return [
             Candidate(
-                dataclasses.replace(self.given, **noted['parameters']),
-                noted['cost_ms'],
-                noted['error_ms'],
-                CandidateFigures(**noted['figures']),
+                dataclasses.replace(self.given, **one['parameters']),
+                *map(one.get, Candidate._fields[1:]),
             )
-            for noted in trial.user_attrs['found']
+            for one in trial.user_attrs['found']
         ]
 
     def best_of(self, trials: Iterable[Any]) -> Candidate | None:
@@ -424,11 +393,9 @@ class Problem:
         """
         if self.figures is None:
             return False
-        areas = [one.auc or 0.0 for one in (found.figures, best.figures, self.figures)]
-        return areas[0] < min(areas[1:]) - AUC_STEP or (
-            len(found.figures.worse_than(self.figures))
-            > len(best.figures.worse_than(self.figures))
-        )
+        worse, of_best = (len(worse_than(one.figures, self.figures)) for one in (found, best))
+        areas = [one['auc'] or 0.0 for one in (found.figures, best.figures, self.figures)]
+        return worse > of_best or areas[0] < min(areas[1:]) - AUC_STEP
 
 
 def _more(figures: Floats, given: float | None) -> Floats:
@@ -494,7 +461,7 @@ def judge(problem: Problem, held: Sequence[Track], best: Candidate | None) -> Ve
         return Verdict(problem.given, 'no trial found a chain that detects slip')
     on_held = dataclasses.replace(problem, tracks=held, figures=None)
     before, after = on_held.as_it_is(problem.given), on_held.as_it_is(best.chain)
-    worse = [] if problem.config.trade else after.figures.worse_than(before.figures)
+    worse = [] if problem.config.trade else worse_than(after.figures, before.figures)
     if not after.cost_ms < before.cost_ms:
         worse.insert(0, f'a cost of {after.cost_ms:.4g} against {before.cost_ms:.4g} ms')
     if not worse:

@@ -50,9 +50,6 @@ BATCH = 8
 #: Number of trials at random points before the sampler learns from results.
 STARTUP_TRIALS = 12
 
-#: File endings of journals. A storage with ``://`` is the URL of a database.
-JOURNALS = ('.journal', '.log', '.jsonl')
-
 NEEDS_OPTUNA = "needs optuna, which is not installed: pip install 'slip_detector[tune]'"
 
 Point = dict[str, Any]
@@ -287,8 +284,7 @@ class Study:
     Raises
     ------
     ValueError
-        When the storage is neither or cannot be opened, or the last line of a journal is
-        incomplete; names it.
+        When the storage cannot be opened, or the last line of a journal is cut off; names it.
 
     Examples
     --------
@@ -378,18 +374,10 @@ def _opened(storage: str) -> Any:
     from optuna.storages import JournalStorage
     from optuna.storages.journal import JournalFileBackend
 
-    if '://' in storage:
+    if '://' in storage:  # the URL of a database
         return storage
-    if Path(storage).suffix not in JOURNALS:
-        raise ValueError(
-            f'is not known, allowed: a path that ends in {", ".join(JOURNALS)}, or a URL such as '
-            'sqlite:///study.db or postgresql://user@host/study'
-        )
     opened = JournalStorage(JournalFileBackend(storage))
     lines = Path(storage).read_bytes().splitlines(keepends=True)
     if lines and not lines[-1].endswith(b'\n'):
-        raise ValueError(
-            f'line {len(lines)} was cut off after {len(lines[-1])} bytes, allowed: whole lines '
-            '(without this line it has the trials before it)'
-        )
+        raise ValueError(f'line {len(lines)} is cut off, allowed: whole lines, as those before it')
     return opened

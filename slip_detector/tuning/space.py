@@ -52,14 +52,11 @@ SHORTEST_WINDOW_S = 0.0025
 #: With fewer channels than this the common mode would be mostly signal.
 LEAST_SHARING = 3
 
-#: The parameters of a point that only one decision has.
+#: How the names of the parameters of a point begin that only one decision has.
 OF_DECISIONS = {
-    'mean': {'decision_window_s'},
-    'evidence': {
-        'floors', 'floor_scale', 'floor_range_db', 'floor_rate_db_s', 'evidence_offset_db',
-        'cap_above_db', 'evidence_limit_db_s', 'impact', 'impact_channels', 'impact_hold_s',
-    },
-}  # fmt: skip
+    'mean': ('decision_window',),
+    'evidence': ('floor', 'evidence', 'cap', 'impact'),
+}
 
 
 @functools.cache
@@ -279,13 +276,11 @@ class SearchSpace:
 
         The parameters of a decision count only where both points have this decision.
         """
-        steps = []
+        decisions, steps = {point['decision'], other['decision']}, []
+        left_out = [names for one, names in OF_DECISIONS.items() if decisions != {one}]
         for name, allowed in self.distributions.items():
             a, b = point[name], other[name]
-            if any(
-                name in names and {point['decision'], other['decision']} != {decision}
-                for decision, names in OF_DECISIONS.items()
-            ):
+            if any(map(name.startswith, left_out)):
                 continue
             if name == 'passband_degree':
                 steps.append((a - b) / allowed.choices[-1])

@@ -198,42 +198,26 @@ def vote_statistics(
 
 @compiled
 def _sweep(
-    statistic, limits, first_row, settled, off_rows, lows, highs, rest_starts, rest_ends,
-    state, fell, rises, false_alarms, rest_rows,
+    statistic, limits, first_row, settled, off_rows, lows, highs, rest_starts, rest_ends, rises,
+    false_alarms, rest_rows,
 ):  # fmt: skip
-    """Follow the rises of a statistic through all thresholds over one piece of a track.
+    """Follow the rises of a statistic through all thresholds over one stretch of a track.
 
-    ``state`` is the number of thresholds below the value of the row before, the first slip whose
-    window has not ended, and the first interval of rest that has not ended. ``fell`` has for each
-    threshold the row at which the value last fell to it. An alarm is identified by the row at
-    which it rises. ``rest_rows`` counts the rows of rest by the number of thresholds below their
-    value.
+    An alarm is identified by the row at which it rises. ``rest_rows`` counts the rows of rest by
+    the number of thresholds below their value.
     """
-    above, slip, place = state[0], state[1], state[2]
+    rest = np.zeros(statistic.size, np.bool_)
+    for i in range(rest_starts.size):
+        rest[max(rest_starts[i] - first_row, 0) : max(rest_ends[i] - first_row, 0)] = True
+    # For each threshold the row at which the value last fell to it.
+    fell = np.full(limits.size, first_row - off_rows)
+    above = slip = 0
     # Most rows stay between the same two thresholds, which takes two comparisons.
-    low = limits[above - 1] if above > 0 else -np.inf
-    high = limits[above] if above < limits.size else np.inf
-    begin = 0
-    while begin < statistic.size:
-        # The rows up to the next beginning or end of rest are all rest, or none is.
-        row = first_row + begin
-        while place < rest_ends.size and rest_ends[place] <= row:
-            place += 1
-        end, resting = first_row + statistic.size, False
-        if place < rest_ends.size:
-            resting = rest_starts[place] <= row
-            end = min(end, rest_ends[place] if resting else rest_starts[place])
-        end -= first_row
-        counted = begin
-        for r in range(begin, end):
-            value = statistic[r]
-            if low < value <= high:
-                continue
-            row = first_row + r
-            if resting:
-                rest_rows[above] += r - counted
-                counted = r
-            before = above
+    low = high = np.inf
+    for r in range(statistic.size):
+        value = statistic[r]
+        if not low < value <= high:
+            row, before = first_row + r, above
             while above < limits.size and value > limits[above]:
                 above += 1
             while above > 0 and value <= limits[above - 1]:
@@ -251,10 +235,7 @@ def _sweep(
                         false_alarms[t] += 1
                     else:
                         give_alarm(row, row, slip, lows, rises, t)
-        if resting:
-            rest_rows[above] += end - counted
-        begin = end
-    state[0], state[1], state[2] = above, slip, place
+        rest_rows[above] += rest[r]
 
 
 class ThresholdSweep(NamedTuple):
@@ -339,14 +320,10 @@ def sweep_thresholds(
         rows = ScoredRows(track.slips, stretches, settling_rows, config, rate_hz)
         rises = np.full((len(track.slips), limits.size), NONE, np.int64)
         rest_rows = np.zeros(limits.size + 1, np.int64)
-        state = np.zeros(3, np.int64)
         for (begin, end, first_row), settled in zip(track.stretches, rows.settled, strict=True):
-            state[0] = 0
-            fell = np.full(limits.size, first_row - rows.off_rows)
             _sweep(
-                part[begin:end], limits, first_row, int(settled), rows.off_rows,
-                rows.lows, rows.highs, rows.rest_starts, rows.rest_ends, state, fell, rises,
-                false_alarms, rest_rows,
+                part[begin:end], limits, first_row, int(settled), rows.off_rows, rows.lows,
+                rows.highs, rows.rest_starts, rows.rest_ends, rises, false_alarms, rest_rows,
             )  # fmt: skip
         starts = np.array([slip.start for slip in track.slips], np.int64)[:, np.newaxis]
         found = (rises != NONE) & rows.scored[:, np.newaxis]

@@ -21,6 +21,7 @@ import numpy as np
 
 from slip_detector.commands import evaluate as evaluation
 from slip_detector.commands.evaluate import main
+from slip_detector.evaluation.evaluator import evaluate_recording
 from support.evaluation_cases import (
     complaint,
     config_file,
@@ -127,19 +128,15 @@ def test_wrong_arguments_and_recordings_are_refused_in_one_line(capsys, tmp_path
 def test_an_interrupt_is_one_line_and_leaves_what_was_evaluated(capsys, tmp_path, monkeypatch):
     paths = [write(tmp_path / f'{name}.npz') for name in 'ab']
 
-    def one_done(self, function, arguments):
-        yield 0, function(arguments[0])
-        raise KeyboardInterrupt
+    def one_done(loader, path):
+        if path.name == 'b.npz':
+            raise KeyboardInterrupt
+        return evaluate_recording(loader, path)
 
-    monkeypatch.setattr('slip_detector.commands.workers.Workers.results', one_done)
+    monkeypatch.setattr(evaluation, 'evaluate_recording', one_done)
     assert main([*map(str, paths)]) == 130
     assert capsys.readouterr().out.splitlines()[-1] == f'Stopped early, not evaluated: {paths[1]}'
-
-    def none_done(*_, **__):
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(evaluation, 'evaluate', none_done)
-    assert main([str(paths[0])]) == 130
+    assert main([str(paths[1])]) == 130
     assert capsys.readouterr() == ('', 'slip_evaluate: ended before it was done\n')
 
 

@@ -25,32 +25,28 @@ import sys
 import pytest
 
 from slip_detector.commands.workers import (
-    Workers,
     add_options,
     paths_for_workers,
     paths_read,
     progress_bar,
-    recording_config,
+    sets_of_parameters,
+    workers,
 )
 from slip_detector.parameters.driver import RecordingConfig
 from support.worker_calls import die, process_of, refuse
 
 
-def test_one_job_is_this_process_in_the_order_of_the_arguments():
-    with Workers() as workers:
-        results = list(workers.results(process_of, [5, 3]))
-    assert results == [(0, (5, os.getpid())), (1, (3, os.getpid()))]
-
-
 def test_several_jobs_are_processes_that_end_with_the_context():
-    with Workers(jobs=2) as workers:
-        results = dict(workers.results(process_of, range(20)))
+    with workers(jobs=1) as calls:
+        assert calls is None  # it is this process
+    with workers(jobs=2) as calls:
+        results = dict(calls(process_of, range(20)))
         assert {place: number for place, (number, _) in results.items()} == {
             k: k for k in range(20)
         }
         pids = {pid for _, pid in results.values()}
         assert os.getpid() not in pids
-        assert dict(workers.results(process_of, [])) == {}
+        assert dict(calls(process_of, [])) == {}
     for pid in pids:
         with pytest.raises(ProcessLookupError):
             os.kill(pid, 0)
@@ -61,13 +57,13 @@ def test_several_jobs_are_processes_that_end_with_the_context():
     [(refuse, r'^7 is refused$'), (die, r'^a worker process died, allowed: fewer')],
 )
 def test_a_call_that_fails_or_dies_is_one_line(call, said):
-    with Workers(jobs=2) as workers, pytest.raises(ValueError, match=said):
-        list(workers.results(call, [7]))
+    with workers(jobs=2) as calls, pytest.raises(ValueError, match=said):
+        list(calls(call, [7]))
 
 
 def run(code):
     return subprocess.run(
-        [sys.executable, '-c', f'from slip_detector.commands.workers import Workers\n{code}'],
+        [sys.executable, '-c', f'from slip_detector.commands.workers import workers\n{code}'],
         env={**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)},
         stdout=subprocess.PIPE, text=True, timeout=60, check=False,
     )  # fmt: skip
@@ -78,8 +74,8 @@ def test_a_process_ends_with_the_one_that_started_it():
     done = run(
         'import os, signal\n'
         'from support.worker_calls import process_of\n'
-        'with Workers(jobs=2) as workers:\n'
-        '    print(next(workers.results(process_of, [1])), flush=True)\n'
+        'with workers(jobs=2) as calls:\n'
+        '    print(next(calls(process_of, [1])), flush=True)\n'
         '    os.kill(os.getpid(), signal.SIGKILL)\n'
     )
     assert done.returncode == -signal.SIGKILL
@@ -89,9 +85,9 @@ def test_a_process_ends_with_the_one_that_started_it():
 def test_a_result_that_is_being_written_does_not_hold_up_the_end():
     done = run(
         'from support.worker_calls import zeros\n'
-        'with Workers(jobs=2) as workers:\n'
-        '    for _ in workers.results(zeros, [1, 300_000_000]):\n'
-        '        pipe = workers._executor._result_queue._reader\n'
+        'with workers(jobs=2) as calls:\n'
+        '    for _ in calls(zeros, [1, 300_000_000]):\n'
+        '        pipe = calls.args[0]._result_queue._reader\n'
         '        while not pipe.poll():  # the large one comes in many parts\n'
         '            pass\n'
         '        break\n'
@@ -99,51 +95,48 @@ def test_a_result_that_is_being_written_does_not_hold_up_the_end():
     assert done.returncode == 0
 
 
-def test_a_cluster_that_is_not_there_is_named():
+def test_a_cluster_that_is_not_there_is_named_and_without_distributed_what_to_install(monkeypatch):
     pytest.importorskip('distributed', reason='needs distributed')
-    with (
-        pytest.raises(ValueError, match=r'^cluster no address: cannot be reached'),
-        Workers(cluster='no address'),
+    for said in (
+        '^cluster nix: cannot be reached',
+        r'^--cluster needs .*\[cluster\]',
     ):
-        pass
-
-
-def test_without_distributed_it_says_what_to_install(monkeypatch):
-    monkeypatch.setitem(sys.modules, 'distributed', None)
-    with (
-        pytest.raises(ValueError, match=r'^--cluster needs distributed.*slip_detector\[cluster\]'),
-        Workers(cluster='tcp://127.0.0.1:8786'),
-    ):
-        pass
+        with pytest.raises(ValueError, match=said), workers(cluster='nix'):
+            pass
+        monkeypatch.setitem(sys.modules, 'distributed', None)
 
 
 def options_of(*words):
     parser = argparse.ArgumentParser()
     add_options(parser, 'work')
+    parser.add_argument('--config')
     return parser.parse_args(words)
 
 
-def test_options_replace_parameters_of_recordings():
-    config = RecordingConfig(recording_topic='/mine', recording_labels='by_hand')
-    assert recording_config(config, options_of()) == config
+def test_options_replace_parameters_of_recordings_and_a_cluster_gets_whole_paths(
+    tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    given = RecordingConfig(recording_topic='/mine', recording_labels='by_hand')
+    (tmp_path / 'c.yaml').write_text(given.to_yaml())
+
+    def recording_config(*words):
+        return sets_of_parameters(options_of('--config', 'c.yaml', *words), RecordingConfig)[0]
+
+    assert recording_config() == given
     words = ['--topic', '/biotac', '--field', 'pac', '--labels', 'l.yaml', '--resample']
-    assert recording_config(config, options_of(*words)) == dataclasses.replace(
-        config,
+    assert recording_config(*words) == dataclasses.replace(
+        given,
         recording_topic='/biotac',
         recording_field='pac',
         recording_labels='l.yaml',
         recording_resample=True,
     )
-
-
-def test_a_cluster_gets_whole_paths_and_processes_the_given_ones(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    config = RecordingConfig(recording_labels='labels')
-    here, there = options_of('--jobs', '2'), options_of('--cluster', 'tcp://127.0.0.1:8786')
-    assert paths_for_workers(here, ['a.npz']) == ['a.npz']
-    assert recording_config(config, here) == config
-    assert paths_for_workers(there, ['a.npz', '/b']) == [str(tmp_path / 'a.npz'), '/b']
-    assert recording_config(config, there).recording_labels == str(tmp_path / 'labels')
+    there = ['--cluster', 'tcp://127.0.0.1:8786']
+    assert recording_config(*there).recording_labels == str(tmp_path / 'by_hand')
+    whole = [str(tmp_path / 'a.npz'), '/b']
+    assert paths_for_workers(options_of(*there), ['a.npz', '/b']) == whole
+    assert paths_for_workers(options_of('--jobs', '2'), ['a.npz']) == ['a.npz']
 
 
 def test_each_recording_of_the_folders_and_the_labels_are_read(tmp_path):

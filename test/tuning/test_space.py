@@ -26,7 +26,8 @@ from slip_detector.chain.samples import Samples
 from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.files import shared_folder
-from slip_detector.tuning.learning import common_steps_v, learnt_floors
+from slip_detector.tuning.impacts import steps_v
+from slip_detector.tuning.noise import learnt_floors
 from slip_detector.tuning.space import SearchSpace, presets
 from slip_detector.tuning.tracks import track_of
 from support.tuning_cases import CHAIN, track
@@ -130,7 +131,7 @@ def test_an_impact_is_above_every_step_of_the_slips():
     for channels in (1, 2, 4):
         found = space.chain(point | {'impact_channels': channels})
         assert found.impact_channels == channels
-        steps = common_steps_v(found, tracks[0])[tracks[0].kinds == SLIP]
+        steps = steps_v(found, tracks[0])[tracks[0].kinds == SLIP, channels - 1]
         assert found.impact_v == pytest.approx(1.5 * steps.max(), rel=1e-3)
     assert space.chain(point | {'impact': 'none'}).impact_v == 0.0
 

@@ -27,7 +27,7 @@ from slip_detector.chain.slip_chain import COMPILED
 from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.tuning.sweep import VoteStatistics, sweep_thresholds, thresholds, votes_of
+from slip_detector.tuning.sweep import sweep_thresholds, thresholds, vote_statistics, votes_of
 from slip_detector.tuning.tracks import track_of
 from support.track_cases import EVALUATIONS, RATE_HZ, chains, recordings
 
@@ -38,11 +38,7 @@ def test_each_threshold_and_vote_gives_what_a_chain_with_them_gives(
     config, several, evaluation, random
 ):
     tracks = [track_of('a', pieces, RATE_HZ) for pieces in several]
-    votes = votes_of(config)
-    one_pass = VoteStatistics(config, votes)
-    statistics = [one_pass.of(track) for track in tracks]
-    for v, vote in enumerate(votes):
-        mine = [statistic[v] for statistic in statistics]
+    for vote, mine in vote_statistics(config, votes_of(config), tracks).items():
         limits = thresholds(config, mine, tracks)
         if not limits.size:
             continue
