@@ -55,6 +55,10 @@ class Bound(NamedTuple):
             return self.low < figure < self.high
         return self.low <= figure <= self.high
 
+    def verdict(self, figure: float | None) -> dict[str, Any]:
+        """Return the ``value``, the ``bound`` as text, and whether it is ``met``."""
+        return {'value': figure, 'bound': str(self), 'met': self.met(figure)}
+
     def __str__(self) -> str:
         equal = '' if self.strict else '='
         if self.high == np.inf:

@@ -299,7 +299,7 @@ def claims(result: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     wanted = {}
     for name, (figure, bound) in found.items():
         value = None if np.isnan(figure) else float(figure)
-        wanted[name] = {'value': value, 'bound': str(bound), 'met': bound.met(value)}
+        wanted[name] = bound.verdict(value)
     return wanted
 
 

@@ -116,7 +116,6 @@ def grasp_figures(trials: Sequence[GraspTrial], limit_n: float) -> dict[str, Any
     all_known = len(known) == len(trials)
     shares = [100.0 * trial.mean_n(trial.force_n) / limit_n for trial in trials]
     needed = [100.0 * trial.mean_n(trial.needed_n) / limit_n for trial in trials]
-    onsets = [np.count_nonzero(trial.onsets_s >= trial.lifted_s) for trial in trials]
     return {
         'trials': len(trials),
         'dropped': sum(trial.dropped for trial in trials),
@@ -126,7 +125,7 @@ def grasp_figures(trials: Sequence[GraspTrial], limit_n: float) -> dict[str, Any
         'force_percent': float(np.mean(shares)),
         'most_force_percent': max(shares),
         'needed_percent': float(np.mean(needed)),
-        'onsets': float(np.mean(onsets)),
+        'onsets': float(np.mean([len(trial.onsets_s) for trial in trials])),
     }
 
 
@@ -152,13 +151,6 @@ def check_wanted(parts: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, 
     ['worst_slide_mm']
     """
     return {
-        condition: {
-            name: {
-                'value': parts[condition][name],
-                'bound': str(bound),
-                'met': bound.met(parts[condition][name]),
-            }
-            for name, bound in bounds.items()
-        }
+        condition: {name: bound.verdict(parts[condition][name]) for name, bound in bounds.items()}
         for condition, bounds in WANTED.items()
     }

@@ -48,27 +48,26 @@ class GraspLaw:
     --------
     >>> from slip_detector.parameters.grasp import GraspConfig
     >>> law = GraspLaw(GraspConfig(grip_n=2.0, closing_n_s=4.0, settle_s=0.3, step_factor=1.5))
-    >>> [law.update(0.1 * k, slip=False, valid=True) for k in (0, 5, 9)]  # closes and settles
+    >>> [law.update(after_s, slip=False, valid=True) for after_s in (0.0, 0.5, 0.4)]
     [0.0, 2.0, 2.0]
-    >>> law.update(1.0, slip=True, valid=True)
+    >>> law.update(0.1, slip=True, valid=True)  # It has closed and settled.
     3.0
     """
 
     def __init__(self, config: GraspConfig) -> None:
         self._config = config
         self.force_n = 0.0
-        self._last_s: float | None = None
-        self._held_s = self._settled_s = 0.0
+        self._now_s = self._settled_s = 0.0
         self._raised_s = self._slipped_s = float('-inf')
         self._given_up = False
 
-    def update(self, time_s: float, slip: bool, valid: bool) -> float:
+    def update(self, elapsed_s: float, slip: bool, valid: bool) -> float:
         """Return the grip force to command from now on.
 
         Parameters
         ----------
-        time_s
-            Time by any clock; a time before the last one counts as the last one.
+        elapsed_s
+            Time since the last call.
         slip, valid
             The last states; ``valid`` is also false when messages have stopped.
 
@@ -78,10 +77,7 @@ class GraspLaw:
             The force in newtons, which is also the attribute ``force_n``.
         """
         config = self._config
-        elapsed_s = 0.0 if self._last_s is None else max(time_s - self._last_s, 0.0)
-        self._last_s = time_s
-        self._held_s += elapsed_s
-        now_s = self._held_s
+        self._now_s = now_s = self._now_s + elapsed_s
         if not valid:
             if config.on_invalid == 'open' and self.force_n > 0.0:
                 self.force_n = max(self.force_n - config.closing_n_s * elapsed_s, 0.0)

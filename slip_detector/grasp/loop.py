@@ -18,14 +18,11 @@ Each seed has its own object and its own fingertip.
 
 The chain and the law receive no data about the object but the samples.
 
-Time is simulated. A command reaches the gripper ``transport_s`` after the sample that it responds
+Time is simulated. A command reaches the gripper ``TRANSPORT_S`` after the sample that it responds
 to, and then the grip follows with the lag of the scene's part ``motion``.
 """
 
-import copy
-import math
 from collections import deque
-from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -42,7 +39,7 @@ from slip_detector.scenes.surface import FINGERS, STANDARD_GRAVITY_M_S2
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 
-#: Default time from sample to command: somewhat more than the nodes take.
+#: Time from sample to command: somewhat more than the nodes take.
 TRANSPORT_S = 5e-3
 
 #: A command that arrives less than this after a sample arrives with it, but for round-off.
@@ -75,7 +72,7 @@ def object_scene(
     >>> 0.15 < object_scene(7)['object']['mass_kg'] < 0.3
     True
     """
-    scene: dict[str, Any] = copy.deepcopy(read_yaml(find_scene('grasp')))
+    scene = read_yaml(find_scene('grasp'))
     rng = np.random.default_rng([seed, 1])
     drawn = {name: float(rng.uniform(*limits)) for name, limits in RANGES.items()}
     mass_kg, static = drawn['mass_kg'], drawn['static_coefficient']
@@ -143,14 +140,10 @@ class GraspTrial(NamedTuple):
         return None if self.dropped else float(self.position_m[-1]) * 1e3
 
     @property
-    def lifted_s(self) -> float:
-        """Time from which on the object has to be held."""
-        return float(self.time_s[np.argmax(self.needed_n > 0.0)])
-
-    @property
     def onsets_s(self) -> Floats:
-        """Times at which slip turned ON."""
-        return self.time_s[1:][self.slip[1:] & ~self.slip[:-1]]
+        """Times at which slip turned ON while the object had to be held."""
+        onsets = self.slip[1:] & ~self.slip[:-1] & (self.needed_n[1:] > 0.0)
+        return self.time_s[1:][onsets]
 
     def mean_n(self, force_n: Floats) -> float:
         """Return the mean of a force over the time in which the object has to be held."""
@@ -158,12 +151,11 @@ class GraspTrial(NamedTuple):
 
 
 def play_trial(
-    scene: Scene, chain: SlipChain, law: GraspLaw, transport_s: float = TRANSPORT_S
+    chain_config: ChainConfig, grasp: GraspConfig, seed: int, **factors: float
 ) -> GraspTrial:
-    """Close the loop over a scene with an object, from its beginning to its end.
+    """Close the loop over the scene of a seed, from its beginning to its end.
 
-    Scene, chain and law are new: nothing is reset here. A command arrives ``transport_s`` after
-    the sample that it responds to.
+    The ``factors`` are those of :func:`object_scene`.
 
     Raises
     ------
@@ -172,42 +164,36 @@ def play_trial(
 
     Examples
     --------
-    >>> scene = Scene(object_scene(0), np.random.default_rng(0))
-    >>> trial = play_trial(scene, SlipChain(ChainConfig()), GraspLaw(GraspConfig()))
-    >>> bool(trial.command_n.max() <= GraspConfig().limit_n)
-    True
+    >>> play_trial(ChainConfig(), GraspConfig(grip_n=10.0, limit_n=10.0), seed=0).dropped
+    False
     """
-    if scene.sample_rate_hz != chain.config.sample_rate_hz:
+    chain, law = SlipChain(chain_config), GraspLaw(grasp)
+    scene = Scene(object_scene(seed, **factors), np.random.default_rng(seed))
+    if scene.sample_rate_hz != chain_config.sample_rate_hz:
         raise ValueError(
             f'the scene has {scene.sample_rate_hz:g} Hz, allowed: '
-            f'{chain.config.sample_rate_hz:g} Hz, the parameter sample_rate_hz'
+            f'{chain_config.sample_rate_hz:g} Hz, the parameter sample_rate_hz'
         )
     under_way: deque[tuple[float, float]] = deque()
     rows: list[tuple[float, ...]] = []
-    next_s, commanded_n = 0.0, -1.0
+    now_s, commanded_n = 0.0, -1.0
     while True:
-        while under_way and under_way[0][0] <= next_s:
+        next_s = now_s + 1.0 / scene.sample_rate_hz if rows else 0.0
+        while under_way and under_way[0][0] <= next_s + ROUND_OFF_S:
             scene.hold_force(under_way.popleft()[1])
-        # All samples before the next command arrives are read at once.
-        arrives_s = under_way[0][0] if under_way else next_s + transport_s
-        many = math.ceil((arrives_s - ROUND_OFF_S - next_s) * scene.sample_rate_hz)
-        samples = scene.read(max(many, 1))
+        samples: Any = scene.read(1)  # A scene's samples have truth and positions.
         if not len(samples.volts):
             break
         result = chain.update(samples.volts, envelope=False, level=False)
         # Without the rounding of the stamps to nanoseconds.
         time_s = np.rint(samples.stamps_ns * 1e-9 * scene.true_rate_hz) / scene.true_rate_hz
-        columns: tuple[Any, ...] = (
-            time_s, result.slip, result.can_vote.any(axis=1), scene.force_n(time_s),
-            samples.truth, samples.position_m,
-        )  # fmt: skip
-        for now_s, slip, valid, force_n, sliding, position_m in zip(*columns, strict=True):
-            command_n = law.update(float(now_s), slip, valid)
-            if command_n != commanded_n:
-                commanded_n = command_n
-                under_way.append((now_s + transport_s, command_n))
-            rows.append((now_s, command_n, force_n, slip, sliding, position_m))
-            next_s = now_s + 1.0 / scene.sample_rate_hz
+        before_s, now_s, slip = now_s, float(time_s[0]), bool(result.slip[0])
+        command_n = law.update(now_s - before_s, slip, bool(result.can_vote.any()))
+        if command_n != commanded_n:
+            commanded_n = command_n
+            under_way.append((now_s + TRANSPORT_S, command_n))
+        force_n, position_m = scene.force_n(time_s)[0], samples.position_m[0]
+        rows.append((now_s, command_n, force_n, slip, samples.truth[0], position_m))
     times, commands, forces, slips, slidings, positions = np.array(rows).T
     load_n = np.interp(times, *scene.drive_numbers.load)
     needed_n = load_n / (FINGERS * scene.parts['friction'].static_coefficient)
@@ -215,27 +201,3 @@ def play_trial(
         times, commands, forces, slips > 0.0, slidings > 0.0, positions, needed_n,
         scene.parts['object'].length_m,
     )  # fmt: skip
-
-
-def play_trials(
-    chain: ChainConfig,
-    grasp: GraspConfig,
-    seeds: Iterable[int],
-    transport_s: float = TRANSPORT_S,
-    **factors: float,
-) -> list[GraspTrial]:
-    """Play a trial for each seed, with another object and another noise each time.
-
-    The ``factors`` are those of :func:`object_scene`; the errors are those of :func:`play_trial`.
-
-    Examples
-    --------
-    >>> held = GraspConfig(grip_n=10.0, limit_n=10.0)
-    >>> [trial.dropped for trial in play_trials(ChainConfig(), held, seeds=[0])]
-    [False]
-    """
-    trials = []
-    for seed in seeds:
-        scene = Scene(object_scene(seed, **factors), np.random.default_rng(seed))
-        trials.append(play_trial(scene, SlipChain(chain), GraspLaw(grasp), transport_s))
-    return trials

@@ -30,11 +30,11 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool, Header
+from std_msgs.msg import Bool
 
 from slip_detector.chain.samples import Samples
 from slip_detector.nodes.inputs import Input
-from slip_detector.nodes.messages import event_qos, sensor_qos, state_qos
+from slip_detector.nodes.messages import sensor_qos, state_qos
 from slip_detector.nodes.rclpy_internals import ROS_ERROR, receiver
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.fields import names_that_affect
@@ -60,38 +60,32 @@ class PolledTopics:
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._subscriptions: list[tuple[Subscription, Callable[[], None]]] = []
+        self._receivers: dict[Subscription, Callable[[], None]] = {}
 
     def __bool__(self) -> bool:
-        return bool(self._subscriptions)
+        return bool(self._receivers)
 
     def add(
-        self,
-        message_type: Any,
-        topic: str,
-        qos: QoSProfile,
-        on_message: Callable[..., None],
-        *,
-        raw: bool = False,
+        self, kind: Any, topic: str, qos: QoSProfile, call: Callable[..., None], raw: bool = False
     ) -> None:
         """Subscribe; the callback gets each message and, as a second argument, its info."""
         # Events are not needed, and would only cost time.
         events = SubscriptionEventCallbacks(use_default_callbacks=False)
         subscription = self._node.create_subscription(
-            message_type, topic, on_message, qos, event_callbacks=events, raw=raw
+            kind, topic, call, qos, event_callbacks=events, raw=raw
         )
-        self._subscriptions.append((subscription, receiver(subscription, AT_MOST)))
+        self._receivers[subscription] = receiver(subscription, AT_MOST)
 
     def poll(self) -> None:
         """Pass on received messages, in the order in which the subscriptions were added."""
-        for _, receive in self._subscriptions:
+        for receive in self._receivers.values():
             receive()
 
     def close(self) -> None:
         """End all subscriptions."""
-        for subscription, _ in self._subscriptions:
+        for subscription in self._receivers:
             self._node.destroy_subscription(subscription)
-        self._subscriptions = []
+        self._receivers = {}
 
 
 class Topics(NamedTuple):
@@ -152,7 +146,6 @@ class FingerTopics:
         slip = f'{names.namespace}/slip'
         topics.add(Bool, slip, states, self._on_slip)
         topics.add(Bool, f'{slip}_valid', states, self._on_slip_valid)
-        topics.add(Header, f'{slip}_onset', event_qos(), self._on_onset)
         for g, name in enumerate(config.groups if config.publish_groups else ()):
             topics.add(Bool, f'{slip}/group/{name}', states, functools.partial(self._on_group, g))
         if not config.publish_groups:
@@ -163,20 +156,15 @@ class FingerTopics:
         kind, self.finger.no_volts = self._config.input_type, ''
         try:
             source = Input(self._config)
+            call = functools.partial(self._on_voltages, source)
+            self._topics.add(source.message_class, names.voltages, sensor_qos(), call, raw=True)
+            self._topics.add(Bool, names.truth, state_qos(depth=STATES), self._on_truth)
         except ValueError:
             self.finger.no_volts = f'no volts are shown: {kind} is not installed here'
-            return
-        on_voltages = functools.partial(self._on_voltages, source)
-        try:
-            self._topics.add(
-                source.message_class, names.voltages, sensor_qos(), on_voltages, raw=True
-            )
-            self._topics.add(Bool, names.truth, state_qos(depth=STATES), self._on_truth)
         except ROS_ERROR:
             # A process can use a topic with one type only.
-            self.finger.no_volts = (
-                f'no volts are shown: {names.voltages} was of a type other than {kind}'
-            )
+            topic = names.voltages
+            self.finger.no_volts = f'no volts are shown: {topic} was of a type other than {kind}'
 
     def close(self) -> None:
         """End the subscriptions."""
@@ -211,13 +199,12 @@ class FingerTopics:
 
     def _on_slip(self, message: Bool, info: dict[str, Any]) -> None:
         self._slip.append((info['source_timestamp'], message.data))
+        if message.data and not self.finger.slip:
+            self.finger.onset_s = time.monotonic()
         self.finger.slip = message.data
 
     def _on_slip_valid(self, message: Bool) -> None:
         self.finger.valid, self.finger.heard_s = message.data, time.monotonic()
-
-    def _on_onset(self, message: Header) -> None:
-        self.finger.onset_s = time.monotonic()
 
     def _on_group(self, g: int, message: Bool) -> None:
         self.finger.groups[g] = message.data

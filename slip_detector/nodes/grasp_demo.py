@@ -47,13 +47,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import rclpy
 import yaml
 from numpy.typing import NDArray
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
+from slip_detector.commands.command_line import whole_number
 from slip_detector.grasp.comparison import (
     CONTROLLER,
     HARDER,
@@ -62,14 +62,14 @@ from slip_detector.grasp.comparison import (
     conditions,
     grasp_figures,
 )
-from slip_detector.grasp.loop import TRANSPORT_S, GraspTrial, object_scene, play_trials
+from slip_detector.grasp.loop import TRANSPORT_S, GraspTrial, object_scene, play_trial
 from slip_detector.nodes.demo import (
     START_TIMEOUT_S,
     NodeProcesses,
     Recorder,
     run_demonstration,
 )
-from slip_detector.nodes.messages import event_qos, sensor_qos, stamp_ns, state_qos
+from slip_detector.nodes.messages import event_qos, sensor_qos, state_qos
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.files import (
     shared_folder,
@@ -77,7 +77,6 @@ from slip_detector.parameters.files import (
     writable_folder,
 )
 from slip_detector.parameters.grasp import GraspConfig, commands_of_a_scene
-from slip_detector.parameters.sets import check_sections
 
 NAMESPACE = 'slip_grasp'
 
@@ -99,9 +98,6 @@ ANSWER_S = 0.05
 SHOWN = 2
 
 Floats = NDArray[np.float64]
-
-#: Most objects; a larger number is taken for a typing error.
-MOST_OBJECTS = 1000
 
 
 class LiveGraspTrial(NamedTuple):
@@ -140,28 +136,26 @@ def _play_live(recorder: Recorder, seed: int, config: Path, folder: Path) -> Liv
     scene = folder / f'grasp_{seed}.yaml'
     with whole_file(scene) as new:
         new.write_text(yaml.safe_dump(object_scene(seed), sort_keys=False), encoding='utf-8')
-    words = {'source': 'scene', 'scene': scene, 'seed': seed}
-    words |= {'wait_for_subscribers': 2, 'wait_for_grip': 'true'}
-    given = {DRIVER: words, 'grasp_controller': commands_of_a_scene()}
-    recorder.forget()
+    driver = {'source': 'scene', 'scene': scene, 'seed': seed, 'wait_for_subscribers': 2}
+    driver |= {'wait_for_grip': 'true'}
+    given = {DRIVER: driver, 'grasp_controller': commands_of_a_scene()}
+    recorder.messages.update({topic: [] for topic in TOPICS})
     with NodeProcesses(NAMESPACE, recorder.receive) as nodes:
         for executable in EXECUTABLES:
-            of_this = given.get(executable, {}).items()
-            own = [word for name, value in of_this for word in ('-p', f'{name}:={value}')]
-            nodes.start(executable, '--params-file', str(config), *own)
-        nodes.wait_for_end(DRIVER, 'the scene to end', START_TIMEOUT_S)
+            nodes.start(executable, config, **given.get(executable, {}))
+        nodes.wait_for_end(DRIVER, START_TIMEOUT_S)
     if not recorder.has_heard(('voltages', 'platform_position', 'grip_force')):
         raise RuntimeError('nothing was received of the trial')
-    headers = {topic: [m for _, m in recorder.messages(topic)] for topic in TOPICS}
-    begin_ns = stamp_ns(headers['voltages'][0].header.stamp)
+    begin_s = recorder.stamps_s('voltages')[0]
 
-    def after_s(stamp: Any) -> float:
-        return (stamp_ns(stamp) - begin_ns) * 1e-9
+    def course(topic: str, field: str) -> Floats:
+        times_s = recorder.stamps_s(topic) - begin_s
+        return np.column_stack([times_s, recorder.values(topic, field)])
 
     return LiveGraspTrial(
-        np.array([[after_s(m.header.stamp), m.position[0]] for m in headers['platform_position']]),
-        np.array([[after_s(m.header.stamp), m.effort[0]] for m in headers['grip_force']]),
-        np.array([after_s(m.stamp) for m in headers['slip_onset']]),
+        course('platform_position', 'position'),
+        course('grip_force', 'effort'),
+        recorder.stamps_s('slip_onset') - begin_s,
     )
 
 
@@ -189,17 +183,15 @@ def _live_figures(
 
 def seed_range(text: str) -> range:
     """Return the seeds that a text stands for: ``N`` seeds from 0, or ``FIRST:LAST`` inclusive."""
-    first, colon, last = text.partition(':')
     try:
-        seeds = range(int(first), int(last) + 1) if colon else range(int(text))
+        first, last = map(int, text.split(':')) if ':' in text else (0, int(text) - 1)
     except ValueError:
-        seeds = range(0)
-    if not 1 <= seeds.stop - seeds.start <= MOST_OBJECTS or seeds.start < 0:
+        first, last = 0, -1
+    if not 0 <= first <= last:
         raise argparse.ArgumentTypeError(
-            f'is {text}, allowed: N, at least 1, or FIRST:LAST, from 0 on, with FIRST at most '
-            f'LAST; at most {MOST_OBJECTS} objects'
+            f'is {text}, allowed: N, at least 1, or FIRST:LAST, from 0 on, FIRST at most LAST'
         )
-    return seeds
+    return range(first, last + 1)
 
 
 def main() -> None:
@@ -210,32 +202,31 @@ def main() -> None:
         help='how many objects, from seed 0 on (default: 30), or FIRST:LAST, both included',
     )  # fmt: skip
     parser.add_argument(
-        '--live', type=int, default=4, metavar='N',
+        '--live', type=whole_number(0, 1000), default=4, metavar='N',
         help='how many of them, the first ones, through the nodes (default: %(default)s)',
     )  # fmt: skip
     parser.add_argument('--config', type=Path, help='parameter file of all nodes')
     parser.add_argument('--out', type=Path, default=Path('out'), help='folder for the results')
     arguments = parser.parse_args()
-    many = len(arguments.seeds)
-    if not 0 <= arguments.live <= many:
-        parser.error(f'--live is {arguments.live}, allowed: 0 to {many}, all seeds')
     run_demonstration('slip_grasp', lambda: _demonstrate(arguments))
 
 
 def _demonstrate(arguments: argparse.Namespace) -> None:
     config = arguments.config or shared_folder() / 'config' / 'grasp.yaml'
     chain, grasp = ChainConfig.from_yaml(config), GraspConfig.from_yaml(config)
-    for executable in EXECUTABLES:
-        check_sections(config, executable, f'/{NAMESPACE}/{executable}')
     writable_folder(arguments.out)
     seeds = list(arguments.seeds)
-    trials = {name: play_trials(*both, seeds) for name, both in conditions(chain, grasp).items()}
+    trials = {
+        name: [play_trial(*both, seed) for seed in seeds]
+        for name, both in conditions(chain, grasp).items()
+    }
     parts = {name: grasp_figures(mine, grasp.limit_n) for name, mine in trials.items()}
     harder = {
-        name: grasp_figures(play_trials(chain, grasp, seeds, **factors), grasp.limit_n)
+        name: grasp_figures(
+            [play_trial(chain, grasp, seed, **factors) for seed in seeds], grasp.limit_n
+        )
         for name, factors in HARDER.items()
     }
-    rclpy.init()
     recorder = Recorder(NAMESPACE, TOPICS)
     heard = {
         seed: _play_live(recorder, seed, config, arguments.out) for seed in seeds[: arguments.live]
@@ -259,7 +250,7 @@ def _demonstrate(arguments: argparse.Namespace) -> None:
         {name: mine[drawn] for name, mine in trials.items()},
         parts,
         grasp.limit_n,
-        {'position': shown.position, 'command': shown.command} if shown else {},
+        shown._asdict() if shown else {},
         WANTED[CONTROLLER]['worst_slide_mm'].high,
     )
     print(grasp_table(result))

@@ -17,37 +17,29 @@
 
 import argparse
 import asyncio
-import contextlib
-import gc
 import os
 import secrets
 import signal
 import sys
-import traceback
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from slip_detector.commands.command_line import Parser, whole_number
 
-if TYPE_CHECKING:
-    from slip_detector.nodes.demo import NodeProcesses
-
 #: The namespace of the nodes that play a scene.
 SCENE_NAMESPACE = 'scene'
-
-#: Period, in seconds, at which the nodes that play a scene are checked.
-CHECK_S = 1.0
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 def main() -> None:
-    """Serve the page until a signal arrives.
+    """Entry point of ``slip_view``: serve the page until a signal arrives.
 
     The exit code is 0, 1 after an error, or 2 after a wrong argument, which is reported as one
-    line on stderr. Slow imports come after the signal handlers are set: otherwise a signal during
-    start-up ends in a traceback.
+    line on stderr.
+
+    Slow imports come after the signal handlers are set: otherwise a signal during start-up ends in
+    a traceback.
     """
     for number in SIGNALS:
         signal.signal(number, lambda *_: os._exit(0))
@@ -55,12 +47,11 @@ def main() -> None:
     from rclpy.signals import SignalHandlerOptions
     from rclpy.utilities import remove_ros_args
 
-    from slip_detector.nodes.demo import NodeProcesses
     from slip_detector.nodes.rclpy_internals import leave
 
-    arguments = _parser().parse_args(remove_ros_args(sys.argv)[1:])
     code = 0
     takedowns: list[Callable[[], object]] = []
+    arguments = _parser().parse_args(remove_ros_args(sys.argv)[1:])
     try:
         _check(arguments)
         if arguments.scene:
@@ -68,29 +59,11 @@ def main() -> None:
             os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
         # The server uses the middleware until its pages are closed, also after a signal.
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-        # From here on, a signal must not skip the shutdown.
-        for number in SIGNALS:
-            signal.signal(number, signal.default_int_handler)
-        with NodeProcesses(SCENE_NAMESPACE, lambda: None) as nodes:
-            if arguments.scene:
-                _play(nodes, arguments)
-            asyncio.run(_serve(arguments, nodes, takedowns))
-    except KeyboardInterrupt:
-        pass
+        asyncio.run(_serve(arguments, takedowns))
     except (ValueError, RuntimeError, OSError) as error:
         print(f'slip_view: {" ".join(str(error).split())}', file=sys.stderr)
         code = 1
-    except Exception:
-        traceback.print_exc()
-        code = 1
-    _ignore_signals()
     leave(takedowns, code)
-
-
-def _ignore_signals() -> None:
-    """Ignore a second signal (ros2 launch sends two), which would interrupt the shutdown."""
-    for number in SIGNALS:
-        signal.signal(number, signal.SIG_IGN)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -125,51 +98,38 @@ def _parser() -> argparse.ArgumentParser:
 
 def _check(arguments: argparse.Namespace) -> None:
     """Raise a ValueError for impossible arguments, before anything is started."""
-    from slip_detector.scenes.scene import find_scene
+    from slip_detector.parameters.files import shared_folder
 
     arguments.configs = [Path(name.strip()) for name in arguments.config.split(',') if name]
-    if not arguments.token.isprintable():
-        raise ValueError('--token has a character that cannot be seen, allowed: printable ones')
     for path in arguments.configs:
         if not path.is_file():
             raise ValueError(f'--config is {str(path)!r}, allowed: the path of a parameter file')
-    if arguments.scene:
-        find_scene(arguments.scene)
-        if len(arguments.configs) > 1:
-            raise ValueError('--scene is played with one detector a finger, allowed: one --config')
-
-
-def _play(nodes: 'NodeProcesses', arguments: argparse.Namespace) -> None:
-    """Start a detector and a driver for each finger."""
-    from slip_detector.parameters.files import shared_folder
-
-    if not arguments.configs:
+    if arguments.scene and not arguments.configs:
         arguments.configs = [shared_folder() / 'config' / 'slip_detector.yaml']
-    files, fingers = ('--params-file', str(arguments.configs[0])), ('--fingers', arguments.fingers)
-    nodes.start('slip_detector', *files, '--', *fingers)
-    # A detector that is still starting must not miss samples.
-    given = ('source:=scene', f'scene:={arguments.scene}', 'loop:=true', 'wait_for_subscribers:=1')
-    words = [word for each in given for word in ('-p', each)]
-    nodes.start('slip_driver', *files, *words, '--', *fingers)
+    if arguments.scene and len(arguments.configs) > 1:
+        raise ValueError('--scene is played with one detector a finger, allowed: one --config')
 
 
-async def _serve(
-    arguments: argparse.Namespace,
-    nodes: 'NodeProcesses',
-    takedowns: list[Callable[[], object]],
-) -> None:
-    """Serve the page until a signal arrives, or a node that plays the scene ends."""
+async def _serve(arguments: argparse.Namespace, takedowns: list[Callable[[], object]]) -> None:
+    """Serve the page until a signal arrives, or a node that plays the scene fails."""
     from rclpy.node import Node
 
-    from slip_detector.nodes.markers import MarkerTopic
+    from slip_detector.nodes.demo import NodeProcesses
+    from slip_detector.nodes.markers import publish_markers
     from slip_detector.nodes.view_fingers import RosDetectors
     from slip_detector.view.parameters import ParameterRequests
     from slip_detector.view.server import Access, Server, is_loopback, page_address
     from slip_detector.view.teaching import Teaching
 
     stop, loop = asyncio.Event(), asyncio.get_running_loop()
+
+    def on_signal(*_: object) -> None:
+        # A second signal (ros2 launch sends two) must not interrupt the shutdown.
+        if not loop.is_closed():
+            loop.call_soon_threadsafe(stop.set)
+
     for number in SIGNALS:
-        loop.add_signal_handler(number, stop.set)
+        signal.signal(number, on_signal)
     token = arguments.token or ('' if is_loopback(arguments.host) else secrets.token_urlsafe(16))
     # As the node is not spun, services of its own would leave requests unanswered.
     node = Node('slip_view', start_parameter_services=False)
@@ -178,38 +138,29 @@ async def _serve(
     server = Server(detectors, Access(arguments.host, token, arguments.read_only))
     ParameterRequests(server, arguments.folder, arguments.configs)
     Teaching(server, arguments.folder)
-    MarkerTopic(node, server)
+    publish_markers(node, server)
     try:
         port = server.listen(arguments.port)
     except (OSError, UnicodeError) as error:
-        why = error.strerror if isinstance(error, OSError) else error
         raise ValueError(
-            f'--host {arguments.host} --port {arguments.port} cannot be used ({why}), '
-            'allowed: an address of this machine and a port that is free'
+            f'--host {arguments.host} --port {arguments.port} cannot be used '
+            f'({getattr(error, "strerror", error)}), allowed: an address of this machine and a '
+            'port that is free'
         ) from None
-    gc.freeze()  # A collection of what lives until the end would hold up frames.
-    print(f'slip_view: {page_address(arguments.host, port, token)}', flush=True)
-    checking = asyncio.create_task(_check_nodes(nodes, stop))
-    try:
-        await server.run(stop)
-    finally:
-        detectors.close()
-        # The end of the loop would otherwise reset the signals, and not leave them ignored.
-        for number in SIGNALS:
-            loop.remove_signal_handler(number)
-        _ignore_signals()
-    await checking
-
-
-async def _check_nodes(nodes: 'NodeProcesses', stop: asyncio.Event) -> None:
-    """Stop, and raise a RuntimeError, when a node that plays the scene has ended."""
-    try:
-        while not stop.is_set():
-            nodes.check()
-            with contextlib.suppress(asyncio.TimeoutError):
-                await asyncio.wait_for(stop.wait(), CHECK_S)
-    finally:
-        stop.set()
+    with NodeProcesses(SCENE_NAMESPACE, lambda: None) as nodes:
+        if arguments.scene:
+            (config,) = arguments.configs
+            fingers, scene = ('--fingers', arguments.fingers), {'scene': arguments.scene}
+            nodes.start('slip_detector', config, *fingers)
+            # A detector that is still starting must not miss samples.
+            scene |= {'source': 'scene', 'loop': 'true', 'wait_for_subscribers': '1'}
+            nodes.start('slip_driver', config, *fingers, **scene)
+            server.each_tick.append(nodes.check)
+        print(f'slip_view: {page_address(arguments.host, port, token)}', flush=True)
+        try:
+            await server.run(stop)
+        finally:
+            detectors.close()
 
 
 if __name__ == '__main__':

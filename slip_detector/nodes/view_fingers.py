@@ -114,7 +114,7 @@ class RemoteDetector:
     async def set(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Set parameters, all or none, None deletes one; return what they are now."""
         try:
-            parameters = [Parameter(*_typed(n, v)).to_parameter_msg() for n, v in values.items()]
+            parameters = [_message_of(*each) for each in values.items()]
             for each in parameters:
                 serialize_message(each)
         except (AssertionError, TypeError, ValueError, OverflowError) as error:
@@ -159,13 +159,11 @@ def _as_python(value: Any) -> Any:
     return list(found) if isinstance(found, (array, tuple, np.ndarray)) else found
 
 
-def _typed(name: str, value: Any) -> tuple[str, Parameter.Type, Any]:
-    """Return name, type and value of a parameter; numbers in a list get one type."""
-    if type(value) is int and not -(2**63) <= value < 2**63:
-        value = float(value)
-    if isinstance(value, list) and (kinds := {*map(type, value)}) and len(kinds) > 1:
-        value = [float(item) if kinds == {int, float} else str(item) for item in value]
-    return name, Parameter.Type.from_parameter_value(value), value
+def _message_of(name: str, value: Any) -> Any:
+    """Return the message that sets a parameter; numbers in a list get one type."""
+    if isinstance(value, list) and float in map(type, value):
+        value = [float(item) for item in value]
+    return Parameter(name, value=value).to_parameter_msg()
 
 
 class RosDetectors(Detectors):

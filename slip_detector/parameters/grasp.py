@@ -24,8 +24,8 @@ from slip_detector.parameters.sets import ParameterSet
 #: Message types of a grip command.
 JOINT_STATE, FLOAT64_ARRAY = 'sensor_msgs/msg/JointState', 'std_msgs/msg/Float64MultiArray'
 
-#: ROS topic names: relative, private or absolute.
-TOPIC_PATTERN = re.compile(r'(/|~/)?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*')
+#: ROS topic names: relative, private or absolute; the length leaves room for a namespace.
+TOPIC_PATTERN = re.compile(r'(?!.{129})(/|~/)?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*')
 
 
 @dataclasses.dataclass(frozen=True)
@@ -97,7 +97,7 @@ class GraspConfig(ParameterSet):
             allowed = 'one of them larger, else slip changes nothing'
             self.refuse('step_factor', allowed, 'is 1 and step_n is 0')
         if not TOPIC_PATTERN.fullmatch(self.command_topic):
-            allowed = 'names of letters, digits and _ with / between, no digit first'
+            allowed = 'names of letters, digits and _ with / between, no digit first, at most 128'
             self.refuse('command_topic', allowed)
         joints = self.command_joints
         if not joints or len(set(joints)) < len(joints):

@@ -32,7 +32,7 @@ from slip_detector.grasp.comparison import (
     conditions,
     grasp_figures,
 )
-from slip_detector.grasp.loop import play_trials
+from slip_detector.grasp.loop import play_trial
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.grasp import GraspConfig
 from support import grasp_trials
@@ -47,7 +47,10 @@ SEEDS = range(5000, 5002)
 @pytest.fixture(scope='module')
 def played():
     """Return the trials of each condition."""
-    return {name: play_trials(*both, SEEDS) for name, both in conditions(CHAIN, GRASP).items()}
+    return {
+        name: [play_trial(*both, seed) for seed in SEEDS]
+        for name, both in conditions(CHAIN, GRASP).items()
+    }
 
 
 def test_without_a_controller_it_is_dropped_and_the_controller_holds_it_with_less_than_the_limit(
@@ -108,5 +111,5 @@ def test_the_harder_conditions_are_wanted_and_harder(played):
     assert set(WANTED) == {CONTROLLER, *HARDER}
     usual = played[CONTROLLER][0]
     for condition in (SLOW_GRIPPER, QUARTER_RIDGES):
-        (harder,) = play_trials(CHAIN, GRASP, SEEDS[:1], **HARDER[condition])
+        harder = play_trial(CHAIN, GRASP, SEEDS[0], **HARDER[condition])
         assert harder.position_m[-1] > 1.1 * usual.position_m[-1]

@@ -37,32 +37,25 @@ configs = st.builds(
     on_invalid=st.sampled_from(['hold', 'open']),
 )
 
-#: What is heard one after the other: time since the last, slip, valid. Clocks may be set back.
+#: What is heard one after the other: time since the last, slip, valid.
 heard = st.lists(
-    st.tuples(st.floats(-1.0, 2.0), st.booleans(), st.sampled_from([True, True, True, False])),
+    st.tuples(st.floats(0.0, 2.0), st.booleans(), st.sampled_from([True, True, True, False])),
     max_size=60,
 )
 
 
 def forces(law, entries):
     """Return the force before the first and after each of the entries."""
-    time_s, found = 0.0, [law.force_n]
-    for elapsed_s, slip, valid in entries:
-        time_s += elapsed_s
-        found.append(law.update(time_s, slip, valid))
-    return found
+    return [law.force_n, *(law.update(*entry) for entry in entries)]
 
 
-def closed(config, time_s=0.0):
-    """Return a law whose grip has closed and settled without slip, and the time of that."""
+def closed(config):
+    """Return a law whose grip has closed and settled without slip."""
     law = GraspLaw(config)
-    law.update(time_s, False, True)
     while law.force_n < config.grip_n:
-        time_s += TICK_S
-        law.update(time_s, False, True)
-    time_s += config.settle_s
-    law.update(time_s, False, True)
-    return law, time_s
+        law.update(TICK_S, False, True)
+    law.update(config.settle_s, False, True)
+    return law
 
 
 @given(configs, heard)
@@ -74,10 +67,9 @@ def test_the_force_is_never_negative_and_never_above_the_limit(config, entries):
 
 @given(configs, heard)
 def test_a_grip_that_has_closed_is_never_below_its_least_while_slip_is_valid(config, entries):
-    law, time_s = closed(config)
+    law = closed(config)
     for elapsed_s, slip, _ in entries:
-        time_s += elapsed_s
-        assert config.grip_n <= law.update(time_s, slip, True) <= config.limit_n
+        assert config.grip_n <= law.update(elapsed_s, slip, True) <= config.limit_n
 
 
 @given(configs, heard)
@@ -90,66 +82,51 @@ def test_the_force_never_sinks_while_it_slips(config, entries):
 @given(configs, heard, heard)
 def test_an_invalid_slip_is_held_or_the_grip_opens_and_stays_open(config, before, after):
     law = GraspLaw(config)
-    forces(law, before)
-    held_n, time_s = law.force_n, sum(entry[0] for entry in before)
-    while_invalid = []
-    for elapsed_s, slip, _ in after:
-        time_s += elapsed_s
-        while_invalid.append(law.update(time_s, slip, False))
+    held_n = forces(law, before)[-1]
+    while_invalid = [law.update(elapsed_s, slip, False) for elapsed_s, slip, _ in after]
     if config.on_invalid == 'hold':
         assert all(force_n == held_n for force_n in while_invalid)
         return
     assert while_invalid == sorted(while_invalid, reverse=True)
-    time_s += held_n / config.closing_n_s + 1.0
-    assert law.update(time_s, True, False) == 0.0
+    assert law.update(held_n / config.closing_n_s + 1.0, True, False) == 0.0
     if held_n > 0.0:
-        for elapsed_s, slip, _ in after:
-            time_s += elapsed_s
-            assert law.update(time_s, slip, True) == 0.0
+        assert all(law.update(elapsed_s, slip, True) == 0.0 for elapsed_s, slip, _ in after)
 
 
 def test_it_closes_at_its_rate_and_slip_of_the_contact_does_not_count():
     config = GraspConfig(grip_n=2.0, closing_n_s=4.0, settle_s=0.3)
     law = GraspLaw(config)
-    assert law.update(0.0, False, True) == 0.0
-    assert law.update(0.25, True, True) == pytest.approx(1.0)
-    assert law.update(0.5, True, True) == 2.0
-    assert law.update(0.79, True, True) == 2.0
-    assert law.update(0.81, True, True) == 2.0 * config.step_factor
+    heard = [(0.0, False, True), (0.25, True, True), (0.25, True, True), (0.29, True, True)]
+    assert forces(law, heard)[1:] == pytest.approx([0.0, 1.0, 2.0, 2.0])
+    assert law.update(0.02, True, True) == 2.0 * config.step_factor
 
 
 def test_slip_raises_the_force_at_once_and_again_while_it_lasts():
     config = GraspConfig(
         grip_n=1.0, limit_n=5.0, step_factor=2.0, step_n=0.5, repeat_s=0.1, relax_n_s=0.0
     )
-    law, time_s = closed(config)
-    assert law.update(time_s + 0.01, True, True) == 2.5
-    assert law.update(time_s + 0.10, True, True) == 2.5
-    assert law.update(time_s + 0.12, True, True) == 5.0
-    assert law.update(time_s + 0.30, True, True) == 5.0
+    lasting = [(0.01, True, True), (0.09, True, True), (0.02, True, True), (0.18, True, True)]
+    assert forces(closed(config), lasting) == [1.0, 2.5, 2.5, 5.0, 5.0]
     # An onset that comes before the gripper has followed waits, one that comes later does not.
-    law, time_s = closed(config)
-    law.update(time_s + 0.01, True, True)
-    law.update(time_s + 0.02, False, True)
-    assert law.update(time_s + 0.03, True, True) == 2.5
-    law.update(time_s + 0.04, False, True)
-    assert law.update(time_s + 0.12, True, True) == 5.0
+    law = closed(config)
+    for slip in (True, False, True, False):
+        assert law.update(0.01, slip, True) == 2.5
+    assert law.update(0.08, True, True) == 5.0
 
 
 def test_it_relaxes_slowly_when_it_has_not_slipped_for_a_while():
     config = GraspConfig(
         grip_n=1.0, limit_n=9.0, step_factor=4.0, relax_after_s=1.0, relax_n_s=0.5
     )
-    law, time_s = closed(config)
-    law.update(time_s, True, True)
-    assert law.update(time_s + 0.9, False, True) == 4.0
-    assert law.update(time_s + 1.5, False, True) == pytest.approx(4.0 - 0.5 * 0.6)
-    assert law.update(time_s + 60.0, False, True) == 1.0
+    law = closed(config)
+    law.update(0.0, True, True)
+    assert law.update(0.9, False, True) == 4.0
+    assert law.update(0.6, False, True) == pytest.approx(4.0 - 0.5 * 0.6)
+    assert law.update(60.0, False, True) == 1.0
 
 
 def test_a_grip_that_had_begun_to_open_closes_again_when_slip_is_valid():
-    config = GraspConfig(grip_n=2.0, closing_n_s=1.0, on_invalid='open')
-    law, time_s = closed(config)
-    assert law.update(time_s + 0.5, False, False) == pytest.approx(1.5)
-    assert law.update(time_s + 0.7, False, True) == pytest.approx(1.7)
-    assert law.update(time_s + 5.0, False, True) == 2.0
+    law = closed(GraspConfig(grip_n=2.0, closing_n_s=1.0, on_invalid='open'))
+    assert law.update(0.5, False, False) == pytest.approx(1.5)
+    assert law.update(0.2, False, True) == pytest.approx(1.7)
+    assert law.update(4.3, False, True) == 2.0

@@ -20,12 +20,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.grasp.law import GraspLaw
-from slip_detector.grasp.loop import RANGES, object_scene, play_trial, play_trials
+from slip_detector.grasp.loop import RANGES, object_scene, play_trial
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.grasp import GraspConfig
-from slip_detector.scenes import Scene
 
 FILE = Path(__file__).resolve().parents[2] / 'config' / 'grasp.yaml'
 CHAIN, GRASP = ChainConfig.from_yaml(FILE), GraspConfig.from_yaml(FILE)
@@ -56,9 +53,9 @@ def test_lag_and_ridges_change_by_their_factors_and_nothing_else():
 
 
 def test_samples_before_a_command_do_not_depend_on_it_and_the_grip_lags_behind():
-    (trial,) = play_trials(CHAIN, GRASP, [5000])
+    trial = play_trial(CHAIN, GRASP, 5000)
     weaker = dataclasses.replace(GRASP, step_factor=1.1)
-    (other,) = play_trials(CHAIN, weaker, [5000])
+    other = play_trial(CHAIN, weaker, 5000)
     same = np.flatnonzero(trial.command_n != other.command_n)[0]
     np.testing.assert_array_equal(trial.position_m[:same], other.position_m[:same])
     assert not np.array_equal(trial.position_m, other.position_m)
@@ -70,7 +67,6 @@ def test_samples_before_a_command_do_not_depend_on_it_and_the_grip_lags_behind()
 
 
 def test_a_scene_of_another_rate_is_refused_in_one_line():
-    faster = SlipChain(dataclasses.replace(CHAIN, sample_rate_hz=500.0))
-    scene = Scene(object_scene(0), np.random.default_rng(0))
+    faster = dataclasses.replace(CHAIN, sample_rate_hz=500.0)
     with pytest.raises(ValueError, match='has 380 Hz, allowed: 500 Hz'):
-        play_trial(scene, faster, GraspLaw(GRASP))
+        play_trial(faster, GRASP, 0)

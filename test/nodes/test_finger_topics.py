@@ -26,11 +26,10 @@ rclpy = pytest.importorskip('rclpy', reason='needs rclpy')
 
 from rclpy.node import Node  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
-from std_msgs.msg import Bool, Float32MultiArray, Header, MultiArrayDimension  # noqa: E402
+from std_msgs.msg import Bool, Float32MultiArray, MultiArrayDimension  # noqa: E402
 
 from slip_detector.nodes.finger_topics import FingerTopics, Topics, state_at  # noqa: E402
 from slip_detector.nodes.messages import (  # noqa: E402
-    event_qos,
     sensor_qos,
     state_qos,
     time_message,
@@ -67,14 +66,13 @@ class Sensor:
         self.slip = make(Bool, '/f/slip', state_qos())
         self.valid = make(Bool, '/f/slip_valid', state_qos())
         self.group = make(Bool, '/f/slip/group/pair', state_qos())
-        self.onset = make(Header, '/f/slip_onset', event_qos())
         self.finger = Finger('/f/slip_detector', config)
         self.node = Node('page', context=bench.context)
         self.topics = FingerTopics(self.node, self.finger, NAMES)
         self.connect()
 
     def connect(self):
-        every = (self.voltages, self.truth, self.envelope, self.slip, self.valid, self.onset)
+        every = (self.voltages, self.truth, self.envelope, self.slip, self.valid)
         self.bench.wait_for(lambda: all(p.get_subscription_count() for p in every), 'the page')
 
     def until(self, holds, what):
@@ -122,7 +120,6 @@ def test_samples_levels_and_states_reach_the_finger(sensor):
     finger = sensor.finger
     for publisher in (sensor.valid, sensor.group):
         publisher.publish(Bool(data=True))
-    sensor.onset.publish(Header(stamp=time_message(AT_NS), frame_id='tip'))
     sensor.until(lambda: finger.valid and finger.groups[0] and finger.onset_s, 'the states')
     # Groups that are no longer published are not on.
     finger.update_config(dataclasses.replace(TWO, publish_groups=False))

@@ -26,9 +26,7 @@ from std_msgs.msg import Bool
 from slip_detector.nodes.grasp_controller import PERIODS_COUNTED
 from slip_detector.nodes.messages import state_qos
 from slip_detector.parameters.grasp import GraspConfig
-from support.harness import ROOT, ended_quietly
-
-CONFIG = ROOT / 'config' / 'grasp.yaml'
+from support.harness import ended_quietly
 
 #: As the detector offers it.
 DEADLINE_S = 0.2
@@ -206,35 +204,6 @@ def test_a_detector_that_promises_less_than_is_asked_for_is_named(bench):
     bench.wait_for(lambda: 'DEADLINE' in process.log(), 'the warning')
     assert "'slip_valid', offering incompatible QoS" in process.log()
     assert not forces
-
-
-@pytest.mark.parametrize(
-    ('on_invalid', 'number'), [('hold', signal.SIGKILL), ('open', signal.SIGSTOP)]
-)
-def test_a_detector_that_is_killed_or_hangs_is_noticed(bench, on_invalid, number):
-    forces = bench.listen(JointState, 'grip_force', state_qos(depth=1000))
-    words = ['--params-file', CONFIG]
-    # What comes after a parameter file takes precedence over it.
-    told = ['-p', f'on_invalid:={on_invalid}', '-p', 'closing_n_s:=50.0']
-    # A busy machine stops a detector for longer than the three heartbeats of the file.
-    told += ['-p', 'deadline_s:=2.0']
-    detector = bench.start('slip_detector', *words)
-    controller = bench.start('grasp_controller', *words, *told)
-    bench.start(
-        'slip_driver',
-        *words,
-        parameters={'source': 'scene', 'wait_for_subscribers': 1, 'loop': 'true'},
-    )
-    bench.wait_for(lambda: forces and forces[-1].effort[0] >= GraspConfig().grip_n, 'a grip')
-    detector.signal(number)
-    bench.wait_for(lambda: 'silent' in controller.log(), 'the silence')
-    if on_invalid == 'open':
-        bench.wait_for(lambda: forces[-1].effort[0] == 0.0, 'the grip to open')
-    count = len(forces)
-    bench.wait_for(lambda: len(forces) > count + 20, 'commands')
-    held = {message.effort[0] for message in forces[count:]}
-    assert len(held) == 1
-    assert (held == {0.0}) == (on_invalid == 'open')
 
 
 def test_ctrl_c_ends_the_controller_cleanly(bench):

@@ -32,7 +32,7 @@ from slip_detector.grasp.comparison import (
     conditions,
     grasp_figures,
 )
-from slip_detector.grasp.loop import play_trials
+from slip_detector.grasp.loop import play_trial
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.files import shared_folder
 from slip_detector.parameters.grasp import GraspConfig
@@ -125,7 +125,9 @@ def test_the_table_has_each_condition_and_each_object_and_there_is_a_picture(fin
 def test_the_figures_of_the_docs_are_those_of_thirty_objects_and_as_good_as_is_wanted():
     file = shared_folder() / 'config' / 'grasp.yaml'
     chain, grasp = ChainConfig.from_yaml(file), GraspConfig.from_yaml(file)
-    found = grasp_figures(play_trials(chain, grasp, seed_range('7000:7029')), grasp.limit_n)
+    found = grasp_figures(
+        [play_trial(chain, grasp, seed) for seed in seed_range('7000:7029')], grasp.limit_n
+    )
     assert found['trials'] == 30
     for name, bound in WANTED[CONTROLLER].items():
         assert bound.met(found[name]), name
@@ -139,16 +141,13 @@ def test_the_figures_of_the_docs_are_those_of_thirty_objects_and_as_good_as_is_w
         ('3', [0, 1, 2]),
         ('5000:5001', [5000, 5001]),
         ('7:7', [7]),
-        ('5:1004', list(range(5, 1005))),
     ],
 )
 def test_seeds_are_a_number_of_them_or_the_first_and_the_last(text, seeds):
     assert list(seed_range(text)) == seeds
 
 
-@pytest.mark.parametrize(
-    'text', ['0', '-2', '9:8', '-1:3', '1:', ':', '1:2:3', 'x', '1.5', '1001', '5:1005']
-)
+@pytest.mark.parametrize('text', ['0', '-2', '9:8', '-1:3', '1:', ':', '1:2:3', 'x', '1.5'])
 def test_other_seeds_are_refused(text):
     with pytest.raises(argparse.ArgumentTypeError, match=f'is {text}, allowed: '):
         seed_range(text)
@@ -159,7 +158,7 @@ def test_other_seeds_are_refused(text):
     [
         (['--seeds', '0'], 2, 'argument --seeds: is 0, allowed: N, at least 1, or FIRST:LAST'),
         (['--seeds', '9:8'], 2, 'argument --seeds: is 9:8, allowed: N, at least 1, or'),
-        (['--seeds', '2', '--live', '3'], 2, '--live is 3, allowed: 0 to 2'),
+        (['--live', '-1'], 2, "argument --live: is '-1', allowed: a whole number, 0 to 1000"),
         (['--config', '/nowhere/x.yaml'], 1, '/nowhere/x.yaml: cannot be read'),
     ],
 )

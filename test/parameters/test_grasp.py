@@ -20,7 +20,7 @@ from slip_detector.parameters import DetectorConfig, EvaluationConfig, GraspConf
 from slip_detector.parameters.grasp import commands_of_a_scene
 from support.config_cases import message_of
 
-TOPIC = 'names of letters, digits and _ with / between, no digit first'
+TOPIC = 'names of letters, digits and _ with / between, no digit first, at most 128'
 
 
 @pytest.mark.parametrize(
