@@ -159,12 +159,11 @@ class FingerTopics:
             call = functools.partial(self._on_voltages, source)
             self._topics.add(source.message_class, names.voltages, sensor_qos(), call, raw=True)
             self._topics.add(Bool, names.truth, state_qos(depth=STATES), self._on_truth)
-        except ValueError:
-            self.finger.no_volts = f'no volts are shown: {kind} is not installed here'
-        except ROS_ERROR:
+        except (ValueError, ROS_ERROR):
             # A process can use a topic with one type only.
-            topic = names.voltages
-            self.finger.no_volts = f'no volts are shown: {topic} was of a type other than {kind}'
+            self.finger.no_volts = (
+                f'no volts are shown: {kind} is not installed here, or the topic had another type'
+            )
 
     def close(self) -> None:
         """End the subscriptions."""

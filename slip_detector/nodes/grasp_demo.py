@@ -80,9 +80,6 @@ from slip_detector.parameters.grasp import GraspConfig, commands_of_a_scene
 
 NAMESPACE = 'slip_grasp'
 
-DRIVER = 'slip_driver'
-EXECUTABLES = ('slip_detector', 'grasp_controller', DRIVER)
-
 #: Topics of the nodes, with their types and qualities of service.
 TOPICS: dict[str, tuple[Any, QoSProfile]] = {
     'voltages': (JointState, sensor_qos()),
@@ -136,14 +133,13 @@ def _play_live(recorder: Recorder, seed: int, config: Path, folder: Path) -> Liv
     scene = folder / f'grasp_{seed}.yaml'
     with whole_file(scene) as new:
         new.write_text(yaml.safe_dump(object_scene(seed), sort_keys=False), encoding='utf-8')
-    driver = {'source': 'scene', 'scene': scene, 'seed': seed, 'wait_for_subscribers': 2}
-    driver |= {'wait_for_grip': 'true'}
-    given = {DRIVER: driver, 'grasp_controller': commands_of_a_scene()}
+    played = {'source': 'scene', 'scene': scene, 'seed': seed, 'wait_for_grip': 'true'}
     recorder.messages.update({topic: [] for topic in TOPICS})
     with NodeProcesses(NAMESPACE, recorder.receive) as nodes:
-        for executable in EXECUTABLES:
-            nodes.start(executable, config, **given.get(executable, {}))
-        nodes.wait_for_end(DRIVER, START_TIMEOUT_S)
+        nodes.start('slip_detector', config)
+        nodes.start('grasp_controller', config, **commands_of_a_scene())
+        nodes.start('slip_driver', config, wait_for_subscribers=2, **played)
+        nodes.wait_for_end('slip_driver', START_TIMEOUT_S)
     if not recorder.has_heard(('voltages', 'platform_position', 'grip_force')):
         raise RuntimeError('nothing was received of the trial')
     begin_s = recorder.stamps_s('voltages')[0]

@@ -46,10 +46,10 @@ FLAT, TALL = 0.15, 1.15
 #: Height of the text with the state of a finger, in the same unit.
 TEXT = 1.2
 
-#: Beginning of the text of a finger that slips.
-SLIP = 'SLIP'
+#: Texts of a finger from which nothing comes, and beginning of the text of one that slips.
+SILENT, NO_INPUT, SLIP = 'detector silent', 'no input', 'SLIP'
 
-#: Most channels that are named as not valid, and most groups that are named as ON.
+#: Most groups that are named as ON.
 MOST_NAMED = 4
 
 #: Colours (red, green, blue, opacity) of a bar at rest and at the threshold, and of the other
@@ -85,12 +85,11 @@ def finger_markers(finger: Finger) -> list[Marker]:
     positions, disabled = drawn_positions(config), set(config.disabled_channels)
     unit_m = least_distance_m(positions)
     level, on = np.full(config.channels, np.nan), np.zeros(config.channels, np.bool_)
-    words = _silence(finger)
-    if len(levels) and not words:
+    words = _state(finger)
+    if len(levels) and words not in (SILENT, NO_INPUT):
         last = levels.appended - 1
         level = levels.field('level', last)[-1].astype(np.float64) / config.threshold
         on = levels.field('on', last)[-1]
-    words = words or _state(finger, np.isnan(level))
     # Above the uppermost channels.
     low, high = positions.min(axis=0), positions.max(axis=0)
     place = np.array([(low[0] + high[0]) / 2, high[1] + 2 * TEXT * unit_m, high[2]])
@@ -117,24 +116,17 @@ def finger_markers(finger: Finger) -> list[Marker]:
     return markers
 
 
-def _silence(finger: Finger) -> str:
-    """Return what has stopped arriving, in the words of the page; empty if nothing has."""
-    if finger.silence():
-        return 'detector silent'
-    silent_s = time.monotonic() - finger.sample_s
-    return 'no input' if silent_s > finger.config.input_timeout_s else ''
-
-
-def _state(finger: Finger, unknown: NDArray[np.bool_]) -> str:
-    """Return the state of a finger that is not silent, in the words of the page."""
+def _state(finger: Finger) -> str:
+    """Return the state of a finger, in the words of the page."""
     config = finger.config
-    words = 'rest' if finger.valid else 'not valid'
-    if finger.valid and finger.slip:
-        groups = [name for name, on in zip(config.groups, finger.groups, strict=True) if on]
-        words = f'{SLIP} {listed(groups, MOST_NAMED)}'.rstrip()  # Without publish_groups no names.
-    unknown[np.array(config.disabled_channels, int) - 1] = False
-    names = [config.names[i] for i in np.flatnonzero(unknown)]
-    return f'{words}\n{listed(names, MOST_NAMED)} not valid' if names else words
+    if finger.silence():
+        return SILENT
+    if time.monotonic() - finger.sample_s > config.input_timeout_s:
+        return NO_INPUT
+    if not (finger.valid and finger.slip):
+        return 'rest' if finger.valid else 'not valid'
+    groups = [name for name, on in zip(config.groups, finger.groups, strict=True) if on]
+    return f'{SLIP} {listed(groups, MOST_NAMED)}'.rstrip()  # Without publish_groups no names.
 
 
 def _marker(

@@ -51,8 +51,8 @@ def main() -> None:
 
     code = 0
     takedowns: list[Callable[[], object]] = []
-    arguments = _parser().parse_args(remove_ros_args(sys.argv)[1:])
     try:
+        arguments = _parser().parse_args(remove_ros_args(sys.argv)[1:])
         _check(arguments)
         if arguments.scene:
             # All processes are on this machine.

@@ -82,7 +82,7 @@ class RemoteDetector:
     """
 
     def __init__(self, node: Node, name: str) -> None:
-        self._node, self._name = node, name
+        self._node, self.name = node, name
         self._clients = {
             service: node.create_client(kind, f'{name}/{service}')
             for service, kind in SERVICES.items()
@@ -91,13 +91,16 @@ class RemoteDetector:
         self.publishers: set[bytes] = set()
         #: Whether it was started since its parameters were read.
         self.started = False
-        #: Set when its parameters have to be read.
+        #: Set when its parameters have to be read; what then reads them.
         self.changed = asyncio.Event()
+        self.reads: asyncio.Task[None] | None = None
         #: Held from a question until the answer is noted.
         self.asking = asyncio.Lock()
 
     def close(self) -> None:
         """Destroy the clients; requests under way end with an error."""
+        if self.reads is not None:
+            self.reads.cancel()
         for client in self._clients.values():
             self._node.destroy_client(client)
 
@@ -149,8 +152,8 @@ class RemoteDetector:
                     if answer[0] in numbers:
                         return answer[1]
                 await asyncio.sleep(POLL_S)
-            raise ValueError(f'{self._name} has not answered for {ANSWER_S:g} s')
-        raise ValueError(f'{self._name} ended before it answered')
+            raise ValueError(f'{self.name} has not answered for {ANSWER_S:g} s')
+        raise ValueError(f'{self.name} ended before it answered')
 
 
 def _as_python(value: Any) -> Any:
@@ -178,9 +181,8 @@ class RosDetectors(Detectors):
     def __init__(self, node: Node) -> None:
         super().__init__()
         self._node = node
-        # By name, the nodes that publish slip_onset, and what reads their parameters.
+        # By name, the nodes that publish slip_onset.
         self._remotes: dict[str, RemoteDetector] = {}
-        self._tasks: dict[str, asyncio.Task[None]] = {}
         self._watched: dict[str, FingerTopics] = {}
         self._shared = PolledTopics(node)
         # By finger and label.
@@ -246,8 +248,8 @@ class RosDetectors(Detectors):
             self._forget(name)
         for name, publishers in found.items():
             if name not in self._remotes:
-                self._remotes[name] = RemoteDetector(self._node, name)
-                self._tasks[name] = asyncio.create_task(self._follow(name, self._remotes[name]))
+                remote = self._remotes[name] = RemoteDetector(self._node, name)
+                remote.reads = asyncio.create_task(self._follow(remote))
             remote = self._remotes[name]
             if publishers - remote.publishers:
                 remote.started = True
@@ -260,7 +262,6 @@ class RosDetectors(Detectors):
             topics.senders = publishing_nodes(self._node, names.voltages) if names.voltages else []
 
     def _forget(self, name: str) -> None:
-        self._tasks.pop(name).cancel()
         self._remotes.pop(name).close()
         if name in self.fingers:
             self.gone[name] = self.fingers.pop(name)
@@ -281,25 +282,22 @@ class RosDetectors(Detectors):
 
     # Their parameters.
 
-    async def _follow(self, name: str, remote: RemoteDetector) -> None:
+    async def _follow(self, remote: RemoteDetector) -> None:
         """Read the parameters of a node whenever they may have changed."""
         while await remote.changed.wait():
             remote.changed.clear()
+            started, remote.started = remote.started, False
             try:
                 async with remote.asking:
-                    self._note(name, remote, await remote.read())
+                    self._note(remote.name, await remote.read(), started)
             except ValueError:
                 # The detector hangs, starts or ends: ask again.
+                remote.started |= started
                 await asyncio.sleep(SEARCH_S)
                 remote.changed.set()
 
-    def _note(self, name: str, remote: RemoteDetector, reading: Reading) -> None:
+    def _note(self, name: str, reading: Reading, started: bool) -> None:
         """Note the parameters of a node; if it is a detector, show it as a finger."""
-        self._search()
-        # It may have ended meanwhile, or may have been started again: then it is read again.
-        if self._remotes.get(name) is not remote or remote.changed.is_set():
-            return
-        started, remote.started = remote.started, False
         if not reading.values.keys() >= OF_A_DETECTOR:
             return
         panel = self.panel(name)

@@ -15,7 +15,6 @@
 """The demonstration, run as a user runs it."""
 
 import json
-import re
 import signal
 import subprocess
 import sys
@@ -30,16 +29,10 @@ from slip_detector.recordings import open_recording
 from slip_detector.sources import open_source
 from support.harness import DEADLINE_S, ROOT
 
-rclpy = pytest.importorskip('rclpy', reason='needs rclpy')
+pytest.importorskip('rclpy', reason='needs rclpy')
 pytest.importorskip('rosbags', reason='needs rosbags')
 
-from sensor_msgs.msg import JointState  # noqa: E402
-
-from slip_detector.nodes.demo import ENVELOPE, NodeProcesses, Recorder, run_demonstration  # noqa: E402
-from slip_detector.nodes.messages import sensor_qos, stamp_ns, time_message  # noqa: E402
-
-#: For so long the recorder takes nothing.
-HELD_UP_NS = 1_000_000_000
+from slip_detector.nodes.demo import Heard, NodeProcesses, demo_figures
 
 
 def played(out, *words):
@@ -82,40 +75,18 @@ def test_the_figures_are_those_of_the_decisions_and_of_the_way_to_this_process(f
     assert (finished[0] / 'demo.png').read_bytes().startswith(b'\x89PNG')
 
 
-def test_what_the_recorder_does_meanwhile_is_no_latency(bench):
-    rclpy.init(domain_id=bench.domain)
-    try:
-        recorder = Recorder('slip_demo', {ENVELOPE: (JointState, sensor_qos())})
-        publisher = bench.node.create_publisher(JointState, f'slip_demo/{ENVELOPE}', sensor_qos())
-        (subscription,) = recorder.subscriptions
-        bench.wait_for(
-            lambda: publisher.get_subscription_count() and subscription.get_publisher_count(),
-            'the recorder',
-        )
-        message = JointState()
-        sent_ns = time.time_ns()
-        message.header.stamp = time_message(sent_ns)
-        publisher.publish(message)
-        # It is long there when the recorder takes it.
-        while time.time_ns() < sent_ns + HELD_UP_NS:
-            bench.executor.spin_once(timeout_sec=0.01)
-        while not recorder.has_heard([ENVELOPE]):
-            recorder.receive()
-        ((heard_ns, heard),) = recorder.messages[ENVELOPE]
-        assert stamp_ns(heard.header.stamp) == sent_ns
-        assert sent_ns < heard_ns < sent_ns + HELD_UP_NS
-    finally:
-        rclpy.try_shutdown()
-
-
-def test_where_nothing_moves_delays_are_undefined_and_the_rest_is_told(tmp_path):
-    text = played(tmp_path, '--scene', 'taps')
-    assert re.search(r'^ +slip +-$', text, re.M)
-    for word in ('False positives', '% of the rest', 'p99'):
-        assert word in text
-    figures = json.loads((tmp_path / 'demo.json').read_text())
+def test_where_nothing_moves_delays_are_undefined_and_the_rest_is_told():
+    config, times_s = DetectorConfig(), np.arange(3.0)
+    topics = ['slip', *(f'slip/group/{name}' for name in config.groups)]
+    topics += [f'slip/channel/{name}' for name in config.names]
+    changes = dict.fromkeys(topics, (np.array([0.0, 1.0, 2.0]), np.array([False, True, False])))
+    figures = demo_figures(
+        Heard(times_s, np.zeros((3, 16)), times_s, np.zeros(3), np.full(3, 2e-3), changes), config
+    )
     assert figures['motion'] is figures['mean_delay_ms'] is figures['global_delay_ms'] is None
     assert {*figures['channel_delay_ms'].values(), *figures['group_delay_ms'].values()} == {None}
+    assert figures['false_positive_percent'] == pytest.approx(100 / 3)
+    assert figures['latency_ms'] == {'median': 2.0, 'p99': 2.0}
 
 
 def test_the_recording_is_the_trial_with_its_labels(finished):
@@ -168,24 +139,6 @@ def test_a_node_that_fails_and_what_does_not_happen_in_time_are_named(nodes):
     nodes.start('slip_driver', FILE, source='scene', scene='moon')
     with pytest.raises(RuntimeError, match=r'^slip_driver ended with the exit code 1$'):
         nodes.wait_for_end('slip_driver', DEADLINE_S)
-
-
-@pytest.mark.parametrize(
-    ('error', 'code', 'said'),
-    [
-        (ValueError('no scene moon'), 1, 'slip_demo: no scene moon\n'),
-        (RuntimeError('waited in vain'), 1, 'slip_demo: waited in vain\n'),
-        (KeyboardInterrupt(), 130, ''),
-    ],
-)
-def test_an_error_is_one_line_and_an_exit_code(capsys, error, code, said):
-    def fails():
-        raise error
-
-    with pytest.raises(SystemExit) as ended:
-        run_demonstration('slip_demo', fails)
-    assert ended.value.code == code
-    assert capsys.readouterr().err == said
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])

@@ -131,7 +131,7 @@ def test_a_type_that_is_not_installed_is_reported_and_the_decisions_are_shown(se
     sensor.finger.update_config(DetectorConfig(channels=2, input_type='of_others/msg/Skin'))
     sensor.topics.poll()
     wanted = 'no volts are shown: of_others/msg/Skin is not installed here'
-    assert sensor.finger.no_volts == wanted
+    assert sensor.finger.no_volts.startswith(wanted)
     sensor.valid.publish(Bool(data=True))
     sensor.until(lambda: sensor.finger.valid, 'slip_valid')
     sensor.finger.update_config(DetectorConfig(channels=2))

@@ -99,7 +99,6 @@ def test_a_channel_that_is_on_is_wider_and_has_a_colour_of_its_own():
     quiet, near, on, far = bars(finger_with([0.0, 1.0, 1.01, 40.0]))
     assert quiet.scale.x == near.scale.x < on.scale.x == far.scale.x
     assert rgb(quiet) != rgb(near) != rgb(on) == rgb(far)
-    assert quiet.scale.z < near.scale.z < far.scale.z
 
 
 def test_a_channel_that_is_not_valid_and_one_that_is_disabled_have_shapes_of_their_own():
@@ -110,8 +109,6 @@ def test_a_channel_that_is_not_valid_and_one_that_is_disabled_have_shapes_of_the
     assert (disabled.type, disabled.scale.z < good.scale.z) == (Marker.CYLINDER, True)
     assert disabled.color.a < 1.0
     assert len({rgb(marker) for marker in (good, bad, disabled)}) == 3
-    # Only what should work and does not is named.
-    assert text_of(finger) == 'index: rest\nch2 not valid'
 
 
 def test_the_text_says_slip_and_which_groups():
@@ -122,24 +119,17 @@ def test_the_text_says_slip_and_which_groups():
     assert rgb(finger_markers(finger)[0]) == rgb(bars(finger)[0])
 
 
-def test_without_samples_no_channel_looks_as_if_it_were_measured():
+@pytest.mark.parametrize('words', ['no input', 'detector silent'])
+def test_when_nothing_comes_no_channel_looks_as_if_it_were_measured(words):
     finger = finger_with([3, 0, 0, 0], slip=True)
-    finger.sample_s -= FOUR.input_timeout_s + 3
-    assert {marker.type for marker in bars(finger)} == {Marker.CUBE}
-    assert text_of(finger) == 'index: no input'
-    never = Finger('/index/slip_detector', FOUR)
-    assert {marker.type for marker in bars(never)} == {Marker.CUBE}
-    assert text_of(never) == 'index: no input'
-
-
-def test_a_detector_that_is_not_heard_any_more_is_told():
-    finger = finger_with([3, 0, 0, 0], slip=True)
-    finger.heard_s -= 60
-    assert text_of(finger) == 'index: detector silent'
-    # Samples come, but what it said of them last is no measurement any more, and no slip.
+    if words == 'no input':
+        finger.sample_s -= FOUR.input_timeout_s + 3
+    else:
+        finger.heard_s -= 60
     text, *channels = finger_markers(finger)
-    assert {marker.type for marker in channels} == {Marker.CUBE}
+    assert text.text == f'index: {words}'
     assert rgb(text) == rgb(finger_markers(finger_with([0] * 4))[0])
+    assert {marker.type for marker in channels} == {Marker.CUBE}
 
 
 def test_slip_view_shows_a_real_finger_in_the_frame_of_its_samples_and_the_loss_of_them(bench):
