@@ -97,7 +97,8 @@ class JointStateLayout(NamedTuple):
     numbers : dict
         Bytes of position, velocity and effort.
     varying : list of slice
-        Bytes of the stamp, of the numbers, and of the padding, which may have any value.
+        Bytes of the stamp and the numbers, and those between and behind all parts, which may have
+        any value.
     """
 
     size: int
@@ -145,6 +146,7 @@ def joint_state_layout(raw: bytes) -> JointStateLayout:
         place = len(raw) + 1
     if place > len(raw):
         raise ValueError('the message is cut off')
+    varying.append(slice(place, len(raw)))
     return JointStateLayout(len(raw), frame_id, names, numbers, varying)
 
 

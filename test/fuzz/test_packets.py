@@ -21,7 +21,6 @@ from hypothesis import strategies as st
 
 from slip_detector.sources.live import DeviceClock
 from slip_detector.sources.packets import PacketDecoder, cobs_encode, encode
-from slip_detector.sources.text_lines import LineDecoder
 from support.fuzzing import fuzz
 from support.mutations import mutated_bytes
 
@@ -83,29 +82,3 @@ def overlapping():
 
 def test_any_stream_gives_the_same_samples_however_it_is_cut_and_its_stamps_rise():
     fuzz(streams(), check_packets, corpus=[overlapping(), [(b'', 0)]], few=60)
-
-
-def check_datagram(data):
-    decoder = PacketDecoder(CHANNELS, 'int16', 1e-3, 0.0)
-    decoded = decoder.decode(data)
-    counted = sum(decoder.counts.values())
-    assert counted if decoded is None else decoder.counts['packets'] == 1
-
-
-def test_any_datagram_is_decoded_or_counted():
-    sound = [packet(5, 7, 1000, n) for n in (1, 3)]
-    fuzz(mutated_bytes(sound), check_datagram, corpus=[b'', b'\0' * 9000], few=60)
-
-
-def check_lines(data):
-    decoder = LineDecoder(CHANNELS, 0.0)
-    for received in decoder.feed(data):
-        assert received.volts.shape[1] == CHANNELS
-    assert all(count >= 0 for count in decoder.counts.values())
-
-
-def test_any_text_is_decoded_or_counted():
-    sound = [b'1.0,2.0,3.0\n' * 4, b'1 2 3\r\n-4 5e-3 6\r\n']
-    digits = '\u0661,\u0662,\u0663\n'.encode()  # of another script
-    corpus = [b'1e999,nan,inf\n', b'1' * 5000 + b',2,3\n', digits, b'1_0,2,3\n']
-    fuzz(mutated_bytes(sound), check_lines, corpus=corpus, few=60)

@@ -27,9 +27,8 @@ from slip_detector.parameters import (
     GraspConfig,
     TuneConfig,
 )
-from slip_detector.parameters.fields import default_of
 from support.fuzzing import fuzz
-from support.mutations import STRANGE
+from support.mutations import STRANGE, near
 
 SETS = {
     config.NODE: config
@@ -38,17 +37,6 @@ SETS = {
 
 #: For how many channels and rows a chain is built.
 MOST_CHANNELS, MOST_ROWS = 64, 100_000
-
-
-def near(field):
-    """Draw values about which a parameter is taken or refused."""
-    default = default_of(field)
-    low, high = field.metadata['low'], field.metadata['high']
-    bounds = [bound for bound in (low, high) if bound is not None]
-    values = [default, *bounds, *(bound + 1 for bound in bounds), *(-bound for bound in bounds)]
-    if isinstance(default, (int, float)) and not isinstance(default, bool):
-        values += [0, 1, 2, default * 2, default / 3]
-    return st.sampled_from([*values, *field.metadata['choices']])
 
 
 @st.composite

@@ -19,12 +19,11 @@ import dataclasses
 import numpy as np
 from hypothesis import strategies as st
 
-from slip_detector.parameters.fields import default_of
 from slip_detector.scenes import Scene
 from slip_detector.scenes.motion import Step
 from slip_detector.scenes.parts import PARTS, Sampling
 from support.fuzzing import fuzz
-from support.mutations import STRANGE
+from support.mutations import STRANGE, near
 
 #: Longest scene whose beginning is played, and the most patches of its contact.
 MOST_S, MOST_ROWS = 100.0, 20
@@ -32,15 +31,7 @@ MOST_S, MOST_ROWS = 100.0, 20
 
 def values_of(field):
     """Draw values of a parameter: mostly some that are taken, at times any."""
-    default = default_of(field)
-    if isinstance(default, (bool, str)) or not isinstance(default, (int, float)):
-        usual = st.sampled_from([default, *field.metadata['choices']])
-    else:
-        usual = st.one_of(
-            st.sampled_from([default, default / 2, default * 2, 0]),
-            st.floats(0.1, 10.0).map(lambda factor: type(default)(default * factor)),
-        )
-    return st.integers(0, 19).flatmap(lambda k: STRANGE if k == 0 else usual)
+    return st.integers(0, 19).flatmap(lambda k: STRANGE if k == 0 else near(field))
 
 
 @st.composite

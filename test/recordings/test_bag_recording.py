@@ -21,7 +21,7 @@ pytest.importorskip('rosbags', reason='needs rosbags')
 
 from slip_detector.chain.samples import Samples
 from slip_detector.parameters.driver import RecordingConfig
-from slip_detector.recordings import bag_recording, open_recording, write_recording
+from slip_detector.recordings import open_recording, write_recording
 from support import recorded
 from support.bags import NAMES, PLUGINS, START_NS, Bag, check_same, gathered, rows, stamps
 
@@ -197,14 +197,6 @@ def test_a_bag_without_samples_or_with_a_stopped_clock_says_so(tmp_path):
     (tmp_path / 'nothing').mkdir()
     assert 'has no files of a bag, allowed: .mcap or .db3' in complaint(tmp_path / 'nothing')
     assert 'cannot be read (No such file' in complaint(tmp_path / 'no.mcap')
-
-
-def test_the_first_messages_do_not_decide_what_the_later_ones_are(tmp_path, monkeypatch):
-    monkeypatch.setattr(bag_recording, 'FIRST_MESSAGES', 3)
-    monkeypatch.setattr(bag_recording, 'PIECE_ROWS', 7)
-    written = rows(100)
-    write_recording(tmp_path / 'a.mcap', [written], 380.0, NAMES)
-    check_same(gathered(open_recording(tmp_path / 'a.mcap')), written)
 
 
 @pytest.mark.parametrize('plugin', PLUGINS)

@@ -25,7 +25,6 @@ from slip_detector.chain.samples import Samples
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.recordings import open_recording
 from slip_detector.recordings.labels import (
-    as_truth,
     find_labels,
     moving_at,
     states_at,
@@ -155,10 +154,3 @@ def test_motion_lies_between_positions_that_differ(positions):
     for k in np.flatnonzero(np.diff(positions)):
         wanted |= (at >= 10 * k) & (at <= 10 * (k + 1))
     np.testing.assert_array_equal(moving_at(track, 0.0, at), wanted)
-
-
-@pytest.mark.parametrize('dtype', [bool, int, float, np.uint8])
-@pytest.mark.parametrize('shape', [(4,), (4, 1)])
-def test_labels_of_0_and_1_may_have_any_type(dtype, shape):
-    label = np.array([0, 1, 1, 0]).astype(dtype).reshape(shape)
-    assert as_truth(label, 'slip').tolist() == [False, True, True, False]

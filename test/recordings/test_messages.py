@@ -18,7 +18,6 @@ import array
 import contextlib
 import dataclasses
 import struct
-from typing import Any
 
 import numpy as np
 import pytest
@@ -146,50 +145,22 @@ def test_bytes_that_are_no_message_are_an_error_and_never_read_beyond_their_end(
     assert joint_state_table([big_endian]) is None
 
 
-@dataclasses.dataclass
-class Vector:
-    x: float
-    y: float
-
-
-@dataclasses.dataclass
-class Pillar:
-    fz: float
-    force: Vector
-    torques: Any
-
-
-@dataclasses.dataclass
-class Array:
-    pillars: list
-    gain: float
-    raw: Any
-    name: list
-    frame_id: str
-
-
-@dataclasses.dataclass
-class Dimension:
-    label: str
-    size: int
-    stride: int = 0
-
-
-@dataclasses.dataclass
-class Layout:
-    dim: list
-    data_offset: int = 0
-
-
-@dataclasses.dataclass
-class MultiArray:
-    layout: Layout
-    data: Any
+def of(**fields):
+    """Return a message with fields."""
+    return dataclasses.make_dataclass('Message', list(fields))(**fields)
 
 
 def message(n=3):
-    pillars = [Pillar(float(i), Vector(10.0 + i, 20.0 + i), [i, -i]) for i in range(n)]
-    return Array(pillars, 2.5, array.array('f', [1.5, 2.5]), ['a', 'b'], 'tip')
+    pillars = [
+        of(fz=float(i), force=of(x=10.0 + i, y=20.0 + i), torques=[i, -i]) for i in range(n)
+    ]
+    raw = array.array('f', [1.5, 2.5])
+    return of(pillars=pillars, gain=2.5, raw=raw, name=['a', 'b'], frame_id='tip')
+
+
+def batch(data, begin=0, **sizes):
+    dim = [of(label=label, size=size) for label, size in sizes.items()]
+    return of(layout=of(dim=dim, data_offset=begin), data=data)
 
 
 @pytest.mark.parametrize(
@@ -250,27 +221,21 @@ def test_a_text_that_is_no_path_is_refused(path):
 @given(st.integers(1, 6), st.integers(1, 6), st.integers(0, 3))
 def test_a_layout_of_sample_and_channel_gives_a_row_each(samples, channels, begin):
     data = np.arange(begin + samples * channels, dtype=np.float32)
-    layout = Layout([Dimension('sample', samples), Dimension('channel', channels)], begin)
-    rows = FieldReader('data')(MultiArray(layout, data))
+    rows = FieldReader('data')(batch(data, begin, sample=samples, channel=channels))
     np.testing.assert_array_equal(rows, data[begin:].reshape(samples, channels))
 
 
-def test_any_other_layout_is_one_row():
+def test_any_other_layout_is_one_row_and_one_that_does_not_fit_is_refused():
     data = np.arange(6.0)
-    for layout in (Layout([]), Layout([Dimension('row', 2), Dimension('column', 3)])):
-        np.testing.assert_array_equal(FieldReader('data')(MultiArray(layout, data)), [data])
-
-
-def test_a_layout_that_does_not_fit_its_numbers_is_refused():
-    layout = Layout([Dimension('sample', 2), Dimension('channel', 4)])
+    for one in (batch(data), batch(data, row=2, column=3)):
+        np.testing.assert_array_equal(FieldReader('data')(one), [data])
     with pytest.raises(ValueError, match='cannot reshape array of size 6'):
-        FieldReader('data')(MultiArray(layout, np.arange(6.0)))
+        FieldReader('data')(batch(data, sample=2, channel=4))
 
 
 @pytest.mark.parametrize('kind', [np.ndarray, array.array])
 def test_a_nan_of_the_signalling_kind_is_a_nan_without_a_warning(kind):
     signalling = np.array([0x7F810000, 0x3F800000], np.uint32).view(np.float32)
     data = signalling if kind is np.ndarray else array.array('f', signalling.tobytes())
-    message = dataclasses.make_dataclass('Message', ['data'])(data)
-    rows = FieldReader('data')(message)
+    rows = FieldReader('data')(of(data=data))
     np.testing.assert_array_equal(rows, [[np.nan, 1.0]])

@@ -15,7 +15,6 @@
 """Recordings in npz files: what comes in comes out, and what is wrong is said in one line."""
 
 import io
-import zipfile
 
 import numpy as np
 import pytest
@@ -52,11 +51,6 @@ def test_npz_of_any_number_type_keeps_every_value(tmp_path_factory, volts, rate_
     assert recording.truth is None
 
 
-def test_a_rate_in_an_array_of_one_is_a_rate(tmp_path):
-    path = save_npz(tmp_path / 'a.npz', sample_rate_hz=np.array([60.0]))
-    assert read_recording(path).sample_rate_hz == 60.0
-
-
 @pytest.mark.parametrize(
     ('arrays', 'said'),
     [
@@ -80,16 +74,6 @@ def test_a_rate_in_an_array_of_one_is_a_rate(tmp_path):
 )
 def test_npz_that_lacks_something_is_named_with_what_it_lacks(tmp_path, arrays, said):
     assert complaint(save_npz(tmp_path / 'a.npz', **arrays)).startswith(said)
-
-
-def test_files_that_only_look_like_npz_are_refused(tmp_path):
-    path = tmp_path / 'a.npz'
-    with zipfile.ZipFile(path, 'w') as archive:
-        archive.writestr('volts.npy', b'hello')
-        archive.writestr('sample_rate_hz.npy', b'60')
-    assert 'allowed' in complaint(path) or 'pickle' in complaint(path)
-    path.write_bytes(b'')
-    assert complaint(path).startswith(': is broken, or not .npz (EOFError: ')
 
 
 @pytest.mark.parametrize('save', [np.savez, np.savez_compressed])

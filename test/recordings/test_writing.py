@@ -126,17 +126,6 @@ def read(path):
     return volts, np.concatenate([piece.truth for piece in pieces]), recording.counts.damage
 
 
-def test_rows_can_be_read_as_soon_as_they_are_flushed(tmp_path):
-    bag = BagWriter(tmp_path / 'trial', ['a', 'b'])
-    for first in range(0, 3 * N, N):
-        bag.write(numbered(first))
-        bag.flush()
-        volts, truth, _ = read(bag.path)
-        assert len(volts) == first + N
-        np.testing.assert_array_equal(truth, numbered(0, first + N).truth)
-    bag.close()
-
-
 def test_a_writer_that_is_killed_loses_nothing_that_was_flushed(tmp_path):
     program = (
         'import sys, time\n'

@@ -104,14 +104,6 @@ def test_samples_without_times_are_stamped_when_they_arrive():
     assert stamps_of(clock, decoded[:1], 900) == [900]
 
 
-def test_samples_of_a_restarted_clock_have_a_mapping_of_their_own():
-    clock = DeviceClock()
-    decoded = [decoded_at(0, restarted=True), decoded_at(100)]
-    assert stamps_of(clock, decoded, 10**9) == [10**9, 10**9 + 90]
-    at_ns = 10**9 + STEP_NS // 2
-    assert stamps_of(clock, [decoded_at(200, restarted=True)], at_ns) == [at_ns]
-
-
 @given(
     st.lists(
         st.tuples(st.integers(0, 400_000_000), st.integers(1, 20), st.booleans()),

@@ -21,7 +21,6 @@ from hypothesis import strategies as st
 
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.recordings import array_recordings
-from slip_detector.scenes import find_scene, load_scene
 from slip_detector.sources import open_source
 from slip_detector.sources.played import RecordingSource, SceneSource
 
@@ -65,15 +64,6 @@ def test_a_recording_plays_under_its_own_rate_and_names(tmp_path):
     samples = source.read(10)
     np.testing.assert_array_equal(samples.volts, [[1, 2], [3, 4]])
     np.testing.assert_array_equal(samples.truth, [False, True])
-
-
-def test_a_source_gives_what_its_scene_gives_stamped_by_the_scenes_clock():
-    mine = SceneSource(DriverConfig(scene='plate_480um', seed=3)).read(600)
-    wanted = load_scene(find_scene('plate_480um'), np.random.default_rng(3)).read(600)
-    np.testing.assert_array_equal(mine.volts, wanted.volts)
-    np.testing.assert_array_equal(mine.truth, wanted.truth)
-    np.testing.assert_array_equal(mine.position_m, wanted.position_m)
-    np.testing.assert_array_equal(mine.stamps_ns, wanted.stamps_ns)
 
 
 def test_an_object_is_held_with_the_force_that_was_set():

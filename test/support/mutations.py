@@ -18,6 +18,8 @@ import math
 
 from hypothesis import strategies as st
 
+from slip_detector.parameters.fields import default_of
+
 #: Values that hardly any parameter takes.
 STRANGE = st.one_of(
     *(st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=5)),
@@ -25,6 +27,17 @@ STRANGE = st.one_of(
     st.lists(st.one_of(st.integers(-2, 20), st.floats(), st.text(max_size=2)), max_size=4),
     st.dictionaries(st.text(max_size=2), st.integers(), max_size=2),
 )
+
+
+def near(field):
+    """Draw values about which a parameter is taken or refused."""
+    default = default_of(field)
+    low, high = field.metadata['low'], field.metadata['high']
+    bounds = [bound for bound in (low, high) if bound is not None]
+    values = [default, *bounds, *(bound + 1 for bound in bounds), *(-bound for bound in bounds)]
+    if isinstance(default, (int, float)) and not isinstance(default, bool):
+        values += [0, 1, 2, default * 2, default / 3]
+    return st.sampled_from([*values, *field.metadata['choices']])
 
 
 @st.composite
