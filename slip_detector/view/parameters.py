@@ -101,11 +101,7 @@ class ParameterRequests:
             'differs': sorted(panel.as_in_file()),
             'undo': words_of(Change(last.after, last.before, last.by)) if last else '',
             'changes': [
-                {
-                    'number': panel.count - i,
-                    'by': change.by,
-                    'words': words_of(change),
-                }
+                (panel.count - i, change.by, words_of(change))
                 for i, change in enumerate(reversed(panel.changes))
             ],
         }
@@ -173,22 +169,15 @@ class ParameterRequests:
 
 def described_panel(panel: ParameterPanel) -> list[dict[str, Any]]:
     """Return what a page shows of a panel: headings, each with its parameters in order."""
-    headings = {
-        heading: [f.name for f in fields]
-        for heading, fields in under_headings(DetectorConfig).items()
-    }
-    headings[OF_ROS] = sorted({n.partition('.')[0] for n in panel.values} - _FIELDS.keys())
-    parts = []
-    for heading, fields in headings.items():
-        rows = [
-            _row(panel, name)
-            for field in fields
-            for name in panel.values
-            if name.partition('.')[0] == field
-        ]
-        if rows:
-            parts.append({'heading': heading, 'parameters': rows})
-    return parts
+    fields = [
+        (f.name, heading) for heading, of in under_headings(DetectorConfig).items() for f in of
+    ]
+    others = sorted({name.partition('.')[0] for name in panel.values} - _FIELDS.keys())
+    rows: dict[str, list[dict[str, Any]]] = {}
+    for field, heading in [*fields, *((name, OF_ROS) for name in others)]:
+        its = [_row(panel, name) for name in panel.values if name.partition('.')[0] == field]
+        rows.setdefault(heading, []).extend(its)
+    return [{'heading': heading, 'parameters': each} for heading, each in rows.items() if each]
 
 
 def _row(panel: ParameterPanel, name: str) -> dict[str, Any]:
@@ -198,7 +187,6 @@ def _row(panel: ParameterPanel, name: str) -> dict[str, Any]:
     choices = field.metadata['choices'] if field else ()
     return {
         'name': name,
-        'value': value,
         'text': text_of(value),
         'in_file': None if in_file is None else text_of(in_file),
         'unit': unit,

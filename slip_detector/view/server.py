@@ -133,7 +133,7 @@ def page_address(host: str, port: int, token: str = '') -> str:
     ('http://127.0.0.1:8470/', 'http://[::1]:80/?token=a%26b')
     """
     if host in ('', '0.0.0.0', '::'):
-        host = _own_address()
+        host = socket.gethostname() if host == '::' else _own_address()
     name = f'[{host}]' if ':' in host else host
     return f'http://{name}:{port}/' + (f'?token={quote(token, safe="")}' if token else '')
 

@@ -137,8 +137,9 @@ def test_pages_get_the_parameters_again_only_when_they_change(tmp_path):
     assert server.news['parameters'] == before
     ask(server, type='set', page='1-2', values={'threshold': 0.25, 'gain': '7'})
     server.tick()
-    assert '"by": "page 1-2"' in server.news['parameters']
-    assert 'threshold from 0.5 to 0.25, gain from 100 to 7' in server.news['parameters']
+    assert (
+        '"page 1-2", "threshold from 0.5 to 0.25, gain from 100 to 7' in server.news['parameters']
+    )
     server.detectors.remove('index')
     server.tick()
     assert '"gone": true' in server.news['parameters']

@@ -147,11 +147,11 @@ export class Parameters extends Tool {
   }
 
   showChanges(panel) {
-    const newest = panel.changes[0]?.number ?? 0;
+    const newest = panel.changes[0]?.[0] ?? 0;
     // After a restart, slip_view counts changes from the beginning.
     const last = Math.min(this.lastChange.get(this.finger) ?? newest, newest), list = element('changes');
     this.lastChange.set(this.finger, newest);
-    for (const {by, words} of panel.changes.filter(({number}) => number > last).reverse()) {
+    for (const [, by, words] of panel.changes.filter(([number]) => number > last).reverse()) {
       const lead = {
         [`page ${PAGE}`]: 'Set', outside: 'Changed by another program', restart: 'The detector was started again, with',
       }[by] ?? 'Changed on another page';

@@ -16,6 +16,12 @@ export class Columns {
     this.begun_s = begun_s;
     // The number of the first column that is kept, and of the one after the last.
     this.base = this.stop = null;
+    this.clear();
+  }
+
+  clear() {
+    const each = () => this.channels.map(() => []);
+    this.parts = {low: each(), high: each(), level: each(), slip: [[]], truth: [[]]};
   }
 
   // The end of the newest column, in seconds; null before the first.
@@ -31,8 +37,7 @@ export class Columns {
     // Start over after a long gap, in which the page was hidden or no samples came.
     if (this.base === null || stop > this.stop + this.kept) {
       this.base = Math.max(Math.min(...came.map(({first}) => first)), stop - this.kept);
-      const each = () => this.channels.map(() => []);
-      this.parts = {low: each(), high: each(), level: each(), slip: [[]], truth: [[]]};
+      this.clear();
     }
     this.stop = stop;
     this.begun_s ??= 60 * Math.floor(this.base * this.width_s / 60);
@@ -68,8 +73,6 @@ export class Columns {
 // The stretch of time that traces show, live or paused. Times are those of the columns, in seconds.
 const WINDOW_S = {least: 0.5, most: 60, first: 10}, LEAST_S = 0.02;
 
-const within = (value, least, most) => Math.min(Math.max(value, least), most);
-
 export class Stretch {
   constructor() {
     // The columns that are shown; null before the first.
@@ -79,7 +82,7 @@ export class Stretch {
 
   goOn(window_s = this.window_s) {
     this.live = true;
-    this.window_s = within(window_s, WINDOW_S.least, WINDOW_S.most);
+    this.window_s = Math.min(Math.max(window_s, WINDOW_S.least), WINDOW_S.most);
   }
 
   pause() {
@@ -95,7 +98,7 @@ export class Stretch {
     else if (how === 'zoom' && this.live) this.goOn(to - from);
     else if (this.live) this.pause();
     if (this.live) return;
-    const span = within(to - from, LEAST_S, WINDOW_S.most), end = (from + to + span) / 2;
+    const span = Math.min(Math.max(to - from, LEAST_S), WINDOW_S.most), end = (from + to + span) / 2;
     // There is nothing after the beginning of the pause, and nothing older than what is kept.
     this.to = Math.min(Math.max(end, this.paused_s - WINDOW_S.most + span), this.paused_s + 0.05 * span);
     this.from = this.to - span;

@@ -182,14 +182,9 @@ export class Traces {
     return AXIS_HEIGHT + this.timeline.plot.valToPos(Math.log10(level), this.scale);
   }
 
-  // The beginning of a column in pixels.
-  xOf(pen, i) {
-    return pen.xOf(this.seen.x[0] + i * this.columns.width_s);
-  }
-
   paintBits(pen, {top, height}, name, color) {
-    const [bits] = this.seen[name];
-    paintRuns(pen.context, top, height - 1, 0, bits.length, (i) => (bits[i] ? color : null), (i) => this.xOf(pen, i));
+    const [bits] = this.seen[name], xOf = (i) => pen.xOf(this.seen.x[0] + i * this.columns.width_s);
+    paintRuns(pen.context, top, height - 1, 0, bits.length, (i) => (bits[i] ? color : null), xOf);
   }
 
   // How many columns may lie between two values that are joined.
@@ -200,6 +195,7 @@ export class Traces {
   // A strip under a channel's volts whose colour tells how near the level is to the threshold.
   paintStrip(pen, lane) {
     const level = this.seen.level[lane.channel], {joined} = this, {threshold} = this.finger;
+    const xOf = (i) => pen.xOf(this.seen.x[0] + i * this.columns.width_s);
     let without = 0, color = null;
     const colorAt = (i) => {
       // Columns between two levels that are to be joined keep the colour.
@@ -208,7 +204,7 @@ export class Traces {
       color = shade(Math.log2(level[i] / threshold));
       return color;
     };
-    paintRuns(pen.context, lane.top + lane.height - STRIP - 1, STRIP, 0, level.length, colorAt, (i) => this.xOf(pen, i));
+    paintRuns(pen.context, lane.top + lane.height - STRIP - 1, STRIP, 0, level.length, colorAt, xOf);
   }
 
   paintDecades({context, left, right}, lane) {
