@@ -163,7 +163,7 @@ def test_what_a_full_disk_cut_off_is_refused_and_the_trials_before_it_are_kept(t
         pytest.raises(ValueError, match=f'^storage {path}: File too large$'),
     ):
         study.tell({'x': 0.5}, 2.0, [])
-    with pytest.raises(ValueError, match='line [0-9]+ is cut off, allowed: whole lines'):
+    with pytest.raises(ValueError, match=r'line [0-9]+ is cut off, allowed: whole lines'):
         Study(X, 0, str(path))
     path.write_bytes(whole)
     assert Study(X, 0, str(path)).follow() == 1
