@@ -68,11 +68,7 @@ def main(arguments: list[str] | None = None) -> int:
             print(json.dumps(figures, indent=2) if words.json else as_text(figures))
     except KeyboardInterrupt:
         return 130
-    except ModuleNotFoundError as error:
-        extras = "pip install -e '.[bags,numba,tune,test]'"
-        print(f'benchmarks: the package {error.name} is missing: {extras}', file=sys.stderr)
-        return 1
-    except (RuntimeError, OSError, ValueError) as error:
+    except (RuntimeError, OSError, ValueError, ModuleNotFoundError) as error:
         print(f'benchmarks: {error}', file=sys.stderr)
         return 1
     return 0

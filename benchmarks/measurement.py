@@ -12,24 +12,36 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Shared by all subcommands: options, facts about the machine, verdicts, figures as text."""
+"""Shared by all subcommands: options, run times, noise, the machine, verdicts, figures as text.
+
+A machine's speed differs from hour to hour; the ratio of two run times measured in turns hardly
+does. So every claim about speed is a ratio: the sides take turns (A B A B ...), and the shortest
+time of each counts, because it was disturbed least.
+"""
 
 import argparse
+import contextlib
+import gc
 import importlib
 import json
 import os
 import platform
-from collections.abc import Mapping
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import scipy
 import yaml
+from numpy.typing import NDArray
 
 from slip_detector.chain.compiled import COMPILED
 from slip_detector.evaluation.figures import Bound
 from slip_detector.report.tables import number_text, text_table
+
+#: Noise that :func:`swelling_noise_v` makes.
+BASELINE_V, NOISE_V = 4.3, 0.02
 
 
 def shared_options(command: str, description: str, picture: str = '') -> argparse.ArgumentParser:
@@ -137,3 +149,76 @@ def as_text(figures: Mapping[str, Any]) -> str:
             yaml.safe_dump(json.loads(json.dumps(parts)), sort_keys=False),
         )
     )
+
+
+def swelling_noise_v(
+    rows: int, n_channels: int, seed: int = 0, period_rows: float = 760.0
+) -> NDArray[np.float64]:
+    """Make noise around a baseline, shape (rows, n_channels), that swells and fades.
+
+    Parameters
+    ----------
+    rows, n_channels
+        Shape of the result.
+    seed
+        Seed of the noise.
+    period_rows
+        Rows from one swell to the next; 760 are 2 s at 380 Hz.
+    """
+    random = np.random.default_rng(seed)
+    swell_v = NOISE_V * (1 + np.sin(2 * np.pi * np.arange(rows) / period_rows))
+    return np.asarray(BASELINE_V + swell_v[:, None] * random.standard_normal((rows, n_channels)))
+
+
+def least_times_s(
+    sides: Sequence[Callable[[], object]],
+    rounds: int,
+    clock: Callable[[], float] = time.perf_counter,
+) -> list[float]:
+    """Run the sides in turns and return the shortest time of each.
+
+    Each side first runs once unmeasured, so that its memory is allocated and its caches are warm.
+
+    Parameters
+    ----------
+    sides
+        The functions to time.
+    rounds
+        How often each side is run.
+    clock
+        Returns seconds. ``time.thread_time`` leaves out the time in which other processes have the
+        processor; it is right for sides that neither wait nor start threads.
+
+    Returns
+    -------
+    list of float
+        Seconds, in the order of the sides.
+
+    Examples
+    --------
+    >>> words = []
+    >>> times_s = least_times_s([lambda: words.append('a'), lambda: words.append('b')], rounds=2)
+    >>> ''.join(words), len(times_s)
+    ('ababab', 2)
+    """
+    for side in sides:
+        side()
+    least_s = [float('inf')] * len(sides)
+    with garbage_collection_off():
+        for _ in range(rounds):
+            for i, side in enumerate(sides):
+                start_s = clock()
+                side()
+                least_s[i] = min(least_s[i], clock() - start_s)
+    return least_s
+
+
+@contextlib.contextmanager
+def garbage_collection_off() -> Iterator[None]:
+    """Switch the garbage collector off within a block; it would slow down only one side."""
+    gc.collect()
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()

@@ -31,32 +31,8 @@ CHECKOUT = Path(__file__).resolve().parents[1]
 #: Environment for processes whose nodes are all on this machine, and need no network.
 ON_THIS_MACHINE = {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
 
-#: Time, in seconds, for the import of rclpy, long enough for a busy machine.
-IMPORT_TIMEOUT_S = 120.0
-
-#: Time, in seconds, that a node is given to end before it is killed.
-END_TIMEOUT_S = 10.0
-
-#: The same for a process that first has to end nodes of its own.
-SESSION_END_TIMEOUT_S = 15.0
-
-
-def why_not_ros() -> str:
-    """Return why the nodes cannot run on this machine; empty when they can."""
-    # In a process of its own: importing rclpy may restart the interpreter.
-    probe = subprocess.run(
-        [sys.executable, '-c', 'import rclpy, sensor_msgs.msg, std_msgs.msg'],
-        capture_output=True, text=True, timeout=IMPORT_TIMEOUT_S, check=False,
-    )  # fmt: skip
-    if probe.returncode == 0:
-        return ''
-    return f'rclpy cannot be imported ({last_line(probe.stderr)})'
-
-
-def last_line(text: str) -> str:
-    """Return the last line that a process wrote."""
-    lines = text.strip().splitlines()
-    return lines[-1] if lines else 'it wrote nothing'
+#: Time, in seconds, that a process is given to end, with nodes of its own, before it is killed.
+END_TIMEOUT_S = 15.0
 
 
 def figures_of_process(
@@ -85,22 +61,22 @@ def figures_of_process(
     except subprocess.TimeoutExpired:
         raise RuntimeError(f'{module} did not end within {timeout_s:.0f} s') from None
     finally:
-        _end([process], SESSION_END_TIMEOUT_S)
+        _end([process])
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(process.pid, signal.SIGKILL)
     if process.returncode:
-        raise RuntimeError(f'{module} failed: {last_line(errors)}')
+        raise RuntimeError(f'{module} failed: {"".join(errors.strip().splitlines()[-1:])}')
     figures: dict[str, Any] = json.loads(output)
     return figures
 
 
-def _end(processes: 'Iterable[subprocess.Popen[Any]]', timeout_s: float) -> None:
+def _end(processes: 'Iterable[subprocess.Popen[Any]]') -> None:
     """Ask processes to end, and kill those that do not."""
     for process in processes:
         process.terminate()
     for process in processes:
         try:
-            process.wait(timeout_s)
+            process.wait(END_TIMEOUT_S)
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
@@ -146,7 +122,7 @@ def nodes_running(
             processes[name] = subprocess.Popen(command, stdout=subprocess.DEVNULL)
         yield processes
     finally:
-        _end(processes.values(), END_TIMEOUT_S)
+        _end(processes.values())
 
 
 def raise_if_ended(processes: 'Mapping[str, subprocess.Popen[bytes]]') -> None:

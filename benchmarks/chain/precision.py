@@ -57,7 +57,7 @@ from numpy.typing import NDArray
 
 from benchmarks.chain import reference
 from benchmarks.chain.rivals import scipy_levels
-from benchmarks.timing import least_times_s
+from benchmarks.measurement import least_times_s
 from slip_detector.chain.compiled import COMPILED
 from slip_detector.chain.filters import design, largest_pole_radius
 from slip_detector.chain.slip_chain import SlipChain

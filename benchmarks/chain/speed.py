@@ -46,9 +46,8 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from benchmarks.chain.rivals import CppChain, NumpyChain
-from benchmarks.noise import swelling_noise_v
+from benchmarks.measurement import least_times_s, swelling_noise_v
 from benchmarks.processes import print_figures
-from benchmarks.timing import least_times_s
 from slip_detector.chain.compiled import COMPILED
 from slip_detector.chain.filters import design
 from slip_detector.chain.slip_chain import SlipChain

@@ -23,7 +23,7 @@ Keys of ``python -m benchmarks extremes --json``:
 
 ``extremes``
     One object for each case: ``case``, ``setting``; ``said``: the message with which it is refused
-    before it starts (the rest is then null), else empty; ``finite``: whether all results are;
+    before it starts (the rest is then missing), else empty; ``finite``: whether all results are;
     ``volts_share``: the largest voltage as a share of what loads, ridges and friction allow;
     ``bounded``: whether it is at most 1 (2 for skin with mass, which may overshoot);
     ``voltage_error``: the worst, as a share of the range of the reference's volts;
@@ -56,12 +56,6 @@ WANTED = {
     'worst.voltage_error': Bound(high=1e-2),
     'hour.drift': Bound(high=1e-6),
 }
-
-#: What is null where a case is refused.
-FIGURES = (
-    *('finite', 'bounded', 'volts_share', 'voltage_error', 'position_error_m'),
-    *('reference', 'reference_error'),
-)
 
 ALL = 10**9
 
@@ -108,7 +102,7 @@ def _measure_case(description: Mapping[str, Any], budget_s: float) -> dict[str, 
     try:
         scene = build_scene(description)
     except ValueError as error:
-        return {**dict.fromkeys(FIGURES), 'said': str(error)}
+        return {'said': str(error)}
     found = solve_live(scene, ALL)
     share = _volts_share(scene, found)
     reference, name, reference_error = _reference(description, budget_s)

@@ -27,14 +27,14 @@ Keys of ``python -m benchmarks scenes --json``:
     ``method``, ``check``, and the differences of the two: ``voltage_error``,
     ``position_error_m``; and ``runs``: ``method`` (``live`` is the live stepper), ``setting``,
     ``voltage_error``, ``position_error_m`` of an object, ``run_time_per_s`` (for a simulated
-    second), and ``said``: why a method gave up, with null for the figures. ``shipped_live`` is the
+    second), and ``said``: why a method gave up, without figures. ``shipped_live`` is the
     run of the live stepper with the step of the shipped scene.
 ``costs``
     One object for each scene: ``scene``, ``run_time_per_s``, noise included, and ``speed`` (times
     real time).
 ``pace``
-    For the plate: ``rows`` of a read, ``slowest_share``, the time of the slowest read as a share
-    of the time that its rows span, and ``mean_share``.
+    For the plate: ``rows`` of a read, and ``slowest_share``, the time of the slowest read as a
+    share of the time that its rows span.
 ``plate``
     ``speed`` of the plate.
 """
@@ -48,10 +48,9 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.measurement import shared_options
+from benchmarks.measurement import garbage_collection_off, shared_options
 from benchmarks.pictures import draw_work_precision
 from benchmarks.scenes.reference import Ode, Solution, build_scene, solve_live
-from benchmarks.timing import garbage_collection_off
 from slip_detector.evaluation.figures import Bound
 from slip_detector.parameters.files import read_yaml, shared_folder
 from slip_detector.scenes import find_scene
@@ -150,8 +149,7 @@ def _precision(path: Path, quick: bool) -> dict[str, Any]:
             try:
                 found = ode.solve(method, rtol, BUDGET_S)
             except RuntimeError as error:
-                nothing = ('voltage_error', 'position_error_m', 'run_time_per_s')
-                entry['runs'].append(run | dict.fromkeys(nothing) | {'said': str(error)})
+                entry['runs'].append(run | {'said': str(error)})
                 continue
             run |= _errors(reference, found, ode.with_object)
             entry['runs'].append(run | {'run_time_per_s': found.run_time_s / scene.duration_s})
@@ -209,8 +207,4 @@ def _pace(rounds: int) -> dict[str, Any]:
         taken_s.append(np.diff(times))
     # A disturbance by other programs is in one round only, so the minimum is free of it.
     shares = np.min(taken_s, axis=0) * scene.sample_rate_hz / PACE_ROWS
-    return {
-        'rows': PACE_ROWS,
-        'slowest_share': float(shares.max()),
-        'mean_share': float(shares.mean()),
-    }
+    return {'rows': PACE_ROWS, 'slowest_share': float(shares.max())}

@@ -26,10 +26,11 @@ It gives one object (keys of ``--json``):
 """
 
 import argparse
+import json
 from typing import Any
 
 from benchmarks.measurement import shared_options
-from benchmarks.processes import figures_of_process, why_not_ros
+from benchmarks.processes import figures_of_process
 from slip_detector.evaluation.figures import Bound
 
 WANTED = {
@@ -50,12 +51,12 @@ WANTED = {
 HAND = 'benchmarks.soak.hand'
 #: A module that runs as a process, its arguments, and for how long the nodes run, usually and
 #: with ``--quick``.
-PARTS = {
-    'relay': ('benchmarks.soak.relay', '', 25.0, 4.0),
-    'finger': (HAND, '--fingers 1', 660.0, 15.0),
-    'hand': (HAND, '--fingers 5', 60.0, 15.0),
-    'fast_hand': (HAND, '--fingers 5 --sample-rate-hz 1000', 60.0, 15.0),
-    'fast_finger': (HAND, '--sample-rate-hz 5000 --samples-per-message 10', 60.0, 15.0),
+PARTS: dict[str, tuple[str, dict[str, float], float, float]] = {
+    'relay': ('benchmarks.soak.relay', {}, 25.0, 4.0),
+    'finger': (HAND, {}, 660.0, 15.0),
+    'hand': (HAND, {'fingers': 5}, 60.0, 15.0),
+    'fast_hand': (HAND, {'fingers': 5, 'sample_rate_hz': 1000.0}, 60.0, 15.0),
+    'fast_finger': (HAND, {'sample_rate_hz': 5000.0, 'samples_per_message': 10}, 60.0, 15.0),
 }
 
 #: Time for the start and the end of the processes on a busy machine.
@@ -79,13 +80,10 @@ def options() -> argparse.ArgumentParser:
 
 def measure(words: argparse.Namespace) -> dict[str, Any]:
     """Let the nodes run."""
-    reason = why_not_ros()
-    if reason:
-        raise RuntimeError(f'the soak needs the nodes: {reason}')
     figures = {}
     for name in PARTS if words.part == 'all' else [words.part]:
         module, more, usual_s, quick_s = PARTS[name]
         lasts_s = words.seconds or (quick_s if words.quick else usual_s)
-        arguments = ['--seconds', str(lasts_s), *more.split()]
-        figures[name] = figures_of_process(module, arguments, lasts_s + EXTRA_S)
+        arguments = {'seconds': lasts_s, **more}
+        figures[name] = figures_of_process(module, [json.dumps(arguments)], lasts_s + EXTRA_S)
     return figures

@@ -19,7 +19,7 @@ without stamps: samples that are bridged or dropped, and new stretches. So no ot
 receive the samples.
 """
 
-import argparse
+import json
 import os
 import subprocess
 import sys
@@ -36,7 +36,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from benchmarks.noise import swelling_noise_v
+from benchmarks.measurement import swelling_noise_v
 from benchmarks.processes import (
     memory_kib,
     nodes_running,
@@ -104,7 +104,7 @@ class Watch(Node):
 
 
 def run_hand(
-    seconds: float, fingers: int, sample_rate_hz: float, samples_per_message: int
+    seconds: float, fingers: int = 1, sample_rate_hz: float = 380.0, samples_per_message: int = 1
 ) -> dict[str, Any]:
     """Run the fingers, warm-up included, for some time; return the figures of the time after it.
 
@@ -247,16 +247,5 @@ def memory_growth(sizes: Sequence[tuple[float, float]], begin_s: float, end_s: f
     return round(float(np.median(during[-tenth:]) / np.median(during[:tenth]) - 1.0), 6)
 
 
-def main() -> int:
-    """Run the hand, and print one JSON object."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument('--seconds', type=float, default=600.0)
-    parser.add_argument('--fingers', type=int, default=1)
-    parser.add_argument('--sample-rate-hz', type=float, default=DetectorConfig().sample_rate_hz)
-    parser.add_argument('--samples-per-message', type=int, default=1)
-    words = parser.parse_args()
-    return print_figures(lambda: run_hand(**vars(words)))
-
-
 if __name__ == '__main__':
-    sys.exit(main())
+    sys.exit(print_figures(lambda: run_hand(**json.loads(sys.argv[1]))))

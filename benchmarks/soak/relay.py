@@ -38,6 +38,7 @@ sends the samples and receives ``slip`` from both. How they are compared, and wh
 """
 
 import itertools
+import json
 import os
 import sys
 import threading
@@ -256,5 +257,4 @@ def measure(seconds: float) -> dict[str, Any]:
 
 
 if __name__ == '__main__':
-    # The last argument is the measured time in seconds.
-    sys.exit(print_figures(lambda: measure(float(sys.argv[-1]))))
+    sys.exit(print_figures(lambda: measure(**json.loads(sys.argv[1]))))

@@ -23,16 +23,10 @@ from pathlib import Path
 from typing import Any
 
 #: Names of browsers that can run without a screen.
-BROWSERS = (
-    'chromium-headless-shell', 'chromium', 'chromium-browser', 'google-chrome',
-    'google-chrome-stable',
-)  # fmt: skip
+BROWSERS = ('chromium-headless-shell', 'chromium', 'google-chrome')
 
-#: Options of the browser: no screen, no updates, no requests of its own.
-FLAGS = (
-    '--headless', '--no-sandbox', '--disable-gpu', '--no-first-run',
-    '--disable-background-networking', '--disable-component-update', '--disable-sync',
-)  # fmt: skip
+#: Options of the browser: no screen, and no requests of its own.
+FLAGS = ('--headless', '--no-sandbox', '--disable-gpu', '--disable-background-networking')
 
 #: Milliseconds within which a page must have been drawn.
 PATIENCE_MS = 60_000.0
@@ -51,23 +45,13 @@ def why_no_browser() -> str:
 
 
 @contextlib.contextmanager
-def browser(*more_flags: str) -> Iterator[Any]:
-    """Run the system's browser; see :func:`why_no_browser` first.
-
-    Parameters
-    ----------
-    more_flags
-        Command-line flags of Chromium beside ``FLAGS``.
-
-    Yields
-    ------
-    playwright.sync_api.Browser
-    """
+def browser() -> Iterator[Any]:
+    """Run the system's browser; see :func:`why_no_browser` first."""
     # By name, as Playwright may be missing (see why_no_browser).
     sync_playwright = importlib.import_module('playwright.sync_api').sync_playwright
     path = next(path for path in map(shutil.which, BROWSERS) if path)
     with sync_playwright() as playwright:
-        running = playwright.chromium.launch(executable_path=path, args=[*FLAGS, *more_flags])
+        running = playwright.chromium.launch(executable_path=path, args=list(FLAGS))
         try:
             yield running
         finally:
@@ -79,15 +63,13 @@ def ready_ms(path: Path) -> float:
 
     The least of some openings in one browser, each in a profile of its own.
     """
+    taken_ms = []
     with browser() as running:
-        return min(_opening_ms(running, path) for _ in range(OPENINGS))
-
-
-def _opening_ms(running: Any, path: Path) -> float:
-    page = running.new_page(viewport={'width': 1280, 'height': 900})
-    page.goto(path.resolve().as_uri())
-    drawn = page.locator('html[data-ready-ms]')
-    drawn.wait_for(state='attached', timeout=PATIENCE_MS)
-    taken_ms = float(drawn.get_attribute('data-ready-ms') or 'nan')
-    page.close()
-    return taken_ms
+        for _ in range(OPENINGS):
+            page = running.new_page(viewport={'width': 1280, 'height': 900})
+            page.goto(path.resolve().as_uri())
+            drawn = page.locator('html[data-ready-ms]')
+            drawn.wait_for(state='attached', timeout=PATIENCE_MS)
+            taken_ms.append(float(drawn.get_attribute('data-ready-ms') or 'nan'))
+            page.close()
+    return min(taken_ms)

@@ -32,15 +32,7 @@ from collections.abc import Callable
 from typing import Any
 
 from benchmarks.measurement import shared_options
-from benchmarks.tune.families import measure_families
-from benchmarks.tune.hour import (
-    measure_evaluation,
-    measure_reading,
-    measure_report,
-    measure_search,
-)  # fmt: skip
-from benchmarks.tune.new_sensor import measure_new_sensor
-from benchmarks.tune.onset import measure_onset
+from benchmarks.tune import families, hour, new_sensor, onset
 from slip_detector.evaluation.figures import Bound
 
 WANTED = {
@@ -80,7 +72,8 @@ def measure(words: argparse.Namespace) -> dict[str, Any]:
 
 
 def _families(quick: bool) -> dict[str, Any]:
-    by_name = measure_families(4, range(2), range(2, 3)) if quick else measure_families()
+    measure = families.measure_families
+    by_name = measure(4, range(2), range(2, 3)) if quick else measure()
     return {'by_name': by_name, 'better': sum(one['better'] for one in by_name.values())}
 
 
@@ -90,11 +83,11 @@ def _either(measure: Callable[..., dict[str, Any]], *little: Any) -> Callable[..
 
 
 MEASURES: dict[str, Callable[[bool], dict[str, Any]]] = {
-    'evaluate': _either(measure_evaluation, 50.0, 2),
-    'read': _either(measure_reading, 30.0),
-    'search': _either(measure_search, 4, 0.5),
-    'report': _either(measure_report, 30.0),
+    'evaluate': _either(hour.measure_evaluation, 50.0, 2),
+    'read': _either(hour.measure_reading, 30.0),
+    'search': _either(hour.measure_search, 4, 0.5),
+    'report': _either(hour.measure_report, 30.0),
     'families': _families,
-    'sensor': _either(measure_new_sensor, 4, range(6400, 6401), 20.0, 12.0),
-    'onset': _either(measure_onset, range(6000, 6001)),
+    'sensor': _either(new_sensor.measure_new_sensor, 4, range(6400, 6401), 20.0, 12.0),
+    'onset': _either(onset.measure_onset, range(6000, 6001)),
 }

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.chain.rivals import NumpyChain
-from benchmarks.timing import garbage_collection_off, least_times_s
+from benchmarks.measurement import garbage_collection_off, least_times_s
 from benchmarks.tune.browser import ready_ms, why_no_browser
 from slip_detector.chain.samples import Samples
 from slip_detector.evaluation.evaluator import RecordingLoader, evaluate_recording

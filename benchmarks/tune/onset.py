@@ -39,7 +39,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.tune.families import play_scenes
-from slip_detector.evaluation.figures import ReplayOutcome, percent
+from slip_detector.evaluation.figures import ReplayOutcome, figures_of_merit, percent
 from slip_detector.evaluation.protocol import SCENES
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
@@ -82,8 +82,11 @@ def onset_figures(tracks: dict[str, list[Track]], chain: ChainConfig) -> dict[st
         'mean_delay_ms': float(np.mean(list(map(np.mean, by_plate)))) if all(by_plate) else None,
         'worst_delay_ms': max(_latencies_ms(slides), default=None),
         'detected_percent': _detected_percent(slides),
-        'false_time_percent': _false_time_percent(slides),
-        **{f'{name}_percent': _false_time_percent(outcomes[name]) for name in WITHOUT_SLIP},
+        'false_time_percent': figures_of_merit(slides)['false_time_percent'],
+        **{
+            f'{name}_percent': figures_of_merit(outcomes[name])['false_time_percent']
+            for name in WITHOUT_SLIP
+        },
         'fast_detected_percent': _detected_percent(fast),
     }
 
@@ -118,10 +121,3 @@ def _latencies_ms(outcomes: Sequence[ReplayOutcome]) -> list[float]:
 
 def _detected_percent(outcomes: Sequence[ReplayOutcome]) -> float | None:
     return percent(len(_latencies_ms(outcomes)), sum(len(one.slips) for one in outcomes))
-
-
-def _false_time_percent(outcomes: Sequence[ReplayOutcome]) -> float | None:
-    """Return the share of the rest that is ON."""
-    return percent(
-        sum(one.on_rest_rows for one in outcomes), sum(one.rest_rows for one in outcomes)
-    )

@@ -20,9 +20,9 @@ Keys of ``python -m benchmarks view --json``:
     How many; each is a simulated fingertip of 16 channels, as ``hand.launch.py`` starts them.
 ``closed``, ``here``
     Without a viewer, and with Chromium on this machine, in turns. Each has ``seconds``,
-    ``latency_median_ms`` and ``latency_p99_ms`` (age of the samples at their decision, as the
-    detectors report it every second: the median over a turn, and of all turns), ``cpu_percent`` of
-    a core by executable, and ``slip_view_cpu_percent``, which is one of these.
+    ``latency_median_ms`` (age of the samples at their decision, as the detectors report it every
+    second: the median over a turn, and of all turns), ``cpu_percent`` of a core by executable, and
+    ``slip_view_cpu_percent``, which is one of these.
 
     ``here`` also has ``latency_ratio`` to that of ``closed``, ``frames_a_second``,
     ``frames_in_the_worst_second``, and of its last turn, the longest, ``browser_cpu_percent``,
@@ -31,10 +31,11 @@ Keys of ``python -m benchmarks view --json``:
 """
 
 import argparse
+import json
 from typing import Any
 
 from benchmarks.measurement import shared_options
-from benchmarks.processes import figures_of_process, why_not_ros
+from benchmarks.processes import figures_of_process
 from benchmarks.tune.browser import why_no_browser
 from slip_detector.evaluation.figures import Bound
 
@@ -75,11 +76,10 @@ def options() -> argparse.ArgumentParser:
 
 def measure(words: argparse.Namespace) -> dict[str, Any]:
     """Let nodes, page and browser run."""
-    for reason in (why_not_ros(), why_no_browser()):
-        if reason:
-            raise RuntimeError(f'the live page cannot be measured: {reason}')
+    if reason := why_no_browser():
+        raise RuntimeError(f'the live page cannot be measured: {reason}')
     lasts_s = words.seconds or (QUICK_SECONDS if words.quick else SECONDS)
     pairs, turn_s = (QUICK_PAIRS, QUICK_TURN_SECONDS) if words.quick else (PAIRS, TURN_SECONDS)
-    arguments = [str(lasts_s), str(pairs), str(turn_s)]
+    arguments = json.dumps({'seconds': lasts_s, 'pairs': pairs, 'turn_seconds': turn_s})
     timeout_s = lasts_s + EXTRA_S
-    return figures_of_process('benchmarks.view.session', arguments, timeout_s, ENVIRONMENT)
+    return figures_of_process('benchmarks.view.session', [arguments], timeout_s, ENVIRONMENT)

@@ -15,13 +15,12 @@
 """The processes of the measurement: a hand, slip_view, and Chromium with its page."""
 
 import contextlib
+import json
 import os
 import socket
 import sys
 import tempfile
 import time
-import urllib.error
-import urllib.request
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -79,7 +78,8 @@ def run_view(seconds: float, pairs: int, turn_seconds: float) -> dict[str, Any]:
             with nodes_running(commands) as processes:
                 watch = Watch(namespace, processes)
                 turns = Turns(watch, url, {name: each.pid for name, each in processes.items()})
-                turns.start()
+                start_s = time.monotonic() + START_TIMEOUT_S
+                watch.spin(lambda: watch.has_samples(FINGERS), start_s, 'samples of all fingers')
                 for _ in range(pairs):
                     turns.measure('closed', turn_seconds)
                     turns.measure('here', turn_seconds)
@@ -112,12 +112,6 @@ class Turns:
         self._watch, self._url, self._pids = watch, url, pids
         self._spin = watch.spin
         self.turns: list[dict[str, Any]] = []
-
-    def start(self) -> None:
-        """Wait until everything runs."""
-        end_s = time.monotonic() + START_TIMEOUT_S
-        self._spin(lambda: self._watch.has_samples(FINGERS), end_s, 'samples of all fingers')
-        self._spin(lambda: answers(self._url), end_s, 'the page')
 
     def measure(self, who: str, seconds: float) -> None:
         """Let nobody or the browser view the page for some time."""
@@ -216,11 +210,9 @@ def figures_of_turns(
     for who in dict.fromkeys(turn['who'] for turn in turns):
         own = [i for i, turn in enumerate(turns) if turn['who'] == who]
         span_s = sum(turns[i]['end_s'] - turns[i]['begin_s'] for i in own)
-        median_ms, p99_ms = np.median([latencies[i] for i in own], axis=0)
         figures[who] = {
             'seconds': span_s,
-            'latency_median_ms': float(median_ms),
-            'latency_p99_ms': float(p99_ms),
+            'latency_median_ms': float(np.median([latencies[i] for i in own])),
             'cpu_percent': {
                 name: 100 * sum(turns[i]['used_s'][name] for i in own) / span_s
                 for name in turns[0]['used_s']
@@ -247,28 +239,18 @@ def figures_of_turns(
 
 def _latency_ms(
     turn: dict[str, Any], reports: dict[str, list[tuple[float, dict[str, str]]]]
-) -> tuple[float, float]:
-    """Return the medians of the median and of the 99th percentile of all seconds of a turn."""
+) -> float:
+    """Return the median of the medians of all seconds of a turn."""
     during = [
-        (float(values[AGE_KEYS[0]]), float(values[AGE_KEYS[1]]))
+        float(values[AGE_KEYS[0]])
         for of_one in reports.values()
         for at_s, values in of_one
         # A report covers the second before it.
-        if turn['begin_s'] + 1.0 < at_s <= turn['end_s'] and values[AGE_KEYS[1]] != '-'
+        if turn['begin_s'] + 1.0 < at_s <= turn['end_s'] and values[AGE_KEYS[0]] != '-'
     ]
     if not during:
         raise RuntimeError(f'the detectors reported no samples in the turn {turn["who"]}')
-    median_ms, p99_ms = np.median(during, axis=0)
-    return float(median_ms), float(p99_ms)
-
-
-def answers(url: str) -> bool:
-    """Return whether the page is served."""
-    try:
-        with urllib.request.urlopen(url, timeout=1.0) as answer:
-            return bool(answer.status == 200)
-    except (urllib.error.URLError, OSError):
-        return False
+    return float(np.median(during))
 
 
 def children_s(but: Collection[int], of: int | None = None) -> float:
@@ -291,5 +273,4 @@ def children_s(but: Collection[int], of: int | None = None) -> float:
 
 
 if __name__ == '__main__':
-    lasts_s, pairs, turn_s = sys.argv[1:]
-    sys.exit(print_figures(lambda: run_view(float(lasts_s), int(pairs), float(turn_s))))
+    sys.exit(print_figures(lambda: run_view(**json.loads(sys.argv[1]))))
