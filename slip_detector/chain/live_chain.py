@@ -38,7 +38,7 @@ DECISION_PARAMETERS = names_that_affect(ChainConfig, 'decision')
 #: :data:`HISTORY_S` would determine less well.
 FILTER_PARAMETERS = names_that_affect(ChainConfig, 'filters')
 
-#: One chain is built for all changes within this time after the first.
+#: A chain is built when no other change has followed for this time.
 GATHER_S = 0.1
 
 #: Parameters after whose change the kept rows cannot be used; some are the detector's: another
@@ -55,7 +55,7 @@ class LiveChain:
 
     When only parameters of the decision change (threshold, vote, groups, ..., and those of floors,
     evidence and impacts), the new chain is ready at once and takes over the state of the running
-    one. Otherwise a separate thread waits ``GATHER_S`` for further changes, builds the chain and
+    one. Otherwise a separate thread waits ``GATHER_S`` for a later change, builds the chain and
     gives it the rows of the last ``HISTORY_S``: it decides as if it had run for that long. When
     the rate, the number of channels or the input changes, it starts without any rows.
 
@@ -91,9 +91,8 @@ class LiveChain:
         self._history: deque[NDArray[np.float64]] = deque()
         self._rows_in_history = 0
         self._kept_rows = config.samples(HISTORY_S)
-        # The configuration to build a chain for, and whether a thread waits to build it.
+        # The configuration to build a chain for.
         self._ordered: ChainConfig | None = None
-        self._gathering = False
         # A configuration that can be taken, with a new chain if it is for the chain, and the rows
         # in which that settles.
         self._ready: tuple[ChainConfig, SlipChain | None, int] | None = None
@@ -132,10 +131,8 @@ class LiveChain:
             at_once = differ <= DECISION_PARAMETERS
             self._ready = (config, SlipChain(config) if differ else None, 0) if at_once else None
             self._ordered = None if at_once else config
-            gather = not at_once and not self._gathering
-            self._gathering |= gather
-        if gather:
-            timer = threading.Timer(GATHER_S, self._build)
+        if not at_once:
+            timer = threading.Timer(GATHER_S, self._build, [config])
             timer.daemon = True
             timer.start()
         return at_once
@@ -183,12 +180,9 @@ class LiveChain:
             if getattr(config, name, None) != getattr(self.config, name, None)
         }
 
-    def _build(self) -> None:
-        """Build the ordered chain; call ``on_built`` unless another was ordered meanwhile."""
-        with self._lock:
-            self._gathering = False
-            config = self._ordered
-        if config is None:
+    def _build(self, config: ChainConfig) -> None:
+        """Build a chain and call ``on_built``, unless another was ordered meanwhile."""
+        if config is not self._ordered:
             return
         chain = SlipChain(config)
         settling = min(settling_rows(config), config.samples(HISTORY_S))

@@ -14,28 +14,17 @@
 
 """The slip chain (the paper's Section 2): from rows of volts to ON/OFF slip."""
 
-import contextlib
 import os
 import warnings
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slip_detector.chain import kernel
+from slip_detector.chain import kernel, stages
 from slip_detector.chain.compiled import COMPILED, LANES
 from slip_detector.chain.filters import design
-from slip_detector.chain.stages import (
-    COMMON_V,
-    DELAYS,
-    FIRST,
-    FLOOR,
-    HELD,
-    LAST,
-    LEAST_DB,
-    REPEATS,
-)
+from slip_detector.chain.stages import DELAYS, FLOOR
 from slip_detector.chain.stamps import StampGrid
 from slip_detector.parameters.detector import ChainConfig
 
@@ -47,9 +36,6 @@ BOOL_TYPE = np.dtype(np.bool_)
 
 #: Share of the memory that a chain may take; while parameters change there are two chains.
 SHARE = 0.25
-
-#: Files with the memory limit of a container in Linux, of cgroup versions 2 and 1.
-CONTAINER_LIMITS = '/sys/fs/cgroup/memory.max', '/sys/fs/cgroup/memory/memory.limit_in_bytes'
 
 
 class SlipResult:
@@ -212,14 +198,14 @@ class SlipChain:
     def reset(self) -> None:
         """Forget all rows; the next row is treated as the first."""
         self.state = kernel.aligned(_state_shape(self.config))
-        self.state[:, [LAST, FIRST]] = np.nan
+        self.state[:, [stages.LAST, stages.FIRST]] = np.nan
         comb = DELAYS + 2 * len(self._sections) + 1
         if self.config.mains_rows:
-            self.state[:, [HELD, *range(comb, comb + self.config.mains_rows)]] = np.nan
+            self.state[:, [stages.HELD, *range(comb, comb + self.config.mains_rows)]] = np.nan
         if self._evidence:
             # NaN: a floor that is not learnt begins at the first envelope.
             learnt = self.config.noise_floor_learnt
-            self.state[:, FLOOR] = self._plan.limits[:, LEAST_DB] if learnt else np.nan
+            self.state[:, FLOOR] = self._plan.limits[:, stages.LEAST_DB] if learnt else np.nan
 
     def restart(self) -> None:
         """Begin again after a gap: forget all rows, but keep the noise floors.
@@ -262,14 +248,7 @@ class SlipChain:
         """
         self.reset()
         end = DELAYS + 2 * len(self._sections) + 1 + self.config.mains_rows
-        kept = [
-            LAST,
-            REPEATS,
-            FIRST,
-            HELD,
-            COMMON_V,
-            *range(DELAYS, end),
-        ]
+        kept = [*range(stages.HOLD_ROWS), *range(DELAYS, end)]
         self.state[:, kept] = other.state[:, kept]
 
     def update(
@@ -362,29 +341,19 @@ def check_memory(config: ChainConfig, kept_s: float = 0.0) -> None:
     Raises
     ------
     ValueError
-        When they need more than :data:`SHARE` of the memory of the machine, or of the container
-        if it allows less; names the parameters that need it.
+        When they need more than :data:`SHARE` of the machine's memory.
 
     Examples
     --------
     >>> check_memory(ChainConfig(), kept_s=5.0)
     """
-    limits = [os.sysconf('SC_PAGE_SIZE') * os.sysconf('SC_PHYS_PAGES')]
-    for path in CONTAINER_LIMITS:
-        with contextlib.suppress(OSError, ValueError):  # not in a container, or "max"
-            limits.append(int(Path(path).read_text(encoding='ascii')))
     kept_rows = config.samples(kept_s) if kept_s else 0
     needed = 8 * (np.prod(_state_shape(config), dtype=float) + config.channels * kept_rows)
-    allowed = SHARE * min(limits)
+    allowed = SHARE * os.sysconf('SC_PAGE_SIZE') * os.sysconf('SC_PHYS_PAGES')
     if needed > allowed:
-        windows = [config.envelope_window_s]
-        if config.decision == 'mean':
-            windows.append(config.decision_window_s)
-        times = ' and '.join(f'{window_s:g} s' for window_s in windows)
         raise ValueError(
-            f'parameter channels is {config.channels}: with windows of {times} at '
-            f'{config.sample_rate_hz:g} Hz they take {needed / 1e9:.3g} GB of memory, allowed: '
-            f'{allowed / 1e9:.3g} GB'
+            f'parameter channels is {config.channels}: with these windows and this rate they take '
+            f'{needed / 1e9:.3g} GB of memory, allowed: {allowed / 1e9:.3g} GB'
         )
 
 

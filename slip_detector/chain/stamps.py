@@ -19,10 +19,10 @@ after a long one the chain starts again.
 """
 
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from slip_detector.chain.compiled import compiled_in_place
 
@@ -62,8 +62,10 @@ PERIOD_NS, UNTIL_NEXT_NS, MEMORY, JITTER, FASTEST_NS, SLOWEST_NS = range(6)
 LAST, FIRST_DROPPED, LAST_DROPPED = range(3)
 NONE = np.iinfo(np.int64).min
 
-# In place of the number of samples that are missing before a sample.
-DROPPED, NEW = -1, -2
+# In place of the number of samples that are missing before a sample: its stamp is not after the
+# last one, and it is dropped; or too many are missing, or the clock was set back, and the sample
+# begins a new stretch.
+BACKWARDS, NEW_STRETCH = -1, -2
 
 
 @compiled_in_place
@@ -98,7 +100,7 @@ def _follow(line, behind, rows):
 
 @compiled_in_place
 def _judge(line, stamps, max_gap_ns, stamp_ns, rows, lost):
-    """Return how many samples are missing before those of a message, or DROPPED or NEW.
+    """Return how many samples are missing before those of a message, or BACKWARDS or NEW_STRETCH.
 
     ``lost`` messages are missing before it; -1: only its stamp can tell.
     """
@@ -112,7 +114,7 @@ def _judge(line, stamps, max_gap_ns, stamp_ns, rows, lost):
     if lost >= 0:
         too_many = lost > 0 and (lost * rows + 1) * period_ns > max_gap_ns
         if too_many or step_ns - rows * period_ns > max(max_gap_ns, LONGEST_DELAY_NS):
-            return _begin(line, stamps, stamp_ns, NEW)
+            return _begin(line, stamps, stamp_ns, NEW_STRETCH)
         if step_ns <= 0:  # The clock was set back.
             return _begin(line, stamps, stamp_ns, lost * rows)
     elif step_ns <= 0:
@@ -120,14 +122,14 @@ def _judge(line, stamps, max_gap_ns, stamp_ns, rows, lost):
             stamps[FIRST_DROPPED] = stamp_ns
         stamps[LAST_DROPPED] = stamp_ns
         if stamp_ns - stamps[FIRST_DROPPED] <= max_gap_ns:
-            return DROPPED
-        return _begin(line, stamps, stamp_ns, NEW)
+            return BACKWARDS
+        return _begin(line, stamps, stamp_ns, NEW_STRETCH)
     elif behind < -LARGEST_JITTER:
         return _begin(line, stamps, stamp_ns, 0)
     else:
         missing = max(0, int(np.rint(behind - max(0.0, line[JITTER] - BEHIND_A_GAP))))
         if missing > 0 and step_ns - (rows - 1) * period_ns > max_gap_ns:
-            return _begin(line, stamps, stamp_ns, NEW)
+            return _begin(line, stamps, stamp_ns, NEW_STRETCH)
     _follow(line, behind - missing, float(rows))
     stamps[LAST], stamps[FIRST_DROPPED] = stamp_ns, NONE
     return missing * rows
@@ -138,46 +140,6 @@ def _judge_all(line, stamps, max_gap_ns, stamps_ns, verdicts):
     """Write the verdict of :func:`_judge` on each sample, by its stamp."""
     for i in range(stamps_ns.size):
         verdicts[i] = _judge(line, stamps, max_gap_ns, stamps_ns[i], 1, -1)
-
-
-class Arrival(NamedTuple):
-    """What to do with a sample.
-
-    Attributes
-    ----------
-    accepted : bool
-        Whether the sample is used; it is dropped if its stamp is not after the last one.
-    missing : int
-        Number of missing samples before it, which are bridged with the last row.
-    reset : bool
-        Whether the sample begins a new stretch: too many are missing, or the clock was set back.
-    """
-
-    accepted: bool
-    missing: int
-    reset: bool
-
-    def bridge(self, last: ArrayLike, rows: ArrayLike) -> NDArray[Any]:
-        """Return rows preceded by the missing ones, for which the last row is repeated.
-
-        Parameters
-        ----------
-        last
-            The row before the gap, shape (1, ...).
-        rows
-            The rows after the gap, shape (n, ...).
-
-        Examples
-        --------
-        >>> Arrival(accepted=True, missing=2, reset=False).bridge([4.1], [4.3])
-        array([4.1, 4.1, 4.3])
-        """
-        return np.concatenate([np.repeat(last, self.missing, axis=0), rows])
-
-
-NEXT = Arrival(True, 0, False)
-NEW_STRETCH = Arrival(True, 0, True)
-BACKWARDS = Arrival(False, 0, False)
 
 
 class MendedSamples(NamedTuple):
@@ -244,9 +206,9 @@ class StampGrid:
     Examples
     --------
     >>> grid = StampGrid(period_s=0.01, max_gap_s=0.1)
-    >>> [grid.arrive(ms * 1_000_000).missing for ms in (0, 10, 20, 50)]
+    >>> [grid.arrive(ms * 1_000_000) for ms in (0, 10, 20, 50)]
     [0, 0, 0, 2]
-    >>> grid.arrive(2_000_000_000).reset
+    >>> grid.arrive(2_000_000_000) == NEW_STRETCH
     True
     """
 
@@ -265,8 +227,11 @@ class StampGrid:
         """Time from sample to sample, by the stamps."""
         return float(self._line[PERIOD_NS])
 
-    def arrive(self, stamp_ns: int, rows: int = 1, number: int | None = None) -> Arrival:
-        """Return what to do with the samples of the next message.
+    def arrive(self, stamp_ns: int, rows: int = 1, number: int | None = None) -> int:
+        """Return how many samples are missing before those of the next message.
+
+        A short gap is to be bridged with the last row; ``BACKWARDS`` and ``NEW_STRETCH`` stand in
+        place of the number.
 
         Parameters
         ----------
@@ -283,20 +248,17 @@ class StampGrid:
         --------
         >>> grid = StampGrid(period_s=0.001, max_gap_s=0.1)
         >>> published_ms = {1: 10, 2: 20, 3: 75, 4: 76, 6: 77}  # 3 was late, 5 is missing.
-        >>> [grid.arrive(ms * 1_000_000, 10, n).missing for n, ms in published_ms.items()]
+        >>> [grid.arrive(ms * 1_000_000, 10, n) for n, ms in published_ms.items()]
         [0, 0, 0, 0, 10]
         """
         lost = -1
         if number is not None and self._number is not None and number > self._number:
             lost = number - self._number - 1
         max_gap_ns = self.max_gap_s * 1e9
-        missing = _judge(self._line, self._stamps, max_gap_ns, stamp_ns, rows, lost)
-        if missing == DROPPED:
-            return BACKWARDS
-        self._number = number
-        if missing > 0:
-            return Arrival(True, missing, False)
-        return NEXT if missing == 0 else NEW_STRETCH
+        missing = int(_judge(self._line, self._stamps, max_gap_ns, stamp_ns, rows, lost))
+        if missing != BACKWARDS:
+            self._number = number
+        return missing
 
     def skip(self, number: int | None) -> None:
         """Register the number of a message without samples, which is not missing."""
@@ -339,7 +301,7 @@ class StampGrid:
         (slice(0, 5, None), slice(5, 6, None))
         """
         verdicts = self._verdicts(stamps_ns)
-        kept = np.flatnonzero(verdicts != DROPPED)
+        kept = np.flatnonzero(verdicts != BACKWARDS)
         missing = np.maximum(verdicts[kept], 0)
         # Each sample is preceded by the missing ones, for which the one before is repeated.
         rows = missing + 1
@@ -350,7 +312,7 @@ class StampGrid:
         nth = np.arange(len(places)) - np.repeat(ends - missing, rows)
         mended_ns = np.repeat(begins_ns, rows) + _whole_ns(nth * self._nominal_ns)
         mended_ns[ends] = stamps_ns[kept]
-        starts = [0, *ends[verdicts[kept] == NEW].tolist()]
+        starts = [0, *ends[verdicts[kept] == NEW_STRETCH].tolist()]
         return MendedSamples(
             places,
             mended_ns,

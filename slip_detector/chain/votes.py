@@ -51,6 +51,8 @@ from slip_detector.chain.compiled import (
     store,
 )
 from slip_detector.chain.stages import FIRST_ROW, NO_ROW, WORD_ROWS
+from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.fields import converted
 
 #: The values of the parameter ``common_mode`` as numbers.
 NO_COMMON_MODE, MEAN, MEDIAN = range(3)
@@ -216,12 +218,9 @@ def vote_numbers(votes: Sequence[str | int]) -> NDArray[np.int64]:
     >>> vote_numbers(['all', 'mean', 2])
     array([ 0, -1,  2])
     """
-    numbers = []
-    for vote in votes:
-        count = isinstance(vote, (int, np.integer)) and not isinstance(vote, bool) and vote >= 1
-        if not count and vote not in ('all', 'mean'):
-            raise ValueError(f'vote is {vote!r}, allowed: all, mean or a count of 1 or more')
-        numbers.append({'all': VOTE_ALL, 'mean': VOTE_MEAN}.get(str(vote), vote))
+    field = ChainConfig.__dataclass_fields__['vote']
+    checked = [converted(vote, field, 'vote') for vote in votes]
+    numbers = [{'all': VOTE_ALL, 'mean': VOTE_MEAN}.get(vote, vote) for vote in checked]
     return np.array(numbers, dtype=np.int64)
 
 

@@ -30,7 +30,7 @@ from std_msgs.msg import Bool
 
 from slip_detector.chain.live_chain import HISTORY_S, INPUT_PARAMETERS, LiveChain
 from slip_detector.chain.slip_chain import check_memory
-from slip_detector.chain.stamps import Arrival, StampGrid
+from slip_detector.chain.stamps import BACKWARDS, StampGrid
 from slip_detector.nodes.health import Diagnostics, Health
 from slip_detector.nodes.inputs import Input, Senders, publishing_nodes
 from slip_detector.nodes.messages import sensor_qos
@@ -346,13 +346,13 @@ class Detector(LifecycleNode):
             # Replayed samples without stamps are taken to have no gaps.
             at_ns = self.get_clock().now().nanoseconds
         else:
-            arrival = self._stamp_grid.arrive(at_ns, len(rows), number)
-            if not arrival.accepted:
+            missing = self._stamp_grid.arrive(at_ns, len(rows), number)
+            if missing == BACKWARDS:
                 words = 'the stamp of a message is not after the one before: dropped'
                 self._note('backwards', words)
                 return
-            if arrival.missing or arrival.reset:
-                rows = self._mend(rows, arrival)
+            if missing:
+                rows = self._mend(rows, missing)
         self._heard = True
         unsettled = chain.unsettled_rows
         listened = outputs.envelope_subscribers() > 0
@@ -387,12 +387,11 @@ class Detector(LifecycleNode):
         words = f'the channels of a message are {listed(names, NAMES) or "without names"}'
         return 'names', f'{words}, allowed: {wanted or "without names"}: dropped'
 
-    def _mend(self, rows: NDArray[np.float64], arrival: Arrival) -> NDArray[np.float64]:
+    def _mend(self, rows: NDArray[np.float64], missing: int) -> NDArray[np.float64]:
         """Bridge a short gap with the last row, or restart the chain after a long one."""
-        missing = arrival.missing
-        if missing and self._last_row is not None:
+        if missing > 0 and self._last_row is not None:
             self._note('bridged', f'{missing} samples missing, bridged with the last one', missing)
-            return arrival.bridge(self._last_row, rows)
+            return np.concatenate([np.repeat(self._last_row, missing, axis=0), rows])
         self._note('reset', 'the input had a gap or its clock was set, the chain restarts')
         self._chain.restart()
         self._health.restart()

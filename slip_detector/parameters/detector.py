@@ -14,12 +14,20 @@
 
 """The parameters of the slip chain and of the detector node that runs it."""
 
-import dataclasses
 import functools
+from collections import Counter
 
-from slip_detector.parameters.chain_checks import LONGEST_COMB_S, check_chain
-from slip_detector.parameters.fields import parameter
+from slip_detector.parameters.fields import parameter, shown
 from slip_detector.parameters.sets import ParameterSet
+
+#: Lowest band edge, as a fraction of the sample rate; below it, round-off ruins the filter.
+LOWEST_EDGE = 1e-5
+
+#: Most stop-bands: each one adds a filter to the computation of every row.
+MOST_STOPBANDS = 32
+
+#: Longest delay of the mains comb; it must be whole in both rows and mains periods.
+LONGEST_COMB_S = 0.25
 
 #: Tolerance of a whole number of mains periods, in periods. It leaves -44 dB of the hum; the
 #: mains frequency itself deviates by as much.
@@ -46,7 +54,9 @@ PAPER_GROUPS: dict[str, tuple[int, ...]] = {
 given_filter = functools.partial(parameter, affects='filters')
 searched_filter = functools.partial(parameter, affects='filters', searched_with=DECISIONS)
 decision_parameter = functools.partial(parameter, affects='decision')
+searched_decision = functools.partial(parameter, affects='decision', searched_with=DECISIONS)
 of_evidence = functools.partial(parameter, affects='decision', searched_with=('evidence',))
+window = functools.partial(parameter, within=(0.0, 60.0, 's'), allows='one sample to 60 s')
 
 
 def default_channel_names(channels: int) -> tuple[str, ...]:
@@ -54,7 +64,6 @@ def default_channel_names(channels: int) -> tuple[str, ...]:
     return tuple(f'ch{channel}' for channel in range(1, channels + 1))
 
 
-@dataclasses.dataclass(frozen=True)
 class ChainConfig(ParameterSet):
     """Parameters of the slip chain; the defaults are the paper's.
 
@@ -92,6 +101,7 @@ class ChainConfig(ParameterSet):
         (-1e9, 1e9),
         'Lowest and highest value a working channel can give; beyond it a sample is bad.',
         (-1e12, 1e12, 'V'),
+        rising=True,
     )
     flat_after_s: float = decision_parameter(
         1.0, 'A channel with one value for this long cannot vote; 0: no check.', (0.0, 3600.0, 's')
@@ -100,10 +110,7 @@ class ChainConfig(ParameterSet):
         0.1, 'A longer gap in the input resets the chain, a shorter is bridged.', (0.0, 60.0, 's')
     )
     common_mode: str = searched_filter(
-        'none',
-        'What is subtracted from each row as common to all channels.',
-        choices=COMMON_MODES,
-        heading='Interference',
+        'none', 'Subtracted from each row.', choices=COMMON_MODES, heading='Interference'
     )
     mains_hz: float = searched_filter(
         0.0,
@@ -144,19 +151,11 @@ class ChainConfig(ParameterSet):
         'full', 'Full or half wave (Eq. 3).', choices=('full', 'half'), heading='Envelope'
     )
     exponent: int = searched_filter(3, 'Power of the rectified signal (Eq. 3-5).', (1, 6))
-    envelope_window_s: float = parameter(
-        0.04,
-        'Window of the RMS envelope (Eq. 6-8).',
-        (0.0, 60.0, 's'),
-        allows='one sample to 60 s',
-        searched_with=DECISIONS,
+    envelope_window_s: float = window(
+        0.04, 'Window of the RMS envelope (Eq. 6-8).', searched_with=DECISIONS
     )
-    decision_window_s: float = parameter(
-        0.04,
-        'Window of the mean that is compared with the threshold.',
-        (0.0, 60.0, 's'),
-        allows='one sample to 60 s',
-        searched_with=('mean',),
+    decision_window_s: float = window(
+        0.04, 'Window of the mean that the threshold is for.', searched_with=('mean',)
     )
     decision: str = parameter(
         'mean',
@@ -207,20 +206,16 @@ class ChainConfig(ParameterSet):
     impact_hold_s: float = of_evidence(
         0.3, 'For this time after an impact no channel is above its floor.', (0.0, 60.0, 's')
     )
-    threshold: float = parameter(
+    threshold: float = searched_decision(
         0.5,
         'Level above which a channel is ON; with evidence in dB s, and OFF at half of it.',
         (1e-30, 1e30),
         heading='Threshold and vote',
-        affects='decision',
-        searched_with=DECISIONS,
     )
-    vote: str | int = parameter(
+    vote: str | int = searched_decision(
         'all',
         'When a group is ON: all channels, k of them, or mean (geometric, of level / threshold).',
         allows='all, mean, or 1 to the size of the smallest group',
-        affects='decision',
-        searched_with=DECISIONS,
     )
     groups: dict[str, tuple[int, ...]] = parameter(
         {},
@@ -234,7 +229,9 @@ class ChainConfig(ParameterSet):
         super().__post_init__()
         if not self.groups:
             object.__setattr__(self, 'groups', self._default_groups())
-        check_chain(self)
+        self._check_channels()
+        self._check_filters()
+        self._check_decision()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -276,8 +273,66 @@ class ChainConfig(ParameterSet):
         left = {n: tuple(c for c in members if c not in disabled) for n, members in groups.items()}
         return {name: members for name, members in left.items() if members}
 
+    def _check_channels(self) -> None:
+        channels, names, disabled = self.channels, self.channel_names, set(self.disabled_channels)
+        text = f'{channels}, the number of channels'
+        self.require(len(names) in (0, channels), 'channel_names', text, f'has {len(names)} names')
+        known = set(range(1, channels + 1))
+        self.require(disabled < known, 'disabled_channels', f'some of 1 to {channels}, not all')
+        times = Counter(channel for group in self.groups.values() for channel in group)
+        odd = [c for c in (known - disabled) | times.keys() if times[c] != 1 or c not in known]
+        text = f'each of 1 to {channels} in one group, or in disabled_channels'
+        self.require(not odd, 'groups', text, f'does not have once: {shown(sorted(odd))}')
+        self.require(all(self.groups.values()), 'groups', 'no empty group')
+        most = min(filter(None, (len({*group} - disabled) for group in self.groups.values())))
+        text = f'at most {most}, the enabled channels of the smallest group'
+        self.require(isinstance(self.vote, str) or self.vote <= most, 'vote', text)
 
-@dataclasses.dataclass(frozen=True)
+    def _check_filters(self) -> None:
+        low, high = self.passband_hz
+        # Rounding can put 1e-5 times the rate one last digit above the number that a user writes.
+        lowest_hz = LOWEST_EDGE * self.sample_rate_hz * (1 - 1e-12)
+        nyquist_hz = self.sample_rate_hz / 2
+        text = f'rising, {lowest_hz:g} Hz to below {nyquist_hz:g} Hz (half the sample rate)'
+        # A high edge of 0 makes a high-pass.
+        bands = [('passband_hz', (low, high) if high else (low,))]
+        for name, edges in bands + [('stopbands_hz', pair) for pair in self.stopbands_hz]:
+            rising = lowest_hz <= edges[0] and [*edges] == sorted({*edges})
+            said = f'has {" and ".join(f"{edge:g}" for edge in edges)} Hz'
+            self.require(rising and edges[-1] < nyquist_hz, name, text, said)
+        text = 'an even number (a band-pass has two edges of equal degree)'
+        self.require(not (high and self.passband_degree % 2), 'passband_degree', text)
+        self.require(self.stopband_degree % 2 == 0, 'stopband_degree', 'an even number')
+        pairs, most = len(self.stopbands_hz), MOST_STOPBANDS
+        self.require(pairs <= most, 'stopbands_hz', f'at most {most}', f'has {pairs} pairs')
+        text = f'0, or a frequency with whole periods in at most {LONGEST_COMB_S:g} s of rows'
+        self.require(not self.mains_hz or self.mains_rows > 0, 'mains_hz', text)
+        text = f'at least one sample ({1 / self.sample_rate_hz:.6g} s)'
+        for name in ('envelope_window_s', 'decision_window_s'):
+            self.require(getattr(self, name) * self.sample_rate_hz >= 1 - 1e-6, name, text)
+
+    def _check_decision(self) -> None:
+        """Check the parameters of the evidence; without it, only the number of floors."""
+        floors, channels, evidence = (
+            len(self.noise_floor),
+            self.channels,
+            self.decision == 'evidence',
+        )
+        text = f'one number, or {channels}, one for each channel'
+        allowed = (1, channels) if evidence else range(channels + 1)
+        self.require(floors in allowed, 'noise_floor', text, f'has {floors} numbers')
+        if not evidence:
+            return
+        offset_db, limit_db_s = self.evidence_offset_db, self.evidence_limit_db_s
+        text = f'above evidence_offset_db ({offset_db:g} dB)'
+        self.require(self.evidence_cap_db > offset_db, 'evidence_cap_db', text)
+        text = f'below evidence_limit_db_s ({limit_db_s:g} dB s)'
+        self.require(self.threshold < limit_db_s, 'threshold', text)
+        enabled = channels - len(set(self.disabled_channels))
+        text = f'at most {enabled}, the number of enabled channels'
+        self.require(not self.impact_v or self.impact_channels <= enabled, 'impact_channels', text)
+
+
 class DetectorConfig(ChainConfig):
     """Parameters of the detector node: those of the chain, and those of its input and topics.
 
@@ -329,7 +384,7 @@ class DetectorConfig(ChainConfig):
     def __post_init__(self) -> None:
         """Check the chain, and that all channels have a position or none has."""
         super().__post_init__()
-        numbers = len(self.taxel_positions_m)
-        if numbers not in (0, 3 * self.channels):
-            allowed = f'{3 * self.channels}, three for each channel, or none'
-            self.refuse('taxel_positions_m', allowed, f'has {numbers} numbers')
+        numbers, wanted = len(self.taxel_positions_m), 3 * self.channels
+        text = f'{wanted}, three for each channel, or none'
+        said = f'has {numbers} numbers'
+        self.require(numbers in (0, wanted), 'taxel_positions_m', text, said)

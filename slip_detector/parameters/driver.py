@@ -14,13 +14,10 @@
 
 """The parameters of the driver node, and those of them that describe a recording."""
 
-import dataclasses
-
 from slip_detector.parameters.fields import parameter
 from slip_detector.parameters.sets import ParameterSet
 
 
-@dataclasses.dataclass(frozen=True)
 class RecordingConfig(ParameterSet):
     """Where in a recording the samples and the labels are, and how they are read.
 
@@ -64,7 +61,6 @@ class RecordingConfig(ParameterSet):
     )
 
 
-@dataclasses.dataclass(frozen=True)
 class DriverConfig(RecordingConfig):
     """Parameters of the driver node: where its samples come from and how it publishes them.
 

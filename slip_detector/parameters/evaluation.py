@@ -14,13 +14,10 @@
 
 """The parameters of the evaluation and of the search."""
 
-import dataclasses
-
 from slip_detector.parameters.fields import parameter
 from slip_detector.parameters.sets import ParameterSet
 
 
-@dataclasses.dataclass(frozen=True)
 class EvaluationConfig(ParameterSet):
     """Parameters of the evaluation: what counts as detected, and which rows are rows of motion.
 
@@ -55,12 +52,10 @@ class EvaluationConfig(ParameterSet):
     def __post_init__(self) -> None:
         """Check the fields against each other."""
         super().__post_init__()
-        if self.motion_columns and not self.motion_key:
-            allowed = 'the name of an array, as motion_columns names columns of it'
-            self.refuse('motion_key', allowed)
+        text = 'the name of an array, as motion_columns names columns of it'
+        self.require(not self.motion_columns or self.motion_key != '', 'motion_key', text)
 
 
-@dataclasses.dataclass(frozen=True)
 class TuneConfig(ParameterSet):
     """Parameters of the search: the cost, in ms, of each kind of error of a chain.
 

@@ -20,12 +20,12 @@ import math
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, NoReturn, get_args
+from typing import Any, NoReturn, get_args, get_origin
 
 Field = dataclasses.Field[Any]
 
 #: Allowed names of channels and groups; they become parts of topic names.
-NAME_PATTERN = re.compile(r'[A-Za-z][A-Za-z0-9_]*')
+NAME_PATTERN = re.compile('[A-Za-z][A-Za-z0-9_]*')
 
 #: Most characters of a value that a message shows.
 LONGEST_SHOWN = 200
@@ -41,6 +41,7 @@ def parameter(
     heading: str = '',
     affects: str = '',
     searched_with: tuple[str, ...] = (),
+    rising: bool = False,
 ) -> Any:
     """Return a dataclass field that describes one parameter; conversion and checks read it.
 
@@ -68,13 +69,13 @@ def parameter(
         topics that the live page listens to.
     searched_with
         The decisions with which the tuner searches the parameter.
+    rising
+        Whether no number of a list may be below the one before it.
 
     Examples
     --------
-    >>> import dataclasses
     >>> from slip_detector.parameters.sets import ParameterSet
-    >>> @dataclasses.dataclass(frozen=True)
-    ... class Gripper(ParameterSet):
+    >>> class Gripper(ParameterSet):
     ...     force_n: float = parameter(2.0, 'Grip force.', (0.1, 40.0, 'N'))
     >>> Gripper(force_n=3)
     Gripper(force_n=3.0)
@@ -86,10 +87,10 @@ def parameter(
     metadata = {
         **{'meaning': meaning, 'low': low, 'high': high, 'unit': unit},
         **{'choices': choices, 'allows': allows, 'heading': heading},
-        **{'affects': affects.split(), 'searched_with': searched_with},
+        **{'affects': affects.split(), 'searched_with': searched_with, 'rising': rising},
     }
     if isinstance(default, dict):
-        return dataclasses.field(default_factory=lambda: dict(default), metadata=metadata)
+        return dataclasses.field(default_factory=default.copy, metadata=metadata)
     return dataclasses.field(default=default, metadata=metadata)
 
 
@@ -107,11 +108,8 @@ def names_that_affect(config_class: type[Any], part: str) -> frozenset[str]:
 
 
 def default_of(field: Field) -> Any:
-    """Return the default of a dataclass field, also if it has a default factory."""
-    if field.default is not dataclasses.MISSING:
-        return field.default
-    assert field.default_factory is not dataclasses.MISSING
-    return field.default_factory()
+    """Return the default of a field of a parameter set; only one is a dictionary, of groups."""
+    return {} if field.default is dataclasses.MISSING else field.default
 
 
 def allowed(field: Field) -> str:
@@ -130,7 +128,7 @@ def allowed(field: Field) -> str:
     low, high = metadata['low'], metadata['high']
     if low is not None:
         return f'at least {low:g}{unit}' if high is None else f'{low:g} to {high:g}{unit}'
-    return 'true, false' if isinstance(default_of(field), bool) else ''
+    return 'true, false' if field.type is bool else ''
 
 
 def under_headings(config_class: type[Any]) -> dict[str, list[Field]]:
@@ -212,31 +210,24 @@ def converted(value: Any, field: Field, where: str) -> Any:
     >>> converted([0.5, 7, '48', 52], stopbands, 'parameter stopbands_hz')
     ((0.5, 7.0), (48.0, 52.0))
     """
-    default = default_of(field)
+    kind, items = field.type, get_args(field.type)
     if field.name == 'vote':
         return _vote(value, where)
-    if isinstance(default, dict):
+    if get_origin(kind) is dict:
         return _groups(value, where)
-    if isinstance(default, bool):
-        return value if isinstance(value, bool) else _refuse_value(value, where, 'true, false')
-    if isinstance(default, (int, float)):
-        return _number(value, type(default), where, field)
-    if isinstance(default, str):
-        if isinstance(value, str) and value in (field.metadata['choices'] or (value,)):
+    if kind in (int, float):
+        return _number(value, kind, where, field)
+    if kind in (bool, str):
+        if isinstance(value, kind) and value in (field.metadata['choices'] or (value,)):
             return value
         _refuse_value(value, where, allowed(field) or 'text')
     if field.name == 'noise_floor' and _is_single(value):
         value = [value]
     if _is_single(value):
         _refuse_value(value, where, 'a list')
-    if field.name == 'channel_names':
-        return _names(value, where)
-    if str in get_args(field.type):
-        for text in value:
-            if not isinstance(text, str) or not text:
-                refuse(f'{where} has {shown(text)}', 'a list of names')
-        return tuple(value)
-    return _numbers(value, default, where, field)
+    if items[0] is str:
+        return _names(value, where, for_topics=field.name == 'channel_names')
+    return _numbers(value, items, where, field)
 
 
 def _is_single(value: Any) -> bool:
@@ -247,23 +238,17 @@ def _refuse_value(value: Any, where: str, allowed_text: str) -> NoReturn:
     refuse(f'{where} is {shown(value)}', allowed_text)
 
 
-def _number(value: Any, kind: type, where: str, field: Field | None = None) -> Any:
+def _number(value: Any, kind: Any, where: str, field: Field | None = None) -> Any:
     """Return a value as int or float, within the bounds of its field."""
-    if isinstance(value, str) and value.isascii() and '_' not in value and kind is float:
-        # PyYAML reads 1e9 as text (YAML 1.1 wants 1.0e+9), ROS reads it as a number. Python's 1_0
-        # is a number in neither.
-        with contextlib.suppress(ValueError):
-            value = float(value)
-    wanted = 'a whole number' if kind is int else 'a number'
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        _refuse_value(value, where, wanted)
-    if isinstance(value, int) and abs(value) > 10**308:
-        refuse(f'{where} has too many digits', f'{wanted} below 1e308')
-    number = float(value)
-    if math.isnan(number):
-        refuse(f'{where} is not a number', wanted)
-    if kind is int and not number.is_integer():
-        _refuse_value(value, where, wanted)
+    # PyYAML reads 1e9 as text (YAML 1.1 wants 1.0e+9), ROS reads it as a number.
+    able = int | float if kind is int else int | float | str
+    number = math.nan
+    with contextlib.suppress(ValueError, OverflowError):
+        number = (
+            float(value) if isinstance(value, able) and not isinstance(value, bool) else number
+        )
+    if math.isnan(number) or (kind is int and not number.is_integer()):
+        _refuse_value(value, where, 'a whole number' if kind is int else 'a number')
     if field is not None:
         low, high = field.metadata['low'], field.metadata['high']
         if (low is not None and number < low) or (high is not None and number > high):
@@ -271,18 +256,18 @@ def _number(value: Any, kind: type, where: str, field: Field | None = None) -> A
     return kind(value)
 
 
-def _numbers(items: Iterable[Any], default: Any, where: str, field: Field) -> tuple[Any, ...]:
+def _numbers(values: Iterable[Any], items: tuple[Any, ...], where: str, field: Field) -> Any:
     """Return numbers as a tuple, or as a tuple of pairs, which may be given as a flat list."""
-    pairs = bool(default) and isinstance(default[0], tuple)
-    flat: list[Any] = []
-    for item in items:
-        flat += [item] if not pairs or _is_single(item) else item
-    kind = int if field.name.endswith('_channels') else float
+    pairs = get_origin(items[0]) is tuple
+    flat = [n for v in values for n in (v if pairs and not _is_single(v) else (v,))]
+    kind = int if items[0] is int else float
     numbers = tuple(_number(item, kind, where, field) for item in flat)
     if pairs and len(numbers) % 2:
         refuse(f'{where} has {len(numbers)} numbers', 'pairs [low, high]')
-    if not pairs and Ellipsis not in get_args(field.type) and len(numbers) != len(default):
-        refuse(f'{where} has {len(numbers)} numbers', f'{len(default)}')
+    if Ellipsis not in items and len(numbers) != len(items):
+        refuse(f'{where} has {len(numbers)} numbers', f'{len(items)}')
+    if field.metadata['rising'] and list(numbers) != sorted(numbers):
+        _refuse_value(numbers, where, 'no number below the one before it')
     return tuple(zip(numbers[::2], numbers[1::2], strict=True)) if pairs else numbers
 
 
@@ -294,22 +279,21 @@ def _vote(value: Any, where: str) -> str | int:
     _refuse_value(value, where, 'all, mean, or a whole number from 1')
 
 
-def _names(value: Iterable[Any], where: str) -> tuple[str, ...]:
-    names = tuple(value)
+def _names(values: Iterable[Any], where: str, for_topics: bool = True) -> tuple[str, ...]:
+    """Return names, each once; those of channels and groups become parts of topic names."""
+    names = tuple(values)
     for name in names:
-        if not isinstance(name, str) or not NAME_PATTERN.fullmatch(name):
-            refuse(f'{where} has {shown(name)}', 'letters, digits and _, a letter first')
+        if not isinstance(name, str) or not (NAME_PATTERN.fullmatch(name) if for_topics else name):
+            text = 'letters, digits and _, a letter first' if for_topics else 'a list of names'
+            refuse(f'{where} has {shown(name)}', text)
     check_once(names, where, 'name')
     return names
 
 
 def _groups(value: Any, where: str) -> dict[str, tuple[int, ...]]:
-    if not isinstance(value, Mapping):
+    if not isinstance(value, Mapping) or any(map(_is_single, value.values())):
         _refuse_value(value, where, 'a list of channel numbers per name')
     groups = {}
     for name in _names(value, where):
-        inner = f'{where}.{name}'
-        if _is_single(value[name]):
-            _refuse_value(value[name], inner, 'a list of channel numbers')
-        groups[name] = tuple(_number(member, int, inner) for member in value[name])
+        groups[name] = tuple(_number(member, int, f'{where}.{name}') for member in value[name])
     return groups

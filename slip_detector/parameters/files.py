@@ -20,7 +20,7 @@ import re
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 import yaml
 
@@ -137,7 +137,7 @@ def check_writable(path: Path) -> None:
     with write_errors_of(path):
         if path.exists():
             if not path.is_file():  # Writing would replace a device by a file.
-                raise OSError(0, 'is a folder' if path.is_dir() else 'is no file')
+                raise OSError(0, 'is no file')
             with open(path, 'ab'):
                 pass
         # whole_file needs to write beside it.
@@ -183,8 +183,8 @@ def writable_folder(folder: Path) -> Path:
     return folder
 
 
-class _RefusedError(Exception):
-    """A place in a YAML file, and why it is refused."""
+def _refuse(place: Any, problem: str) -> NoReturn:
+    raise yaml.MarkedYAMLError(problem=problem, problem_mark=place.start_mark)
 
 
 class _Loader(yaml.SafeLoader):
@@ -193,22 +193,18 @@ class _Loader(yaml.SafeLoader):
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
         """Parse the next node."""
         event: Any = self.peek_event()  # type: ignore[no-untyped-call]
-        where = f'line {event.start_mark.line + 1}'
         if isinstance(event, yaml.AliasEvent):  # As ROS does: some lines can stand for billions.
-            raise _RefusedError(f'{where}: has an alias, allowed: the value itself')
+            _refuse(event, 'has an alias, allowed: the value itself')
         node: Any = super().compose_node(parent, index)  # type: ignore[arg-type]
         if node.tag.endswith((':int', ':float')) and _ODD_NUMBER.match(str(node.value)):
-            allowed = 'allowed: a decimal number, or a text in quotes'
-            number = shortened(str(node.value))
-            raise _RefusedError(f'{where}: {number} is not a number as it looks, {allowed}')
-        lines: dict[str, int] = {}
-        keys = [key for key, _ in node.value] if isinstance(node, yaml.MappingNode) else []
-        for key in keys:
-            line, name = key.start_mark.line + 1, str(key.value)
-            if name in lines:  # YAML takes the last one. `1` and `'1'` are the same name.
-                again = f'has {shortened(name)} again, as in line {lines[name]}'
-                raise _RefusedError(f'line {line}: {again}, allowed: once')
-            lines[name] = line
+            number = f'{shortened(str(node.value))} is not a number as it looks'
+            _refuse(node, f'{number}, allowed: a decimal number, or a text in quotes')
+        names = set()
+        for key, _ in node.value if isinstance(node, yaml.MappingNode) else ():
+            name = str(key.value)  # YAML takes the last one. `1` and `'1'` are the same name.
+            if name in names:
+                _refuse(key, f'has {shortened(name)} again, allowed: once')
+            names.add(name)
         return node  # type: ignore[no-any-return]
 
 
@@ -259,19 +255,14 @@ def _parsed(path: str | Path, parse: Callable[[_Loader], Any]) -> Any:
         raise ValueError(f'{path}: has more than {MOST_BYTES} bytes, allowed: fewer')
     try:
         return parse(_Loader(content.decode()))
-    except UnicodeDecodeError:
-        said = ': is not text, allowed: a YAML file'
+    except yaml.MarkedYAMLError as error:
+        line = error.problem_mark.line + 1 if error.problem_mark else 1
+        said = f'line {line}: {shortened(error.problem or "is not YAML")}'
+    except (yaml.YAMLError, ValueError, LookupError, AttributeError, ArithmeticError):
+        said = 'is not YAML (it is not text, or a value is not what its tag or its form says)'
     except RecursionError:
-        said = ': is nested too deeply, allowed: 200 levels'
-    except _RefusedError as error:
-        said = f': {error}'
-    except yaml.YAMLError as error:
-        mark = getattr(error, 'problem_mark', None)
-        problem = getattr(error, 'problem', None) or 'cannot be parsed'
-        said = f':{f" line {mark.line + 1}" if mark else ""} is not YAML ({shortened(problem)})'
-    except (ValueError, LookupError, AttributeError, ArithmeticError):
-        said = ': is not YAML (a value is not what its tag or its form says)'
-    raise ValueError(f'{path}{said}')
+        said = 'is nested too deeply, allowed: 200 levels'
+    raise ValueError(f'{path}: {said}')
 
 
 def write_yaml(path: Path, document: Mapping[str, Any], comments: Iterable[str] = ()) -> None:

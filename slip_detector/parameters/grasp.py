@@ -14,7 +14,6 @@
 
 """The parameters of the grasp controller."""
 
-import dataclasses
 import re
 from typing import Any
 
@@ -28,7 +27,6 @@ JOINT_STATE, FLOAT64_ARRAY = 'sensor_msgs/msg/JointState', 'std_msgs/msg/Float64
 TOPIC_PATTERN = re.compile(r'(?!.{129})(/|~/)?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*')
 
 
-@dataclasses.dataclass(frozen=True)
 class GraspConfig(ParameterSet):
     """Parameters of the grasp controller.
 
@@ -91,20 +89,14 @@ class GraspConfig(ParameterSet):
     def __post_init__(self) -> None:
         """Check the fields against each other."""
         super().__post_init__()
-        if self.grip_n > self.limit_n:
-            self.refuse('grip_n', f'at most limit_n, {self.limit_n:g} N')
-        if self.step_factor == 1.0 and self.step_n == 0.0:
-            allowed = 'one of them larger, else slip changes nothing'
-            self.refuse('step_factor', allowed, 'is 1 and step_n is 0')
-        if not TOPIC_PATTERN.fullmatch(self.command_topic):
-            allowed = 'names of letters, digits and _ with / between, no digit first, at most 128'
-            self.refuse('command_topic', allowed)
-        joints = self.command_joints
-        if not joints or len(set(joints)) < len(joints):
-            self.refuse('command_joints', 'at least one name, each once', f'is {list(joints)}')
-        if self.command_factor == 0.0:
-            allowed = 'any other number from -1e+06 to 1e+06, else nothing grips'
-            self.refuse('command_factor', allowed)
+        text = f'at most limit_n, {self.limit_n:g} N'
+        self.require(self.grip_n <= self.limit_n, 'grip_n', text)
+        text, said = 'one of them larger, else slip changes nothing', 'is 1 and step_n is 0'
+        self.require(self.step_factor > 1.0 or self.step_n > 0.0, 'step_factor', text, said)
+        text = 'names of letters, digits and _ with / between, no digit first, at most 128'
+        self.require(bool(TOPIC_PATTERN.fullmatch(self.command_topic)), 'command_topic', text)
+        self.require(len(self.command_joints) > 0, 'command_joints', 'at least one name')
+        self.require(self.command_factor != 0.0, 'command_factor', 'not 0, else nothing grips')
 
 
 def commands_of_a_scene() -> dict[str, Any]:

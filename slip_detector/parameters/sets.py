@@ -23,12 +23,22 @@ with the parameter, its value and what is allowed.
 import dataclasses
 import difflib
 import re
+from collections import namedtuple
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
-from slip_detector.parameters.fields import converted, listed, refuse, shown, shown_name
+from slip_detector.parameters.fields import Field, converted, refuse, shown, shown_name
 from slip_detector.parameters.files import read_yaml, yaml_text
+
+if TYPE_CHECKING:
+    from typing_extensions import dataclass_transform
+else:  # Python 3.10 has none.
+
+    def dataclass_transform(**_):
+        """Return a decorator that tells type checkers what the subclasses of a class are."""
+        return lambda base: base
+
 
 #: Parameters that rclpy itself declares and reads for every node.
 OF_RCLPY = ('use_sim_time', 'start_type_description_service', 'qos_overrides')
@@ -40,9 +50,9 @@ Section = tuple[str, dict[str, Any]]
 ConfigType = TypeVar('ConfigType', bound='ParameterSet')
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclass_transform(frozen_default=True)
 class ParameterSet:
-    """Base class of all sets of parameters: conversion, checks and YAML.
+    """Base class of all sets of parameters, frozen dataclasses: conversion, checks and YAML.
 
     Examples
     --------
@@ -59,8 +69,11 @@ class ParameterSet:
     #: Name of the node or command whose section of a parameter file has these parameters.
     NODE = ''
 
+    __dataclass_fields__: ClassVar[dict[str, Field]]
+
     def __init_subclass__(cls) -> None:
-        """Make this class the parameter set of its node's section, if it defines ``NODE``."""
+        """Make this class a dataclass, and the set of its node's section if it has ``NODE``."""
+        dataclasses.dataclass(frozen=True)(cls)
         if 'NODE' in cls.__dict__:
             SECTIONS[cls.NODE] = cls
 
@@ -70,19 +83,24 @@ class ParameterSet:
             value = converted(getattr(self, field.name), field, f'parameter {field.name}')
             object.__setattr__(self, field.name, value)
 
-    def refuse(self, name: str, allowed_text: str, what: str = '') -> NoReturn:
+    def require(self, holds: bool, name: str, allowed_text: str, what: str = '') -> None:
         """Raise the ValueError of a parameter that does not go with the others.
 
         Parameters
         ----------
+        holds
+            Whether it does.
         name, allowed_text
             The parameter, and what is allowed.
         what
             What is wrong with it; empty: its value.
         """
-        value, unit = getattr(self, name), self.__dataclass_fields__[name].metadata['unit']
-        text = f'{value:g} {unit}'.rstrip() if isinstance(value, (int, float)) else shown(value)
-        refuse(f'parameter {name} {what or f"is {text}"}', allowed_text)
+        if not holds:
+            value, unit = getattr(self, name), self.__dataclass_fields__[name].metadata['unit']
+            text = (
+                f'{value:g} {unit}'.rstrip() if isinstance(value, (int, float)) else shown(value)
+            )
+            refuse(f'parameter {name} {what or f"is {text}"}', allowed_text)
 
     @classmethod
     def from_parameters(
@@ -102,30 +120,24 @@ class ParameterSet:
         ValueError
             For an unknown name or a value that is not allowed.
         """
-        try:
-            return cls(**cls._nested(parameters))
-        except ValueError as error:
-            raise ValueError(f'{where}: {error}' if where else str(error)) from None
-
-    @classmethod
-    def _nested(cls, parameters: Mapping[str, Any]) -> dict[str, Any]:
-        """Return values by the names of fields, whatever names ROS has for parts of them."""
         known = [field.name for field in dataclasses.fields(cls)]
         values: dict[str, Any] = {}
-        nested: dict[str, dict[str, Any]] = {}
-        for name, value in parameters.items():
-            head, point, tail = str(name).partition('.')  # In YAML a name may be a number.
-            if head not in known or (point and (head != 'groups' or not tail)):
-                label = f'{shown_name(str(name))} = {shown(value)}'
-                raise ValueError(f'unknown parameter {label}; {cls._hint(str(name), known)}')
-            if point:
-                nested.setdefault(head, {})[tail] = value
-            else:
-                values[head] = value
-        for head in nested.keys() & values.keys():
-            names = listed([f'{head}.{tail}' for tail in nested[head]])
-            refuse(f'parameter {head} is given beside {names}', 'either')
-        return values | nested
+        groups: dict[str, Any] = {}
+        try:
+            for name, value in parameters.items():
+                head, _, tail = str(name).partition('.')  # In YAML a name may be a number.
+                if name in known:
+                    values[name] = value
+                elif head == 'groups' and head in known and tail:
+                    groups[tail] = value
+                else:
+                    label = f'{shown_name(str(name))} = {shown(value)}'
+                    raise ValueError(f'unknown parameter {label}; {cls._hint(str(name), known)}')
+            if groups and 'groups' in values:
+                refuse('parameter groups is given beside groups.<name>', 'either')
+            return cls(**values | ({'groups': groups} if groups else {}))
+        except ValueError as error:
+            raise ValueError(f'{where}: {error}' if where else str(error)) from None
 
     @classmethod
     def _hint(cls, name: str, known: Sequence[str]) -> str:
@@ -152,7 +164,7 @@ class ParameterSet:
 
     def to_parameters(self) -> dict[str, Any]:
         """Return names and values in the form that ROS uses: flat lists, ``groups.TP``."""
-        return _flattened(self._as_in_yaml(), '')
+        return _flattened(self._as_in_yaml())
 
     def to_yaml(self) -> str:
         """Return the text of a ROS parameter file that :meth:`from_yaml` and the node read."""
@@ -163,17 +175,36 @@ class ParameterSet:
         return {f'/**/{self.NODE}': {'ros__parameters': self._as_in_yaml()}}
 
     def _as_in_yaml(self) -> dict[str, Any]:
-        values: dict[str, Any] = {}
-        for field in dataclasses.fields(self):
-            value = values[field.name] = getattr(self, field.name)
-            if isinstance(value, dict):
-                values[field.name] = {key: list(item) for key, item in value.items()}
-            elif isinstance(value, tuple):
-                pairs = value and isinstance(value[0], tuple)
-                values[field.name] = (
-                    [edge for pair in value for edge in pair] if pairs else [*value]
-                )
-        return values
+        return {
+            field.name: _plain(getattr(self, field.name)) for field in dataclasses.fields(self)
+        }
+
+
+class CompiledSet(ParameterSet):
+    """A set whose values compiled code takes, as a named tuple, which Numba can take."""
+
+    Numbers: ClassVar[Any]
+
+    def __init_subclass__(cls) -> None:
+        """Make the class of the named tuple."""
+        super().__init_subclass__()
+        numbers: Any = namedtuple('Numbers', [*cls.__annotations__], module=cls.__module__)  # type: ignore[misc]
+        cls.Numbers = numbers
+        # By this name Numba finds the tuple of a function that it has compiled in another process.
+        cls.Numbers.__qualname__ = f'{cls.__qualname__}.Numbers'
+
+    def numbers(self) -> Any:
+        """Return the named tuple of the values."""
+        return self.Numbers(*(getattr(self, name) for name in self.Numbers._fields))
+
+
+def _plain(value: Any) -> Any:
+    """Return a value with lists in place of tuples, and a flat one in place of pairs."""
+    if isinstance(value, dict):
+        return {name: [*items] for name, items in value.items()}
+    if isinstance(value, tuple):
+        return [n for item in value for n in (item if isinstance(item, tuple) else (item,))]
+    return value
 
 
 #: The parameter set of each section of a parameter file, by the name of its node or command. The
@@ -234,7 +265,7 @@ def read_parameter_file(path: str | Path, node: str, running: str = '') -> dict[
     merged: dict[str, Any] = {}
     for section, parameters in sections:
         if matches(section, running) if running else node_of(section) in (node, '**'):
-            merged.update(_flattened(parameters, f'{path}: section {section}'))
+            merged.update(_flattened(parameters))
     named = [name for name, _ in sections if node_of(name) == node and '*' not in name]
     if len(named) > 1 and not running:
         raise ValueError(f'{path}: has sections for {", ".join(named)}, allowed: one namespace')
@@ -259,13 +290,13 @@ def names_for_others(path: str | Path, node: str) -> set[str]:
     ...     names_for_others(file, 'slip_detector')
     {'grip_n'}
     """
-    named: dict[str, set[str]] = {'**': set(), node: set()}
-    for section, parameters in _sections_in(path):
-        if node_of(section) in named:
-            flat = _flattened(parameters, f'{path}: section {section}')
-            named[node_of(section)].update(flat)
-    owners = {name: nodes_that_know(name) for name in named['**'] - named[node]}
-    return {name for name, nodes in owners.items() if nodes and node not in nodes}
+    names = {
+        name
+        for section, parameters in _sections_in(path)
+        if node_of(section) == '**'
+        for name in _flattened(parameters)
+    }
+    return {name for name in names if node not in (nodes_that_know(name) or [node])}
 
 
 def our_sections(path: str | Path) -> list[Section]:
@@ -319,14 +350,13 @@ def sections_of(document: Mapping[str, Any], path: str, namespace: str = '') -> 
     """
     for name, content in document.items():
         section = f'{namespace}/{name}' if namespace else str(name)
-        if not isinstance(content, Mapping) or not content:
-            raise ValueError(f'{path}: section {section} has no ros__parameters')
-        if 'ros__parameters' not in content:
-            yield from sections_of(content, path, section)
-        elif isinstance(content['ros__parameters'], dict):
-            yield section, content['ros__parameters']
-        else:
+        own = content.get('ros__parameters', content) if isinstance(content, dict) else None
+        if not isinstance(own, dict) or not content:
             raise ValueError(f'{path}: section {section} has no names under ros__parameters')
+        if own is content:
+            yield from sections_of(content, path, section)
+        else:
+            yield section, own
 
 
 def matches(section: str, node: str) -> bool:
@@ -381,16 +411,12 @@ def node_of(section: str) -> str:
     return section.rsplit('/', 1)[-1]
 
 
-def _flattened(values: Mapping[str, Any], where: str, prefix: str = '') -> dict[str, Any]:
-    """Return values by their names with points; ``where`` says in an error what has them."""
+def _flattened(values: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
+    """Return values by their names with points."""
     flat: dict[str, Any] = {}
     for key, value in values.items():
         name = f'{prefix}{key}'
-        nested = isinstance(value, Mapping)
-        inner = _flattened(value, where, f'{name}.') if nested else {name: value}
-        if flat.keys() & inner:
-            refuse(f'{where} has {min(flat.keys() & inner)} again', 'once')
-        flat.update(inner)
+        flat |= _flattened(value, f'{name}.') if isinstance(value, Mapping) else {name: value}
     return flat
 
 

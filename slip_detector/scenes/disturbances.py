@@ -14,7 +14,6 @@
 
 """What disturbs a grip: hum, tremor, taps and rolling."""
 
-import dataclasses
 from typing import Any
 
 import numpy as np
@@ -22,8 +21,7 @@ from numpy.typing import NDArray
 
 from slip_detector.chain.compiled import compiled
 from slip_detector.parameters.fields import parameter
-from slip_detector.parameters.sets import ParameterSet
-from slip_detector.scenes.part import Part
+from slip_detector.parameters.sets import CompiledSet, ParameterSet
 
 Floats = NDArray[np.float64]
 
@@ -53,7 +51,6 @@ def sines_rate_at(t, sines):
     return total
 
 
-@dataclasses.dataclass(frozen=True)
 class Hum(ParameterSet):
     """Mains hum, the same on all channels."""
 
@@ -82,7 +79,6 @@ TREMOR_BEAT = 0.5
 TREMOR_PEAK = 4.0
 
 
-@dataclasses.dataclass(frozen=True)
 class Tremor(ParameterSet):
     """Tremor of the hand and motion of the arm.
 
@@ -99,15 +95,6 @@ class Tremor(ParameterSet):
     motion_rms_m: float = parameter(
         5e-6, 'RMS of the motion of the surface along x.', (0.0, 0.1, 'm')
     )
-
-    def __post_init__(self) -> None:
-        """Check that the band is not empty."""
-        super().__post_init__()
-        if self.low_hz >= self.high_hz:
-            raise ValueError(
-                f'parameter high_hz is {self.high_hz:g} Hz, allowed: above low_hz, '
-                f'{self.low_hz:g} Hz'
-            )
 
     def sines(self, rms: float, trial: np.random.Generator) -> Floats:
         """Return six sines within the band that have an RMS; nothing is drawn if it is zero.
@@ -128,33 +115,19 @@ class Tremor(ParameterSet):
         return np.array([amplitude, 2 * np.pi * frequency_hz, phase_rad])
 
 
-@dataclasses.dataclass(frozen=True)
-class Taps(Part):
+class Taps(CompiledSet):
     """Taps: half sines on the normal force, each with the impulse 2 / pi x peak x duration."""
 
     times_s: tuple[float, ...] = parameter(
         (),
-        'Times at which the taps begin.',
+        'Times at which the taps begin; each ends the one before.',
         (0.0, 1e6, 's'),
-        allows='at least one, rising, at least duration_s apart, 0 to 1e+06 s',
+        rising=True,
     )
     peak_force_n: float = parameter(
         0.5, 'Peak force; a negative one relieves the contact.', (-1000.0, 1000.0, 'N')
     )
     duration_s: float = parameter(0.01, 'Duration of a tap.', (1e-4, 10.0, 's'))
-
-    def __post_init__(self) -> None:
-        """Check that there are taps, and that they do not overlap."""
-        super().__post_init__()
-        if not self.times_s:
-            raise ValueError('parameter times_s is empty, allowed: at least one time')
-        for before, after in zip(self.times_s[:-1], self.times_s[1:], strict=True):
-            # Round-off may put a tap that begins at the end of another slightly before that end.
-            if after - before < self.duration_s * (1 - 1e-9):
-                raise ValueError(
-                    f'parameter times_s has {after:g} s after {before:g} s, allowed: rising, at '
-                    f'least duration_s, {self.duration_s:g} s, apart'
-                )
 
     def numbers(self) -> Any:
         """Return the numbers for compiled code."""
@@ -174,8 +147,7 @@ def tap_force_at(t, taps):
     return np.where(during, force, 0.0)
 
 
-@dataclasses.dataclass(frozen=True)
-class Rolling(Part):
+class Rolling(CompiledSet):
     """The object rolls over the fingertip and back: the contact moves, and nothing slides."""
 
     start_s: float = parameter(1.0, 'When rolling begins.', (0.0, 1e6, 's'))

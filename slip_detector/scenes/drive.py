@@ -21,45 +21,19 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain import fingertip
 from slip_detector.chain.compiled import compiled
 from slip_detector.parameters.detector import PAPER_CHANNELS
-from slip_detector.scenes.disturbances import (
-    NO_ROLLING,
-    NO_SINES,
-    NO_TAPS,
-    TREMOR_PEAK,
-    Tremor,
-    rolled_at,
-    sines_at,
-    sines_rate_at,
-    tap_force_at,
-)
-from slip_detector.scenes.electronics import Frontend
+from slip_detector.parameters.fields import refuse
+from slip_detector.scenes import disturbances, electronics, motion, surface
+from slip_detector.scenes.disturbances import NO_SINES, TREMOR_PEAK, sines_at
 from slip_detector.scenes.friction import Friction, Skin
 from slip_detector.scenes.mechanics import SceneConstants
-from slip_detector.scenes.motion import (
-    ForceNumbers,
-    Step,
-    force_at,
-    force_numbers,
-    load_at,
-    load_corners,
-    plate_at,
-    plate_pieces,
-)
-from slip_detector.scenes.surface import (
-    STANDARD_GRAVITY_M_S2,
-    FreeObject,
-    RidgeNumbers,
-    RoughNumbers,
-)
 
 Floats = NDArray[np.float64]
 
 NO_LOAD = np.zeros((2, 0))
-NO_RIDGES = RidgeNumbers(0.0, 0.0, np.zeros(0))
-NO_ROUGHNESS = RoughNumbers(0.0, np.zeros(0), np.zeros(0))
+NO_RIDGES = surface.RidgeNumbers(0.0, 0.0, np.zeros(0))
+NO_ROUGHNESS = surface.RoughNumbers(0.0, np.zeros(0), np.zeros(0))
 
 #: Longest step of the integrator, as a phase angle of the skin's own oscillation.
 RINGING_RAD = 0.4
@@ -75,13 +49,13 @@ class DriveNumbers(NamedTuple):
     acts in full from the normal force ``force_sines_from_n`` on.
     """
 
-    force: ForceNumbers
+    force: motion.ForceNumbers
     plate: Floats
     centre_x_m: float
     centre_y_m: float
     load: Floats = NO_LOAD
-    taps: Any = NO_TAPS
-    rolling: Any = NO_ROLLING
+    taps: Any = disturbances.NO_TAPS
+    rolling: Any = disturbances.NO_ROLLING
     force_sines: Floats = NO_SINES
     force_sines_from_n: float = 1.0
     motion_sines: Floats = NO_SINES
@@ -89,17 +63,17 @@ class DriveNumbers(NamedTuple):
 
 
 def drive_numbers(
-    parts: Mapping[str, Any], steps: Sequence[Step], of_tremor: np.random.Generator
+    parts: Mapping[str, Any], steps: Sequence[motion.Step], of_tremor: np.random.Generator
 ) -> DriveNumbers:
     """Collect what acts on the fingertip; an error names a step too short for its velocity."""
     given: dict[str, Any] = {
         name: parts[name].numbers() for name in ('taps', 'rolling') if name in parts
     }
-    body: FreeObject | None = parts.get('object')
+    body: surface.FreeObject | None = parts.get('object')
     if body:
-        given['load'] = load_corners(body.mass_kg * STANDARD_GRAVITY_M_S2, steps)
+        given['load'] = motion.load_corners(body.mass_kg * surface.STANDARD_GRAVITY_M_S2, steps)
     if 'tremor' in parts:
-        tremor: Tremor = parts['tremor']
+        tremor: disturbances.Tremor = parts['tremor']
         of_force, of_motion = of_tremor.spawn(2)
         sines = tremor.sines(tremor.motion_rms_m, of_motion)
         given['force_sines'] = tremor.sines(tremor.force_rms_n, of_force)
@@ -109,7 +83,10 @@ def drive_numbers(
             # In the frame of the trembling hand an inertial force acts on the object.
             inertia_n = body.mass_kg * sines[0] * sines[1] ** 2
             given['load_sines'] = np.array([inertia_n, *sines[1:]])
-    force, plate = force_numbers(parts['motion'], steps), plate_pieces(parts['motion'], steps)
+    force, plate = (
+        motion.force_numbers(parts['motion'], steps),
+        motion.plate_pieces(parts['motion'], steps),
+    )
     return DriveNumbers(force, plate, *parts['contact'].centre_m, **given)
 
 
@@ -130,9 +107,9 @@ class Drive(NamedTuple):
 @compiled
 def normal_force_at(t, numbers):
     """Return the normal force in newtons with taps and tremor; never negative."""
-    force = force_at(t, numbers.force)
+    force = motion.force_at(t, numbers.force)
     if numbers.taps.times_s.size:
-        force = force + tap_force_at(t, numbers.taps)
+        force = force + disturbances.tap_force_at(t, numbers.taps)
     if numbers.force_sines.size:
         # Without contact there is no force: the tremor grows with the contact force.
         share = np.minimum(force / numbers.force_sines_from_n, 1.0)
@@ -147,14 +124,14 @@ def drive_at(t, numbers):
     force = normal_force_at(t, numbers)
     x, y = none + numbers.centre_x_m, none + numbers.centre_y_m
     if numbers.rolling.repeats:
-        rolled_x, rolled_y = rolled_at(t, numbers.rolling)
+        rolled_x, rolled_y = disturbances.rolled_at(t, numbers.rolling)
         x, y = x + rolled_x, y + rolled_y
     if numbers.load.size:
-        load = load_at(t, numbers.load) + sines_at(t, numbers.load_sines)
+        load = motion.load_at(t, numbers.load) + sines_at(t, numbers.load_sines)
         return Drive(force, x, y, none, none, load)
-    velocity, position = plate_at(t, numbers.plate)
+    velocity, position = motion.plate_at(t, numbers.plate)
     if numbers.motion_sines.size:
-        velocity = velocity + sines_rate_at(t, numbers.motion_sines)
+        velocity = velocity + disturbances.sines_rate_at(t, numbers.motion_sines)
         position = position + sines_at(t, numbers.motion_sines)
     return Drive(force, x, y, velocity, position, none)
 
@@ -163,12 +140,12 @@ def scene_constants(
     parts: Mapping[str, Any],
     true_rate_hz: float,
     longest_step_s: float,
-    frontend: Frontend,
+    frontend: electronics.Frontend,
     of_texture: np.random.Generator,
 ) -> SceneConstants:
     """Build the constants of a scene; an error says that the skin oscillates too fast."""
     friction: Friction | None = parts.get('friction')
-    body: FreeObject | None = parts.get('object')
+    body: surface.FreeObject | None = parts.get('object')
     bandwidth_hz = parts['electronics'].bandwidth_hz
     steps_per_sample = 1
     # Without friction and low-pass filter nothing changes between two samples.
@@ -176,10 +153,8 @@ def scene_constants(
         step_s = min(longest_step_s, _ringing_step_s(parts['skin']) if friction else math.inf)
         steps_per_sample = math.ceil(1.0 / (true_rate_hz * step_s) - 1e-9)
     if steps_per_sample * true_rate_hz > MOST_STEPS_HZ:
-        raise ValueError(
-            f'the scene needs {steps_per_sample * true_rate_hz:.3g} steps for a second, allowed: '
-            f'{MOST_STEPS_HZ:g}; a longer step_s, more damping_n_s_m or mass_kg 0 help'
-        )
+        what = f'the scene needs {steps_per_sample * true_rate_hz:.3g} steps for a second'
+        refuse(what, f'{MOST_STEPS_HZ:g}; a longer step_s, more damping_n_s_m or mass_kg 0 help')
     step_s = 1.0 / (true_rate_hz * steps_per_sample)
     patches = np.ones(PAPER_CHANNELS if friction else 0)
     cutoff_rad_s = 2.0 * np.pi * bandwidth_hz
@@ -187,7 +162,7 @@ def scene_constants(
         step_s=step_s,
         steps_per_sample=steps_per_sample,
         decay=math.exp(-cutoff_rad_s * step_s) if cutoff_rad_s else -1.0,
-        positions_m=fingertip.taxel_positions(),
+        positions_m=electronics.taxel_positions(),
         patches=np.append(patches, body.rest_patches) if body else patches,
         normal_v_n=frontend.normal_v_n,
         shear_v_n=frontend.shear_v_n,
@@ -196,7 +171,7 @@ def scene_constants(
         friction=(friction or Friction()).numbers(),
         ridges=parts['texture'].ridges(of_texture) if 'texture' in parts else NO_RIDGES,
         rough=parts['roughness'].profile() if 'roughness' in parts else NO_ROUGHNESS,
-        body=(body or FreeObject()).numbers(),
+        body=(body or surface.FreeObject()).numbers(),
     )
 
 

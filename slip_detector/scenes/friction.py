@@ -32,18 +32,17 @@ hold a surface without load:
   the load can hold relax, even if nothing slides.
 """
 
-import dataclasses
 import math
+from typing import Any
 
 import numpy as np
 
 from slip_detector.chain.compiled import compiled
-from slip_detector.parameters.fields import parameter
-from slip_detector.scenes.part import Part
+from slip_detector.parameters.fields import parameter, refuse
+from slip_detector.parameters.sets import CompiledSet
 
 
-@dataclasses.dataclass(frozen=True)
-class Skin(Part):
+class Skin(CompiledSet):
     """Skin over one taxel, between the finger and the surface that it touches."""
 
     shear_stiffness_n_m: float = parameter(800.0, 'Shear stiffness.', (1e-3, 1e9, 'N/m'))
@@ -51,9 +50,7 @@ class Skin(Part):
         0.3, 'Damping against the finger; 0: none.', (0.0, 1e6, 'N s/m')
     )
     mass_kg: float = parameter(
-        0.0,
-        'Mass that moves with the surface of the skin; 0: the skin has no inertia.',
-        (0.0, 1.0, 'kg'),
+        0.0, 'Mass that moves with the surface of the skin; 0: no inertia.', (0.0, 1.0, 'kg')
     )
 
 
@@ -79,8 +76,7 @@ MODELS = ('lugre', 'coulomb')
 COULOMB = MODELS.index('coulomb')
 
 
-@dataclasses.dataclass(frozen=True)
-class Friction(Part):
+class Friction(CompiledSet):
     """LuGre friction with Stribeck effect, or Coulomb friction, on the patch over each taxel."""
 
     model: str = parameter(
@@ -93,9 +89,7 @@ class Friction(Part):
         0.61, 'Coefficient of friction at rest (lugre).', (0.0, 10.0)
     )
     stribeck_velocity_m_s: float = parameter(
-        10e-3,
-        'Velocity at which friction has fallen from static to kinetic by 1 - 1/e (lugre).',
-        (1e-6, 1e3, 'm/s'),
+        10e-3, 'Where it has fallen by 1 - 1/e of the way (lugre).', (1e-6, 1e3, 'm/s')
     )
     bristle_stiffness_n_m: float = parameter(
         1e5, 'Stiffness of the bristles of a patch, sigma 0 (lugre).', (1.0, 1e12, 'N/m')
@@ -107,20 +101,20 @@ class Friction(Part):
         0.0, 'Viscous friction, sigma 2 (lugre).', (0.0, 1e6, 'N s/m')
     )
     unloading_s: float = parameter(
-        1e-4,
-        'Time constant with which bristles relax that are bent further than the load can hold '
-        '(lugre).',
-        (1e-9, 1.0, 's'),
+        1e-4, 'In which bristles relax that the load cannot hold (lugre).', (1e-9, 1.0, 's')
     )
 
     def __post_init__(self) -> None:
         """Check the coefficients against each other."""
         super().__post_init__()
-        if self.model == 'lugre' and not 0.0 < self.kinetic_coefficient <= self.static_coefficient:
-            raise ValueError(
-                f'parameter kinetic_coefficient is {self.kinetic_coefficient:g}, allowed: above 0 '
-                f'and at most static_coefficient, {self.static_coefficient:g}'
-            )
+        kinetic, static = self.kinetic_coefficient, self.static_coefficient
+        text = f'above 0 and at most static_coefficient, {static:g}'
+        holds = self.model == 'coulomb' or 0.0 < kinetic <= static
+        self.require(holds, 'kinetic_coefficient', text)
+
+    def numbers(self) -> Any:
+        """Return the numbers for compiled code; that of the model is its place in ``MODELS``."""
+        return super().numbers()._replace(model=MODELS.index(self.model))
 
     def steepest_fall_n_s_m(self, load_n: float) -> float:
         """Return the steepest fall of sliding friction with velocity under a normal load.
@@ -273,16 +267,15 @@ def check_solvable(friction: Friction, skin: Skin, load_n: float, where: str = '
     fall = friction.steepest_fall_n_s_m(load_n)
     damping = skin.damping_n_s_m + friction.viscous_n_s_m
     if fall > damping:
-        raise ValueError(
-            f'{where}: falls with velocity by up to {fall:.3g} N s/m under {load_n:.3g} N, faster '
-            f'than damping_n_s_m and viscous_n_s_m, {damping:.3g} N s/m, rise: the skin would '
-            'chatter; allowed: more damping, a higher stribeck_velocity_m_s or '
-            'static_coefficient nearer kinetic_coefficient'
+        refuse(
+            f'{where}: the skin would chatter, as friction falls with velocity by up to '
+            f'{fall:.3g} N s/m under {load_n:.3g} N, damping_n_s_m and viscous_n_s_m rise by '
+            f'{damping:.3g} N s/m',
+            'more of these, a higher stribeck_velocity_m_s or less static_coefficient',
         )
     bristle_damping = friction.bristle_damping_n_s_m if friction.model == 'lugre' else 0.0
     if skin.mass_kg == 0.0 and damping == 0.0 and bristle_damping > 0.0:
-        raise ValueError(
-            f'{where}: bristle_damping_n_s_m is {bristle_damping:g} N s/m on skin '
-            'without mass and damping, which leaves its velocity open; allowed: 0, or '
-            'damping_n_s_m above 0'
+        what = f'{where}: bristle_damping_n_s_m is {bristle_damping:g} N s/m on skin without mass'
+        refuse(
+            f'{what} and damping, which leaves its velocity open', '0, or damping_n_s_m above 0'
         )

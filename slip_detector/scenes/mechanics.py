@@ -57,7 +57,7 @@ SLIDING_M_S = 1e-4
 
 # Columns of a patch's state, and of the solution of a stage for a patch.
 DISPLACEMENT, VELOCITY, DEFLECTION, RELATIVE_VELOCITY = range(4)
-FOUND_RELATIVE_VELOCITY, FOUND_FORCE, FOUND_SLOPE, FOUND_DEFLECTION = range(4)
+RELATIVE, DEFLECTED = range(2)
 
 # The object's state.
 POSITION, SPEED, LOST = range(3)
@@ -111,21 +111,10 @@ def _find_stage(v, step, loads, base, patches, found, constants):
     """
     total, slope = 0.0, 0.0
     for p in range(loads.size):
-        relative_v, force, stiffness, after = skin_stage(
-            v,
-            base[p, DISPLACEMENT],
-            base[p, VELOCITY],
-            base[p, DEFLECTION],
-            patches[p, RELATIVE_VELOCITY],
-            loads[p],
-            step,
-            constants.skin,
-            constants.friction,
-        )
-        found[p, FOUND_RELATIVE_VELOCITY] = relative_v
-        found[p, FOUND_FORCE] = force
-        found[p, FOUND_SLOPE] = stiffness
-        found[p, FOUND_DEFLECTION] = after
+        found[p, RELATIVE], force, stiffness, found[p, DEFLECTED] = skin_stage(
+            v, base[p, DISPLACEMENT], base[p, VELOCITY], base[p, DEFLECTION],
+            patches[p, RELATIVE_VELOCITY], loads[p], step, constants.skin, constants.friction,
+        )  # fmt: skip
         total += constants.patches[p] * force
         slope += constants.patches[p] * stiffness
     return total, slope
@@ -165,17 +154,6 @@ def _find_object(v_last, v_base, load_n, step, loads, base, patches, found, cons
 
 
 @compiled
-def _take_stage(v, step, base, patches, found):
-    """Set the patches' state to the solution of a stage."""
-    for p in range(patches.shape[0]):
-        speed = v - found[p, FOUND_RELATIVE_VELOCITY]
-        patches[p, DISPLACEMENT] = base[p, DISPLACEMENT] + step * speed
-        patches[p, VELOCITY] = speed
-        patches[p, DEFLECTION] = found[p, FOUND_DEFLECTION]
-        patches[p, RELATIVE_VELOCITY] = found[p, FOUND_RELATIVE_VELOCITY]
-
-
-@compiled
 def _step(i, drive, state, constants, loads, base, found):
     """Take one step of skin and object; ``loads`` are set to those at its end."""
     patches, body = state.patches, state.body
@@ -209,7 +187,11 @@ def _step(i, drive, state, constants, loads, base, found):
         else:
             surface_v = drive.velocity_m_s[i, stage]
             _find_stage(surface_v, diagonal_s, loads, base, patches, found, constants)
-        _take_stage(surface_v, diagonal_s, base, patches, found)
+        for p in range(patches.shape[0]):
+            patches[p, VELOCITY] = surface_v - found[p, RELATIVE]
+            patches[p, DISPLACEMENT] = base[p, DISPLACEMENT] + diagonal_s * patches[p, VELOCITY]
+            patches[p, DEFLECTION] = found[p, DEFLECTED]
+            patches[p, RELATIVE_VELOCITY] = found[p, RELATIVE]
     if with_object and body[POSITION] > constants.body.length_m:
         body[LOST] = 1.0
         body[SPEED] = 0.0
@@ -275,7 +257,7 @@ def advance(drive, state, constants, begin, clean_v, position_m, sliding):
     """
     n_patches = constants.patches.size
     loads = np.zeros(max(n_patches, constants.positions_m.shape[0]))
-    base, found = np.zeros((n_patches, 3)), np.zeros((n_patches, 4))
+    base, found = np.zeros((n_patches, 3)), np.zeros((n_patches, 2))
     with_object = constants.patches.size > constants.positions_m.shape[0]
     smooth = constants.decay >= 0.0
     i = 0

@@ -17,7 +17,6 @@
 The normal force, the motion of the plate and the load on an object have a closed form in pieces.
 """
 
-import dataclasses
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -25,14 +24,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain.compiled import compiled
-from slip_detector.parameters.fields import parameter, shown
+from slip_detector.parameters.fields import parameter, refuse, shown
 from slip_detector.parameters.sets import ParameterSet
 
-#: Largest number of steps: a scene holds the motion of all steps in memory.
-MOST_STEPS = 10_000
 
-
-@dataclasses.dataclass(frozen=True)
 class Step(ParameterSet):
     """One step of a scene; forces and shares change linearly to reach their values at its end."""
 
@@ -42,10 +37,7 @@ class Step(ParameterSet):
     )
     velocity_m_s: float = parameter(0.0, 'Velocity of the plate along x.', (-10.0, 10.0, 'm/s'))
     carried: float = parameter(
-        -1.0,
-        "Share of the object's weight that the fingers carry at the end of the step; negative: as "
-        'before.',
-        (-1.0, 1.0),
+        -1.0, "Share of the object's weight carried at its end; negative: as before.", (-1.0, 1.0)
     )
     pull_n: float = parameter(
         0.0, 'Further force on the object along x at the end of the step.', (-1e3, 1e3, 'N')
@@ -54,16 +46,13 @@ class Step(ParameterSet):
 
 def read_steps(entries: Any) -> list[Step]:
     """Read the list under ``steps`` of a scene file; an error names the step."""
-    if not isinstance(entries, list) or not entries:
-        raise ValueError(f'steps is {shown(entries)}, allowed: a list of at least one step')
-    if len(entries) > MOST_STEPS:
-        raise ValueError(f'steps has {len(entries)}, allowed: at most {MOST_STEPS}')
-    steps = []
-    for number, entry in enumerate(entries, start=1):
-        if not isinstance(entry, dict):
-            raise ValueError(f'steps: step {number} is {shown(entry)}, allowed: names and values')
-        steps.append(Step.from_parameters(entry, f'steps: step {number}'))
-    return steps
+    if (
+        not isinstance(entries, list)
+        or not entries
+        or not all(isinstance(e, dict) for e in entries)
+    ):
+        refuse(f'steps is {shown(entries)}', 'a list of at least one step, each names and values')
+    return [Step.from_parameters(entry, f'steps: step {k}') for k, entry in enumerate(entries, 1)]
 
 
 Floats = NDArray[np.float64]
@@ -73,7 +62,6 @@ Floats = NDArray[np.float64]
 LEAST_FROM_CRITICAL = 1e-6
 
 
-@dataclasses.dataclass(frozen=True)
 class Motion(ParameterSet):
     """The platform: its acceleration, and the ringing of the contact after a change of load."""
 
@@ -152,8 +140,7 @@ def held_force(numbers: ForceNumbers, time_s: float, force_n: float) -> ForceNum
 
 def _pieces(numbers: ForceNumbers, kept: slice) -> ForceNumbers:
     """Return some of the pieces."""
-    names = ('starts_s', 'command_n', 'slope_n_s', 'ringing')
-    return numbers._replace(**{name: getattr(numbers, name)[kept] for name in names})
+    return ForceNumbers._make([*(of_each[kept] for of_each in numbers[:4]), *numbers[4:]])
 
 
 def _with_piece(
@@ -169,13 +156,10 @@ def _with_piece(
     first = (rate_n_s - slope_n_s - q * a) / (p - q)
     # Pieces must begin at different times: a step shorter than the resolution of the time is lost.
     replaced = bool(start_s <= numbers.starts_s[-1])
-    before = _pieces(numbers, slice(len(numbers.starts_s) - replaced))
-    return before._replace(
-        starts_s=np.append(before.starts_s, start_s),
-        command_n=np.append(before.command_n, command_n),
-        slope_n_s=np.append(before.slope_n_s, slope_n_s),
-        ringing=np.vstack([before.ringing, [first, a - first]]),
-    )
+    kept = slice(len(numbers.starts_s) - replaced)
+    new = (start_s, command_n, slope_n_s, [first, a - first])
+    pieces = (np.append(b[kept], [n], axis=0) for b, n in zip(numbers[:4], new, strict=True))
+    return ForceNumbers._make([*pieces, *numbers[4:]])
 
 
 @compiled
@@ -200,11 +184,8 @@ def plate_pieces(motion: Motion, steps: Sequence[Step]) -> Floats:
         if step.velocity_m_s != velocities[-1]:
             change = abs(step.velocity_m_s - velocities[-1]) / motion.acceleration_m_s2
             if change > step.duration_s:
-                raise ValueError(
-                    f'steps: step {number}: duration_s {step.duration_s:g} s is too short to '
-                    f'reach {step.velocity_m_s:g} m/s, allowed: at least {change:g} s at '
-                    f'{motion.acceleration_m_s2:g} m/s2'
-                )
+                too_short = f'duration_s {step.duration_s:g} s is too short to reach the velocity'
+                refuse(f'steps: step {number}: {too_short}', f'at least {change:g} s')
             if time_s > corner_times[-1]:
                 corner_times.append(time_s)
                 velocities.append(velocities[-1])

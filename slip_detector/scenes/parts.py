@@ -19,7 +19,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from slip_detector.parameters.fields import parameter, shown, shown_name
+from slip_detector.parameters.fields import parameter, refuse, shown, shown_name
 from slip_detector.parameters.sets import ParameterSet
 from slip_detector.scenes.disturbances import TREMOR_PEAK, Hum, Rolling, Taps, Tremor
 from slip_detector.scenes.electronics import Clock, Drops, Electronics, Faults
@@ -52,7 +52,6 @@ PARTS: dict[str, type[ParameterSet]] = {
 ALWAYS = ('motion', 'contact', 'skin', 'electronics')
 
 
-@dataclasses.dataclass(frozen=True)
 class Sampling(ParameterSet):
     """The parameters of a scene file beside its steps and parts."""
 
@@ -85,13 +84,12 @@ def read_parts(description: Mapping[str, Any]) -> dict[str, Any]:
         if name in NOT_PARTS:
             continue
         if name not in PARTS:
-            known = ', '.join((*NOT_PARTS, *PARTS))
-            raise ValueError(f'unknown part {shown_name(name)}, allowed: {known}')
+            refuse(f'unknown part {shown_name(name)}', ', '.join((*NOT_PARTS, *PARTS)))
         if name == 'friction' and content == 'none':
             continue
         values = {'model': content} if name == 'friction' and isinstance(content, str) else content
         if not isinstance(values, Mapping | None):
-            raise ValueError(f'{name} is {shown(values)}, allowed: names and values')
+            refuse(f'{name} is {shown(values)}', 'names and values')
         parts[name] = PARTS[name].from_parameters(values or {}, name)
     return parts
 
@@ -99,29 +97,22 @@ def read_parts(description: Mapping[str, Any]) -> dict[str, Any]:
 def check_parts(parts: Mapping[str, Any], steps: Sequence[Step], true_rate_hz: float) -> None:
     """Raise an error for parts of a scene that contradict each other, or its steps."""
     aliases = 'texture' in parts and not parts['electronics'].bandwidth_hz
-    largest_velocity_m_s = max(abs(step.velocity_m_s) for step in steps)
+    fastest_m_s = max(abs(step.velocity_m_s) for step in steps)
     if 'object' in parts:
         if 'friction' not in parts:
-            raise ValueError('object: falls without friction, allowed: with the part friction')
-        if largest_velocity_m_s:
-            raise ValueError(
-                'steps: velocity_m_s is not 0, allowed: 0 with an object, which moves by itself'
-            )
+            refuse('object: falls without friction', 'with the part friction')
+        if fastest_m_s:
+            refuse('steps: velocity_m_s is not 0', '0 with an object, which moves by itself')
         if aliases:
-            raise ValueError(
-                'electronics: bandwidth_hz is 0, allowed: above 0 with an object and texture, as '
-                'ridges may pass faster than the sample rate can resolve'
-            )
+            refuse('electronics: bandwidth_hz is 0', 'above 0 with an object and texture')
     elif any(step.carried >= 0.0 or step.pull_n for step in steps):
-        raise ValueError('steps: carried and pull_n are for an object, allowed: with that part')
+        refuse('steps: carried and pull_n are for an object', 'with that part')
     elif aliases:
-        highest_hz = largest_velocity_m_s * parts['texture'].highest_wavenumber_1_m
+        highest_hz = fastest_m_s * parts['texture'].highest_wavenumber_1_m
         if highest_hz > true_rate_hz / 2:
-            raise ValueError(
-                f'texture: ridges pass at up to {highest_hz:.4g} Hz, which aliases at a sample '
-                f'rate of {true_rate_hz:g} Hz; allowed: with bandwidth_hz of the part '
-                'electronics, or below half the sample rate'
-            )
+            what = f'texture: ridges pass at up to {highest_hz:.4g} Hz, which aliases'
+            text = f'below {true_rate_hz / 2:g} Hz, or with bandwidth_hz of the part electronics'
+            refuse(what, text)
     if 'friction' in parts:
         check_grip(parts, _largest_force_n(parts, steps))
 

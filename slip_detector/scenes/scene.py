@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from slip_detector.chain.samples import Samples
 from slip_detector.parameters.detector import PAPER_CHANNELS, default_channel_names
-from slip_detector.parameters.fields import shown
+from slip_detector.parameters.fields import refuse, shown
 from slip_detector.parameters.files import read_yaml, shared_folder
 from slip_detector.scenes.drive import (
     Drive,
@@ -105,10 +105,7 @@ class Scene:
         self.duration_s = sum(step.duration_s for step in steps)
         self.length = round(self.duration_s * self.true_rate_hz)
         if not self.length:
-            raise ValueError(
-                f'steps: all take {self.duration_s:g} s, allowed: at least one sample at '
-                f'{self.true_rate_hz:g} Hz'
-            )
+            refuse(f'steps: all take {self.duration_s:g} s', 'at least one sample')
         self.drive_numbers = drive_numbers(parts, steps, children['tremor'])
         check_parts(parts, steps, self.true_rate_hz)
         self._frontend = Frontend(parts, children, self.true_rate_hz)
@@ -138,7 +135,7 @@ class Scene:
             When the force is not from 0 to 1000 N, or so large that the skin would chatter.
         """
         if not 0.0 <= force_n <= 1000.0:
-            raise ValueError(f'force_n is {force_n:g} N, allowed: 0 to 1000 N')
+            refuse(f'force_n is {force_n:g} N', '0 to 1000 N')
         if 'friction' in self.parts and force_n > self._allowed_n:
             check_grip(self.parts, 2.0 * force_n, f'a grip of {force_n:g} N')
             self._allowed_n = force_n
@@ -266,7 +263,5 @@ def find_scene(name: str) -> Path:
     folder = shared_folder() / 'config' / 'scenes'
     known = sorted(file.stem for file in folder.glob('*.yaml'))
     if name not in known:
-        raise ValueError(
-            f'no scene {shown(name)}, allowed: {", ".join(known)}, or a path to a .yaml'
-        )
+        refuse(f'no scene {shown(name)}', f'{", ".join(known)}, or a path to a .yaml')
     return folder / f'{name}.yaml'

@@ -14,7 +14,6 @@
 
 """What the fingertip touches: the contact, the object in the grip, ridges and roughness."""
 
-import dataclasses
 from typing import NamedTuple
 
 import numpy as np
@@ -22,8 +21,7 @@ from numpy.typing import NDArray
 
 from slip_detector.chain.compiled import compiled
 from slip_detector.parameters.fields import parameter
-from slip_detector.parameters.sets import ParameterSet
-from slip_detector.scenes.part import Part
+from slip_detector.parameters.sets import CompiledSet, ParameterSet
 
 Floats = NDArray[np.float64]
 
@@ -33,8 +31,7 @@ STANDARD_GRAVITY_M_S2 = 9.80665
 FINGERS = 2.0
 
 
-@dataclasses.dataclass(frozen=True)
-class Contact(Part):
+class Contact(CompiledSet):
     """Hertz contact of a round fingertip with a plate."""
 
     radius_at_1n_m: float = parameter(
@@ -79,20 +76,15 @@ def spread_load(force_n, centre_x_m, centre_y_m, positions_m, contact, rest_patc
         loads_n[n] = max(force_n - carried, 0.0) / rest_patches
 
 
-@dataclasses.dataclass(frozen=True)
-class FreeObject(Part):
+class FreeObject(CompiledSet):
     """An object between two equal fingertips, one of which has the sensor."""
 
     mass_kg: float = parameter(0.2, 'Mass of the object.', (1e-3, 10.0, 'kg'))
     length_m: float = parameter(
-        0.1,
-        'How far the object can slide through the fingers before it is lost.',
-        (1e-4, 10.0, 'm'),
+        0.1, 'How far it can slide through the fingers before it is lost.', (1e-4, 10.0, 'm')
     )
     rest_patches: float = parameter(
-        50.0,
-        'Number of further skin patches, each as stiff as that over a taxel, between the taxels.',
-        (1.0, 1e4),
+        50.0, 'Number of further skin patches between the taxels, like those.', (1.0, 1e4)
     )
 
 
@@ -104,15 +96,12 @@ class RidgeNumbers(NamedTuple):
     amplitudes: Floats
 
 
-@dataclasses.dataclass(frozen=True)
 class Texture(ParameterSet):
     """Ridges across the direction of motion."""
 
     spatial_period_m: float = parameter(400e-6, 'Distance from ridge to ridge.', (1e-6, 1.0, 'm'))
     ridge_height_m: float = parameter(
-        100e-6,
-        'Amplitude of the ridges: height of the first harmonic above the mean.',
-        (0.0, 1e-2, 'm'),
+        100e-6, 'Height of the first harmonic above the mean.', (0.0, 1e-2, 'm')
     )
     harmonics: tuple[float, ...] = parameter(
         (0.0, -0.22),
@@ -127,11 +116,8 @@ class Texture(ParameterSet):
         """Check that the load of a taxel does not become negative in a groove."""
         super().__post_init__()
         highest_m = self.ridge_height_m * (1.0 + sum(map(abs, self.harmonics)))
-        if highest_m > self.indentation_m:
-            raise ValueError(
-                f'parameter ridge_height_m is {self.ridge_height_m:g} m, allowed: with its '
-                f'harmonics at most indentation_m, {self.indentation_m:g} m'
-            )
+        text = f'with its harmonics at most indentation_m, {self.indentation_m:g} m'
+        self.require(highest_m <= self.indentation_m, 'ridge_height_m', text)
 
     @property
     def highest_wavenumber_1_m(self) -> float:
@@ -187,7 +173,6 @@ class RoughNumbers(NamedTuple):
     integral: Floats
 
 
-@dataclasses.dataclass(frozen=True)
 class Roughness(ParameterSet):
     """A flat surface with a random profile, Gaussian with a Gaussian correlation."""
 

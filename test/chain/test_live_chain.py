@@ -206,9 +206,7 @@ def state_of(bed):
     'values',
     [
         {'noise_floor': [1e-6, 2e-6, 3e-6, 4e-6]},
-        {'noise_floor_learnt': True},
-        {'noise_floor_range_db': 200.0},
-        {'noise_floor_rate_db_s': 1.0},
+        {'noise_floor_learnt': True, 'noise_floor_rate_db_s': 1.0},
         {'evidence_cap_db': 20.0, 'evidence_offset_db': 1.0},
         {'evidence_limit_db_s': 0.4, 'threshold': 0.3},
         {'impact_v': 0.1, 'impact_channels': 1, 'impact_hold_s': 0.5},

@@ -37,16 +37,6 @@ def test_parts_of_samples_joined_are_the_samples(n, cut, truth):
         np.testing.assert_array_equal(field, of_again)
 
 
-@given(st.lists(st.integers(0, 9), max_size=20))
-def test_samples_are_taken_by_their_numbers(which):
-    samples = some(10, truth=True)
-    taken = samples.take(np.array(which, dtype=np.intp))
-    np.testing.assert_array_equal(taken.volts, samples.volts[which])
-    np.testing.assert_array_equal(taken.stamps_ns, samples.stamps_ns[which])
-    np.testing.assert_array_equal(taken.truth, samples.truth[which])
-    np.testing.assert_array_equal(taken.position_m, samples.position_m[which])
-
-
 def test_truth_and_position_that_one_part_lacks_are_not_known_of_both():
     for first, second in ((True, False), (False, True)):
         both = some(3, first).then(some(2, second))

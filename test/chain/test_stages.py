@@ -20,7 +20,7 @@ import pytest
 from slip_detector.chain.filters import design, largest_pole_radius
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
-from support.chain_cases import FAST, noise
+from support.chain_cases import noise
 
 # --- baselines and huge values -------------------------------------------------------------
 
@@ -94,34 +94,4 @@ def test_a_bad_burst_in_one_channel_touches_no_other(value, first):
     assert shaken.level.max() <= 2 * calm.level.max()
 
 
-@pytest.mark.parametrize('common_mode', ['mean', 'median'])
-def test_a_late_starter_is_taken_to_have_followed_the_others(common_mode):
-    config = ChainConfig(channels=4, common_mode=common_mode)
-    # All channels go the same way from different baselines: nothing is left of it.
-    volts = np.array([1.0, 2.0, 3.0, 4.0]) + np.round(noise(20, 90, 1) * 2**20) / 2**20
-    volts[:37, 3] = np.nan
-    result = SlipChain(config).update(volts)
-    assert not result.level.any()
-    assert np.array_equal(result.valid[:, 3], np.arange(90) >= 37)
-
-
-def test_the_ends_of_the_valid_range_are_valid():
-    config = ChainConfig(channels=2, valid_range_v=(-1.0, 1.0))
-    volts = np.array([[1.0, -1.0], [np.nextafter(1.0, 2), np.nextafter(-1.0, -2)], [-1.0, 1.0]])
-    valid = SlipChain(config).update(volts).valid
-    assert valid.tolist() == [[True, True], [False, False], [True, True]]
-
-
 # --- flat channels -------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize('flat_after_s', [0.02, 0.25])
-def test_a_flat_channel_leaves_the_vote_after_its_time_and_returns_at_once(flat_after_s):
-    config = ChainConfig(**FAST | {'channels': 3, 'flat_after_s': flat_after_s})
-    wait = config.samples(flat_after_s)
-    volts = noise(22, wait + 60, 3)
-    start, end = 20, 20 + wait + 17
-    volts[start:end, 1] = volts[start, 1]
-    valid = SlipChain(config).update(volts).valid
-    assert valid[:, [0, 2]].all()
-    assert np.array_equal(np.flatnonzero(~valid[:, 1]), np.arange(start + wait, end))

@@ -26,7 +26,7 @@ from slip_detector.chain.compiled import LANES
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.chain.votes import NO_VOTE, find_statistics, vote_numbers
 from slip_detector.parameters.detector import ChainConfig
-from support.chain_cases import FAST, noise, sine
+from support.chain_cases import noise
 
 VOTES = ('all', 'mean', 1, 2, 3, 4)
 
@@ -85,11 +85,6 @@ def test_the_mean_of_equal_levels_is_that_level(members, level):
     assert numbers_of([level] * members)['mean'] == level
 
 
-def test_a_mean_over_the_whole_range_of_numbers_is_right():
-    assert numbers_of([1e300] * 700 + [1e-300] * 700)['mean'] == pytest.approx(1.0, rel=1e-12)
-    assert numbers_of([1e300, 1e-300, 1e-300])['mean'] == pytest.approx(1e-100, rel=1e-14)
-
-
 def volts_of(config, seed, n=300):
     volts = 4.0 + 0.02 * noise(seed, n, config.channels)
     rng = np.random.default_rng(seed)
@@ -145,41 +140,5 @@ def test_the_statistic_is_the_same_however_the_rows_are_cut_and_whatever_else_is
 
 @pytest.mark.parametrize('vote', ['most', 0, -1, 1.5, True, None])
 def test_a_vote_that_is_none_is_refused(vote):
-    with pytest.raises(ValueError, match='allowed: all, mean or a count of 1 or more'):
+    with pytest.raises(ValueError, match='allowed: all, mean, or a whole number from 1'):
         SlipChain().update(noise(1, 5, 16), votes=[vote])
-
-
-ON, OFF, BAD = 1.0, 0.01, None
-
-#: What each of three channels gives, a vote, and whether the group is ON and can vote.
-GROUPS = [
-    ([ON, ON, ON], 'all', True, True),
-    ([ON, ON, OFF], 'all', False, True),
-    ([ON, ON, BAD], 'all', True, True),
-    ([BAD, BAD, BAD], 'all', False, False),
-    ([ON, OFF, OFF], 1, True, True),
-    ([ON, OFF, OFF], 2, False, True),
-    ([ON, ON, BAD], 2, True, True),
-    ([ON, BAD, BAD], 2, False, False),
-    ([ON, ON, OFF], 'mean', True, True),
-    ([ON, OFF, OFF], 'mean', False, True),
-    ([OFF, BAD, BAD], 'mean', False, True),
-    ([BAD, BAD, BAD], 'mean', False, False),
-]
-
-
-@pytest.mark.parametrize(('sizes', 'vote', 'on', 'able'), GROUPS)
-def test_the_valid_channels_of_a_group_vote_and_any_group_makes_slip(sizes, vote, on, able):
-    # The group is the last of several, over two tiles.
-    config = ChainConfig(
-        **FAST, channels=20, threshold=0.1, vote=vote,
-        groups={'still': [*range(2, 18), 20], 'group': [1, 18, 19]},
-    )  # fmt: skip
-    volts = 4.0 + 1e-4 * np.repeat(sine(200)[:, None], 20, axis=1)
-    for channel, size in zip((0, 17, 18), sizes, strict=True):
-        volts[:, channel] = np.nan if size is BAD else 4.0 + size * sine(200)
-    result = SlipChain(config).update(volts)
-    assert (result.groups[100:, 1] == on).all()
-    assert (result.can_vote[:, 1] == able).all()
-    assert not result.groups[:, 0].any()
-    assert (result.slip[100:] == on).all()

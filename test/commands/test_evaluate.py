@@ -89,7 +89,7 @@ def test_a_report_that_cannot_be_written_is_refused_before_anything_is_read(caps
     before, page = path.read_bytes(), tmp_path / 'page.html'
     for place, said in (
         (tmp_path / 'no' / 'page.html', 'cannot be written (No such file or directory)'),
-        (tmp_path, 'cannot be written (is a folder)'),
+        (tmp_path, 'cannot be written (is no file)'),
     ):
         line = complaint(capsys, tmp_path / 'not there.npz', '--report', place)
         assert line == f'{place}: {said}'

@@ -124,7 +124,7 @@ def test_a_word_that_is_not_known_or_allowed_stops_the_start_with_one_line(words
 @pytest.mark.parametrize(
     ('text', 'said'),
     [
-        ('a: 1\na: 2\n', ' line 2: has a again, as in line 1, allowed: once\n'),
+        ('a: 1\na: 2\n', ' line 2: has a again, allowed: once\n'),
         (None, ' cannot be read (No such file or directory)\n'),
     ],
     ids=['twice', 'missing'],

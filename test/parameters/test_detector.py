@@ -12,11 +12,23 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The parameters of chain and detector: what the defaults are made of."""
+"""The parameters of chain and detector: what the defaults are made of, and what goes together."""
+
+import math
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.detector import (
+    LONGEST_COMB_S,
+    LOWEST_EDGE,
+    PAPER_GROUPS,
+    WHOLE_PERIODS,
+    ChainConfig,
+    DetectorConfig,
+)
+from support.config_cases import message_of
 
 
 def test_names_are_ch1_and_on_unless_given():
@@ -25,13 +37,7 @@ def test_names_are_ch1_and_on_unless_given():
 
 
 def test_groups_are_table_1_for_16_channels_and_one_for_any_other_number():
-    table_1 = {
-        'TP': (14, 16, 11, 9),
-        'TD': (1, 3, 8, 6),
-        'LR': (5, 7, 12, 10),
-        'LU': (2, 4, 15, 13),
-    }
-    assert ChainConfig().groups == table_1
+    assert ChainConfig().groups == PAPER_GROUPS
     assert ChainConfig(channels=5).groups == {'all': (1, 2, 3, 4, 5)}
 
 
@@ -54,3 +60,126 @@ def test_a_single_noise_floor_is_that_of_every_channel():
     assert one.noise_floors == (0.25, 0.25, 0.25)
     several = ChainConfig(channels=3, decision='evidence', noise_floor=[0.25, 1, '5e-1'])
     assert several.noise_floors == (0.25, 1.0, 0.5)
+
+
+TWO = {'channels': 2}
+EVIDENCE = {'decision': 'evidence', 'noise_floor': 0.5}
+HIGH_PASS = {'stopbands_hz': (), 'passband_degree': 1}
+
+#: Values that do not go together, and the message after the word parameter.
+REFUSED = [
+    (
+        {'passband_hz': (7, 7)},
+        'passband_hz has 7 and 7 Hz, allowed: rising, 0.0038 Hz to below 190',
+    ),
+    ({'passband_hz': (7, 190)}, 'passband_hz has 7 and 190 Hz, allowed: rising'),
+    ({'passband_hz': (200, 0)}, 'passband_hz has 200 Hz, allowed: rising'),
+    ({'passband_hz': (7, -50)}, 'passband_hz has 7 and -50 Hz, allowed: rising'),
+    (
+        {'sample_rate_hz': 80},
+        'passband_hz has 7 and 50 Hz, allowed: rising, 0.0008 Hz to below 40',
+    ),
+    ({'stopbands_hz': ((1, 2), (7, 0.5))}, 'stopbands_hz has 7 and 0.5 Hz, allowed: rising'),
+    ({'stopbands_hz': (0.5, 7) * 33}, 'stopbands_hz has 33 pairs, allowed: at most 32'),
+    ({'passband_degree': 3}, 'passband_degree is 3, allowed: an even number (a band-pass has'),
+    ({'stopband_degree': 5}, 'stopband_degree is 5, allowed: an even number'),
+    ({'mains_hz': 3.9}, 'mains_hz is 3.9 Hz, allowed: 0, or a frequency with whole periods in at'),
+    (
+        {'disabled_channels': (17,)},
+        'disabled_channels is (17,), allowed: some of 1 to 16, not all',
+    ),
+    ({**TWO, 'disabled_channels': (1, 2)}, 'disabled_channels is (1, 2), allowed: some of 1 to 2'),
+    (
+        {**TWO, 'channel_names': ('a', 'b', 'c')},
+        'channel_names has 3 names, allowed: 2, the number',
+    ),
+    (
+        {**TWO, 'groups': {'a': [1, 2], 'b': [2]}},
+        'groups does not have once: [2], allowed: each of',
+    ),
+    (
+        {**TWO, 'groups': {'a': [0, 1, 2]}},
+        'groups does not have once: [0], allowed: each of 1 to 2',
+    ),
+    (
+        {**TWO, 'groups': {'a': [1]}},
+        'groups does not have once: [2], allowed: each of 1 to 2 in one',
+    ),
+    ({**TWO, 'groups': {'a': [1, 2], 'b': []}}, "groups is {'a': (1, 2), 'b': ()}, allowed: no"),
+    ({'vote': 5}, 'vote is 5, allowed: at most 4, the enabled channels of the smallest group'),
+    ({'disabled_channels': (14, 16), 'vote': 3}, 'vote is 3, allowed: at most 2, the enabled'),
+    (
+        {'envelope_window_s': 0.002},
+        'envelope_window_s is 0.002 s, allowed: at least one sample (0',
+    ),
+    ({'decision_window_s': 0.0}, 'decision_window_s is 0 s, allowed: at least one sample'),
+    ({'valid_range_v': (5, 4)}, 'valid_range_v is (5.0, 4.0), allowed: no number below the one'),
+    (
+        {'noise_floor': [1.0] * 100_000},
+        'noise_floor has 100000 numbers, allowed: one number, or 16',
+    ),
+    (
+        {**EVIDENCE, 'noise_floor': ()},
+        'noise_floor has 0 numbers, allowed: one number, or 16, one',
+    ),
+    (
+        {**EVIDENCE, 'noise_floor': (1.0, 2.0)},
+        'noise_floor has 2 numbers, allowed: one number, or',
+    ),
+    (
+        {**EVIDENCE, 'evidence_cap_db': 3.5},
+        'evidence_cap_db is 3.5 dB, allowed: above evidence_offset_db (3.5 dB)',
+    ),
+    ({**EVIDENCE, 'threshold': 1.3}, 'threshold is 1.3, allowed: below evidence_limit_db_s (1.3'),
+    (
+        {**EVIDENCE, **TWO, 'disabled_channels': (1,), 'impact_v': 1.0},
+        'impact_channels is 2, allowed: at most 1, the number of enabled channels',
+    ),
+    (
+        {'taxel_positions_m': (0.0,) * 47},
+        'taxel_positions_m has 47 numbers, allowed: 48, three for',
+    ),
+]
+
+
+@pytest.mark.parametrize(('values', 'said'), REFUSED)
+def test_parameters_that_do_not_go_together_are_refused(values, said):
+    assert message_of(DetectorConfig, **values).startswith(f'parameter {said}')
+
+
+def test_parameters_of_the_evidence_are_not_checked_without_it():
+    values = {'threshold': 2.0, 'impact_v': 1.0, 'impact_channels': 99, 'noise_floor': (1, 2)}
+    assert ChainConfig(**values).threshold == 2.0
+
+
+@pytest.mark.parametrize('rate', [1.0, 100.0, 380.0, 1e6])
+def test_edges_are_allowed_from_their_share_of_the_rate_to_below_half_of_it(rate):
+    def build(low, high):
+        windows = {'envelope_window_s': 1 / rate, 'decision_window_s': 1 / rate}
+        band = {'passband_hz': (low, high), 'stopbands_hz': ()}
+        return ChainConfig(sample_rate_hz=rate, **band, **windows)
+
+    low, high = LOWEST_EDGE * rate, math.nextafter(rate / 2, 0)
+    # As the message writes it, which may be a last digit below.
+    assert build(float(f'{low:g}'), high).samples(1 / rate) == 1
+    assert 'passband_hz' in message_of(build, low * (1 - 1e-9), high)
+    assert 'passband_hz' in message_of(build, low, rate / 2)
+
+
+@given(st.floats(20.0, 8000.0), st.sampled_from([16.7, 50.0, 60.0, 400.0]))
+def test_rows_of_the_mains_are_whole_periods_or_the_mains_is_refused(rate_hz, mains_hz):
+    def off(rows):
+        periods = rows * mains_hz / rate_hz
+        return abs(periods - round(periods))
+
+    most = int(LONGEST_COMB_S * rate_hz)
+    able = [rows for rows in range(1, most + 1) if off(rows) <= WHOLE_PERIODS]
+    # At a rate far above the mains' a few rows are nearly none of it, which is no period.
+    able = [rows for rows in able if rows * mains_hz / rate_hz > 0.5]
+    values = {'sample_rate_hz': rate_hz, 'mains_hz': mains_hz, 'passband_hz': (5.0, 0.0)}
+    windows = {'envelope_window_s': 0.1, 'decision_window_s': 0.1}
+    if able:
+        assert ChainConfig(**values, **windows, **HIGH_PASS).mains_rows == able[0]
+    else:
+        message = message_of(ChainConfig, **values, **windows, **HIGH_PASS)
+        assert message.startswith(f'parameter mains_hz is {mains_hz:g} Hz, allowed: 0, or')

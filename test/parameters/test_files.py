@@ -22,8 +22,6 @@ from pathlib import Path
 
 import pytest
 import yaml
-from hypothesis import given
-from hypothesis import strategies as st
 
 from slip_detector.parameters import files
 from slip_detector.parameters.fields import LONGEST_SHOWN
@@ -154,8 +152,8 @@ def test_a_package_without_its_folder_says_so(monkeypatch, tmp_path):
 @pytest.mark.parametrize(
     ('text', 'said'),
     [
-        ('a: 1\nb: 2\na: 3\n', ' line 3: has a again, as in line 1, allowed: once'),
-        ('a: [{b: 1,\n  b: 2}]\n', ' line 2: has b again, as in line 1, allowed: once'),
+        ('a: 1\nb: 2\na: 3\n', ' line 3: has a again, allowed: once'),
+        ('a: [{b: 1,\n  b: 2}]\n', ' line 2: has b again, allowed: once'),
         ("1: a\n'1': b\n", ' line 2: has 1 again'),
         *(
             (f'a: 1\nb: [{number}]\n', f' line 2: {number} is not a number as it looks, allowed:')
@@ -163,23 +161,23 @@ def test_a_package_without_its_folder_says_so(monkeypatch, tmp_path):
         ),
         ('a: &a [1]\nb: *a\n', ' line 2: has an alias, allowed: the value itself'),
         ('a: &a [*a]\n', ' line 1: has an alias'),
-        ('a: [1, 2\n', ' line 2 is not YAML ('),
-        ('a: 1\n\tb: 2\n', ' line 2 is not YAML ('),
-        ('a: 1\n---\nb: 2\n', ' line 2 is not YAML ('),
-        ('a: !!python/object:os.system {}\n', ' line 1 is not YAML ('),
+        ('a: [1, 2\n', " line 2: expected ',' or ']'"),
+        ('a: 1\n\tb: 2\n', ' line 2: found character'),
+        ('a: 1\n---\nb: 2\n', ' line 2: but found another document'),
+        ('a: !!python/object:os.system {}\n', ' line 1: could not determine a constructor'),
         ('a: \x01\n', ' is not YAML ('),
         *(
-            (f'a: {value}', ' is not YAML (a value is not what')
+            (f'a: {value}', ' is not YAML (it is not text, or a value is not what')
             for value in ('!!bool x', '!!timestamp x', '!!int x', '2026-13-45')
         ),
         ('a: ' + '[' * 20_000, ' is nested too deeply, allowed: 200 levels'),
         ('', ' is not a YAML file of names and values'),
         ('- 1\n- 2\n', ' is not a YAML file of names and values'),
         ('a' * (MOST_BYTES + 1), f' has more than {MOST_BYTES} bytes, allowed: fewer'),
-        (b'\xff\xfe\0slip', ' is not text, allowed: a YAML file'),
+        (b'\xff\xfe\0slip', ' is not YAML (it is not text'),
         (f'{"b" * 900}: 1\n' * 2, ' line 2: has bbb'),
         ('a: 0' + '7' * 5_000, ' line 1: 0777'),
-        ('!' * 10_000, ' line 1 is not YAML ('),
+        ('!' * 10_000, ' line 1: '),
     ],
 )
 def test_yaml_that_is_not_what_it_looks_like_is_refused_with_its_line(tmp_path, text, said):
@@ -200,13 +198,6 @@ def test_a_file_that_cannot_be_read_or_never_ends_is_refused(tmp_path):
     for path in (tmp_path / 'missing.yaml', tmp_path):
         assert message_of(read_yaml, path).startswith(f'{path}: cannot be read (')
     assert message_of(read_yaml, '/dev/zero').startswith('/dev/zero: has more than')
-
-
-@given(number=st.integers() | st.floats(allow_nan=False))
-def test_numbers_are_read_as_they_are_written(tmp_path_factory, number):
-    path = tmp_path_factory.getbasetemp() / 'a.yaml'
-    path.write_text(yaml.safe_dump({'a': number}))
-    assert read_yaml(path) == {'a': number}
 
 
 def test_other_values_are_read_as_they_look(tmp_path):

@@ -35,17 +35,12 @@ TOPIC = 'names of letters, digits and _ with / between, no digit first, at most 
             ({'command_topic': topic}, f'command_topic is {topic!r}, allowed: {TOPIC}')
             for topic in ('', '/', 'a//b', 'hand/', '1/commands', 'grip force', 'ü')
         ),
-        *(
-            (
-                {'command_joints': joints},
-                f'command_joints is {joints}, allowed: at least one name, each once',
-            )
-            for joints in ([], ['left', 'left'])
-        ),
+        ({'command_joints': []}, 'command_joints is (), allowed: at least one name'),
         (
-            {'command_factor': 0.0},
-            'command_factor is 0, allowed: any other number from -1e+06 to 1e+06, else nothing',
+            {'command_joints': ['left', 'left']},
+            "command_joints has 'left' twice, allowed: each name",
         ),
+        ({'command_factor': 0.0}, 'command_factor is 0, allowed: not 0, else nothing grips'),
     ],
 )
 def test_a_gripper_that_could_not_grip_is_refused(values, said):

@@ -75,7 +75,7 @@ def test_an_unknown_parameter_is_an_error_that_suggests_a_near_name(name, hint):
 @pytest.mark.parametrize('names', [('groups', 'groups.new'), ('groups.new', 'groups')])
 def test_groups_are_given_whole_or_one_by_one(names):
     message = message_of(ChainConfig.from_parameters, {name: [1] for name in names})
-    assert message == 'parameter groups is given beside groups.new, allowed: either'
+    assert message == 'parameter groups is given beside groups.<name>, allowed: either'
 
 
 #: By the end of a parameter's name, the longer first.
@@ -220,21 +220,13 @@ def test_a_file_with_sections_for_other_names_of_the_node_is_refused(write):
 @pytest.mark.parametrize(
     ('text', 'said'),
     [
-        ('slip_driver: {seed: 3}', 'section slip_driver/seed has no ros__parameters'),
-        ('slip_driver:', 'section slip_driver has no ros__parameters'),
+        ('slip_driver: {seed: 3}', 'section slip_driver/seed has no names under ros__parameters'),
+        ('slip_driver:', 'section slip_driver has no names under ros__parameters'),
         ('slip_driver: {ros__parameters: [1]}', 'section slip_driver has no names under ros__'),
         ('/camera: {ros__parameters: {gain: 3.0}}', 'has no section of this package, allowed: '),
         ('slip_driver: {ros__parameters: {seed: -1}}', 'parameter seed is -1, allowed: 0 to'),
         ('slip_driver: {ros__parameters: {sed: 1}}', 'unknown parameter sed = 1; did you mean'),
         ('/**: {ros__parameters: {sed: 1}}', 'unknown parameter sed = 1; did you mean seed?'),
-        (
-            '{/**: {ros__parameters: {vote: 1}}, slip_driver: {ros__parameters: {vote: 1}}}',
-            'unknown parameter vote = 1; it is a parameter of slip_detector',
-        ),
-        (
-            'slip_driver: {ros__parameters: {a: {b: 1}, a.b: 2}}',
-            'section slip_driver has a.b again, allowed: once',
-        ),
     ],
 )
 def test_a_bad_section_is_an_error_that_names_the_file(write, text, said):

@@ -19,7 +19,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.chain.stamps import StampGrid
+from slip_detector.chain.stamps import BACKWARDS, NEW_STRETCH, StampGrid
 from slip_detector.recordings import (
     array_recordings,
     open_recording,
@@ -35,17 +35,17 @@ def as_the_node_does(volts, stamps_ns, truth, max_gap_s):
     grid, counts = StampGrid(1 / RATE_HZ, max_gap_s), RecordingCounts(rows=0)
     stretches, last = [[]], None
     for i, stamp_ns in enumerate(stamps_ns.tolist()):
-        arrival = grid.arrive(stamp_ns)
-        if not arrival.accepted:
+        missing = grid.arrive(stamp_ns)
+        if missing == BACKWARDS:
             counts.dropped += 1
             continue
-        if arrival.reset:
+        if missing == NEW_STRETCH:
             stretches.append([])
-        for k in range(arrival.missing):
-            at_ns = stamp_ns - round(arrival.missing * PERIOD_NS) + round(k * PERIOD_NS)
+        for k in range(missing):
+            at_ns = stamp_ns - round(missing * PERIOD_NS) + round(k * PERIOD_NS)
             stretches[-1].append((volts[last], at_ns, truth[last], last))
-        counts.gaps += arrival.missing > 0
-        counts.bridged_rows += arrival.missing
+        counts.gaps += missing > 0
+        counts.bridged_rows += max(missing, 0)
         stretches[-1].append((volts[i], stamp_ns, truth[i], i))
         last = i
     counts.rows = sum(map(len, stretches))

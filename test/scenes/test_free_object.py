@@ -21,7 +21,6 @@ from hypothesis import strategies as st
 
 from slip_detector.scenes import Scene
 from slip_detector.scenes.friction import LIGHTEST_LOAD_N
-from slip_detector.scenes.mechanics import SPEED
 from slip_detector.scenes.surface import STANDARD_GRAVITY_M_S2
 
 ALL = 10**9
@@ -124,28 +123,6 @@ def test_an_object_too_heavy_for_the_grip_accelerates_as_newton_says(mass_kg, sh
     assert np.all(sliding[late] > 0.99)
 
 
-@pytest.mark.parametrize('friction', FRICTIONS)
-def test_an_object_that_slips_is_caught_by_a_grip_that_rises_in_time(friction):
-    def play(catch):
-        scene = held(3.0, [{'duration_s': 1.5}], mass_kg=0.2, friction=friction)
-        weak_n = 0.7 * 0.2 * G  # 2 mu N is less than the weight: it lets go.
-        scene.clean(400)
-        scene.hold_force(weak_n)
-        scene.clean(300)
-        moved = scene.state.body[SPEED]
-        if catch:
-            scene.hold_force(6.0)
-        _, _, position_m, sliding = scene.clean(ALL)
-        return moved, position_m, sliding
-
-    speed, caught_m, sliding = play(catch=True)
-    _, let_go_m, _ = play(catch=False)
-    assert speed > 1e-3
-    assert np.ptp(caught_m[-200:]) < 1e-7
-    assert np.all(sliding[-200:] == 0.0)
-    assert let_go_m[-1] > 5.0 * caught_m[-1]
-
-
 def test_an_object_that_slid_through_is_lost_and_felt_no_more():
     length_m = 0.02
     scene = held(3.0, [{'duration_s': 0.5}, {'duration_s': 1.0, 'force_n': 3.0}],
@@ -155,13 +132,6 @@ def test_an_object_that_slid_through_is_lost_and_felt_no_more():
     np.testing.assert_array_equal(position_m[-500:], position_m[-1])
     assert np.abs(clean_v[-500:]).max() < 1e-4
     np.testing.assert_array_equal(sliding[-500:], 0.0)
-    # Whatever the grip does then brings nothing back.
-    again = held(3.0, [{'duration_s': 1.5}], mass_kg=1.0, length_m=length_m)
-    again.clean(1400)
-    again.hold_force(10.0)
-    _, clean_v, position_m, _ = again.clean(ALL)
-    assert np.ptp(position_m) == 0.0
-    assert np.abs(clean_v).max() < 1e-4
 
 
 @given(st.floats(0.0, 5.0), st.integers(1, 400))
@@ -183,7 +153,7 @@ def test_a_grip_from_outside_changes_nothing_that_was_before(grip_n, at):
     [
         (-1e-3, 'force_n is -0.001 N, allowed: 0 to 1000 N'),
         (1e4, 'force_n is 10000 N, allowed: 0 to 1000 N'),
-        (1000.0, 'a grip of 1000 N: falls with velocity .* would chatter; allowed: more damping'),
+        (1000.0, 'a grip of 1000 N: the skin would chatter, .*, allowed: more of these'),
     ],
 )
 def test_a_grip_out_of_range_or_under_which_the_skin_would_chatter_is_refused(force_n, said):

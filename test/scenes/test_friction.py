@@ -77,9 +77,6 @@ def level_n(w, law, load_n):
     return max(load_n, LIGHTEST_LOAD_N) * (law.kinetic_coefficient + drop)
 
 
-# LuGre's law.
-
-
 # The implicit stage.
 
 
@@ -188,21 +185,6 @@ def test_coulomb_holds_up_to_its_limit_and_is_exactly_it_beyond(
         sizes = limit_n + skin.mass_kg / step_s * (abs(u) + abs(v)) + skin.damping_n_s_m * abs(v)
         sizes += skin.shear_stiffness_n_m * (abs(x) + step_s * abs(v)) + sum(map(abs, terms))
         assert sum(terms) == pytest.approx(force, abs=1e-11 * sizes)
-
-
-@settings(max_examples=150)
-@given(SKINS, LAWS, LOADS_N, VELOCITIES_M_S, DISPLACEMENTS_M, SHARES, STEPS_S)
-def test_the_slope_of_a_patch_is_what_its_surface_feels(skin, law, load_n, v, x, share, step_s):
-    z = share * most_n(law, load_n) / law.bristle_stiffness_n_m
-    assume(steepest_n_s_m(law, load_n) < skin.damping_n_s_m)
-    by = 1e-5 * abs(v)
-    assume(by > 0.0)
-    (_, low, low_slope, _), (_, middle, slope, _), (_, high, high_slope, _) = (
-        skin_stage(v + d, x, 0.0, z, 0.0, load_n, step_s, skin, law) for d in (-by, 0.0, by)
-    )
-    assume(abs(high_slope - low_slope) <= 1e-3 * abs(slope))  # No corner lies between.
-    size = abs(middle) + skin.shear_stiffness_n_m * (abs(x) + step_s * abs(v))
-    assert slope == pytest.approx((high - low) / (2.0 * by), rel=1e-3, abs=1e-8 * size / by)
 
 
 # What is refused.

@@ -125,13 +125,6 @@ def test_any_number_of_grips_gives_what_the_damped_mass_does(motion, holds):
     np.testing.assert_allclose(force_at(at_s, force), wanted_n, atol=2e-5)
 
 
-def test_many_grips_are_not_all_remembered():
-    force = force_numbers(Motion(), HELD)
-    for k in range(1000):
-        force = held_force(force, 0.01 * k, 1.0 + k % 3)
-    assert len(force.starts_s) <= 3
-
-
 # The platform.
 
 VELOCITY_STEPS = st.lists(
@@ -175,6 +168,3 @@ def test_the_load_ramps_from_step_to_step():
     at_s = np.array([0.0, 1.0, 1.25, 1.5, 2.5, 2.75, 3.0, 3.25, 3.5, 99.0])
     wanted_n = [0.0, 0.0, 1.0, 2.0, 2.0, 3.5, 5.0, 3.5, 2.0, 2.0]
     np.testing.assert_allclose(load_at(at_s, load), wanted_n, atol=1e-12)
-
-
-# Steps as a scene file has them.

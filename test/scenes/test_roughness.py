@@ -53,16 +53,6 @@ def test_roughness_correlates_as_a_gaussian_of_its_length(rough):
         assert correlation == pytest.approx(np.exp(-((lag / 4.0) ** 2)), abs=0.1)
 
 
-@given(st.sampled_from(ROUGH_NUMBERS), st.floats(-2.0, 2.0))
-def test_roughness_repeats_without_a_seam(rough, turns):
-    length_m = PROFILE_POINTS / rough.per_m
-    here, there = height(turns * length_m, rough), height((turns + 1.0) * length_m, rough)
-    assert here == pytest.approx(there, abs=1e-9)
-    for seam in (-1, 0, 1, 2):
-        before, after = (height(seam * length_m + by / rough.per_m, rough) for by in (-1e-6, 1e-6))
-        assert before == pytest.approx(after, abs=1e-7)
-
-
 @given(st.sampled_from(ROUGH_NUMBERS), st.floats(-20.0, 20.0), st.floats(-30.0, 30.0))
 def test_the_mean_of_roughness_over_a_way_is_that_of_its_points(rough, start, way):
     assume(abs(way) > 1e-3)

@@ -16,20 +16,10 @@
 
 import pytest
 
-from slip_detector.parameters.detector import ChainConfig, DetectorConfig
-from slip_detector.parameters.driver import DriverConfig, RecordingConfig
-from slip_detector.parameters.evaluation import EvaluationConfig, TuneConfig
-from slip_detector.parameters.grasp import GraspConfig
+from slip_detector.parameters import ChainConfig, RecordingConfig
+from slip_detector.parameters.sets import SECTIONS
 
-SETS = (
-    ChainConfig,
-    DetectorConfig,
-    RecordingConfig,
-    DriverConfig,
-    GraspConfig,
-    EvaluationConfig,
-    TuneConfig,
-)
+SETS = (ChainConfig, RecordingConfig, *SECTIONS.values())
 
 
 def message_of(build, *args, **values):
