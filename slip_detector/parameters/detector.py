@@ -267,9 +267,8 @@ class ChainConfig(ParameterSet):
 
     def _default_groups(self) -> dict[str, tuple[int, ...]]:
         disabled = set(self.disabled_channels)
-        groups = {'all': tuple(range(1, self.channels + 1))}
-        if self.channels == PAPER_CHANNELS:
-            groups = dict(PAPER_GROUPS)
+        one_group = {'all': tuple(range(1, self.channels + 1))}
+        groups = PAPER_GROUPS if self.channels == PAPER_CHANNELS else one_group
         left = {n: tuple(c for c in members if c not in disabled) for n, members in groups.items()}
         return {name: members for name, members in left.items() if members}
 

@@ -39,9 +39,7 @@ class RecordingConfig(ParameterSet):
     recording_labels: str = parameter(
         '', 'YAML file of the slips, or a folder of such; empty: <name>.labels.yaml beside it.'
     )
-    recording_truth_topic: str = parameter(
-        'slip_truth', 'Topic of the true slip (Bool, on change).'
-    )
+    recording_truth_topic: str = parameter('slip_truth', 'Topic of true slip (Bool, on change).')
     recording_position_topic: str = parameter(
         'platform_position', 'Else a topic with a position that changes in slip (Eq. 9).'
     )

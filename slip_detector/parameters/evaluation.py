@@ -78,8 +78,6 @@ class TuneConfig(ParameterSet):
         10.0, 'Cost of each per cent of the rest during which slip is ON.', (0.0, 1e6, 'ms')
     )
     auc_costs_ms: float = parameter(
-        100.0,
-        'Cost of an area under the ROC curve of 0; 1 costs nothing. It is an area over all rows.',
-        (0.0, 1e6, 'ms'),
+        100.0, 'Cost of an area of 0 under the ROC curve of all rows; 1: none.', (0.0, 1e6, 'ms')
     )
     trade: bool = parameter(False, 'Whether one figure may get worse if the total cost falls.')

@@ -179,13 +179,6 @@ def refuse(what: str, allowed_text: str) -> NoReturn:
     raise ValueError(f'{what}, allowed: {allowed_text}')
 
 
-def check_once(values: Iterable[Any], where: str, what: str) -> None:
-    """Raise a ValueError if a value occurs twice."""
-    doubled = sorted(value for value, count in Counter(values).items() if count > 1)
-    if doubled:
-        refuse(f'{where} has {shown(doubled[0])} twice', f'each {what} once')
-
-
 def converted(value: Any, field: Field, where: str) -> Any:
     """Convert a value from YAML, ROS or Python to the type of its parameter.
 
@@ -286,7 +279,9 @@ def _names(values: Iterable[Any], where: str, for_topics: bool = True) -> tuple[
         if not isinstance(name, str) or not (NAME_PATTERN.fullmatch(name) if for_topics else name):
             text = 'letters, digits and _, a letter first' if for_topics else 'a list of names'
             refuse(f'{where} has {shown(name)}', text)
-    check_once(names, where, 'name')
+    doubled = [name for name, count in Counter(names).items() if count > 1]
+    if doubled:
+        refuse(f'{where} has {shown(min(doubled))} twice', 'each name once')
     return names
 
 

@@ -176,10 +176,8 @@ def check_apart(written: Mapping[str, Path | None], read: Sequence[str | Path] =
 
 def writable_folder(folder: Path) -> Path:
     """Return a folder, which is made if it does not exist; a ValueError if it cannot be made."""
-    try:
+    with write_errors_of(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ValueError(f'{folder}: cannot be made ({error.strerror})') from None
     return folder
 
 

@@ -55,9 +55,7 @@ class GraspConfig(ParameterSet):
     )
     relax_n_s: float = parameter(0.1, 'How fast it decreases; 0: never.', (0.0, 1000.0, 'N/s'))
     closing_n_s: float = parameter(
-        5.0,
-        'How fast the force rises and falls as the grip closes and opens.',
-        (0.001, 1e6, 'N/s'),
+        5.0, 'How fast it rises and falls as the grip closes and opens.', (0.001, 1e6, 'N/s')
     )
     settle_s: float = parameter(
         0.3, 'After closing, slip is ignored for so long: contact looks like it.', (0.0, 60.0, 's')
@@ -81,9 +79,7 @@ class GraspConfig(ParameterSet):
         ('grip',), 'Joints that get the command, all the same, in the order of their controller.'
     )
     command_factor: float = parameter(
-        1.0,
-        'Command of a joint per newton, as its lever arm in m; negative if that closes it.',
-        (-1e6, 1e6),
+        1.0, 'Command of a joint per newton; negative if that closes it.', (-1e6, 1e6)
     )
 
     def __post_init__(self) -> None:

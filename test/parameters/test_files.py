@@ -126,7 +126,7 @@ def test_of_a_symbolic_link_the_file_is_written_and_the_link_stays(tmp_path, exi
 def test_a_folder_is_made_unless_a_file_stands_there(tmp_path):
     assert writable_folder(tmp_path / 'a' / 'b').is_dir()
     (tmp_path / 'file').write_text('')
-    with pytest.raises(ValueError, match='file: cannot be made'):
+    with pytest.raises(ValueError, match='file: cannot be written'):
         writable_folder(tmp_path / 'file')
 
 
