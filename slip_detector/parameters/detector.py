@@ -110,7 +110,7 @@ class ChainConfig(ParameterSet):
         0.1, 'A longer gap in the input resets the chain, a shorter is bridged.', (0.0, 60.0, 's')
     )
     common_mode: str = searched_filter(
-        'none', 'Subtracted from each row.', choices=COMMON_MODES, heading='Interference'
+        'none', 'What is subtracted from each row.', choices=COMMON_MODES, heading='Interference'
     )
     mains_hz: float = searched_filter(
         0.0,

@@ -18,7 +18,7 @@ import contextlib
 import os
 import re
 import tempfile
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -236,14 +236,6 @@ def read_yaml(path: str | Path) -> dict[str, Any]:
     >>> list(read_yaml(shared_folder() / 'config' / 'slip_detector.yaml'))
     ['/**/slip_detector', '/**/slip_driver']
     """
-    document = _parsed(path, _Loader.get_single_data)
-    if not isinstance(document, dict):
-        raise ValueError(f'{path}: is not a YAML file of names and values')
-    return {str(name): value for name, value in document.items()}
-
-
-def _parsed(path: str | Path, parse: Callable[[_Loader], Any]) -> Any:
-    """Parse a file; an error is one line with file and, where it is known, line."""
     try:
         with open(path, 'rb') as file:
             content = file.read(MOST_BYTES + 1)  # A device may never end.
@@ -252,7 +244,10 @@ def _parsed(path: str | Path, parse: Callable[[_Loader], Any]) -> Any:
     if len(content) > MOST_BYTES:
         raise ValueError(f'{path}: has more than {MOST_BYTES} bytes, allowed: fewer')
     try:
-        return parse(_Loader(content.decode()))
+        document = _Loader(content.decode()).get_single_data()
+        if isinstance(document, dict):
+            return {str(name): value for name, value in document.items()}
+        said = 'is not a YAML file of names and values'
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
         said = f'line {line}: {shortened(error.problem or "is not YAML")}'

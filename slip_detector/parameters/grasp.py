@@ -55,7 +55,7 @@ class GraspConfig(ParameterSet):
     )
     relax_n_s: float = parameter(0.1, 'How fast it decreases; 0: never.', (0.0, 1000.0, 'N/s'))
     closing_n_s: float = parameter(
-        5.0, 'How fast it rises and falls as the grip closes and opens.', (0.001, 1e6, 'N/s')
+        5.0, 'Rate of the force as the grip closes and opens.', (0.001, 1e6, 'N/s')
     )
     settle_s: float = parameter(
         0.3, 'After closing, slip is ignored for so long: contact looks like it.', (0.0, 60.0, 's')

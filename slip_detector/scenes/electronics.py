@@ -85,7 +85,7 @@ class Electronics(ParameterSet):
         0.0, 'Corner of the first-order low-pass before the converter; 0: none.', (0.0, 1e9, 'Hz')
     )
     drift_v: float = parameter(
-        0.0, 'Standard deviation of each baseline after one second.', (0.0, 100.0, 'V/sqrt(s)')
+        0.0, 'Random walk of each baseline: deviation after one second.', (0.0, 100.0, 'V/sqrt(s)')
     )
     noise_v: float = parameter(
         0.5e-3, 'Standard deviation of the noise of a sample.', (0.0, 100.0, 'V')

@@ -89,7 +89,9 @@ class Friction(CompiledSet):
         0.61, 'Coefficient of friction at rest (lugre).', (0.0, 10.0)
     )
     stribeck_velocity_m_s: float = parameter(
-        10e-3, 'Where it has fallen by 1 - 1/e of the way (lugre).', (1e-6, 1e3, 'm/s')
+        10e-3,
+        'Velocity at which 1 - 1/e of the fall to kinetic is done (lugre).',
+        (1e-6, 1e3, 'm/s'),
     )
     bristle_stiffness_n_m: float = parameter(
         1e5, 'Stiffness of the bristles of a patch, sigma 0 (lugre).', (1.0, 1e12, 'N/m')
@@ -101,7 +103,7 @@ class Friction(CompiledSet):
         0.0, 'Viscous friction, sigma 2 (lugre).', (0.0, 1e6, 'N s/m')
     )
     unloading_s: float = parameter(
-        1e-4, 'In which bristles relax that the load cannot hold (lugre).', (1e-9, 1.0, 's')
+        1e-4, 'Time in which bristles relax that the load cannot hold (lugre).', (1e-9, 1.0, 's')
     )
 
     def __post_init__(self) -> None:

@@ -84,7 +84,7 @@ class FreeObject(CompiledSet):
         0.1, 'How far it can slide through the fingers before it is lost.', (1e-4, 10.0, 'm')
     )
     rest_patches: float = parameter(
-        50.0, 'Number of further skin patches between the taxels, like those.', (1.0, 1e4)
+        50.0, 'Number of further patches of skin between the taxels, as stiff.', (1.0, 1e4)
     )
 
 

@@ -59,7 +59,8 @@ def imported(paths):
                 names.update(alias.name.split('.')[0] for alias in node.names)
             elif isinstance(node, ast.ImportFrom):
                 names.add(node.module.split('.')[0])
-    return names - {'slip_detector'} - set(sys.stdlib_module_names)
+    # Only type checkers import typing_extensions.
+    return names - {'slip_detector', 'typing_extensions'} - set(sys.stdlib_module_names)
 
 
 def package_xml():
