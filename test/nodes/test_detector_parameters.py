@@ -60,13 +60,13 @@ def test_a_set_is_refused_whole_with_the_reason_and_nothing_changes(bench):
         ({'threshold': 0.3, 'vote': 5}, ['vote is 5', 'at most 4']),
         ({'threshold': 0.3, 'gain': None}, ['gain cannot be deleted']),
         ({'threshold': 0.3, 'autostart': False}, ['autostart', 'read-only']),
-        ({'threshold': 0.3, 'channels': 8}, ['groups', 'channel 14', '1 to 8']),
+        ({'threshold': 0.3, 'channels': 8}, ['groups', '14', '1 to 8']),
         ({'threshold': 0.3, 'groups__': True}, ['groups.', 'did you mean groups?']),
         ({'groups': [1], 'groups__new': [1]}, ['groups is given beside']),
         ({'input_type': 'std_msgs/msg/__name__'}, ['input_type', 'installed message type']),
         (
             {'channels': 5_000, 'envelope_window_s': 60.0, 'sample_rate_hz': 5e4},
-            ['channels is 5000', 'windows of 60 s and 0.04 s at 50000 Hz', 'GB of memory'],
+            ['channels is 5000', 'these windows', 'GB of memory'],
         ),
         (
             {'channel_names': [f'{"a" * 240}{k}' for k in range(16)]},
