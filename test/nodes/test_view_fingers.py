@@ -181,6 +181,8 @@ def test_a_detector_of_another_version_is_reported_on_the_log(bench, capfd):
         for name in ('sample_rate_hz', 'channels', 'threshold', 'heartbeat_hz'):
             node.declare_parameter(name, -1.0)
         node.create_publisher(Header, 'slip_onset', event_qos())
+        # Another node that publishes this has no parameters of a detector, and is none.
+        bench.node.create_publisher(Header, '/thumb/slip_onset', event_qos())
         log = ''
 
         def warned():
