@@ -95,7 +95,7 @@ def play_scenes(descriptions: Sequence[Mapping[str, Any]], seeds: Sequence[int])
 
 def figures_on(tracks: Sequence[Track], chain: ChainConfig) -> dict[str, Any]:
     """Return the :data:`FIGURES` of a chain on tracks."""
-    replay = Replay(chain, scores=False, stages=False)
+    replay = Replay(chain)
     whole = figures_of_merit([replay.run(track.rows(), track.sample_rate_hz) for track in tracks])
     return {figure: whole[figure] for figure in FIGURES}
 

@@ -70,7 +70,7 @@ def onset_figures(tracks: dict[str, list[Track]], chain: ChainConfig) -> dict[st
     chain
         The parameters of the chain.
     """
-    replay = Replay(chain, scores=False, stages=False)
+    replay = Replay(chain)
     outcomes = {
         name: [replay.run(track.rows(), track.sample_rate_hz) for track in several]
         for name, several in tracks.items()

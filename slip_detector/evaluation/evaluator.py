@@ -123,24 +123,22 @@ class RecordingLoader(NamedTuple):
                 f'{", ".join(config.channel_names)}, the parameter channel_names'
             )
         if require_truth and not recording.has_truth:
+            arrays = ', '.join(recording.array_names())
+            reading = self.recording_config
+            label = f'label {reading.recording_truth_key}, there are: {arrays}'
+            if not arrays:
+                label = (
+                    f'topic {reading.recording_truth_topic} or {reading.recording_position_topic}'
+                )
             raise ValueError(
-                f'{path}: {self._no_truth(recording)}, or a file of labels beside it, '
-                f'{labels_name(path)} (--labels: elsewhere)'
+                f'{path}: has no {label}; allowed: one to label the slips, or a file of labels '
+                f'beside it, {labels_name(path)} (--labels: elsewhere)'
             )
         # A recording of another rate is resampled, or reading it raises an error.
         rate_hz = recording.sample_rate_hz
         if rates_differ(rate_hz, config.sample_rate_hz):
             rate_hz = config.sample_rate_hz
         return LabelledRecording(self._rows(recording), rate_hz, recording)
-
-    def _no_truth(self, recording: Recording) -> str:
-        config, there = self.recording_config, ', '.join(recording.array_names())
-        if there:
-            return f'has no label {config.recording_truth_key}, there are: {there}; allowed: one'
-        return (
-            f'has no topic {config.recording_truth_topic} or {config.recording_position_topic} '
-            'to label the slips, allowed: one'
-        )
 
     def _rows(self, recording: Recording) -> Iterator[Samples]:
         """Yield the pieces of a recording with their labels and the motion of the robot."""

@@ -220,10 +220,8 @@ def event_figures(outcomes: Sequence['ReplayOutcome']) -> dict[str, Any]:
         **slip_figures(latencies_ms, leads_s, windows_s, false_alarms, rest_s, on_rest_s),
         **_mean_stages(scored, ''),
         **_mean_stages(late, 'late_'),
-        **{
-            f'missed_{where}': None if None in lost else lost.count(stage)
-            for stage, where in [*((s, f'at_{s}') for s in STAGES), (ALREADY_ON, ALREADY_ON)]
-        },
+        **{f'missed_at_{stage}': lost.count(stage) for stage in STAGES},
+        f'missed_{ALREADY_ON}': lost.count(ALREADY_ON),
     }
 
 
@@ -347,14 +345,15 @@ class ReplayOutcome:
         Rate of the recording.
     slips : tuple of TrueSlip
     alarms : tuple of Alarm
-    scores : ScoreCounts or None
-        Scores of the decision statistic; None where they were not asked for.
+    scores : ScoreCounts
+        Scores of the decision statistic.
 
     Examples
     --------
     >>> outcome = ReplayOutcome(
     ...     rows=760, slip_rows=190, moving_rows=None, on_rows=19, settling_rows=190,
-    ...     rest_rows=380, on_rest_rows=19, sample_rate_hz=380.0, slips=(), alarms=(), scores=None,
+    ...     rest_rows=380, on_rest_rows=19, sample_rate_hz=380.0, slips=(), alarms=(),
+    ...     scores=ScoreCounts.pooled([]),
     ... )
     >>> outcome.duration_s
     2.0
@@ -370,7 +369,7 @@ class ReplayOutcome:
     sample_rate_hz: float
     slips: tuple[TrueSlip, ...]
     alarms: tuple[Alarm, ...]
-    scores: ScoreCounts | None
+    scores: ScoreCounts
 
     @property
     def duration_s(self) -> float:
@@ -402,7 +401,7 @@ def figures_of_merit(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:
     (2.0, 0, None)
     """
     moving = [one.moving_rows for one in outcomes if one.moving_rows is not None]
-    scores = ScoreCounts.pooled([one.scores for one in outcomes if one.scores is not None])
+    scores = ScoreCounts.pooled([one.scores for one in outcomes])
     return {
         'rows': sum(one.rows for one in outcomes),
         'slip_rows': sum(one.slip_rows for one in outcomes),

@@ -214,7 +214,7 @@ def evaluate_plates(
     >>> figures['plates']['400']['success_percent'], figures['all']['detected']
     (100.0, 1)
     """
-    replay = Replay(config, scores=False, stages=False)
+    replay = Replay(config)
     outcomes = {}
     for plate, trials in plates.items():
         rate, channels = trials[0].sample_rate_hz, trials[0].volts.shape[1]

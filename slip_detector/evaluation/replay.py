@@ -20,7 +20,7 @@ Memory grows with the number of slips and alarms, not with the rows.
 import dataclasses
 import itertools
 from collections.abc import Iterable, Sequence
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,16 +56,6 @@ BLOCK_VALUES = 131072
 NEVER = np.iinfo(np.int64).max
 
 
-class Observer(Protocol):
-    """Receives the rows of a recording during its replay, as the overview of a report does."""
-
-    def add(self, volts: Floats, result: SlipResult, truth: Bools, /) -> None:
-        """Take the next rows; the result has their level, and with evidence floor and excess."""
-
-    def gap(self, seconds: float, /) -> None:
-        """Take the length of the gap before the next rows."""
-
-
 class Replay:
     """Runs one chain over recordings, each from its first row as the detector node would.
 
@@ -75,9 +65,6 @@ class Replay:
         The parameters of the chain.
     config
         What counts as detected.
-    scores, stages
-        Whether the outcome has the scores of the ROC curve, and the parts of each latency. What
-        the outcome does not have is not computed.
 
     Raises
     ------
@@ -96,24 +83,16 @@ class Replay:
     (1, 0, 100.0)
     """
 
-    def __init__(
-        self,
-        chain_config: ChainConfig,
-        config: EvaluationConfig | None = None,
-        *,
-        scores: bool = True,
-        stages: bool = True,
-    ) -> None:
+    def __init__(self, chain_config: ChainConfig, config: EvaluationConfig | None = None) -> None:
         self.config = config or EvaluationConfig()
         self.chain = SlipChain(chain_config)
-        self.tally = ScoreTally() if scores else None
-        self.filters = SlipChain(of_filters(chain_config)) if stages else None
+        self.tally, self.filters = ScoreTally(), SlipChain(of_filters(chain_config))
 
     def run(
         self,
         pieces: Iterable[Samples],
         sample_rate_hz: float | None = None,
-        observer: Observer | None = None,
+        observer: Any = None,
     ) -> ReplayOutcome:
         """Replay a recording.
 
@@ -124,7 +103,9 @@ class Replay:
         sample_rate_hz
             Rate of the recording, which turns rows into times; the chain's rate if not given.
         observer
-            Receives all rows and gaps in their order.
+            Receives all rows and gaps in their order, as the overview of a report does, by
+            ``add(volts, result, truth)`` and ``gap(seconds)``. The result has the level, and with
+            evidence floor and excess.
 
         Raises
         ------
@@ -177,7 +158,7 @@ def _note_first(first: NDArray[np.int64], on: Bools, row: int) -> None:
 class _Run:
     """The replay of one recording, and its counts and intervals so far."""
 
-    def __init__(self, replay: Replay, rate_hz: float, observer: Observer | None) -> None:
+    def __init__(self, replay: Replay, rate_hz: float, observer: Any) -> None:
         self._replay, self._rate_hz, self._observer = replay, rate_hz, observer
         self._chain, self._config = replay.chain, replay.chain.config
         self._row = 0  # Number of the next row; rows that are missing in gaps count.
@@ -219,13 +200,12 @@ class _Run:
 
     def _block(self, volts: Floats, truth: Bools, kinds: Kinds) -> None:
         """Take rows with at most one slip, which is at their beginning."""
-        filters, tally, row = self._replay.filters, self._replay.tally, self._row
+        row = self._row
         if truth[0] and not self._labels.on:
             first = np.full((4, self._config.channels), NEVER)
             self._slips.append(_Slip(row, self._on.on, first))
-            self._watching = filters is not None and not self._on.on
-            if filters and self._watching:
-                filters.take_filters(self._chain)
+            self._watching = not self._on.on
+            self._replay.filters.take_filters(self._chain)
         # An observer receives floor and excess, which make evidence.
         observed, evidence = self._observer is not None, self._config.decision == 'evidence'
         result = self._chain.update(
@@ -234,7 +214,7 @@ class _Run:
             level=observed,
             floor=evidence and (observed or self._watching),
             excess=evidence and observed,
-            votes=(self._config.vote,) if tally else (),
+            votes=(self._config.vote,),
         )
         on = np.ascontiguousarray(result.slip)
         for intervals, signal in (
@@ -243,15 +223,14 @@ class _Run:
             intervals.add(signal, row)
         if truth[0]:
             _note_first(self._slips[-1].first[3], result.channels[: np.count_nonzero(truth)], row)
-        if filters and self._watching:
-            self._watch(filters, volts, result)
-        if tally:
-            tally.add(result.vote_statistic[:, 0], kinds)
+        if self._watching:
+            self._watch(volts, result)
+        self._replay.tally.add(result.vote_statistic[:, 0], kinds)
         if self._observer:
             self._observer.add(volts, result, truth)
         self._row += len(on)
 
-    def _watch(self, filters: SlipChain, volts: Floats, result: SlipResult) -> None:
+    def _watch(self, volts: Floats, result: SlipResult) -> None:
         """Follow the last slip through the stages until its alarm comes or can come no more.
 
         Filtered signal and envelope are compared with the threshold; where evidence decides, with
@@ -269,7 +248,7 @@ class _Run:
         least: Floats | float = config.threshold
         if config.decision == 'evidence':
             least = 10.0 ** ((result.floor[:n] + config.evidence_offset_db) / 20.0)
-        filtered = filters.update(volts[:n], level=False).envelope
+        filtered = self._replay.filters.update(volts[:n], level=False).envelope
         passed = filtered > least, result.envelope[:n] > least, result.channels[:n]
         for first, through in zip(slip.first, passed, strict=False):
             _note_first(first, through & result.valid[:n], self._row)
@@ -293,8 +272,8 @@ class _Run:
         alarm_of, slip_of = scored.match(rises)
         on_in_slips = rows_on(on, self._labels.edges[::2], self._labels.edges[1::2])
         slips = []
-        for s, (slip, alarm) in enumerate(zip(self._slips, alarm_of, strict=True)):
-            latency = None if alarm is None else rises[alarm] - slip.start
+        for s, (slip, its_alarm) in enumerate(zip(self._slips, alarm_of, strict=True)):
+            latency = None if its_alarm is None else rises[its_alarm] - slip.start
             settling, stages, delays_s = not scored.scored[s], slip.stages, self._delays_s(slip)
             # The rise that was watched may belong to an alarm that began before the slip.
             if stages and sum(stages.values()) != latency:
@@ -303,7 +282,7 @@ class _Run:
                 TrueSlip(
                     start_s=slip.start / rate_hz,
                     end_s=labels[s].end / rate_hz,
-                    alarm=alarm,
+                    alarm=its_alarm,
                     latency_s=None if latency is None else latency / rate_hz,
                     settling=settling,
                     lead_s=float(scored.leads_s[s]),
@@ -312,22 +291,20 @@ class _Run:
                     stages_s=stages
                     if stages is None
                     else {k: n / rate_hz for k, n in stages.items()},
-                    lost_at=self._lost_at(slip) if alarm is None and not settling else None,
+                    lost_at=self._lost_at(slip) if latency is None and not settling else None,
                     on_at_start=slip.on_at_start,
                     on_while=bool(on_in_slips[s]),
                     channel_delays_s=delays_s,
                     delay_s=mean_and_sd(delays_s)[0],
                 )
             )
-        kinds = []
-        for a, (settles, of) in enumerate(zip(scored.settling(rises), slip_of, strict=True)):
-            if settles or (of is not None and slips[of].settling):
-                kinds.append(SETTLING)
-            elif of is None:
-                kinds.append(FALSE)
-            else:
-                kinds.append(TRUE if alarm_of[of] == a else REPEAT)
-        tally = self._replay.tally
+        found = []
+        settles = scored.settling(rises)
+        for a, (alarm, of) in enumerate(zip(alarms, slip_of, strict=True)):
+            kind = FALSE if of is None else TRUE if alarm_of[of] == a else REPEAT
+            if settles[a] or (of is not None and slips[of].settling):
+                kind = SETTLING
+            found.append(Alarm(alarm.start / rate_hz, alarm.end / rate_hz, kind, of))
         return ReplayOutcome(
             rows=_length(stretches),
             slip_rows=_length(labels),
@@ -338,20 +315,16 @@ class _Run:
             on_rest_rows=int(rows_on(on, scored.rest_starts, scored.rest_ends).sum()),
             sample_rate_hz=rate_hz,
             slips=tuple(slips),
-            alarms=tuple(
-                Alarm(alarm.start / rate_hz, alarm.end / rate_hz, kind, of)
-                for alarm, kind, of in zip(alarms, kinds, slip_of, strict=True)
-            ),
-            scores=tally.collect() if tally else None,
+            alarms=tuple(found),
+            scores=self._replay.tally.collect(),
         )
 
-    def _lost_at(self, slip: _Slip) -> str | None:
-        """Return where a missed slip was lost; None where stages are not watched."""
+    def _lost_at(self, slip: _Slip) -> str:
+        """Return where a missed slip was lost."""
         if slip.on_at_start or slip.stages:
             return ALREADY_ON
         lost = (slip.first[:3] == NEVER).all(axis=1)
-        stage = STAGES[int(lost.argmax()) if lost.any() else 3]
-        return stage if self._replay.filters else None
+        return STAGES[int(lost.argmax()) if lost.any() else 3]
 
     def _delays_s(self, slip: _Slip) -> tuple[float | None, ...]:
         disabled = {channel - 1 for channel in self._config.disabled_channels}

@@ -31,14 +31,10 @@ from slip_detector.report.tables import heading, number_text, text_table, verdic
 Floats = NDArray[np.float64]
 Figures = Mapping[str, Mapping[str, Any]]
 
-#: Format of each figure in the table of conditions.
-FORMATS = {
-    'mean_slide_mm': '.2f',
-    'worst_slide_mm': '.2f',
-    'force_percent': '.1f',
-    'most_force_percent': '.1f',
-    'onsets': '.1f',
-}
+#: The figures in the table of conditions.
+COLUMNS = (
+    'mean_slide_mm', 'worst_slide_mm', 'force_percent', 'most_force_percent', 'onsets',
+)  # fmt: skip
 
 #: Name and colour of each condition, in the order in which they are drawn.
 LABEL = {
@@ -80,7 +76,7 @@ def grasp_table(result: Mapping[str, Any]) -> str:
     rows = [['', '', 'slide [mm]', '', 'grip [% of limit]'],
             ['', 'dropped', 'mean', 'worst', 'mean', 'most', 'onsets']]  # fmt: skip
     for name, part in {**parts, **result['harder']}.items():
-        figures = [number_text(part[key], form) for key, form in FORMATS.items()]
+        figures = [number_text(part[key], '.2f') for key in COLUMNS]
         rows.append([name, f'{part["dropped"]} of {part["trials"]}', *figures])
     wanted = [
         [condition, heading(name), *verdict_cells(entry)]

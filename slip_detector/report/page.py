@@ -44,14 +44,7 @@ from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.files import whole_file
-from slip_detector.report.overview import (
-    EVENT_KINDS,
-    Codes,
-    Event,
-    Overview,
-    Volts,
-    signal_ranges,
-)
+from slip_detector.report.overview import EVENT_KINDS, Codes, Overview, Volts, signal_ranges
 from slip_detector.report.page_sections import SearchTrial, Variant, sections
 from slip_detector.tuning.problem import searched
 from slip_detector.tuning.tracks import Track
@@ -200,15 +193,8 @@ def _variant(overview: Overview) -> dict[str, Any]:
             for name, members in groups
         ],
         'snippets': [[snippet.start, len(snippet.codes)] for snippet in overview.snippets],
-        'events': [_event(event) for event in overview.events],
+        'events': [[EVENT_KINDS.index(kind), *rest] for kind, *rest in overview.events],
     }
-
-
-def _event(event: Event) -> list[Any]:
-    # Microseconds are finer than any sample.
-    times = [None if t is None else round(t, 6) for t in event[1:4]]
-    parts = {name: round(t, 6) for name, t in event.parts.items()}
-    return [EVENT_KINDS.index(event.kind), *times, parts, event.note]
 
 
 def evaluate_for_report(
@@ -323,11 +309,11 @@ def write_tuning_report(
         When the file cannot be written; names it.
     """
     trials = [
-        SearchTrial(trial.number, found['figures'], found['parameters'])
+        SearchTrial(str(trial.number), found['figures'], found['parameters'])
         for trial in study.trials
         for found in trial.user_attrs['found'][:1]
     ]
     for variant in [given] if tuned.config == given.config else [given, tuned]:
         figures, parameters = variant.figures['all tuned on'], searched(variant.config)
-        trials.append(SearchTrial(None, figures, parameters, variant.name))
+        trials.append(SearchTrial(variant.name, figures, parameters, marked=True))
     write_page(path, 'Tuning of the slip detector', [given, tuned], trials, notes)

@@ -22,7 +22,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
 from slip_detector.chain.filters import design, group_delay_s, response
 from slip_detector.evaluation.figures import ReplayOutcome
@@ -70,25 +69,25 @@ class SearchTrial(NamedTuple):
 
     Attributes
     ----------
-    number : int or None
-        Number of the trial; None for a configuration that is shown beside the trials.
+    name : str
+        The number of the trial; ``given`` or ``tuned`` of a configuration beside the trials.
     figures : mapping
         The figures in :data:`COSTS`; None where one is not defined.
     parameters : mapping
         The parameters that were tried, by name.
-    mark : str
-        A word that marks the point, for example ``given`` or ``tuned``; empty for most trials.
+    marked : bool
+        Whether it is shown beside the trials.
 
     Examples
     --------
-    >>> SearchTrial(3, dict(zip(COSTS, (40.0, 2.0, 0.1, 0.75)))).costs
+    >>> SearchTrial('3', dict(zip(COSTS, (40.0, 2.0, 0.1, 0.75)))).costs
     (40.0, 2.0, 0.1, 0.25)
     """
 
-    number: int | None
+    name: str
     figures: Mapping[str, Any]
     parameters: Mapping[str, Any] = {}
-    mark: str = ''
+    marked: bool = False
 
     @property
     def costs(self) -> tuple[float, ...] | None:
@@ -106,9 +105,9 @@ def trade_off_front(trials: Sequence[SearchTrial]) -> list[SearchTrial]:
     Examples
     --------
     >>> rows = [(50.0, 4.0, 0.1, 1.0), (30.0, 9.0, 0.1, 1.0), (60.0, 9.0, 0.1, 0.95)]
-    >>> trials = [SearchTrial(k, dict(zip(COSTS, row))) for k, row in enumerate(rows)]
-    >>> [trial.number for trial in trade_off_front(trials)]
-    [1, 0]
+    >>> trials = [SearchTrial(name, dict(zip(COSTS, row))) for name, row in zip('abc', rows)]
+    >>> [trial.name for trial in trade_off_front(trials)]
+    ['b', 'a']
     """
     known = [(trial.costs, trial) for trial in trials if trial.costs is not None]
     costs = np.array([own for own, _ in known]).reshape(-1, len(COSTS))
@@ -173,7 +172,7 @@ def _figures(variants: Sequence[Variant]) -> str:
 
 
 def _front(trials: Sequence[SearchTrial]) -> str:
-    searched = [trial for trial in trials if trial.number is not None]
+    searched = [trial for trial in trials if not trial.marked]
     best = trade_off_front(searched)
     undefined = sum(trial.costs is None for trial in searched)
     text = (
@@ -183,11 +182,10 @@ def _front(trials: Sequence[SearchTrial]) -> str:
         f'found no more slips than chance, which have no latency: {undefined}.'
     )
     rows = []
-    for trial in [*(trial for trial in trials if trial.number is None), *best]:
-        name = trial.mark if trial.number is None else f'{trial.number} {trial.mark}'.strip()
+    for trial in [*(trial for trial in trials if trial.marked), *best]:
         parameters = (f'{name} {_value(value)}' for name, value in trial.parameters.items())
         figures = (figure_text(name, trial.figures[name]) for name in COSTS)
-        rows.append([name, *figures, ', '.join(parameters)])
+        rows.append([trial.name, *figures, ', '.join(parameters)])
     table = _table('front', ['trial', *map(heading, COSTS), 'parameters'], rows)
     image = _image(front_figure(trials), 'Latency, false alarms and sooner than chance')
     return f'<p>{text}</p>{image}{_details("The trials on the front", table)}'
@@ -283,24 +281,22 @@ def front_figure(trials: Sequence[SearchTrial]) -> Figure:
 
     Examples
     --------
-    >>> figure = front_figure([SearchTrial(0, dict(zip(COSTS, (40.0, 2.0, 0.1, 1.0))))])
+    >>> figure = front_figure([SearchTrial('0', dict(zip(COSTS, (40.0, 2.0, 0.1, 1.0))))])
     >>> figure.axes[0].get_xlabel()
     'median latency [ms]'
     """
     figure, (axis,) = _panels(1, 8, 4.6)
-    layers: list[tuple[str, Sequence[SearchTrial], dict[str, Any]]] = [
-        ('trial', [trial for trial in trials if not trial.mark], {'s': 22}),
-        ('on the front', trade_off_front(trials), {'s': 60, 'edgecolors': 'k'}),
-    ]
-    for trial, color in zip((one for one in trials if one.mark), COLORS[1:], strict=False):
-        layers.append(
-            (_plain(trial.mark), [trial], {'s': 200, 'marker': '*', 'edgecolors': color})
-        )
-    for label, some, style in layers:
+    searched = [trial for trial in trials if not trial.marked]
+    layers = {'trial': searched, 'on the front': trade_off_front(searched)}
+    layers |= {_plain(trial.name): [trial] for trial in trials if trial.marked}
+    for (label, some), edge in zip(layers.items(), ['none', 'k', *COLORS[1:]], strict=False):
         known = [trial.costs for trial in some if trial.costs is not None]
         latency_ms, alarms, _, lack = np.array(known).reshape(-1, len(COSTS)).T
-        colors: Any = {'c': 1.0 - lack, 'vmin': 0.0, 'vmax': 1.0, **style}
-        drawn = axis.scatter(latency_ms, alarms, label=label, **colors)
+        size, marker = (200, '*') if some and some[0].marked else (40, 'o')
+        drawn = axis.scatter(
+            latency_ms, alarms, size, 1.0 - lack, marker=marker, edgecolors=edge, label=label,
+            vmin=0.0, vmax=1.0,
+        )  # fmt: skip
     figure.colorbar(drawn, label='sooner than chance')
     # Logarithmic, but linear near 0, so that the axis can show 0 false alarms too.
     axis.set_yscale('symlog', linthresh=1.0)
@@ -326,10 +322,9 @@ def latency_figure(outcomes: Sequence[ReplayOutcome]) -> Figure:
     slips = [slip for one in outcomes for slip in one.slips if not slip.settling]
     known_ms = [slip.latency_s * 1e3 for slip in slips if slip.latency_s is not None]
     latencies.hist(known_ms, bins=min(40, max(10, len(known_ms) // 5)), color=COLORS[0])
-    latencies.yaxis.set_major_locator(MaxNLocator(integer=True))  # slips are whole numbers
     latencies.set(xlabel='latency of the global signal [ms]', ylabel='slips')
     latencies.set_title(f'{len(known_ms)} detected, {len(slips) - len(known_ms)} missed')
-    scores = ScoreCounts.pooled([one.scores for one in outcomes if one.scores is not None])
+    scores = ScoreCounts.pooled([one.scores for one in outcomes])
     for name, kinds in (('all other rows', (REST, MOTION)), ('rows of motion', (MOTION,))):
         area = scores.auc(kinds)
         if area is not None:

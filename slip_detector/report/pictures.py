@@ -89,7 +89,6 @@ def draw_trial(
     groups: Mapping[str, Bools],
     slip: Bools,
     motion_s: tuple[float, float] | None,
-    title: str = '',
 ) -> None:
     """Draw a trial like the paper's Figs. 5 and 6: channels by group, and the decisions.
 
@@ -109,8 +108,6 @@ def draw_trial(
         The global decision.
     motion_s
         When the plate started and stopped; None where nothing moves.
-    title
-        Title of the picture.
 
     Examples
     --------
@@ -147,7 +144,6 @@ def draw_trial(
             axis.axvspan(*motion_s, color='0.92', zorder=0)
             axis.axvline(motion_s[0], color='k', linestyle='--', linewidth=1)
         axes[0].set_title('grey: the plate moves', fontsize=9, loc='left')
-    figure.suptitle(title)
     save_picture(figure, path)
 
 

@@ -51,7 +51,8 @@ def protocol_table(result: Mapping[str, Any]) -> str:
     result
         As :func:`slip_detector.evaluation.protocol.run_protocol` returns it.
     """
-    plates, seeds, (windows, bands) = result['plates'], result['seeds'], _named(result)
+    plates, seeds = result['plates'], result['seeds']
+    bands = {'as configured': result, **result['bands']}
     wanted = [[name, *verdict_cells(one)] for name, one in result['wanted'].items()]
     blocks = [
         f"The paper's protocol: {len(plates)} plates, {len(seeds)} trials on each, "
@@ -60,9 +61,9 @@ def protocol_table(result: Mapping[str, Any]) -> str:
         text_table(_delays(result)),
         'False positives: share of the time at which the plate stands; in the paper '
         f'{result["paper"]["false_positive_percent"]:.2f} %',
-        'Mean delay [ms] by the length of both windows (as Fig. 4)',
-        text_table(_variants(plates, windows)),
-        'Mean delay [ms] by band (as Fig. 7)',
+        'Mean delay [ms] by the length of both windows [ms] (as Fig. 4)',
+        text_table(_variants(plates, result['windows'])),
+        'Mean delay [ms] by band [Hz], without the high stop-band (as Fig. 7)',
         text_table(_variants(plates, bands)),
         'Wanted',
         text_table(wanted),
@@ -105,15 +106,6 @@ def _variants(plates: Sequence[str], variants: Mapping[str, Mapping[str, Any]]) 
 
 def _detected(part: Mapping[str, Any]) -> str:
     return f'{part["detected"]} of {part["trials"]}'
-
-
-def _named(result: Mapping[str, Any]) -> tuple[dict[str, Any], ...]:
-    """Return the figures with each length of the windows, and with each band, by their names."""
-    windows = {f'{name} ms': part for name, part in result['windows'].items()}
-    bands: dict[str, Any] = {'as configured': result}
-    for name, part in result['bands'].items():
-        bands[f'[{name.replace("-", ", ")}] Hz, no high stop-band'] = part
-    return windows, bands
 
 
 def stage_signals(trial: PlateTrial, config: ChainConfig, channel: int) -> dict[str, Floats]:
@@ -201,22 +193,17 @@ def draw_protocol(
     ValueError
         When a picture cannot be written; names it.
     """
-    first_plate, (trial, *_) = next(iter(plates.items()))
+    trial, *_ = next(iter(plates.values()))
     decided = SlipChain(config).update(trial.volts)
     channel = next(c for c in range(1, config.channels + 1) if c not in config.disabled_channels)
-    of_trial = f'plate of {first_plate} µm, trial with the seed {result["seeds"][0]}'
     paths = {number: folder / f'paper_fig{number}.png' for number in (2, 4, 5, 6, 7)}
-    title = f'{config.names[channel - 1]} from stage to stage; {of_trial}'
-    _draw_stages(paths[2], trial, config, channel, decided.channels[:, channel - 1], title)
-    windows, bands = _named(result)
-    _draw_variants(paths[4], windows, 'length of\nboth windows')
+    _draw_stages(paths[2], trial, config, channel, decided.channels[:, channel - 1])
+    _draw_variants(paths[4], result['windows'], 'both windows\n[ms]')
     groups = dict(zip(config.groups, decided.groups.T, strict=True))
-    title = f'Channels by group, decisions of the groups and of all; {of_trial}'
-    draw_trial(
-        paths[5], trial.time_s, trial.volts, config, groups, decided.slip, trial.motion_s, title
-    )
+    draw_trial(paths[5], trial.time_s, trial.volts, config, groups, decided.slip, trial.motion_s)
     _draw_decisions(paths[6], plates, config)
-    _draw_variants(paths[7], bands, 'band')
+    bands = {'as configured': result, **result['bands']}
+    _draw_variants(paths[7], bands, 'band [Hz], no\nhigh stop-band')
     return list(paths.values())
 
 
@@ -241,7 +228,7 @@ def _panels(trial: PlateTrial, heights: Sequence[float]) -> tuple[Figure, Any]:
 
 
 def _draw_stages(
-    path: Path, trial: PlateTrial, config: ChainConfig, channel: int, on: Bools, title: str
+    path: Path, trial: PlateTrial, config: ChainConfig, channel: int, on: Bools
 ) -> None:
     """Draw one channel after each stage of the chain, counterpart of the paper's Fig. 2."""
     stages = stage_signals(trial, config, channel)
@@ -255,21 +242,18 @@ def _draw_stages(
     for axis, name in zip(axes[:, 0], [*stages, 'decision'], strict=True):
         axis.set_ylabel(name)
     axes[-2, 0].legend(loc='upper left')
-    figure.suptitle(title)
     save_picture(figure, path)
 
 
 def _draw_decisions(
     path: Path, plates: Mapping[str, Sequence[PlateTrial]], config: ChainConfig
 ) -> None:
-    """Draw the global decision of each trial below the motion, counterpart of the paper's Fig. 6.
+    """Draw the global decision of each trial, counterpart of the paper's Fig. 6.
 
     A row of bars is a trial; a bar shows that slip is ON.
     """
-    figure, axes = _panels(next(iter(plates.values()))[0], [1.35] * (1 + len(plates)))
-    for (plate, trials), color, panels in zip(plates.items(), COLORS, axes[1:], strict=False):
-        for axis in axes[0]:
-            axis.plot(trials[0].time_s, trials[0].position_m * 1e3, color='0.2')
+    figure, axes = _panels(next(iter(plates.values()))[0], [1.35] * len(plates))
+    for (plate, trials), color, panels in zip(plates.items(), COLORS, axes, strict=False):
         for number, trial in enumerate(trials, start=1):
             slip = SlipChain(config).update(trial.volts, envelope=False, level=False).slip
             edges = np.flatnonzero(np.diff(slip, prepend=False, append=False))
@@ -279,7 +263,6 @@ def _draw_decisions(
                 axis.broken_barh(spans, (number - 0.35, 0.7), color=color)
         panels[0].set(ylabel=f'{plate} µm\ntrial', ylim=(len(trials) + 0.7, 0.3))
         panels[0].yaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10], integer=True))
-    axes[0, 0].set_ylabel('platform [mm]')
     save_picture(figure, path)
 
 
@@ -300,13 +283,11 @@ def _draw_variants(path: Path, variants: Mapping[str, Mapping[str, Any]], title:
         delay.errorbar(at, mean_ms, np.nan_to_num(sd_ms), **style)
         share.plot(at, false_percent, 'o', color=color, label=name)
     paper_ms, paper_sd_ms = zip(*(PAPER_DELAY_MS[plate] for plate in plates), strict=True)
-    delay.errorbar(places - 0.15, paper_ms, paper_sd_ms, fmt='D', color='k', capsize=4)
+    paper = {'fmt': 'D', 'capsize': 4, 'color': 'k', 'label': 'the paper'}
+    delay.errorbar(places - 0.15, paper_ms, paper_sd_ms, **paper)
     share.axhline(PAPER_FALSE_POSITIVE_PERCENT, color='k', linestyle='--', label='the paper')
-    for axis, what, unit in (
-        (delay, 'Delay from the start of the plate (diamonds: the paper)', 'mean delay ± sd [ms]'),
-        (share, 'False positives', 'ON while the plate stands [%]'),
-    ):
-        axis.set_title(what, fontsize=10)
+    delay.legend()
+    for axis, unit in ((delay, 'mean delay ± sd [ms]'), (share, 'ON while the plate stands [%]')):
         axis.set(ylabel=unit, ylim=(0.0, None))
         axis.set_xticks(places, [f'{plate} µm' for plate in plates])
         axis.grid(axis='y', color='0.9', linewidth=0.5)

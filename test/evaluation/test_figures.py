@@ -36,6 +36,7 @@ from slip_detector.evaluation.figures import (
     paper_figures,
 )
 from slip_detector.evaluation.replay import Replay
+from slip_detector.evaluation.scores import ScoreCounts
 from support.replay_cases import CONFIG, RATE_HZ, ridges
 
 SLIP = TrueSlip(
@@ -54,7 +55,8 @@ def outcome(slips=(), kinds=(), rest_rows=0, on_rest_rows=0, rows=0, on_rows=0):
     return ReplayOutcome(
         rows=rows, slip_rows=0, moving_rows=None, on_rows=on_rows, settling_rows=0,
         rest_rows=rest_rows, on_rest_rows=on_rest_rows, sample_rate_hz=10.0, slips=tuple(slips),
-        alarms=tuple(Alarm(1.0, 1.5, kind, None) for kind in kinds), scores=None,
+        alarms=tuple(Alarm(1.0, 1.5, kind, None) for kind in kinds),
+        scores=ScoreCounts.pooled([]),
     )  # fmt: skip
 
 
@@ -105,8 +107,6 @@ def test_an_undefined_figure_is_none():
     assert (missed['recall'], missed['precision']) == (0.0, None)
     assert missed['false_alarms_per_minute'] == 0.0
     assert missed['latency_median_ms'] is None
-    unknown = event_figures([outcome([dataclasses.replace(MISSED, lost_at=None)])])
-    assert unknown['missed_at_filter'] is None
     quiet = event_figures([outcome(kinds=[FALSE], rest_rows=600)])
     assert (quiet['recall'], quiet['precision']) == (None, 0.0)
 

@@ -60,10 +60,17 @@ class Deciding:
     def reset(self):
         self._row = 0
 
+    def take_filters(self, other):
+        self.reset()
+
     def update(self, volts, **_):
         rows = slice(self._row, self._row + len(volts))
         self._row = rows.stop
-        return SimpleNamespace(channels=self._channels[rows], slip=self._slip[rows])
+        channels, slip = self._channels[rows], self._slip[rows]
+        return SimpleNamespace(
+            channels=channels, slip=slip, groups=slip[:, np.newaxis], envelope=volts,
+            valid=channels, vote_statistic=np.ones((len(volts), 1)),
+        )  # fmt: skip
 
 
 def moving_trial(rows=20, start=5, end=12):
@@ -76,8 +83,9 @@ def decided(trial, *firsts, slip=None):
     """Return the outcome of a trial whose channels go ON at a row and stay so; None: never."""
     rows = np.arange(len(trial.volts))
     channels = np.array([rows >= (rows.size if first is None else first) for first in firsts]).T
-    replay = Replay(ChainConfig(), scores=False, stages=False)
-    replay.chain = Deciding(channels, channels.any(axis=1) if slip is None else slip)
+    replay = Replay(ChainConfig())
+    slip = channels.any(axis=1) if slip is None else slip
+    replay.chain, replay.filters = Deciding(channels, slip), Deciding(channels, slip)
     return replay.run([Samples.evenly(trial.volts, RATE_HZ, trial.moving)], RATE_HZ)
 
 

@@ -22,7 +22,7 @@ import pytest
 from slip_detector.chain.filters import settling_rows
 from slip_detector.chain.samples import Samples
 from slip_detector.chain.slip_chain import COMPILED, SlipChain
-from slip_detector.evaluation.figures import SETTLING, STAGES, TRUE, figures_of_merit
+from slip_detector.evaluation.figures import SETTLING, TRUE, figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from support.replay_cases import CONFIG, RATE_HZ, ridges
 
@@ -66,22 +66,6 @@ def test_the_recordings_own_rate_turns_rows_into_times():
     assert (ours.rest_rows, its.rest_rows) == (2000 - 240 - ours.settling_rows, 2000 - 240 - 40)
 
 
-def test_scores_and_stages_that_are_not_wanted_are_undefined_and_the_rest_is_the_same():
-    volts, truth = ridges((400, 600), (1000, 1001))
-    whole = figures_of_merit([Replay(CONFIG).run([Samples.evenly(volts, RATE_HZ, truth)])])
-    lean = Replay(CONFIG, scores=False, stages=False)
-    bare = figures_of_merit([lean.run([Samples.evenly(volts, RATE_HZ, truth)])])
-    differ = {name for name in whole if whole[name] != bare[name]}
-    assert whole['missed'] == 1
-    assert differ == {
-        'auc_all',
-        *(f'{stage}_ms' for stage in STAGES),
-        *(f'missed_at_{stage}' for stage in STAGES),
-        'missed_already_on',
-    }
-    assert {bare[name] for name in differ} == {None}
-
-
 class Witness:
     def __init__(self):
         self.volts, self.slip, self.truth, self.gaps = [], [], [], []
@@ -100,7 +84,7 @@ def test_an_observer_receives_all_rows_and_gaps():
     volts, truth = ridges((400, 600))
     witness = Witness()
     pieces = with_gap(volts, truth)
-    Replay(CONFIG, scores=False).run(pieces, observer=witness)
+    Replay(CONFIG).run(pieces, observer=witness)
     np.testing.assert_array_equal(np.concatenate(witness.volts), volts)
     np.testing.assert_array_equal(np.concatenate(witness.truth), truth)
     expected = [SlipChain(CONFIG).update(part).slip for part in (volts[:800], volts[800:])]

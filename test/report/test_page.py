@@ -21,7 +21,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from slip_detector.evaluation.evaluator import RecordingLoader
@@ -29,7 +29,6 @@ from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.report import page as report
 from slip_detector.report.page_sections import (
-    SearchTrial,
     Variant,
     latency_figure,
     sections,
@@ -75,42 +74,33 @@ def test_a_page_fetches_nothing_and_is_the_same_bytes_again(tmp_path, variants):
     assert events[3] == [2, 15.0, 16.0, 0.4, {'filter': 0.012, 'vote': 0.388}, '']
 
 
-HARD = [
+HARD = (
     '</script>',
     '<img src=x onerror=alert(1)>',
     '$title',
     '&lt;',
     '\'"`${1}',
     '$a_$',
-    '\u6ed1',
-]
+    '\u6ed1\ud800\0',
+)
 
 
-# What takes the time are the two pictures of an example, which names all its texts.
-@settings(max_examples=3)
-@given(st.lists(st.tuples(st.text(max_size=40), st.sampled_from(HARD)), min_size=3, max_size=3))
-def test_any_text_is_shown_as_it_is(tmp_path_factory, texts):
+def test_any_text_is_shown_as_it_is(tmp_path):
     # With a number, so that none is another's or a part of it.
-    names = [
-        f'{text.encode("utf-8", "replace").decode()}{k}{hard}'
-        for k, (text, hard) in enumerate(texts)
-    ]
+    names = [f'{k} {hard}' for k, hard in enumerate(HARD)]
     # The first is the name of the recording and the title too.
     seen = scenes.overview(names[0], scenes.GIVEN, *scenes.volts_and_truth(40))
     variants = [Variant(name, scenes.GIVEN, [seen], {name: {name: 1.0}}) for name in names]
-    trials = [
-        scenes.trial(k, 0.1, 1.0, 0.0, 1.0, mark=name, **{name: name})
-        for k, name in enumerate(names)
-    ]
-    path = tmp_path_factory.mktemp('text') / 'report.html'
+    trials = [scenes.trial(name, 1.0, 1.0, 0.0, 1.0, marked=True, **{name: 1}) for name in names]
+    path = tmp_path / 'report.html'
     report.write_page(path, names[0], variants, trials, names)
     shown = read(path)
     assert shown.header['recordings'][0]['name'] == names[0]
     assert shown.header['variants'] == names
     together = ' '.join(''.join(shown.texts).split())
     for name in names:
-        normal = ' '.join(name.replace('\0', '\N{REPLACEMENT CHARACTER}').split())
-        assert together.count(normal) >= 4
+        known = name.replace('\0', '\N{REPLACEMENT CHARACTER}').replace('\ud800', '\\ud800')
+        assert together.count(known) >= 4
     assert not [tag for tag, attributes in shown.tags if 'onerror' in attributes]
 
 
@@ -237,5 +227,4 @@ def test_the_front_has_the_trials_that_no_other_beats(table):
         return any(all(map(float.__le__, other, row)) and other != row for other in known)
 
     wanted = {k for k, row in enumerate(table) if row in known and not beaten(row)}
-    assert {trial.number for trial in trade_off_front(trials)} == wanted
-    assert all(isinstance(trial, SearchTrial) for trial in trials)
+    assert {int(trial.name) for trial in trade_off_front(trials)} == wanted

@@ -44,7 +44,7 @@ def test_each_group_shows_its_channels_and_its_decision(figures, tmp_path, motio
     config = ChainConfig(channels=3, groups={'a': (1, 2), 'b': (3,)})
     volts = np.column_stack([np.sin(TIME_S), np.cos(TIME_S), TIME_S])
     groups = {'a': ON, 'b': ~ON}
-    draw_trial(tmp_path / 'a.png', TIME_S, volts, config, groups, ON, motion_s, 'A title')
+    draw_trial(tmp_path / 'a.png', TIME_S, volts, config, groups, ON, motion_s)
     (figure,) = figures
     raw_a, decided_a, raw_b, decided_b, slip = figure.axes
     marks = 1 if motion_s else 0

@@ -99,7 +99,7 @@ def test_the_paper_is_beside_the_protocol():
     for line in (
         '400 um all', 'seed 4 30.00', 'seed 5 -', 'mean 30.00 30.00', 'mean, paper 36.02',
         'sd - -', 'detected 1 of 2 1 of 2', 'success [%] 50.0 50.0', 'Written: a.png',
-        '20 ms 30.00 1 of 2 0.50',
+        '20 30.00 1 of 2 0.50',
         'detected_percent 50.00 wanted >= 100 NOT met',
     ):  # fmt: skip
         assert line in lines

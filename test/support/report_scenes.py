@@ -116,16 +116,17 @@ def variants(names=('a.npz', 'b.npz'), **settings):
     ]
 
 
-def trial(number, *costs, mark='', **parameters):
-    return SearchTrial(number, dict(zip(COSTS, costs, strict=True)), parameters, mark)
+def trial(name, *costs, marked=False, **parameters):
+    return SearchTrial(str(name), dict(zip(COSTS, costs, strict=True)), parameters, marked)
 
 
 def trials():
     """Return trials of a search, of which three are on the front and one is not defined."""
     return [
-        trial(0, 50.0, 4.0, 0.4, 0.8, mark='given', threshold=0.5, passband_hz=(7.0, 50.0)),
+        trial(0, 50.0, 4.0, 0.4, 0.8, threshold=0.5, passband_hz=(7.0, 50.0)),
         trial(1, 30.0, 9.0, 0.9, 1.0, threshold=0.2),
-        trial(2, 20.0, 1.0, 0.1, 0.9, mark='tuned', threshold=1.0),
+        trial(2, 20.0, 1.0, 0.1, 0.9, threshold=1.0),
         trial(3, 80.0, 0.0, 0.0, 0.7, threshold=3.0),
         trial(4, None, 0.0, 0.0, 0.0, threshold=9.0),
+        trial('given', 50.0, 4.0, 0.4, 0.8, marked=True, threshold=0.5),
     ]

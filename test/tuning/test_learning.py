@@ -206,7 +206,7 @@ EVIDENCE = dataclasses.replace(
 
 
 def alarms_at(chain, recording):
-    replay = Replay(chain, scores=False, stages=False)
+    replay = Replay(chain)
     return len(replay.run(recording.rows(), recording.sample_rate_hz).alarms)
 
 

@@ -45,7 +45,7 @@ def test_each_threshold_and_vote_gives_what_a_chain_with_them_gives(
         sweep = sweep_thresholds(mine, tracks, limits, evaluation, settling_rows(config))
         for k in {0, limits.size - 1, random.randrange(limits.size)}:
             chain = dataclasses.replace(config, vote=vote, threshold=float(limits[k]))
-            replay = Replay(chain, evaluation, scores=False, stages=False)
+            replay = Replay(chain, evaluation)
             outcomes = [replay.run(pieces, RATE_HZ) for pieces in several]
             latencies_ms = [
                 np.nan if slip.latency_s is None else slip.latency_s * 1e3
