@@ -133,6 +133,7 @@ class Detector(LifecycleNode):
         # Whether a sample has come since the last check, when the last one had that found some,
         # and whether the loss of the input has been noted. The timeout begins with the first one.
         self._heard, self._heard_ns, self._lost = True, 0, False
+        self._replayed = self.get_clock().ros_time_is_active
         self._start_timers()
         self._listen()
         # The heartbeat of another detector that publishes on the same topics.
@@ -233,6 +234,7 @@ class Detector(LifecycleNode):
         if self._swap():
             self.get_logger().info('the new filters have taken over')
         # The timeout follows the replayed clock, or the machine's if there is none.
+        self._replayed = self.get_clock().ros_time_is_active
         clock = self.get_clock() if self._replayed else self._steady
         now_ns = clock.now().nanoseconds
         if self._heard or now_ns < self._heard_ns:  # The clock may be set back.
@@ -243,10 +245,6 @@ class Detector(LifecycleNode):
             if self._lost and (self._last_row is not None or self._outputs.valid):
                 self._note('silent', 'no input any more')
                 self._outputs.withdraw()
-
-    @property
-    def _replayed(self) -> bool:
-        return bool(self.get_clock().ros_time_is_active)
 
     def _report(self) -> None:
         """Publish the diagnostics."""

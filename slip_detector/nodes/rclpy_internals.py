@@ -153,8 +153,7 @@ class SampleExecutor(SingleThreadedExecutor):
             self._look_ns = time.monotonic_ns() + LOOK_NS
         now_ns = time.monotonic_ns()
         untils_ns = [timer.time_until_next_call() for timer in self._timers]
-        due_ns = [now_ns + until_ns for until_ns in untils_ns if until_ns is not None]
-        self._due_ns = min([self._look_ns, *due_ns])
+        self._due_ns = min([self._look_ns, *(now_ns + ns for ns in untils_ns if ns is not None)])
 
 
 def given_parameters(node: Node) -> dict[str, Parameter]:

@@ -184,7 +184,8 @@ def _maker(executable: str) -> Callable[[list[list[str] | None]], list[Any]]:
     from slip_detector.chain.compiled import on_compiling
 
     text = 'compiling, kept for the next start (slip_compile does it beforehand)'
-    on_compiling(lambda module: get_logger(executable).info(text, once=True))
+    logger = get_logger(executable)
+    on_compiling(lambda module: logger.info(text, once=True))
     if executable == 'slip_driver':
         from slip_detector.nodes.driver import drivers
 
