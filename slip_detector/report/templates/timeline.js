@@ -36,7 +36,7 @@ class Timeline {
     for (const kind of ['pointerleave', 'blur']) root.addEventListener(kind, () => this.point(null));
   }
 
-  // The time that is pointed at, in seconds, or null; it stays where it is when the interval changes.
+  // The time at the place that is pointed at, in seconds, or null; it changes while the drawing scrolls.
   get pointed() {
     return this.pointedShare === undefined ? null : this.from + this.pointedShare * (this.to - this.from);
   }
@@ -44,11 +44,12 @@ class Timeline {
   point(seconds, lane) {
     this.pointedShare = seconds === null ? undefined : (seconds - this.from) / (this.to - this.from);
     this.pointedLane = lane;
+    if (seconds === null) this.plot?.setCursor({left: -10, top: -10});
     this.onPoint(seconds, lane);
   }
 
   zoom(factor, at = (this.from + this.to) / 2) {
-    this.onInterval(at - (at - this.from) * factor, at + (this.to - at) * factor, 'zoom');
+    if (this.plot) this.onInterval(at - (at - this.from) * factor, at + (this.to - at) * factor, 'zoom');
   }
 
   // Move the interval by a share of it.
