@@ -115,15 +115,12 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         parser.error('--false-alarms-per-hour goes with --quiet')
     if options.quiet is None and not options.recordings:
         parser.error('the following arguments are required: RECORDING (or --quiet)')
-    of_others: tuple[str, ...] = ()
-    if options.quiet is not None:
-        what, of_others = '--quiet', ('recordings', 'taps', *OF_SEARCH)
-    elif options.taps is not None:
-        what, of_others = '--taps', OF_SEARCH
-    for name in of_others:
+    what = 'quiet' if options.quiet is not None else 'taps'
+    others = ('recordings', 'taps', *OF_SEARCH) if what == 'quiet' else OF_SEARCH
+    for name in others if getattr(options, what) is not None else ():
         if getattr(options, name):
             word = 'RECORDING' if name == 'recordings' else f'--{name.replace("_", "-")}'
-            parser.error(f'{what} searches nothing, allowed: no {word} with it')
+            parser.error(f'--{what} searches nothing, allowed: no {word} with it')
     return options
 
 

@@ -142,17 +142,17 @@ def paths_read(options: argparse.Namespace) -> list[Path]:
     return [*(file for files in sets for file in files), *labels]
 
 
-def progress_bar(total: int, unit: str, done: int = 0) -> 'tqdm[Any]':
+def progress_bar(total: int, unit: str) -> 'tqdm[Any]':
     """Return a progress bar on stderr; it is disabled where stderr is not a terminal.
 
     Examples
     --------
-    >>> with progress_bar(total=200, unit='trial', done=50) as bar:
-    ...     bar.n
-    50
+    >>> with progress_bar(total=200, unit='trial') as bar:
+    ...     bar.total
+    200
     """
     shown: Any = {'dynamic_ncols': True, 'mininterval': 0.0, 'file': sys.stderr}
-    return tqdm(total=total, initial=done, unit=unit, disable=not sys.stderr.isatty(), **shown)
+    return tqdm(total=total, unit=unit, disable=not sys.stderr.isatty(), **shown)
 
 
 @contextlib.contextmanager

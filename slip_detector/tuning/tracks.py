@@ -217,12 +217,9 @@ def _cut_in_two(tracks: Sequence[Track], share: float) -> tuple[list[Track], lis
         return [track], []
     cut = int(min(cuts, key=lambda cut: abs(cut - (1.0 - share) * len(track.volts))))
     rate_hz = track.sample_rate_hz
-    parts = (('to', track.rows(0, cut)), ('from', track.rows(cut)))
-    training, held = (
-        track_of(f'{track.name} {word} {cut / rate_hz:.1f} s', rows, rate_hz)
-        for word, rows in parts
-    )
-    return [training], [held]
+    at = f'{cut / rate_hz:.1f} s'
+    training = track_of(f'{track.name} to {at}', track.rows(0, cut), rate_hz)
+    return [training], [track_of(f'{track.name} from {at}', track.rows(cut), rate_hz)]
 
 
 def load_tracks(

@@ -75,15 +75,6 @@ def test_the_same_command_goes_on_and_another_question_has_a_study_of_its_own(ca
     assert len(optuna.get_all_study_names(journal(store))) == 2
 
 
-def test_what_is_held_out_by_name_is_not_tuned_on(case, capsys):
-    folder, words = case
-    (folder / 'link.npz').symlink_to(folder / 'b.npz')
-    run(*words, '--held-out', folder / 'link.npz', '--out', folder / 'out.yaml', '--trials', 2)
-    shown = capsys.readouterr().out
-    assert 'Tuned on: a.npz, c.npz (8 slips in 0.4 min)' in shown
-    assert 'Held out, and not tuned on: link.npz (4 slips in 0.2 min)' in shown
-
-
 def test_what_is_written_is_written_once_and_not_over_what_is_read(case, capsys):
     folder, words = case
     out, read = folder / 'out.yaml', folder / 'a.npz'

@@ -154,6 +154,6 @@ def test_a_terminal_alone_shows_the_bar(monkeypatch):
         stream = io.StringIO()
         stream.isatty = lambda shown=is_terminal: shown
         monkeypatch.setattr(sys, 'stderr', stream)
-        with progress_bar(total=3, unit='recording', done=1) as bar:
-            bar.update()
+        with progress_bar(total=3, unit='recording') as bar:
+            bar.update(2)
         assert ('2/3' in stream.getvalue()) == is_terminal

@@ -27,7 +27,7 @@ from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters import ChainConfig, RecordingConfig
-from slip_detector.tuning.impacts import impact_step, knocks_v, learn_from_taps, steps_v
+from slip_detector.tuning.impacts import impact_step, knocks_v, steps_v
 from slip_detector.tuning.noise import (
     find_mains,
     learn_from_quiet,
@@ -124,14 +124,10 @@ def test_noise_has_no_mains_nor_has_a_line_that_one_channel_lacks(seed):
     assert find_mains(PIEZO, rest(volts))[0] == 0.0
     volts[:, :3] += hum(50.0, 6000, PIEZO_HZ, {1: 0.5})
     assert find_mains(PIEZO, rest(volts))[0] == 0.0
+    for nothing in (np.full((6000, 4), 4.3), volts[:2000, :3]):  # flat, and too short
+        assert find_mains(PIEZO, rest(nothing))[0] == 0.0
     without = dataclasses.replace(PIEZO, disabled_channels=(4,))
     assert find_mains(without, rest(volts))[0] == 50.0
-
-
-def test_a_flat_or_too_short_recording_has_no_mains():
-    too_short = hum(50.0, 2000, PIEZO_HZ, {1: 0.5}) + noise(2000)
-    for volts in (np.full((6000, 4), 4.3), too_short):
-        assert find_mains(PIEZO, rest(volts))[0] == 0.0
 
 
 def recorded(volts, name='knocks', slip=False):
@@ -259,12 +255,9 @@ def recording(path, seconds=60.0, hum=0.0, hum_hz=60.0, knock=0.0, rate_hz=RATE_
     return str(path), volts
 
 
-def learn(path, chain=GIVEN, per_hour=None, of_slips=None):
+def learn(path, chain=GIVEN):
     loader = RecordingLoader(chain, RecordingConfig(recording_truth_key='label'))
-    if of_slips is not None:
-        learnt, lines = learn_from_taps(path, of_slips, chain, loader)
-    else:
-        learnt, lines = learn_from_quiet(path, chain, loader, per_hour)
+    learnt, lines = learn_from_quiet(path, chain, loader)
     return learnt, '\n'.join(lines)
 
 
@@ -296,16 +289,7 @@ def test_hum_without_whole_periods_is_reported_and_not_removed(tmp_path):
     assert 'mains_hz' not in parameters
 
 
-@pytest.mark.parametrize(
-    ('what', 'line'),
-    [
-        ({'chain': CHAIN}, 'parameter decision is mean, allowed: evidence, whose noise floors'),
-        ({'chain': CHAIN, 'of_slips': []}, 'parameter decision is mean, allowed: evidence, which'),
-        ({}, 'short.npz: lasts 4 s, allowed: at least 5 s at rest'),
-    ],
-    ids=['floors for a mean', 'impacts for a mean', 'too short for floors'],
-)
-def test_what_cannot_be_learnt_is_refused(what, line, tmp_path):
+def test_floors_need_five_seconds_of_rest(tmp_path):
     path, _ = recording(tmp_path / 'short.npz', seconds=4.0)
-    with pytest.raises(ValueError, match=line):
-        learn(path, **what)
+    with pytest.raises(ValueError, match='short.npz: lasts 4 s, allowed: at least 5 s at rest'):
+        learn(path)
