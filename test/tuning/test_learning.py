@@ -291,5 +291,5 @@ def test_hum_without_whole_periods_is_reported_and_not_removed(tmp_path):
 
 def test_floors_need_five_seconds_of_rest(tmp_path):
     path, _ = recording(tmp_path / 'short.npz', seconds=4.0)
-    with pytest.raises(ValueError, match='short.npz: lasts 4 s, allowed: at least 5 s at rest'):
+    with pytest.raises(ValueError, match=r'short\.npz: lasts 4 s, allowed: at least 5 s at rest'):
         learn(path)
