@@ -23,17 +23,11 @@ from slip_detector.recordings.bag_recording import BagRecording
 from slip_detector.recordings.bag_storage import BAG_ENDINGS, METADATA
 from slip_detector.recordings.labels import find_labels, read_labels
 from slip_detector.recordings.rates import RATE_TOLERANCE, rates_differ
-from slip_detector.recordings.recording import (
-    PIECE_ROWS,
-    Recording,
-    RecordingCounts,
-    named_errors,
-)
+from slip_detector.recordings.recording import Recording, RecordingCounts, named_errors
 from slip_detector.recordings.writing import write_recording
 
 __all__ = [
     'ENDINGS',
-    'PIECE_ROWS',
     'RATE_TOLERANCE',
     'Recording',
     'RecordingCounts',
@@ -57,9 +51,7 @@ def is_recording(path: 'str | Path') -> bool:
     (True, False)
     """
     path = Path(path)
-    if path.is_dir():
-        return (path / METADATA).is_file()
-    return path.suffix in ENDINGS
+    return (path / METADATA).is_file() if path.is_dir() else path.suffix in ENDINGS
 
 
 def open_recording(path: 'str | Path', config: 'RecordingConfig | None' = None) -> Recording:

@@ -66,9 +66,11 @@ class NpzRecording(Recording):
         with self._archive() as archive:
             members = archive.zip.infolist()
             self._sizes = {one.filename.removesuffix('.npy'): one.file_size for one in members}
-        volts, rate = (
-            self._needed(key) for key in (config.recording_volts_key, config.recording_rate_key)
-        )
+        keys = config.recording_volts_key, config.recording_rate_key
+        for key in keys:
+            if key not in self._sizes:
+                raise ValueError(f'has no array {key}, there are: {listed(self.array_names())}')
+        volts, rate = (np.asarray(self.array(key)) for key in keys)
         if volts.ndim != 2 or not volts.size or volts.dtype.kind not in 'fiu':
             raise ValueError(
                 f'{config.recording_volts_key} has the shape {volts.shape} and type '
@@ -87,13 +89,9 @@ class NpzRecording(Recording):
                 raise ValueError(f'{key} has the shape {column.shape}, allowed: ({n},)')
         stamps_ns, label = columns.values()
         if stamps_ns is None:
-            stamps_ns = np.rint(np.arange(n) * (1e9 / self.sample_rate_hz)).astype(np.int64)
-        if stamps_ns.dtype.kind not in 'iu':
-            raise ValueError(
-                f'{STAMPS_KEY} has the type {stamps_ns.dtype}, allowed: whole nanoseconds'
-            )
+            stamps_ns = np.rint(np.arange(n) * (1e9 / self.sample_rate_hz))
         truth = None if label is None else as_truth(label, config.recording_truth_key)
-        self.labelled = truth is not None
+        self.has_truth |= truth is not None
         self._samples = Samples(volts, stamps_ns.astype(np.int64).reshape(-1), truth)
 
     def read(self) -> Iterator[Samples]:
@@ -113,12 +111,6 @@ class NpzRecording(Recording):
     def array_names(self) -> list[str]:
         """Return the names of all arrays."""
         return sorted(self._sizes)
-
-    def _needed(self, name: str) -> NDArray[Any]:
-        array = self.array(name)
-        if array is None:
-            raise ValueError(f'has no array {name}, there are: {listed(self.array_names())}')
-        return array
 
     @contextlib.contextmanager
     def _archive(self) -> Iterator[Any]:
@@ -150,7 +142,7 @@ class CsvRecording(Recording):
         super().__init__(path, labels, config)
         self._truth_key = config.recording_truth_key
         self._names = names = [name.strip() for name in next(self._lines(), [])]
-        self.labelled = self._truth_key in names
+        self.has_truth |= self._truth_key in names
         self._channels = [k for k, n in enumerate(names) if n not in (TIME, self._truth_key)]
         self.channel_names = tuple(names[k] for k in self._channels)
         if TIME not in names or not self.channel_names or len(set(names)) != len(names):
@@ -168,7 +160,7 @@ class CsvRecording(Recording):
         while some := list(itertools.islice(rows, PIECE_ROWS)):
             numbers, stamps_ns = (np.array(part) for part in zip(*some, strict=True))
             truth = None
-            if self.labelled:
+            if self._truth_key in self._names:
                 label = numbers[:, self._names.index(self._truth_key)]
                 truth = as_truth(label, self._truth_key)
             yield Samples(numbers[:, self._channels], stamps_ns, truth)
@@ -177,9 +169,8 @@ class CsvRecording(Recording):
         """Return a column of the file by its name; None if there is no such column."""
         if name not in self._names:
             return None
-        column = self._names.index(name)
         with named_errors(self.path):
-            return np.array([numbers[column] for numbers, _ in self._rows()])
+            return np.array([numbers for numbers, _ in self._rows()])[:, self._names.index(name)]
 
     def array_names(self) -> list[str]:
         """Return the names of all columns."""

@@ -151,7 +151,7 @@ class BagRecording(Recording):
         self._truth_topic = self._label_topic(config, 'recording_truth_topic', BOOL)
         self._position_topic = self._label_topic(config, 'recording_position_topic', JOINT_STATE)
         self._still_m = config.recording_still_m
-        self.labelled = bool(self._truth_topic or self._position_topic)
+        self.has_truth |= bool(self._truth_topic or self._position_topic)
         decoder = _Decoder(self._topic, self._field)
         first = next((rows for rows, _, _ in self._rows(self._topic, decoder)), None)
         if first is None or not len(first.volts):

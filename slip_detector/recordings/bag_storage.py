@@ -118,7 +118,7 @@ class BagStorage:
             for one in connections
             if one.msgcount
         }
-        self.topics = [by_name[name] for name in sorted(by_name)]
+        self.topics = sorted(by_name.values())
 
     def messages(self, topic: Topic) -> Iterator[Message]:
         """Yield the messages of a topic in order of receipt, up to any damage."""

@@ -66,12 +66,12 @@ class Labels(NamedTuple):
 
     def check_end(self, end_s: float, recording: Path) -> None:
         """Raise an error if an interval ends after the recording."""
-        if len(self.edges_s) and self.edges_s[-1, 1] > end_s:
-            start_s, last_s = self.edges_s[-1]
-            raise ValueError(
-                f'{self.path}: the slip [{start_s:g}, {last_s:g}] s is outside the recording '
-                f'{recording.name}, allowed: 0 to {end_s:.6g} s'
-            )
+        for start_s, last_s in self.edges_s[-1:]:
+            if last_s > end_s:
+                raise ValueError(
+                    f'{self.path}: the slip [{start_s:g}, {last_s:g}] s is outside the recording '
+                    f'{recording.name}, allowed: 0 to {end_s:.6g} s'
+                )
 
 
 def labels_name(recording: Path) -> str:
@@ -101,26 +101,15 @@ def find_labels(setting: str, recording: Path) -> 'Path | None':
     Path or None
         None if no file is configured and none is beside the recording.
 
-    Raises
-    ------
-    ValueError
-        When the folder has no labels for this recording.
-
     Examples
     --------
     >>> find_labels('by_hand.yaml', Path('trial.mcap')).name
     'by_hand.yaml'
     """
-    name = labels_name(recording)
-    if not setting:
-        beside = recording.parent / name
-        return beside if beside.is_file() else None
-    path = Path(setting)
-    if not path.is_dir():
-        return path
-    if not (path / name).is_file():
-        raise ValueError(f'{path}: has no labels for {recording}, allowed: a file {name} in it')
-    return path / name
+    path = Path(setting) if setting else recording.parent
+    if path.is_dir():
+        path /= labels_name(recording)
+    return path if setting or path.is_file() else None
 
 
 def read_labels(path: Path) -> Labels:

@@ -200,9 +200,8 @@ class JointStateTable(NamedTuple):
     @property
     def stamps_ns(self) -> Stamps:
         """The stamps, (n,)."""
-        stamps = np.ascontiguousarray(self.content[:, ENCAPSULATION_BYTES:TEXTS])
-        seconds, rest = stamps[:, :4].view('<i4'), stamps[:, 4:].view('<u4')
-        return np.asarray(seconds.astype(np.int64) * 1_000_000_000 + rest)[:, 0]
+        parts = np.ascontiguousarray(self.content[:, ENCAPSULATION_BYTES:TEXTS]).view('<i4')
+        return np.asarray(parts.astype(np.int64) @ [1_000_000_000, 1])
 
     def numbers(self, field: str) -> Floats:
         """Return the numbers of a field, (n, joints)."""
@@ -215,8 +214,8 @@ def joint_state_table(raws: Sequence[bytes]) -> 'JointStateTable | None':
     Examples
     --------
     >>> writer = JointStateWriter('thumb', ['a', 'b'])
-    >>> raws = writer.many(np.array([[4.3, 4.2], [4.1, 4.0]]), np.array([5, 10]))
-    >>> table = joint_state_table(raws)
+    >>> rows = {5: np.array([4.3, 4.2]), 10: np.array([4.1, 4.0])}
+    >>> table = joint_state_table([writer.written(at_ns, row) for at_ns, row in rows.items()])
     >>> table.stamps_ns.tolist(), table.numbers('position').tolist()
     ([5, 10], [[4.3, 4.2], [4.1, 4.0]])
     """
@@ -281,16 +280,6 @@ class JointStateWriter:
         if effort is not None:
             self._raw[self._effort] = effort.tobytes()
         return bytes(self._raw)
-
-    def many(self, position: Floats, stamps_ns: Stamps) -> list[bytes]:
-        """Return a message for each of the stamps, (n,), and positions, (n, joints)."""
-        n, size = len(position), len(self._raw)
-        table = np.tile(np.frombuffer(self._raw, np.uint8), (n, 1))
-        stamps = np.stack(np.divmod(stamps_ns, 1_000_000_000), axis=1).astype('<u4')
-        table[:, ENCAPSULATION_BYTES:TEXTS] = stamps.view(np.uint8)
-        table[:, self._position] = np.ascontiguousarray(position, DOUBLES).view(np.uint8)
-        content = table.tobytes()
-        return [content[i : i + size] for i in range(0, n * size, size)]
 
 
 class FieldReader:

@@ -42,9 +42,6 @@ PIECE_ROWS = 8192
 #: Longest error on a file.
 MOST_CHARACTERS = 1500
 
-#: Bytes of memory for a row, in addition to its volts.
-STAMP_BYTES = 80
-
 
 @dataclasses.dataclass
 class RecordingCounts:
@@ -126,18 +123,12 @@ class Recording:
     sample_rate_hz: float
     channel_names: tuple[str, ...]
     named = False
-    #: Whether the samples of :meth:`read` have a truth.
-    labelled = False
 
     def __init__(self, path: Path, labels: 'Labels | None', config: RecordingConfig) -> None:
         self.path, self._limit_mb = path, config.recording_limit_mb
         self.counts = RecordingCounts()
         self._labels, self._resample = labels, config.recording_resample
-
-    @property
-    def has_truth(self) -> bool:
-        """Whether the true slip is known."""
-        return self._labels is not None or self.labelled
+        self.has_truth = labels is not None
 
     def read(self) -> Iterator[Samples]:
         """Yield the rows of the file, some thousands at a time."""
@@ -181,7 +172,7 @@ class Recording:
                 if not len(rows.volts):
                     continue
                 first_ns = int(rows.stamps_ns[0]) if first_ns is None else first_ns
-                last_ns = max(int(rows.stamps_ns.max()), first_ns if last_ns is None else last_ns)
+                last_ns = int(rows.stamps_ns[-1])
                 self.counts.bad_samples += int(np.count_nonzero(~np.isfinite(rows.volts)))
                 truth = rows.truth if labels is None else labels.at(rows.stamps_ns - first_ns)
                 yield rows._replace(truth=truth)
@@ -257,8 +248,8 @@ class Recording:
         for piece in itertools.chain(pieces, [None]):
             if parts and (piece is None or piece.new_stretch):
                 stretch = parts[0].then(*parts[1:])
-                n = len(stretch.volts) * max(1.0, to_hz / from_hz)
-                self.check_size(n * _row_bytes(stretch), 'a stretch to resample')
+                n_bytes = stretch.volts.nbytes * max(1.0, to_hz / from_hz)
+                self.check_size(n_bytes, 'a stretch to resample')
                 yield resampled(stretch, from_hz, to_hz)
                 parts = []
             parts += [] if piece is None else [piece]
@@ -281,8 +272,8 @@ class Recording:
         """Drop rows, bridge gaps and separate stretches; ``last`` is the previous piece."""
         steps_ns = np.diff(piece.stamps_ns)
         bridged_ns = steps_ns[(steps_ns > 0) & (steps_ns <= 1e9 * grid.max_gap_s)].sum()
-        n = bridged_ns / grid.period_ns
-        self.check_size(n * _row_bytes(piece), 'what bridges the gaps')
+        n_bytes = bridged_ns / grid.period_ns * piece.volts[0].nbytes
+        self.check_size(n_bytes, 'what bridges the gaps')
         mended = grid.mend(piece.stamps_ns)
         self.counts.gaps += mended.gaps
         self.counts.bridged_rows += mended.bridged
@@ -297,7 +288,3 @@ class Recording:
             )
             for i, of_stretch in enumerate(mended.stretches)
         ]
-
-
-def _row_bytes(rows: Samples) -> int:
-    return int(8 * rows.volts.shape[1] + STAMP_BYTES)

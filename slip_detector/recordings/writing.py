@@ -227,21 +227,16 @@ class BagWriter:
         """
         if self.path.suffix == '.mcap' and np.any(piece.stamps_ns < 0):
             raise OSError(errno.EINVAL, 'a stamp is negative, which MCAP has no room for')
-        n = len(piece.volts)
-        truth = [None] * n if piece.truth is None else piece.truth.tolist()
-        positions: list[bytes] | list[None] = [None] * n
-        if piece.position_m is not None:
-            positions = self._platform.many(piece.position_m[:, np.newaxis], piece.stamps_ns)
-        rows = self._rows.many(piece.volts, piece.stamps_ns)
-        stamps_ns = piece.stamps_ns.tolist()
-        for at_ns, row, slip, position in zip(stamps_ns, rows, truth, positions, strict=True):
+        truth = piece.truth
+        for i, at_ns in enumerate(piece.stamps_ns.tolist()):
             # A state holds for the messages that are received after it.
-            if slip is not None and slip != self._last:
-                self._last = slip
-                self._writer.write(self._slip_truth, at_ns, _BOOLS[slip])
-            if position is not None:
+            if truth is not None and truth[i] != self._last:
+                self._last = bool(truth[i])
+                self._writer.write(self._slip_truth, at_ns, _BOOLS[self._last])
+            if piece.position_m is not None:
+                position = self._platform.written(at_ns, piece.position_m[i])
                 self._writer.write(self._position, at_ns, position)
-            self._writer.write(self._voltages, at_ns, row)
+            self._writer.write(self._voltages, at_ns, self._rows.written(at_ns, piece.volts[i]))
 
     def flush(self) -> None:
         """Pass all rows so far to the operating system, so that they survive a killed process.
@@ -264,15 +259,11 @@ class BagWriter:
         Raises
         ------
         OSError
-            When these cannot be written. Flushed rows are kept.
+            When these cannot be written. Flushed rows are kept; :meth:`abort` closes the file.
         """
-        try:
-            self._writer.close()
-            if self.path.suffix == '.mcap':
-                write_checksums(self.path)
-        except OSError:
-            self.abort()
-            raise
+        self._writer.close()
+        if self.path.suffix == '.mcap':
+            write_checksums(self.path)
 
     def abort(self) -> None:
         """Close the file as it is, after a failed write."""

@@ -79,10 +79,6 @@ class DeviceClock:
         self._arrival_ns = 0
         self._offset_ns = self._newest_ns = self._window_ends_ns = 0
         self._smallest_ns = self._smallest_before_ns = 0
-        self.restart()
-
-    def restart(self) -> None:
-        """Forget the mapping, as the sender's next times are unrelated to the times before."""
         self._mapped = False
 
     def stamps_ns(self, times_ns: ArrayLike, arrival_ns: int) -> Stamps:
@@ -123,8 +119,7 @@ class DeviceClock:
                 arrived = np.full(len(samples.volts), arrival_ns)
                 stamps_ns.append(self._rising(arrived, arrival_ns))
                 continue
-            if samples.new_stretch:
-                self.restart()
+            self._mapped = self._mapped and not samples.new_stretch
             stamps_ns.append(self.stamps_ns(samples.stamps_ns, arrival_ns))
         volts = [np.empty((0, channels)), *(samples.volts for samples in decoded)]
         return Samples(np.concatenate(volts), np.concatenate(stamps_ns))
@@ -209,7 +204,17 @@ class SerialSource(LiveSource):
 
     def start(self) -> None:
         """Open the port; if that fails, reading tries again."""
-        self._open()
+        config = self._config
+        try:
+            # Exclusive: each of two readers would get only some of the bytes.
+            self._line = serial.Serial(
+                config.serial_port, config.serial_baud, timeout=WAIT_S, exclusive=True
+            )
+        except PORT_ERRORS as error:
+            self._lose(error)
+        else:
+            self.connected = True
+            self.state = f'listening to {config.serial_port} at {config.serial_baud} baud'
 
     def read(self, n: int) -> Samples:
         """Return the new samples, after at most ``WAIT_S``; try to open a lost port."""
@@ -222,21 +227,8 @@ class SerialSource(LiveSource):
         elif (wait_s := self._retry_at_s - time.monotonic()) > 0.0:
             time.sleep(min(wait_s, WAIT_S))
         else:
-            self._open()
+            self.start()
         return self._stamped(self._decoder.feed(data), self._now_ns())
-
-    def _open(self) -> None:
-        config = self._config
-        try:
-            # Exclusive: each of two readers would get only some of the bytes.
-            self._line = serial.Serial(
-                config.serial_port, config.serial_baud, timeout=WAIT_S, exclusive=True
-            )
-        except PORT_ERRORS as error:
-            self._lose(error)
-        else:
-            self.connected = True
-            self.state = f'listening to {config.serial_port} at {config.serial_baud} baud'
 
     def _lose(self, error: Exception) -> None:
         self.close()

@@ -126,29 +126,3 @@ def test_any_messages_are_read_as_rclpy_reads_them_or_refused():
         ),
     ]
     fuzz(sequences(), check, corpus=corpus, few=100)
-
-
-def check_type(case):
-    name, field = case
-    Input(DetectorConfig(input_type=name, input_field=field))
-
-
-def test_any_name_of_a_type_and_any_field_is_taken_or_refused():
-    corpus = [
-        (name, 'position')
-        for name in (
-            *('std_msgs/msg/__name__', 'std_msgs/msg/__builtins__', 'std_msgs/msg/std_msgs'),
-            *('this/that', 'os/path', 'sensor_msgs/msg/JointState/x', '../x', '', 'rclpy/Node'),
-        )
-    ]
-    words = ('std_msgs', 'msg', '/', '__doc__', '.', '[]', '[0]', '[-1]', 'a')
-    parts = st.sampled_from([*FIELDS, *FIELDS.values(), *words])
-    names = st.lists(parts, max_size=4).map(''.join)
-    pairs = st.tuples(names, names.filter(bool))
-    fuzz(
-        pairs,
-        check_type,
-        corpus=corpus,
-        few=100,
-        refusal=r'input_(type|field)|field',
-    )

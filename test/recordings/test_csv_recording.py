@@ -16,39 +16,9 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from hypothesis.extra import numpy as hnp
 
 from slip_detector.recordings import open_recording
 from support.recorded import complaint, read_recording, save_text
-
-FLOATS = st.floats(allow_nan=False, allow_infinity=False, width=64)
-
-
-@given(
-    hnp.arrays(np.float64, st.tuples(st.integers(2, 8), st.integers(1, 4)), elements=FLOATS),
-    st.floats(1.0, 1e4),
-    st.data(),
-)
-def test_csv_keeps_every_value_and_tells_the_rate(tmp_path_factory, volts, rate_hz, data):
-    n, c = volts.shape
-    slip = data.draw(st.lists(st.booleans(), min_size=n, max_size=n))
-    names = [f'taxel_{i}' for i in range(c)]
-    # The label may stand anywhere: a column is known by its name.
-    place = data.draw(st.integers(0, c))
-    head = ['time_s', *names[:place], 'slip', *names[place:]]
-    lines = [','.join(head)]
-    for k in range(n):
-        cells = [repr(float(v)) for v in volts[k]]
-        cells.insert(place, str(int(slip[k])))
-        lines.append(','.join([repr(k / rate_hz), *cells]))
-    path = save_text(tmp_path_factory.mktemp('csv') / 'a.csv', '\n'.join(lines) + '\n')
-    recording = read_recording(path)
-    assert recording.volts.tobytes() == volts.tobytes()
-    assert recording.channel_names == tuple(names)
-    assert recording.sample_rate_hz == pytest.approx(rate_hz, rel=1e-4)
-    np.testing.assert_array_equal(recording.truth, slip)
 
 
 def test_the_mark_that_spreadsheets_write_is_no_part_of_a_name(tmp_path):

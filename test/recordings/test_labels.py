@@ -87,10 +87,8 @@ def test_a_file_beside_the_recording_or_in_a_folder_goes_before_what_the_recordi
     assert open_recording(recording).has_truth
     assert find_labels('', tmp_path / 'other.mcap') is None
     assert find_labels(str(folder), tmp_path / 'trial') == folder / 'trial.labels.yaml'
-    with pytest.raises(
-        ValueError, match=r'by_hand: has no labels for .*other\.mcap, allowed: a f'
-    ):
-        find_labels(str(folder), tmp_path / 'other.mcap')
+    with pytest.raises(ValueError, match=r'other\.labels\.yaml: cannot be read \(No such file'):
+        open_recording(tmp_path / 'other.mcap', RecordingConfig(recording_labels=str(folder)))
 
 
 WRONG = ': has more or less than slip_s: [[start, end]] in seconds'

@@ -104,8 +104,6 @@ def test_messages_are_written_as_rclpy_serialises_them(frame_id, names, efforts,
     deserialized = pytest.importorskip('rclpy.serialization').deserialize_message
     # Some numbers are NaN, which equals nothing; padding may have any value.
     assert repr(deserialized(raw, type(message))) == repr(message)
-    if not efforts:
-        assert writer.many(position[np.newaxis], np.array([at_ns])) == [raw]
 
 
 @pytest.mark.parametrize('position', [[1.0], [1.0, 2.0, 3.0], np.ones(2, np.float32)])
@@ -231,11 +229,3 @@ def test_any_other_layout_is_one_row_and_one_that_does_not_fit_is_refused():
         np.testing.assert_array_equal(FieldReader('data')(one), [data])
     with pytest.raises(ValueError, match='cannot reshape array of size 6'):
         FieldReader('data')(batch(data, sample=2, channel=4))
-
-
-@pytest.mark.parametrize('kind', [np.ndarray, array.array])
-def test_a_nan_of_the_signalling_kind_is_a_nan_without_a_warning(kind):
-    signalling = np.array([0x7F810000, 0x3F800000], np.uint32).view(np.float32)
-    data = signalling if kind is np.ndarray else array.array('f', signalling.tobytes())
-    rows = FieldReader('data')(of(data=data))
-    np.testing.assert_array_equal(rows, [[np.nan, 1.0]])

@@ -72,27 +72,6 @@ def read_resampled(path, rate_hz):
     return pieces[0].then(*pieces[1:])
 
 
-@pytest.mark.parametrize('from_hz', [60.0, 200.0, 379.0 * 1.03, 1000.0, 1234.5])
-def test_resampling_keeps_what_both_rates_hold_and_the_times(tmp_path, from_hz):
-    to_hz, n = 380.0, int(3 * from_hz)
-    tone_hz = 0.2 * min(from_hz, to_hz)
-    time_s = np.arange(n) / from_hz
-    volts = 4.3 + np.sin(2 * np.pi * np.outer(time_s, [tone_hz, tone_hz / 3]) + [0.3, 0])
-    path = save_rows(
-        tmp_path / 'a.npz', volts, rate_hz=from_hz, slip=(time_s >= 1.0) & (time_s < 2.0)
-    )
-    read, stamps_ns, truth, *_ = read_resampled(path, to_hz)
-    at_s = stamps_ns * 1e-9
-    assert abs(len(read) - (n - 1) / from_hz * to_hz) <= 1
-    # The ratio of the rates is a fraction of whole numbers, accurate to some millionths.
-    np.testing.assert_allclose(at_s, np.arange(len(read)) / to_hz, rtol=5e-6, atol=1e-9)
-    inner = (at_s > 0.8) & (at_s < 2.2)
-    wanted = 4.3 + np.sin(2 * np.pi * np.outer(at_s, [tone_hz, tone_hz / 3]) + [0.3, 0])
-    np.testing.assert_allclose(read[inner], wanted[inner], atol=2e-3)
-    assert np.all(truth[(at_s > 1.0 + 1 / from_hz) & (at_s < 2.0 - 1 / from_hz)])
-    assert not truth[(at_s < 1.0 - 1 / from_hz) | (at_s > 2.0 + 1 / from_hz)].any()
-
-
 @pytest.mark.parametrize(('from_hz', 'to_hz'), [(1000.0, 380.0), (380.0, 1000.0), (400.0, 390.0)])
 def test_the_passband_is_flat_and_the_stopband_far_down(from_hz, to_hz):
     half_hz = min(from_hz, to_hz) / 2
@@ -120,9 +99,13 @@ def test_a_baseline_stays_to_the_bit_and_a_bad_value_stays_where_it_was(tmp_path
 def test_each_stretch_is_resampled_on_its_own(tmp_path):
     stamps_ns = np.concatenate([np.arange(500), 5000 + np.arange(500)]) * 1_000_000
     volts = np.repeat([[1.0], [9.0]], 500, axis=0)
-    path = save_rows(tmp_path / 'a.npz', volts, stamps_ns, rate_hz=1000.0)
+    slip = volts[:, 0] > 5.0
+    path = save_rows(tmp_path / 'a.npz', volts, stamps_ns, rate_hz=1000.0, slip=slip)
     recording = open_recording(path, RecordingConfig(recording_resample=True))
     pieces = list(recording.pieces(380.0))
+    for piece in pieces:
+        np.testing.assert_array_equal(piece.truth, piece.volts[:, 0] > 5.0)
+        assert np.abs(np.diff(piece.stamps_ns) - 1e9 / 380.0).max() < 1e4
     starts = [piece for piece in pieces if piece.new_stretch]
     assert [piece.stamps_ns[0] for piece in starts] == [0, 5_000_000_000]
     assert [float(piece.volts[0, 0]) for piece in starts] == [1.0, 9.0]

@@ -171,20 +171,3 @@ def test_a_negative_stamp_is_refused_where_there_is_no_room_for_it(tmp_path):
     bag.write(before_1970)
     bag.close()
     assert next(open_recording(tmp_path / 'old').rows()).stamps_ns[0] == -1_000_000
-
-
-def test_a_full_disk_raises_and_keeps_what_was_flushed(tmp_path):
-    bag = BagWriter(tmp_path / 'trial', ['a', 'b'])
-    bag.write(numbered(0))
-    bag.flush()
-    with full_disk(bag.path.stat().st_size + 1000):
-        bag.write(numbered(N))
-        with pytest.raises(OSError, match='File too large'):
-            bag.flush()
-        with pytest.raises(OSError, match='File too large'):
-            bag.close()
-    volts, truth, damage = read(bag.path)
-    assert len(volts) >= N
-    np.testing.assert_array_equal(volts, numbered(0, len(volts)).volts)
-    np.testing.assert_array_equal(truth, numbered(0, len(volts)).truth)
-    assert 'cut off' in damage
