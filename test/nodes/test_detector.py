@@ -131,7 +131,7 @@ def test_the_heart_beats_where_nobody_publishes_a_clock(bench):
     [
         ({'threshold': -1.0}, ['threshold', '-1', '1e-30 to 1e+30']),
         ({'threshhold': 0.5}, ['threshhold', '0.5', 'did you mean threshold?']),
-        ({'groups.TP': [1, 17]}, ['groups.TP', 'channel 17', '1 to 16']),
+        ({'groups.TP': [1, 17]}, ['groups', '17', '1 to 16']),
     ],
 )
 def test_a_wrong_parameter_stops_the_start_with_one_line(bench, parameters, words):
