@@ -45,13 +45,13 @@ def why_no_browser() -> str:
 
 
 @contextlib.contextmanager
-def browser() -> Iterator[Any]:
-    """Run the system's browser; see :func:`why_no_browser` first."""
+def browser(*more_flags: str) -> Iterator[Any]:
+    """Run the system's browser, with more flags; see :func:`why_no_browser` first."""
     # By name, as Playwright may be missing (see why_no_browser).
     sync_playwright = importlib.import_module('playwright.sync_api').sync_playwright
     path = next(path for path in map(shutil.which, BROWSERS) if path)
     with sync_playwright() as playwright:
-        running = playwright.chromium.launch(executable_path=path, args=list(FLAGS))
+        running = playwright.chromium.launch(executable_path=path, args=[*FLAGS, *more_flags])
         try:
             yield running
         finally:
