@@ -208,8 +208,8 @@ class EvaluatedRecording(NamedTuple):
     >>> rest = Samples.evenly(np.full((760, 16), 4.3), 380.0, truth=np.zeros(760))
     >>> outcome = Replay(ChainConfig()).run([rest])
     >>> evaluated = EvaluatedRecording(outcome, RecordingCounts(gaps=1))
-    >>> evaluated.outcome.duration_s, evaluated.counts.gaps
-    (2.0, 1)
+    >>> evaluated.outcome.rows, evaluated.counts.gaps
+    (760, 1)
     """
 
     outcome: ReplayOutcome

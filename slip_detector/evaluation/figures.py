@@ -355,7 +355,7 @@ class ReplayOutcome:
     ...     rest_rows=380, on_rest_rows=19, sample_rate_hz=380.0, slips=(), alarms=(),
     ...     scores=ScoreCounts.pooled([]),
     ... )
-    >>> outcome.duration_s
+    >>> outcome.rows / outcome.sample_rate_hz
     2.0
     """
 
@@ -370,11 +370,6 @@ class ReplayOutcome:
     slips: tuple[TrueSlip, ...]
     alarms: tuple[Alarm, ...]
     scores: ScoreCounts
-
-    @property
-    def duration_s(self) -> float:
-        """Time of its rows, without gaps."""
-        return self.rows / self.sample_rate_hz
 
 
 def figures_of_merit(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:
@@ -407,7 +402,7 @@ def figures_of_merit(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:
         'slip_rows': sum(one.slip_rows for one in outcomes),
         'moving_rows': sum(moving) if moving else None,
         'settling_rows': sum(one.settling_rows for one in outcomes),
-        'duration_s': sum(one.duration_s for one in outcomes),
+        'duration_s': sum(one.rows / one.sample_rate_hz for one in outcomes),
         'auc_all': scores.auc(),
         'auc_moving': scores.auc([MOTION]) if moving else None,
         **paper_figures(outcomes),

@@ -55,8 +55,8 @@ single trials, and Figs. 4 and 7 without their values. What the paper does not g
     The pictures that were written.
 """
 
-import dataclasses
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -232,17 +232,6 @@ def evaluate_plates(
     }
 
 
-def with_windows(config: ChainConfig, window_s: float) -> ChainConfig:
-    """Return the configuration with another length of both windows.
-
-    Examples
-    --------
-    >>> with_windows(ChainConfig(), 0.02).decision_window_s
-    0.02
-    """
-    return dataclasses.replace(config, envelope_window_s=window_s, decision_window_s=window_s)
-
-
 def with_band(config: ChainConfig, passband_hz: tuple[float, float]) -> ChainConfig:
     """Return the configuration with another pass-band, without stop-bands above the first one.
 
@@ -253,7 +242,7 @@ def with_band(config: ChainConfig, passband_hz: tuple[float, float]) -> ChainCon
     """
     top_hz = config.passband_hz[1] or np.inf  # 0: a high-pass, above which there is nothing.
     kept = tuple(pair for pair in config.stopbands_hz if pair[0] < top_hz)
-    return dataclasses.replace(config, passband_hz=passband_hz, stopbands_hz=kept)
+    return replace(config, passband_hz=passband_hz, stopbands_hz=kept)
 
 
 #: Trials on each plate (Section 3).
@@ -353,7 +342,9 @@ def run_protocol(
         },
         **evaluate_plates(plates, config),
         'windows': {
-            f'{window_s * 1e3:.0f}': evaluate_plates(plates, with_windows(config, window_s))
+            f'{window_s * 1e3:.0f}': evaluate_plates(
+                plates, replace(config, envelope_window_s=window_s, decision_window_s=window_s)
+            )
             for window_s in WINDOWS_S
         },
         'bands': {

@@ -157,10 +157,9 @@ def test_it_renders(opened):
     assert links == {'◆ late', '● detected', '✕ missed'}
 
 
-@pytest.mark.parametrize('width', [800, 1280])
-def test_many_channels_without_events_fit_into_the_window(opened, width):
-    page = opened('skin.html', width=width)
-    assert page.evaluate('document.documentElement.scrollWidth') <= width
+def test_many_channels_without_events_fit_into_the_window(opened):
+    page = opened('skin.html', width=800)
+    assert page.evaluate('document.documentElement.scrollWidth') <= 800
     names = names_of_lanes(page)
     assert len([name for name in names if name.startswith('ch')]) == 95
     assert 'Disabled channels, 1 of them' in page.inner_text('#resolution')
@@ -247,9 +246,8 @@ def test_of_evidence_excess_floor_and_impacts_are_shown_with_their_scale(opened)
     assert 'after impact' not in names_of_lanes(page)
 
 
-@pytest.mark.parametrize('name', ['both.html', 'coarse.html'])
-def test_the_read_out_about_an_event_is_the_sample_itself(opened, name):
-    page = opened(name, '#event-0-0-2')
+def test_the_read_out_about_an_event_is_the_sample_itself(opened):
+    page = opened('coarse.html', '#event-0-0-2')
     _, _, start, stop = view(page)
     # The first channel of the first group is ch14.
     volts, truth = scenes.volts_and_truth(seed=0)
@@ -262,9 +260,8 @@ def test_the_read_out_about_an_event_is_the_sample_itself(opened, name):
     assert channel == 'ch14'
     assert float(time_s) == pytest.approx(row / 380.0, abs=0.003)
     assert float(value) == pytest.approx(volts[row, 13], abs=6e-4)
-    if name == 'coarse.html':
-        said = page.inner_text('#resolution')
-        assert 'each 84 ms; row by row about the start of 2 of 4 events' in said
+    said = page.inner_text('#resolution')
+    assert 'each 84 ms; row by row about the start of 2 of 4 events' in said
 
 
 def test_data_that_are_broken_are_said_to_be(browser, folder):
