@@ -68,7 +68,7 @@ def test_a_search_that_is_stopped_keeps_what_it_found_and_is_judged_by_what_was_
     def stop_when_something_is_found():
         if run.step not in steps[-1:]:
             steps.append(run.step)
-        if run.share:
+        if run.share > 0.2:
             run.stop()
 
     asyncio.run(finished(run, stop_when_something_is_found))
