@@ -170,8 +170,7 @@ def _names_of(tracks: Sequence[Track]) -> str:
 
 
 def _parameters(options: argparse.Namespace) -> TuningParameters:
-    kinds = TuningParameters._field_defaults.values()
-    return TuningParameters(*sets_of_parameters(options, *map(type, kinds)))
+    return TuningParameters(*sets_of_parameters(options, *map(type, TuningParameters())))
 
 
 def _comments(argv: Sequence[str] | None, lines: Sequence[str]) -> list[str]:

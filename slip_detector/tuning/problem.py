@@ -372,17 +372,13 @@ class Problem:
             return None
         given = space.point(self.given)
         as_good = [
-            (
-                math.hypot(
-                    space.distance(trial.params, given), found.chain.vote != self.given.vote
-                ),
-                found,
-            )
+            (space.distance(trial.params, given), found)
             for trial in trials
             for found in self.candidates(trial)
             if found.cost_ms <= best.cost_ms + best.error_ms and not self._worse(found, best)
         ]
-        return min(as_good, key=lambda one: one[0])[1]
+        vote = self.given.vote
+        return min(as_good, key=lambda one: math.hypot(one[0], one[1].chain.vote != vote))[1]
 
     def _worse(self, found: Candidate, best: Candidate) -> bool:
         """Return whether a chain is worse than the given one where the best is not.
