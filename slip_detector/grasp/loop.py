@@ -36,7 +36,6 @@ from slip_detector.parameters.grasp import GraspConfig
 from slip_detector.scenes import Scene, find_scene
 from slip_detector.scenes.surface import FINGERS, STANDARD_GRAVITY_M_S2
 
-Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
 
 #: Time from sample to command: somewhat more than the nodes take.
@@ -123,8 +122,8 @@ class GraspTrial(NamedTuple):
     time_s: Floats
     command_n: Floats
     force_n: Floats
-    slip: Bools
-    sliding: Bools
+    slip: NDArray[np.bool_]
+    sliding: NDArray[np.bool_]
     position_m: Floats
     needed_n: Floats
     length_m: float

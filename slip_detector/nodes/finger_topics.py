@@ -148,8 +148,7 @@ class FingerTopics:
         topics.add(Bool, f'{slip}_valid', states, self._on_slip_valid)
         for g, name in enumerate(config.groups if config.publish_groups else ()):
             topics.add(Bool, f'{slip}/group/{name}', states, functools.partial(self._on_group, g))
-        if not config.publish_groups:
-            self.finger.groups[:] = False  # No message will change their last states.
+        self.finger.groups[:] = False  # Their last states come again, if they are published.
 
     def _subscribe_to_samples(self, names: Topics) -> None:
         """Subscribe to the input; if that fails, the finger is shown without volts."""

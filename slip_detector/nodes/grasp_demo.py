@@ -71,11 +71,7 @@ from slip_detector.nodes.demo import (
 )
 from slip_detector.nodes.messages import event_qos, sensor_qos, state_qos
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.files import (
-    shared_folder,
-    whole_file,
-    writable_folder,
-)
+from slip_detector.parameters.files import shared_folder, whole_file, writable_folder
 from slip_detector.parameters.grasp import GraspConfig, commands_of_a_scene
 
 NAMESPACE = 'slip_grasp'

@@ -26,9 +26,6 @@ from pathlib import Path
 
 from slip_detector.commands.command_line import Parser, whole_number
 
-#: The namespace of the nodes that play a scene.
-SCENE_NAMESPACE = 'scene'
-
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
@@ -147,7 +144,7 @@ async def _serve(arguments: argparse.Namespace, takedowns: list[Callable[[], obj
             f'({getattr(error, "strerror", error)}), allowed: an address of this machine and a '
             'port that is free'
         ) from None
-    with NodeProcesses(SCENE_NAMESPACE, lambda: None) as nodes:
+    with NodeProcesses('scene', lambda: None) as nodes:
         if arguments.scene:
             (config,) = arguments.configs
             fingers, scene = ('--fingers', arguments.fingers), {'scene': arguments.scene}

@@ -35,7 +35,6 @@ from rcl_interfaces.srv import (
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.parameter import Parameter, parameter_value_to_python
-from rclpy.serialization import serialize_message
 
 from slip_detector.nodes.finger_topics import FingerTopics, PolledTopics, Topics
 from slip_detector.nodes.inputs import publishing_nodes
@@ -118,8 +117,6 @@ class RemoteDetector:
         """Set parameters, all or none, None deletes one; return what they are now."""
         try:
             parameters = [_message_of(*each) for each in values.items()]
-            for each in parameters:
-                serialize_message(each)
         except (AssertionError, TypeError, ValueError, OverflowError) as error:
             raise ValueError(f'this cannot be sent to the detector: {error}') from None
         try:

@@ -69,7 +69,7 @@ def test_all_parameters_are_read_and_set_or_refused_as_a_whole(bench, remote_of)
         "parameter threshold is 'low', allowed: a number": {'threshold': 'low', 'gain': 2.0},
         'read-only': {'autostart': False, 'gain': 2.0},
         'cannot be deleted': {'gain': None},
-        'cannot be sent': {'input_field': '\ud800'},
+        "'utf-8' codec can't encode": {'input_field': '\ud800'},
         'cannot be sent to the detector': {'input_field': {}},
     }.items():
         with pytest.raises(ValueError, match=words):
