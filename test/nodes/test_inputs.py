@@ -80,10 +80,8 @@ def test_a_batch_without_a_header_has_a_row_for_each_sample_and_the_time_of_publ
         'no_msgs/msg/JointState',
         'std_msgs/msg/__name__',
         'std_msgs/msg/_bool',
-        'std_msgs/__path__',
         'diagnostic_msgs/msg/SelfTest',
         'diagnostic_msgs/srv/SelfTest',
-        'this/that',
         '../std_msgs/msg/Bool',
     ],
 )
