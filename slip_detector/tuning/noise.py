@@ -298,7 +298,7 @@ def find_mains(chain: ChainConfig, track: Track) -> tuple[float, str]:
     >>> volts += np.sin(2 * np.pi * 60.0 * time_s) + np.sin(2 * np.pi * 180.0 * time_s)
     >>> track = track_of('rest', [Samples.evenly(volts, 320.0, np.zeros(6000, bool))], 320.0)
     >>> find_mains(ChainConfig(channels=2), track)[1]
-    'mains of 60 Hz: lines of 60 Hz (21 dB), 180 Hz (21 dB, seen at 140 Hz) on all channels'
+    'mains of 60 Hz: lines of 60 Hz (23 dB), 180 Hz (24 dB, seen at 140 Hz) on all channels'
     """
     rate_hz, rows = track.sample_rate_hz, round(SPECTRUM_S * track.sample_rate_hz)
     begin, end, _ = max(track.stretches, key=lambda one: one.end - one.begin)
