@@ -84,8 +84,9 @@ class _Decoder:
         times, raws = zip(*messages, strict=True)
         table = joint_state_table(raws) if self._is_quick else None
         number: Stamps = np.arange(len(raws))
-        if table is not None and self._is_same(table.layout.names, table.numbers(self._field)):
-            volts, stamps_ns = table.numbers(self._field), table.stamps_ns
+        volts = np.empty((0, 0)) if table is None else table.numbers(self._field)
+        if table is not None and self._is_same(table.layout.names, volts):
+            stamps_ns = table.stamps_ns
         else:
             volts, stamps_ns, number = self._one_by_one(raws)
         received_ns = np.array(times, np.int64)[number]

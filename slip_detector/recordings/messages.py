@@ -223,13 +223,14 @@ def joint_state_table(raws: Sequence[bytes]) -> 'JointStateTable | None':
         layout = joint_state_layout(raws[0])
     except ValueError:
         return None
-    if any(len(raw) != layout.size for raw in raws):
+    if set(map(len, raws)) != {layout.size}:
         return None
     content = np.frombuffer(b''.join(raws), np.uint8).reshape(-1, layout.size)
     fixed = np.ones(layout.size, bool)
     for part in layout.varying:
         fixed[part] = False
-    alike = (content[:, fixed] == content[0, fixed]).all()
+    places = np.flatnonzero(fixed)
+    alike = (content[:, places] == content[0, places]).all()
     return JointStateTable(layout, content) if alike else None
 
 
