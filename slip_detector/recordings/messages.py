@@ -226,10 +226,7 @@ def joint_state_table(raws: Sequence[bytes]) -> 'JointStateTable | None':
     if set(map(len, raws)) != {layout.size}:
         return None
     content = np.frombuffer(b''.join(raws), np.uint8).reshape(-1, layout.size)
-    fixed = np.ones(layout.size, bool)
-    for part in layout.varying:
-        fixed[part] = False
-    places = np.flatnonzero(fixed)
+    places = np.delete(np.arange(layout.size), np.r_[tuple(layout.varying)])
     alike = (content[:, places] == content[0, places]).all()
     return JointStateTable(layout, content) if alike else None
 
