@@ -155,9 +155,10 @@ def tune(
     training, held, notes = files.load()
     with _first_interrupt_noted() as stop:
         problem = parameters.problem(training)
-        study = Study(problem.space.distributions, seed, storage, problem.study_name())
+        name = problem.study_name()
+        study = Study(problem.space.distributions, seed, storage, name)
         # It has a few kilobytes, without any rows.
-        pickled = pickle.dumps((files, dataclasses.replace(problem, tracks=())))
+        pickled = pickle.dumps((files, dataclasses.replace(problem, tracks=()), name))
 
         def show(count: int) -> None:
             progress(count, problem.best_of(study.trials))
@@ -262,8 +263,12 @@ def _candidates_at(pickled: bytes, point: Point) -> list[Candidate]:
 @functools.lru_cache(maxsize=1)
 def _with_rows(pickled: bytes) -> Problem:
     """Read the recordings of a problem, once for all of its trials."""
-    files, problem = pickle.loads(pickled)
-    return dataclasses.replace(problem, tracks=files.load()[0])  # type: ignore[no-any-return]
+    files, problem, name = pickle.loads(pickled)
+    found: Problem = dataclasses.replace(problem, tracks=files.load()[0])
+    if found.study_name() != name:
+        paths = ', '.join(files.paths)
+        raise ValueError(f'{paths}: a worker finds other recordings there, allowed: the same ones')
+    return found
 
 
 class Study:

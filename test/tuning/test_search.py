@@ -86,6 +86,15 @@ def test_another_process_gets_little_and_reads_the_recordings_once(files, monkey
     assert pickle.loads(sent[0])({**point, 'passband_low_hz': np.nan}) == []
 
 
+def test_a_worker_that_finds_other_recordings_is_refused(files, tmp_path):
+    def elsewhere(function, points):
+        write(tmp_path / 'a.npz', 3)
+        return enumerate(map(function, points))
+
+    with pytest.raises(ValueError, match=r'^/.*: a worker finds other recordings there, '):
+        tune(files, PARAMETERS, 9, calls=elsewhere)
+
+
 def interrupted_at(*counts):
     """Return what interrupts a search when it has tried so many chains."""
     left = list(counts)
