@@ -70,7 +70,7 @@ def parameter(
     searched_with
         The decisions with which the tuner searches the parameter.
     rising
-        Whether no number of a list may be below the one before it.
+        Whether each number of a list must be above the one before it.
 
     Examples
     --------
@@ -259,8 +259,8 @@ def _numbers(values: Iterable[Any], items: tuple[Any, ...], where: str, field: F
         refuse(f'{where} has {len(numbers)} numbers', 'pairs [low, high]')
     if Ellipsis not in items and len(numbers) != len(items):
         refuse(f'{where} has {len(numbers)} numbers', f'{len(items)}')
-    if field.metadata['rising'] and list(numbers) != sorted(numbers):
-        _refuse_value(numbers, where, 'no number below the one before it')
+    if field.metadata['rising'] and list(numbers) != sorted({*numbers}):
+        _refuse_value(numbers, where, 'each number above the one before it')
     return tuple(zip(numbers[::2], numbers[1::2], strict=True)) if pairs else numbers
 
 

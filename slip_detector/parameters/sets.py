@@ -134,7 +134,7 @@ class ParameterSet:
                     label = f'{shown_name(str(name))} = {shown(value)}'
                     raise ValueError(f'unknown parameter {label}; {cls._hint(str(name), known)}')
             if groups and 'groups' in values:
-                refuse('parameter groups is given beside groups.<name>', 'either')
+                refuse('parameter groups is given beside groups.<name>', 'one of both')
             return cls(**values | ({'groups': groups} if groups else {}))
         except ValueError as error:
             raise ValueError(f'{where}: {error}' if where else str(error)) from None

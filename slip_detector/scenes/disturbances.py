@@ -96,6 +96,12 @@ class Tremor(ParameterSet):
         5e-6, 'RMS of the motion of the surface along x.', (0.0, 0.1, 'm')
     )
 
+    def __post_init__(self) -> None:
+        """Check the frequencies against each other."""
+        super().__post_init__()
+        text = f'above low_hz, {self.low_hz:g} Hz'
+        self.require(self.low_hz < self.high_hz, 'high_hz', text)
+
     def sines(self, rms: float, trial: np.random.Generator) -> Floats:
         """Return six sines within the band that have an RMS; nothing is drawn if it is zero.
 

@@ -66,7 +66,7 @@ class Electronics(ParameterSet):
         1, 'Seed of the differences between channels: one seed is one fingertip.', (0, None)
     )
     baseline_v: tuple[float, float] = parameter(
-        (4.3, 4.35), 'Range of the voltages without contact.', (-100.0, 100.0, 'V'), rising=True
+        (4.3, 4.35), 'Range of the voltages without contact.', (-100.0, 100.0, 'V')
     )
     normal_v_n: float = parameter(-10.0, 'Sensitivity to normal load.', (-1e6, 1e6, 'V/N'))
     normal_along_share: float = parameter(
@@ -154,7 +154,7 @@ class Frontend:
         self._electronics: Electronics = parts['electronics']
         self._rate_hz = rate_hz
         of_fingertip = np.random.default_rng(self._electronics.fingertip_seed)
-        low_v, high_v = self._electronics.baseline_v
+        low_v, high_v = sorted(self._electronics.baseline_v)
         self.baseline_v: Floats = of_fingertip.uniform(low_v, high_v, PAPER_CHANNELS)
         varied = 1 + self._electronics.spread * of_fingertip.standard_normal((2, PAPER_CHANNELS))
         normal_shares = np.where(ACROSS, 1.0, self._electronics.normal_along_share)

@@ -95,15 +95,15 @@ REFUSED = [
     ),
     (
         {**TWO, 'groups': {'a': [1, 2], 'b': [2]}},
-        'groups does not have once: [2], allowed: each of',
+        'groups is wrong about channels [2], allowed: each of',
     ),
     (
         {**TWO, 'groups': {'a': [0, 1, 2]}},
-        'groups does not have once: [0], allowed: each of 1 to 2',
+        'groups is wrong about channels [0], allowed: each of 1 to 2',
     ),
     (
         {**TWO, 'groups': {'a': [1]}},
-        'groups does not have once: [2], allowed: each of 1 to 2 in one',
+        'groups is wrong about channels [2], allowed: each of 1 to 2 in one',
     ),
     ({**TWO, 'groups': {'a': [1, 2], 'b': []}}, "groups is {'a': (1, 2), 'b': ()}, allowed: no"),
     ({'vote': 5}, 'vote is 5, allowed: at most 4, the enabled channels of the smallest group'),
@@ -113,7 +113,7 @@ REFUSED = [
         'envelope_window_s is 0.002 s, allowed: at least one sample (0',
     ),
     ({'decision_window_s': 0.0}, 'decision_window_s is 0 s, allowed: at least one sample'),
-    ({'valid_range_v': (5, 4)}, 'valid_range_v is (5.0, 4.0), allowed: no number below the one'),
+    ({'valid_range_v': (4, 4)}, 'valid_range_v is (4.0, 4.0), allowed: each number above the one'),
     (
         {'noise_floor': [1.0] * 100_000},
         'noise_floor has 100000 numbers, allowed: one number, or 16',

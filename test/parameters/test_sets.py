@@ -75,7 +75,7 @@ def test_an_unknown_parameter_is_an_error_that_suggests_a_near_name(name, hint):
 @pytest.mark.parametrize('names', [('groups', 'groups.new'), ('groups.new', 'groups')])
 def test_groups_are_given_whole_or_one_by_one(names):
     message = message_of(ChainConfig.from_parameters, {name: [1] for name in names})
-    assert message == 'parameter groups is given beside groups.<name>, allowed: either'
+    assert message == 'parameter groups is given beside groups.<name>, allowed: one of both'
 
 
 #: By the end of a parameter's name, the longer first.

@@ -54,7 +54,7 @@ SHIPPED = sorted(path.stem for path in (shared_folder() / 'config' / 'scenes').g
         ),
         (
             'steps: [{}]\nelectronics: {rails_v: [5, 0]}',
-            'rails_v is (5.0, 0.0), allowed: no number',
+            'rails_v is (5.0, 0.0), allowed: each number above',
         ),
         ('steps: [{}]\ncontact: {centre_m: [0]}', 'contact: parameter centre_m has 1 numbers'),
         (
@@ -89,15 +89,15 @@ SHIPPED = sorted(path.stem for path in (shared_folder() / 'config' / 'scenes').g
         ),
         (
             'steps: [{}]\ntaps: {times_s: [2, 1]}',
-            'taps: parameter times_s is (2.0, 1.0), allowed: no',
+            'taps: parameter times_s is (2.0, 1.0), allowed: each',
         ),
         (
             'steps: [{}]\ndrops: {share: 0.6}',
             'drops: parameter share is 0.6, allowed: at most 0.5',
         ),
         (
-            'steps: [{}]\nelectronics: {baseline_v: [2, 1]}',
-            'baseline_v is (2.0, 1.0), allowed: no',
+            'steps: [{}]\ntremor: {low_hz: 20, high_hz: 2}',
+            'tremor: parameter high_hz is 2 Hz, allowed: above low_hz, 20 Hz',
         ),
         (
             'steps: [{}]\ntexture: {ridge_height_m: 2.0e-4, indentation_m: 1.0e-4}',
