@@ -33,9 +33,6 @@ from slip_detector.view.track import LiveTrack, Spectrum, spectrum
 #: Missing heartbeats after which a detector counts as ended or hung.
 SILENT_BEATS = 3.0
 
-#: Characters of a page's name that are kept with a change: a page may send any name.
-LONGEST_NAME = 64
-
 #: Time, in seconds, for which the page mentions that a detector was started again.
 RESTART_SHOWN_S = 600.0
 
@@ -44,6 +41,12 @@ MOST_CHANGES, LISTED_CHANGES = 1000, 8
 
 #: Authors of changes that no page asked for: another program, or a restart of the detector.
 OUTSIDE, RESTART = 'outside', 'restart'
+
+#: Parameters that every page needs.
+DESCRIBED = (
+    'groups', 'vote', 'decision', 'threshold', 'sample_rate_hz', 'input_timeout_s', 'passband_hz',
+    'stopbands_hz', 'mains_hz',
+)  # fmt: skip
 
 #: Pitch of the grid for a finger without taxel positions; the taxels of tactile fingertips are one
 #: to seven millimetres apart.
@@ -174,13 +177,7 @@ class Finger:
             'channels': config.names,
             'positions_m': drawn_positions(config).tolist(),
             'disabled': config.disabled_channels,
-            **{
-                name: getattr(config, name)
-                for name in (
-                    *('groups', 'vote', 'decision', 'threshold', 'sample_rate_hz'),
-                    *('input_timeout_s', 'passband_hz', 'stopbands_hz', 'mains_hz'),
-                )
-            },
+            **{name: getattr(config, name) for name in DESCRIBED},
         }
 
 
@@ -309,7 +306,6 @@ class ParameterPanel:
         after = {name: value for name, value in values.items() if self.values.get(name) != value}
         if not after:
             return None
-        by = by[:LONGEST_NAME]
         change = Change({name: self.values.get(name) for name in after}, after, by)
         self.changes.append(change)
         self.count += 1

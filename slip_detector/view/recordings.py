@@ -30,7 +30,7 @@ from slip_detector.parameters.files import write_errors_of
 from slip_detector.recordings import open_recording
 from slip_detector.recordings.labels import labels_name
 from slip_detector.recordings.writing import BagWriter
-from slip_detector.tuning.tracks import hold_out_evenly
+from slip_detector.tuning.tracks import hold_out_evenly, track_of
 from slip_detector.view.detectors import Finger
 
 #: Kinds of recordings.
@@ -97,7 +97,7 @@ class RecordedFolder:
 
     def new_path(self, kind: str) -> Path:
         """Return an unused path for a recording of this kind."""
-        numbers = [_order(name)[1] for name in self._names() if name.startswith(f'{kind}_')]
+        numbers = [_order(name)[1] for name in self._names() if name.startswith(kind)]
         return self.folder / f'{kind}_{max(numbers, default=0) + 1}'
 
     def add(self, recorded: RecordingSummary) -> None:
@@ -150,30 +150,23 @@ class RecordedFolder:
         self.recordings = {name: every[name] for name in sorted(every, key=_order)}
 
     def _names(self) -> list[str]:
-        try:
-            return [path.name for path in self.folder.iterdir() if _NAME.fullmatch(path.name)]
-        except OSError:  # Nothing has been recorded yet.
-            return []
+        return [path.name for path in self.folder.glob('*') if _NAME.fullmatch(path.name)]
 
     def _is_bag(self, name: str) -> bool:
         return (self.folder / name / f'{name}.mcap').is_file()
 
     def _summary(self, name: str) -> RecordingSummary:
         """Read how long a recording is, and how many slips it has."""
-        truth = [np.zeros(1, np.bool_)]
         try:
             recording = open_recording(self.folder / name)
-            for piece in recording.rows():
-                unknown = np.zeros(len(piece.volts), np.bool_)
-                truth.append(unknown if piece.truth is None else piece.truth)
+            track = track_of(name, recording.rows(), recording.sample_rate_hz)
         except ValueError as error:
             return RecordingSummary(name, 0.0, 0, str(error))
-        slip = np.concatenate(truth)
-        slips = int(np.count_nonzero(slip[1:] & ~slip[:-1]))
+        slips = len(track.slips) if recording.has_truth else 0
         note = NO_SLIP if name.startswith('slip_') and not slips else ''
         if recording.counts.damage:
             note = f'was not ended: {recording.counts.damage}'
-        return RecordingSummary(name, (len(slip) - 1) / recording.sample_rate_hz, slips, note)
+        return RecordingSummary(name, track.duration_s, slips, note)
 
 
 def _order(name: str) -> tuple[int, int]:
@@ -210,8 +203,8 @@ class Recorder:
         self.slipping = False
         self._last_label = False
         self._rate_hz = finger.config.sample_rate_hz
-        #: Slips and rows in the recording.
-        self.slips = self.rows = 0
+        #: Slips and rows in the recording, and rows that the track no longer had.
+        self.slips = self.rows = self.missing_rows = 0
         #: Why no more can be written; empty if it can.
         self.failure = ''
         with write_errors_of(path):
@@ -229,9 +222,14 @@ class Recorder:
         return self.finger.track.beginnings != self._beginnings
 
     @property
-    def has_file(self) -> bool:
-        """Whether there is a file with rows, which another program may have removed."""
-        return self.rows > 0 and self._bag.path.exists()
+    def note(self) -> str:
+        """What is wrong with the recording; empty if nothing is."""
+        if self.failure:
+            return f'was cut off: {self.failure}'
+        if self.kind == 'slip' and not self.slips:
+            return f'{NO_SLIP}: no sample came while the key was held'
+        lacks = f'lacks {self.missing_rows} rows: this computer was too slow'
+        return lacks if self.missing_rows else ''
 
     def write(self) -> None:
         """Write the rows that have arrived, with the present label."""
@@ -248,6 +246,7 @@ class Recorder:
         except ValueError as error:
             self.failure = str(error)
             return
+        self.missing_rows += track.samples.appended - self._next_row - n
         self._next_row = track.samples.appended
         self.rows += n
         # A slip during which no row came is not in the file.

@@ -19,7 +19,6 @@ import asyncio
 import contextlib
 import copy
 import hmac
-import ipaddress
 import json
 import logging
 import socket
@@ -33,7 +32,7 @@ from urllib.parse import quote
 from tornado import web, websocket
 from tornado.httpserver import HTTPServer
 from tornado.httputil import split_host_and_port
-from tornado.netutil import bind_sockets
+from tornado.netutil import bind_sockets, is_valid_ip
 
 from slip_detector.view.detectors import Detectors, Finger
 from slip_detector.view.track import LiveTrack
@@ -48,9 +47,6 @@ IDLE_S = 0.2
 #: Period, in seconds, at which a page is pinged; it is closed if it does not answer in time.
 PING_S = 10.0
 
-#: A connection without requests is closed after this time, in seconds (by default an hour).
-UNASKED_S = 60.0
-
 #: Longest message of a page, in bytes.
 MOST_BYTES = 1 << 20
 
@@ -62,10 +58,7 @@ HEADERS = {
     'Content-Security-Policy': "default-src 'self'; base-uri 'none'; form-action 'none'; "
     "frame-ancestors 'none'; object-src 'none'",
     'X-Content-Type-Options': 'nosniff',
-    'X-Frame-Options': 'DENY',
     'Referrer-Policy': 'no-referrer',
-    'Cross-Origin-Opener-Policy': 'same-origin',
-    'Cross-Origin-Resource-Policy': 'same-origin',
     'Cache-Control': 'no-cache',
 }
 
@@ -110,7 +103,7 @@ class Access:
         allowed = 'an address or name of this machine'
         # Other sites are reached by a name: a numeric address can only be this machine's.
         known = ('localhost', self.host, self.name, f'{self.name}.local')
-        ours = _address(name) is not None or name in map(str.lower, known)
+        ours = is_valid_ip(name) or name in map(str.lower, known)
         if is_loopback(self.host):
             allowed, ours = 'localhost, 127.0.0.1, [::1]', is_loopback(name)
         if not ours:
@@ -147,13 +140,6 @@ def _own_address() -> str:
     return socket.gethostname()
 
 
-def _address(name: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address | None:
-    """Return a numeric IP address; None for any other name."""
-    with contextlib.suppress(ValueError):
-        return ipaddress.ip_address(name)
-    return None
-
-
 def is_loopback(name: str) -> bool:
     """Return whether only this machine can reach an address.
 
@@ -162,8 +148,7 @@ def is_loopback(name: str) -> bool:
     >>> [is_loopback(name) for name in ('127.0.0.1', '::1', 'localhost', '0.0.0.0')]
     [True, True, True, False]
     """
-    address = _address(name)
-    return name == 'localhost' or (address is not None and address.is_loopback)
+    return name in ('localhost', '::1') or (name.startswith('127.') and is_valid_ip(name))
 
 
 class Server:
@@ -221,29 +206,23 @@ class Server:
             websocket_ping_interval=PING_S,
             websocket_ping_timeout=PING_S,  # Older versions of tornado wait three times as long.
             websocket_max_message_size=MOST_BYTES,
-            log_function=lambda handler: None,
         )
         # A malformed request is answered with its error; it need not be in a robot's log.
         for name in ('tornado.access', 'tornado.general'):
             logging.getLogger(name).setLevel(logging.ERROR)
         sockets = bind_sockets(port, self.access.host)
-        self._http = HTTPServer(
-            application, max_body_size=MOST_BYTES, idle_connection_timeout=UNASKED_S
-        )
+        self._http = HTTPServer(application, max_body_size=MOST_BYTES)
         self._http.add_sockets(sockets)
         return int(sockets[0].getsockname()[1])
 
     async def run(self, stop: asyncio.Event) -> None:
         """Poll the detectors and send frames until the event is set; then close all pages."""
-        due_s = time.monotonic()
         try:
             while not stop.is_set():
                 begin_s = time.monotonic()
                 self.tick()
                 period_s = FRAME_S if self.pages or any(self.wanted.values()) else IDLE_S
-                # If a wait ends a little late, the frames after it are still on schedule.
-                due_s = max(due_s + period_s, begin_s + 0.95 * period_s)
-                left_s = max(0.001, due_s - time.monotonic())
+                left_s = max(0.001, begin_s + period_s - time.monotonic())
                 with contextlib.suppress(asyncio.TimeoutError):
                     await asyncio.wait_for(stop.wait(), left_s)
         finally:
@@ -288,8 +267,8 @@ class Server:
 
     async def answer(self, message: Mapping[str, Any]) -> dict[str, Any]:
         """Answer a request of a page."""
-        kind, number = message.get('type'), message.get('id')
-        answer = {'type': 'answer', 'id': number if type(number) is int else None, 'refusal': ''}
+        kind = message.get('type')
+        answer = {'type': 'answer', 'id': message.get('id'), 'refusal': ''}
         try:
             if not isinstance(kind, str) or kind not in self.requests:
                 known = ', '.join(sorted(self.requests))

@@ -24,16 +24,13 @@ from typing import Any
 import numpy as np
 
 from slip_detector.view.detectors import Finger
-from slip_detector.view.recordings import NO_SLIP, RecordedFolder, Recorder, RecordingSummary
+from slip_detector.view.recordings import RecordedFolder, Recorder, RecordingSummary
 from slip_detector.view.server import Server
 from slip_detector.view.tuning import TuneRun
 
 #: Seconds of rest in the recording of a slip, before the key is pressed and after it is released.
 #: If the chain has not settled in the rest before a slip, the slip is not scored.
 BEFORE_S, AFTER_S = 2.0, 1.0
-
-#: With fewer seconds of rest before a slip than this, the page shows a warning.
-LEAST_BEFORE_S = 1.0
 
 #: While the key is pressed, the page keeps reporting it. After so many seconds without a report
 #: the page counts as gone, and the slip ends.
@@ -135,13 +132,11 @@ class Teaching:
         rest_ns = stamps_ns[stamps_ns >= stamps_ns[-1:] - round(BEFORE_S * 1e9)]
         recorder = self._begin(finger, 'slip', track.samples.appended - len(rest_ns))
         recorder.label(True)
-        self.words += ': slip until the key is released'
         before_s = np.ptp(rest_ns) * 1e-9 if len(rest_ns) else 0.0
-        if before_s < LEAST_BEFORE_S:
-            self.words += (
-                f'. There are only {before_s:.1f} s of rest before it: wait for '
-                f'{BEFORE_S:g} s between two slips'
-            )
+        self.words += (
+            f': slip until the key is released. It has {before_s:.1f} s of rest before: wait for '
+            f'{BEFORE_S:g} s between two slips'
+        )
 
     def still_pressed(self) -> None:
         """Note that the key is still pressed."""
@@ -210,11 +205,8 @@ class Teaching:
         return {'folder': str(folder.folder), 'recordings': recordings}
 
     def delete(self, name: object, recording: object) -> None:
-        """Delete a recording of a finger, unless it is being written."""
-        folder = self.folder_of(name)
-        if self._recorder is not None and folder.folder / str(recording) == self._recorder.path:
-            raise ValueError(f'{recording}: is being recorded, allowed: once it has ended')
-        folder.delete(recording)
+        """Delete a recording of a finger."""
+        self.folder_of(name).delete(recording)
         self.words = f'{recording} is deleted'
 
     def _free(self, name: object) -> Finger:
@@ -245,21 +237,13 @@ class Teaching:
         """End the recording, list it, and say why it ended if nobody asked for that."""
         recorder.close()
         self._recorder, self._ends_ns = None, None
-        name, note = recorder.path.name, ''
-        if recorder.failure:
-            note = f'was cut off: {recorder.failure}'
-        elif recorder.kind == 'slip' and not recorder.slips:
-            note = f'{NO_SLIP}: no sample came while the key was held'
-        if recorder.has_file:
+        name, note = recorder.path.name, recorder.note
+        words = [f'{name} has no sample, so it is not kept', note and f'It {note}', why]
+        if recorder.rows:
             recorded = RecordingSummary(name, recorder.duration_s, recorder.slips, note)
             self._folders[recorder.finger.name].add(recorded)
-            self.words = f'{name} has {recorded.duration_s:.1f} s'
-            self.words += f', which are kept; it {note}' if note else ''
-        elif note:
-            self.words = f'{name} {note}; nothing of it is left'
-        else:
-            self.words = f'{name}: no sample came, so there is no recording'
-        self.words += f'. {why}' if why else ''
+            words[0] = f'{name} has {recorded.duration_s:.1f} s'
+        self.words = '. '.join(filter(None, words))
 
     # What pages request.
 

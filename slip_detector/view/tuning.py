@@ -24,7 +24,7 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -115,25 +115,19 @@ class TuneRun:
             )
         self._config = config
         self.held_out = recorded.held_out()
-        used = {
-            kind: [name for name in recorded.of_kind(kind) if name not in self.held_out]
-            for kind in ('slip', 'rest', 'taps')
-        }
-
-        def paths(names: Sequence[str]) -> list[str]:
-            return [str(recorded.folder / name) for name in names]
-
-        def longest(kind: str) -> str:
-            names = sorted(used[kind], key=lambda name: recorded.recordings[name].duration_s)
-            return ''.join(paths(names[-1:]))
-
+        paths = {name: str(recorded.folder / name) for name in recorded.recordings}
+        used: dict[str, list[str]] = {}
+        for kind in ('slip', 'rest', 'taps'):
+            names = [name for name in recorded.of_kind(kind) if name not in self.held_out]
+            names.sort(key=lambda name: recorded.recordings[name].duration_s)
+            used[kind] = [paths[name] for name in names]
         job = TuneJob(
             config.to_parameters(),
-            longest('rest'),
-            longest('taps'),
-            paths(used['slip']),
-            paths([name for names in used.values() for name in names]),
-            paths(self.held_out),
+            ''.join(used['rest'][-1:]),
+            ''.join(used['taps'][-1:]),
+            used['slip'],
+            [*used['slip'], *used['rest'], *used['taps']],
+            [paths[name] for name in self.held_out],
             recorded.folder / 'tuning',
             TRIALS,
         )
@@ -182,11 +176,7 @@ class TuneRun:
         if self.found is None:
             return {}
         if (config.names, config.sample_rate_hz) != (self.found.names, self.found.sample_rate_hz):
-            raise ValueError(
-                f'{self.found.channels} channels at {self.found.sample_rate_hz:g} Hz were taught, '
-                f'and the detector has {config.channels} at {config.sample_rate_hz:g} Hz now, or '
-                'others: tune again on recordings of these'
-            )
+            raise ValueError('the detector has other channels or another rate now: tune it again')
         now, found = config.to_parameters(), self.found.to_parameters()
         return {
             name: found.get(name)
@@ -336,10 +326,9 @@ def compared(
     """
     rows = []
     for name in MAIN_FIGURES:
-        was, now = before[name], after[name]
-        if name == 'auc_moving' and was is None and now is None:
+        was, now, change = before[name], after[name], ''
+        if name == 'auc_moving':  # No motion is recorded here.
             continue
-        change = ''
         known = was is not None and now is not None and was != now and name != 'slips'
         # A negative latency, ON before the slip, is neither better nor worse.
         if known and not (name.startswith('latency') and min(was, now) < 0.0):

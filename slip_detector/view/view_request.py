@@ -24,7 +24,7 @@ import json
 import math
 import struct
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -42,8 +42,6 @@ SPECTRUM_S = 0.2
 #: Allowed stamps: they and their sums fit 64 bits.
 STAMPS_NS = (-(2.0**62), 2.0**62)
 
-#: Most fingers that a page may show at once, most channels with traces, and highest channel.
-MOST_FINGERS, MOST_CHANNELS = 256, 64
 HIGHEST_CHANNEL = 1_000_000
 
 LENGTH = struct.Struct('<I')
@@ -73,16 +71,13 @@ class ViewRequest:
     """
 
     def __init__(self, message: Mapping[str, Any]) -> None:
-        names = _list('fingers', message, MOST_FINGERS)
-        if not all(isinstance(name, str) for name in names):
-            raise ValueError('fingers is no list of names')
+        names = _list('fingers', message, 'names', lambda name: isinstance(name, str))
         #: The fingers that are shown, and the one whose traces are shown, or ''.
         self.fingers, self.finger = tuple(dict.fromkeys(names)), str(message.get('finger') or '')
-        channels = _list('channels', message, MOST_CHANNELS)
-        if not all(
-            type(channel) is int and 0 < channel <= HIGHEST_CHANNEL for channel in channels
-        ):
-            raise ValueError(f'channels is no list of numbers from 1 to {HIGHEST_CHANNEL}')
+        numbers = range(1, HIGHEST_CHANNEL + 1)
+        channels = _list(
+            'channels', message, 'numbers from 1', lambda n: type(n) is int and n in numbers
+        )
         self._channels = np.array(sorted(set(channels)), np.intp) - 1
         self._columns = int(_number('pixels', message, *PIXELS) or 900)
         window_s = _number('window_s', message, *WINDOW_S) or 10.0
@@ -199,10 +194,12 @@ def _age_s(now_s: float, at_s: float | None) -> float | None:
     return None if at_s is None or math.isinf(at_s) else round(now_s - at_s, 3)
 
 
-def _list(name: str, message: Mapping[str, Any], most: int) -> list[Any]:
+def _list(
+    name: str, message: Mapping[str, Any], of: str, allows: Callable[[Any], bool]
+) -> list[Any]:
     values = message.get(name, [])
-    if not isinstance(values, list) or len(values) > most:
-        raise ValueError(f'{name} is {str(values)[:40]}, allowed: a list of at most {most}')
+    if not isinstance(values, list) or not all(map(allows, values)):
+        raise ValueError(f'{name} is {str(values)[:40]}, allowed: a list of {of}')
     return values
 
 

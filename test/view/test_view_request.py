@@ -102,12 +102,10 @@ def test_the_spectrum_comes_now_and_then_with_rest_behind_it():
 @pytest.mark.parametrize(
     ('name', 'value'),
     [
-        ('fingers', 3), ('fingers', [3]), ('fingers', ['x'] * 300), ('channels', {}),
-        ('channels', [0]),
-        ('channels', [1.5]), ('channels', [10**7]), ('channels', [1] * 70), ('window_s', 'long'),
-        ('window_s', 1e-9),
-        ('window_s', float('nan')), ('pixels', -1), ('pixels', []), ('spectrum', 0),
-        ('until_ns', 2**70),
+        ('fingers', 3), ('fingers', [3]), ('channels', {}),
+        ('channels', [0]), ('channels', [1.5]), ('channels', [10**7]), ('window_s', 'long'),
+        ('window_s', 1e-9), ('window_s', float('nan')), ('pixels', -1), ('pixels', []),
+        ('spectrum', 0), ('until_ns', 2**70),
     ],
 )  # fmt: skip
 def test_what_a_page_may_not_ask_for_is_refused_in_words(name, value):

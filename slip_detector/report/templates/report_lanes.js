@@ -208,8 +208,8 @@ function lanesOf(found) {
   const channel = (c, name) => ({
     name, height, channel: c, className: 'channel', curve: true, below: STRIP + 3, paint: paintStrip(found),
   });
-  const lanes = [{name: 'events', height: 16, paint: paintEvents}];
-  if (truth) lanes.push({name: 'label', height: 16, paint: intervals(truth, LABEL)});
+  const lanes = [{name: 'events', height: 16, paint: paintEvents},
+    {name: 'label', height: 16, paint: intervals(truth, LABEL)}];
   variants.forEach(({slip}, v) => lanes.push(
     {name: names.length > 1 ? `slip ${names[v]}` : 'slip', height: 16, paint: intervals(slip, ON)}));
   const {after_impact: afterImpact, groups} = variantNow();
@@ -263,8 +263,8 @@ const paintStrip = (found) => (pen, lane) => {
 };
 
 function paintUnderAll(pen) {
-  const {context, xOf, top, bottom} = pen, {truth} = now();
-  if (truth) bars(pen, xOfRow(pen), truth, top, bottom - top, '#e8f2f9');
+  const {context, xOf, top, bottom} = pen;
+  bars(pen, xOfRow(pen), now().truth, top, bottom - top, '#e8f2f9');
   if (!view.chosen) return;
   const [, start, end, latency] = view.chosen, {top: upper, height} = timeline.lanes[0];
   context.fillStyle = '#fff3c4';
@@ -331,7 +331,7 @@ function drawMinimap() {
   const xOfRows = (row) => xOf(row / now().rate_hz);
   context.fillStyle = '#f3f4f5';
   context.fillRect(pen.left, 0, pen.right - pen.left, height);
-  bars(pen, xOfRows, now().truth ?? [], 0, height, TRUTH);
+  bars(pen, xOfRows, now().truth, 0, height, TRUTH);
   bars(pen, xOfRows, variantNow().slip, height * 0.55, height * 0.45, ON);
   for (const [kind, start] of eventsOf(view.recording)) {
     context.fillStyle = KINDS[kind][2];
