@@ -17,7 +17,6 @@
 import dataclasses
 import threading
 from collections import deque
-from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,8 +62,6 @@ class LiveChain:
     ----------
     config
         The first configuration.
-    on_built
-        Called when a chain has been built and waits for :meth:`swap`, in the thread that built it.
 
     Attributes
     ----------
@@ -74,18 +71,17 @@ class LiveChain:
 
     Examples
     --------
-    >>> chain = LiveChain(ChainConfig(channels=2), on_built=lambda: None)
+    >>> chain = LiveChain(ChainConfig(channels=2))
     >>> chain.change(ChainConfig(channels=2, threshold=0.1)) and chain.swap()
     True
     >>> chain.update(np.zeros((5, 2)), level=False).slip.shape
     (5,)
     """
 
-    def __init__(self, config: ChainConfig, on_built: Callable[[], None]) -> None:
+    def __init__(self, config: ChainConfig) -> None:
         self.config = config
         self.unsettled_rows = 0
         self._chain = SlipChain(config)
-        self._on_built = on_built
         # Rows wait for this lock: nothing may hold it for long.
         self._lock = threading.Lock()
         self._history: deque[NDArray[np.float64]] = deque()
@@ -123,8 +119,8 @@ class LiveChain:
     def change(self, config: ChainConfig) -> bool:
         """Order another configuration; return whether :meth:`swap` may be called for it at once.
 
-        If not, a chain is built first, and then ``on_built`` is called. An order replaces an
-        earlier one that has not been swapped in yet.
+        If not, a chain is built first. An order replaces an earlier one that has not been swapped
+        in yet.
         """
         with self._lock:
             differ = self._differ(config)
@@ -181,7 +177,7 @@ class LiveChain:
         }
 
     def _build(self, config: ChainConfig) -> None:
-        """Build a chain and call ``on_built``, unless another was ordered meanwhile."""
+        """Build a chain, unless another was ordered meanwhile."""
         if config is not self._ordered:
             return
         chain = SlipChain(config)
@@ -190,7 +186,6 @@ class LiveChain:
             if config is not self._ordered:
                 return
             self._ordered, self._ready = None, (config, chain, settling)
-        self._on_built()
 
     def _forget(self) -> None:
         self._history.clear()

@@ -114,7 +114,7 @@ class Detector(LifecycleNode):
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Build the chain and the topics."""
         self._active = config = self.requested
-        self._chain = LiveChain(config, on_built=lambda: None)
+        self._chain = LiveChain(config)
         self._health = Health(config)
         self._logged_s: dict[str, float] = {}  # By kind of event.
         self._outputs = Outputs(self, config)

@@ -158,16 +158,12 @@ class Driver(Node):
             complaints.append((ERROR, source.state))
         elif not since['samples']:
             complaints.append((ERROR, f'no samples come; {source.state}'))
-        faults, all_faults = (
-            ', '.join(
-                f'{kind} {n}' for kind, n in sorted(counts.items()) if n and kind not in GOOD
-            )
-            for counts in (since, source.counts)
-        )
-        if faults:
-            complaints.append((WARN, f'dropped or lost in the last second: {faults}'))
-            self.get_logger().warning(f'counted so far: {all_faults}')
         values = {kind: str(n) for kind, n in sorted(source.counts.items()) if n}
+        faults = [f'{kind} {n}' for kind, n in sorted(since.items()) if kind not in GOOD]
+        if faults:
+            complaints.append((WARN, f'dropped or lost in the last second: {", ".join(faults)}'))
+            so_far = ', '.join(map(' '.join, values.items()))
+            self.get_logger().warning(f'counted so far: {so_far}')
         self._diagnostics.publish(
             [status('sensor', source.state, complaints, values)], self.config.frame_id
         )

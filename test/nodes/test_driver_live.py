@@ -24,6 +24,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float32MultiArray
 
+from slip_detector.nodes.driver import GOOD
 from slip_detector.nodes.health import ERROR, OK, WARN
 from slip_detector.nodes.messages import stamp_ns, state_qos
 from slip_detector.sources.packets import PacketDecoder, encode
@@ -82,12 +83,11 @@ class Listening:
         """Return what the driver said last of what it dropped or lost."""
         lines = [line for line in self.process.log().splitlines() if 'counted so far: ' in line]
         words = lines[-1].partition('counted so far: ')[2] if lines else ''
-        return Counter({k: int(n) for k, n in (w.split(' ') for w in words.split(', ') if w)})
+        counts = (word.split(' ') for word in words.split(', ') if word)
+        return Counter({kind: int(n) for kind, n in counts if kind not in GOOD})
 
     def wait_for_counts(self, wanted):
-        wanted = Counter(
-            {k: n for k, n in wanted.items() if n and k not in ('packets', 'samples')}
-        )
+        wanted = Counter({kind: n for kind, n in wanted.items() if n and kind not in GOOD})
         self.bench.wait_for(lambda: self.counted() == wanted, f'{wanted} to be counted')
 
 

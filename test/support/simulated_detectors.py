@@ -48,7 +48,7 @@ class SimulatedFinger:
 
     def __init__(self, finger, rows=None, truth=None, scene='plate_400um', seed=0):
         self.finger = finger
-        self.chain = LiveChain(finger.config, self._swap)
+        self.chain = LiveChain(finger.config)
         self.at_ns = 1_000_000_000_000
         if rows is None:
             rows, truth = rows_of_scene(scene, seed)
@@ -75,6 +75,7 @@ class SimulatedFinger:
         period_ns = round(1e9 / finger.config.sample_rate_hz)
         stamps_ns = self.at_ns + period_ns * np.arange(1, n + 1)
         self.at_ns += n * period_ns
+        self.chain.swap()
         result = self.chain.update(rows, level=True)
         level = np.where(result.valid, result.level, np.nan)
         finger.track.add_samples(Samples(rows, stamps_ns, np.asarray(truth)))
@@ -88,12 +89,8 @@ class SimulatedFinger:
 
     def change(self, config):
         self.finger.config = config
-        if self.chain.change(config):
-            self.chain.swap()
+        self.chain.change(config)
         self.finger.groups = np.zeros(len(config.groups), bool)
-
-    def _swap(self):
-        self.chain.swap()
 
 
 class SimulatedDetectors(Detectors):
