@@ -32,7 +32,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import rclpy
 from numpy.typing import NDArray
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
@@ -40,8 +39,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from slip_detector.evaluation.figures import first_on_delay_s, mean_and_sd, percent
+from slip_detector.nodes.finger_topics import PolledTopics
 from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos
-from slip_detector.nodes.rclpy_internals import SampleExecutor
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.files import shared_folder, whole_file, writable_folder
@@ -53,14 +52,8 @@ NAMESPACE = 'slip_demo'
 
 ENVELOPE = 'slip_detector/envelope'
 
-SPIN_S = 0.05
-
-#: Time, in seconds, that a node is given to end before it is killed.
-END_TIMEOUT_S = 10.0
-
-#: Time, in seconds, that nodes are given to start: the first start compiles the chain, which takes
-#: minutes on a small or busy machine.
-START_TIMEOUT_S = 600.0
+#: Period, in seconds, at which messages are received.
+POLL_S = 0.05
 
 #: Time, in seconds, for which messages are still received after a node has ended.
 DRAIN_S = 0.5
@@ -86,11 +79,7 @@ class NodeProcesses:
         for process in self._processes.values():
             process.terminate()
         for process in self._processes.values():
-            try:
-                process.wait(timeout=END_TIMEOUT_S)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+            process.wait()
 
     def start(self, executable: str, config: Path, *arguments: str, **parameters: object) -> None:
         """Start a node by its executable (see :mod:`slip_detector.nodes.run`)."""
@@ -106,40 +95,53 @@ class NodeProcesses:
             if process.poll():
                 raise RuntimeError(f'{executable} ended with the exit code {process.returncode}')
 
-    def wait_until(self, happened: Callable[[], bool], what: str, timeout_s: float) -> None:
-        """Receive messages until a condition holds; a RuntimeError if a node fails before."""
-        deadline_s = time.monotonic() + timeout_s
+    def wait_until(self, happened: Callable[[], bool]) -> None:
+        """Receive messages until a condition holds; a RuntimeError if a node fails before.
+
+        The first start compiles the chain, which takes minutes on a small or busy machine. What a
+        node waits for is in its log.
+        """
         while not happened():
             self.check()
-            if time.monotonic() > deadline_s:
-                raise RuntimeError(f'waited in vain for {what}')
             self._receive()
 
-    def wait_for_end(self, executable: str, timeout_s: float) -> None:
+    def wait_for_end(self, executable: str) -> None:
         """Receive messages until a node has ended without an error, and those still under way."""
         node = self._processes[executable]
-        self.wait_until(lambda: node.poll() == 0, f'the end of {executable}', timeout_s)
+        self.wait_until(lambda: node.poll() == 0)
         deadline_s = time.monotonic() + DRAIN_S
         while time.monotonic() < deadline_s:
             self._receive()
 
 
-def run_demonstration(name: str, demonstrate: Callable[[], None]) -> None:
+def run_demonstration(
+    parser: argparse.ArgumentParser,
+    demonstrate: Callable[[argparse.Namespace, Path], tuple[dict[str, Any], str]],
+) -> None:
     """Run the demonstration of a command, and end the process if it fails.
 
-    A ValueError, RuntimeError or OSError is printed as one line on stderr, with exit code 1; after
-    a signal the exit code is 130.
+    It gets the arguments and the path of its picture, and returns its figures, which are written,
+    and their table, which is printed. A ValueError, RuntimeError or OSError is printed as one line
+    on stderr, with exit code 1; after a signal the exit code is 130.
     """
+    parser.add_argument('--out', type=Path, default=Path('out'), help='folder for the results')
+    arguments = parser.parse_args()
+    file = arguments.out / f'{parser.prog.removeprefix("slip_")}.json'
+    picture = file.with_suffix('.png')
     # All processes are on this machine.
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-        demonstrate()
+        writable_folder(arguments.out)
+        result, table = demonstrate(arguments, picture)
+        with whole_file(file) as new:
+            new.write_text(json.dumps(result, indent=2) + '\n')
+        print(f'{table}\nWritten: {file}, {picture}')
     except KeyboardInterrupt:
         sys.exit(130)
     except (ValueError, RuntimeError, OSError) as error:
-        print(f'{name}: {error}', file=sys.stderr)
+        print(f'{parser.prog}: {error}', file=sys.stderr)
         sys.exit(1)
     finally:
         rclpy.try_shutdown()
@@ -156,19 +158,17 @@ class Recorder(Node):
         super().__init__('recorder', namespace=namespace)
         #: By topic, the messages and their times of arrival in nanoseconds.
         self.messages: dict[str, list[tuple[int, Any]]] = {topic: [] for topic in topics}
+        self._topics = PolledTopics(self)
         for topic, (message_type, qos) in topics.items():
-            # Without this, events, which are not needed, wake the executor at each message.
-            events = SubscriptionEventCallbacks(use_default_callbacks=False)
-            keep = functools.partial(self._keep, topic)
-            self.create_subscription(message_type, topic, keep, qos, event_callbacks=events)
-        self._own_executor = SampleExecutor([self])
+            self._topics.add(message_type, topic, qos, functools.partial(self._keep, topic))
 
     def _keep(self, topic: str, message: Any, info: dict[str, int]) -> None:
         self.messages[topic].append((info['received_timestamp'], message))
 
     def receive(self) -> None:
-        """Receive the messages that have arrived, if any."""
-        self._own_executor.spin_once(timeout_sec=SPIN_S)
+        """Wait for a moment, and receive the messages that have arrived."""
+        time.sleep(POLL_S)
+        self._topics.poll()
 
     def has_heard(self, topics: Iterable[str]) -> bool:
         """Return whether a message of each of the topics has arrived."""
@@ -212,9 +212,7 @@ class Heard(NamedTuple):
         return self.position_stamps_s[moved[0]], self.position_stamps_s[moved[-1] + 1]
 
 
-def _play(
-    arguments: argparse.Namespace, file: Path, config: DetectorConfig, duration_s: float
-) -> Heard:
+def _play(arguments: argparse.Namespace, file: Path, config: DetectorConfig) -> Heard:
     """Run both nodes on a scene, and record what they publish."""
     decisions = ['slip', *(f'slip/group/{name}' for name in config.groups)]
     decisions += [f'slip/channel/{name}' for name in config.names]
@@ -225,12 +223,10 @@ def _play(
     recorder = Recorder(NAMESPACE, topics)
     with NodeProcesses(NAMESPACE, recorder.receive) as nodes:
         nodes.start('slip_detector', file)
-        nodes.wait_until(
-            lambda: recorder.has_heard(decisions), 'the detector to be heard', START_TIMEOUT_S
-        )
+        nodes.wait_until(lambda: recorder.has_heard(decisions))
         scene = {'scene': arguments.scene, 'seed': arguments.seed, 'loop': 'false'}
         nodes.start('slip_driver', file, source='scene', wait_for_subscribers=2, **scene)
-        nodes.wait_for_end('slip_driver', START_TIMEOUT_S + duration_s)
+        nodes.wait_for_end('slip_driver')
     if not recorder.messages[ENVELOPE]:
         raise RuntimeError('no decision was received')
     begin_s, changes = recorder.stamps_s('voltages')[0], {}
@@ -280,13 +276,6 @@ def demo_figures(heard: Heard, config: DetectorConfig) -> dict[str, Any]:
     }
 
 
-def record_trial(path: str, source: SceneSource, start_ns: int) -> None:
-    """Write the samples of a scene with their labels; the first one is stamped ``start_ns``."""
-    samples = source.read(round(source.duration_s * source.sample_rate_hz) + 1)
-    samples = samples._replace(stamps_ns=start_ns + samples.stamps_ns)
-    write_recording(path, [samples], source.sample_rate_hz, source.channel_names)
-
-
 def _demo_table(result: dict[str, Any]) -> str:
     """Return the figures as text."""
     from slip_detector.report.tables import number_text, text_table
@@ -318,34 +307,29 @@ def main() -> None:
         metavar='FILE',
         help='write the trial with its labels: .mcap, .db3, .npz, .csv, or a folder that is a bag',
     )
-    parser.add_argument('--out', type=Path, default=Path('out'), help='folder for the results')
-    arguments = parser.parse_args()
-    run_demonstration('slip_demo', lambda: _demonstrate(arguments))
+    run_demonstration(parser, _demonstrate)
 
 
-def _demonstrate(arguments: argparse.Namespace) -> None:
+def _demonstrate(arguments: argparse.Namespace, picture: Path) -> tuple[dict[str, Any], str]:
     from slip_detector.report.pictures import draw_trial
 
     # A wrong argument is reported before anything is started.
     source = SceneSource(DriverConfig(scene=arguments.scene, seed=arguments.seed))
     if arguments.record:
-        record_trial(arguments.record, source, time.time_ns())
-    writable_folder(arguments.out)
+        samples = source.read(round(source.duration_s * source.sample_rate_hz) + 1)
+        samples = samples._replace(stamps_ns=time.time_ns() + samples.stamps_ns)
+        write_recording(arguments.record, [samples], source.sample_rate_hz, source.channel_names)
+        print(f'Written: {arguments.record}')
     file = shared_folder() / 'config' / 'slip_detector.yaml'
     config = DetectorConfig.from_yaml(file)
-    heard = _play(arguments, file, config, source.duration_s)
+    heard = _play(arguments, file, config)
     result = demo_figures(heard, config)
-    with whole_file(arguments.out / 'demo.json') as new:
-        new.write_text(json.dumps(result, indent=2) + '\n')
     states = {topic: states_at(*each, heard.stamps_s) for topic, each in heard.changes.items()}
     groups = {name: states[f'slip/group/{name}'] for name in config.groups}
     draw_trial(
-        arguments.out / 'demo.png', heard.stamps_s, heard.volts, config, groups, states['slip'],
-        heard.motion_s,
-    )  # fmt: skip
-    print(_demo_table(result))
-    written = [str(arguments.out / name) for name in ('demo.json', 'demo.png')]
-    print(f'Written: {", ".join([*written, *filter(None, [arguments.record])])}')
+        picture, heard.stamps_s, heard.volts, config, groups, states['slip'], heard.motion_s
+    )
+    return result, _demo_table(result)
 
 
 if __name__ == '__main__':

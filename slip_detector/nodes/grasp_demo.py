@@ -41,7 +41,6 @@ of the grasps that were played through the nodes.
 """
 
 import argparse
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -64,14 +63,13 @@ from slip_detector.grasp.comparison import (
 )
 from slip_detector.grasp.loop import TRANSPORT_S, GraspTrial, object_scene, play_trial
 from slip_detector.nodes.demo import (
-    START_TIMEOUT_S,
     NodeProcesses,
     Recorder,
     run_demonstration,
 )
 from slip_detector.nodes.messages import event_qos, sensor_qos, state_qos
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.files import shared_folder, whole_file, writable_folder
+from slip_detector.parameters.files import shared_folder, whole_file
 from slip_detector.parameters.grasp import GraspConfig, commands_of_a_scene
 
 NAMESPACE = 'slip_grasp'
@@ -135,7 +133,7 @@ def _play_live(recorder: Recorder, seed: int, config: Path, folder: Path) -> Liv
         nodes.start('slip_detector', config)
         nodes.start('grasp_controller', config, **commands_of_a_scene())
         nodes.start('slip_driver', config, wait_for_subscribers=2, **played)
-        nodes.wait_for_end('slip_driver', START_TIMEOUT_S)
+        nodes.wait_for_end('slip_driver')
     if not recorder.has_heard(('voltages', 'platform_position', 'grip_force')):
         raise RuntimeError('nothing was received of the trial')
     begin_s = recorder.stamps_s('voltages')[0]
@@ -155,17 +153,16 @@ def _live_figures(
     heard: Mapping[int, LiveGraspTrial], trials: Sequence[GraspTrial], limit_n: float
 ) -> dict[str, Any]:
     """Return ``nodes`` and ``latency_ms``; ``trials`` are the same seeds in simulated time."""
-    nodes: dict[str, Any] = {}
+
+    def figures(trial: GraspTrial) -> dict[str, Any]:
+        command_percent = 100.0 * trial.mean_n(trial.command_n) / limit_n
+        return {'slide_mm': trial.slide_mm, 'command_percent': command_percent}
+
+    nodes = {}
     for (seed, live), trial in zip(heard.items(), trials, strict=True):
-        last_m = float(live.position[-1, 1])
-        nodes[str(seed)] = {
-            'slide_mm': None if last_m >= trial.length_m else last_m * 1e3,
-            'command_percent': 100.0 * trial.mean_n(live.command_n(trial.time_s)) / limit_n,
-            'simulated': {
-                'slide_mm': trial.slide_mm,
-                'command_percent': 100.0 * trial.mean_n(trial.command_n) / limit_n,
-            },
-        }
+        command_n = live.command_n(trial.time_s)
+        played = trial._replace(position_m=live.position[:, 1], command_n=command_n)
+        nodes[str(seed)] = {**figures(played), 'simulated': figures(trial)}
     latencies_ms = [1e3 * latency_s for live in heard.values() for latency_s in live.latencies_s()]
     latency_ms = None
     if latencies_ms:
@@ -198,15 +195,12 @@ def main() -> None:
         help='how many of them, the first ones, through the nodes (default: %(default)s)',
     )  # fmt: skip
     parser.add_argument('--config', type=Path, help='parameter file of all nodes')
-    parser.add_argument('--out', type=Path, default=Path('out'), help='folder for the results')
-    arguments = parser.parse_args()
-    run_demonstration('slip_grasp', lambda: _demonstrate(arguments))
+    run_demonstration(parser, _demonstrate)
 
 
-def _demonstrate(arguments: argparse.Namespace) -> None:
+def _demonstrate(arguments: argparse.Namespace, picture: Path) -> tuple[dict[str, Any], str]:
     config = arguments.config or shared_folder() / 'config' / 'grasp.yaml'
     chain, grasp = ChainConfig.from_yaml(config), GraspConfig.from_yaml(config)
-    writable_folder(arguments.out)
     seeds = list(arguments.seeds)
     trials = {
         name: [play_trial(*both, seed) for seed in seeds]
@@ -231,22 +225,19 @@ def _demonstrate(arguments: argparse.Namespace) -> None:
         **_live_figures(heard, trials[CONTROLLER][: arguments.live], grasp.limit_n),
         'wanted': check_wanted({**parts, **harder}),
     }
-    with whole_file(arguments.out / 'grasp.json') as new:
-        new.write_text(json.dumps(result, indent=2) + '\n')
     from slip_detector.report.grasp import draw_grasp, grasp_table
 
     drawn = min(SHOWN, len(seeds) - 1)
     shown = heard.get(seeds[drawn])
     draw_grasp(
-        arguments.out / 'grasp.png',
+        picture,
         {name: mine[drawn] for name, mine in trials.items()},
         parts,
         grasp.limit_n,
         shown._asdict() if shown else {},
         WANTED[CONTROLLER]['worst_slide_mm'].high,
     )
-    print(grasp_table(result))
-    print(f'Written: {arguments.out / "grasp.json"}, {arguments.out / "grasp.png"}')
+    return result, grasp_table(result)
 
 
 if __name__ == '__main__':
