@@ -17,7 +17,7 @@ import math
 from collections.abc import Mapping
 from pathlib import Path
 
-from matplotlib import pyplot as plt
+from matplotlib.figure import Figure
 
 from slip_detector.report.pictures import COLORS, save_picture
 
@@ -31,10 +31,8 @@ def draw_work_precision(
     """Draw the run time of each method over its error, in a panel for each problem."""
     columns = min(3, len(panels))
     rows = math.ceil(len(panels) / columns)
-    figure, axes = plt.subplots(
-        rows, columns, figsize=(4.4 * columns, 3.2 * rows + 0.8), sharex=True, sharey=True,
-        squeeze=False, layout='constrained',
-    )  # fmt: skip
+    figure = Figure(figsize=(4.4 * columns, 3.2 * rows + 0.8), layout='constrained')
+    axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
     for axis in axes.flat[len(panels) :]:
         axis.set_axis_off()
     for axis, (title, runs) in zip(axes.flat, panels.items(), strict=False):

@@ -124,9 +124,7 @@ def saved_by_chance_s(
     leads, windows = np.reshape(leads_s, each), np.reshape(windows_s, each)
     highest = np.minimum(windows * rates, 1.0)
     # The probability of an alarm grows with time until it reaches ``highest``.
-    full_s = np.divide(
-        highest, rates, out=np.broadcast_to(windows, highest.shape).copy(), where=rates > 0.0
-    )
+    full_s = np.minimum(windows, 1.0 / np.maximum(rates, 1e-300))
     grows_s = np.clip(full_s - leads, 0.0, most_s)
     growing = rates * grows_s * (leads + 0.5 * grows_s)
     return np.asarray((growing + highest * (most_s - grows_s)).mean(axis=0))

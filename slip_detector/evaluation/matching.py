@@ -61,9 +61,7 @@ class OnIntervals:
     --------
     >>> signal = OnIntervals()
     >>> signal.add(np.array([False, True]), first_row=0)
-    [1]
     >>> signal.add(np.array([True, False, True]), first_row=2)
-    [4]
     >>> signal.close(end_row=5)
     >>> signal.closed()
     [RowInterval(start=1, end=3), RowInterval(start=4, end=5)]
@@ -77,8 +75,8 @@ class OnIntervals:
         """Whether the signal was ON in the last row."""
         return len(self.edges) % 2 == 1
 
-    def add(self, on: NDArray[np.bool_], first_row: int) -> list[int]:
-        """Take the next rows and return those at which the signal rises.
+    def add(self, on: NDArray[np.bool_], first_row: int) -> None:
+        """Take the next rows.
 
         Parameters
         ----------
@@ -87,14 +85,8 @@ class OnIntervals:
         first_row
             The number of the first of these rows.
         """
-        if not on.size:
-            return []
-        turns = (np.flatnonzero(on[1:] != on[:-1]) + (first_row + 1)).tolist()
-        if bool(on[0]) != self.on:
-            turns.insert(0, first_row)
-        known = len(self.edges)
-        self.edges += turns
-        return self.edges[known + known % 2 :: 2]
+        turns = np.flatnonzero(np.diff(on, prepend=self.on))
+        self.edges += (turns + first_row).tolist()
 
     def close(self, end_row: int) -> None:
         """End the interval that is open, if there is one, before a row."""

@@ -171,8 +171,6 @@ class _Run:
     def add(self, piece: Samples) -> None:
         volts, truth = np.asarray(piece.volts, np.float64), np.asarray(piece.truth, np.bool_)
         n = len(volts)
-        if truth.shape != (n,):
-            raise ValueError(f'truth has the shape {truth.shape}, allowed: ({n},), as volts')
         if not n:
             return
         if piece.new_stretch and self._row:
@@ -274,10 +272,10 @@ class _Run:
         slips = []
         for s, (slip, its_alarm) in enumerate(zip(self._slips, alarm_of, strict=True)):
             latency = None if its_alarm is None else rises[its_alarm] - slip.start
-            settling, stages, delays_s = not scored.scored[s], slip.stages, self._delays_s(slip)
+            settling, delays_s, stages_s = not scored.scored[s], self._delays_s(slip), None
             # The rise that was watched may belong to an alarm that began before the slip.
-            if stages and sum(stages.values()) != latency:
-                stages = None
+            if slip.stages and sum(slip.stages.values()) == latency:
+                stages_s = {stage: rows / rate_hz for stage, rows in slip.stages.items()}
             slips.append(
                 TrueSlip(
                     start_s=slip.start / rate_hz,
@@ -288,9 +286,7 @@ class _Run:
                     lead_s=float(scored.leads_s[s]),
                     window_s=float(scored.windows_s[s]),
                     late=latency is not None and latency > round(config.late_after_s * rate_hz),
-                    stages_s=stages
-                    if stages is None
-                    else {k: n / rate_hz for k, n in stages.items()},
+                    stages_s=stages_s,
                     lost_at=self._lost_at(slip) if latency is None and not settling else None,
                     on_at_start=slip.on_at_start,
                     on_while=bool(on_in_slips[s]),

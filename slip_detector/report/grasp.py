@@ -19,8 +19,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from slip_detector.grasp.comparison import CONTROLLER, PAPER, UNCONTROLLED
@@ -140,10 +140,10 @@ def draw_grasp(
     wanted_mm
         Upper bound of the worst slide under the controller.
     """
-    figure, axes = plt.subplot_mosaic(
+    figure = Figure(figsize=(12.5, 7.2), layout='constrained')
+    axes: dict[str, Axes] = figure.subplot_mosaic(
         [['force', 'slides'], ['decision', 'slides'], ['place', 'slides']],
-        figsize=(12.5, 7.2), width_ratios=[2.1, 1.0], height_ratios=[3.0, 0.8, 2.6],
-        layout='constrained',
+        width_ratios=[2.1, 1.0], height_ratios=[3.0, 0.8, 2.6],
     )  # fmt: skip
     force, slides, decision, place = axes.values()
     controlled = trials[CONTROLLER]

@@ -114,8 +114,6 @@ def write_page(
         data=_data(variants),
         sections=sections(variants, trials, outcomes),
     )
-    # HTML has no NUL; a browser would drop it in one place and replace it in another.
-    page = page.replace('\0', '\N{REPLACEMENT CHARACTER}')
     with whole_file(path) as new:
         new.write_text(page, encoding='utf-8', errors='backslashreplace')
 

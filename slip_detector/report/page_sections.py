@@ -260,7 +260,7 @@ def filters_figure(variants: Sequence[Variant]) -> Figure:
         # The response of all filters together, without the constant gain.
         gain = np.abs(response(sections, frequency, rate)) / config.gain
         delay_ms = 1e3 * group_delay_s(sections, frequency, rate)
-        line: Any = {'color': color, 'linestyle': style, 'label': _plain(variant.name)}
+        line: Any = {'color': color, 'linestyle': style, 'label': variant.name}
         gain_axis.plot(frequency, 20 * np.log10(np.maximum(gain, 1e-6)), **line)
         delay_axis.plot(frequency, delay_ms, **line)
         top = high or frequency[-1]
@@ -288,7 +288,7 @@ def front_figure(trials: Sequence[SearchTrial]) -> Figure:
     figure, (axis,) = _panels(1, 8, 4.6)
     searched = [trial for trial in trials if not trial.marked]
     layers = {'trial': searched, 'on the front': trade_off_front(searched)}
-    layers |= {_plain(trial.name): [trial] for trial in trials if trial.marked}
+    layers |= {trial.name: [trial] for trial in trials if trial.marked}
     for (label, some), edge in zip(layers.items(), ['none', 'k', *COLORS[1:]], strict=False):
         known = [trial.costs for trial in some if trial.costs is not None]
         latency_ms, alarms, _, lack = np.array(known).reshape(-1, len(COSTS)).T
@@ -338,8 +338,3 @@ def latency_figure(outcomes: Sequence[ReplayOutcome]) -> Figure:
     roc.set_title('ROC of the decision statistic (dot: threshold)')
     roc.legend(title='area, slip against', loc='lower right', frameon=False)
     return figure
-
-
-def _plain(text: str) -> str:
-    """Escape what matplotlib would read as a formula."""
-    return text.replace('$', r'\$')

@@ -15,17 +15,12 @@
 """How pictures are saved, their colours, and the pictures of one trial."""
 
 import io
-import warnings
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import matplotlib
 import numpy as np
-
-matplotlib.use('Agg')  # Only files are written, as a robot has no screen.
-
-from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
@@ -42,7 +37,7 @@ COLORS = ('#0072B2', '#D55E00', '#009E73', '#CC79A7', '#E69F00', '#56B4E9', '#00
 
 
 def save_picture(figure: Figure, path: Path) -> None:
-    """Write a figure to a file, in the format that the ending names, and close the figure.
+    """Write a figure to a file, in the format that the ending names.
 
     Raises
     ------
@@ -57,11 +52,8 @@ def save_picture(figure: Figure, path: Path) -> None:
     ...     [path.name for path in Path(folder).iterdir()]
     ['empty.svg']
     """
-    try:
-        with whole_file(path) as new:
-            figure.savefig(new, dpi=120)
-    finally:
-        plt.close(figure)
+    with whole_file(path) as new:
+        figure.savefig(new, dpi=120)
 
 
 def svg(figure: Figure) -> str:
@@ -74,9 +66,7 @@ def svg(figure: Figure) -> str:
     """
     stream = io.StringIO()
     settings: Any = {'svg.fonttype': 'none', 'svg.hashsalt': 'slip_detector'}
-    with matplotlib.rc_context(settings), warnings.catch_warnings():
-        # A name may have any character; one that is not in the font is drawn as a box.
-        warnings.filterwarnings('ignore', 'Glyph', UserWarning)
+    with matplotlib.rc_context(settings):
         figure.savefig(stream, format='svg', metadata={'Date': None, 'Creator': None})
     return stream.getvalue()
 
@@ -123,13 +113,9 @@ def draw_trial(
     ...     path.is_file()
     True
     """
-    figure, axes = plt.subplots(
-        2 * len(groups) + 1,
-        sharex=True,
-        figsize=(9, 2.2 * len(groups) + 1),
-        height_ratios=[3, 1] * len(groups) + [1.2],
-        layout='constrained',
-    )
+    figure = Figure(figsize=(9, 2.2 * len(groups) + 1), layout='constrained')
+    heights = [3, 1] * len(groups) + [1.2]
+    axes = figure.subplots(len(heights), sharex=True, height_ratios=heights)
     for raw, decision, (name, on) in zip(axes[::2], axes[1::2], groups.items(), strict=False):
         raw.set_prop_cycle(color=COLORS)
         for channel in config.groups[name]:

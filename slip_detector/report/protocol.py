@@ -20,7 +20,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
@@ -209,11 +208,10 @@ def draw_protocol(
 
 def _panels(trial: PlateTrial, heights: Sequence[float]) -> tuple[Figure, Any]:
     """Return a figure with whole trials on the left, the start of the motion on the right."""
-    start_s, figsize = trial.motion_s[0], (11, 1.35 * sum(heights) + 1)
-    figure, axes = plt.subplots(
-        len(heights), 2, sharex='col', sharey='row', figsize=figsize, height_ratios=heights,
-        layout='constrained',
-    )  # fmt: skip
+    start_s = trial.motion_s[0]
+    figure = Figure(figsize=(11, 1.35 * sum(heights) + 1), layout='constrained')
+    shape = len(heights), 2
+    axes = figure.subplots(*shape, sharex='col', sharey='row', height_ratios=heights)
     for axis in axes.flat:
         axis.axvspan(*trial.motion_s, color='0.92', zorder=0)
         axis.grid(color='0.9', linewidth=0.5)
@@ -268,12 +266,11 @@ def _draw_decisions(
 
 def _draw_variants(path: Path, variants: Mapping[str, Mapping[str, Any]], title: str) -> None:
     """Draw delay and false positives of variants of the chain beside those of the paper."""
-    figure, (delay, share) = plt.subplots(1, 2, figsize=(11, 4.2), layout='constrained')
+    figure = Figure(figsize=(11, 4.2), layout='constrained')
+    delay, share = figure.subplots(1, 2)
     plates = list(next(iter(variants.values()))['plates'])
-    places, keys = (
-        np.arange(len(plates)),
-        ('mean_delay_ms', 'sd_delay_ms', 'false_positive_percent'),
-    )
+    places = np.arange(len(plates))
+    keys = 'mean_delay_ms', 'sd_delay_ms', 'false_positive_percent'
     for v, ((name, part), color) in enumerate(zip(variants.items(), COLORS, strict=False)):
         # NaN where a figure is not defined.
         mean_ms, sd_ms, false_percent = np.array(

@@ -92,11 +92,6 @@ def test_an_observer_receives_all_rows_and_gaps():
     assert witness.gaps == [(800, 3.0)]
 
 
-def test_a_label_of_another_length_is_refused():
-    with pytest.raises(ValueError, match=r'truth has the shape \(3,\), allowed: \(4,\)'):
-        Replay(CONFIG).run([Samples.evenly(np.zeros((4, 4)), RATE_HZ, np.zeros(3, bool))])
-
-
 def test_memory_does_not_grow_with_the_rows():
     volts, truth = ridges((400, 600))
     replay = Replay(CONFIG)

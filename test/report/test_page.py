@@ -80,8 +80,7 @@ HARD = (
     '$title',
     '&lt;',
     '\'"`${1}',
-    '$a_$',
-    '\u6ed1\ud800\0',
+    '\ud800',
 )
 
 
@@ -90,17 +89,15 @@ def test_any_text_is_shown_as_it_is(tmp_path):
     names = [f'{k} {hard}' for k, hard in enumerate(HARD)]
     # The first is the name of the recording and the title too.
     seen = scenes.overview(names[0], scenes.GIVEN, *scenes.volts_and_truth(40))
-    variants = [Variant(name, scenes.GIVEN, [seen], {name: {name: 1.0}}) for name in names]
-    trials = [scenes.trial(name, 1.0, 1.0, 0.0, 1.0, marked=True, **{name: 1}) for name in names]
+    given_ = Variant('given', scenes.GIVEN, [seen], {name: {name: 1.0} for name in names})
+    trial = scenes.trial('given', 1.0, 1.0, 0.0, 1.0, marked=True, **dict.fromkeys(names, 1))
     path = tmp_path / 'report.html'
-    report.write_page(path, names[0], variants, trials, names)
+    report.write_page(path, names[0], [given_], [trial], names)
     shown = read(path)
     assert shown.header['recordings'][0]['name'] == names[0]
-    assert shown.header['variants'] == names
     together = ' '.join(''.join(shown.texts).split())
     for name in names:
-        known = name.replace('\0', '\N{REPLACEMENT CHARACTER}').replace('\ud800', '\\ud800')
-        assert together.count(known) >= 4
+        assert together.count(name.replace('\ud800', '\\ud800')) >= 4
     assert not [tag for tag, attributes in shown.tags if 'onerror' in attributes]
 
 
