@@ -270,10 +270,13 @@ class UdpSource(LiveSource):
     """
 
     def __init__(self, config: DriverConfig, now_ns: Callable[[], int]) -> None:
-        self._senders = frozenset(_address('udp_senders', text) for text in config.udp_senders)
+        try:
+            self._senders = frozenset(map(ipaddress.ip_address, config.udp_senders))
+            self._address = ipaddress.ip_address(config.udp_bind_address)
+        except ValueError as error:
+            raise ValueError(f'parameters udp_senders, udp_bind_address: {error}') from None
         if not self._senders:
             raise ValueError('parameter udp_senders is empty, allowed: at least one address')
-        self._address = _address('udp_bind_address', config.udp_bind_address)
         super().__init__(f'{self._address} port {config.udp_port}', config, now_ns)
         self._sender: Any = None
         self._heard_s = 0.0
@@ -330,12 +333,3 @@ class UdpSource(LiveSource):
         if decoded is not None:
             self._heard_s = now_s
         return decoded
-
-
-def _address(name: str, text: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address:
-    try:
-        return ipaddress.ip_address(text)
-    except ValueError:
-        raise ValueError(
-            f'parameter {name} has {text!r}, allowed: addresses as 127.0.0.1 or ::1'
-        ) from None

@@ -18,6 +18,7 @@ Nothing here reads a port or a clock. The decoder takes bytes in pieces of any l
 samples; bytes that are not part of a sample are dropped and counted.
 """
 
+import re
 import struct
 import zlib
 from collections import Counter
@@ -191,13 +192,11 @@ class PacketDecoder:
         return clock_restarted
 
     def _integers(self, data: bytes) -> NDArray[np.integer]:
-        letter = 'u' if self._kind & 8 else 'i'
-        if self._value_bytes != 3:
-            return np.frombuffer(data, f'<{letter}{self._value_bytes}')
-        # Three bytes become the upper ones of four; shifting them down keeps the sign.
-        padded = np.zeros((len(data) // 3, 4), np.uint8)
-        padded[:, 1:] = np.frombuffer(data, np.uint8).reshape(-1, 3)
-        return padded.view(f'<{letter}4')[:, 0] >> 8
+        # The bytes become the upper ones of four; shifting them down keeps the sign.
+        unused = 4 - self._value_bytes
+        padded = np.zeros((len(data) // self._value_bytes, 4), np.uint8)
+        padded[:, unused:] = np.frombuffer(data, np.uint8).reshape(-1, self._value_bytes)
+        return padded.view('<u4' if self._kind & 8 else '<i4')[:, 0] >> 8 * unused
 
 
 def encode(
@@ -257,15 +256,9 @@ def cobs_encode(data: bytes) -> bytes:
     >>> cobs_encode(bytes([0x11, 0x22, 0x00, 0x33])).hex(' ')
     '03 11 22 02 33'
     """
-    out = bytearray()
-    runs = data.split(b'\0')
-    for number, run in enumerate(runs, 1):
-        whole = len(run) // 254 * 254
-        for at in range(0, whole, 254):
-            out += b'\xff' + run[at : at + 254]
-        if number < len(runs) or whole < len(run) or not run:
-            out += bytes([len(run) - whole + 1]) + run[whole:]
-    return bytes(out)
+    # The end counts as a zero, but needs no code of its own after 254 bytes.
+    runs = re.findall(rb'[^\0]{254}(?:\0\Z)?|[^\0]*\0', data + b'\0')
+    return b''.join(bytes([len(run) + 1]) + run for run in (one.rstrip(b'\0') for one in runs))
 
 
 def cobs_decode(stuffed: bytes) -> bytes | None:
@@ -284,14 +277,12 @@ def cobs_decode(stuffed: bytes) -> bytes | None:
     True
     """
     out = bytearray()
-    at, end = 0, len(stuffed)
-    while at < end:
+    at = 0
+    while at < len(stuffed):
         code = stuffed[at]
-        following = at + code
-        if following > end or not code:
+        run = stuffed[at + 1 : at + code]
+        if len(run) != code - 1:
             return None
-        out += stuffed[at + 1 : following]
-        at = following
-        if code < 255 and at < end:
-            out.append(0)
+        at += code
+        out += run + b'\0' if code < 255 and at < len(stuffed) else run
     return bytes(out)

@@ -130,6 +130,4 @@ class SceneSource(Source):
 
     def hold_force(self, force_n: float) -> None:
         """Hold the object with another grip force from the next sample on."""
-        if not self.has_object:
-            super().hold_force(force_n)
         self._scene.hold_force(force_n)

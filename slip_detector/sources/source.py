@@ -104,14 +104,13 @@ class Source:
         raise NotImplementedError
 
     def hold_force(self, force_n: float) -> None:
-        """Hold the object with another grip force from the next sample on.
+        """Hold the object, where there is one, with another grip force from the next sample on.
 
         Raises
         ------
         ValueError
-            When the force is out of range, or there is no object.
+            When the force is out of range.
         """
-        raise ValueError(f'{self.name} has no object to hold')
 
     def close(self) -> None:
         """Close the file or the connection."""

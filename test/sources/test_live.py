@@ -179,7 +179,7 @@ def test_a_port_in_use_is_named(heard):
             "parameter serial_port is '', allowed: a port, as source",
         ),
         ({'udp_senders': ()}, 'parameter udp_senders is empty, allowed: at least one address'),
-        ({'udp_senders': ('hand',)}, "parameter udp_senders has 'hand', allowed: addresses as"),
+        ({'udp_senders': ('hand',)}, "^parameters udp_senders, .*: 'hand' .* IPv4"),
         (
             {'udp_bind_address': '192.0.2.1'},
             r'parameter udp_port is 47380: cannot be listened on at 192\.0\.2\.1 \(Cannot assign',

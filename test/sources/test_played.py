@@ -94,8 +94,3 @@ def test_an_object_is_held_with_the_force_that_was_set():
 def test_a_source_that_cannot_be_played_is_an_error_that_says_why(parameters, message):
     with pytest.raises(ValueError, match=message):
         open_source(DriverConfig(**parameters))
-
-
-def test_a_source_without_an_object_refuses_a_grip_force():
-    with pytest.raises(ValueError, match=r'^scene plate_400um has no object to hold$'):
-        open_source(DriverConfig(source='scene')).hold_force(1.0)
