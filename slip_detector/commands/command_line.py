@@ -44,62 +44,29 @@ class Parser(argparse.ArgumentParser):
         self.exit(2, f'{self.prog}: {message} ({self.prog} --help says more)\n')
 
 
-def whole_number(low: int, high: int | None = None) -> Callable[[str], int]:
+def whole_number(low: int, high: int = 10**9) -> Callable[[str], int]:
     """Return a function that reads an argument that is a whole number.
 
     Parameters
     ----------
     low, high
-        The smallest and the largest allowed number; None: any number from ``low`` on.
+        The smallest and the largest allowed number.
 
     Examples
     --------
     >>> whole_number(1)('12')
     12
     """
-    allowed = f'a whole number from {low}' if high is None else f'a whole number, {low} to {high}'
 
     def read(text: str) -> int:
         # Only ASCII digits, and fewer than int() refuses.
         number = int(text) if re.fullmatch('[0-9]{1,18}', text) else -1
-        if number < low or (high is not None and number > high):
+        if not low <= number <= high:
+            allowed = f'a whole number, {low} to {high}'
             raise argparse.ArgumentTypeError(f'is {text!r}, allowed: {allowed}')
         return number
 
     return read
-
-
-def print_text(name: str, text: str) -> int:
-    """Print a text; a full disk is an error, but a reader that stops early, like ``head``, is not.
-
-    Parameters
-    ----------
-    name
-        Name of the command.
-    text
-        The text to print.
-
-    Returns
-    -------
-    int
-        The exit code: 0, or 1 after an error, which is one line on stderr.
-
-    Examples
-    --------
-    >>> print_text('slip_tune', 'Written: tuned.yaml')
-    Written: tuned.yaml
-    0
-    """
-    try:
-        print(text, flush=True)
-    except OSError as error:
-        # The interpreter flushes the rest of the buffer at exit, which must not fail again.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        if isinstance(error, BrokenPipeError):
-            return 0
-        sys.stderr.write(f'{name}: the output cannot be written ({error.strerror})\n')
-        return 1
-    return 0
 
 
 def run(name: str, work: Callable[[], str]) -> int:
@@ -115,7 +82,8 @@ def run(name: str, work: Callable[[], str]) -> int:
     Returns
     -------
     int
-        The exit code: 0, 1 after an error, which is one line on stderr, or 130 after Ctrl-C.
+        The exit code: 0, or 1 after an error, which is one line on stderr. A full disk is an
+        error, but a reader that stops early, like ``head``, is not.
 
     Examples
     --------
@@ -124,12 +92,19 @@ def run(name: str, work: Callable[[], str]) -> int:
     0
     """
     try:
-        return print_text(name, work())
+        text = work()
     except ValueError as error:
         sys.stderr.write(f'{name}: {error}\n')
         return 1
-    except KeyboardInterrupt:
-        return _interrupted(name)
+    try:
+        print(text, flush=True)
+    except OSError as error:
+        # The interpreter flushes the rest of the buffer at exit, which must not fail again.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if not isinstance(error, BrokenPipeError):
+            sys.stderr.write(f'{name}: the output cannot be written ({error.strerror})\n')
+            return 1
+    return 0
 
 
 def evaluate() -> int:
@@ -151,9 +126,5 @@ def _start(name: str, module: str) -> int:
     try:
         return int(importlib.import_module(module).main())
     except KeyboardInterrupt:
-        return _interrupted(name)
-
-
-def _interrupted(name: str) -> int:
-    sys.stderr.write(f'{name}: ended before it was done\n')
-    return INTERRUPTED
+        sys.stderr.write(f'{name}: ended before it was done\n')
+        return INTERRUPTED

@@ -46,7 +46,6 @@ trials on each, and prints the paper's Table 2 beside ours (``evaluation/protoco
 import argparse
 import dataclasses
 import json
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -72,7 +71,7 @@ from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.files import check_apart, check_writable, writable_folder
-from slip_detector.recordings import ENDINGS, recording_sets
+from slip_detector.recordings import recording_sets
 from slip_detector.report.tables import evaluation_tables
 
 NAME = 'slip_evaluate'
@@ -189,49 +188,24 @@ def _alone(one: EvaluatedRecording) -> dict[str, Any]:
     }
 
 
-def _parser() -> Parser:
+def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
+    """Read and check the arguments."""
     parser = Parser(prog=NAME, description=__doc__.split('\n\n')[1])
-    parser.add_argument(
-        'recordings', nargs='*', metavar='RECORDING',
-        help=f'a recording ({", ".join(ENDINGS)} or the folder of a bag) or a folder of them',
-    )  # fmt: skip
-    parser.add_argument(
-        '--config', metavar='FILE',
-        help='a ROS parameter file with the sections slip_detector, slip_driver (where in a '
-        f'recording the samples and labels are) and {NAME} (what counts as detected, and the rows '
-        'of motion); default: the default parameters',
-    )  # fmt: skip
     parser.add_argument('--json', action='store_true', help='print one JSON object')
-    parser.add_argument(
-        '--report', type=Path, metavar='FILE.html',
-        help='write an HTML page with timelines that can be zoomed, latencies and ROC curve',
-    )  # fmt: skip
     add_options(parser, 'evaluate recordings in parallel')
-    protocol = parser.add_argument_group('with --protocol')
-    protocol.add_argument(
+    add = parser.add_argument_group('with --protocol').add_argument
+    add(
         '--protocol', choices=('paper',),
         help='simulate the protocol of the paper instead of reading recordings: plates of 400, 440'
         ' and 480 um, and the same trials with other windows and bands of the chain',
     )  # fmt: skip
-    protocol.add_argument(
+    add(
         '--plot', nargs='?', const=Path('out'), type=Path, metavar='FOLDER',
-        help='draw the counterparts of the figures 2, 4, 5, 6 and 7 of the paper to a folder '
-        '(default: out)',
+        help="draw the paper's figures 2, 4, 5, 6 and 7 to a folder (default: out)",
     )  # fmt: skip
-    protocol.add_argument(
-        '--trials', type=whole_number(1, MOST_TRIALS), metavar='N',
-        help='trials on each plate (default: 10)',
-    )  # fmt: skip
-    protocol.add_argument(
-        '--seed', type=whole_number(0, 2**31 - 1), metavar='FIRST',
-        help='seed of the first trial; the next trials have the next seeds (default: 0)',
-    )  # fmt: skip
-    return parser
-
-
-def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
-    """Read and check the arguments."""
-    parser = _parser()
+    trials, seeds = whole_number(1, MOST_TRIALS), whole_number(0, 2**31 - 1)
+    add('--trials', type=trials, metavar='N', help='trials on each plate (default: 10)')
+    add('--seed', type=seeds, metavar='FIRST', help='seed of the first trial (default: 0)')
     options = parser.parse_args(argv)
     what, where = ('recordings', 'without') if options.protocol else ('simulated trials', 'with')
     for name in OF_RECORDINGS if options.protocol else OF_PROTOCOL:
@@ -302,7 +276,3 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     code = run(NAME, work)
     return INTERRUPTED if not code and 'not_evaluated' in report else code
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -46,7 +46,7 @@ from slip_detector.report.tables import comparison_table, number_text
 from slip_detector.tuning.impacts import learn_from_taps
 from slip_detector.tuning.noise import learn_from_quiet
 from slip_detector.tuning.problem import Candidate, searched
-from slip_detector.tuning.search import TuningParameters, TuningResult, tune
+from slip_detector.tuning.search import TuningParameters, tune
 from slip_detector.tuning.tracks import Track, TrainingFiles
 
 NAME = 'slip_tune'
@@ -60,16 +60,12 @@ OF_SEARCH = ('held_out', 'report', 'storage', 'jobs', 'cluster')
 LINES = 10
 
 
-def _parser() -> argparse.ArgumentParser:
+def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
+    """Read and check the arguments; end the process with the exit code 2 where they are wrong."""
     parser = Parser(prog=NAME, description=__doc__.split('\n\n')[1])
     add = parser.add_argument
-    add('recordings', nargs='*', metavar='RECORDING', help='a recording or a folder of them')
     add('--out', type=Path, required=True, metavar='FILE', help='the parameter file to write')
-    add('--report', type=Path, metavar='FILE', help='an HTML report to write')
-    add(
-        '--config', metavar='FILE', help='a ROS parameter file to start from: what is not '
-        f'searched keeps its value; the section {NAME} has the weights (default: the defaults)',
-    )  # fmt: skip
+    add_options(parser, 'search')
     add(
         '--trials', type=whole_number(1), default=TRIALS, metavar='N',
         help='number of trials of the study, including earlier runs (default: %(default)s)',
@@ -79,16 +75,15 @@ def _parser() -> argparse.ArgumentParser:
         'journal (.journal), sqlite:///FILE, postgresql://... (default: a journal beside --out)',
     )  # fmt: skip
     add('--seed', type=int, default=0, metavar='N', help='seed (default: %(default)s)')
-    what = parser.add_mutually_exclusive_group()
-    what.add_argument(
+    add = parser.add_mutually_exclusive_group().add_argument
+    add(
         '--hold-out', type=float, default=1 / 3, metavar='SHARE',
         help='share of the recordings, or of the time of a single one, to hold out (default: 1/3)',
     )  # fmt: skip
-    what.add_argument(
+    add(
         '--held-out', action='append', default=[], metavar='RECORDING', help='hold out this '
         'recording, or a folder of them, and tune on all other RECORDINGs; repeatable',
     )  # fmt: skip
-    add_options(parser, 'search')
     add = parser.add_argument_group('learn from a recording, without a search').add_argument
     add(
         '--quiet', metavar='RECORDING', help='a recording without slip, in which mains hum is '
@@ -99,12 +94,6 @@ def _parser() -> argparse.ArgumentParser:
         '--taps', metavar='RECORDING', help='a recording of knocks: impact_v is set between its '
         'steps and those of the slips of the RECORDINGs',
     )  # fmt: skip
-    return parser
-
-
-def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
-    """Read and check the arguments; end the process with the exit code 2 where they are wrong."""
-    parser = _parser()
     options = parser.parse_args(argv)
     if not 0.0 < options.hold_out < 1.0:
         parser.error(f'--hold-out: is {options.hold_out:g}, allowed: a number between 0 and 1')
@@ -169,41 +158,20 @@ def _names_of(tracks: Sequence[Track]) -> str:
     return f'{names} ({n} slip{"" if n == 1 else "s"} in {minutes:.3g} min)'
 
 
-def _parameters(options: argparse.Namespace) -> TuningParameters:
-    return TuningParameters(*sets_of_parameters(options, *map(type, TuningParameters())))
-
-
-def _comments(argv: Sequence[str] | None, lines: Sequence[str]) -> list[str]:
-    """Return the comments at the top of the file: date, command, and the given lines."""
-    now = datetime.datetime.now(datetime.timezone.utc)
-    command = shlex.join([NAME, *(sys.argv[1:] if argv is None else argv)])
-    return [f'Written by {NAME} on {now:%Y-%m-%d %H:%M} UTC:', f'  {command}', *lines]
-
-
-def _learn(options: argparse.Namespace, argv: Sequence[str] | None) -> list[str]:
-    """Set parameters from recordings without a search; return the lines to print."""
-    parameters = _parameters(options)
-    check_apart({'--out': options.out}, paths_read(options))
-    check_writable(options.out)
+def _learn(
+    options: argparse.Namespace, parameters: TuningParameters
+) -> tuple[dict[str, Any], list[str]]:
+    """Return what is learnt from recordings without a search, and lines about it."""
     of = parameters.chain, parameters.loader
     if options.quiet is not None:
-        learnt, lines = learn_from_quiet(options.quiet, *of, options.false_alarms_per_hour)
-    else:
-        learnt, lines = learn_from_taps(options.taps, options.recordings, *of)
-    write_yaml(options.out, with_parameters(options.config, learnt), _comments(argv, lines))
-    return [*lines, f'Written: {options.out}']
+        return learn_from_quiet(options.quiet, *of, options.false_alarms_per_hour)
+    return learn_from_taps(options.taps, options.recordings, *of)
 
 
-def _search(options: argparse.Namespace, argv: Sequence[str] | None) -> list[str]:
-    """Search and write the result; return the lines to print."""
-    parameters = _parameters(options)
-    written = {'--out': options.out, '--report': options.report}
-    where = options.storage or f'{options.out}.study.journal'
-    check_apart(written, [*paths_read(options), where])
-    check_apart({'--report': options.report}, [options.config] if options.config else [])
-    for path in written.values():
-        if path is not None:
-            check_writable(path)
+def _search(
+    options: argparse.Namespace, parameters: TuningParameters, where: str
+) -> tuple[dict[str, Any], list[str]]:
+    """Search, and write the report; return the parameters that are found, and lines about them."""
     files = TrainingFiles(
         paths_for_workers(options, options.recordings),
         parameters.loader,
@@ -214,15 +182,9 @@ def _search(options: argparse.Namespace, argv: Sequence[str] | None) -> list[str
         workers(options.jobs, options.cluster) as calls,
         progress_bar(options.trials, 'trial') as bar,
     ):
-        study = {'seed': options.seed, 'storage': where, 'progress': _progress(bar)}
-        result = tune(files, parameters, options.trials, calls=calls, **study)
-    return _finish(options, argv, result)
-
-
-def _finish(
-    options: argparse.Namespace, argv: Sequence[str] | None, result: TuningResult
-) -> list[str]:
-    """Write the files; return the lines to print."""
+        more: Any = {'seed': options.seed, 'storage': where, 'progress': _progress(bar)}
+        result = tune(files, parameters, options.trials, calls=calls, **more)
+    # It takes a while to load.
     from slip_detector.report.page import replay_variant, write_tuning_report
 
     problem, held, study, verdict, notes = result
@@ -238,18 +200,12 @@ def _finish(
     ]
     if verdict.kept:
         lines.append(f'The given parameters are kept: {verdict.kept}')
-    table = []
-    for what in ('held out', 'tuned on'):
-        figures = (one.figures[f'all {what}'] for one in (given, tuned))
-        table += [f'On what was {what}:', *comparison_table(*figures).splitlines()]
-    changes = {} if verdict.kept else searched(verdict.chain)
-    comments = _comments(argv, [*lines, *table])
-    write_yaml(options.out, with_parameters(options.config, changes), comments)
-    written = [options.out]
     if options.report is not None:
         write_tuning_report(options.report, given, tuned, study, lines)
-        written.append(options.report)
-    return [*lines, *table, f'Written: {", ".join(map(str, written))}']
+    for what in ('held out', 'tuned on'):
+        figures = (one.figures[f'all {what}'] for one in (given, tuned))
+        lines += [f'On what was {what}:', *comparison_table(*figures).splitlines()]
+    return {} if verdict.kept else searched(verdict.chain), lines
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -266,8 +222,27 @@ def main(argv: Sequence[str] | None = None) -> int:
         Exit code, see :func:`slip_detector.commands.command_line.run`.
     """
     options = _arguments(argv)
-    work = _search if options.quiet is None and options.taps is None else _learn
-    return run(NAME, lambda: '\n'.join(work(options, argv)))
+
+    def work() -> str:
+        parameters = TuningParameters(*sets_of_parameters(options, *map(type, TuningParameters())))
+        written = {'--out': options.out, '--report': options.report}
+        where = options.storage or f'{options.out}.study.journal'
+        check_apart(written, [*paths_read(options), where])
+        check_apart({'--report': options.report}, [options.config] if options.config else [])
+        paths = [path for path in written.values() if path is not None]
+        for path in paths:
+            check_writable(path)
+        if options.quiet is None and options.taps is None:
+            changes, lines = _search(options, parameters, where)
+        else:
+            changes, lines = _learn(options, parameters)
+        now = datetime.datetime.now(datetime.timezone.utc)
+        command = shlex.join([NAME, *(sys.argv[1:] if argv is None else argv)])
+        comments = [f'Written by {NAME} on {now:%Y-%m-%d %H:%M} UTC:', f'  {command}', *lines]
+        write_yaml(options.out, with_parameters(options.config, changes), comments)
+        return '\n'.join([*lines, f'Written: {", ".join(map(str, paths))}'])
+
+    return run(NAME, work)
 
 
 if __name__ == '__main__':

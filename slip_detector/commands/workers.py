@@ -33,7 +33,7 @@ from tqdm import tqdm
 
 from slip_detector.commands.command_line import whole_number
 from slip_detector.parameters.driver import RecordingConfig
-from slip_detector.recordings import recording_sets
+from slip_detector.recordings import ENDINGS, recording_sets
 
 #: Longest time in which a scheduler may answer.
 CONNECT_TIMEOUT_S = 10.0
@@ -55,7 +55,14 @@ Calls = Callable[[Callable[[Any], Any], Sequence[Any]], Iterator[tuple[int, Any]
 
 
 def add_options(parser: argparse.ArgumentParser, work: str) -> None:
-    """Add the options on processes, which do some work, and on what is read of recordings.
+    """Add the recordings, and the options that ``slip_evaluate`` and ``slip_tune`` share.
+
+    Parameters
+    ----------
+    parser
+        The parser of the command.
+    work
+        What its processes do.
 
     Examples
     --------
@@ -64,6 +71,19 @@ def add_options(parser: argparse.ArgumentParser, work: str) -> None:
     >>> parser.parse_args(['--jobs', '4', '--topic', '/left/voltages']).jobs
     4
     """
+    parser.add_argument(
+        'recordings', nargs='*', metavar='RECORDING',
+        help=f'a recording ({", ".join(ENDINGS)} or the folder of a bag) or a folder of them',
+    )  # fmt: skip
+    parser.add_argument(
+        '--config', metavar='FILE', help='a ROS parameter file with the sections slip_detector, '
+        'slip_driver (where in a recording the samples and labels are), slip_evaluate (what '
+        'counts as detected) and slip_tune (weights of a search); default: the default parameters',
+    )  # fmt: skip
+    parser.add_argument(
+        '--report', type=Path, metavar='FILE.html',
+        help='write an HTML page with timelines that can be zoomed, latencies and ROC curve',
+    )  # fmt: skip
     where = parser.add_mutually_exclusive_group()
     where.add_argument(
         '--jobs', type=whole_number(1), metavar='N', help=f'processes that {work} (default: 1)'

@@ -117,7 +117,7 @@ REFUSED = [
     ('a.npz --quiet still.npz --out o.yaml', 'no RECORDING with it', 2),
     ('--quiet still.npz --false-alarms-per-hour 0 --out o.yaml', 'allowed: a number above 0', 2),
     ('a.npz --hold-out 1 --out o.yaml', 'between 0 and 1', 2),
-    ('a.npz --trials 0 --out o.yaml', 'whole number from 1', 2),
+    ('a.npz --trials 0 --out o.yaml', 'whole number, 1 to ', 2),
 ]
 
 

@@ -109,7 +109,6 @@ def test_a_cluster_that_is_not_there_is_named_and_without_distributed_what_to_in
 def options_of(*words):
     parser = argparse.ArgumentParser()
     add_options(parser, 'work')
-    parser.add_argument('--config')
     return parser.parse_args(words)
 
 
