@@ -260,11 +260,8 @@ def learnt_floors(chain: ChainConfig, tracks: Sequence[Track]) -> tuple[float, .
             counts[:settling] = False
             envelopes.append(np.where(result.valid, result.envelope, np.nan)[counts])
             left -= counts.size
-    found = np.zeros(chain.channels)
-    for channel, column in enumerate(np.concatenate(envelopes).T):
-        numbers = column[np.isfinite(column)]
-        if numbers.size:
-            found[channel] = np.quantile(numbers, BELOW_FLOOR)
+    columns = [column[np.isfinite(column)] for column in np.concatenate(envelopes).T]
+    found = np.array([np.quantile(one, BELOW_FLOOR) if one.size else 0.0 for one in columns])
     if not found.any():
         raise ValueError(
             f'{", ".join(track.name for track in tracks)}: no channel has any noise, allowed: a '
@@ -317,15 +314,10 @@ def find_mains(chain: ChainConfig, track: Track) -> tuple[float, str]:
         spectra = signal.welch(volts, rate_hz, nperseg=rows, axis=0)
         lines = {mains_hz: _lines(mains_hz, rate_hz, *spectra) for mains_hz in MAINS_HZ}
     if not any(lines.values()):
-        none = f'no line of the mains is {LEAST_LINE_DB:g} dB above the noise on all channels'
-        return 0.0, none
-    best = max(
-        lines, key=lambda mains_hz: (len(lines[mains_hz]), -min(lines[mains_hz], default=0))
-    )
-    return (
-        best,
-        f'mains of {best:g} Hz: lines of {", ".join(lines[best].values())} on all channels',
-    )
+        return 0.0, f'no line of the mains is {LEAST_LINE_DB:g} dB above the noise on all channels'
+    best = max(lines, key=lambda one: (len(lines[one]), -min(lines[one], default=0)))
+    heights = ', '.join(lines[best].values())
+    return best, f'mains of {best:g} Hz: lines of {heights} on all channels'
 
 
 def _lines(mains_hz: float, rate_hz: float, hz: Floats, power: Floats) -> dict[int, str]:

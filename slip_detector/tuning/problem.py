@@ -128,7 +128,7 @@ class Candidate(NamedTuple):
     cost_ms : float
     error_ms : float
         Half the confidence interval of the mean latency in the cost, by Student's t; large with
-        few slips.
+        few slips, and the largest float with one.
     figures : dict
         See :data:`Figures`.
     """
@@ -140,9 +140,7 @@ class Candidate(NamedTuple):
 
     def as_json(self) -> dict[str, Any]:
         """Return its entry in a study, in types of JSON; see :meth:`Problem.candidates`."""
-        # JSON has no infinity; the largest float takes its place.
-        error_ms = min(self.error_ms, sys.float_info.max)
-        entry = self._replace(error_ms=error_ms)._asdict()
+        entry = self._asdict()
         return {'parameters': searched(entry.pop('chain')), **entry}
 
 
@@ -233,13 +231,10 @@ class Problem:
         for vote, statistic in vote_statistics(chain, votes_of(chain), self.tracks).items():
             limits = thresholds(chain, statistic, self.tracks)
             if limits.size:
-                sweep = self._sweep(chain, statistic, limits)
-                costs_ms = _with_neighbours(self._event_costs_ms(sweep))
-                at = int(np.argmin(costs_ms))
-                if costs_ms[at] < math.inf:
-                    best = dataclasses.replace(chain, threshold=float(limits[at]), vote=vote)
-                    found.append(self._candidate(best, statistic, sweep, at, costs_ms[at]))
-        return sorted(found, key=lambda one: one.cost_ms)
+                voted = dataclasses.replace(chain, vote=vote)
+                found.append(self._cheapest(voted, statistic, limits, NEIGHBOURS))
+        possible = (one for one in found if one.cost_ms < math.inf)
+        return sorted(possible, key=lambda one: one.cost_ms)
 
     def as_it_is(self, chain: ChainConfig) -> Candidate:
         """Return the cost of a chain with its own threshold and vote.
@@ -250,24 +245,17 @@ class Problem:
             When the chain cannot be built.
         """
         (statistic,) = vote_statistics(chain, [chain.vote], self.tracks).values()
-        sweep = self._sweep(chain, statistic, np.array([chain.threshold]))
-        return self._candidate(chain, statistic, sweep, 0, self._event_costs_ms(sweep)[0])
+        return self._cheapest(chain, statistic, np.array([chain.threshold]), neighbours=0)
 
-    def _sweep(
-        self, chain: ChainConfig, statistic: Sequence[Floats], limits: Floats
-    ) -> ThresholdSweep:
-        rows = settling_rows(chain)
-        return sweep_thresholds(statistic, self.tracks, limits, self.evaluation, rows)
-
-    def _candidate(
-        self,
-        chain: ChainConfig,
-        statistic: Sequence[Floats],
-        sweep: ThresholdSweep,
-        at: int,
-        event_cost_ms: float,
+    def _cheapest(
+        self, chain: ChainConfig, statistic: Sequence[Floats], limits: Floats, neighbours: int
     ) -> Candidate:
-        """Return the cost of a chain at its own threshold, which is one of a sweep."""
+        """Return a chain with the threshold that, with so many neighbours, costs least."""
+        rows = settling_rows(chain)
+        sweep = sweep_thresholds(statistic, self.tracks, limits, self.evaluation, rows)
+        costs_ms = _with_neighbours(self._event_costs_ms(sweep), neighbours)
+        at = int(np.argmin(costs_ms))
+        chain = dataclasses.replace(chain, threshold=float(limits[at]))
         tally = ScoreTally()
         for part, track in zip(statistic, self.tracks, strict=True):
             # The chain divides in the same way, so the scores equal an evaluation's to the bit.
@@ -277,7 +265,7 @@ class Problem:
         lacking = 1.0 - (auc or 0.0)
         if self.figures is not None and better_than_chance(self.figures):
             lacking += WORSE_COUNTS * max((self.figures['auc'] or 0.0) - (auc or 0.0), 0.0)
-        cost_ms = float(event_cost_ms) + self.config.auc_costs_ms * lacking
+        cost_ms = float(costs_ms[at]) + self.config.auc_costs_ms * lacking
         figures = sweep.figures(at)
         alarms, on_percent = figures['false_alarms_per_minute'], figures['false_time_percent']
         off = 1.0 - (on_percent or 0.0) / 100.0
@@ -312,11 +300,13 @@ class Problem:
             # Per minute of rest that is OFF; 0 where none is.
             off = np.maximum(1.0 - percent / 100.0, 0.0)
             per_minute_off = np.divide(per_minute, off, out=np.zeros(off.size), where=off > 0.0)
+            limit = {name: np.nan if one is None else one for name, one in given.items()}
+            # A figure that is not defined is not worse.
             worse = (
-                _more(median, given['latency_median_all_ms'])
-                + missed_costs * np.maximum((given['sooner_than_chance'] or 0.0) - sooner, 0.0)
-                + false_costs * _more(per_minute_off, given['false_alarms_per_minute_off'])
-                + config.false_time_costs_ms * _more(percent, given['false_time_percent'])
+                np.fmax(median - limit['latency_median_all_ms'], 0.0)
+                + missed_costs * np.fmax(limit['sooner_than_chance'] - sooner, 0.0)
+                + false_costs * np.fmax(per_minute_off - limit['false_alarms_per_minute_off'], 0.0)
+                + config.false_time_costs_ms * np.fmax(percent - limit['false_time_percent'], 0.0)
             )
             costs += WORSE_COUNTS * worse
         return np.asarray(costs)
@@ -325,11 +315,11 @@ class Problem:
         """Return the error of the mean latency by Student's t, at ``CONFIDENCE``.
 
         A chain whose cost is higher by less than this counts as equally good. With one slip the
-        error is infinite.
+        error is the largest float, as JSON has no infinity.
         """
         late_ms = self._late_ms(sweep)[sweep.scored, at]
         if late_ms.size < 2:
-            return math.inf
+            return sys.float_info.max
         # Imported here: what is learnt of rest and of taps does without it.
         from scipy import special
 
@@ -394,20 +384,15 @@ class Problem:
         return worse > of_best or areas[0] < min(areas[1:]) - AUC_STEP
 
 
-def _more(figures: Floats, given: float | None) -> Floats:
-    """Return by how much figures are larger than a given one; 0 where that is not defined."""
-    return np.asarray(np.maximum(figures - (np.inf if given is None else given), 0.0))
-
-
-def _with_neighbours(costs: Floats) -> Floats:
+def _with_neighbours(costs: Floats, neighbours: int) -> Floats:
     """Return the mean of each cost and of the costs of the neighbouring thresholds; shape (T,).
 
     Nothing is ON from the highest threshold on, so that its cost continues above. What is ON below
     the lowest is not known, so thresholds that lack neighbours there have an infinite cost.
     """
-    width = 2 * NEIGHBOURS + 1
-    padded = np.pad(costs, NEIGHBOURS, mode='edge')
-    padded[:NEIGHBOURS] = np.inf
+    width = 2 * neighbours + 1
+    padded = np.pad(costs, neighbours, mode='edge')
+    padded[:neighbours] = np.inf
     return np.asarray(np.convolve(padded, np.full(width, 1.0 / width), 'valid'))
 
 

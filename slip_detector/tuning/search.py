@@ -83,9 +83,8 @@ class TuningParameters(NamedTuple):
     def problem(self, tracks: Sequence[Track]) -> Problem:
         """Return the problem of a search on tracks."""
         problem = Problem(tracks, self.chain, None, self.evaluation, self.tune)
-        if self.tune.trade:
-            return problem
-        return dataclasses.replace(problem, figures=problem.as_it_is(self.chain).figures)
+        figures = None if self.tune.trade else problem.as_it_is(self.chain).figures
+        return dataclasses.replace(problem, figures=figures)
 
 
 class TuningResult(NamedTuple):

@@ -150,49 +150,41 @@ class SearchSpace:
         ValueError
             When its parameters contradict each other, or noise floors cannot be learnt.
         """
-        low_hz = rounded(point['passband_low_hz'])
+        given, decision = self._given, point['decision']
+        values = {k: rounded(one) if isinstance(one, float) else one for k, one in point.items()}
+        low_hz, degree = values['passband_low_hz'], values['passband_degree']
         high_hz = rounded(low_hz * 2.0 ** point['passband_octaves'])
         if high_hz > self._highest_hz:
             high_hz = 0.0
-        degree = point['passband_degree']
+        changes: dict[str, Any] = {
+            field.name: values[field.name]
+            for field in dataclasses.fields(given)
+            if field.name in values and decision in field.metadata['searched_with']
+        } | {
+            'passband_hz': (low_hz, high_hz),
+            'passband_degree': degree + degree % 2 if high_hz else degree,
+            'stopbands_hz': self._stopbands(point, low_hz, high_hz),
+            'mains_hz': point['mains_hz'],
+        }
         # A rounded window must not be shorter than a sample.
-        envelope_s, decision_s = (
-            max(rounded(point[f'{stage}_window_s']), self._least_window_s)
-            for stage in ('envelope', 'decision')
-        )
-        chain = dataclasses.replace(
-            self._given,
-            decision='mean',
-            passband_hz=(low_hz, high_hz),
-            passband_degree=degree + degree % 2 if high_hz else degree,
-            stopbands_hz=self._stopbands(point, low_hz, high_hz),
-            mains_hz=point['mains_hz'],
-            exponent=point['exponent'],
-            envelope_window_s=envelope_s,
-            common_mode=point['common_mode'],
-        )
-        if point['decision'] == 'mean':
-            return dataclasses.replace(chain, decision_window_s=decision_s)
-        limit_db_s, offset_db = (
-            rounded(point[name]) for name in ('evidence_limit_db_s', 'evidence_offset_db')
-        )
-        reached = chain.threshold < limit_db_s
-        return dataclasses.replace(
-            chain,
-            decision='evidence',
-            noise_floor=self._floors(point, chain),
-            noise_floor_learnt={
-                'given': chain.noise_floor_learnt, 'learnt': True, 'followed': False,
-            }[point['floors']],
-            noise_floor_range_db=rounded(point['floor_range_db']),
-            noise_floor_rate_db_s=rounded(point['floor_rate_db_s']),
-            evidence_offset_db=offset_db,
-            evidence_cap_db=rounded(offset_db + point['cap_above_db']),
-            evidence_limit_db_s=limit_db_s,
-            threshold=chain.threshold if reached else rounded(0.5 * limit_db_s),
+        for name in ('envelope_window_s', 'decision_window_s'):
+            if name in changes:
+                changes[name] = max(changes[name], self._least_window_s)
+        if decision == 'mean':
+            return dataclasses.replace(given, **changes)
+        learnt = {'given': given.noise_floor_learnt, 'learnt': True, 'followed': False}
+        limit_db_s = values['evidence_limit_db_s']
+        reached = given.threshold < limit_db_s
+        changes |= {
+            'noise_floor_learnt': learnt[point['floors']],
+            'noise_floor_range_db': values['floor_range_db'],
+            'noise_floor_rate_db_s': values['floor_rate_db_s'],
+            'evidence_cap_db': rounded(values['evidence_offset_db'] + point['cap_above_db']),
+            'threshold': given.threshold if reached else rounded(0.5 * limit_db_s),
             **self._impacts(point),
-            impact_hold_s=rounded(point['impact_hold_s']),
-        )  # fmt: skip
+        }
+        floors = self._floors(point, dataclasses.replace(given, **{**changes, 'decision': 'mean'}))
+        return dataclasses.replace(given, **changes, noise_floor=floors)
 
     def _floors(self, point: dict[str, Any], chain: ChainConfig) -> tuple[float, ...]:
         """Return the noise floors at a point; ``chain`` has all other parameters."""
@@ -207,9 +199,10 @@ class SearchSpace:
 
     def _impacts(self, point: dict[str, Any]) -> dict[str, Any]:
         """Return the parameters of the step that is an impact at a point."""
+        given, channels = self._given, point['impact_channels']
         if point['impact'] != 'above slips':
-            return {'impact_v': self._given.impact_v if point['impact'] == 'given' else 0.0}
-        channels = point['impact_channels']
+            impact_v = given.impact_v if point['impact'] == 'given' else 0.0
+            return {'impact_v': impact_v, 'impact_channels': given.impact_channels}
         step_v = float(self._slip_steps_v[channels - 1])
         return {'impact_v': rounded(LEAST_RATIO * step_v), 'impact_channels': channels}
 
