@@ -75,11 +75,3 @@ def test_a_file_for_another_namespace_stops_the_start_with_one_line_that_names_b
         f'slip_detector: {files["late"]}: has sections for /index/slip_detector, none for this '
         'node, /index/late/slip_detector, allowed: /index/late/slip_detector or /**/slip_detector'
     )
-
-
-def test_a_wrong_file_stops_the_start_with_one_line(bench, files):
-    files['late'].write_text('/**/slip_detector:\n  ros__parameters: {treshold: 1.0}\n')
-    names = ','.join(str(path) for path in files.values())
-    process = bench.start('slip_detector', '--', '--configs', names)
-    assert process.wait() == 1
-    assert process.lines()[-1].startswith('slip_detector: unknown parameter treshold = 1.0; did')

@@ -89,17 +89,6 @@ def test_every_topic_says_what_the_chain_decides(bench, rows):
     assert list(sent[0].name) == list(DetectorConfig().names)
 
 
-def test_a_long_gap_restarts_the_chain(bench, rows):
-    detected = Detected(bench)
-    begin = detected.settle(rows[0], START_NS, PERIOD_NS)
-    at_ns = detected.send_all(rows[:180], begin, PERIOD_NS)
-    detected.send_all(rows[180:], at_ns + 200_000_000, PERIOD_NS)
-    wanted = SlipChain().update(rows[180:]).level
-    heard = [message.position for message in detected.envelope[-len(wanted) :]]
-    np.testing.assert_allclose(heard, wanted, rtol=1e-9, atol=1e-9)
-    assert 'the chain restarts (1 so far)' in detected.process.log()
-
-
 def test_messages_that_do_not_fit_are_dropped_and_the_chain_goes_on(bench, rows):
     detected = Detected(bench)
     names = [f'taxel_{i}' for i in range(16)]
@@ -124,18 +113,6 @@ def test_the_heart_beats_where_nobody_publishes_a_clock(bench):
     detected = Detected(bench, parameters={'use_sim_time': 'true'})
     beats = len(detected.slip)
     bench.wait_for(lambda: len(detected.slip) > beats + 3, 'the heartbeat')
-
-
-@pytest.mark.parametrize(
-    ('parameters', 'words'),
-    [
-        ({'threshold': -1.0}, ['threshold', '-1', '1e-30 to 1e+30']),
-        ({'threshhold': 0.5}, ['threshhold', '0.5', 'did you mean threshold?']),
-        ({'groups.TP': [1, 17]}, ['groups', '17', '1 to 16']),
-    ],
-)
-def test_a_wrong_parameter_stops_the_start_with_one_line(bench, parameters, words):
-    bench.check_refused('slip_detector', parameters, words)
 
 
 def test_the_shipped_file_holds_the_defaults_and_where_the_taxels_are():

@@ -134,17 +134,6 @@ def test_late_batches_are_rows_with_their_own_times_and_a_lost_one_is_bridged(be
     bench.wait_for(lambda: '50 samples missing, bridged' in process.log(), 'the lost batch')
 
 
-@pytest.mark.parametrize(
-    ('parameters', 'words'),
-    [
-        ({'input_type': 'no_msgs/msg/Such'}, ["input_type is 'no_msgs/msg/Such'", 'installed']),
-        ({'input_field': 'volts'}, ["input_field is 'volts'", 'position, velocity, effort']),
-    ],
-)
-def test_a_type_or_field_there_is_not_stops_the_start_with_one_line(bench, parameters, words):
-    bench.check_refused('slip_detector', parameters, words)
-
-
 def test_messages_without_the_field_are_counted_and_the_node_goes_on(bench):
     process, envelope, voltages = started(bench, JointState, input_field='position[2]', channels=1)
     stamps_ns = itertools.count(START_NS, PERIOD_NS)

@@ -115,30 +115,14 @@ def test_the_ordinary_service_takes_them_one_by_one(bench):
     assert value_of(bench, 'vote') == 'mean'
 
 
-def test_a_value_of_no_type_is_refused_with_all_that_is_asked_with_it(bench):
-    detected = Detected(bench)
-    parameters = [Parameter('threshold', value=0.7).to_parameter_msg() for _ in range(2)]
-    parameters[1].value.type = 99
-    request = SetParametersAtomically.Request(parameters=parameters)
-    answer = ask(bench, SetParametersAtomically, 'set_parameters_atomically', request)
-    assert not answer.result.successful
-    assert 'refused: 99 is not a valid' in detected.process.log()
-    assert value_of(bench, 'threshold') == 0.5
-
-
 #: Each is allowed whatever the others still are.
 OTHERS = {
     'gain': 50.0,
     'passband_hz': [8.0, 60.0],
-    'passband_degree': 2,
     'stopbands_hz': [0.5, 6.0, 60.0, 170.0],
-    'stopband_degree': 6,
-    'stopband_ripple_db': 0.02,
-    'stopband_attenuation_db': 45.0,
     'rectify': 'half',
     'exponent': 2,
     'envelope_window_s': 0.05,
-    'decision_window_s': 0.03,
     'threshold': 0.4,
     'vote': 3,
     'groups.TP': [9, 11, 14, 16],

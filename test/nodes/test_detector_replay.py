@@ -24,7 +24,7 @@ from std_msgs.msg import Header
 
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.nodes.messages import event_qos, stamp_ns, time_message
-from support.harness import PERIOD_NS, START_NS, Detected, ended_quietly
+from support.harness import PERIOD_NS, START_NS, Detected
 
 #: So many samples at most are on their way at a time, whatever the speed.
 IN_FLIGHT = 50
@@ -122,14 +122,3 @@ def test_a_recording_that_starts_again_goes_on(bench):
     bench.wait_for(lambda: replayed.answered(last_ns), 'the decision')
     bench.wait_for(lambda: replayed.valid[-1].data, 'slip_valid')
     replayed.fall_silent(last_ns + PERIOD_NS)
-
-
-def test_a_negative_time_on_the_clock_is_ignored_and_named(bench):
-    rows = 4.0 + 0.1 * np.random.default_rng(0).standard_normal((20, 16))
-    replayed = Replayed(bench)
-    begin_ns = replayed.settle(rows[0], START_NS, PERIOD_NS)
-    replayed.tick(-1)
-    bench.wait_for(lambda: 'refused: ' in replayed.process.log(), 'the warning')
-    replayed.send_all(rows, begin_ns, PERIOD_NS)
-    with ended_quietly(replayed.process):
-        pass

@@ -15,12 +15,9 @@
 """What comes from one finger: samples, levels, and the states that belong to them."""
 
 import dataclasses
-from collections import deque
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 rclpy = pytest.importorskip('rclpy', reason='needs rclpy')
 
@@ -28,7 +25,7 @@ from rclpy.node import Node  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
 from std_msgs.msg import Bool, Float32MultiArray, MultiArrayDimension  # noqa: E402
 
-from slip_detector.nodes.finger_topics import FingerTopics, Topics, state_at  # noqa: E402
+from slip_detector.nodes.finger_topics import FingerTopics, Topics  # noqa: E402
 from slip_detector.nodes.messages import (  # noqa: E402
     sensor_qos,
     state_qos,
@@ -40,16 +37,6 @@ from slip_detector.view.detectors import Finger  # noqa: E402
 TWO = DetectorConfig(channels=2, groups={'pair': (1, 2)}, passband_hz=(7, 50), stopbands_hz=[])
 NAMES = Topics('/f', '/f/voltages', '/f/slip_truth', '/f/slip_detector/envelope')
 AT_NS = 10**18
-
-
-@given(
-    changes=st.lists(st.tuples(st.integers(0, 100), st.booleans()), max_size=15),
-    rows=st.lists(st.integers(0, 100), max_size=20),
-)
-def test_each_row_has_the_state_that_was_published_last_before_it(changes, rows):
-    changes = sorted(changes, key=lambda change: change[0])
-    wanted = [next((s for t, s in reversed(changes) if t <= at), False) for at in rows]
-    assert [state_at(deque(changes), row) for row in rows] == wanted
 
 
 class Sensor:

@@ -121,21 +121,12 @@ def test_a_word_that_is_not_known_or_allowed_stops_the_start_with_one_line(words
     assert 'Traceback' not in done.stderr
 
 
-@pytest.mark.parametrize(
-    ('text', 'said'),
-    [
-        ('a: 1\na: 2\n', ' line 2: has a again, allowed: once\n'),
-        (None, ' cannot be read (No such file or directory)\n'),
-    ],
-    ids=['twice', 'missing'],
-)
-def test_a_parameter_file_is_refused_in_our_words_before_rcl_reads_it(tmp_path, text, said):
+def test_a_parameter_file_is_refused_in_our_words_before_rcl_reads_it(tmp_path):
     file = tmp_path / 'a.yaml'
-    if text is not None:
-        file.write_text(text)
+    file.write_text('a: 1\na: 2\n')
     done = run('slip_detector', '--ros-args', '--params-file', str(file))
     assert done.returncode == 1
-    assert done.stderr == f'slip_detector: {file}:{said}'
+    assert done.stderr == f'slip_detector: {file}: line 2: has a again, allowed: once\n'
 
 
 @pytest.mark.skipif(not COMPILED, reason='without Numba nothing is compiled')
