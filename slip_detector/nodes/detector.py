@@ -34,7 +34,7 @@ from slip_detector.chain.stamps import BACKWARDS, StampGrid
 from slip_detector.nodes.health import Diagnostics, Health
 from slip_detector.nodes.inputs import Input, Senders, publishing_nodes
 from slip_detector.nodes.messages import sensor_qos
-from slip_detector.nodes.outputs import TOPIC_PARAMETERS, Outputs, check_topics
+from slip_detector.nodes.outputs import Outputs, check_topics
 from slip_detector.nodes.parameters import declare, follow_changes
 from slip_detector.nodes.rclpy_internals import ROS_ERROR, destroy_state_machine
 from slip_detector.parameters.detector import DetectorConfig
@@ -193,8 +193,7 @@ class Detector(LifecycleNode):
         self._active = config
         differ = {name for name in vars(config) if getattr(config, name) != getattr(before, name)}
         self._health.config = config
-        if differ & TOPIC_PARAMETERS:
-            self._outputs.configure(config)
+        self._outputs.configure(config)
         if not self._running:
             return True
         if differ & {'input_type', 'input_field'}:

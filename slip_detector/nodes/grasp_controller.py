@@ -118,12 +118,9 @@ class GraspController(Node):
         if trusted != self._trusted:
             self._trusted = trusted
             self._log_trust(silent)
-        before_n, before_s, self._commanded_s = (
-            self._law.force_n,
-            self._commanded_s,
-            time.monotonic(),
-        )
-        elapsed_s = min(self._commanded_s - before_s, PERIODS_COUNTED / self.config.command_hz)
+        now_s, before_n = time.monotonic(), self._law.force_n
+        elapsed_s = min(now_s - self._commanded_s, PERIODS_COUNTED / self.config.command_hz)
+        self._commanded_s = now_s
         force_n = self._law.update(elapsed_s, slip, trusted)
         if slip and force_n > before_n >= self.config.grip_n:
             self.get_logger().info(f'slip: grip raised to {force_n:.2f} N')

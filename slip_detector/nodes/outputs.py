@@ -35,14 +35,10 @@ from slip_detector.nodes.messages import (
 )
 from slip_detector.nodes.rclpy_internals import ROS_ERROR
 from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.parameters.fields import names_that_affect
 from slip_detector.recordings.messages import JointStateWriter
 
 #: Longest silence of ``slip`` that the publisher promises, in periods of the heartbeat.
 DEADLINE_BEATS = 2.0
-
-#: Parameters on which the topics and the columns of the decisions depend.
-TOPIC_PARAMETERS = names_that_affect(DetectorConfig, 'outputs')
 
 #: What a column of :attr:`.SlipResult.flags` is: kind, name, and number of channels. Channels are
 #: the same only where there are as many.

@@ -45,7 +45,7 @@ def main(executable: str) -> NoReturn:
     """
     # Before rclpy is initialised there is nothing to clean up, and an exception could break an
     # import.
-    _on_signals(lambda *_: os._exit(0))
+    on_signals(lambda *_: os._exit(0))
     import rclpy
     from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
     from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -65,7 +65,7 @@ def main(executable: str) -> NoReturn:
         make = _maker(executable)
         # rclpy's own handlers would shut the middleware down in the middle of a call.
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-        _on_signals(signal.default_int_handler)
+        on_signals(signal.default_int_handler)
         nodes = make(arguments)
         takedowns = [node.destroy_node for node in nodes]
         gc.freeze()  # A collection of what lives until the end would hold up samples.
@@ -87,13 +87,14 @@ def main(executable: str) -> NoReturn:
         traceback.print_exc()
         code = 1
     # A second signal (ros2 launch sends two) must not interrupt the shutdown.
-    _on_signals(signal.SIG_IGN)
+    on_signals(signal.SIG_IGN)
     # A node that is only partly made is not in the takedowns. Its objects refer to each other, and
     # the middleware has it until they are collected.
     leave(takedowns or [gc.collect], code)
 
 
-def _on_signals(handler: Any) -> None:
+def on_signals(handler: Any) -> None:
+    """Set the handler of the signals that end a process."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, handler)
 

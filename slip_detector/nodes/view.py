@@ -19,14 +19,12 @@ import argparse
 import asyncio
 import os
 import secrets
-import signal
 import sys
 from collections.abc import Callable
 from pathlib import Path
 
 from slip_detector.commands.command_line import Parser, whole_number
-
-SIGNALS = (signal.SIGINT, signal.SIGTERM)
+from slip_detector.nodes.run import on_signals
 
 
 def main() -> None:
@@ -38,8 +36,7 @@ def main() -> None:
     Slow imports come after the signal handlers are set: otherwise a signal during start-up ends in
     a traceback.
     """
-    for number in SIGNALS:
-        signal.signal(number, lambda *_: os._exit(0))
+    on_signals(lambda *_: os._exit(0))
     import rclpy
     from rclpy.signals import SignalHandlerOptions
     from rclpy.utilities import remove_ros_args
@@ -120,13 +117,12 @@ async def _serve(arguments: argparse.Namespace, takedowns: list[Callable[[], obj
 
     stop, loop = asyncio.Event(), asyncio.get_running_loop()
 
-    def on_signal(*_: object) -> None:
+    def end(*_: object) -> None:
         # A second signal (ros2 launch sends two) must not interrupt the shutdown.
         if not loop.is_closed():
             loop.call_soon_threadsafe(stop.set)
 
-    for number in SIGNALS:
-        signal.signal(number, on_signal)
+    on_signals(end)
     token = arguments.token or ('' if is_loopback(arguments.host) else secrets.token_urlsafe(16))
     # As the node is not spun, services of its own would leave requests unanswered.
     node = Node('slip_view', start_parameter_services=False)

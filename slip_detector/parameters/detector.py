@@ -83,19 +83,18 @@ class ChainConfig(ParameterSet):
         380.0, 'Rate of the samples.', (1.0, 1e6, 'Hz'), heading='Samples', affects='input'
     )
     channels: int = parameter(
-        16, 'Number of channels in a sample.', (1, 1_000_000), affects='input outputs display'
+        16, 'Number of channels in a sample.', (1, 1_000_000), affects='input display'
     )
     channel_names: tuple[str, ...] = parameter(
         (),
         'Names of the channels in the input; empty: ch1, ch2, ..., and the input may have any.',
         allows='letters, digits, _',
-        affects='decision outputs',
+        affects='decision',
     )
     disabled_channels: tuple[int, ...] = parameter(
         (),
         'Channels (counted from 1) that are not computed and do not vote.',
         allows='1 to the number of channels',
-        affects='outputs',
     )
     valid_range_v: tuple[float, float] = decision_parameter(
         (-1e9, 1e9),
@@ -221,7 +220,7 @@ class ChainConfig(ParameterSet):
         {},
         'Channels (from 1) of each group; none given: Table 1 for 16 channels, else one, all.',
         allows='each enabled channel in one group',
-        affects='decision outputs display',
+        affects='decision display',
     )
 
     def __post_init__(self) -> None:
@@ -361,14 +360,12 @@ class DetectorConfig(ChainConfig):
         0.5, 'slip_valid becomes false within this time after a sample.', (0.01, 3600.0, 's')
     )
     heartbeat_hz: float = parameter(
-        10.0, 'Rate at which slip and slip_valid repeat.', (0.1, 1000.0, 'Hz'), affects='outputs'
+        10.0, 'Rate at which slip and slip_valid repeat.', (0.1, 1000.0, 'Hz')
     )
     publish_groups: bool = parameter(
-        True, 'Whether slip/group/... is published.', affects='outputs display'
+        True, 'Whether slip/group/... is published.', affects='display'
     )
-    publish_channels: bool = parameter(
-        True, 'Whether slip/channel/... is published.', affects='outputs'
-    )
+    publish_channels: bool = parameter(True, 'Whether slip/channel/... is published.')
     autostart: bool = parameter(
         True, 'Whether the node activates itself; else a lifecycle manager does.'
     )
