@@ -98,8 +98,6 @@ def test_always_on_and_never_on_are_exactly_as_good_as_chance(always):
 
 
 def test_figures_by_hand():
-    by_chance = recall_by_chance([2.0, 6.0], np.array([0, 10, 20]) / 60.0)
-    assert by_chance.tolist() == pytest.approx([0.0, (2 / 6 + 1.0) / 2, (4 / 6 + 1.0) / 2])
     # Found after 0.1 s, of which chance finds a tenth, and missed, of which it finds all.
     sooner = sooner_than_chance([0.1, np.nan], [0.0, 0.0], [2.0, 2.0], 1.0)
     assert sooner == pytest.approx((0.9 - 0.1 - 1.0) / 2)

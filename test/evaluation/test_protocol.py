@@ -15,13 +15,13 @@
 """The paper's protocol: its trials, their figures, the variants of the chain and the claims."""
 
 import dataclasses
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from evaluation.test_figures import SLIP, outcome
 
-from slip_detector.chain.samples import Samples
 from slip_detector.evaluation import protocol
+from slip_detector.evaluation.figures import paper_figures
 from slip_detector.evaluation.protocol import (
     SCENES,
     PlateTrial,
@@ -32,7 +32,6 @@ from slip_detector.evaluation.protocol import (
     simulate_trials,
     with_band,
 )
-from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.files import read_yaml
 from slip_detector.scenes import find_scene
@@ -49,44 +48,10 @@ def plates():
     }
 
 
-class Deciding:
-    """Takes the place of a chain: its decisions are given."""
-
-    config = CHAIN
-
-    def __init__(self, channels, slip):
-        self._channels, self._slip = channels, slip
-
-    def reset(self):
-        self._row = 0
-
-    def take_filters(self, other):
-        self.reset()
-
-    def update(self, volts, **_):
-        rows = slice(self._row, self._row + len(volts))
-        self._row = rows.stop
-        channels, slip = self._channels[rows], self._slip[rows]
-        return SimpleNamespace(
-            channels=channels, slip=slip, groups=slip[:, np.newaxis], envelope=volts,
-            valid=channels, vote_statistic=np.ones((len(volts), 1)),
-        )  # fmt: skip
-
-
 def moving_trial(rows=20, start=5, end=12):
     """Make a trial whose plate moves from row ``start`` to row ``end``."""
     position_m = np.clip(np.arange(rows) - start, 0, end - start) * 1e-3
     return PlateTrial(np.zeros((rows, 2)), position_m, RATE_HZ)
-
-
-def decided(trial, *firsts, slip=None):
-    """Return the outcome of a trial whose channels go ON at a row and stay so; None: never."""
-    rows = np.arange(len(trial.volts))
-    channels = np.array([rows >= (rows.size if first is None else first) for first in firsts]).T
-    replay = Replay(ChainConfig())
-    slip = channels.any(axis=1) if slip is None else slip
-    replay.chain, replay.filters = Deciding(channels, slip), Deciding(channels, slip)
-    return replay.run([Samples.evenly(trial.volts, RATE_HZ, trial.moving)], RATE_HZ)
 
 
 def test_a_trial_lasts_from_the_last_row_at_rest_to_the_first_at_rest_again():
@@ -106,34 +71,18 @@ def test_the_plates_differ_only_in_their_spatial_period():
     assert descriptions['440'] == descriptions['400'] == descriptions['480']
 
 
-def test_the_figures_of_a_plate_by_hand():
-    trial = moving_trial()
-    figures = plate_figures(
-        [
-            decided(trial, 7, 9),
-            decided(trial, 10, None, slip=np.arange(20) < 6),
-            decided(trial, 8, 13, slip=np.zeros(20, bool)),  # one after the motion
-        ]
-    )
+def test_the_figures_of_a_plate_are_those_of_the_paper_and_of_each_trial():
+    never = {'on_while': False, 'delay_s': None, 'channel_delays_s': (None, None)}
+    outcomes = [outcome([slip]) for slip in (SLIP, dataclasses.replace(SLIP, **never))]
+    figures = plate_figures(outcomes)
     assert figures == {
-        'trial_delays_ms': pytest.approx([30.0, 50.0, 30.0]),
-        'mean_delay_ms': pytest.approx(110 / 3),
-        'sd_delay_ms': pytest.approx(np.std([30, 50, 30], ddof=1)),
-        'detected': 2,
-        'trials': 3,
-        'success_percent': pytest.approx(200 / 3),
-        # At rest are rows 0 to 4 and 13 to 19.
-        'false_positive_percent': pytest.approx(100 * (7 + 5) / 36),
-        'channels_without_on': 2,
+        **paper_figures(outcomes),
+        'trial_delays_ms': [30.0, None],
+        'detected': 1,
+        'trials': 2,
+        'channels_without_on': 3,
     }
-
-
-def test_a_delay_that_is_not_defined_is_none():
-    figures = plate_figures([decided(moving_trial(), None, None)])
-    assert figures['trial_delays_ms'] == [None]
-    assert (figures['mean_delay_ms'], figures['sd_delay_ms']) == (None, None)
-    always = moving_trial(rows=8, start=0, end=7)
-    assert plate_figures([decided(always, 0, 0)])['false_positive_percent'] is None
+    assert (figures['mean_delay_ms'], figures['success_percent']) == (30.0, 50.0)
 
 
 def test_a_trial_that_does_not_suit_the_chain_is_refused_with_its_plate():

@@ -24,7 +24,6 @@ from slip_detector.chain.samples import Samples
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.view import detectors
 from slip_detector.view.detectors import (
-    GRID_PITCH_M,
     OUTSIDE,
     RESTART,
     Finger,
@@ -84,12 +83,6 @@ def test_a_detector_that_is_not_heard_is_called_silent_after_some_heartbeats(mon
     assert finger.silence() == (
         'the detector has not been heard for 4 s: was it killed, or stopped?'
     )
-
-
-def test_without_positions_the_channels_stand_in_rows_of_a_grid_around_the_middle():
-    drawn = drawn_positions(DetectorConfig(channels=7)) / GRID_PITCH_M
-    rows = [(x, y, 0) for y in (1, 0, -1) for x in (-1, 0, 1)]
-    assert drawn.tolist() == [list(row) for row in rows[:7]]
 
 
 def test_channels_that_share_a_place_are_drawn_on_a_circle_around_it():

@@ -130,12 +130,3 @@ def test_each_row_from_the_first_on_is_written_once_with_its_label(tmp_path):
     (piece,) = recording.rows()
     assert piece.volts[:, 0].tolist() == [*range(15, 15 + len(truth))]
     assert piece.truth.tolist() == truth
-
-
-def test_a_folder_that_another_process_has_just_made_is_left_to_it(tmp_path):
-    theirs = tmp_path / 'rest_1'
-    theirs.mkdir()
-    (theirs / 'rest_1.mcap').write_text('theirs')
-    with pytest.raises(ValueError, match=r'rest_1: cannot be written \(already exists\)'):
-        Recorder(theirs, Finger('/index/slip_detector', CONFIG), 0)
-    assert (theirs / 'rest_1.mcap').read_text() == 'theirs'

@@ -27,7 +27,7 @@ from slip_detector.view import server
 from slip_detector.view.server import FOLDERS, Access, page_address
 from slip_detector.view.view_request import ViewRequest
 from support.live_client import LiveClient
-from support.served_pages import UPGRADE, port_of, refused, served, status_of, ticks
+from support.served_pages import port_of, refused, served, status_of, ticks
 from support.simulated_detectors import SimulatedDetectors
 
 LOCAL = Access('127.0.0.1', name='robot')
@@ -224,20 +224,3 @@ async def test_a_page_that_breaks_or_cannot_be_drawn_is_closed_and_others_are_se
         await later.drawn_frame()
         for each in (later, other):
             each.close()
-
-
-async def test_pages_that_sleep_are_closed(monkeypatch):
-    monkeypatch.setattr(server, 'PING_S', 0.2)
-    async with served() as (it, page):
-        port = port_of(it)
-        _, asleep = await asyncio.open_connection('127.0.0.1', port)
-        headers = {'Host': f'127.0.0.1:{port}', **UPGRADE}
-        lines = ('GET /live HTTP/1.1', *(f'{name}: {value}' for name, value in headers.items()))
-        asleep.write('\r\n'.join((*lines, '', '')).encode())
-        # A page that reads answers when it is asked whether it is there.
-        heard = asyncio.create_task(page.until('teaching'))
-        while not any(each.ws_connection.is_closing() for each in it.server.pages):
-            await asyncio.sleep(0.01)
-        it.server.broadcast('teaching', {'count': 1})
-        assert (await heard)['count'] == 1
-        asleep.close()
