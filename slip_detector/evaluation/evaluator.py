@@ -123,13 +123,10 @@ class RecordingLoader(NamedTuple):
                 f'{", ".join(config.channel_names)}, the parameter channel_names'
             )
         if require_truth and not recording.has_truth:
-            arrays = ', '.join(recording.array_names())
-            reading = self.recording_config
+            reading, arrays = self.recording_config, ', '.join(recording.array_names())
+            topics = f'{reading.recording_truth_topic} or {reading.recording_position_topic}'
             label = f'label {reading.recording_truth_key}, there are: {arrays}'
-            if not arrays:
-                label = (
-                    f'topic {reading.recording_truth_topic} or {reading.recording_position_topic}'
-                )
+            label = label if arrays else f'topic {topics}'
             raise ValueError(
                 f'{path}: has no {label}; allowed: one to label the slips, or a file of labels '
                 f'beside it, {labels_name(path)} (--labels: elsewhere)'

@@ -169,12 +169,6 @@ def give_alarm(alarm, row, slip, lows, alarm_of, threshold):
 
 
 @compiled
-def is_false(row, slip, lows):
-    """Return whether :func:`give_alarm` finds no slip for an alarm, whatever the threshold."""
-    return slip == lows.size or row < lows[slip]
-
-
-@compiled
 def _match(rises, settling, lows, highs, alarm_of, slip_of):
     slip = 0
     for alarm in range(rises.size):

@@ -277,9 +277,7 @@ class Overview:
         self.events = events
         channels = self.config.channels
         bins = max(round(self.share * MOST_CELLS) // channels, 64)
-        self.bin_rows = 1
-        while self.rows > bins * self.bin_rows:
-            self.bin_rows *= 2
+        self.bin_rows = 1 << (max(self.rows - 1, 0) // bins).bit_length()
         n, signals = -(-self.rows // self.bin_rows), len(signal_ranges(self.config))
         self.low = np.full((n, channels), np.nan, np.float32)
         self.high, self.codes = self.low.copy(), np.zeros((n, signals * channels), np.uint8)

@@ -34,7 +34,6 @@ from slip_detector.evaluation.matching import (
     NONE,
     ScoredRows,
     give_alarm,
-    is_false,
     slip_not_over,
 )
 from slip_detector.evaluation.scores import SLIP
@@ -227,7 +226,8 @@ def _sweep(
             high = limits[above] if above < limits.size else np.inf
             if above > before and row >= settled:
                 slip = slip_not_over(row, slip, highs)
-                false = is_false(row, slip, lows)
+                # Then no slip can have the alarm, whatever the threshold.
+                false = slip == lows.size or row < lows[slip]
                 for t in range(before, above):
                     if row - fell[t] < off_rows:
                         continue

@@ -43,9 +43,9 @@ SILENT_S = 2.0
 MOST_S = 600.0
 
 #: Why a recording was ended without a request.
-GONE = 'The detector is gone'
-INTERRUPTED = (
-    'The detector has other channels or another rate now, or the clock of the samples was set back'
+GONE = (
+    'The detector is gone, has other channels or another rate, or the clock of the samples was '
+    'set back'
 )
 
 
@@ -159,10 +159,8 @@ class Teaching:
         recorder.write()
         if recorder.failure:
             self._end(recorder)
-        elif self._detectors.fingers.get(finger.name) is not finger:
+        elif recorder.interrupted or self._detectors.fingers.get(finger.name) is not finger:
             self._end(recorder, GONE)
-        elif recorder.interrupted:
-            self._end(recorder, INTERRUPTED)
         elif recorder.slipping and now_s - self._pressed_at_s > PRESSED_S:
             self._end_slip(recorder)
             self.words = (
@@ -194,7 +192,6 @@ class Teaching:
         recordings = [
             {
                 **one._asdict(),
-                'duration_s': round(one.duration_s, 1),
                 'kind': one.kind,
                 'usable': one.usable,
                 'held_out': one.name in held_out,

@@ -34,7 +34,6 @@ from slip_detector.view.teaching import (
     AFTER_S,
     BEFORE_S,
     GONE,
-    INTERRUPTED,
     Teaching,
 )
 from slip_detector.view.track import LiveTrack
@@ -185,7 +184,7 @@ def ten_minutes_pass(taught):
     ('event', 'why'),
     [
         (detector_goes, GONE),
-        (clock_is_set_back, INTERRUPTED),
+        (clock_is_set_back, GONE),
         (ten_minutes_pass, 'It was ended after 10 minutes'),
     ],
 )
