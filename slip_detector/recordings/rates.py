@@ -30,8 +30,8 @@ Floats = NDArray[np.float64]
 #: one, bands and windows would differ noticeably from the configured ones.
 RATE_TOLERANCE = 0.02
 
-#: Zero crossings of the sinc on either side of a row.
-LOBES = 16
+#: Rows of the lower rate that the low-pass takes on either side of a row.
+HALF_ROWS = 20
 
 #: Edge of the low-pass as a share of half the lower rate. Above half the lower rate the gain is
 #: below -70 dB.
@@ -122,14 +122,15 @@ def resampled(stretch: Samples, from_hz: float, to_hz: float) -> Samples:
     """
     import scipy.signal  # takes a while, and few recordings need it
 
-    up, down = _ratio(from_hz, to_hz)
-    most = max(up, down)
-    half = int(np.ceil(LOBES / EDGE))  # rows of the lower rate
-    low_pass = scipy.signal.firwin(2 * half * most + 1, EDGE / most, window='blackman')
+    # Accurate to some millionths, in whichever direction it goes.
+    share = fractions.Fraction(min(from_hz, to_hz) / max(from_hz, to_hz))
+    few, many = share.limit_denominator(MOST_FACTOR).as_integer_ratio()
+    up, down = (many, few) if to_hz > from_hz else (few, many)
+    low_pass = scipy.signal.firwin(2 * HALF_ROWS * many + 1, EDGE / many, window='blackman')
     bad = ~np.isfinite(stretch.volts)
     good = forward_filled(stretch.volts, bad)
     # The filter begins with zeros, so it gets what comes after the first row.
-    held = np.repeat(good[-1:], half * most // up + 1, axis=0)
+    held = np.repeat(good[-1:], HALF_ROWS * many // up + 1, axis=0)
     change = np.concatenate([good, held]) - good[0]
     n = (len(good) - 1) * up // down + 1
     volts = good[0] + scipy.signal.resample_poly(change, up, down, window=low_pass)[:n]
@@ -139,13 +140,6 @@ def resampled(stretch: Samples, from_hz: float, to_hz: float) -> Samples:
     after_ns = np.rint((places - before) * 1e9 / from_hz).astype(np.int64)
     rows = stretch.take(before)
     return rows._replace(volts=volts, stamps_ns=rows.stamps_ns + after_ns)
-
-
-def _ratio(from_hz: float, to_hz: float) -> tuple[int, int]:
-    """Return the ratio of the rates as a fraction, accurate to some millionths."""
-    lower, higher = sorted((from_hz, to_hz))
-    down, up = fractions.Fraction(lower / higher).limit_denominator(MOST_FACTOR).as_integer_ratio()
-    return (up, down) if to_hz > from_hz else (down, up)
 
 
 def forward_filled(volts: Floats, bad: NDArray[np.bool_]) -> Floats:
