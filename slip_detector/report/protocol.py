@@ -210,8 +210,7 @@ def _panels(trial: PlateTrial, heights: Sequence[float]) -> tuple[Figure, Any]:
     """Return a figure with whole trials on the left, the start of the motion on the right."""
     start_s = trial.motion_s[0]
     figure = Figure(figsize=(11, 1.35 * sum(heights) + 1), layout='constrained')
-    shape = len(heights), 2
-    axes = figure.subplots(*shape, sharex='col', sharey='row', height_ratios=heights)
+    axes = figure.subplots(len(heights), 2, sharex='col', sharey='row', height_ratios=heights)
     for axis in axes.flat:
         axis.axvspan(*trial.motion_s, color='0.92', zorder=0)
         axis.grid(color='0.9', linewidth=0.5)

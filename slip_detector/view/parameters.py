@@ -135,9 +135,8 @@ class ParameterRequests:
         values = message.get('values')
         if not isinstance(values, dict) or not values:
             raise ValueError(f'values is {shown(values)}, allowed: a value for each name')
-        texts = {name: value for name, value in values.items() if isinstance(value, str)}
-        read = {name: typed(name, text) for name, text in texts.items()}
-        await self._change(message, {**values, **read})
+        read = {n: typed(n, v) if isinstance(v, str) else v for n, v in values.items()}
+        await self._change(message, read)
 
     async def _undo(self, message: Mapping[str, Any]) -> None:
         values = self._panel(message.get('finger')).to_undo()

@@ -79,7 +79,7 @@ class RecordedFolder:
     --------
     >>> RecordedFolder(Path('recordings/index')).path_of('../../etc')
     Traceback (most recent call last):
-    ValueError: there is no recording '../../etc', allowed: those of the list
+    ValueError: there is no recording '../../etc', allowed: those listed
     """
 
     def __init__(self, folder: Path) -> None:
@@ -113,9 +113,7 @@ class RecordedFolder:
             When no recording has this name.
         """
         if not isinstance(name, str) or name not in self.recordings:
-            raise ValueError(
-                f'there is no recording {str(name)[:40]!r}, allowed: those of the list'
-            )
+            raise ValueError(f'there is no recording {str(name)[:40]!r}, allowed: those listed')
         return self.folder / name
 
     def delete(self, name: object) -> None:

@@ -231,17 +231,12 @@ def spectrum(volts: NDArray[np.float64], sample_rate_hz: float) -> Spectrum | No
     rows = min(rows, len(volts))
     if rows < FEWEST_ROWS:
         return None
+    known = np.ma.masked_invalid(volts)
+    filled = (known - known.mean(axis=0)).filled(0.0)
     # The squared values of a broken sensor may overflow.
     with np.errstate(over='ignore', invalid='ignore'):
         frequencies_hz, power = signal.welch(
-            _filled(volts), sample_rate_hz, nperseg=rows, axis=0, detrend='linear'
+            filled, sample_rate_hz, nperseg=rows, axis=0, detrend='linear'
         )
     density_db = 10.0 * np.log10(np.maximum(power[1:], LEAST_V2_HZ))
     return Spectrum(float(frequencies_hz[1]), density_db.T.astype(np.float32))
-
-
-def _filled(volts: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Replace values that are not finite by the mean of their channel; 0 if it has no other."""
-    known = np.isfinite(volts)
-    mean = np.where(known, volts, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
-    return np.where(known, volts, mean)

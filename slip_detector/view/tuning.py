@@ -29,8 +29,6 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import yaml
-
 from slip_detector.commands.tune import in_short
 from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
@@ -71,6 +69,9 @@ LOW_HZ, LOW_SHARE = 20.0, 0.2
 #: Parameters of the decision; a detector's other parameters are left as they are.
 OF_THE_CHAIN = {field.name for field in dataclasses.fields(ChainConfig)}
 
+#: What a page shows of a run as it is.
+DESCRIBED = 'running', 'step', 'share', 'lines', 'held_out', 'table'
+
 #: How much the search gives way to the nodes.
 NICE = 10
 
@@ -109,10 +110,7 @@ class TuneRun:
     def __init__(self, recorded: RecordedFolder, config: DetectorConfig) -> None:
         slips = recorded.of_kind('slip')
         if len(slips) < 2:
-            raise ValueError(
-                f'there are {len(slips)} recordings of slips, allowed: two or more, to tune on '
-                'and to hold out'
-            )
+            raise ValueError(f'there are {len(slips)} recordings of slips, allowed: two or more')
         self._config = config
         self.held_out = recorded.held_out()
         paths = {name: str(recorded.folder / name) for name in recorded.recordings}
@@ -198,14 +196,9 @@ class TuneRun:
     def described(self) -> dict[str, Any]:
         """Return the state of the run, for the page."""
         return {
-            'running': self.running,
+            **{name: getattr(self, name) for name in DESCRIBED},
             'stopping': self.stopping and self.running,
-            'step': self.step,
-            'share': self.share,
-            'lines': self.lines,
             'failed': '' if self.running else self.failed,
-            'held_out': self.held_out,
-            'table': self.table,
             'changes': len(self.to_apply(self._config)),
         }
 
@@ -256,14 +249,16 @@ def _tune(job: TuneJob, report: Callable[..., None]) -> None:
     report(step='comparing on what was held out')
     verdict = result.verdict
     tuned = {**begin, **({} if verdict.kept else searched(verdict.chain))}
-    before, after = (
-        figures_of_merit([replay.run(one.rows(), one.sample_rate_hz) for one in result.held])
-        for replay in [
-            Replay(_parameters(values).chain, EVALUATION) for values in (job.running, tuned)
-        ]
-    )
+
+    def figures(values: Values) -> dict[str, Any]:
+        replay = Replay(_parameters(values).chain, EVALUATION)
+        return figures_of_merit(
+            [replay.run(one.rows(), one.sample_rate_hz) for one in result.held]
+        )
+
     _write(job.folder / 'tuned.yaml', tuned)
-    report(found=DetectorConfig.from_parameters(tuned), table=compared(before, after))
+    table = compared(figures(job.running), figures(tuned))
+    report(found=DetectorConfig.from_parameters(tuned), table=table)
 
 
 def beginning(config: DetectorConfig) -> Values:
@@ -309,7 +304,7 @@ def _parameters(values: Values) -> TuningParameters:
 
 
 def _write(file: Path, values: Values) -> None:
-    document = yaml.safe_load(DetectorConfig.from_parameters(values).to_yaml())
+    document = DetectorConfig.from_parameters(values).to_document()
     write_yaml(file, document, ['Written by slip_view, which has tuned.'])
 
 
