@@ -32,7 +32,6 @@ from support.evaluation_cases import (
     write,
 )
 from support.full_disk import full_disk
-from support.interrupts import check_interrupted_evaluation
 
 
 def test_json_has_the_figures_of_each_recording_of_each_set_and_of_all(capsys, tmp_path):
@@ -139,7 +138,3 @@ def test_an_interrupt_is_one_line_and_leaves_what_was_evaluated(capsys, tmp_path
     assert capsys.readouterr().out.splitlines()[-1] == f'Stopped early, not evaluated: {paths[1]}'
     with pytest.raises(KeyboardInterrupt):
         main([str(paths[1])])
-
-
-def test_a_terminal_shows_how_many_are_done_and_an_interrupt_leaves_these(tmp_path):
-    check_interrupted_evaluation(tmp_path, '--jobs', '2')

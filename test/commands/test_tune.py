@@ -139,23 +139,6 @@ def test_wrong_arguments_are_refused_in_one_line(words, line, code, tmp_path, mo
     assert not Path('o.yaml').exists()
 
 
-def test_any_number_of_jobs_finds_the_same_to_the_bit(case):
-    folder, words = case
-    found = {}
-    for jobs in (1, 2):
-        out = folder / f'{jobs}.yaml'
-        run(*words, '--out', out, '--trials', 12, '--jobs', jobs)
-        found[jobs] = [
-            (trial.params, trial.values, trial.user_attrs['found'])
-            for trial in trials_of(journal(f'{out}.study.journal'))
-        ]
-    assert len(found[1]) == 12
-    assert found[2] == found[1]
-    assert DetectorConfig.from_yaml(folder / '2.yaml') == DetectorConfig.from_yaml(
-        folder / '1.yaml'
-    )
-
-
 def test_an_interrupt_keeps_what_was_found_and_the_same_command_goes_on(case):
     words, store = check_interrupted_search(case, '--jobs', 2)
     before = len(trials_of(journal(store)))

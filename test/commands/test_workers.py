@@ -15,7 +15,6 @@
 """Calls in this process, in several, and the options that recordings are read with."""
 
 import argparse
-import dataclasses
 import io
 import os
 import signal
@@ -25,6 +24,7 @@ import sys
 import pytest
 
 from slip_detector.commands.workers import (
+    READING,
     add_options,
     paths_for_workers,
     paths_read,
@@ -124,13 +124,8 @@ def test_options_replace_parameters_of_recordings_and_a_cluster_gets_whole_paths
 
     assert recording_config() == given
     words = ['--topic', '/biotac', '--field', 'pac', '--labels', 'l.yaml', '--resample']
-    assert recording_config(*words) == dataclasses.replace(
-        given,
-        recording_topic='/biotac',
-        recording_field='pac',
-        recording_labels='l.yaml',
-        recording_resample=True,
-    )
+    found = recording_config(*words).to_parameters()
+    assert [found[f'recording_{name}'] for name in READING] == ['/biotac', 'pac', 'l.yaml', True]
     there = ['--cluster', 'tcp://127.0.0.1:8786']
     assert recording_config(*there).recording_labels == str(tmp_path / 'by_hand')
     whole = [str(tmp_path / 'a.npz'), '/b']

@@ -31,10 +31,6 @@ RATE_HZ = 380.0
 TALLY = ScoreTally()
 
 #: Starts ``slip_evaluate`` as the console script does.
-SLIP_EVALUATE = (
-    'import sys; from slip_detector.commands.command_line import evaluate; sys.exit(evaluate())'
-)
-
 HALF_OF_IT = np.arange(600) >= 450
 
 

@@ -53,14 +53,8 @@ def test_each_threshold_and_vote_gives_what_a_chain_with_them_gives(
                 for slip in one.slips
             ]
             np.testing.assert_array_equal(sweep.latencies_ms[:, k], latencies_ms)
-            false_alarms = sum(alarm.kind == 'false' for one in outcomes for alarm in one.alarms)
-            assert sweep.false_alarms[k] == false_alarms
-            assert sweep.rest_s == sum(one.rest_rows / one.sample_rate_hz for one in outcomes)
-            assert sweep.on_rest_s[k] == sum(
-                one.on_rest_rows / one.sample_rate_hz for one in outcomes
-            )
-            whole = figures_of_merit(outcomes)
-            assert sweep.figures(k).items() <= whole.items()
+            # False alarms, rest and the time ON in it are among them.
+            assert sweep.figures(k).items() <= figures_of_merit(outcomes).items()
             scored = [not slip.settling for one in outcomes for slip in one.slips]
             assert sweep.scored.tolist() == scored
 
