@@ -211,10 +211,8 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     for name in OF_RECORDINGS if options.protocol else OF_PROTOCOL:
         if getattr(options, name) is not None:
             parser.error(f'--{name} is for {what}, allowed: {where} --protocol')
-    if options.protocol and options.recordings:
-        parser.error('--protocol simulates its trials, allowed: no RECORDING with it')
-    if not options.protocol and not options.recordings:
-        parser.error('the following arguments are required: RECORDING (or --protocol)')
+    if bool(options.protocol) == bool(options.recordings):
+        parser.error('required: either RECORDINGs or --protocol, which simulates its trials')
     return options
 
 

@@ -63,6 +63,4 @@ def open_source(
         return played.RecordingSource(config)
     if config.source == 'scene':
         return played.SceneSource(config, repetition)
-    raise ValueError(
-        'parameter source is not given, allowed: scene (a simulation), recording, serial or udp'
-    )
+    raise ValueError('parameter source is not given, allowed: scene, recording, serial or udp')

@@ -96,7 +96,11 @@ class DeviceClock:
         times_ns = np.asarray(times_ns, np.int64)
         newest_ns = int(times_ns[-1])
         delay_ns = arrival_ns - newest_ns
-        wanted_ns = self._smallest_delay(newest_ns, delay_ns) - self._offset_ns
+        if newest_ns >= self._window_ends_ns:
+            self._smallest_before_ns, self._smallest_ns = self._smallest_ns, delay_ns
+            self._window_ends_ns = newest_ns + WINDOW_NS
+        self._smallest_ns = min(self._smallest_ns, delay_ns)
+        wanted_ns = min(self._smallest_ns, self._smallest_before_ns) - self._offset_ns
         if not self._mapped or abs(wanted_ns) > STEP_NS:
             self._mapped, wanted_ns = True, 0
             self._offset_ns = self._smallest_ns = self._smallest_before_ns = delay_ns
@@ -136,13 +140,6 @@ class DeviceClock:
             rising_ns = np.maximum(rising_ns, self._last_ns + 1 + at)
         self._arrival_ns, self._last_ns = arrival_ns, int(rising_ns[-1])
         return rising_ns
-
-    def _smallest_delay(self, newest_ns: int, delay_ns: int) -> int:
-        if newest_ns >= self._window_ends_ns:
-            self._smallest_before_ns, self._smallest_ns = self._smallest_ns, delay_ns
-            self._window_ends_ns = newest_ns + WINDOW_NS
-        self._smallest_ns = min(self._smallest_ns, delay_ns)
-        return min(self._smallest_ns, self._smallest_before_ns)
 
 
 class LiveSource(Source):

@@ -56,9 +56,7 @@ Point = dict[str, Any]
 
 #: Calls a function with each of some points, maybe in other processes; yields the index of each
 #: point and the candidates there, in any order.
-Calls = Callable[
-    [Callable[[Point], list[Candidate]], Sequence[Point]], Iterator[tuple[int, list[Candidate]]]
-]
+Calls = Callable[..., Iterator[tuple[int, list[Candidate]]]]
 
 
 class TuningParameters(NamedTuple):
@@ -195,7 +193,7 @@ def search(
     trials: int,
     stop: Callable[[], bool] = lambda: False,
     progress: Callable[[int], None] = lambda count: None,
-    results: Callable[[Sequence[Point]], Iterator[tuple[int, list[Candidate]]]] | None = None,
+    results: Calls | None = None,
 ) -> None:
     """Try chains until the study has a number of trials.
 

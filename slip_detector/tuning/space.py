@@ -27,8 +27,7 @@ from typing import Any
 
 from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
 from slip_detector.parameters.files import shared_folder
-from slip_detector.tuning.impacts import LEAST_RATIO, largest_slip_steps_v
-from slip_detector.tuning.noise import MAINS_HZ, learnt_floors
+from slip_detector.tuning.learning import LEAST_RATIO, MAINS_HZ, learnt_floors, slip_steps_v
 from slip_detector.tuning.sweep import rounded
 from slip_detector.tuning.tracks import Track
 
@@ -152,6 +151,9 @@ class SearchSpace:
         """
         given, decision = self._given, point['decision']
         values = {k: rounded(one) if isinstance(one, float) else one for k, one in point.items()}
+        # A rounded window must not be shorter than a sample.
+        for name in ('envelope_window_s', 'decision_window_s'):
+            values[name] = max(values[name], self._least_window_s)
         low_hz, degree = values['passband_low_hz'], values['passband_degree']
         high_hz = rounded(low_hz * 2.0 ** point['passband_octaves'])
         if high_hz > self._highest_hz:
@@ -166,10 +168,6 @@ class SearchSpace:
             'stopbands_hz': self._stopbands(point, low_hz, high_hz),
             'mains_hz': point['mains_hz'],
         }
-        # A rounded window must not be shorter than a sample.
-        for name in ('envelope_window_s', 'decision_window_s'):
-            if name in changes:
-                changes[name] = max(changes[name], self._least_window_s)
         if decision == 'mean':
             return dataclasses.replace(given, **changes)
         learnt = {'given': given.noise_floor_learnt, 'learnt': True, 'followed': False}
@@ -208,7 +206,7 @@ class SearchSpace:
 
     @functools.cached_property
     def _slip_steps_v(self) -> Any:
-        return largest_slip_steps_v(self._given, self._tracks)
+        return slip_steps_v(self._given, self._tracks)
 
     def _has_whole_periods(self, mains_hz: float) -> bool:
         """Return whether the mains has whole periods in rows of the given rate."""

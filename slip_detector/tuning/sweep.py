@@ -41,9 +41,7 @@ from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.tuning.tracks import Track
 
-Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Vote = str | int
 
 #: Number of rows that the chain is given at a time, so that its results stay in the cache.
@@ -174,12 +172,9 @@ def vote_statistics(
     >>> vote_statistics(ChainConfig(), ['all'], tracks)
     {'all': [array([0., 0., 0., 0., 0.])]}
     """
-    # With a threshold of 1 the statistic has the unit of the level. Where evidence cannot reach 1,
-    # the threshold is a power of two, which is multiplied back without rounding. The chain's own
-    # decision is not used, so it has the fastest vote.
-    unit = 1.0
-    if config.decision == 'evidence' and config.evidence_limit_db_s <= 1.0:
-        unit = 2.0 ** (math.floor(math.log2(config.evidence_limit_db_s)) - 1)
+    # The threshold is a power of two that evidence can reach, which is multiplied back without
+    # rounding. The chain's own decision is not used, so it has the fastest vote.
+    unit = 2.0 ** (math.floor(math.log2(config.evidence_limit_db_s)) - 1)
     chain = SlipChain(dataclasses.replace(config, vote='all', threshold=unit))
     of_tracks = []
     for track in tracks:
@@ -257,10 +252,10 @@ class ThresholdSweep(NamedTuple):
     """
 
     latencies_ms: Floats
-    scored: Bools
+    scored: NDArray[np.bool_]
     leads_s: Floats
     windows_s: Floats
-    false_alarms: Ints
+    false_alarms: NDArray[np.int64]
     rest_s: float
     on_rest_s: Floats
 

@@ -149,18 +149,15 @@ def track_of(name: str, pieces: Iterable[Samples], sample_rate_hz: float) -> Tra
     if not filled:
         raise ValueError(f'{name}: has no samples')
     samples = filled[0].then(*filled[1:])
-    stretches: list[Stretch] = []
-    end = row = 0
-    for piece in filled:
-        begin, end = end, end + len(piece.volts)
-        if begin and not piece.new_stretch:
-            stretches[-1] = stretches[-1]._replace(end=end)
-        else:
-            if begin:
-                last_ns, stamp_ns = samples.stamps_ns[begin - 1 : begin + 1].tolist()
-                row += missing_rows(last_ns, stamp_ns, sample_rate_hz)
-            stretches.append(Stretch(begin, end, row))
-        row += end - begin
+    ends = np.cumsum([len(piece.volts) for piece in filled]).tolist()
+    later = zip(ends, filled[1:], strict=False)
+    begins = [0, *(begin for begin, piece in later if piece.new_stretch)]
+    stretches, missing = [], 0
+    for begin, end in zip(begins, [*begins[1:], ends[-1]], strict=True):
+        if begin:
+            last_ns, stamp_ns = samples.stamps_ns[begin - 1 : begin + 1].tolist()
+            missing += missing_rows(last_ns, stamp_ns, sample_rate_hz)
+        stretches.append(Stretch(begin, end, begin + missing))
     return Track(name, samples, tuple(stretches), sample_rate_hz)
 
 

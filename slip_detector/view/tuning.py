@@ -36,8 +36,7 @@ from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.files import writable_folder, write_yaml
 from slip_detector.report.tables import MAIN_FIGURES, figure_text, heading
-from slip_detector.tuning.impacts import learn_from_taps
-from slip_detector.tuning.noise import learn_from_quiet
+from slip_detector.tuning.learning import learn_from_quiet, learn_from_taps
 from slip_detector.tuning.problem import Candidate, searched
 from slip_detector.tuning.search import TuningParameters, tune
 from slip_detector.tuning.tracks import TrainingFiles

@@ -102,7 +102,6 @@ def test_without_optuna_it_says_what_to_install(case, monkeypatch, capsys):
 #: What is refused: the arguments, a part of the line, and the exit code.
 REFUSED = [
     ('--out o.yaml', 'are required: RECORDING', 2),
-    ('a.npz --plot out --out o.yaml', 'unrecognized arguments: --plot', 2),
     ('nix.npz --out o.yaml', 'nix.npz: ', 1),
     ('still.npz --out o.yaml', 'still.npz: too few slips', 1),
     ('a.npz --out /dev/null', '/dev/null: cannot be written (is no file)', 1),
@@ -117,7 +116,6 @@ REFUSED = [
     ('a.npz --quiet still.npz --out o.yaml', 'no RECORDING with it', 2),
     ('--quiet still.npz --false-alarms-per-hour 0 --out o.yaml', 'allowed: a number above 0', 2),
     ('a.npz --hold-out 1 --out o.yaml', 'between 0 and 1', 2),
-    ('a.npz --trials 0 --out o.yaml', 'whole number, 1 to ', 2),
 ]
 
 

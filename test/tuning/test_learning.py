@@ -27,12 +27,14 @@ from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters import ChainConfig, RecordingConfig
-from slip_detector.tuning.impacts import impact_step, knocks_v, steps_v
-from slip_detector.tuning.noise import (
+from slip_detector.tuning.learning import (
     find_mains,
+    impact_step,
+    knocks_v,
     learn_from_quiet,
     learnt_floors,
     quiet_threshold,
+    steps_v,
 )
 from slip_detector.tuning.tracks import track_of
 from support.tuning_cases import CHAIN, RATE_HZ, slips, track

@@ -111,6 +111,13 @@ def test_each_figure_that_is_worse_than_a_chain_better_than_chance_is_named():
         assert worse_than(bad, {**good, 'sooner_than_chance': sooner_than_chance}) == []
 
 
+def test_alarms_are_counted_per_minute_of_off():
+    often = dataclasses.replace(CHAIN, threshold=1e-4, vote=1)
+    figures = Problem([track(1)]).as_it_is(often).figures
+    alarms = figures['false_alarms_per_minute_off'] * (1.0 - figures['false_time_percent'] / 100.0)
+    assert 0.0 < figures['false_alarms_per_minute'] == pytest.approx(alarms)
+
+
 def test_a_chain_does_not_gain_by_settling_for_longer():
     volts, truth = slips(1)
     # a slip after 0.2 s

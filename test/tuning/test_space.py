@@ -26,8 +26,7 @@ from slip_detector.chain.samples import Samples
 from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.files import shared_folder
-from slip_detector.tuning.impacts import steps_v
-from slip_detector.tuning.noise import learnt_floors
+from slip_detector.tuning.learning import learnt_floors, steps_v
 from slip_detector.tuning.space import SearchSpace, presets
 from slip_detector.tuning.tracks import track_of
 from support.tuning_cases import CHAIN, track

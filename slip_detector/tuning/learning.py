@@ -12,7 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is learnt of a sensor at rest, without a search: noise floors, mains and a threshold."""
+"""What is learnt of a sensor without a search.
+
+At rest: noise floors, mains and a threshold; of knocks: the step that is an impact.
+"""
 
 import dataclasses
 import math
@@ -25,12 +28,12 @@ from numpy.typing import NDArray
 from slip_detector.chain.filters import settling_rows
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation.evaluator import RecordingLoader
-from slip_detector.evaluation.scores import MOTION, REST
+from slip_detector.evaluation.scores import MOTION, REST, SLIP
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.recordings.rates import forward_filled
 from slip_detector.tuning.sweep import sweep_thresholds, thresholds, vote_statistics
-from slip_detector.tuning.tracks import Track, load_track
+from slip_detector.tuning.tracks import Track, load_track, load_tracks
 
 Floats = NDArray[np.float64]
 
@@ -74,6 +77,18 @@ NOISE_FROM_LINE_HZ = (1.0, 6.0)
 
 #: Below this frequency a line cannot be distinguished from drift.
 LOWEST_LINE_HZ = 2.0
+
+#: A knock has a step above ``KNOCK`` times the noise: the step that ``NOISE_SHARE`` of all steps
+#: stays below.
+KNOCK = 4.0
+NOISE_SHARE = 0.9
+
+#: This share of the knocks must have steps at least this many times as large as those of slips.
+KNOCK_SHARE = 0.9
+LEAST_RATIO = 1.5
+
+#: Longest pause between two large steps of one knock.
+KNOCK_S = 0.5
 
 
 def learn_from_quiet(
@@ -147,21 +162,6 @@ def quiet_threshold(track: Track, chain: ChainConfig, per_hour: float) -> tuple[
     With it comes a line with the rate and its bounds, at :data:`CONFIDENCE`. Where evidence is 0
     throughout, any threshold serves, and the given one is returned.
 
-    Parameters
-    ----------
-    track
-        A recording without slip.
-    chain
-        The chain.
-    per_hour
-        Allowed rate of false alarms.
-
-    Raises
-    ------
-    ValueError
-        When the recording has slip, is too short to show the rate or is too noisy, or the sensor
-        does not run; names the recording.
-
     Examples
     --------
     >>> from slip_detector.chain.samples import Samples
@@ -220,23 +220,6 @@ def learnt_floors(chain: ChainConfig, tracks: Sequence[Track]) -> tuple[float, .
     rows of motion are used only if there is no rest. A channel without noise gets the median of
     the other floors.
 
-    Parameters
-    ----------
-    chain
-        The chain that computes the envelope; its decision does not matter.
-    tracks
-        The recordings.
-
-    Returns
-    -------
-    tuple of float
-        In the unit of the envelope, four significant digits.
-
-    Raises
-    ------
-    ValueError
-        When no channel has any noise; names the recordings.
-
     Examples
     --------
     >>> from slip_detector.chain.samples import Samples
@@ -278,13 +261,6 @@ def find_mains(chain: ChainConfig, track: Track) -> tuple[float, str]:
     subtracted first if the chain subtracts it. A multiple above half the sample rate is sought at
     its alias. Of two mains frequencies the one with more lines is returned; with equally many, the
     one with the lower multiple, as multiples of both may have the same alias.
-
-    Parameters
-    ----------
-    chain
-        Its ``common_mode`` and ``disabled_channels`` are used.
-    track
-        A recording; the channels that are not flat in its longest stretch are examined.
 
     Examples
     --------
@@ -343,3 +319,114 @@ def _lines(mains_hz: float, rate_hz: float, hz: Floats, power: Floats) -> dict[i
             place = '' if seen_hz == hum_hz else f', seen at {seen_hz:g} Hz'
             lines[harmonic] = f'{hum_hz:g} Hz ({least_db:.0f} dB{place})'
     return lines
+
+
+def learn_from_taps(
+    path: str, slips: Sequence[str], chain: ChainConfig, loader: RecordingLoader
+) -> tuple[dict[str, Any], list[str]]:
+    """Set the step that is an impact from a recording of knocks and labelled slips.
+
+    Parameters
+    ----------
+    path
+        The recording of knocks.
+    slips
+        Labelled recordings of slips, and folders of them.
+    chain, loader
+        As in :func:`learn_from_quiet`, and so is what is returned.
+
+    Raises
+    ------
+    ValueError
+        When a recording cannot be read, evidence does not decide, or the steps of knocks and slips
+        are too similar.
+    """
+    if chain.decision != 'evidence':
+        raise ValueError(
+            f'parameter decision is {chain.decision}, allowed: evidence, which impact_v is for'
+        )
+    knocks, lines = load_track(path, loader)
+    tracks, more_lines = load_tracks(slips, loader)
+    impact_v, line = impact_step(chain, knocks, tracks)
+    return {'impact_v': impact_v}, [*lines, *more_lines, f'{knocks.name}: {line}']
+
+
+def steps_v(chain: ChainConfig, track: Track) -> Floats:
+    """Return for each row the largest steps that 1, 2, ... channels reach at once.
+
+    Examples
+    --------
+    >>> from slip_detector.chain.samples import Samples
+    >>> from slip_detector.tuning.tracks import track_of
+    >>> volts = np.array([[0.0, 0.0, 0.0], [3.0, -2.0, 1.0], [3.0, -2.0, 3.0]])
+    >>> track = track_of('a', [Samples.evenly(volts, 380.0, np.zeros(3, bool))], 380.0)
+    >>> steps_v(ChainConfig(channels=3), track).tolist()
+    [[0.0, 0.0, 0.0], [3.0, 2.0, 1.0], [2.0, 0.0, 0.0]]
+    """
+    low, high = chain.valid_range_v
+    disabled = [channel - 1 for channel in chain.disabled_channels]
+    volts = np.delete(track.volts, disabled, axis=1)
+    found = np.zeros(volts.shape)
+    for begin, end, _ in track.stretches:
+        part = volts[begin:end]
+        good = (part >= low) & (part <= high) & np.isfinite(part)
+        steps = np.abs(np.diff(forward_filled(part, ~good), axis=0))
+        found[begin + 1 : end] = np.sort(steps, axis=1)[:, ::-1]
+    return found
+
+
+def slip_steps_v(chain: ChainConfig, tracks: Sequence[Track]) -> Floats:
+    """Return the largest of :func:`steps_v` in rows with slip; shape (enabled channels,)."""
+    steps = [
+        steps_v(chain, track)[track.kinds == SLIP].max(axis=0, initial=0.0) for track in tracks
+    ]
+    return np.asarray(np.max(steps, axis=0))
+
+
+def knocks_v(chain: ChainConfig, track: Track) -> Floats:
+    """Return the largest step of each knock that ``impact_channels`` channels reach at once.
+
+    A knock begins with a step above :data:`KNOCK` times the noise. Further such steps that follow
+    within :data:`KNOCK_S` of each other belong to it.
+    """
+    every = steps_v(chain, track)
+    steps = every[:, min(chain.impact_channels, every.shape[1]) - 1]
+    # Where the samples seldom change, the noise is the smallest step of the converter.
+    least_v = steps[steps > 0.0].min(initial=np.inf)
+    loud = np.flatnonzero(steps > KNOCK * max(np.quantile(steps, NOISE_SHARE), least_v))
+    breaks = np.flatnonzero(np.diff(loud) > KNOCK_S * track.sample_rate_hz) + 1
+    return np.array([steps[knock].max() for knock in np.split(loud, breaks) if knock.size])
+
+
+def impact_step(chain: ChainConfig, knocks: Track, tracks: Sequence[Track]) -> tuple[float, str]:
+    """Return an ``impact_v`` between the steps of slips and those of knocks, and a line about it.
+
+    It is the geometric mean of the largest step of the slips and the step that :data:`KNOCK_SHARE`
+    of the knocks exceed.
+
+    Examples
+    --------
+    >>> from slip_detector.chain.samples import Samples
+    >>> from slip_detector.tuning.tracks import track_of
+    >>> noise = np.random.default_rng(0).normal(0.0, 0.01, (2000, 2))
+    >>> slips = track_of('slips', [Samples.evenly(noise, 380.0, np.ones(2000, bool))], 380.0)
+    >>> noise[300::500] += 1.0
+    >>> knocks = track_of('knocks', [Samples.evenly(noise, 380.0, np.zeros(2000, bool))], 380.0)
+    >>> impact_v, line = impact_step(ChainConfig(channels=2), knocks, [slips])
+    >>> 0.05 < impact_v < 1.0, '90 % of 4 knocks have a step above 0.9' in line
+    (True, True)
+    """
+    of_knocks, of_slips = knocks_v(chain, knocks), slip_steps_v(chain, tracks)
+    slip_v = float(of_slips[min(chain.impact_channels, of_slips.size) - 1])
+    knock_v = float(np.quantile(of_knocks, 1.0 - KNOCK_SHARE)) if of_knocks.size else 0.0
+    numbers = (
+        f'{KNOCK_SHARE * 100:.0f} % of {of_knocks.size} knocks have a step above {knock_v:.4g} V, '
+        f'slips of up to {slip_v:.4g} V'
+    )
+    if not slip_v or knock_v < LEAST_RATIO * slip_v:
+        raise ValueError(
+            f'{knocks.name}: its knocks cannot be told from slips: {numbers}, allowed: '
+            f'{LEAST_RATIO:g} times as much, and steps of both'
+        )
+    impact_v = float(f'{math.sqrt(slip_v * knock_v):.4g}')
+    return impact_v, f'impact_v {impact_v:g} V: {numbers}'
