@@ -180,7 +180,6 @@ def _bytes(values: Codes | NDArray[np.uint16]) -> bytes:
 
 
 def _variant(overview: Overview) -> dict[str, Any]:
-    groups = overview.config.groups.items()
     return {
         'slip': overview.slip.edges,
         'after_impact': overview.after_impact.edges,
@@ -188,7 +187,7 @@ def _variant(overview: Overview) -> dict[str, Any]:
         'offset_db': overview.config.evidence_offset_db,
         'groups': [
             {'name': name, 'members': members, 'on': overview.groups[name].edges}
-            for name, members in groups
+            for name, members in overview.config.groups.items()
         ],
         'snippets': [[snippet.start, len(snippet.codes)] for snippet in overview.snippets],
         'events': [[EVENT_KINDS.index(kind), *rest] for kind, *rest in overview.events],
@@ -231,8 +230,8 @@ def write_evaluation_report(
             one.observer.name = title
             overviews.append(one.observer)
             figures[title] = recording_figures([one])
-            faults = filter(None, (one.counts.damage, one.counts.warnings))
-            notes += [f'{title}: {line}' for line in faults]
+            faults = one.counts.damage, one.counts.warnings
+            notes += [f'{title}: {line}' for line in faults if line]
     figures['all recordings'] = recording_figures(every)
     given = Variant('given', overviews[0].config, overviews, figures)
     outcomes = [one.outcome for one in every]

@@ -253,11 +253,9 @@ def _draw_decisions(
     for (plate, trials), color, panels in zip(plates.items(), COLORS, axes, strict=False):
         for number, trial in enumerate(trials, start=1):
             slip = SlipChain(config).update(trial.volts, envelope=False, level=False).slip
-            edges = np.flatnonzero(np.diff(slip, prepend=False, append=False))
-            turns = edges.reshape(-1, 2) / trial.sample_rate_hz
-            spans = np.column_stack([turns[:, 0], turns[:, 1] - turns[:, 0]])
+            low, high = number - 0.35, number + 0.35
             for axis in panels:
-                axis.broken_barh(spans, (number - 0.35, 0.7), color=color)
+                axis.fill_between(trial.time_s, low, high, slip, color=color, linewidth=0)
         panels[0].set(ylabel=f'{plate} µm\ntrial', ylim=(len(trials) + 0.7, 0.3))
         panels[0].yaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10], integer=True))
     save_picture(figure, path)

@@ -301,9 +301,8 @@ def parameter_file(
     # Last, because of two sections for a node the later one holds.
     for name, config in configs.items():
         section = name if len(configs) > 1 else f'/**/{node_of(name)}'
-        values = {**config.to_parameters(), 'groups': {n: [*m] for n, m in config.groups.items()}}
-        values = {key: value for key, value in values.items() if '.' not in key}
-        document[section] = {'ros__parameters': {**of_rclpy[name], **values}}
+        (values,) = config.to_document().values()
+        document[section] = {'ros__parameters': {**of_rclpy[name], **values['ros__parameters']}}
     return document
 
 

@@ -24,7 +24,6 @@ from slip_detector.chain.samples import Samples
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.view import detectors
 from slip_detector.view.detectors import (
-    OUTSIDE,
     RESTART,
     Finger,
     ParameterPanel,
@@ -138,14 +137,3 @@ def test_values_lost_in_a_restart_are_reported_and_can_be_set_again_by_undo():
     assert panel.values['threshold'] == 0.3
     assert panel.to_undo() == {'threshold': 0.5}
     assert panel.read(Reading(panel.values, READ_ONLY, {})) is None
-
-
-def test_a_change_has_an_author():
-    panel = panel_of()
-    authors = [
-        panel.update({'threshold': 0.2}).by,
-        panel.update({'threshold': 0.3}, 'page 1').by,
-        panel.read(Reading({**panel.values, 'threshold': 0.4}, READ_ONLY, {}), OUTSIDE).by,
-    ]
-    assert authors == [OUTSIDE, 'page 1', OUTSIDE]
-    assert [change.by for change in panel.changes] == authors
