@@ -280,21 +280,20 @@ def _demo_table(result: dict[str, Any]) -> str:
     """Return the figures as text."""
     from slip_detector.report.tables import number_text, text_table
 
-    delays = {
+    figures = {
         **result['channel_delay_ms'],
         'mean over the channels': result['mean_delay_ms'],
         'standard deviation': result['sd_delay_ms'],
         **result['group_delay_ms'],
         'slip': result['global_delay_ms'],
+        'latency, median': result['latency_ms']['median'],
+        'latency, p99': result['latency_ms']['p99'],
+        'False positives [% of the rest]': result['false_positive_percent'],
     }
-    latency = result['latency_ms']
-    return '\n'.join([
-        'Delay from the start of the plate to the receipt of the first ON [ms]',
-        text_table([(name, number_text(delay, '.1f')) for name, delay in delays.items()]),
-        f'False positives  {number_text(result["false_positive_percent"], ".2f")} % of the rest',
-        f'Latency from sample to decision received  median {latency["median"]:.2f} ms, '
-        f'p99 {latency["p99"]:.2f} ms',
-    ])  # fmt: skip
+    return (
+        'Delay from the start of the plate to the receipt of the first ON, and latency from\n'
+        'sample to receipt of its decision [ms]\n'
+    ) + text_table([(name, number_text(figure, '.2f')) for name, figure in figures.items()])
 
 
 def main() -> None:

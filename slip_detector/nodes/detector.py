@@ -34,7 +34,7 @@ from slip_detector.chain.stamps import BACKWARDS, StampGrid
 from slip_detector.nodes.health import Diagnostics, Health
 from slip_detector.nodes.inputs import Input, Senders, publishing_nodes
 from slip_detector.nodes.messages import sensor_qos
-from slip_detector.nodes.outputs import Outputs, check_topics
+from slip_detector.nodes.outputs import Outputs
 from slip_detector.nodes.parameters import declare, follow_changes
 from slip_detector.nodes.rclpy_internals import ROS_ERROR, destroy_state_machine
 from slip_detector.parameters.detector import DetectorConfig
@@ -176,7 +176,6 @@ class Detector(LifecycleNode):
     def _check(self, config: DetectorConfig) -> None:
         """Raise a ValueError if a configuration cannot be run."""
         check_memory(config, HISTORY_S)
-        check_topics(self, config)
         Input(config)
 
     def _apply(self, config: DetectorConfig) -> None:

@@ -39,7 +39,7 @@ from slip_detector.nodes.rclpy_internals import ROS_ERROR, receiver
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.fields import names_that_affect
 from slip_detector.recordings.messages import Sample, joint_state_table
-from slip_detector.view.detectors import Finger
+from slip_detector.view.detectors import Diagnosis, Finger
 
 #: Parameters on which the subscriptions depend.
 OF_TOPICS = names_that_affect(DetectorConfig, 'display')
@@ -132,6 +132,8 @@ class FingerTopics:
         self._truth: States = deque(maxlen=STATES)
         #: Nodes that publish the samples.
         self.senders: list[str] = []
+        #: What its detector and these nodes told last on ``/diagnostics``, and when, by label.
+        self.told: dict[str, tuple[float, Diagnosis]] = {}
         finger.heard_s, finger.sample_s = time.monotonic(), float('-inf')
         self.subscribe(names)
 

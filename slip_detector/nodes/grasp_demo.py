@@ -202,15 +202,14 @@ def _demonstrate(arguments: argparse.Namespace, picture: Path) -> tuple[dict[str
     config = arguments.config or shared_folder() / 'config' / 'grasp.yaml'
     chain, grasp = ChainConfig.from_yaml(config), GraspConfig.from_yaml(config)
     seeds = list(arguments.seeds)
-    trials = {
-        name: [play_trial(*both, seed) for seed in seeds]
-        for name, both in conditions(chain, grasp).items()
-    }
+
+    def played(chain: ChainConfig, grasp: GraspConfig, **factors: float) -> list[GraspTrial]:
+        return [play_trial(chain, grasp, seed, **factors) for seed in seeds]
+
+    trials = {name: played(*both) for name, both in conditions(chain, grasp).items()}
     parts = {name: grasp_figures(mine, grasp.limit_n) for name, mine in trials.items()}
     harder = {
-        name: grasp_figures(
-            [play_trial(chain, grasp, seed, **factors) for seed in seeds], grasp.limit_n
-        )
+        name: grasp_figures(played(chain, grasp, **factors), grasp.limit_n)
         for name, factors in HARDER.items()
     }
     recorder = Recorder(NAMESPACE, TOPICS)

@@ -33,7 +33,6 @@ from slip_detector.nodes.messages import (
     state_qos,
     time_message,
 )
-from slip_detector.nodes.rclpy_internals import ROS_ERROR
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.recordings.messages import JointStateWriter
 
@@ -64,18 +63,6 @@ def topics_of(config: DetectorConfig) -> dict[int, str]:
         for column, (kind, name, _) in enumerate(columns_of(config))
         if published.get(kind) and (kind, name) not in disabled
     }
-
-
-def check_topics(node: Node, config: DetectorConfig) -> None:
-    """Raise a ValueError if the name of a topic is too long."""
-    longest = max(topics_of(config).values(), key=len, default='slip')
-    try:
-        node.resolve_topic_name(longest)
-    except ROS_ERROR:
-        raise ValueError(
-            f'parameters groups and channel_names give the topic {longest}, allowed: at most 247 '
-            'characters with the namespace'
-        ) from None
 
 
 class Outputs:

@@ -182,8 +182,6 @@ class RosDetectors(Detectors):
         self._remotes: dict[str, RemoteDetector] = {}
         self._watched: dict[str, FingerTopics] = {}
         self._shared = PolledTopics(node)
-        # By finger and label.
-        self._heard: dict[tuple[str, str], tuple[float, Diagnosis]] = {}
         self._searched_s = float('-inf')
 
     def watch(self, names: Collection[str]) -> None:
@@ -209,7 +207,6 @@ class RosDetectors(Detectors):
         if now_s - self._searched_s >= SEARCH_S:
             self._searched_s = now_s
             self._search()
-            self._show_diagnostics(now_s)
         self._shared.poll()
         for topics in self._watched.values():
             topics.poll()
@@ -252,11 +249,14 @@ class RosDetectors(Detectors):
                 remote.started = True
                 remote.changed.set()
             remote.publishers = publishers
+        since_s = time.monotonic() - DIAGNOSIS_S
         for topics in self._watched.values():
             names = self._topics_of(topics.finger)
             if names != topics.names:
                 topics.subscribe(names)
             topics.senders = publishing_nodes(self._node, names.voltages) if names.voltages else []
+            told = [each for at_s, each in topics.told.values() if at_s > since_s]
+            topics.finger.diagnostics = tuple(told)
 
     def _forget(self, name: str) -> None:
         self._remotes.pop(name).close()
@@ -269,11 +269,8 @@ class RosDetectors(Detectors):
         subscribed = []
         with contextlib.suppress(NodeNameNonExistentError):  # It has just ended.
             subscribed = self._node.get_subscriber_names_and_types_by_node(node, namespace or '/')
-        package, _, name = finger.config.input_type.partition('/')
-        wanted = f'{package}/msg/{name.removeprefix("msg/")}'
-        others = f'{namespace}/slip_valid', '/clock', '/parameter_events'
-        inputs = [topic for topic, types in subscribed if wanted in types and topic not in others]
-        voltages = inputs[0] if inputs else ''
+        wanted = finger.config.input_type.replace('/msg/', '/').replace('/', '/msg/')
+        voltages = next((topic for topic, types in subscribed if wanted in types), '')
         truth = f'{voltages.rpartition("/")[0]}/slip_truth'
         return Topics(namespace, voltages, truth, f'{finger.name}/envelope')
 
@@ -334,14 +331,4 @@ class RosDetectors(Detectors):
             for finger, topics in self._watched.items():
                 if name == finger or name in topics.senders:
                     label = part if name == finger else f'{name.rpartition("/")[2]}: {part}'
-                    diagnosis = Diagnosis(status.level[0], label, status.message)
-                    self._heard[finger, label] = now_s, diagnosis
-
-    def _show_diagnostics(self, now_s: float) -> None:
-        self._heard = {
-            key: heard for key, heard in self._heard.items() if now_s - heard[0] <= DIAGNOSIS_S
-        }
-        for name, finger in self.fingers.items():
-            finger.diagnostics = tuple(
-                diagnosis for (of, _), (_, diagnosis) in self._heard.items() if of == name
-            )
+                    topics.told[label] = now_s, Diagnosis(status.level[0], label, status.message)

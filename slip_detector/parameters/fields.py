@@ -24,8 +24,9 @@ from typing import Any, NoReturn, get_args, get_origin
 
 Field = dataclasses.Field[Any]
 
-#: Allowed names of channels and groups; they become parts of topic names.
-NAME_PATTERN = re.compile('[A-Za-z][A-Za-z0-9_]*')
+#: Allowed names of channels and groups; they become parts of topic names, which have at most 247
+#: characters.
+NAME_PATTERN = re.compile('[A-Za-z][A-Za-z0-9_]{0,63}')
 
 #: Most characters of a value that a message shows.
 LONGEST_SHOWN = 200
@@ -276,7 +277,7 @@ def _names(values: Iterable[Any], where: str, for_topics: bool = True) -> tuple[
     names = tuple(values)
     for name in names:
         if not isinstance(name, str) or not (NAME_PATTERN.fullmatch(name) if for_topics else name):
-            text = 'letters, digits and _, a letter first' if for_topics else 'a list of names'
+            text = 'up to 64 letters, digits, _, letter first' if for_topics else 'a list of names'
             refuse(f'{where} has {shown(name)}', text)
     doubled = [name for name, count in Counter(names).items() if count > 1]
     if doubled:

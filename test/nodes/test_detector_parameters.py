@@ -69,10 +69,7 @@ def test_a_set_is_refused_whole_with_the_reason_and_nothing_changes(bench):
             {**most, 'envelope_window_s': 60.0, 'sample_rate_hz': 5e4},
             ['channels is 5000', 'these windows', 'GB of memory'],
         ),
-        (
-            {'channel_names': [f'{"a" * 240}{k}' for k in range(16)]},
-            ['channel_names give the topic slip/channel/aaa', 'at most 247'],
-        ),
+        ({'channel_names': ['a' * 65]}, ['channel_names has', 'up to 64 letters']),
     ):
         result = set_all(bench, **values)
         assert not result.successful
