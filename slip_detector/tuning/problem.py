@@ -447,8 +447,5 @@ def judge(problem: Problem, held: Sequence[Track], best: Candidate | None) -> Ve
         worse.insert(0, f'a cost of {after.cost_ms:.4g} against {before.cost_ms:.4g} ms')
     if not worse:
         return Verdict(best.chain, '')
-    return Verdict(
-        problem.given,
-        f'on the held-out recordings the best found has {", ".join(worse)} (trade: true in the '
-        f'section {problem.config.NODE} allows all but a higher cost)',
-    )
+    reasons = ', '.join(worse)
+    return Verdict(problem.given, f'on the held-out recordings the best found has {reasons}')

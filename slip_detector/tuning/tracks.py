@@ -17,7 +17,7 @@
 import dataclasses
 import functools
 from collections.abc import Iterable, Iterator, Sequence
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,8 +30,6 @@ from slip_detector.evaluation.scores import SLIP, kinds_of
 from slip_detector.recordings import RecordingCounts, recording_sets
 
 Floats = NDArray[np.float64]
-
-T = TypeVar('T')
 
 
 class Stretch(NamedTuple):
@@ -188,7 +186,7 @@ def held_out(tracks: Sequence[Track], share: float) -> tuple[list[Track], list[T
     return training + quiet, held + quiet_held
 
 
-def hold_out_evenly(items: Sequence[T], share: float) -> tuple[list[T], list[T]]:
+def hold_out_evenly(items: Sequence[Any], share: float) -> tuple[list[Any], list[Any]]:
     """Divide items into those to tune on and those to hold out, which are evenly spread.
 
     Of two or more at least one is held out, and not all.

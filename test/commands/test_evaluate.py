@@ -66,9 +66,7 @@ def test_tables_have_a_line_for_each_recording_and_the_whole_last(capsys, tmp_pa
     write(tmp_path / 'other' / 'a.npz')
     assert main([str(tmp_path / 'set'), str(tmp_path / 'other')]) == 0
     text = capsys.readouterr().out
-    assert re.search(
-        r'^all sets +rows .*\nset +1200 .*\nother +600 .*\nall rows +1800', text, re.M
-    )
+    assert re.search(r'^all sets .*\nset +1200 .*\nother +600 .*\nall rows +1800', text, re.M)
 
 
 def test_any_number_of_jobs_gives_the_same_figures_and_report(capsys, tmp_path):

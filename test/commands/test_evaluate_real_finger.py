@@ -32,9 +32,6 @@ def test_the_real_finger_is_told_sliding_from_holding_and_from_moving(capsys):
     report = report_of(capsys, XELA, '--config', XELA_CONFIG)['xela_uskin_slip']
     assert len(report['recordings']) == 7
     assert (report['rows'], report['slip_rows'], report['moving_rows']) == (2195, 196, 1512)
-    # What a detector that knows nothing else reaches (the README of the data).
-    assert report['auc_all'] > 0.91
-    assert report['auc_moving'] > 0.85
     # What the configuration says of itself.
     assert report['auc_all'] == pytest.approx(0.969, abs=1e-3)
     assert report['auc_moving'] == pytest.approx(0.953, abs=1e-3)

@@ -25,7 +25,6 @@ from hypothesis import strategies as st
 from slip_detector.chain.samples import Samples
 from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.files import shared_folder
 from slip_detector.tuning.learning import learnt_floors, steps_v
 from slip_detector.tuning.space import SearchSpace, presets
 from slip_detector.tuning.tracks import track_of
@@ -147,5 +146,3 @@ def test_a_search_begins_at_each_preset_with_the_floors_of_its_own_sensor():
         if preset.decision == 'evidence':
             assert found.noise_floor == learnt_floors(found, tracks)
             assert found.noise_floor_range_db == preset.noise_floor_range_db
-    files = list((shared_folder() / 'config').glob('*.yaml'))
-    assert len(presets()) == 1 + len(files)
