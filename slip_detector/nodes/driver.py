@@ -14,6 +14,7 @@
 
 """The driver node: plays a source in time, or passes on the samples of a sensor."""
 
+import contextlib
 import math
 import threading
 import time
@@ -132,7 +133,7 @@ class Driver(Node):
         source = self.source
         logged_state, reported_s, reported = '', time.monotonic(), Counter[str]()
         source.start()
-        try:
+        with contextlib.closing(source):
             while not stop.is_set():
                 if source.state != logged_state:
                     logged_state = source.state
@@ -148,8 +149,6 @@ class Driver(Node):
                 samples = source.read(1)
                 for stamp_ns, row in zip(samples.stamps_ns.tolist(), samples.volts, strict=True):
                     self._publish_row(stamp_ns, row)
-        finally:
-            source.close()
 
     def _report(self, source: Source, since: Counter[str]) -> None:
         """Publish the state of the sensor; log what was dropped or lost since the last report."""

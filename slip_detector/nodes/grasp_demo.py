@@ -163,10 +163,8 @@ def _live_figures(
         command_n = live.command_n(trial.time_s)
         played = trial._replace(position_m=live.position[:, 1], command_n=command_n)
         nodes[str(seed)] = {**figures(played), 'simulated': figures(trial)}
-    latencies_ms = [1e3 * latency_s for live in heard.values() for latency_s in live.latencies_s()]
-    latency_ms = None
-    if latencies_ms:
-        latency_ms = {'median': float(np.median(latencies_ms)), 'most': max(latencies_ms)}
+    all_ms = [1e3 * latency_s for live in heard.values() for latency_s in live.latencies_s()]
+    latency_ms = {'median': float(np.median(all_ms)), 'most': max(all_ms)} if all_ms else None
     return {'nodes': nodes, 'latency_ms': latency_ms}
 
 

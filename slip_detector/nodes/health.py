@@ -64,13 +64,8 @@ COUNT_KEYS = {
 #: Keys of the values on the age of the samples when the decision is published.
 AGE_KEYS = ('age of the samples, median [ms]', 'age of the samples, 99 % below [ms]')
 
-#: Likely causes of a fault of a channel, by kind of fault.
-ADVICE = {
-    'not a number': 'the sensor or its driver sends no value',
-    'at the lower rail': 'unplugged, broken or overloaded?',
-    'at the upper rail': 'unplugged, broken or overloaded?',
-    'flat': 'repeats one value, broken?',
-}
+#: Likely causes of a channel at the end of its range.
+AT_RAIL = 'unplugged, broken or overloaded?'
 
 
 def status(
@@ -232,20 +227,22 @@ class Health:
         rows = np.concatenate([rows for rows, *_ in self._noted])
         valid = np.concatenate([valid for _, valid, *_ in self._noted])
         low, high = config.valid_range_v
+        # By kind of fault, the values that have it, and likely causes.
         kinds = {
-            'not a number': ~np.isfinite(rows),
-            'at the lower rail': rows <= low,
-            'at the upper rail': rows >= high,
+            'not a number': (~np.isfinite(rows), 'the sensor or its driver sends no value'),
+            'at the lower rail': (rows <= low, AT_RAIL),
+            'at the upper rail': (rows >= high, AT_RAIL),
         }
-        kinds['flat'] = ~(valid | np.any(list(kinds.values()), axis=0))
+        others = np.any([mask for mask, _ in kinds.values()], axis=0)
+        kinds['flat'] = (~(valid | others), 'repeats one value, broken?')
         disabled = np.isin(np.arange(1, config.channels + 1), config.disabled_channels)
         n_enabled = int(np.sum(~disabled))
         complaints, values = [], {}
-        for kind, mask in kinds.items():
+        for kind, (mask, cause) in kinds.items():
             names = np.compress(mask.any(axis=0) & ~disabled, config.names).tolist()
             values[kind] = ', '.join(names) or '-'
             if names:
-                words = f'{kind}: {listed(names, LISTED)}: {ADVICE[kind]}'
+                words = f'{kind}: {listed(names, LISTED)}: {cause}'
                 complaints.append((ERROR if len(names) == n_enabled else WARN, words))
         values['valid now'] = f'{int(valid[-1].sum())} of {n_enabled}'
         values['disabled'] = ', '.join(np.compress(disabled, config.names)) or '-'

@@ -24,7 +24,6 @@ from rclpy.node import Node
 from visualization_msgs.msg import Marker, MarkerArray
 
 from slip_detector.nodes.messages import event_qos
-from slip_detector.parameters.fields import listed
 from slip_detector.view.detectors import Finger, drawn_positions, least_distance_m
 from slip_detector.view.server import Server
 
@@ -48,9 +47,6 @@ TEXT = 1.2
 
 #: Texts of a finger from which nothing comes, and beginning of the text of one that slips.
 SILENT, NO_INPUT, SLIP = 'detector silent', 'no input', 'SLIP'
-
-#: Most groups that are named as ON.
-MOST_NAMED = 4
 
 #: Colours (red, green, blue, opacity) of a bar at rest and at the threshold, and of the other
 #: states. They are those of report and page, and differ in lightness, too.
@@ -126,7 +122,7 @@ def _state(finger: Finger) -> str:
     if not (finger.valid and finger.slip):
         return 'rest' if finger.valid else 'not valid'
     groups = [name for name, on in zip(config.groups, finger.groups, strict=True) if on]
-    return f'{SLIP} {listed(groups, MOST_NAMED)}'.rstrip()  # Without publish_groups no names.
+    return f'{SLIP} {", ".join(groups)}'.rstrip()  # Without publish_groups no names.
 
 
 def _marker(

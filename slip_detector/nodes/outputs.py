@@ -54,17 +54,6 @@ def columns_of(config: DetectorConfig) -> list[Column]:
     ]
 
 
-def topics_of(config: DetectorConfig) -> dict[int, str]:
-    """Return the topics of groups and channels, by column."""
-    published = {'group': config.publish_groups, 'channel': config.publish_channels}
-    disabled = {('channel', config.names[channel - 1]) for channel in config.disabled_channels}
-    return {
-        column: f'slip/{kind}/{name}'
-        for column, (kind, name, _) in enumerate(columns_of(config))
-        if published.get(kind) and (kind, name) not in disabled
-    }
-
-
 class Outputs:
     """The publishers of the present configuration, and the latest decisions.
 
@@ -116,13 +105,16 @@ class Outputs:
         self._writer: JointStateWriter | None = None
         self._envelope = publisher(JointState, '~/envelope', sensor_qos())
         self.envelope_subscribers = self._envelope.get_subscription_count
-        # By column, the publisher of its changes; without slip, column 0.
-        self._listeners = {
-            column: publisher(Bool, topic, state_qos())
-            for column, topic in topics_of(config).items()
-        }
         flags = dict(zip(self._columns, self._flags, strict=True))
         self._columns = columns_of(config)
+        published = {'group': config.publish_groups, 'channel': config.publish_channels}
+        disabled = {('channel', config.names[channel - 1]) for channel in config.disabled_channels}
+        # By column, the publisher of its changes; without slip, column 0.
+        self._listeners = {
+            column: publisher(Bool, f'slip/{kind}/{name}', state_qos())
+            for column, (kind, name, _) in enumerate(self._columns)
+            if published.get(kind) and (kind, name) not in disabled
+        }
         self._flags = np.array([flags.get(column, False) for column in self._columns], np.bool_)
         self._can_vote = slice(1 + len(config.groups), 1 + 2 * len(config.groups))
         for column, each in [(0, self._slip), *self._listeners.items()]:

@@ -58,8 +58,6 @@ ASK_AGAIN_S = 0.5
 #: Period, in seconds, at which answers are looked for.
 POLL_S = 0.01
 
-HEADER = 'std_msgs/msg/Header'
-
 #: A node that publishes ``slip_onset`` and has these parameters is a detector.
 OF_A_DETECTOR = {'sample_rate_hz', 'channels', 'threshold', 'heartbeat_hz'}
 
@@ -233,7 +231,7 @@ class RosDetectors(Detectors):
         found: dict[str, set[bytes]] = {}
         for topic, types in self._node.get_topic_names_and_types():
             # Unlike those of slip and slip_valid, this publisher stays if heartbeat_hz changes.
-            if types == [HEADER] and topic.rpartition('/')[2] == 'slip_onset':
+            if types == ['std_msgs/msg/Header'] and topic.rpartition('/')[2] == 'slip_onset':
                 for each in self._node.get_publishers_info_by_topic(topic):
                     name = f'{each.node_namespace.rstrip("/")}/{each.node_name}'
                     if each.node_name != UNKNOWN:

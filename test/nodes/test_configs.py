@@ -64,14 +64,3 @@ def test_each_file_is_a_detector_of_its_own_on_the_same_input(bench, files):
     detector.signal(signal.SIGINT)
     assert detector.wait() == 0
     assert 'Traceback' not in detector.log()
-
-
-def test_a_file_for_another_namespace_stops_the_start_with_one_line_that_names_both(bench, files):
-    files['late'].write_text('/index/slip_detector:\n  ros__parameters: {threshold: 1.0}\n')
-    names = ','.join(str(path) for path in files.values())
-    process = bench.start('slip_detector', '-r', '__ns:=/index', '--', '--configs', names)
-    assert process.wait() == 1
-    assert process.lines()[-1] == (
-        f'slip_detector: {files["late"]}: has sections for /index/slip_detector, none for this '
-        'node, /index/late/slip_detector, allowed: /index/late/slip_detector or /**/slip_detector'
-    )
