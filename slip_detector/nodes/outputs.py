@@ -46,11 +46,10 @@ Column = tuple[str, str, int]
 
 def columns_of(config: DetectorConfig) -> list[Column]:
     """Return what each column of :attr:`.SlipResult.flags` is."""
-    n = config.channels
     return [
         ('slip', '', 0),
         *((kind, name, 0) for kind in ('group', 'can_vote') for name in config.groups),
-        *((kind, name, n) for kind in ('channel', 'valid') for name in config.names),
+        *((kind, name, config.channels) for kind in ('channel', 'valid') for name in config.names),
     ]
 
 
