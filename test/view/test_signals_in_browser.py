@@ -91,6 +91,7 @@ def test_traces_are_chosen_paused_read_and_the_threshold_is_moved(serve, open_pa
 
     # The threshold is set when the line is let go, or with Enter.
     line = threshold_line(page)
+    line.hover()  # It waits until the line stands still: the lanes that have gone make room.
     box = line.bounding_box()
     x, y = box['x'] + 60, box['y'] + box['height'] / 2
     page.mouse.move(x, y)
