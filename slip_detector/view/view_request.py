@@ -78,7 +78,8 @@ class ViewRequest:
         channels = _list(
             'channels', message, 'numbers from 1', lambda n: type(n) is int and n in numbers
         )
-        self._channels = np.array(sorted(set(channels)), np.intp) - 1
+        #: The channels of the traces, counted from 0.
+        self.channels = np.array(sorted(set(channels)), np.intp) - 1
         self._columns = int(_number('pixels', message, *PIXELS) or 900)
         window_s = _number('window_s', message, *WINDOW_S) or 10.0
         self._width_ns = round(window_s * 1e9 / self._columns)
@@ -141,7 +142,7 @@ class ViewRequest:
 
     def _traces(self, finger: Finger, track: LiveTrack, arrays: dict[str, Any]) -> dict[str, Any]:
         """Add the columns of volts, levels, slip and truth completed since the last frame."""
-        channels = self._channels[self._channels < track.channels]
+        channels = self.channels[self.channels < track.channels]
         beginning = finger.starts, track.beginnings
         if beginning != self._beginning:
             self._next, self._beginning = {}, beginning

@@ -16,6 +16,7 @@
 """The tabs of the signals in a real browser: traces and the threshold, the spectrum and bands."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -88,10 +89,16 @@ def test_traces_are_chosen_paused_read_and_the_threshold_is_moved(serve, open_pa
     for name in ('ch2', 'ch4', 'ch13', 'ch15'):
         page.get_by_role('button', name=f'Traces of {name}', exact=True).click()
     expect(lanes).to_have_text(['ch15'])  # One stays.
+    # The line moves up once the traces without the others have come.
+    (connection,) = served.server.pages
+    while len(served.call(lambda: connection.view.channels)) > 1:
+        page.wait_for_timeout(20)
+    _, before_s = stretch(page)
+    served.call(served.detectors.simulated[NAME].play, 1.0)
+    until(page, f'data.toS > {before_s}')
 
     # The threshold is set when the line is let go, or with Enter.
     line = threshold_line(page)
-    line.hover()  # It waits until the line stands still: the lanes that have gone make room.
     box = line.bounding_box()
     x, y = box['x'] + 60, box['y'] + box['height'] / 2
     page.mouse.move(x, y)
@@ -118,7 +125,6 @@ def test_traces_are_chosen_paused_read_and_the_threshold_is_moved(serve, open_pa
     page.keyboard.press('ArrowLeft')
     from_s, to_s = stretch(page)
     assert to_s - from_s == pytest.approx((paused[1] - paused[0]) / 2)
-    (connection,) = served.server.pages
     while served.call(lambda: connection.view.until_ns is None):
         page.wait_for_timeout(20)
     finger = served.detectors.fingers[NAME]
@@ -134,6 +140,9 @@ def test_traces_are_chosen_paused_read_and_the_threshold_is_moved(serve, open_pa
     expect(readout).to_have_attribute('aria-live', 'polite')
     read_v = float(words.search(readout.inner_text()).group(1))
     assert np.abs(volts - read_v).min() < 6e-4
+    # What is pointed at stays when the finger is described again.
+    served.call(finger.started_again, replace(finger.config, threshold=0.3))
+    expect(line).to_have_attribute('aria-valuetext', 'threshold 0.3')
     page.keyboard.press('Shift+ArrowDown')
     expect(readout).to_contain_text('of the threshold')
     page.keyboard.press('p')

@@ -95,8 +95,9 @@ class Timeline {
       this.plot?.destroy();
       this.plot = null;
     }
-    // The lane that was pointed at no longer exists.
-    this.pointedShare = this.pointedLane = undefined;
+    // A new description of the same lanes, as after each change, does not take the pointer away.
+    this.pointedLane = lanes.find(({name}) => name === this.pointedLane?.name);
+    if (!this.pointedLane) this.pointedShare = undefined;
     this.lanes = lanes;
     this.height = top;
     this.names.replaceChildren(...lanes.map((lane) => {
