@@ -38,7 +38,7 @@ from slip_detector.nodes.outputs import Outputs
 from slip_detector.nodes.parameters import declare, follow_changes
 from slip_detector.nodes.rclpy_internals import ROS_ERROR, destroy_state_machine
 from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.parameters.fields import listed
+from slip_detector.parameters.fields import name_list
 
 #: Number of checks of the input within ``input_timeout_s``, and the share of the timeout after
 #: which it counts as lost, from the last check that found a sample. That is between 0.8 and 0.9 of
@@ -379,8 +379,8 @@ class Detector(LifecycleNode):
         if self._names is None and len(names) in (0, channels):
             self._names = names
             return None
-        wanted = f'{channels} names' if self._names is None else listed(self._names, NAMES)
-        words = f'the channels of a message are {listed(names, NAMES) or "without names"}'
+        wanted = f'{channels} names' if self._names is None else name_list(self._names, NAMES)
+        words = f'the channels of a message are {name_list(names, NAMES) or "without names"}'
         return 'names', f'{words}, allowed: {wanted or "without names"}: dropped'
 
     def _mend(self, rows: NDArray[np.float64], missing: int) -> NDArray[np.float64]:

@@ -132,8 +132,8 @@ class FingerTopics:
         self._truth: States = deque(maxlen=STATES)
         #: Nodes that publish the samples.
         self.senders: list[str] = []
-        #: What its detector and these nodes told last on ``/diagnostics``, and when, by label.
-        self.told: dict[str, tuple[float, Diagnosis]] = {}
+        #: The last of its detector and of these nodes on ``/diagnostics``, and when, by label.
+        self.health: dict[str, tuple[float, Diagnosis]] = {}
         finger.heard_s, finger.sample_s = time.monotonic(), float('-inf')
         self.subscribe(names)
 

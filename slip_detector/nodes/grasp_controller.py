@@ -27,7 +27,7 @@ from slip_detector.grasp.law import GraspLaw
 from slip_detector.nodes.inputs import publishing_nodes
 from slip_detector.nodes.messages import create_publisher, state_qos
 from slip_detector.nodes.parameters import declare
-from slip_detector.parameters.fields import listed
+from slip_detector.parameters.fields import name_list
 from slip_detector.parameters.grasp import JOINT_STATE, GraspConfig
 
 #: Length of the queues, so that no change is missed while this node is busy.
@@ -106,7 +106,7 @@ class GraspController(Node):
         names = publishing_nodes(self, topic)
         if len(names) > 1:
             self.get_logger().error(
-                f'{topic} is published by {listed(names)}: only one of them may',
+                f'{topic} is published by {name_list(names)}: only one of them may',
                 throttle_duration_sec=OTHERS_LOGGED_S,
             )
 

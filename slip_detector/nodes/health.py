@@ -26,7 +26,7 @@ from rclpy.node import Node
 
 from slip_detector.nodes.messages import create_publisher, event_qos
 from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.parameters.fields import listed
+from slip_detector.parameters.fields import name_list
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
@@ -189,7 +189,7 @@ class Health:
             rate_hz = (rows - before) * 1e9 / max(end_ns - begin_ns, 1)
         all_well, wrong, level = '', '', ERROR
         if self.senders:
-            who = listed(self.senders, LISTED)
+            who = name_list(self.senders, LISTED)
             wrong = f'the input is published by {who}: only one of them may'
         elif math.isinf(silent_s):
             wrong = 'no samples yet: does the sensor run, on this topic, with this type?'
@@ -242,7 +242,7 @@ class Health:
             names = np.compress(mask.any(axis=0) & ~disabled, config.names).tolist()
             values[kind] = ', '.join(names) or '-'
             if names:
-                words = f'{kind}: {listed(names, LISTED)}: {cause}'
+                words = f'{kind}: {name_list(names, LISTED)}: {cause}'
                 complaints.append((ERROR if len(names) == n_enabled else WARN, words))
         values['valid now'] = f'{int(valid[-1].sum())} of {n_enabled}'
         values['disabled'] = ', '.join(np.compress(disabled, config.names)) or '-'
@@ -255,7 +255,7 @@ class Health:
         spent_ms = [spent_s * 1e3 for *_, spent_s in self._noted]
         load = sum(spent_ms) / (passed_s * 1e3)
         if self.detectors:
-            who = listed(self.detectors, LISTED)
+            who = name_list(self.detectors, LISTED)
             complaints.append((ERROR, f'slip is published by {who}: only one of them may'))
         if not valid:
             complaints.append((ERROR, 'slip_valid is false: slip has no meaning'))

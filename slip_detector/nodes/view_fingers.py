@@ -253,8 +253,8 @@ class RosDetectors(Detectors):
             if names != topics.names:
                 topics.subscribe(names)
             topics.senders = publishing_nodes(self._node, names.voltages) if names.voltages else []
-            told = [each for at_s, each in topics.told.values() if at_s > since_s]
-            topics.finger.diagnostics = tuple(told)
+            recent = tuple(each for at_s, each in topics.health.values() if at_s > since_s)
+            topics.finger.diagnostics = recent
 
     def _forget(self, name: str) -> None:
         self._remotes.pop(name).close()
@@ -329,4 +329,4 @@ class RosDetectors(Detectors):
             for finger, topics in self._watched.items():
                 if name == finger or name in topics.senders:
                     label = part if name == finger else f'{name.rpartition("/")[2]}: {part}'
-                    topics.told[label] = now_s, Diagnosis(status.level[0], label, status.message)
+                    topics.health[label] = now_s, Diagnosis(status.level[0], label, status.message)

@@ -162,12 +162,12 @@ def shown_name(name: str) -> str:
     return name if name.isprintable() and len(name) < LONGEST_SHOWN else shown(name)
 
 
-def listed(names: Sequence[str], most: int = 40) -> str:
+def name_list(names: Sequence[str], most: int = 40) -> str:
     """Return names as a comma-separated text; of a long list only the first ones.
 
     Examples
     --------
-    >>> listed([f'ch{k}' for k in range(1, 11)], most=3)
+    >>> name_list([f'ch{k}' for k in range(1, 11)], most=3)
     'ch1, ch2, ch3 and 7 more'
     """
     text = ', '.join(map(shown_name, names[:most]))

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from slip_detector.chain.samples import Samples
 from slip_detector.parameters.detector import default_channel_names
 from slip_detector.parameters.driver import RecordingConfig
-from slip_detector.parameters.fields import listed, shortened, shown
+from slip_detector.parameters.fields import name_list, shortened, shown
 from slip_detector.recordings.labels import Labels, as_truth
 from slip_detector.recordings.rates import checked_rate, rate_of
 from slip_detector.recordings.recording import PIECE_ROWS, Recording, named_errors
@@ -69,7 +69,7 @@ class NpzRecording(Recording):
         keys = config.recording_volts_key, config.recording_rate_key
         for key in keys:
             if key not in self._sizes:
-                raise ValueError(f'has no array {key}, there are: {listed(self.array_names())}')
+                raise ValueError(f'has no array {key}, there are: {name_list(self.array_names())}')
         volts, rate = (np.asarray(self.array(key)) for key in keys)
         if volts.ndim != 2 or not volts.size or volts.dtype.kind not in 'fiu':
             raise ValueError(
@@ -147,8 +147,8 @@ class CsvRecording(Recording):
         self.channel_names = tuple(names[k] for k in self._channels)
         if TIME not in names or not self.channel_names or len(set(names)) != len(names):
             raise ValueError(
-                f'line 1 has the columns {listed(names) or "none"}, allowed: {TIME} and one for '
-                'each channel, each name once'
+                f'line 1 has the columns {name_list(names) or "none"}, allowed: {TIME} and one '
+                'for each channel, each name once'
             )
         first = next(self.read(), None)
         stamps_ns = np.empty(0, np.int64) if first is None else first.stamps_ns

@@ -26,7 +26,7 @@ from slip_detector.chain.samples import Samples
 from slip_detector.chain.stamps import GAP_PERIODS
 from slip_detector.parameters.detector import default_channel_names
 from slip_detector.parameters.driver import RecordingConfig
-from slip_detector.parameters.fields import listed
+from slip_detector.parameters.fields import name_list
 from slip_detector.recordings.bag_storage import BagStorage, Message, Topic, typestore_of
 from slip_detector.recordings.labels import Labels, moving_at, states_at
 from slip_detector.recordings.messages import JOINT_FIELDS, FieldReader, joint_state_table
@@ -239,7 +239,7 @@ class BagRecording(Recording):
         found = [topic for topic in topics if _is_named(topic.name, name or TOPIC)]
         if len(found) == 1:
             return found[0]
-        known = listed([f'{topic.name} ({topic.msgtype})' for topic in found or topics])
+        known = name_list([f'{topic.name} ({topic.msgtype})' for topic in found or topics])
         raise ValueError(
             f'has {len(found) or "no"} topics {name or TOPIC}, there are: {known or "none"}'
             f'{self._found_damage()}; --topic (recording_topic) names one'
@@ -258,7 +258,7 @@ class BagRecording(Recording):
             return found[0]
         if name == getattr(RecordingConfig, parameter):
             return None
-        known = listed([topic.name for topic in found or alike])
+        known = name_list([topic.name for topic in found or alike])
         raise ValueError(
             f'parameter {parameter} is {name!r}, allowed: one topic of type {msgtype}, there '
             f'are: {known or "none"}'

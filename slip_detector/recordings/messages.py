@@ -32,7 +32,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.parameters.fields import listed
+from slip_detector.parameters.fields import name_list
 
 Floats = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -372,7 +372,7 @@ class FieldReader:
         """Return the error that a part of the path gives no numbers, with the fields there."""
         is_list = isinstance(where, list) and len(where) > 0
         names = _field_names((where[0] if is_list else where).__class__)
-        there = listed([f'[].{name}' if is_list else name for name in names])
+        there = name_list([f'[].{name}' if is_list else name for name in names])
         return ValueError(f'field {self.path}: no numbers at {part}, there are: {there or "none"}')
 
 
