@@ -40,11 +40,14 @@ export class Tool {
     });
   }
 
-  // Send a request about the chosen finger, or another one; resolves with the refusal, or ''.
-  async ask(type, content) {
+  // Send a request about the chosen finger, or another one; resolves with the refusal, or ''. beside: what
+  // the answer stands beside, if not where it stood before.
+  async ask(type, content, beside) {
     this.refuse('');
+    beside?.after(this.line.parentElement);
     const {refusal} = await this.connection.request(type, {finger: this.finger, page: PAGE, ...content});
     if (refusal) this.refuse(refusal);
+    if (beside) this.line.parentElement.scrollIntoView({block: 'nearest'});
     return refusal;
   }
 

@@ -177,6 +177,7 @@ export class Parameters extends Tool {
     element('replace-file').hidden = !taken;
     element('saved').textContent = refusal || taken
       ? `Not saved: ${refusal || taken}` : `Saved. ros2 launch slip_detector slip_detector.launch.py ${launch}`;
+    element('saved').scrollIntoView({block: 'nearest'});
   }
 }
 

@@ -53,7 +53,7 @@ export class Teach extends Tool {
   listen() {
     for (const kind of ['rest', 'taps']) this.buttons[kind].addEventListener('click', () => this.toggle(kind));
     for (const [id, type] of [['tune', 'tune'], ['stop-tuning', 'stop_tuning'], ['apply', 'apply_tuning']]) {
-      element(id).addEventListener('click', () => this.ask(type));
+      element(id).addEventListener('click', () => this.ask(type, {}, element(id)));
     }
     const slip = this.buttons.slip;
     slip.addEventListener('pointerdown', (event) => {
@@ -129,7 +129,7 @@ export class Teach extends Tool {
   }
 
   teach(what) {
-    return this.ask('teach', {do: what});
+    return this.ask('teach', {do: what}, element('teach-now'));
   }
 
   show() {
@@ -156,7 +156,7 @@ export class Teach extends Tool {
     element('recordings-frame').hidden = !recordings.length;
     element('recordings').replaceChildren(...recordings.map(({name, duration_s: seconds, slips, usable, held_out: heldOut, note}) => {
       const remove = button('Delete', () => {
-        if (confirm(`Delete ${name}, ${seconds.toFixed(1)} s? It cannot be brought back.`)) this.ask('delete_recording', {recording: name});
+        if (confirm(`Delete ${name}, ${seconds.toFixed(1)} s? It cannot be brought back.`)) this.ask('delete_recording', {recording: name}, element('recordings-frame'));
       }, {ariaLabel: `Delete ${name}`, disabled: this.locked});
       const row = tableRow([name, `${seconds.toFixed(1)} s`, String(slips), heldOut ? 'held out' : usable ? 'tuning' : 'not used', remove]);
       if (note) row.firstChild.append(build('p.notice', note));
