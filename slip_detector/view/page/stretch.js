@@ -55,7 +55,7 @@ export class Columns {
     part.forEach((values, c) => {
       for (let i = Math.max(0, this.base - first); i < count; i++) {
         const value = from[c * count + i];
-        values[first - this.base + i] = Number.isNaN(value) ? null : value;
+        values[first - this.base + i] = Number.isFinite(value) ? value : null;
       }
     });
   }
