@@ -109,9 +109,7 @@ function fillList() {
 
 function markChosen() {
   const key = view.chosen && `${view.recording}-${eventsOf(view.recording).indexOf(view.chosen)}`;
-  for (const row of document.querySelectorAll('#event-list tbody tr')) {
-    row.classList.toggle('chosen', row.dataset.event === key);
-  }
+  for (const row of document.querySelectorAll('#event-list tbody tr')) row.classList.toggle('chosen', row.dataset.event === key);
   document.querySelector('#event-list tr.chosen')?.scrollIntoView({block: 'nearest'});
 }
 

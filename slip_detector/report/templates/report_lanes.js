@@ -245,14 +245,10 @@ const paintStrip = (found) => (pen, lane) => {
   const {context, right, left} = pen, xOf = xOfRow(pen), signal = signalShown();
   const top = lane.top + 1, bottom = lane.top + lane.height - lane.below;
   // Above this line a level is ON, or an excess adds to the evidence.
-  let share = null;
-  if (signal === 'level') share = 0.5;
-  if (signal === 'excess') {
-    const {signals: {excess: [low, high]}, offset_db: offset} = variantNow();
-    share = (offset - low) / (high - low);
-  }
+  const {signals: {excess: [low, high] = []}, offset_db: offset} = variantNow();
+  const share = {level: 0.5, excess: (offset - low) / (high - low)}[signal];
   context.fillStyle = '#c9a28c';
-  if (share !== null) context.fillRect(left, bottom - (bottom - top) * share, right - left, 1);
+  if (share !== undefined) context.fillRect(left, bottom - (bottom - top) * share, right - left, 1);
   for (const {row, rows, n, first, stop, signals: {level: levels}} of found) {
     const colorAt = (i) => {
       const code = levels[lane.channel * n + i];

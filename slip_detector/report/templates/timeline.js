@@ -252,9 +252,6 @@ class Timeline {
 // The places of samples without neighbours, which no line shows.
 function lonely(plot, i, show, gaps) {
   if (show || !gaps?.length) return null;
-  const values = plot.data[i], [first, last] = plot.series[0].idxs, found = [];
-  for (let k = first; k <= last; k++) {
-    if (values[k] != null && values[k - 1] == null && values[k + 1] == null) found.push(k);
-  }
-  return found;
+  const values = plot.data[i], [first, last] = plot.series[0].idxs, all = Array.from({length: last - first + 1}, (_, k) => first + k);
+  return all.filter((k) => values[k] != null && values[k - 1] == null && values[k + 1] == null);
 }

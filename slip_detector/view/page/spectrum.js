@@ -26,7 +26,7 @@ export class SpectrumPanel {
     this.readout = element('spectrum-readout');
     this.choice.addEventListener('change', () => this.choose(Number(this.choice.value)));
     this.mains.addEventListener('change', () => this.onSet({mains_hz: Number(this.mains.value)}));
-    element('add-stopband').addEventListener('click', () => this.addStopband());
+    element('add-stopband').addEventListener('click', () => this.onSet({stopbands_hz: [...this.finger.stopbands_hz, this.room()].flat()}));
     this.root.addEventListener('keydown', (event) => this.onKey(event));
     for (const kind of ['blur', 'pointermove']) this.root.addEventListener(kind, () => this.keyed !== null && this.keyAt(null));
     new ResizeObserver(() => this.layOut()).observe(this.frame);
@@ -53,8 +53,9 @@ export class SpectrumPanel {
 
   allowChanges(allowed) {
     this.allowed = allowed;
-    for (const control of [element('add-stopband'), this.mains]) control.disabled = !allowed;
+    this.mains.disabled = !allowed;
     for (const line of this.lines.values()) line.allow(allowed);
+    if (this.finger) this.updateBands();
   }
 
   choose(channel) {
@@ -106,6 +107,7 @@ export class SpectrumPanel {
     const {stopbands_hz: stops, mains_hz: mains} = this.finger;
     element('removers').replaceChildren(...stops.map(([low, high], i) => button(
       `Remove stop-band ${i + 1}: ${low} to ${high} Hz`, () => this.onSet({stopbands_hz: stops.toSpliced(i, 1).flat()}), {disabled: !this.allowed})));
+    element('add-stopband').disabled = !this.allowed || !this.room();
     if (![...this.mains.options].some(({value}) => Number(value) === mains)) this.mains.append(new Option(`mains ${mains} Hz`, mains));
     this.mains.value = mains;
   }
@@ -131,9 +133,14 @@ export class SpectrumPanel {
     return line;
   }
 
-  addStopband() {
-    const {passband_hz: [, high], stopbands_hz: stops} = this.finger, from = high || this.nyquist / 2;
-    this.onSet({stopbands_hz: [...stops.flat(), rounded(from), rounded(Math.min(from * 1.25, this.nyquist * 0.98))]});
+  // Where one more stop-band has room: above the pass-band, else in it; undefined: nowhere.
+  room() {
+    const {passband_hz: [low, high], stopbands_hz: stops} = this.finger, most = rounded(this.nyquist * 0.98);
+    const upwards = (from) => {
+      for (const [begin, end] of stops.toSorted(([a], [b]) => a - b)) if (begin < from * 1.1 && end > from) from = end;
+      return [rounded(from), Math.min(rounded(from * 1.25), most, ...stops.flat().filter((edge) => edge > from))];
+    };
+    return [high || this.nyquist / 2, low].map(upwards).find(([begin, end]) => end > begin * 1.02);
   }
 
   // ---- drawing
