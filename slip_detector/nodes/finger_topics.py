@@ -15,7 +15,6 @@
 
 """Receives the topics of one finger that a page shows."""
 
-import contextlib
 import functools
 import time
 from bisect import bisect_right
@@ -172,11 +171,9 @@ class FingerTopics:
 
     def poll(self) -> None:
         """Process received messages; subscribe again if the detector's parameters require it."""
-        before, config = self._config, self.finger.config
-        if config is not before:
-            self._config = config
-            if any(getattr(config, name) != getattr(before, name) for name in OF_TOPICS):
-                self.subscribe(self.names)
+        before, self._config = self._config, self.finger.config
+        if any(getattr(self._config, name) != getattr(before, name) for name in OF_TOPICS):
+            self.subscribe(self.names)
         self._topics.poll()
         if self._samples:
             self._append_samples()
@@ -184,12 +181,16 @@ class FingerTopics:
             self._append_levels()
 
     def _on_voltages(self, source: Input, raw: bytes, info: dict[str, Any]) -> None:
-        # A message that does not fit is counted and reported by the detector.
-        with contextlib.suppress(ValueError):
+        try:
             sample = source.read(raw, info)
             n, channels = sample.rows.shape
-            if n and channels == self._config.channels:
+            if n and channels != (wanted := self._config.channels):
+                raise ValueError(f'they have {channels} channels, the detector {wanted}')
+            if n:
                 self._samples.append((info['source_timestamp'], sample))
+        except ValueError as error:
+            # The detector counts and reports them, too.
+            self.finger.unfit = time.monotonic(), f'samples come, but {error}'
 
     def _on_truth(self, message: Bool, info: dict[str, Any]) -> None:
         self._truth.append((info['source_timestamp'], message.data))
@@ -226,6 +227,8 @@ class FingerTopics:
     def _append_levels(self) -> None:
         """Append the detector's levels and decisions to the track."""
         received, self._levels = self._levels, []
+        # The detector has samples, even if their volts cannot be shown.
+        self.finger.sample_s = time.monotonic()
         slip = np.array([state_at(self._slip, at_ns) for at_ns, _ in received])
         table = joint_state_table([raw for _, raw in received])
         if table is None:  # the channels have just changed

@@ -91,6 +91,8 @@ class Finger:
     onset_s: float | None = None
     #: Time of the last sample, and of the last message of the detector.
     sample_s: float = float('-inf')
+    #: When samples came last that do not fit the detector, and what is wrong with them.
+    unfit: tuple[float, str] = (float('-inf'), '')
     heard_s: float = field(default_factory=time.monotonic)
     frame_id: str = ''
     diagnostics: tuple[Diagnosis, ...] = ()

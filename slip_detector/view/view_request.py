@@ -44,6 +44,9 @@ STAMPS_NS = (-(2.0**62), 2.0**62)
 
 HIGHEST_CHANNEL = 1_000_000
 
+#: Time, in seconds, for which the page says that samples come that do not fit.
+UNFIT_SHOWN_S = 1.0
+
 LENGTH = struct.Struct('<I')
 
 
@@ -137,6 +140,7 @@ class ViewRequest:
             'valid': finger.valid and not silent,
             'onset_age_s': _age_s(now_s, finger.onset_s),
             'sample_age_s': _age_s(now_s, finger.sample_s),
+            'unfit': finger.unfit[1] if now_s - finger.unfit[0] < UNFIT_SHOWN_S else '',
             'silent': silent,
         }
 

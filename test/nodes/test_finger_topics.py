@@ -15,6 +15,8 @@
 """What comes from one finger: samples, levels, and the states that belong to them."""
 
 import dataclasses
+import functools
+import time
 
 import numpy as np
 import pytest
@@ -121,9 +123,23 @@ def test_a_type_that_is_not_installed_is_reported_and_the_decisions_are_shown(se
     assert sensor.finger.no_volts.startswith(wanted)
     sensor.valid.publish(Bool(data=True))
     sensor.until(lambda: sensor.finger.valid, 'slip_valid')
+
+    # Where levels come, samples come.
+    def has_come(publisher, values, holds):
+        publisher.publish(sensor.message(1, values, values))
+        return holds()
+
+    finger = sensor.finger
+    heard = functools.partial(has_come, sensor.envelope, [0.5, 0.5], lambda: finger.sample_s > 0)
+    sensor.until(heard, 'a level')
     sensor.finger.update_config(DetectorConfig(channels=2))
     sensor.topics.poll()
     assert sensor.finger.no_volts == ''
+    # Samples that do not fit come, too, and it is said what is wrong with them.
+    heard = functools.partial(has_come, sensor.voltages, [4.0, 5.0, 6.0], lambda: finger.unfit[1])
+    sensor.until(heard, 'what is wrong')
+    wrong = 'samples come, but they have 3 channels, the detector 2'
+    assert finger.unfit == (pytest.approx(time.monotonic(), abs=5.0), wrong)
 
 
 def test_a_batch_has_its_rows_a_period_apart(bench):

@@ -69,6 +69,7 @@ def test_each_fault_of_driver_and_detector_is_told_in_words(bench, page):
     again = bench.start('slip_detector', *index, parameters={'channels': 8})
     words(card.locator('.notice'), 'the detector was started again at')
     words(card.locator('.diagnostics'), 'dropped: not as many channels as configured')
+    words(card.locator('.veil'), 'samples come, but they have 16 channels, the detector 8')
     expect(card.locator('.group .name')).to_have_text('all')
     again.signal(signal.SIGINT)
     expect(card).to_have_count(0)
