@@ -16,6 +16,7 @@
 """The page in a real browser: states of fingers, its connection, and who cannot see or click."""
 
 import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -79,12 +80,7 @@ def violations():
 
 
 def test_each_state_is_shown_in_words_and_the_page_fits_any_width(played, violations):
-    def more_diagnostics_than_fit(detectors):
-        detectors.fingers['/rest/slip_detector'].diagnostics = tuple(
-            Diagnosis(0, f'part {i}', 'as it should be') for i in range(12)
-        )
-
-    _, page = played(STATES, more_diagnostics_than_fit)
+    _, page = played(STATES)
     for label, words in WORDS.items():
         for word in words:
             expect(card(page, label)).to_contain_text(word)
@@ -97,6 +93,38 @@ def test_each_state_is_shown_in_words_and_the_page_fits_any_width(played, violat
         page.get_by_role('tab', name=name).click()
         wait_until_it_fits(page, 1366, 800, 400, 320)
     assert violations(page) == []
+
+
+def test_what_is_wrong_stands_first_and_whole_and_nothing_stands_twice(played):
+    unplugged = ', '.join(f'ch{c} is flat' for c in range(1, 17))
+
+    def prepare(detectors):
+        rest, dead, none = detectors.fingers.values()
+        rest.diagnostics = Diagnosis(0, 'decisions', 'slip is ON'), Diagnosis(0, 'input', 'well')
+        dead.diagnostics = (
+            *rest.diagnostics,
+            Diagnosis(1, 'clock', 'is slow'),
+            Diagnosis(2, 'channels', unplugged),
+        )
+        none.unfit = time.monotonic() + 3600.0, 'samples come, but they have 8 channels'
+
+    _, page = played(
+        {name: STATES[name] for name in ('rest', 'dead', 'none')}, prepare, width=1024
+    )
+
+    def lines(label):
+        return card(page, label).locator('.diagnostics li')
+
+    expect(lines('rest')).to_have_text('\u2713 input: well')
+    expect(lines('dead')).to_have_text([f'\u2715 channels: {unplugged}', '\u25b2 clock: is slow'])
+    expect(card(page, 'none')).to_contain_text('samples come, but they have 8 channels')
+    expect(lines('none')).to_be_hidden()
+    below = lines('dead').last.bounding_box()
+    assert (
+        card(page, 'dead').locator('.picture').bounding_box()['y'] >= below['y'] + below['height']
+    )
+    listed = card(page, 'dead').locator('.diagnostics')
+    assert listed.evaluate('(list) => list.scrollHeight <= list.clientHeight')
 
 
 def test_names_and_diagnostics_are_shown_as_text(played):
@@ -212,21 +240,31 @@ def test_when_slip_view_ends_the_page_says_so_and_connects_again_by_itself(brows
         page.close()
 
 
-def test_a_slip_view_that_hangs_is_reported(open_page):
-    with served_beside(SimulatedDetectors()) as served:
-        page = open_page(served)
-        words = page.locator('#connection')
-        goes_on = threading.Event()
-        hanging = threading.Thread(target=served.call, args=(goes_on.wait, PATIENCE_MS / 1e3))
-        hanging.start()
-        try:
-            expect(words).to_have_text('slip_view does not answer')
-            expect(card(page)).to_have_attribute('data-state', 'lost')
-        finally:
-            goes_on.set()
-            hanging.join()
-        expect(words).to_have_text('connected')
-        expect(card(page)).not_to_have_attribute('data-state', 'lost')
+def test_a_slip_view_that_hangs_is_reported_and_no_button_looks_as_if_it_worked(serve, open_page):
+    served = serve(SimulatedDetectors())
+    page = open_page(served)
+    words = page.locator('#connection')
+    buttons = record_button(page, 'Rest'), tool(page, 'Save')
+    for button in buttons:
+        expect(button).to_be_enabled()
+    expect(threshold_line(page)).to_have_attribute('aria-disabled', 'false')
+    goes_on = threading.Event()
+    hanging = threading.Thread(target=served.call, args=(goes_on.wait, PATIENCE_MS / 1e3))
+    hanging.start()
+    try:
+        expect(words).to_have_text('slip_view does not answer')
+        expect(card(page)).to_have_attribute('data-state', 'lost')
+        for button in buttons:
+            expect(button).to_be_disabled()
+        expect(threshold_line(page)).to_have_attribute('aria-disabled', 'true')
+        expect(recording_now(page)).to_have_text('Not connected: what is recorded is not known.')
+    finally:
+        goes_on.set()
+        hanging.join()
+    expect(words).to_have_text('connected')
+    expect(card(page)).not_to_have_attribute('data-state', 'lost')
+    for button in buttons:
+        expect(button).to_be_enabled()
 
 
 def test_with_read_only_nothing_can_be_changed_in_any_tab(serve, open_page, tmp_path):
@@ -275,6 +313,8 @@ def test_axe_finds_nothing_in_any_panel(played, violations, tmp_path):
     page.keyboard.press('PageUp')
     page.keyboard.press('Enter')
     expect(changes(page)).to_contain_text('threshold from')
+    # No file is known.
+    expect(page.locator('[data-name="threshold"]')).to_contain_text('As first seen: 0.5.')
     assert violations(page) == []
     served.call(served.detectors.remove, 'index')
     expect(page.get_by_text('No detector yet')).to_be_visible()

@@ -2,39 +2,34 @@
 
 import {FingerCard} from './card.js';
 import {Connection} from './connection.js';
-import {News, tabs} from './elements.js';
+import {News, Tool, tabs, write} from './elements.js';
 import {Parameters} from './parameters.js';
 import {SpectrumPanel} from './spectrum.js';
 import {Teach} from './teach.js';
 import {Traces} from './traces.js';
 
-const connection = new Connection((words) => {
-  element('connection').textContent = words || 'connected';
-  element('connection').classList.toggle('lost', Boolean(words));
-  if (words) for (const card of cards.values()) card.lose();
-  else refuse('');
-});
+// The drawings, in which parameters are set, too; why one is refused is shown at the top.
+class Drawings extends Tool {
+  show() {
+    const here = this.finger in this.labels;
+    traces.line.allow(here && !this.locked);
+    spectrum.allowChanges(here && !this.locked);
+    element('keep-rest').disabled = !here || Boolean(connection.words);
+  }
+}
+
+const connection = new Connection();
 const news = new News(element('news'));
-const parameters = new Parameters(connection), teach = new Teach(connection);
+const parameters = new Parameters(connection), teach = new Teach(connection), drawings = new Drawings(connection, element('refusal'));
 // The finger whose signals are shown, and the one that the user has chosen. The address keeps the
 // latter for when the page is loaded again.
 let chosen = null, wanted = new URLSearchParams(location.hash.slice(1)).get('finger');
 // Labels, by name, of fingers whose detectors have ended.
 let gone = {};
 const cards = new Map();
-// Values dragged in a drawing are set like typed ones, but a refusal is shown at the top, as the panel
-// of parameters may be hidden.
-const set = async (values) => refuse(await parameters.ask('set', {values}));
-const onView = (changes) => connection.changeView(changes);
-const traces = new Traces({onView, onSet: set}), spectrum = new SpectrumPanel({onView, onSet: set});
-element('keep-rest').addEventListener('click', async () => {
-  refuse((await connection.request('keep_rest', {finger: chosen})).refusal);
-});
-
-function refuse(words) {
-  element('refusal').textContent = words;
-  element('refusal').hidden = !words;
-}
+const wishes = {onView: (changes) => connection.changeView(changes), onSet: (values) => drawings.ask('set', {values})};
+const traces = new Traces(wishes), spectrum = new SpectrumPanel(wishes);
+element('keep-rest').addEventListener('click', () => drawings.ask('keep_rest'));
 
 function choose(name) {
   wanted = name;
@@ -45,8 +40,8 @@ function choose(name) {
 function show(name) {
   // Changes of the finger that was shown end before.
   for (const line of [traces.line, ...spectrum.lines.values()]) line.settle();
-  chosen = name;
-  refuse('');
+  chosen = drawings.finger = name;
+  drawings.refuse('');
   connection.changeView({finger: name ?? ''});
   parameters.choose(name);
   teach.choose(name);
@@ -60,9 +55,17 @@ function showChosen() {
   element('signals-title').textContent = `Signals of ${label}`;
   element('tools-title').textContent = `Set up ${label}`;
   if (finger) for (const part of [traces, spectrum]) part.show(finger);
+  drawings.show();
 }
 
-connection.on('fingers', ({fingers, gone: labels, read_only: readOnly}) => {
+connection.on('state', (words) => {
+  write('connection', words || 'connected');
+  element('connection').classList.toggle('lost', Boolean(words));
+  // What cards show is old then.
+  if (words) for (const card of cards.values()) if (card.state) card.showState('lost');
+});
+
+connection.on('fingers', ({fingers, gone: labels}) => {
   gone = labels;
   const names = fingers.map(({name}) => name);
   for (const [name, card] of cards) {
@@ -91,8 +94,6 @@ connection.on('fingers', ({fingers, gone: labels, read_only: readOnly}) => {
   element('panels').hidden = !fingers.length;
   document.querySelector('main').classList.toggle('single', fingers.length === 1);
   connection.changeView({fingers: names});
-  traces.line.allow(!readOnly);
-  spectrum.allowChanges(!readOnly);
   // A finger that is gone may come back: meanwhile no other is chosen, or changes would go to that one.
   const next = [wanted, chosen].find((name) => names.includes(name)) ?? (chosen in gone ? chosen : names[0] ?? null);
   if (next !== chosen) show(next);
@@ -100,7 +101,7 @@ connection.on('fingers', ({fingers, gone: labels, read_only: readOnly}) => {
 });
 
 // The server cannot show what the page has asked for.
-connection.on('refused', ({why}) => refuse(why));
+connection.on('refused', ({why}) => drawings.refuse(why));
 
 connection.on('diagnostics', ({fingers}) => {
   for (const [name, lines] of Object.entries(fingers)) cards.get(name)?.showDiagnostics(lines);

@@ -69,11 +69,6 @@ export class FingerCard {
     this.layOut();
   }
 
-  // Show that the connection is lost, and the picture old.
-  lose() {
-    if (this.state) this.showState('lost');
-  }
-
   layOut() {
     const {clientWidth: width, clientHeight: height} = this.picture;
     if (!this.finger || !width || !height) return;
@@ -83,7 +78,7 @@ export class FingerCard {
     this.paint();
   }
 
-  // state: {slip, valid, onset_age_s, sample_age_s, silent} of a frame, and its arrays level, on and
+  // state: {slip, valid, onset_age_s, sample_age_s, unfit, silent} of a frame, and its arrays level, on and
   // groups of this finger.
   show(state, {level, on, groups}) {
     this.state = state;
@@ -120,12 +115,12 @@ export class FingerCard {
   }
 
   showState(name) {
-    const {mark, words} = STATES[name], {sample_age_s: age, silent} = this.state;
+    const {mark, words} = STATES[name], {sample_age_s: age, silent, unfit} = this.state;
     if (this.root.dataset.state !== name) {
       this.root.dataset.state = name;
       this.badge.replaceChildren(build('span.mark', mark, {ariaHidden: 'true'}), ` ${words}`);
     }
-    const noSample = age === null ? 'no sample has come yet' : `no sample for ${seconds(age)}`;
+    const noSample = unfit || (age === null ? 'no sample has come yet' : `no sample for ${seconds(age)}`);
     const veil = {lost: 'as it was last', silent, noInput: noSample}[name] ?? '';
     text(this.veil, veil);
     this.veil.hidden = !veil;
@@ -145,17 +140,19 @@ export class FingerCard {
     return `${validity}; ${slip ? `slip since ${seconds(age)}` : `last slip began ${seconds(age)} ago`}`;
   }
 
-  // lines: [level, name, message] of each diagnostic.
+  // lines: [level, name, message] of each diagnostic. What is wrong stands at the top, the worst first, instead of
+  // what is well. Of the decisions the badge tells, and sooner.
   showDiagnostics(lines) {
     const key = JSON.stringify(lines);
     if (key === this.diagnosed) return;
     this.diagnosed = key;
-    this.diagnostics.replaceChildren(...lines.map(([level, name, message]) => {
+    const wrong = lines.filter(([level]) => level).sort(([a], [b]) => b - a);
+    const shown = wrong.length ? wrong : lines.filter(([, name]) => name !== 'decisions');
+    this.diagnostics.replaceChildren(...shown.map(([level, name, message]) => {
       const [mark, ariaLabel] = LEVELS[level] ?? ['?', 'unknown'];
       return build(`li.level-${level}`, build('span.mark', mark, {role: 'img', ariaLabel}), ` ${name}: ${message}`);
     }));
-    // With a tab stop, keys can scroll a list that does not fit.
-    this.diagnostics.tabIndex = this.diagnostics.scrollHeight > this.diagnostics.clientHeight ? 0 : -1;
+    (wrong.length ? this.dead : this.notice).after(this.diagnostics);
   }
 
   mark(chosen) {
@@ -252,21 +249,18 @@ function paintTaxel(context, {x, y, side}, {fill, on, valid, disabled}, number) 
   const left = x - side / 2, top = y - side / 2;
   const shape = new Path2D();
   shape.roundRect(left, top, side, side, side / 5);
-  context.fillStyle = disabled ? DISABLED_FILL : '#fff';
-  context.fill(shape);
-  if (!disabled && !valid) {
-    context.fillStyle = hatching(context);
+  const fillAll = (style) => {
+    context.fillStyle = style;
     context.fill(shape);
-  } else if (!disabled) {
-    context.fillStyle = on ? ON : QUIET_FILL;
-    context.fill(shape);
-    if (!on) {
-      context.save();
-      context.clip(shape);
-      context.fillStyle = LEVEL_FILL;
-      context.fillRect(left, top + side * (1 - fill), side, side * fill);
-      context.restore();
-    }
+  };
+  fillAll(disabled ? DISABLED_FILL : !valid ? '#fff' : on ? ON : QUIET_FILL);
+  if (!disabled && !valid) fillAll(hatching(context));
+  if (!disabled && valid && !on) {
+    context.save();
+    context.clip(shape);
+    context.fillStyle = LEVEL_FILL;
+    context.fillRect(left, top + side * (1 - fill), side, side * fill);
+    context.restore();
   }
   if (!disabled) {
     context.strokeStyle = on ? '#000' : FRAME;

@@ -20,10 +20,9 @@ function readFrame(buffer) {
 
 // Dispatches each message as an event of its type.
 export class Connection extends EventTarget {
-  // onState(words): connected ('') or why not.
-  constructor(onState) {
+  constructor() {
     super();
-    this.onState = onState;
+    // Why there is no connection; '': there is.
     this.words = null;
     this.checks = 0;
     // By the number of a request, what its answer is passed to.
@@ -38,8 +37,9 @@ export class Connection extends EventTarget {
   }
 
   say(words) {
-    if (words !== this.words) this.onState(words);
+    if (words === this.words) return;
     this.words = words;
+    this.dispatchEvent(new CustomEvent('state', {detail: words}));
   }
 
   // Count checks without a frame, if frames are due and none waits to be drawn.
@@ -54,7 +54,7 @@ export class Connection extends EventTarget {
   }
 
   // take(message): called with each message of this type. A 'frame' is {header, arrays}; it comes once for
-  // each frame, when the browser draws.
+  // each frame, when the browser draws. A 'state' is why there is no connection; '': there is.
   on(type, take) {
     this.addEventListener(type, ({detail}) => take(detail));
   }

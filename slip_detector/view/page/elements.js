@@ -25,19 +25,34 @@ export const write = (id, text) => (element(id).textContent = text);
 // A row of a table: its heading, and texts and elements.
 export const tableRow = ([heading, ...cells]) => build('tr', build('th', heading, {scope: 'row'}), ...cells.map((cell) => build('td', cell)));
 
-// A tab below "Set up": the fingers by their labels, requests, and the line that shows why one was refused.
+// A part with controls: the fingers by their labels, requests, and the line that shows why one was refused.
 export class Tool {
   // line: an element for why a request was refused.
   constructor(connection, line) {
     Object.assign(this, {connection, line});
     this.finger = null;
     this.labels = {};
-    this.locked = false;
+    this.readOnly = false;
     connection.on('fingers', ({fingers, read_only: readOnly}) => {
       this.labels = Object.fromEntries(fingers.map(({name, label}) => [name, label]));
-      this.locked = readOnly;
+      this.readOnly = readOnly;
       this.show();
     });
+    connection.on('state', () => {
+      this.refuse('');
+      this.show();
+    });
+    // A refusal is about the parameters as they were.
+    connection.on('parameters', ({fingers}) => {
+      const newest = fingers[this.finger]?.changes[0]?.[0];
+      if (newest !== this.newest) this.refuse('');
+      this.newest = newest;
+    });
+  }
+
+  // Whether nothing can be changed from here now.
+  get locked() {
+    return this.readOnly || Boolean(this.connection.words);
   }
 
   // Send a request about the chosen finger, or another one; resolves with the refusal, or ''. beside: what
@@ -52,7 +67,7 @@ export class Tool {
   }
 
   refuse(words) {
-    this.line.textContent = words && `Refused: ${words}`;
+    this.line.replaceChildren(words && `Refused: ${words}`, button('', () => this.refuse(''), {className: 'dismiss', ariaLabel: 'Dismiss'}));
     this.line.hidden = !words;
   }
 }

@@ -85,7 +85,7 @@ export class Parameters extends Tool {
     const words = [`Of ${label}. Values hold when they are set, all that were changed at once or none.`];
     if (panel.file) words.push(`Its file is ${panel.file}.`);
     if (panel.gone) words.push('The detector is gone: these are the values that it had.');
-    if (this.locked) words.push('Nothing can be changed from here: slip_view was started with --read-only.');
+    if (this.readOnly) words.push('Nothing can be changed from here: slip_view was started with --read-only.');
     return words.join(' ');
   }
 
@@ -102,7 +102,7 @@ export class Parameters extends Tool {
     for (const [heading, parameter] of shown) {
       const {name, text} = parameter;
       if (edits.get(name) === text) edits.delete(name);
-      this.rowOf(parameter, this.sectionOf(heading)).show(parameter, edits.get(name), usable);
+      this.rowOf(parameter, this.sectionOf(heading)).show(parameter, edits.get(name), usable, panel.file);
     }
     for (const [name, row] of this.rows) {
       if (names.has(name)) continue;
@@ -143,6 +143,7 @@ export class Parameters extends Tool {
     this.edits.set(this.finger, edits);
     if (text === undefined) edits.delete(name);
     else edits.set(name, text);
+    this.refuse('');
     this.show();
   }
 
@@ -209,7 +210,7 @@ class ParameterRow {
 
   // Show the server's description, of a new group its name alone. edit: what was typed; undefined: nothing;
   // null: delete the parameter.
-  show({text, unit = '', allowed, meaning = '', in_file: inFile, read_only: fixed}, edit, usable) {
+  show({text, unit = '', allowed, meaning = '', in_file: inFile, read_only: fixed}, edit, usable, file) {
     this.present = text;
     this.removed = edit === null;
     const wanted = edit ?? text, {removed} = this;
@@ -220,7 +221,7 @@ class ParameterRow {
       fixed && 'Holds from the start: it cannot be changed while the detector runs.',
       edit !== undefined && !removed && `Not set yet; the detector has ${text || 'nothing'}.`,
       removed && 'To be removed.',
-      inFile !== null && inFile !== text && `In the file: ${inFile || 'nothing'}.`,
+      inFile !== null && inFile !== text && `${file ? 'In the file' : 'As first seen'}: ${inFile || 'nothing'}.`,
     ].filter(Boolean).join(' ');
     this.root.classList.toggle('edited', edit !== undefined);
     this.root.classList.toggle('removed', removed);

@@ -92,8 +92,7 @@ export class Slider {
   // Before the line shows another finger: set a value chosen by keys, abandon a drag.
   settle() {
     if (this.timer) this.set();
-    this.drop();
-    this.sent = null;
+    this.leave();
   }
 
   close() {

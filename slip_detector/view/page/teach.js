@@ -167,15 +167,20 @@ export class Teach extends Tool {
   showRecording() {
     const {recording} = this, mine = recording?.finger === this.finger;
     if (recording === undefined) return;
+    // A refusal is about what went on then.
+    const busy = JSON.stringify([recording?.name, this.latest.tuning?.running]);
+    if (busy !== this.busy) this.refuse('');
+    this.busy = busy;
     const usable = this.finger in this.labels && !this.locked;
     for (const [kind, button] of Object.entries(this.buttons)) {
       const its = mine && recording.kind === kind;
       button.ariaPressed = String(Boolean(its && !recording.ending));
       button.disabled = !usable || (recording !== null && !recording.ending && !its);
     }
-    element('teach-now').classList.toggle('runs', recording !== null);
-    write('teach-now', recording ? this.recordingWords(recording, mine)
-      : this.locked ? 'Pages may only look: slip_view was started with --read-only.' : 'Nothing is recorded now.');
+    const {words: lost} = this.connection;
+    element('teach-now').classList.toggle('runs', recording !== null && !lost);
+    write('teach-now', lost ? 'Not connected: what is recorded is not known.' : recording ? this.recordingWords(recording, mine)
+      : this.readOnly ? 'Pages may only look: slip_view was started with --read-only.' : 'Nothing is recorded now.');
   }
 
   recordingWords({name, finger, seconds, slipping, ending, silent}, mine) {

@@ -107,6 +107,7 @@ export class Traces {
     const height = Math.max(18, Math.min(60, Math.floor((free - levels - 2 * SLIP_HEIGHT - 30) / n)));
     const colors = channels.map((_, i) => COLORS[i % COLORS.length]);
     const band = (name, color) => ({name, height: SLIP_HEIGHT, paint: (pen, lane) => this.paintBits(pen, lane, name, color)});
+    this.scale = `lane-${n}`; // Of the first curve of levels.
     this.levels = {
       name: 'level', note: this.unit ? 'evidence, dB s' : 'of each channel', height: levels, curve: n, colors, below: 2,
       paint: (pen, lane) => this.paintDecades(pen, lane),
@@ -129,10 +130,7 @@ export class Traces {
   draw() {
     const {columns, chooser: {channels}} = this;
     if (!this.root.clientWidth || columns?.begun_s == null || String(columns.channels) !== String(channels)) return;
-    if (this.laidOut !== this.truth) {
-      this.layOut();
-      return;
-    }
+    if (this.laidOut !== this.truth) return this.layOut();
     const [from, to] = this.stretch.ends(), seen = this.seen = columns.between(from, to);
     const curves = channels.map((c, i) => ({
       rows: [], low: seen.low[i], high: seen.high[i], range: this.voltsRange(c, [seen.low[i], seen.high[i]].flat()),
@@ -166,11 +164,6 @@ export class Traces {
     // While the threshold is dragged, the range may grow but does not shrink.
     this.ranges.set('level', steady(this.ranges.get('level'), wanted, this.line.chosen === null ? 0.6 : 0));
     return this.ranges.get('level');
-  }
-
-  // The scale of the first curve of levels.
-  get scale() {
-    return `lane-${this.chooser.channels.length}`;
   }
 
   levelAt(y) {
