@@ -16,6 +16,7 @@
 
 import itertools
 import sys
+import time
 from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
@@ -25,17 +26,19 @@ from rcl_interfaces.msg import (
     ParameterDescriptor,
     SetParametersResult,
 )
+from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from slip_detector.nodes.rclpy_internals import given_parameters
+from slip_detector.nodes.rclpy_internals import answer_with, given_parameters
+from slip_detector.parameters.changes import Judge, changed
 from slip_detector.parameters.fields import allowed, default_of
 from slip_detector.parameters.sets import (
     OF_RCLPY,
     ConfigType,
     ParameterSet,
-    check_sections,
-    names_for_others,
+    names_given_to,
+    sections_for_others,
 )
 
 #: How a range is described: field of the descriptor, its type, and the number for no upper limit.
@@ -54,7 +57,8 @@ def declare(
     """Declare all fields of a configuration on a node, with the values given by the user.
 
     Values are checked here and not by rclpy, which ignores unknown names, refuses ``100`` for a
-    floating-point parameter and has no empty list.
+    floating-point parameter and has no empty list. Unknown names that were given to all nodes
+    (``/**``, or ``-p`` without a node) are left out, with a warning where one is nearly known.
 
     Parameters
     ----------
@@ -68,20 +72,24 @@ def declare(
     Raises
     ------
     ValueError
-        For an unknown name, a value that is not allowed, or a parameter file for nodes with other
-        names.
+        For an unknown name given to this node, a value that is not allowed, or a parameter file
+        for nodes with other names.
     """
-    words = [*sys.argv, *(cli_args or [])]
-    files = [path for option, path in itertools.pairwise(words) if option == '--params-file']
-    for_others: set[str] = set()
-    for path in files:
-        check_sections(path, config_class.NODE, node.get_fully_qualified_name())
-        for_others |= names_for_others(path, config_class.NODE)
-    values = {
-        name: _value(parameter)
+    pairs = [*itertools.pairwise([*sys.argv, *(cli_args or [])])]
+    # Of `-p slip_detector:threshold:=0.5`; without a node's name it is for all nodes.
+    typed = [text.partition(':=')[0] for option, text in pairs if option in ('-p', '--param')]
+    own = {rule.rpartition(':')[2] for rule in typed if ':' in rule}
+    for option, path in pairs:
+        if option == '--params-file':
+            own |= names_given_to(path, config_class.NODE, node.get_fully_qualified_name())
+    given = {
+        name: [] if parameter.type_ == Parameter.Type.NOT_SET else parameter.value
         for name, parameter in given_parameters(node).items()
-        if _ours(name) and name not in for_others
+        if _ours(name)
     }
+    values, remarks = config_class.without_strangers(given, own, typed)
+    for remark in remarks:
+        node.get_logger().warning(remark)
     config = config_class.from_parameters(values)
     for name, value in config.to_parameters().items():
         read_only = fixed is None or name in fixed
@@ -90,13 +98,27 @@ def declare(
     return config
 
 
+def tell_of_other_names(nodes: Sequence[Node], executable: str) -> None:
+    """Warn of sections in parameter files for nodes like these that this process does not have."""
+    names = [node.get_fully_qualified_name() for node in nodes]
+    for option, path in itertools.pairwise(sys.argv):
+        others = sections_for_others(path, executable, names) if option == '--params-file' else []
+        if others:
+            nodes[0].get_logger().warning(
+                f'{path}: no node of this process has the name of {", ".join(others)}'
+            )
+
+
 def follow_changes(
     node: Node,
     current: Callable[[], ParameterSet],
     check: Callable[[Any], None],
     apply: Callable[[Any], None],
 ) -> None:
-    """Let the parameter services change a node's configuration, all values of a request or none.
+    """Let the parameter services change a node's configuration.
+
+    The atomic service takes all values of a request or none; the ordinary one refuses what is
+    wrong by itself, and takes or refuses all else together (see :class:`.Judge`).
 
     The node must allow undeclared parameters, so that groups can be added and deleted, and so that
     a wrong name reaches the check here, whose message is clearer than rclpy's.
@@ -114,6 +136,7 @@ def follow_changes(
     """
     # What the change that is being checked leads to: a configuration, or why it is refused.
     outcome: ParameterSet | str = ''
+    judge = Judge(check)
 
     def converted(parameters: list[Parameter]) -> list[Parameter]:
         """Check the change, and convert numbers to the types of their parameters, as 1 to 1.0.
@@ -124,7 +147,8 @@ def follow_changes(
         """
         nonlocal outcome
         try:
-            config = changed(current(), parameters)
+            wanted = [(each.name, each.value) for each in parameters if _ours(each.name)]
+            config = changed(current(), dict(wanted))
             check(config)
         except ValueError as error:
             outcome = str(error)
@@ -140,39 +164,38 @@ def follow_changes(
         refusal = outcome if isinstance(outcome, str) else ''
         return SetParametersResult(successful=not refusal, reason=refusal)
 
+    def read_only(name: str) -> bool:
+        known: bool = node.has_parameter(name) and node.describe_parameter(name).read_only
+        return known
+
+    def take(
+        request: SetParameters.Request, response: SetParameters.Response
+    ) -> SetParameters.Response:
+        """Set the parameters of a request: each for itself, or together what needs each other."""
+        parameters = [Parameter.from_parameter_msg(each) for each in request.parameters]
+        its = [each for each in parameters if _ours(each.name) and not read_only(each.name)]
+        given = [(each.name, each.value) for each in its]
+        taken, refusals = judge.judged(current(), given, time.monotonic())
+        if taken:
+            node.set_parameters_atomically([Parameter(n, value=v) for n, v in taken.items()])
+        reasons = dict(zip(map(id, its), refusals, strict=True))
+        for each in parameters:
+            reason = reasons.get(id(each))
+            response.results.append(
+                node.set_parameters_atomically([each])
+                if reason is None
+                else SetParametersResult(successful=not reason, reason=reason)
+            )
+        return response
+
     node.add_pre_set_parameters_callback(converted)
     node.add_on_set_parameters_callback(checked)
     node.add_post_set_parameters_callback(lambda parameters: apply(outcome))
-
-
-def changed(config: ConfigType, parameters: list[Parameter]) -> ConfigType:
-    """Return a configuration with some parameters changed.
-
-    Raises
-    ------
-    ValueError
-        For an unknown name, a value that is not allowed, or a parameter that cannot be deleted.
-    """
-    values = config.to_parameters()
-    for parameter in parameters:
-        name = parameter.name
-        if not _ours(name):
-            continue
-        if parameter.type_ == Parameter.Type.NOT_SET and name in values:
-            if not name.startswith('groups.'):
-                raise ValueError(f'parameter {name} cannot be deleted, allowed: groups.<name>')
-            del values[name]
-        else:
-            values[name] = _value(parameter)
-    return type(config).from_parameters(values)
+    answer_with(node, SetParameters, take)
 
 
 def _ours(name: str) -> bool:
     return name.partition('.')[0] not in OF_RCLPY
-
-
-def _value(parameter: Parameter) -> Any:
-    return [] if parameter.type_ == Parameter.Type.NOT_SET else parameter.value
 
 
 def _descriptor(

@@ -165,6 +165,16 @@ def given_parameters(node: Node) -> dict[str, Parameter]:
     return dict(node._parameter_overrides)
 
 
+def answer_with(node: Node, service_type: type, callback: Callable[..., Any]) -> None:
+    """Have a function answer requests that rclpy answers for each node, as those for parameters.
+
+    Relies on the ``callback`` of services, which may be replaced.
+    """
+    for service in node.services:
+        if service.srv_type is service_type:
+            service.callback = callback
+
+
 def survive_requests(node: Node) -> None:
     """Log the error of a request, or of a time on ``/clock``, and go on; rclpy ends the process.
 

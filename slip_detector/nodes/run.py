@@ -51,6 +51,7 @@ def main(executable: str) -> NoReturn:
     from rclpy.impl.implementation_singleton import rclpy_implementation
     from rclpy.signals import SignalHandlerOptions
 
+    from slip_detector.nodes.parameters import tell_of_other_names
     from slip_detector.nodes.rclpy_internals import (
         ROS_ERROR,
         SampleExecutor,
@@ -68,6 +69,7 @@ def main(executable: str) -> NoReturn:
         on_signals(signal.default_int_handler)
         nodes = make(arguments)
         takedowns = [node.destroy_node for node in nodes]
+        tell_of_other_names(nodes, executable)
         gc.freeze()  # A collection of what lives until the end would hold up samples.
         # The controller takes few messages; rclpy serves its events, which tell of a detector with
         # an incompatible quality of service.

@@ -22,13 +22,20 @@ with the parameter, its value and what is allowed.
 
 import dataclasses
 import difflib
+import logging
 import re
 from collections import namedtuple
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
-from slip_detector.parameters.fields import Field, converted, refuse, shown, shown_name
+from slip_detector.parameters.fields import (
+    Field,
+    converted,
+    refuse,
+    shown,
+    shown_name,
+)
 from slip_detector.parameters.files import read_yaml, yaml_text
 
 if TYPE_CHECKING:
@@ -41,7 +48,13 @@ else:  # Python 3.10 has none.
 
 
 #: Parameters that rclpy itself declares and reads for every node.
-OF_RCLPY = ('use_sim_time', 'start_type_description_service', 'qos_overrides')
+OF_RCLPY = ('use_sim_time', 'start_type_description_service')
+
+#: First part of the names by which other nodes of rclpy change the quality of service of topics.
+OF_QOS = 'qos_overrides'
+
+#: What stands in place of a node's name in a section for all nodes.
+ALL = ('**', '*')
 
 #: Full name and parameters of a section of a parameter file; ``**`` in a name stands for any
 #: namespaces, or for all nodes.
@@ -140,8 +153,45 @@ class ParameterSet:
             raise ValueError(f'{where}: {error}' if where else str(error)) from None
 
     @classmethod
+    def without_strangers(
+        cls, parameters: Mapping[str, Any], own: Collection[str] = (), typed: Collection[str] = ()
+    ) -> tuple[dict[str, Any], list[str]]:
+        """Leave out what is given to all nodes and is none of these parameters.
+
+        Parameters
+        ----------
+        parameters
+            Flat names and values.
+        own
+            Names that are given to the node of this set itself; they stay.
+        typed
+            Names given on the command line, without a node.
+
+        Returns
+        -------
+        tuple
+            What stays, and a remark on each name left out that may have been meant for this set:
+            one edit away from a name of it, if typed near to one, or a quality of service.
+        """
+        known = [*cls.__dataclass_fields__]
+        stay, remarks = {}, []
+        for name, value in parameters.items():
+            head, _, tail = name.partition('.')
+            near = [*difflib.get_close_matches(head, known)] if name in typed else []
+            near += [other for other in known if _is_one_edit(head, other)]
+            if name in (*known, *own) or (tail and head == 'groups' in known):
+                stay[name] = value
+            elif head == OF_QOS or (near and not nodes_that_know(name)):
+                label = f'{shown_name(name)} = {shown(value)}'
+                hint = cls._hint(name, known)
+                remarks.append(f'left out: parameter {label}, given to all nodes; {hint}')
+        return stay, remarks
+
+    @classmethod
     def _hint(cls, name: str, known: Sequence[str]) -> str:
         """Return a hint at what the user may have meant by an unknown name."""
+        if name.startswith(OF_QOS):
+            return 'the quality of service of the topics cannot be changed'
         owners = nodes_that_know(name) if cls.NODE else []
         near = difflib.get_close_matches(name, known, 1)
         if owners and cls.NODE not in owners:
@@ -226,12 +276,26 @@ def nodes_that_know(name: str) -> list[str]:
     return [node for node, its in SECTIONS.items() if head in its.__dataclass_fields__]
 
 
+def _is_one_edit(a: str, b: str) -> bool:
+    """Return whether one letter more, less, other, or changed with the next makes a name another.
+
+    Examples
+    --------
+    >>> [_is_one_edit('seed', other) for other in ('sed', 'seeds', 'sEed', 'sede', 'seed', 'sd')]
+    [True, True, True, True, False, False]
+    """
+    while a[:1] and a[:1] == b[:1]:
+        a, b = a[1:], b[1:]
+    swapped = a[1::-1] + a[2:]
+    return a != b and (swapped == b or b in (a[1:], b[:1] + a[1:], b[:1] + a))
+
+
 def read_parameter_file(path: str | Path, node: str, running: str = '') -> dict[str, Any]:
     """Read the parameters that a ROS parameter file has for a node.
 
     Read are the sections for all nodes (``/**``), for the node in any namespace (``/**/node``) and
-    for the node in one namespace. From the section for all nodes, parameters that only other
-    nodes of this package have are left out.
+    for the node in one namespace. Of the sections for all nodes only parameters of this node are
+    taken; on what may have been meant for it there is a warning on the log.
 
     Parameters
     ----------
@@ -264,39 +328,17 @@ def read_parameter_file(path: str | Path, node: str, running: str = '') -> dict[
     sections = _sections_in(path) if running else our_sections(path)
     merged: dict[str, Any] = {}
     for section, parameters in sections:
-        if matches(section, running) if running else node_of(section) in (node, '**'):
-            merged.update(_flattened(parameters))
+        if matches(section, running) if running else node_of(section) in (node, *ALL):
+            flat = _flattened(parameters)
+            if node_of(section) in ALL:
+                flat, remarks = SECTIONS[node].without_strangers(flat)
+                for remark in remarks:
+                    logging.getLogger(__name__).warning('%s: %s', path, remark)
+            merged.update(flat)
     named = [name for name, _ in sections if node_of(name) == node and '*' not in name]
     if len(named) > 1 and not running:
         raise ValueError(f'{path}: has sections for {", ".join(named)}, allowed: one namespace')
-    left_out = names_for_others(path, node)
-    return {
-        name: value
-        for name, value in merged.items()
-        if name.split('.')[0] not in OF_RCLPY and name not in left_out
-    }
-
-
-def names_for_others(path: str | Path, node: str) -> set[str]:
-    """Return the names in the section for all nodes that are parameters of other nodes only.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> import slip_detector.parameters
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     file = Path(folder) / 'all.yaml'
-    ...     _ = file.write_text('/**: {ros__parameters: {grip_n: 2.0, threshold: 0.4}}')
-    ...     names_for_others(file, 'slip_detector')
-    {'grip_n'}
-    """
-    names = {
-        name
-        for section, parameters in _sections_in(path)
-        if node_of(section) == '**'
-        for name in _flattened(parameters)
-    }
-    return {name for name in names if node not in (nodes_that_know(name) or [node])}
+    return {name: value for name, value in merged.items() if name.split('.')[0] not in OF_RCLPY}
 
 
 def our_sections(path: str | Path) -> list[Section]:
@@ -315,7 +357,7 @@ def our_sections(path: str | Path) -> list[Section]:
     >>> [name for name, _ in our_sections(shared_folder() / 'config' / 'grasp.yaml')]
     ['/**/slip_detector', '/**/grasp_controller', '/**/slip_driver']
     """
-    ours = [each for each in _sections_in(path) if node_of(each[0]) in (*SECTIONS, '**')]
+    ours = [each for each in _sections_in(path) if node_of(each[0]) in (*SECTIONS, *ALL)]
     if not ours:
         raise ValueError(f'{path}: has no section of this package, allowed: {", ".join(SECTIONS)}')
     return ours
@@ -375,8 +417,8 @@ def matches(section: str, node: str) -> bool:
     return re.fullmatch(pattern, node) is not None
 
 
-def check_sections(path: str | Path, executable: str, node: str) -> None:
-    """Check that a parameter file with sections for an executable has one for this node.
+def names_given_to(path: str | Path, executable: str, node: str) -> set[str]:
+    """Return the names in the sections of a parameter file for a node itself, not for all nodes.
 
     ROS ignores sections that do not match, so that the node would run with its defaults.
 
@@ -395,19 +437,36 @@ def check_sections(path: str | Path, executable: str, node: str) -> None:
         When all sections for the executable are for nodes of other names, or no section is for
         this package.
     """
-    names = [name for name, _ in _sections_in(path)]
-    if any(matches(name, node) for name in names if node_of(name) != '**'):
-        return
-    ours = [name for name, _ in our_sections(path) if node_of(name) == executable]
+    sections = _sections_in(path)
+    own = [its for name, its in sections if matches(name, node) and node_of(name) not in ALL]
+    ours = [] if own else [name for name, _ in our_sections(path) if node_of(name) == executable]
     if ours:
         raise ValueError(
             f'{path}: has sections for {", ".join(ours)}, none for this node, {node}, allowed: '
             f'{node} or /**/{node_of(node)}'
         )
+    return {name for its in own for name in _flattened(its)}
+
+
+def sections_for_others(path: str | Path, executable: str, nodes: Collection[str]) -> list[str]:
+    """Return the sections of a parameter file for nodes of an executable, but for none of these.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder) / 'hand.yaml'
+    ...     _ = file.write_text('/ringg/slip_driver: {ros__parameters: {seed: 3}}')
+    ...     sections_for_others(file, 'slip_driver', ['/ring/slip_driver'])
+    ['/ringg/slip_driver']
+    """
+    kinds = {executable, *map(node_of, nodes)}
+    names = [name for name, _ in _sections_in(path) if node_of(name) in kinds]
+    return [name for name in names if not any(matches(name, node) for node in nodes)]
 
 
 def node_of(section: str) -> str:
-    """Return the node that a section is for, without namespace; ``**`` means all nodes."""
+    """Return the node that a section is for, without namespace; one of :data:`ALL` means all."""
     return section.rsplit('/', 1)[-1]
 
 
@@ -455,7 +514,7 @@ def with_parameters(given: str | Path | None, changes: Mapping[str, Any]) -> dic
         document[f'/**/{detector.NODE}'] = {'ros__parameters': own[0]}
     for name, parameters in sections:
         # A section for all nodes that comes after the detector's would override it.
-        if node_of(name) == '**':
+        if node_of(name) in ALL:
             parameters.update({key: changes[key] for key in changes if key in parameters})
     own[-1].update(changes)
     return document

@@ -33,6 +33,7 @@ from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.fields import allowed, default_of, shortened, shown, under_headings
 from slip_detector.parameters.files import read_yaml, writable_folder, write_yaml
 from slip_detector.parameters.sets import (
+    ALL,
     OF_RCLPY,
     matches,
     node_of,
@@ -294,7 +295,7 @@ def parameter_file(
         of_others = {
             key: value
             for key, value in parameters.items()
-            if node_of(section) != '**' or nodes_that_know(key) != [DetectorConfig.NODE]
+            if node_of(section) not in ALL or nodes_that_know(key) != [DetectorConfig.NODE]
         }
         if of_others:
             document[section] = {'ros__parameters': of_others}

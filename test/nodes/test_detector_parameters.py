@@ -22,12 +22,17 @@ from rcl_interfaces.srv import (
     SetParameters,
     SetParametersAtomically,
 )
-from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.parameter import (
+    Parameter,
+    parameter_dict_from_yaml_file,
+    parameter_value_to_python,
+)
 from std_msgs.msg import Bool
 
 from slip_detector.nodes.health import COUNT_KEYS
 from slip_detector.nodes.messages import state_qos
 from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters.files import shared_folder
 from support.harness import PERIOD_NS, START_NS, Detected
 
 
@@ -110,6 +115,24 @@ def test_the_ordinary_service_takes_them_one_by_one(bench):
     assert results[3].reason == 'parameter threshold is -1, allowed: 1e-30 to 1e+30'
     assert value_of(bench, 'threshold') == 0.7
     assert value_of(bench, 'vote') == 'mean'
+
+
+def test_files_are_loaded_whole_as_ros2_param_load_sends_them(bench):
+    process = bench.start('slip_detector')
+    for file in ('onset', 'sure', 'grasp', 'slip_detector', 'xela_uskin', 'xela_uskin'):
+        path = shared_folder() / 'config' / f'{file}.yaml'
+        sent = parameter_dict_from_yaml_file(str(path))  # of all nodes
+        request = SetParameters.Request(parameters=[*sent.values()])
+        results = ask(bench, SetParameters, 'set_parameters', request).results
+        refused = {name for name, each in zip(sent, results, strict=True) if not each.successful}
+        values = DetectorConfig.from_yaml(path).to_parameters()
+        assert refused == sent.keys() - values.keys() | ({'autostart'} & sent.keys()), file
+        request = GetParameters.Request(names=[*(sent.keys() - refused)])
+        found = ask(bench, GetParameters, 'get_parameters', request).values
+        for name, value in zip(request.names, map(parameter_value_to_python, found), strict=True):
+            its = value if isinstance(value, (str, float, int)) else [*value]
+            assert its == values[name], (file, name)
+    assert 'decision failed' not in process.log()
 
 
 #: Each is allowed whatever the others still are.

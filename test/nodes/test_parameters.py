@@ -22,7 +22,7 @@ from rcl_interfaces.srv import GetParameters  # noqa: E402
 from rclpy.node import Node  # noqa: E402
 from rclpy.parameter import Parameter, parameter_value_to_python  # noqa: E402
 
-from slip_detector.nodes.parameters import changed, declare, follow_changes  # noqa: E402
+from slip_detector.nodes.parameters import declare, follow_changes  # noqa: E402
 from slip_detector.parameters.detector import DetectorConfig  # noqa: E402
 from slip_detector.parameters.grasp import GraspConfig  # noqa: E402
 
@@ -71,21 +71,6 @@ def test_a_change_is_taken_as_a_whole_with_numbers_as_their_fields_have_them(mak
     assert len(taken) == 2
     assert (taken[-1].threshold, taken[-1].vote) == (2.0, 'mean')
     assert node.get_parameter('threshold').type_ == Parameter.Type.DOUBLE
-
-
-def test_groups_can_be_added_and_deleted_and_nothing_else_can(make):
-    config = DetectorConfig()
-    none = Parameter.Type.NOT_SET
-    with_front = changed(config, [Parameter('groups.front', value=list(range(1, 17)))] + [
-        Parameter(f'groups.{name}', none) for name in config.groups
-    ])  # fmt: skip
-    assert dict(with_front.groups) == {'front': tuple(range(1, 17))}
-    with pytest.raises(ValueError, match=r'threshold cannot be deleted, allowed: groups.<name>'):
-        changed(config, [Parameter('threshold', none)])
-
-
-def test_parameters_of_rclpy_are_none_of_the_configuration(make):
-    assert changed(DetectorConfig(), [Parameter('use_sim_time', value=True)]) == DetectorConfig()
 
 
 def values_of(bench, node, *names):
@@ -140,18 +125,36 @@ def test_a_section_is_taken_where_ros_takes_it(bench, tmp_path, section, words, 
     assert values_of(bench, name, 'threshold') == [0.7]
 
 
-@pytest.mark.parametrize(
-    ('node', 'section', 'parameter'),
-    [
-        ('slip_driver', '/**', 'sample_rate_h: 400.0'),
-        ('slip_detector', '/**/{node}', 'missed_costs_ms: 1.0'),
-        ('grasp_controller', '/**/{node}', 'sample_rate_h: 400.0'),
-    ],
-)
-def test_an_unknown_name_keeps_each_node_from_starting(bench, tmp_path, node, section, parameter):
+@pytest.mark.parametrize('node', NODES)
+def test_an_unknown_name_keeps_the_node_it_is_given_to_from_starting(bench, tmp_path, node):
     file = tmp_path / 'typo.yaml'
-    file.write_text(f'{section.format(node=node)}:\n  ros__parameters: {{{parameter}}}\n')
-    process = bench.start(node, '--params-file', file)
-    line = process.refusal()
-    name, _, value = parameter.partition(': ')
-    assert line.startswith(f'{node}: unknown parameter {name} = {value}; ')
+    file.write_text(f'/**/{node}:\n  ros__parameters: {{missed_costs_ms: 1.0}}\n')
+    line = bench.start(node, '--params-file', file).refusal()
+    assert line.startswith(
+        f'{node}: unknown parameter missed_costs_ms = 1.0; it is a parameter of'
+    )
+    line = bench.start(node, '-p', f'{node}:robot_name:=a').refusal()
+    assert line.startswith(f'{node}: unknown parameter robot_name = ')
+
+
+def test_what_all_nodes_are_given_ends_none_and_what_may_be_meant_for_one_is_told(bench, tmp_path):
+    file = tmp_path / 'robot.yaml'
+    file.write_text(
+        '/**:\n  ros__parameters: {robot_name: a, treshold: 0.7, arm: {rate: 9}}\n'
+        '/**/slip_detector:\n  ros__parameters: {gain: 50.0}\n'
+        '/ringg/slip_detector:\n  ros__parameters: {gain: 60.0}\n'
+    )
+    # As SetParameter of a launch file gives it.
+    words = ['-p', 'robot_name:=a', '--params-file', file, '-r', '__ns:=/ring']
+    process = bench.start('slip_detector', *words)
+    assert values_of(bench, '/ring/slip_detector', 'gain', 'threshold') == [50.0, 0.5]
+    warnings = [line.partition(']: ')[2] for line in process.lines() if '[WARN]' in line]
+    assert warnings == [
+        'left out: parameter treshold = 0.7, given to all nodes; did you mean threshold?',
+        f'{file}: no node of this process has the name of /ringg/slip_detector',
+    ]
+    for node in ('slip_driver', 'grasp_controller'):
+        given = {'source': 'scene'} if node == 'slip_driver' else {}
+        process = bench.start(node, *words, parameters=given)
+        assert values_of(bench, f'/ring/{node}', 'use_sim_time') == [False]
+        assert '[WARN]' not in process.log()

@@ -26,9 +26,9 @@ from slip_detector.parameters import ChainConfig, DetectorConfig, DriverConfig, 
 from slip_detector.parameters.fields import default_of
 from slip_detector.parameters.files import write_yaml
 from slip_detector.parameters.sets import (
-    check_sections,
-    names_for_others,
+    names_given_to,
     read_parameter_file,
+    sections_for_others,
     with_parameters,
 )
 from support.config_cases import SETS, message_of
@@ -186,7 +186,32 @@ def test_sections_for_all_nodes_count_and_those_of_other_nodes_do_not(write):
     assert DetectorConfig.from_yaml(path).groups == {'left': (1,), 'right': (2,)}
     assert DriverConfig.from_yaml(path) == DriverConfig(seed=3, channels=2)
     assert GraspConfig.from_yaml(path) == GraspConfig(limit_n=8.0)
-    assert names_for_others(path, 'slip_detector') == {'limit_n'}
+    assert names_given_to(path, 'slip_detector', '/finger/slip_detector') == {
+        'groups.left',
+        'groups.right',
+    }
+
+
+def test_of_the_robots_parameters_only_what_is_nearly_ours_is_told(write, caplog):
+    path = write(
+        """
+        /**: {ros__parameters: {robot_name: a, rate: {arm: 9}, sed: 1, qos_overrides: {/tf: 1}}}
+        slip_driver: {ros__parameters: {loop: true}}
+        """
+    )
+    assert DriverConfig.from_yaml(path) == DriverConfig(loop=True)
+    assert caplog.messages == [
+        f'{path}: left out: parameter {label}, given to all nodes; {hint}'
+        for label, hint in (
+            ('sed = 1', 'did you mean seed?'),
+            ('qos_overrides./tf = 1', 'the quality of service of the topics cannot be changed'),
+        )
+    ]
+    path = write(
+        '/**: {ros__parameters: {robot_name: a}}\n'
+        'slip_driver: {ros__parameters: {robot_name: b}}\n'
+    )
+    assert 'unknown parameter robot_name = ' in message_of(DriverConfig.from_yaml, path)
 
 
 def test_a_running_node_has_what_ros_would_give_it(write):
@@ -203,14 +228,16 @@ def test_a_running_node_has_what_ros_would_give_it(write):
         name = f'/{finger}/slip_detector'
         values = read_parameter_file(path, 'slip_detector', running=name)
         assert values == {'threshold': threshold, **common}
-    check_sections(path, 'slip_detector', '/little/slip_detector')
+    assert names_given_to(path, 'slip_detector', '/little/slip_detector') == {'threshold', 'gain'}
+    nodes = ['/thumb/slip_detector', '/little/slip_detector']
+    assert sections_for_others(path, 'slip_detector', nodes) == ['/index/slip_detector']
     said = 'has sections for /thumb/slip_detector, /index/slip_detector, allowed: one namespace'
     assert message_of(ChainConfig.from_yaml, path) == f'{path}: {said}'
 
 
 def test_a_file_with_sections_for_other_names_of_the_node_is_refused(write):
     path = write('/thumb/slip_driver: {ros__parameters: {seed: 3}}\n')
-    message = message_of(check_sections, path, 'slip_driver', '/index/slip_driver')
+    message = message_of(names_given_to, path, 'slip_driver', '/index/slip_driver')
     assert message == (
         f'{path}: has sections for /thumb/slip_driver, none for this node, /index/slip_driver, '
         'allowed: /index/slip_driver or /**/slip_driver'
@@ -226,7 +253,10 @@ def test_a_file_with_sections_for_other_names_of_the_node_is_refused(write):
         ('/camera: {ros__parameters: {gain: 3.0}}', 'has no section of this package, allowed: '),
         ('slip_driver: {ros__parameters: {seed: -1}}', 'parameter seed is -1, allowed: 0 to'),
         ('slip_driver: {ros__parameters: {sed: 1}}', 'unknown parameter sed = 1; did you mean'),
-        ('/**: {ros__parameters: {sed: 1}}', 'unknown parameter sed = 1; did you mean seed?'),
+        (
+            'slip_driver: {ros__parameters: {qos_overrides: {/slip: {publisher: {depth: 1}}}}}',
+            'unknown parameter qos_overrides./slip.publisher.depth = 1; the quality of service',
+        ),
     ],
 )
 def test_a_bad_section_is_an_error_that_names_the_file(write, text, said):
