@@ -23,19 +23,16 @@ from numpy.typing import NDArray
 
 from slip_detector.chain.filters import evidence_falls_s, settling_rows
 from slip_detector.chain.slip_chain import SlipChain, SlipResult
+from slip_detector.chain.stages import FLOOR, HOLD_ROWS
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.fields import names_that_affect
 
 #: Time for which rows are kept; a new chain starts with them. The slowest response of the paper's
-#: filters falls to a thousandth in two seconds.
+#: filters falls to a thousandth in two seconds. As many rows at rest are kept during slip.
 HISTORY_S = 5.0
 
 #: Parameters that can change at once, as the state of the chain does not depend on them.
 DECISION_PARAMETERS = names_that_affect(ChainConfig, 'decision')
-
-#: Unless these parameters change, the new chain takes over the noise floors, which the rows of
-#: :data:`HISTORY_S` would determine less well.
-FILTER_PARAMETERS = names_that_affect(ChainConfig, 'filters')
 
 #: A chain is built when no other change has followed for this time.
 GATHER_S = 0.1
@@ -55,8 +52,9 @@ class LiveChain:
     When only parameters of the decision change (threshold, vote, groups, ..., and those of floors,
     evidence and impacts), the new chain is ready at once and takes over the state of the running
     one. Otherwise a separate thread waits ``GATHER_S`` for a later change, builds the chain and
-    gives it the rows of the last ``HISTORY_S``: it decides as if it had run for that long. When
-    the rate, the number of channels or the input changes, it starts without any rows.
+    gives it the rows of the last ``HISTORY_S``: it decides as if it had run for that long, with
+    noise floors that follow from the running chain's. When the rate, the number of channels or the
+    input changes, it starts without any rows.
 
     Parameters
     ----------
@@ -87,6 +85,9 @@ class LiveChain:
         self._history: deque[NDArray[np.float64]] = deque()
         self._rows_in_history = 0
         self._kept_rows = config.samples(HISTORY_S)
+        # The history when slip last came ON, if it had none until then, and the rows since slip.
+        self._rest: list[NDArray[np.float64]] = []
+        self._rows_at_rest = 0
         # The configuration to build a chain for.
         self._ordered: ChainConfig | None = None
         # A configuration that can be taken, with a new chain if it is for the chain, and the rows
@@ -101,7 +102,14 @@ class LiveChain:
             self._rows_in_history += len(rows)
             while self._rows_in_history - len(self._history[0]) >= self._kept_rows:
                 self._rows_in_history -= len(self._history.popleft())
-            return self._chain.update(rows, envelope=False, level=level)
+            result = self._chain.update(rows, envelope=False, level=level)
+            if 1 not in result.slip.tobytes():  # Faster than NumPy.
+                self._rows_at_rest += len(rows)
+            elif self._rows_at_rest:
+                if self._rows_at_rest >= self._rows_in_history - len(rows):
+                    self._rest = list(self._history)
+                self._rows_at_rest = 0
+            return result
 
     def reset(self) -> None:
         """Forget all rows; the next row is treated as the first."""
@@ -114,7 +122,9 @@ class LiveChain:
         """Begin again after a gap: forget all rows, but keep the noise floors."""
         with self._lock:
             self._chain.restart()
+            rest = self._rest
             self._forget()
+            self._rest, self._rows_at_rest = rest, -1  # A slip may go on.
 
     def change(self, config: ChainConfig) -> bool:
         """Order another configuration; return whether :meth:`swap` may be called for it at once.
@@ -151,15 +161,19 @@ class LiveChain:
                 return True
             if differ <= DECISION_PARAMETERS:
                 chain.state = self._chain.state
+                if not config.impact_v:
+                    chain.state[0, HOLD_ROWS, 0] = 0.0  # An hour later it would go on.
             else:
                 if differ & INPUT_PARAMETERS:
                     self._forget()
                 elif self._history:
+                    floors = chain.state[:, FLOOR].copy()
                     rows = np.concatenate(list(self._history))
                     chain.update(rows, envelope=False, level=False)
-                evidence = self._chain.config.decision == config.decision == 'evidence'
-                if evidence and not differ & (FILTER_PARAMETERS | INPUT_PARAMETERS):
-                    chain.take_floors(self._chain)
+                    # They are those of now, not of the first of these rows.
+                    chain.state[:, FLOOR] = np.where(
+                        np.isnan(floors), chain.state[:, FLOOR], floors
+                    )
                 settling -= self._rows_in_history
             self._chain = chain
             responds = evidence_falls_s(config) if config.decision == 'evidence' else 0.0
@@ -183,10 +197,16 @@ class LiveChain:
         chain = SlipChain(config)
         settling = min(settling_rows(config), config.samples(HISTORY_S))
         with self._lock:
+            slipped = self._rows_at_rest < self._rows_in_history
+            rest = (slipped and self._rest) or list(self._history)
+            same_input = not self._differ(config) & INPUT_PARAMETERS
+        if config.decision == 'evidence' and same_input and rest:
+            chain.take_floors(self._chain, np.concatenate(rest))
+        with self._lock:
             if config is not self._ordered:
                 return
             self._ordered, self._ready = None, (config, chain, settling)
 
     def _forget(self) -> None:
         self._history.clear()
-        self._rows_in_history = 0
+        self._rest, self._rows_at_rest, self._rows_in_history = [], 0, 0

@@ -219,23 +219,34 @@ class SlipChain:
         self.reset()
         self.state[:, FLOOR] = floors
 
-    def take_floors(self, other: 'SlipChain') -> None:
-        """Take over the noise floors of another chain that decides by evidence.
+    def take_floors(self, other: 'SlipChain', rest: ArrayLike) -> None:
+        """Begin with noise floors that are as far below the level at rest as another chain's.
 
         Parameters
         ----------
         other
-            A chain with as many channels. Channels that are disabled in it keep their floors here.
+            A chain on the same input. If it decides by evidence, its floors stay as they are.
+        rest : array_like, shape (n, c)
+            Rows that show the level of both chains, if possible without slip. A channel that is
+            not valid in them keeps its floor here.
 
         Examples
         --------
         >>> config = ChainConfig(decision='evidence', noise_floor=1e-3)
-        >>> SlipChain(config).take_floors(SlipChain(config))
+        >>> SlipChain(config).take_floors(SlipChain(config), np.zeros((5, 16)))
         """
-        floors = other.state[:, FLOOR].copy()
-        for channel in other.config.disabled_channels:
-            floors[divmod(channel - 1, LANES)] = np.nan
-        self.state[:, FLOOR] = np.where(np.isnan(floors), self.state[:, FLOOR], floors)
+        floors_db = other.state[:, FLOOR].flatten()[: self._channels]
+        if other._evidence:
+            below_db = _rest_db(other.config, rest) - floors_db
+            below_db *= self.config.exponent / other.config.exponent
+        else:
+            below_db = np.full(self._channels, np.nan)
+        # Without another floor, one that is not learnt begins at the level.
+        unknown_db = np.nan if self.config.noise_floor_learnt else 0.0
+        below_db = np.where(np.isfinite(below_db), below_db, unknown_db)
+        floors_db = _rest_db(self.config, rest) - below_db
+        known = np.flatnonzero(np.isfinite(floors_db))
+        self.state[:, FLOOR].flat[known] = floors_db[known]
 
     def take_filters(self, other: 'SlipChain') -> None:
         """Take over the state of another chain's filters, with empty windows.
@@ -318,6 +329,18 @@ class SlipChain:
             signals = self._new_signals(shape)
         kernel.compiled_run()(rows, flags, signals, self.state, self._plan, kept)
         return SlipResult(flags, signals, (self._groups, channels, many), kept)
+
+
+def _rest_db(config: ChainConfig, rows: ArrayLike) -> Floats:
+    """Return the level where each channel's floor would settle; not finite where none is known."""
+    result = SlipChain(config).update(rows, level=False)
+    settling = config.mains_rows + config.samples(config.envelope_window_s)
+    levels = np.where(result.valid, result.envelope, np.inf)[settling:]
+    if not len(levels):
+        return np.full(config.channels, np.inf)
+    with np.errstate(divide='ignore'):
+        db: Floats = 20.0 * np.log10(np.quantile(levels, stages.QUANTILE, axis=0, method='lower'))
+    return db
 
 
 def _state_shape(config: ChainConfig) -> tuple[int, int, int]:

@@ -175,7 +175,7 @@ class Detector(LifecycleNode):
 
     def _check(self, config: DetectorConfig) -> None:
         """Raise a ValueError if a configuration cannot be run."""
-        check_memory(config, HISTORY_S)
+        check_memory(config, 2 * HISTORY_S)  # Rows, and rows at rest.
         Input(config)
 
     def _apply(self, config: DetectorConfig) -> None:

@@ -51,8 +51,7 @@ PAPER_GROUPS: dict[str, tuple[int, ...]] = {
 }
 
 # What a parameter affects, and with which decisions the tuner searches it.
-given_filter = functools.partial(parameter, affects='filters')
-searched_filter = functools.partial(parameter, affects='filters', searched_with=DECISIONS)
+searched = functools.partial(parameter, searched_with=DECISIONS)
 decision_parameter = functools.partial(parameter, affects='decision')
 searched_decision = functools.partial(parameter, affects='decision', searched_with=DECISIONS)
 of_evidence = functools.partial(parameter, affects='decision', searched_with=('evidence',))
@@ -108,48 +107,48 @@ class ChainConfig(ParameterSet):
     max_gap_s: float = decision_parameter(
         0.1, 'A longer gap in the input resets the chain, a shorter is bridged.', (0.0, 60.0, 's')
     )
-    common_mode: str = searched_filter(
+    common_mode: str = searched(
         'none', 'What is subtracted from each row.', choices=COMMON_MODES, heading='Interference'
     )
-    mains_hz: float = searched_filter(
+    mains_hz: float = searched(
         0.0,
         'Mains hum to remove, by subtracting the row whole periods earlier; 0: none.',
         (0.0, 1000.0, 'Hz'),
         allows='0, or up to 1000 with whole periods in at most 0.25 s of rows',
     )
-    passband_hz: tuple[float, float] = searched_filter(
+    passband_hz: tuple[float, float] = searched(
         (7.0, 50.0),
         'Edges of the band-pass; a high edge of 0 makes it a high-pass.',
         (None, None, 'Hz'),
         allows='1e-5 of the sample rate to below half of it',
         heading='Filters',
     )
-    passband_degree: int = searched_filter(
+    passband_degree: int = searched(
         4,
         'Degree of the band-pass polynomials (Eq. 1).',
         (1, 20),
         allows='even, 2 to 20; 1 to 20 for a high-pass',
     )
-    gain: float = given_filter(100.0, 'Factor on the filtered signal.', (1e-6, 1e6))
-    stopbands_hz: tuple[tuple[float, float], ...] = searched_filter(
+    gain: float = parameter(100.0, 'Factor on the filtered signal.', (1e-6, 1e6))
+    stopbands_hz: tuple[tuple[float, float], ...] = searched(
         ((0.5, 7.0), (50.0, 180.0)),
         'Low and high edge of each stop-band (Eq. 4), where the ripple ends; [] for none.',
         (None, None, 'Hz'),
         allows='as passband_hz; at most 32 pairs',
     )
-    stopband_degree: int = given_filter(
+    stopband_degree: int = parameter(
         4, 'Degree of the stop-band polynomials.', (2, 20), allows='even, 2 to 20'
     )
-    stopband_ripple_db: float = given_filter(
+    stopband_ripple_db: float = parameter(
         0.01, 'Ripple outside the stop-bands.', (1e-4, 3.0, 'dB')
     )
-    stopband_attenuation_db: float = given_filter(
+    stopband_attenuation_db: float = parameter(
         40.0, 'Attenuation in the middle of the stop-bands.', (6.0, 120.0, 'dB')
     )
-    rectify: str = given_filter(
+    rectify: str = parameter(
         'full', 'Full or half wave (Eq. 3).', choices=('full', 'half'), heading='Envelope'
     )
-    exponent: int = searched_filter(3, 'Power of the rectified signal (Eq. 3-5).', (1, 6))
+    exponent: int = searched(3, 'Power of the rectified signal (Eq. 3-5).', (1, 6))
     envelope_window_s: float = window(
         0.04, 'Window of the RMS envelope (Eq. 6-8).', searched_with=DECISIONS
     )

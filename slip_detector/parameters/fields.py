@@ -65,8 +65,8 @@ def parameter(
         docs/parameters.md and on the live page.
     affects
         What a change reaches, separated by spaces: ``input``, other samples than before;
-        ``filters``, the envelope of a channel; ``decision``, what the chain makes of the envelope
-        without any state of its own; ``display``, the topics that the live page listens to.
+        ``decision``, what the chain makes of the envelope without any state of its own;
+        ``display``, the topics that the live page listens to.
     searched_with
         The decisions with which the tuner searches the parameter.
     rising

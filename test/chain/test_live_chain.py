@@ -230,27 +230,72 @@ def test_parameters_of_evidence_change_at_once_and_keep_its_state(values):
     np.testing.assert_array_equal(found.flags, result.flags)
 
 
+def test_what_remains_of_a_hold_is_dropped_when_impacts_are_switched_off():
+    impacts = {'impact_v': 1.0, 'impact_channels': 1, 'impact_hold_s': 0.5}
+    bed = Bed(dataclasses.replace(EVIDENCE, **impacts))
+    rows = noise(500)
+    rows[300:] += 5.0
+    bed.chain.update(rows[:310], level=False)
+    assert state_of(bed)[0, stages.HOLD_ROWS, 0] == 190
+    for impact_v in (0.0, 1.0):
+        assert bed.change(impact_v=impact_v)
+        assert bed.chain.swap()
+        bed.chain.update(rows[310:400], level=False)
+    assert state_of(bed)[0, stages.HOLD_ROWS, 0] == 0
+
+
+SLIDING = dataclasses.replace(
+    EVIDENCE, exponent=1, noise_floor=0.01, noise_floor_rate_db_s=0.43, vote=2,
+    passband_hz=(20.0, 150.0), stopbands_hz=(), evidence_offset_db=7.0,
+)  # fmt: skip
+
+
 @pytest.mark.parametrize(
-    ('values', 'kept'),
+    'values',
     [
-        ({'envelope_window_s': 0.1}, True),
-        ({'disabled_channels': (3,), 'groups': {}}, True),
-        ({'passband_hz': (20.0, 100.0)}, False),
-        ({'gain': 50.0}, False),
+        {'passband_hz': (60.0, 0.0)},
+        {'passband_degree': 2, 'stopbands_hz': (45.0, 55.0)},
+        {'gain': 5.0},
+        {'mains_hz': 50.0},
+        {'common_mode': 'median'},
+        {'rectify': 'half', 'exponent': 2, 'evidence_offset_db': 12.0},
+        {'envelope_window_s': 0.1},
+        {'disabled_channels': (3,), 'groups': {}},
     ],
 )
-def test_a_new_chain_keeps_the_floors_where_they_are_those_of_its_envelope(values, kept):
-    # A loud start that has long left the history: the floor has come down since.
-    quiet = 4.0 + 1e-3 * (noise(3 * KEPT) - 4.0)
-    quiet[:400] = noise(400)
-    bed = Bed(EVIDENCE)
-    bed.chain.update(quiet, level=False)
-    before = state_of(bed)[0, stages.FLOOR].copy()
-    assert not bed.change(**values)
-    assert bed.swapped()
-    after = state_of(bed)[0, stages.FLOOR]
-    channels = [0, 1, 3]
-    assert np.array_equal(after[channels], before[channels]) == kept
+@pytest.mark.parametrize('gap', [False, True])
+def test_a_slide_stays_on_and_rest_is_rest_whatever_changes_late_in_it(values, gap):
+    """After a gap no row at rest is known: how far slip is above the floor tells the new floor."""
+    rows = np.concatenate([noise(4000), 4.0 + 10 * (noise(4400, 1) - 4.0), noise(2000, 2)])
+    bed, slip = Bed(SLIDING), []
+    for at in range(0, len(rows), 40):
+        if at == 4000 and gap:
+            bed.chain.restart()
+        if at == 6800:
+            bed.change(**values)
+            assert bed.swapped()
+        slip.append(bed.chain.update(rows[at : at + 40], level=False).slip)
+    slip = np.concatenate(slip)
+    assert not slip[3000:4000].any()
+    assert slip[4100:8400].all()
+    assert not slip[9000:].any()
+
+
+def test_a_change_of_gain_scales_the_floors_and_one_channel_less_keeps_those_of_the_others():
+    bed = Bed(SLIDING)
+    bed.chain.update(noise(3 * KEPT), level=False)
+    for values, db in (
+        ({'gain': 50.0}, 20 * np.log10(0.5)),
+        ({'disabled_channels': (3,), 'groups': {}}, 0.0),
+        ({'disabled_channels': (), 'groups': {}}, 0.0),
+    ):
+        before = state_of(bed)[0, stages.FLOOR, :4].copy()
+        bed.change(**values)
+        assert bed.swapped()
+        after = state_of(bed)[0, stages.FLOOR, :4]
+        assert after[[0, 1, 3]] == pytest.approx(before[[0, 1, 3]] + db, abs=1e-3)
+    # One that is enabled again begins where it would settle.
+    assert after[2] == pytest.approx(before[0], abs=6.0)
 
 
 def test_a_gap_keeps_the_floors_and_a_reset_does_not():
