@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.view.track import LiveTrack, Spectrum, spectrum
 
 #: Missing heartbeats after which a detector counts as ended or hung.
@@ -47,6 +47,9 @@ DESCRIBED = (
     'groups', 'vote', 'decision', 'threshold', 'sample_rate_hz', 'input_timeout_s', 'passband_hz',
     'stopbands_hz', 'mains_hz',
 )  # fmt: skip
+
+#: Parameters of the decision.
+OF_THE_CHAIN = {each.name for each in fields(ChainConfig)}
 
 #: Pitch of the grid for a finger without taxel positions; the taxels of tactile fingertips are one
 #: to seven millimetres apart.
@@ -239,6 +242,34 @@ def _apart(taxel_positions_m: tuple[float, ...]) -> Floats:
         circle = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
         positions[sharing] += CIRCLE_SHARE * least_distance_m(places) * circle
     return positions
+
+
+def to_decide_as(
+    found: DetectorConfig, config: DetectorConfig, kept: Collection[str] = ()
+) -> dict[str, Any]:
+    """Return the values to set so that a detector decides as another one; None to delete one.
+
+    Parameters
+    ----------
+    found
+        The configuration that is wanted.
+    config
+        The one that the detector has.
+    kept
+        Fields of the decision that stay as they are, as all others do.
+
+    Examples
+    --------
+    >>> to_decide_as(DetectorConfig(threshold=0.25, gain=2.0), DetectorConfig(), kept=['gain'])
+    {'threshold': 0.25}
+    """
+    now, wanted = config.to_parameters(), found.to_parameters()
+    return {
+        name: wanted.get(name)
+        for name in {**now, **wanted}
+        if name.partition('.')[0] in OF_THE_CHAIN.difference(kept)
+        and now.get(name) != wanted.get(name)
+    }
 
 
 class Reading(NamedTuple):

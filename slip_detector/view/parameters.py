@@ -23,15 +23,16 @@ launch files accept.
 import asyncio
 import contextlib
 import dataclasses
+import functools
 import re
 import shlex
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
-from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.fields import allowed, default_of, shortened, shown, under_headings
-from slip_detector.parameters.files import read_yaml, writable_folder, write_yaml
+from slip_detector.parameters.files import read_yaml, shared_folder, writable_folder, write_yaml
 from slip_detector.parameters.sets import (
     ALL,
     OF_RCLPY,
@@ -41,7 +42,7 @@ from slip_detector.parameters.sets import (
     read_parameter_file,
     sections_of,
 )
-from slip_detector.view.detectors import Change, ParameterPanel
+from slip_detector.view.detectors import Change, ParameterPanel, to_decide_as
 from slip_detector.view.server import Server
 
 #: Heading of the parameters that do not belong to this package.
@@ -52,7 +53,13 @@ OF_ROS = 'Of every node'
 FILE_NAME = re.compile('(?!.*__)[A-Za-z][A-Za-z0-9_]{0,63}')
 ALLOWED_NAME = 'a letter, then letters (a-z), digits, single _, at most 64'
 
+#: The presets that a page offers, each with the name of its file in ``config``.
+PRESETS = {'paper': 'slip_detector', 'onset': 'onset', 'sure': 'sure', 'grasp': 'grasp'}
+
 _FIELDS = {field.name: field for field in dataclasses.fields(DetectorConfig)}
+
+#: What describes the sensor: no preset changes it.
+_OF_THE_SENSOR = {field.name for field in under_headings(ChainConfig)['Samples']}
 
 
 class ParameterRequests:
@@ -76,6 +83,7 @@ class ParameterRequests:
         server.on_request('set', self._set, changes=True)
         server.on_request('undo', self._undo, changes=True)
         server.on_request('as_in_file', self._as_in_file, changes=True)
+        server.on_request('preset', self._preset, changes=True)
         server.on_request('save', self._save, changes=True)
 
     def _broadcast(self) -> None:
@@ -100,6 +108,7 @@ class ParameterRequests:
             'headings': described_panel(panel),
             'file': str(self._file_of(name) or ''),
             'differs': sorted(panel.as_in_file()),
+            'preset': _preset_of(panel),
             'undo': words_of(Change(last.after, last.before, last.by)) if last else '',
             'changes': [
                 (panel.count - i, change.by, words_of(change))
@@ -151,6 +160,11 @@ class ParameterRequests:
         if values := panel.as_in_file():
             await self._change(message, values)
 
+    async def _preset(self, message: Mapping[str, Any]) -> None:
+        panel = self._panel(message.get('finger'))
+        if values := to_preset(str(message.get('preset')), panel.config):
+            await self._change(message, values)
+
     async def _save(self, message: Mapping[str, Any]) -> dict[str, Any]:
         """Save the detectors' parameters; return how to launch with them, or which file exists."""
         names, name = message.get('fingers'), str(message.get('name') or '')
@@ -165,6 +179,37 @@ class ParameterRequests:
         except FileExistsError as error:
             return {'taken': str(error)}
         return {'launch': launch_arguments(configs, path)}
+
+
+@functools.cache
+def preset(name: str) -> DetectorConfig:
+    """Return the configuration in the file of a preset."""
+    if name not in PRESETS:
+        raise ValueError(f'preset is {shown(name)}, allowed: {", ".join(PRESETS)}')
+    return DetectorConfig.from_yaml(shared_folder() / 'config' / f'{PRESETS[name]}.yaml')
+
+
+def to_preset(name: str, config: DetectorConfig) -> dict[str, Any]:
+    """Return the values to set so that a detector decides as with a preset, None to delete one.
+
+    What describes its sensor stays, and its groups do if the preset is for another number of
+    channels.
+
+    Examples
+    --------
+    >>> to_preset('paper', DetectorConfig(sample_rate_hz=500.0, threshold=0.25))
+    {'threshold': 0.5}
+    """
+    found = preset(name)
+    kept = {'groups'} if config.channels != found.channels else set()
+    return to_decide_as(found, config, _OF_THE_SENSOR | kept)
+
+
+def _preset_of(panel: ParameterPanel) -> str:
+    """Return the preset with which a detector decides; empty for none."""
+    with contextlib.suppress(ValueError):  # The package may be installed without its files.
+        return next((name for name in PRESETS if not to_preset(name, panel.config)), '')
+    return ''
 
 
 def described_panel(panel: ParameterPanel) -> list[dict[str, Any]]:

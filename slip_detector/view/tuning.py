@@ -17,7 +17,6 @@
 
 import asyncio
 import contextlib
-import dataclasses
 import functools
 import io
 import multiprocessing
@@ -40,6 +39,7 @@ from slip_detector.tuning.learning import learn_from_quiet, learn_from_taps
 from slip_detector.tuning.problem import Candidate, searched
 from slip_detector.tuning.search import TuningParameters, tune
 from slip_detector.tuning.tracks import TrainingFiles
+from slip_detector.view.detectors import OF_THE_CHAIN, to_decide_as
 from slip_detector.view.recordings import RecordedFolder
 
 #: Number of chains that the search tries.
@@ -64,9 +64,6 @@ NEW_SENSOR: dict[str, Any] = {
     'vote': 2,
 }
 LOW_HZ, LOW_SHARE = 20.0, 0.2
-
-#: Parameters of the decision; a detector's other parameters are left as they are.
-OF_THE_CHAIN = {field.name for field in dataclasses.fields(ChainConfig)}
 
 #: What a page shows of a run as it is.
 DESCRIBED = 'running', 'step', 'share', 'lines', 'held_out', 'table'
@@ -174,12 +171,7 @@ class TuneRun:
             return {}
         if (config.names, config.sample_rate_hz) != (self.found.names, self.found.sample_rate_hz):
             raise ValueError('the detector has other channels or another rate now: tune it again')
-        now, found = config.to_parameters(), self.found.to_parameters()
-        return {
-            name: found.get(name)
-            for name in {**now, **found}
-            if name.partition('.')[0] in OF_THE_CHAIN and now.get(name) != found.get(name)
-        }
+        return to_decide_as(self.found, config)
 
     def stop(self) -> None:
         """Stop the search; the best chain so far is judged and kept."""

@@ -15,13 +15,25 @@
 
 """What is in sight on the page, on a laptop, an older one and a phone."""
 
+import dataclasses
+from itertools import combinations
+
 import pytest
 
 from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.view.parameters import preset
 from slip_detector.view.tuning import TuneRun
 from support.browsers import expect
-from support.finger_states import rest_rows
-from support.page_parts import NAME, tool
+from support.finger_states import rest_rows, slip_rows
+from support.page_parts import (
+    NAME,
+    changes,
+    config_of,
+    field,
+    record_button,
+    threshold_line,
+    tool,
+)
 
 #: Width and height of windows.
 LAPTOP, OLD_LAPTOP, PHONE = (1440, 900), (1024, 768), (390, 844)
@@ -74,3 +86,111 @@ def test_an_answer_stands_beside_its_button_in_sight(played, size):
     finger = served.detectors.fingers[NAME]
     served.call(finger.update_config, DetectorConfig(sample_rate_hz=400.0))
     expect_beside(click_at_the_edge(page, 'Apply 1 values'), refusal, 'tune it again')
+
+
+def box(locator):
+    """Return left, top, right and bottom of an element in the window."""
+    found = locator.bounding_box()
+    return (
+        found['x'],
+        found['y'],
+        found['x'] + found['width'],
+        found['y'] + found['height'],
+    )
+
+
+def overlap(one, other):
+    return all(min(one[i + 2], other[i + 2]) > max(one[i], other[i]) + 0.5 for i in (0, 1))
+
+
+@pytest.mark.parametrize('size', [LAPTOP, OLD_LAPTOP], ids=['laptop', 'old_laptop'])
+def test_one_finger_fills_the_screen(played, size):
+    served, page = played({'index': rest_rows()})
+    resize(page, size)
+    page.reload()
+    width, height = size
+    traces, words, tools = map(page.locator, ('#timeline', '.finger', '#tools'))
+    expect(page.locator('.lane-name.channel')).to_have_count(4)
+    left, _, right, bottom = box(traces)
+    assert 0.85 * height < bottom < height
+    assert right - left > 0.55 * width
+    assert box(tools)[2] > width - 40
+    assert box(tools)[0] - box(words)[2] < 40
+    # The signals stay in sight beside a long form.
+    page.get_by_role('tab', name='Parameters').click()
+    page.mouse.wheel(0, 600)
+    page.wait_for_function('() => scrollY > 300')
+    expect(threshold_line(page)).to_be_in_viewport(ratio=1)
+    expect(tool(page, 'Set')).to_be_in_viewport(ratio=1)
+    # The state can be seen in another tab, and few strokes lead to the threshold.
+    expect(page).to_have_title('○ rest index · slip_view')
+    served.call(served.detectors.remove, 'index')
+    expect(page).to_have_title('slip_view')
+
+
+def test_five_fingers_stand_side_by_side_and_the_skip_link_leads_to_the_threshold(played):
+    rows = {label: rest_rows() for label in ('index', 'little', 'middle', 'ring')}
+    _, page = played({**rows, 'thumb': slip_rows()})
+    resize(page, OLD_LAPTOP)
+    cards = [box(each) for each in page.locator('.finger').all()]
+    assert len({top for _, top, _, _ in cards}) == 1
+    assert cards[-1][2] > OLD_LAPTOP[0] - 40
+    expect(page).to_have_title('▲ SLIP thumb · slip_view')
+    page.get_by_role('tab', name='Spectrum').click()
+    page.mouse.click(OLD_LAPTOP[0] / 2, 5)
+    page.keyboard.press('Tab')
+    skip = page.get_by_role('button', name='To the threshold')
+    expect(skip).to_be_focused()
+    expect(skip).to_be_in_viewport(ratio=1)
+    page.keyboard.press('Enter')
+    expect(threshold_line(page)).to_be_focused()
+
+
+def test_on_a_phone_traces_come_early_and_nothing_overlaps(played):
+    _, page = played(
+        {label: rest_rows() for label in ('index', 'little', 'middle', 'ring', 'thumb')}
+    )
+    resize(page, PHONE)
+    touch = page.context.new_cdp_session(page)
+    touch.send('Emulation.setTouchEmulationEnabled', {'enabled': True})
+    expect(page.locator('.lane-name.channel').first).to_be_in_viewport(ratio=1)
+    assert box(page.locator('#timeline'))[1] < 0.75 * PHONE[1]
+    slip = record_button(page, 'Slip')
+    expect(slip.get_by_text('hold the button')).to_be_visible()
+    expect(page.locator('kbd:visible')).to_have_count(0)
+    page.get_by_role('tab', name='Spectrum').click()
+    page.get_by_label('Hum of the mains that is taken off').select_option('mains 50 Hz')
+    labels = page.locator('#spectrum-frame .label')
+    expect(labels).to_have_count(7)
+    boxes, (left, _, right, _) = (
+        [box(each) for each in labels.all()],
+        box(page.locator('#spectrum')),
+    )
+    assert not any(overlap(one, other) for one, other in combinations(boxes, 2))
+    assert all(left <= each[0] and each[2] <= right for each in boxes)
+
+
+def test_what_is_changed_most_often_stands_on_top_and_the_rest_is_found(played):
+    served, page = played({'index': rest_rows()})
+    resize(page, LAPTOP)
+    page.get_by_role('tab', name='Parameters').click()
+    threshold = field(page, 'threshold')
+    for each in (threshold, field(page, 'vote'), tool(page, 'grasp'), tool(page, 'As first seen')):
+        expect(each).to_be_in_viewport(ratio=1)
+    before = box(threshold)
+    tool(page, 'onset').click()
+    expect(changes(page)).to_contain_text('passband_hz from 7, 50 to 45, 0')
+    expect(tool(page, 'onset')).to_have_attribute('aria-pressed', 'true')
+    expect(threshold).to_have_value('0.0265')
+    assert config_of(served) == dataclasses.replace(preset('onset'), taxel_positions_m=())
+    assert box(threshold) == before
+    page.get_by_role('searchbox').fill('mains')
+    expect(field(page, 'mains_hz')).to_be_in_viewport(ratio=1)
+    expect(threshold).to_be_hidden()
+    page.get_by_role('searchbox').fill('')
+    expect(threshold).to_be_visible()
+    expect(field(page, 'mains_hz')).to_be_hidden()
+    # Nothing scrolls but the page.
+    scrollers = '/auto|scroll/.test(getComputedStyle(each).overflowY)'
+    count = f'all => all.filter((each) => {scrollers}).length'
+    assert page.locator('#parameters *').evaluate_all(count) == 0

@@ -153,7 +153,7 @@ def test_names_and_diagnostics_are_shown_as_text(played):
     page.get_by_role('tab', name='Spectrum').click()
     expect(page.get_by_label('Channel', exact=True)).to_contain_text(f'two {name}')
     assert page.locator('img').count() == 0
-    assert page.title() == 'slip_view'
+    expect(page).to_have_title(f'○ rest index{name} · slip_view')
     wait_until_it_fits(page, 1366, 400)
 
 
@@ -315,6 +315,8 @@ def test_axe_finds_nothing_in_any_panel(played, violations, tmp_path):
     expect(changes(page)).to_contain_text('threshold from')
     # No file is known.
     expect(page.locator('[data-name="threshold"]')).to_contain_text('As first seen: 0.5.')
+    assert violations(page) == []
+    page.emulate_media(color_scheme='dark')
     assert violations(page) == []
     served.call(served.detectors.remove, 'index')
     expect(page.get_by_text('No detector yet')).to_be_visible()

@@ -15,6 +15,7 @@
 """Parameters as pages show and type them, what pages request, and what is saved, and where."""
 
 import asyncio
+import dataclasses
 
 import pytest
 import yaml
@@ -26,9 +27,11 @@ from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.sets import read_parameter_file
 from slip_detector.view.parameters import (
     OF_ROS,
+    PRESETS,
     ParameterRequests,
     described_panel,
     parameter_file,
+    preset,
     save,
     text_of,
     typed,
@@ -81,6 +84,8 @@ def test_every_parameter_stands_under_the_heading_of_the_docs():
         {'type': 'set', 'values': {'threshold': {}}},
         {'type': 'set', 'values': {'threshold': 'low'}},
         {'type': 'undo'},
+        {'type': 'preset', 'preset': 'none'},
+        {'type': 'preset', 'preset': ['sure']},
         {'type': 'save', 'fingers': [], 'name': 'a'},
         {'type': 'save', 'fingers': ['/none'], 'name': 'a'},
         {'type': 'save', 'fingers': [NAME], 'name': None},
@@ -105,6 +110,31 @@ def test_a_detector_has_the_file_of_its_namespace(tmp_path):
         name = f'/{label}/slip_detector'
         assert ask(server, type='as_in_file', finger=name)['refusal'] == ''
         assert server.detectors.fingers[name].config.threshold == threshold
+
+
+def test_a_preset_sets_the_whole_decision_and_leaves_the_sensor_as_it_is(tmp_path):
+    server = server_of(tmp_path)
+    finger = server.detectors.fingers[NAME]
+    assert (
+        ask(server, type='set', values={'sample_rate_hz': 400.0, 'impact_v': 0.3})['refusal'] == ''
+    )
+    before = finger.config
+    for name in PRESETS:
+        wanted = dataclasses.replace(preset(name), sample_rate_hz=400.0, taxel_positions_m=())
+        assert ask(server, type='preset', preset=name)['refusal'] == ''
+        assert finger.config == wanted
+        server.tick()
+        assert f'"preset": "{name}"' in server.news['parameters']
+    for _ in PRESETS:
+        assert ask(server, type='undo')['refusal'] == ''
+    assert finger.config == before
+    # Groups of other channels mean nothing to it.
+    few = server.detectors.add(
+        'few', DetectorConfig(channels=4, groups={'a': (1, 2), 'b': (3, 4)})
+    )
+    assert ask(server, type='preset', preset='grasp', finger=few.finger.name)['refusal'] == ''
+    assert few.finger.config.groups == {'a': (1, 2), 'b': (3, 4)}
+    assert few.finger.config.threshold == preset('grasp').threshold
 
 
 def test_a_file_that_cannot_be_read_is_named_and_values_can_be_set(tmp_path):

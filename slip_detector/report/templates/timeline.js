@@ -78,10 +78,10 @@ class Timeline {
     event.preventDefault();
   }
 
-  // Set the lanes from top to bottom: {name, note, className, height, curve, colors, below, paint}.
+  // Set the lanes from top to bottom: {name, note, className, height, curve, colors, below, paint, paintAbove}.
   // curve: the number of the lane's curves, true for one. colors: those of its curves, if they are
   // not the usual one. below: pixels that stay free under the curves. paint(pen, lane): paints the
-  // rest, under the curves, with pen.context; pen.xOf(seconds), pen.right, lane.top and lane.height
+  // rest, under the curves, paintAbove(pen, lane) what is above them, with pen.context; pen.xOf(seconds), pen.right, lane.top and lane.height
   // are in pixels.
   setLanes(lanes) {
     let top = AXIS_HEIGHT;
@@ -186,6 +186,7 @@ class Timeline {
           this.paintUnderAll(pen);
         })],
         drawAxes: [(plot) => this.withPen(plot, (pen) => this.lanes.forEach((lane) => lane.paint?.(pen, lane)))],
+        draw: [(plot) => this.withPen(plot, (pen) => this.lanes.forEach((lane) => lane.paintAbove?.(pen, lane)))],
         setSelect: [(plot) => {
           const {left, width: chosen} = plot.select;
           plot.setSelect({left: 0, top: 0, width: 0, height: 0}, false);

@@ -31,6 +31,14 @@ const wishes = {onView: (changes) => connection.changeView(changes), onSet: (val
 const traces = new Traces(wishes), spectrum = new SpectrumPanel(wishes);
 element('keep-rest').addEventListener('click', () => drawings.ask('keep_rest'));
 
+// The tab's title has the state of a finger that slips, else of one that is not at rest.
+function showTitle() {
+  const order = ['slip', 'lost', 'silent', 'noInput', 'notValid', 'rest'], rank = ({root}) => order.indexOf(root.dataset.state);
+  const [first] = [...cards.values()].filter(({state}) => state).sort((a, b) => rank(a) - rank(b));
+  const title = first ? `${first.badge.textContent} ${first.finger.label} \u00b7 slip_view` : 'slip_view';
+  if (document.title !== title) document.title = title;
+}
+
 function choose(name) {
   wanted = name;
   history.replaceState(null, '', `#${new URLSearchParams({finger: name})}`);
@@ -63,6 +71,7 @@ connection.on('state', (words) => {
   element('connection').classList.toggle('lost', Boolean(words));
   // What cards show is old then.
   if (words) for (const card of cards.values()) if (card.state) card.showState('lost');
+  showTitle();
 });
 
 connection.on('fingers', ({fingers, gone: labels}) => {
@@ -114,12 +123,18 @@ connection.on('frame', ({header, arrays}) => {
     card.show(state, {level: arrays[`level/${i}`], on: arrays[`on/${i}`], groups: arrays[`groups/${i}`]});
     news.note(card.finger.label, card.words);
   });
+  showTitle();
   if (header.traces) traces.take(header.traces, arrays);
   if (header.spectrum) spectrum.take(header.spectrum, arrays);
 });
 
 tabs(document.querySelector('#signals [role=tablist]'), (panel) => spectrum.open(panel === 'spectrum'));
 tabs(document.querySelector('#tools [role=tablist]'));
+
+element('to-threshold').addEventListener('click', () => {
+  element('traces-tab').click();
+  traces.line.root.focus();
+});
 
 document.addEventListener('keydown', (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches('input, select, textarea')) return;

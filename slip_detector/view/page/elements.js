@@ -103,6 +103,10 @@ export function tabs(list, onChoose = () => {}) {
   choose(all[0]);
 }
 
+// The height that a part of the signals may have so that the page, unscrolled, shows all of it with so much below it.
+export const heightFor = (part, below) => window.innerHeight - below - window.scrollY - element('fingers').getBoundingClientRect().bottom
+  + element('signals').getBoundingClientRect().top - part.getBoundingClientRect().top;
+
 // A range that grows at once, with a margin on either side, but shrinks only when less than this share of
 // it is wanted: one that followed each value would make curves jump.
 export function steady(before, [least, most], share, margin = 0) {

@@ -3,9 +3,8 @@
 
 import {PAGE, Tool, build, button, write} from './elements.js';
 
-// The heading of the groups, and the headings that are open at first: the values changed most often.
+// The heading of what is changed most often, which stands on top and is open at first; groups are under it.
 const OF_GROUPS = 'Threshold and vote';
-const OPEN = new Set(['Filters', OF_GROUPS]);
 
 export class Parameters extends Tool {
   constructor(connection) {
@@ -17,6 +16,9 @@ export class Parameters extends Tool {
     this.lastChange = new Map();
     this.rows = new Map();
     this.sections = element('parameter-values');
+    this.search = element('parameter-search');
+    this.presets = [...document.querySelectorAll('#presets [value]')];
+    for (const one of this.presets) one.addEventListener('click', () => this.ask('preset', {preset: one.value}));
     connection.on('parameters', (message) => {
       this.latest = message;
       this.show();
@@ -33,6 +35,10 @@ export class Parameters extends Tool {
     });
     on('undo', 'click', () => this.ask('undo'));
     on('as-in-file', 'click', () => this.ask('as_in_file'));
+    on('parameter-search', 'input', () => {
+      for (const section of this.sections.children) section.open = Boolean(this.search.value) || section.dataset.heading === OF_GROUPS;
+      this.show();
+    });
     on('saving', 'submit', () => this.write(false));
     on('replace-file', 'click', () => this.write(true));
     on('file-name', 'input', () => (element('replace-file').hidden = true));
@@ -78,6 +84,7 @@ export class Parameters extends Tool {
       save: panel && !this.locked, 'replace-file': panel && !this.locked,
     };
     for (const [id, on] of Object.entries(enabled)) element(id).disabled = !on;
+    for (const one of this.presets) Object.assign(one, {disabled: !usable, ariaPressed: String(one.value === panel?.preset)});
   }
 
   stateWords(panel, label) {
@@ -109,16 +116,18 @@ export class Parameters extends Tool {
       row.root.remove();
       this.rows.delete(name);
     }
+    const words = this.search.value.trim().toLowerCase();
+    for (const {root} of this.rows.values()) root.hidden = !root.textContent.toLowerCase().includes(words);
     for (const add of this.sections.querySelectorAll('.add-group :is(input, button)')) add.disabled = !usable;
   }
 
   sectionOf(heading) {
     const found = [...this.sections.children].find((section) => section.dataset.heading === heading);
     if (found) return found;
-    const section = build('details', build('summary', heading), build('div.rows'), {open: OPEN.has(heading)});
+    const section = build('details', build('summary', heading), build('div.rows'), {open: heading === OF_GROUPS});
     section.dataset.heading = heading;
-    this.sections.append(section);
-    if (heading !== OF_GROUPS) return section;
+    if (heading !== OF_GROUPS) return this.sections.appendChild(section);
+    this.sections.prepend(section);
     const name = build('input', {placeholder: 'name'});
     section.append(build('p.add-group', build('label', 'New group ', name), button('Add', () => {
       if (name.value.trim()) this.edit(`groups.${name.value.trim()}`, '');

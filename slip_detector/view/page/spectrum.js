@@ -1,9 +1,9 @@
 // The spectrum of one channel, the one at rest behind it, and the chain's bands with edges to drag.
 
-import {button, steady} from './elements.js';
+import {button, heightFor, steady} from './elements.js';
 import {Slider, rounded} from './slider.js';
 
-const AXIS_WIDTH = 40, AXIS_DEPTH = 24, LABEL_SIZE = 18, RIGHT = 16, TOP = 8, HEIGHT = {least: 220, most: 420};
+const LABEL_WIDTH = 130, AXIS_WIDTH = 40, AXIS_DEPTH = 24, LABEL_SIZE = 18, RIGHT = 16, TOP = 8, HEIGHT = {least: 240, most: 560};
 const NOW = '#0072b2', REST_FILL = 'rgba(90, 102, 112, 0.3)', REST = '#66717a', PASS = '#e4f1e9', STOP = '#f3e3da', COMB = '#7b2d6b';
 // An upper edge above this share of half the sample rate means none: the band-pass is a high-pass.
 const OPEN_SHARE = 0.98;
@@ -102,6 +102,7 @@ export class SpectrumPanel {
     if (names !== this.names) {
       for (const line of this.lines.values()) line.close();
       this.lines = new Map(edges.map((edge) => [edge.name, this.lineOf(edge)]));
+      edges.forEach(({name}, row) => this.lines.get(name).root.style.setProperty('--row', row));
       this.names = names;
     }
     const {stopbands_hz: stops, mains_hz: mains} = this.finger;
@@ -127,7 +128,7 @@ export class SpectrumPanel {
       step: (hz, steps) => inside(whole ? hz + steps : (hz || this.nyquist) * 1.02 ** steps),
       onMove: () => this.draw(), onSet: (hz) => this.onSet(edge().values(hz)),
     });
-    line.root.classList.add(name.split(/[ ,]/)[0].toLowerCase(), name.includes('high') ? 'high' : 'low');
+    line.root.classList.add(name.split(/[ ,]/)[0].toLowerCase());
     line.allow(this.allowed);
     this.frame.append(line.root);
     return line;
@@ -148,8 +149,7 @@ export class SpectrumPanel {
   layOut() {
     const width = this.frame.clientWidth;
     if (!this.finger || !width) return;
-    const top = this.frame.getBoundingClientRect().top + window.scrollY;
-    const height = Math.max(HEIGHT.least, Math.min(HEIGHT.most, window.innerHeight - top - 110));
+    const height = Math.max(HEIGHT.least, Math.min(HEIGHT.most, heightFor(this.frame, 110)));
     this.frame.style.height = `${height}px`;
     this.plot ??= new uPlot(this.options(width, height), [[1], [null], [null]], this.root);
     if (this.plot.width !== width || this.plot.height !== height) this.plot.setSize({width, height});
@@ -200,7 +200,9 @@ export class SpectrumPanel {
     this.frame.style.setProperty('--plot-height', `${over.clientHeight}px`);
     for (const {name, value, least, most} of this.edges()) {
       const line = this.lines.get(name), shown = line.show(value, least, most);
-      line.place(over.offsetLeft + this.plot.valToPos(shown || this.nyquist, 'x'));
+      const pixel = this.plot.valToPos(shown || this.nyquist, 'x');
+      line.place(over.offsetLeft + pixel);
+      line.root.classList.toggle('left', pixel > (name.includes('high') ? LABEL_WIDTH : over.clientWidth - LABEL_WIDTH));
     }
     this.describe();
   }

@@ -1,13 +1,13 @@
 // Volts and levels of the chosen channels over the last seconds, live or paused. Times are in seconds
 // since a whole minute before the first column.
 
-import {build, button, steady} from './elements.js';
+import {build, button, heightFor, steady} from './elements.js';
 import {Slider, rounded} from './slider.js';
 import {Columns, Stretch} from './stretch.js';
 
 // Lines are told apart by lightness, too.
 const COLORS = ['#0072b2', '#9a4a00', '#00664b', '#7b2d6b', '#3a3a3a', '#4f7fb8', '#8a7400', '#a34a78'];
-const SLIP_HEIGHT = 16, LEVEL_HEIGHT = {least: 110, most: 190};
+const SLIP_HEIGHT = 16, LEVEL_HEIGHT = {least: 110, most: 240};
 // Values up to so many sample periods apart are joined by a line.
 const JOINED_PERIODS = 3;
 
@@ -101,10 +101,9 @@ export class Traces {
 
   layOut() {
     if (!this.finger || !this.root.clientWidth) return;
-    const {channels} = this.chooser, n = channels.length, top = this.root.getBoundingClientRect().top + window.scrollY;
-    const free = Math.max(window.innerHeight - top - 60, 300);
+    const {channels} = this.chooser, n = channels.length, free = Math.max(heightFor(this.root, 60), 300);
     const levels = Math.max(LEVEL_HEIGHT.least, Math.min(LEVEL_HEIGHT.most, Math.round(free * 0.35)));
-    const height = Math.max(18, Math.min(60, Math.floor((free - levels - 2 * SLIP_HEIGHT - 30) / n)));
+    const height = Math.max(18, Math.min(120, Math.floor((free - levels - 2 * SLIP_HEIGHT - 30) / n)));
     const colors = channels.map((_, i) => COLORS[i % COLORS.length]);
     const band = (name, color) => ({name, height: SLIP_HEIGHT, paint: (pen, lane) => this.paintBits(pen, lane, name, color)});
     this.scale = `lane-${n}`; // Of the first curve of levels.
@@ -118,6 +117,7 @@ export class Traces {
       ...channels.map((c, i) => ({
         name: this.finger.channels[c - 1], className: 'channel', height, curve: 1, colors: [colors[i]],
         below: STRIP + 3, channel: i, paint: (pen, lane) => this.paintStrip(pen, lane),
+        paintAbove: (pen, lane) => this.paintVolts(pen, lane),
       })),
       this.levels,
     ]);
@@ -214,6 +214,23 @@ export class Traces {
       if (y < lane.top + 12) continue;
       context.fillStyle = '#4a525a';
       context.fillText(power < -3 || power > 3 ? `1e${power}` : String(10 ** power), left + 3, y);
+    }
+  }
+
+  // Round volts at the left edge of a channel's lane; with an outline, as they stand above its curve.
+  paintVolts({context, left}, lane) {
+    const [least, most] = this.ranges.get(this.chooser.channels[lane.channel]) ?? [], top = lane.top + 1, bottom = lane.top + lane.height - lane.below;
+    const power = 10 ** Math.floor(Math.log10(most - least)), step = power * [0.5, 1, 2, 5].find((n) => n * power * 4 > most - least);
+    Object.assign(context, {font: '11px system-ui, \'DejaVu Sans\', sans-serif', textBaseline: 'middle', textAlign: 'left'});
+    Object.assign(context, {fillStyle: INK, strokeStyle: '#ffffffd0', lineWidth: 3});
+    for (let n = Math.ceil(least / step), last = Infinity; n * step <= most; n++) {
+      const y = bottom - (n * step - least) / (most - least) * (bottom - top);
+      if (last - y < 12) continue;
+      last = y;
+      const place = [`${(n * step).toFixed(Math.max(0, -Math.floor(Math.log10(step))))} V`, left + 7, Math.max(top + 5, Math.min(bottom - 4, y))];
+      context.fillRect(left, y, 5, 1);
+      context.strokeText(...place);
+      context.fillText(...place);
     }
   }
 
