@@ -29,10 +29,14 @@ Every operation is rounded as IEEE 754 demands, and a multiplication is never fu
 addition: with and without Numba, and on any processor, the bits are the same.
 """
 
+import contextlib
+import functools
 import inspect
+import io
+import logging
 import operator
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +45,7 @@ import numpy as np
 try:
     from numba import __version__ as numba_version
     from numba import njit
+    from numba.core.caching import FunctionCache, IndexDataCacheFile
 
     COMPILED = True
 except ImportError:  # not every robot has Numba
@@ -68,6 +73,74 @@ def _fingerprint() -> str:
 
 FINGERPRINT = _fingerprint()
 
+#: Called before a function is compiled, with the name of its module.
+LISTENERS: list[Callable[[str], None]] = []
+
+
+def _checked(data: bytes) -> bytes:
+    """Return bytes with their checksum."""
+    return data + zlib.crc32(data).to_bytes(4, 'little')
+
+
+if COMPILED:
+
+    class _Files(IndexDataCacheFile):  # type: ignore[misc]
+        """Numba's files of a function with checksums; one that is damaged counts as missing."""
+
+        @contextlib.contextmanager
+        def _open_for_write(self, filepath: str) -> Iterator[io.BytesIO]:
+            with super()._open_for_write(filepath) as file:
+                yield (content := io.BytesIO())
+                file.write(_checked(content.getvalue()))
+
+        def _check(self, path: str) -> None:
+            data = Path(path).read_bytes()
+            if data != _checked(data[:-4]):
+                raise FileNotFoundError
+
+        def _load_index(self) -> dict[Any, str]:
+            try:
+                self._check(self._index_path)
+            except OSError:
+                return {}
+            return super()._load_index()  # type: ignore[no-any-return]
+
+        def _load_data(self, name: str) -> Any:
+            self._check(self._data_path(name))  # What calls this goes on without a missing file.
+            return super()._load_data(name)
+
+    class _Cache(FunctionCache):  # type: ignore[misc]
+        """Numba's cache of a function; it keeps nothing where nothing can be written."""
+
+        _cache_path: str | None = None
+
+        def __init__(self, function: Callable[..., Any]) -> None:
+            try:
+                super().__init__(function)
+                stamp = self._impl.locator.get_source_stamp()
+                self._cache_file = _Files(self.cache_path, self._impl.filename_base, stamp)
+            except RuntimeError:
+                self.disable()
+                _say_not_kept('no folder for it can be written')
+
+        def load_overload(self, sig: Any, target_context: Any) -> Any:
+            found = super().load_overload(sig, target_context)
+            for say in LISTENERS if found is None else ():
+                say(self._py_func.__module__)
+            return found
+
+        def save_overload(self, sig: Any, data: Any) -> None:
+            try:
+                super().save_overload(sig, data)
+            except OSError as error:
+                _say_not_kept(f'{self.cache_path}: {error.strerror}')
+
+
+@functools.cache
+def _say_not_kept(why: str) -> None:
+    """Say once that compiled code is not on disk, so that the next process compiles again."""
+    logging.getLogger(__name__).warning('compiled code is not kept (%s): each start compiles', why)
+
 
 def compiled(function: Callable[..., Any], **options: bool) -> Callable[..., Any]:
     """Compile a function with Numba where it is installed, with a cache on disk.
@@ -81,9 +154,10 @@ def compiled(function: Callable[..., Any], **options: bool) -> Callable[..., Any
     function.__qualname__ += f'_{FINGERPRINT}'
     # error_model: Python's check of each divisor would take a tenth of a scene's time. _nrt:
     # without it Numba compiles a function with the setting of its caller.
-    common = {'cache': True, 'error_model': 'numpy', '_nrt': True}
-    dispatcher: Callable[..., Any] = njit(**common | options)(function)
-    return dispatcher
+    common = {'error_model': 'numpy', '_nrt': True}
+    dispatcher: Any = njit(**common | options)(function)
+    dispatcher._cache = _Cache(function)
+    return dispatcher  # type: ignore[no-any-return]
 
 
 def compiled_in_place(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -128,20 +202,7 @@ def on_compiling(say: Callable[[str], None]) -> None:
     >>> modules = []
     >>> on_compiling(modules.append)
     """
-    if not COMPILED:
-        return
-    from numba.core import event
-
-    class Listener(event.Listener):  # type: ignore[misc]
-        def on_start(self, happened: Any) -> None:
-            module = happened.data['dispatcher'].py_func.__module__
-            if module.startswith('slip_detector.'):  # Numba's own functions are compiled too.
-                say(module)
-
-        def on_end(self, happened: Any) -> None:
-            pass
-
-    event.register('numba:compile', Listener())
+    LISTENERS.append(say)
 
 
 if not COMPILED:

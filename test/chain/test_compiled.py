@@ -14,6 +14,7 @@
 
 """Compiled functions are kept from run to run and never run stale; vectors are those of NumPy."""
 
+import importlib
 import os
 import re
 import shutil
@@ -39,6 +40,7 @@ from slip_detector.chain.compiled import (
     square_root,
     store,
 )
+from support.full_disk import full_disk
 
 PACKAGE = Path(compiled.__file__).parents[1]
 
@@ -94,6 +96,61 @@ def test_a_change_in_another_file_is_compiled_into_what_calls_it(tmp_path):
     # The vectors are not compiled by themselves, but into all that use them.
     path.write_text(path.read_text().replace("f'f{_name[-3:]}'", "'fsub'"))
     assert run(2.0) == ['-1.0', '0']
+
+
+ONE = """
+from slip_detector.chain.compiled import compiled
+
+@compiled
+def one():
+    return 1
+"""
+
+
+@pytest.fixture
+def cached_calls(tmp_path, monkeypatch):
+    """Return a function that imports a module anew, calls it, and tells if it was in the cache."""
+    (tmp_path / 'one_of_a_test.py').write_text(ONE)
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delenv('NUMBA_CACHE_DIR', raising=False)
+
+    def call():
+        sys.modules.pop('one_of_a_test', None)
+        one = importlib.import_module('one_of_a_test').one
+        assert one() == 1
+        return bool(one.stats.cache_hits)
+
+    yield call
+    sys.modules.pop('one_of_a_test', None)
+
+
+@needs_numba
+@pytest.mark.parametrize('ending', ['nbi', 'nbc'])
+@pytest.mark.parametrize('damaged', [
+    lambda data: b'', lambda data: data[: len(data) // 2], lambda data: bytes(len(data)),
+    lambda data: data[:-99] + bytes([data[-99] ^ 1]) + data[-98:],
+], ids=['empty', 'cut', 'zeroed', 'flipped'])  # fmt: skip
+def test_what_is_damaged_in_the_cache_is_compiled_again(cached_calls, tmp_path, damaged, ending):
+    assert [cached_calls(), cached_calls()] == [False, True]
+    (path,) = (tmp_path / '__pycache__').glob(f'*.{ending}')
+    path.write_bytes(damaged(path.read_bytes()))
+    assert [cached_calls(), cached_calls()] == [False, True]
+
+
+@needs_numba
+def test_without_a_cache_that_can_be_written_it_is_compiled_in_memory_and_said_once(
+    cached_calls, monkeypatch, caplog
+):
+    from numba.core.caching import CacheImpl
+
+    with full_disk(100):
+        assert [cached_calls(), cached_calls()] == [False, False]
+    monkeypatch.setattr(CacheImpl, '_locator_classes', [])
+    assert [cached_calls(), cached_calls()] == [False, False]
+    assert [re.sub(r'/.*__', '...', line) for line in caplog.messages] == [
+        'compiled code is not kept (...: File too large): each start compiles',
+        'compiled code is not kept (no folder for it can be written): each start compiles',
+    ]
 
 
 def test_all_files_with_compiled_code_and_numba_s_version_name_the_cache(monkeypatch):
