@@ -29,6 +29,21 @@ from typing import NoReturn
 #: Exit code after Ctrl-C.
 INTERRUPTED = 130
 
+#: Characters of the beginning and of the end of a message that is too long.
+SHOWN = 1500, 450
+
+
+def one_line(message: object) -> str:
+    r"""Return an error or a text as one line; of a long one, the beginning and the end.
+
+    Examples
+    --------
+    >>> one_line('rest\n1.npz: is no recording'), len(one_line('a' * 100_000))
+    ('rest 1.npz: is no recording', 1955)
+    """
+    line, (first, last) = ' '.join(str(message).split()), SHOWN
+    return line if len(line) <= first + last else f'{line[:first]} ... {line[-last:]}'
+
 
 class Parser(argparse.ArgumentParser):
     """A parser that says in one line what is wrong with the arguments.
@@ -41,7 +56,7 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """End the process with the exit code 2."""
-        self.exit(2, f'{self.prog}: {message} ({self.prog} --help says more)\n')
+        self.exit(2, f'{self.prog}: {one_line(message)} ({self.prog} --help says more)\n')
 
 
 def whole_number(low: int, high: int = 10**9) -> Callable[[str], int]:
@@ -94,7 +109,7 @@ def run(name: str, work: Callable[[], str]) -> int:
     try:
         text = work()
     except ValueError as error:
-        sys.stderr.write(f'{name}: {error}\n')
+        sys.stderr.write(f'{name}: {one_line(error)}\n')
         return 1
     try:
         print(text, flush=True)

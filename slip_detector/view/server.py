@@ -34,6 +34,8 @@ from tornado.httpserver import HTTPServer
 from tornado.httputil import split_host_and_port
 from tornado.netutil import bind_sockets, is_valid_ip
 
+from slip_detector.commands.command_line import one_line
+from slip_detector.view.connections import Connections
 from slip_detector.view.detectors import Detectors, Finger
 from slip_detector.view.track import LiveTrack
 from slip_detector.view.view_request import ViewRequest
@@ -49,6 +51,10 @@ PING_S = 10.0
 
 #: Longest message of a page, in bytes.
 MOST_BYTES = 1 << 20
+
+#: Most pages that keep a copy of a finger's last minute (64 MB with 900 channels) while they are
+#: paused. A page keeps what it has drawn, without a copy too.
+MOST_PAUSED = 4
 
 #: Where the files of the page are, and those that it shares with the report.
 PACKAGE = Path(__file__).parents[1]
@@ -163,6 +169,8 @@ class Server:
         #: Awaited before the pages are closed.
         self.at_end: list[Callable[[], Awaitable[None]]] = []
         self.pages: set[LivePage] = set()
+        #: The pages that keep the past of a finger, in the order in which they were paused.
+        self.paused: list[LivePage] = []
         #: By kind of request its answer, and whether it changes the robot or a file.
         self.requests: dict[str, tuple[Answer, bool]] = {}
         # Keeping a spectrum changes nothing on the robot.
@@ -212,7 +220,7 @@ class Server:
             logging.getLogger(name).setLevel(logging.ERROR)
         sockets = bind_sockets(port, self.access.host)
         self._http = HTTPServer(application, max_body_size=MOST_BYTES)
-        self._http.add_sockets(sockets)
+        self.connections = Connections(sockets, self._http.handle_stream)
         return int(sockets[0].getsockname()[1])
 
     async def run(self, stop: asyncio.Event) -> None:
@@ -259,7 +267,7 @@ class Server:
         for end in self.at_end:
             await end()
         if self._http is not None:
-            self._http.stop()
+            self.connections.close()
             for page in list(self.pages):
                 page.close(1001, 'slip_view was stopped')
             await self._http.close_all_connections()
@@ -283,7 +291,7 @@ class Server:
             # The page must not wait for ever; the log has the traceback.
             logging.getLogger(__name__).exception('a request failed: %s', kind)
             answer['refusal'] = f'slip_view has failed at this, its log says where: {error!r}'
-        return answer
+        return {**answer, 'refusal': one_line(answer['refusal'])}
 
     async def _keep_rest(self, message: Mapping[str, Any]) -> None:
         self.detectors.finger_of(message.get('finger')).keep_rest()
@@ -345,10 +353,12 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         self.set_nodelay(True)
         self.news = dict(self.server.news)
         self.server.pages.add(self)
+        self.server.connections.admit(getattr(self.ws_connection, 'stream', None))
 
     def on_close(self) -> None:
         """Forget the page."""
         self.server.pages.discard(self)
+        self._keep_past(None)
 
     def on_message(self, message: str | bytes) -> None:
         """Handle a message of the page."""
@@ -377,9 +387,20 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         # A pause may last longer than the track: keep what the page shows.
         finger = self.server.detectors.fingers.get(self.view.finger) if self.view else None
         if finger is None or self.view is None or self.view.until_ns is None:
-            self._past = None
+            self._keep_past(None)
         elif self._past is None or self._past[0] is not finger:
-            self._past = finger, copy.deepcopy(finger.track)
+            self._keep_past((finger, copy.deepcopy(finger.track)))
+
+    def _keep_past(self, past: tuple[Finger, LiveTrack] | None) -> None:
+        """Keep the past of a finger, or none; of too many pages, the first loses its own."""
+        paused = self.server.paused
+        if self in paused:
+            paused.remove(self)
+        self._past = past
+        if past is not None:
+            paused.append(self)
+        if len(paused) > MOST_PAUSED:
+            paused.pop(0)._past = None
 
     async def _answer(self, content: Mapping[str, Any]) -> None:
         answer = await self.server.answer(content)

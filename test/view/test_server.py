@@ -16,14 +16,18 @@
 """The server with simulated fingers: who may reach it, and clients that misbehave."""
 
 import asyncio
+import contextlib
 import json
+import os
 import re
+import resource
+import socket
 from urllib.parse import parse_qs, urlsplit
 
 import pytest
 from tornado.httpclient import AsyncHTTPClient, HTTPRequest
 
-from slip_detector.view import server
+from slip_detector.view import connections, server
 from slip_detector.view.server import FOLDERS, Access, page_address
 from slip_detector.view.view_request import ViewRequest
 from support.live_client import LiveClient
@@ -179,6 +183,80 @@ async def test_a_page_that_reads_nothing_delays_no_other_and_gets_only_the_lates
         stuck.set_result(None)
         assert (await page.until('teaching'))['count'] == 19
         other.close()
+
+
+async def test_many_idle_connections_keep_no_page_out_and_take_few_descriptors():
+    async with served() as (it, page):
+        await page.view()
+        idle = [await asyncio.open_connection('127.0.0.1', port_of(it)) for _ in range(200)]
+        assert await idle[0][0].read() == b''  # It was closed for a later one.
+        await page.drawn_frame()
+        other = await LiveClient.open(it.url)
+        await other.view()
+        await other.drawn_frame()
+        held = [each for each in it.server.connections.strangers if not each.closed()]
+        assert len(held) <= connections.MOST_STRANGERS
+        other.close()
+        for _, writer in idle:
+            writer.close()
+
+
+def take_descriptors():
+    """Take all descriptors that are left."""
+    taken = []
+    with contextlib.suppress(OSError):
+        while True:
+            taken.append(os.open(os.devnull, os.O_RDONLY))
+    return taken
+
+
+async def test_where_descriptors_run_out_some_are_left_and_a_connection_waits(monkeypatch, caplog):
+    monkeypatch.setattr(connections, 'PAUSE_S', 0.2)
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    loop, taken = asyncio.get_running_loop(), []
+    async with served() as (it, page):
+        await page.view()
+        clients, there = [socket.socket(), socket.socket()], ('127.0.0.1', port_of(it))
+        for client in clients:
+            client.setblocking(False)
+        highest = max(map(int, os.listdir('/proc/self/fd')))
+        resource.setrlimit(resource.RLIMIT_NOFILE, (highest + 20, hard))
+        try:
+            taken = take_descriptors()
+            for _ in range(10):
+                os.close(taken.pop())
+            await loop.sock_connect(clients[0], there)
+            assert await loop.sock_recv(clients[0], 1) == b''  # It is refused.
+            taken += (more := take_descriptors())
+            assert len(more) == 10
+            await loop.sock_connect(clients[1], there)
+            for _ in range(3):
+                await page.drawn_frame()
+        finally:
+            resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+            for each in taken:
+                os.close(each)
+        await loop.sock_sendall(clients[1], b'GET / HTTP/1.0\r\n\r\n')
+        assert await loop.sock_recv(clients[1], 4) == b'HTTP'
+        for client in clients:
+            client.close()
+    assert not caplog.records
+
+
+async def test_of_many_paused_pages_the_last_ones_keep_the_past():
+    async with served() as (it, page):
+        others = [await LiveClient.open(it.url) for _ in range(server.MOST_PAUSED)]
+        for each in (page, *others):
+            await each.view(until_ns=1_000_000_000_000)
+            await each.drawn_frame()
+        with_past = [each for each in it.server.pages if each._past]
+        assert len(with_past) == server.MOST_PAUSED
+        assert set(with_past) == set(it.server.paused)
+        for each in others:
+            each.close()
+        while len(it.server.pages) > 1:
+            await asyncio.sleep(0.01)
+        assert it.server.paused == []
 
 
 @pytest.mark.parametrize(
