@@ -15,6 +15,7 @@
 """What the commands share that read recordings: their options, the bar, and several processes."""
 
 import argparse
+import asyncio
 import contextlib
 import dataclasses
 import functools
@@ -35,8 +36,8 @@ from slip_detector.commands.command_line import whole_number
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.recordings import ENDINGS, recording_sets
 
-#: Longest time in which a scheduler may answer.
-CONNECT_TIMEOUT_S = 10.0
+#: Longest time, in seconds, in which a scheduler may answer.
+ANSWER_S = 6.0
 
 #: Logs of Dask, which put a traceback there for a call that is cancelled or a connection that
 #: closes. This process says what went wrong itself.
@@ -208,11 +209,13 @@ def workers(jobs: int | None = None, cluster: str | None = None) -> Iterator[Cal
 
             for name in LOGS:
                 logging.getLogger(name).setLevel(logging.CRITICAL)
-            client = Client(cluster, timeout=CONNECT_TIMEOUT_S)
+            asyncio.run(asyncio.wait_for(_check_scheduler(cluster), ANSWER_S))
+            client = Client(cluster, timeout=ANSWER_S)
         except ImportError:
             raise ValueError(NEEDS_DISTRIBUTED) from None
-        except (OSError, ValueError) as error:
-            raise ValueError(f'cluster {cluster}: cannot be reached ({error})') from None
+        except Exception as error:  # Another program may answer anything, or nothing.
+            why = str(error) or f'no answer of a scheduler within {ANSWER_S:g} s'
+            raise ValueError(f'cluster {cluster}: cannot be reached ({why})') from None
         executor = client.get_executor(pure=False)
         try:
             # Dask has errors of its own: a call killed its workers, or one lacks this package.
@@ -237,6 +240,16 @@ def workers(jobs: int | None = None, cluster: str | None = None) -> Iterator[Cal
                 process.join()
     else:
         yield None
+
+
+async def _check_scheduler(address: str) -> None:
+    """Raise an error unless a scheduler answers; a Client may wait for ever."""
+    from distributed.core import rpc
+
+    async with rpc(address) as there:
+        kind = (await there.identity())['type']
+        if kind != 'Scheduler':
+            raise ValueError(f'it is a {kind}')
 
 
 def _results(

@@ -38,6 +38,7 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
+from slip_detector.commands.command_line import one_line
 from slip_detector.evaluation.figures import first_on_delay_s, mean_and_sd, percent
 from slip_detector.nodes.finger_topics import PolledTopics
 from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos
@@ -83,7 +84,8 @@ class NodeProcesses:
 
     def start(self, executable: str, config: Path, *arguments: str, **parameters: object) -> None:
         """Start a node by its executable (see :mod:`slip_detector.nodes.run`)."""
-        command = [sys.executable, '-m', 'slip_detector.nodes.run', executable, '--ros-args']
+        command = ['setpriv', '--pdeathsig', 'TERM']  # It ends if this process is killed.
+        command += [sys.executable, '-m', 'slip_detector.nodes.run', executable, '--ros-args']
         command += ['-r', f'__ns:=/{self._namespace}', '--params-file', str(config)]
         for name, value in parameters.items():
             command += ['-p', f'{name}:={value}']
@@ -141,7 +143,7 @@ def run_demonstration(
     except KeyboardInterrupt:
         sys.exit(130)
     except (ValueError, RuntimeError, OSError) as error:
-        print(f'{parser.prog}: {error}', file=sys.stderr)
+        print(f'{parser.prog}: {one_line(error)}', file=sys.stderr)
         sys.exit(1)
     finally:
         rclpy.try_shutdown()

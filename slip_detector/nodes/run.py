@@ -27,6 +27,8 @@ from itertools import pairwise
 from pathlib import PurePath
 from typing import Any, NoReturn
 
+from slip_detector.commands.command_line import one_line
+
 #: Allowed names of namespaces; the length leaves room for the names of topics.
 NAMESPACE = re.compile('(?!.*__)[A-Za-z_][A-Za-z0-9_]{0,63}')
 
@@ -83,7 +85,7 @@ def main(executable: str) -> NoReturn:
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except (ValueError, ROS_ERROR, rclpy_implementation.UnknownROSArgsError) as error:
-        print(f'{executable}: {" ".join(str(error).split())}', file=sys.stderr)
+        print(f'{executable}: {one_line(error)}', file=sys.stderr)
         code = 1
     except Exception:
         traceback.print_exc()

@@ -23,7 +23,7 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-from slip_detector.commands.command_line import Parser, whole_number
+from slip_detector.commands.command_line import Parser, one_line, whole_number
 from slip_detector.nodes.run import on_signals
 
 
@@ -55,7 +55,7 @@ def main() -> None:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         asyncio.run(_serve(arguments, takedowns))
     except (ValueError, RuntimeError, OSError) as error:
-        print(f'slip_view: {" ".join(str(error).split())}', file=sys.stderr)
+        print(f'slip_view: {one_line(error)}', file=sys.stderr)
         code = 1
     leave(takedowns, code)
 

@@ -160,6 +160,8 @@ def tune(
         def show(count: int) -> None:
             progress(count, problem.best_of(study.trials))
 
+        with study.errors_in_one_line():  # Its trials may be damaged.
+            problem.choice(study.trials)
         show(study.follow())
         results = calls and functools.partial(calls, functools.partial(_candidates_at, pickled))
         search(problem, study, trials, stop.is_set, show, results)
@@ -312,14 +314,14 @@ class Study:
         self._copy = optuna.create_study(sampler=sampler)
         self._asked: list[Any] = []
         self._all: list[Any] = []
-        with self._errors_in_one_line():
+        with self.errors_in_one_line():
             self._shared = optuna.create_study(
                 storage=storage and _opened(storage), study_name=name, load_if_exists=True
             )
         self.follow()
 
     @contextlib.contextmanager
-    def _errors_in_one_line(self) -> Iterator[None]:
+    def errors_in_one_line(self) -> Iterator[None]:
         """Turn the errors of all kinds of storages into one line that names the storage."""
         try:
             yield
@@ -327,13 +329,15 @@ class Study:
         except Exception as error:
             cause = error.__cause__ or error
             text = str(getattr(cause, 'strerror', None) or cause).strip().split('\n')[0]
+            if isinstance(cause, LookupError | TypeError | AttributeError):
+                text = f'is damaged ({type(cause).__name__}: {text})'
             raise ValueError(f'storage {self._where}: {text or type(cause).__name__}') from None
 
     def follow(self) -> int:
         """Read the new trials of all workers; return the number of all trials."""
         from optuna.trial import TrialState
 
-        with self._errors_in_one_line():
+        with self.errors_in_one_line():
             trials = self._shared.get_trials(deepcopy=False)
             self._copy.add_trials(trials[len(self._all) :])
         # What was asked for is among them; until now the sampler kept away from these points.
@@ -358,7 +362,7 @@ class Study:
             distributions=self._distributions,
             user_attrs={'found': found},
         )
-        with self._errors_in_one_line():
+        with self.errors_in_one_line():
             self._shared.add_trial(trial)
 
     @property

@@ -18,8 +18,11 @@ import argparse
 import io
 import os
 import signal
+import socket
 import subprocess
 import sys
+import threading
+import time
 
 import pytest
 
@@ -104,6 +107,29 @@ def test_a_cluster_that_is_not_there_is_named_and_without_distributed_what_to_in
         with pytest.raises(ValueError, match=said), workers(cluster='nix'):
             pass
         monkeypatch.setitem(sys.modules, 'distributed', None)
+
+
+@pytest.mark.parametrize('answer', [b'', b'HTTP/1.1 400 Bad Request\r\n\r\n', bytes(64)])
+def test_what_is_no_scheduler_is_one_line_within_seconds(answer, monkeypatch, capfd):
+    pytest.importorskip('distributed', reason='needs distributed')
+    monkeypatch.setattr('slip_detector.commands.workers.ANSWER_S', 1.0)
+    with socket.create_server(('127.0.0.1', 0)) as server:
+        there = 'tcp://127.0.0.1:{1}'.format(*server.getsockname())
+
+        def reply():
+            connection, _ = server.accept()
+            connection.sendall(answer)
+            taken.append(connection)
+
+        taken = []
+        threading.Thread(target=reply, daemon=True).start()
+        begin_s = time.monotonic()
+        said = f'^cluster {there}: cannot be reached [^\n]+$'
+        with pytest.raises(ValueError, match=said), workers(cluster=there):
+            pass
+        assert time.monotonic() - begin_s < 10.0
+        taken.pop().close()
+    assert capfd.readouterr().err == ''
 
 
 def options_of(*words):

@@ -133,6 +133,22 @@ def test_the_end_of_a_node_is_waited_for_and_leaving_ends_the_others(nodes, tmp_
     assert process.poll() is not None
 
 
+def test_nodes_end_with_the_process_that_started_them_even_if_it_is_killed():
+    code = (
+        'import os, pathlib, signal, time\n'
+        'from slip_detector.nodes.demo import NodeProcesses\n'
+        "nodes = NodeProcesses('killed', lambda: None)\n"
+        f"nodes.start('slip_detector', pathlib.Path('{FILE}'))\n"
+        'time.sleep(2)\n'
+        'os.kill(os.getpid(), signal.SIGKILL)\n'
+    )
+    # It does not return before the last process that has the pipe has ended.
+    done = subprocess.run(
+        [sys.executable, '-c', code], stdout=subprocess.PIPE, timeout=DEADLINE_S, check=False
+    )
+    assert done.returncode == -signal.SIGKILL
+
+
 def test_a_node_that_fails_is_named(nodes):
     nodes.start('slip_driver', FILE, source='scene', scene='moon')
     with pytest.raises(RuntimeError, match=r'^slip_driver ended with the exit code 1$'):
