@@ -155,6 +155,14 @@ def test_a_damaged_journal_is_refused_in_one_line_and_is_not_changed(more, tmp_p
     assert path.read_text() == damaged
 
 
+def test_damaged_trials_are_refused_in_one_line(files, tmp_path):
+    path = tmp_path / 'study.journal'
+    tune(files, PARAMETERS, 4, storage=str(path))
+    path.write_text(path.read_text().replace('"found"', '"fount"'))
+    with pytest.raises(ValueError, match=f"^storage {path}: is damaged .KeyError: 'found'.$"):
+        tune(files, PARAMETERS, 5, storage=str(path))
+
+
 def test_a_full_disk_is_one_line_and_the_trials_before_it_are_kept(tmp_path):
     path = tmp_path / 'study.journal'
     study = Study(X, 0, str(path))
