@@ -17,30 +17,37 @@
 ros2 launch slip_detector grasp.launch.py seed:=7
 """
 
-from pathlib import Path
-
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction
+from launch.actions import (
+    DeclareLaunchArgument,
+    IncludeLaunchDescription,
+    OpaqueFunction,
+    SetLaunchConfiguration,
+)
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
-from slip_detector.parameters.files import read_yaml
+from slip_detector.nodes.run import ends_launch
+from slip_detector.parameters.files import find_parameter_file, read_yaml
 from slip_detector.parameters.grasp import commands_of_a_scene
 from slip_detector.scenes.scene import find_scene
+
+
+def set_configs(context):
+    """Set ``configs``, the path of the parameter file, which has to be there."""
+    path = find_parameter_file(LaunchConfiguration('config').perform(context))
+    return [SetLaunchConfiguration('configs', str(path))]
 
 
 def nodes(context):
     """Start the nodes; an argument that is given replaces the value in the parameter file."""
     config, source, scene, seed = (
         LaunchConfiguration(name).perform(context)
-        for name in ('config', 'source', 'scene', 'seed')
+        for name in ('configs', 'source', 'scene', 'seed')
     )
-    if not Path(config).is_file():
-        # Without this check the nodes would silently run on their defaults.
-        raise FileNotFoundError(f'config is {config!r}, allowed: the path of a parameter file')
     # The driver waits for the other two: no sample is missed, and no object falls meanwhile.
     given = {'source': 'scene', 'wait_for_subscribers': 1, 'wait_for_grip': True}
     if scene:
@@ -61,6 +68,7 @@ def nodes(context):
             executable=executable,
             namespace=LaunchConfiguration('namespace'),
             parameters=[config, parameters],
+            on_exit=ends_launch(),
         )
         for executable, parameters in executables.items()
     ]
@@ -76,7 +84,10 @@ def generate_launch_description():
                 'namespace', default_value='', description='Namespace of all nodes.'
             ),
             DeclareLaunchArgument(
-                'config', default_value=own_config, description='Parameter file of all nodes.'
+                'config',
+                default_value=own_config,
+                description='Parameter file of all nodes: a path, or the name of one of the '
+                'package.',
             ),
             DeclareLaunchArgument(
                 'source',
@@ -93,10 +104,8 @@ def generate_launch_description():
             ),
             DeclareLaunchArgument('seed', default_value='', description='Seed of its noise.'),
             # First, so that no node starts if an argument of the page is refused.
-            IncludeLaunchDescription(
-                PythonLaunchDescriptionSource(view),
-                launch_arguments=[('configs', LaunchConfiguration('config'))],
-            ),
+            OpaqueFunction(function=set_configs),
+            IncludeLaunchDescription(PythonLaunchDescriptionSource(view)),
             OpaqueFunction(function=nodes),
         ]
     )

@@ -20,8 +20,6 @@ With several parameter files there is a detector for each, in a namespace named 
 driver uses the first file.
 """
 
-from pathlib import Path
-
 from launch import LaunchDescription
 from launch.actions import (
     DeclareLaunchArgument,
@@ -35,29 +33,19 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
-
-def find_config(name, share):
-    """Return the path of a parameter file, given by its path or by its name in the package."""
-    for path in (Path(name), share / name):
-        if path.is_file():
-            return str(path)
-    # Without this check the nodes would silently run on their defaults.
-    own = ', '.join(sorted(path.name for path in share.glob('*.yaml')))
-    raise FileNotFoundError(
-        f'config is {name!r}, allowed: the path of a parameter file, or one of {own}'
-    )
-
-
-def find_configs(context):
-    """Return the paths of all parameter files."""
-    names = LaunchConfiguration('config').perform(context) or 'slip_detector.yaml'
-    share = Path(FindPackageShare('slip_detector').perform(context)) / 'config'
-    return [find_config(name.strip(), share) for name in names.split(',')]
+from slip_detector.nodes.run import ends_launch
+from slip_detector.parameters.files import find_parameter_file
+from slip_detector.parameters.sets import our_sections
 
 
 def set_configs(context):
-    """Set ``configs`` for the live page."""
-    return [SetLaunchConfiguration('configs', ','.join(find_configs(context)))]
+    """Set ``configs``, the paths of all parameter files, which have to be there.
+
+    Without that the nodes would silently run on their defaults.
+    """
+    names = LaunchConfiguration('config').perform(context) or 'slip_detector.yaml'
+    paths = [str(find_parameter_file(name.strip())) for name in names.split(',')]
+    return [SetLaunchConfiguration('configs', ','.join(paths))]
 
 
 def nodes(context):
@@ -65,7 +53,7 @@ def nodes(context):
     config, source, recording = (
         LaunchConfiguration(name).perform(context) for name in ('config', 'source', 'recording')
     )
-    configs = find_configs(context)
+    configs = LaunchConfiguration('configs').perform(context).split(',')
     if not config:
         # Without a parameter file, or a source, the demonstration is played.
         source = source or 'scene'
@@ -79,11 +67,15 @@ def nodes(context):
         namespace=namespace,
         arguments=[*arguments, '--configs', ','.join(configs)] if several else arguments,
         parameters=[] if several else configs,
+        on_exit=ends_launch(),
     )
     # The driver waits for all detectors, so that none misses samples while it starts.
     given = {'wait_for_subscribers': len(configs)}
     if source:
         given['source'] = source
+    # A simulation goes on until it is ended, unless the file says otherwise.
+    if source == 'scene' and not any('loop' in its for _, its in our_sections(configs[0])):
+        given['loop'] = True
     if recording:
         given['recording'] = ParameterValue(recording, value_type=str)
     driver = Node(
@@ -92,6 +84,7 @@ def nodes(context):
         namespace=namespace,
         arguments=arguments,
         parameters=[configs[0], given],
+        on_exit=ends_launch(),
     )
     return [detector] if source == 'none' else [detector, driver]
 

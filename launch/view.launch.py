@@ -14,8 +14,7 @@
 
 """The live page, if ``view`` is true; included by the other launch files.
 
-They set ``namespace``, and ``configs`` to the paths of the detectors' parameter files, separated
-by commas.
+ros2 launch slip_detector view.launch.py view:=true
 """
 
 import shlex
@@ -25,6 +24,8 @@ from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
+
+from slip_detector.nodes.run import ends_launch
 
 
 def page(context):
@@ -36,6 +37,7 @@ def page(context):
         namespace=LaunchConfiguration('namespace'),
         arguments=['--config', LaunchConfiguration('configs'), *shlex.split(options)],
         output='screen',  # It prints the address of the page.
+        on_exit=ends_launch(),
     )
     return [node]
 
@@ -43,6 +45,15 @@ def page(context):
 def generate_launch_description():
     return LaunchDescription(
         [
+            DeclareLaunchArgument(
+                'namespace', default_value='', description='Namespace of all nodes.'
+            ),
+            DeclareLaunchArgument(
+                'configs',
+                default_value='',
+                description="Paths of the detectors' parameter files, with commas between, for "
+                'the live page; where there is an argument config, it sets them.',
+            ),
             DeclareLaunchArgument(
                 'view',
                 default_value='false',

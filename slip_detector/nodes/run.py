@@ -21,6 +21,7 @@ import os
 import re
 import signal
 import sys
+import time
 import traceback
 from collections.abc import Callable
 from itertools import pairwise
@@ -31,6 +32,9 @@ from slip_detector.commands.command_line import one_line
 
 #: Allowed names of namespaces; the length leaves room for the names of topics.
 NAMESPACE = re.compile('(?!.*__)[A-Za-z_][A-Za-z0-9_]{0,63}')
+
+#: Longest time, in seconds, from a launch to a node's refusal; it may have to compile first.
+STARTS_S = 120.0
 
 EXECUTABLES = ('slip_driver', 'slip_detector', 'grasp_controller')
 
@@ -101,6 +105,20 @@ def on_signals(handler: Any) -> None:
     """Set the handler of the signals that end a process."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, handler)
+
+
+def ends_launch() -> Callable[[Any, Any], None]:
+    """Return an ``on_exit`` that ends the launch of a node, with code 1, if it refuses to start.
+
+    A node that fails later than ``STARTS_S`` does not end the others: a grasp has to be held.
+    """
+    began_s = time.monotonic()
+
+    def on_exit(event: Any, context: Any) -> None:
+        if event.returncode > 0 and time.monotonic() - began_s < STARTS_S:
+            raise RuntimeError(f'{event.process_name} ended with exit code {event.returncode}')
+
+    return on_exit
 
 
 class _Parser(argparse.ArgumentParser):

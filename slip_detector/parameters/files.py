@@ -56,6 +56,29 @@ def shared_folder() -> Path:
     raise ValueError('the package was installed without its config folder: install it again')
 
 
+def find_parameter_file(name: str) -> Path:
+    """Return a parameter file, given by its path or by its name in the package.
+
+    Raises
+    ------
+    ValueError
+        When there is none.
+
+    Examples
+    --------
+    >>> find_parameter_file('onset.yaml').parent.name
+    'config'
+    """
+    own = shared_folder() / 'config'
+    for path in (Path(name), own / name):
+        if path.is_file():
+            return path
+    names = ', '.join(sorted(path.name for path in own.glob('*.yaml')))
+    raise ValueError(
+        f'config is {name!r}, allowed: the path of a parameter file, or one of {names}'
+    )
+
+
 @contextlib.contextmanager
 def whole_file(path: str | Path) -> Iterator[Path]:
     """Write a file or folder atomically: it replaces ``path`` only after the block succeeds.

@@ -20,7 +20,8 @@ pytest.importorskip('rclpy', reason='needs rclpy')
 
 from support.launching import defaults_of
 
-ALL_FILES = {'namespace', 'config', 'source', 'view', 'view_options'}
+OF_VIEW = {'namespace', 'configs', 'view', 'view_options'}
+ALL_FILES = OF_VIEW | {'config', 'source'}
 
 
 def test_no_name_of_a_file_is_a_default():
@@ -32,6 +33,7 @@ def test_no_name_of_a_file_is_a_default():
 def test_the_arguments_of_included_files_are_shown_too():
     assert defaults_of('slip_detector').keys() == ALL_FILES | {'fingers', 'recording'}
     assert defaults_of('hand').keys() == defaults_of('slip_detector').keys()
+    assert defaults_of('view').keys() == OF_VIEW
     assert defaults_of('grasp').keys() == ALL_FILES | {'scene', 'seed'}
 
 

@@ -22,6 +22,7 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs rclpy')
 
+from rcl_interfaces.srv import GetParameters
 from std_msgs.msg import Bool
 
 from slip_detector.nodes.messages import state_qos
@@ -33,20 +34,25 @@ def generate_test_description():
     own = Path(tempfile.mkdtemp()) / 'own.yaml'
     own.write_text('/**/slip_detector:\n  ros__parameters: {threshold: 0.2}\n')
     # One of the package by its name, and one by its path.
-    configs = f'slip_detector.yaml,{own}'
+    configs = f'onset.yaml,{own}'
     arguments = {'namespace': 'index', 'source': 'scene', 'config': configs}
     return launched('slip_detector', arguments)
 
 
 class TestTopics(unittest.TestCase):
     def test_a_detector_for_each_file_hears_the_one_driver(self, bench):
-        for name in ('slip_detector', 'own'):
+        for name in ('onset', 'own'):
             valid = bench.listen(Bool, f'index/{name}/slip_valid', state_qos())
             slip = bench.listen(Bool, f'index/{name}/slip', state_qos())
             bench.wait_for(lambda heard=valid: heard and heard[-1].data, f'{name}/slip_valid')
             bench.wait_for(
                 lambda heard=slip: any(message.data for message in heard), f'the slip of {name}'
             )
+
+    def test_the_driver_goes_on_after_the_end_of_the_scene(self, bench):
+        request = GetParameters.Request(names=['loop'])
+        (loop,) = bench.ask(GetParameters, 'index/slip_driver/get_parameters', request).values
+        assert loop.bool_value
 
 
 @launch_testing.post_shutdown_test()

@@ -33,7 +33,7 @@ CONFIG = SHARE / 'config' / 'grasp.yaml'
 
 @pytest.mark.launch_test
 def generate_test_description():
-    return launched('grasp', {'namespace': 'hand', 'seed': '3'})
+    return launched('grasp', {'namespace': 'hand', 'seed': '3', 'config': 'grasp.yaml'})
 
 
 class TestGrasp(unittest.TestCase):

@@ -23,13 +23,13 @@ pytest.importorskip('rclpy', reason='needs rclpy')
 from support.launching import launching
 
 
-def refused(name, argument):
-    """Launch a file that is to end without having started a node; return what it says."""
-    command = launching(name, argument)
+def refused(name, *arguments, started=False):
+    """Launch a file that is to end by itself, with or without a node; return what it says."""
+    command = launching(name, *arguments)
     ended = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
     said = ended.stdout + ended.stderr
     assert ended.returncode == 1, said
-    assert 'process started' not in said
+    assert ('process started' in said) == started
     return said
 
 
@@ -52,3 +52,25 @@ def test_a_wrong_argument_of_a_grasp_is_refused_in_one_line_and_no_node_starts(a
 @pytest.mark.parametrize('name', ['hand', 'grasp'])
 def test_no_node_starts_where_an_argument_of_the_page_is_refused(name):
     assert "Valid options are: ['true', 'false']" in refused(name, 'view:=maybe')
+
+
+@pytest.mark.parametrize(
+    ('name', 'arguments', 'node'),
+    [
+        ('slip_detector', ['source:=scene'], 'slip_detector'),
+        ('grasp', [], 'grasp_controller'),
+        ('view', ['view:=true', 'view_options:=--host nowhere.invalid'], 'slip_view'),
+    ],
+)
+def test_a_node_that_refuses_to_start_ends_the_launch(
+    bench, tmp_path, monkeypatch, name, arguments, node
+):
+    monkeypatch.setenv('ROS_DOMAIN_ID', str(bench.domain))
+    config = tmp_path / 'wrong.yaml'
+    config.write_text(f'/**/{node}:\n  ros__parameters: {{of_nobody: 1}}\n')
+    if name != 'view':
+        arguments = [*arguments, f'config:={config}']
+    said = refused(name, *arguments, started=True)
+    assert f'{node}-' in said.split('Caught exception in launch')[1]
+    # The others were ended, and none was left.
+    assert said.count('process started') == said.count('process has')
