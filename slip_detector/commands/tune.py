@@ -77,7 +77,8 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     add = parser.add_mutually_exclusive_group().add_argument
     add(
         '--hold-out', type=float, default=1 / 3, metavar='SHARE',
-        help='share of the recordings, or of the time of a single one, to hold out (default: 1/3)',
+        help='share of the recordings to hold out, evenly spread and with the last (of two the '
+        'second, of four the fourth), or of the time of a single one (default: 1/3)',
     )  # fmt: skip
     add(
         '--held-out', action='append', default=[], metavar='RECORDING', help='hold out this '
@@ -113,12 +114,12 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
 
 
 def _progress(bar: Any) -> Callable[[int, Candidate | None], None]:
-    """Return a function that shows how many trials there are and the best chain so far."""
+    """Return a function that shows how many trials there are, and the result so far."""
     printed = 0
 
     def show(count: int, best: Candidate | None) -> None:
         nonlocal printed
-        found = 'none detects slip so far' if best is None else f'best: {in_short(best)}'
+        found = 'none detects slip so far' if best is None else f'result so far: {in_short(best)}'
         bar.set_postfix_str(found, refresh=False)
         bar.update(count - bar.n)
         if bar.disable and (count - printed) * LINES >= bar.total:
@@ -192,10 +193,11 @@ def _search(
         for name, chain in (('given', problem.given), ('tuned', verdict.chain))
     )
     lines = [
-        *notes,
-        f'{study.follow()} trials ({options.trials} asked for), seed {options.seed}',
+        f'{study.follow()} trials ({options.trials} asked for), {len(study.trials)} of them gave '
+        f'a chain, seed {options.seed}',
         f'Tuned on: {_names_of(problem.tracks)}',
         f'Held out, and not tuned on: {_names_of(held)}',
+        *notes,
     ]
     if verdict.kept:
         lines.append(f'The given parameters are kept: {verdict.kept}')

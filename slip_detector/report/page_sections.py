@@ -176,8 +176,9 @@ def _front(trials: Sequence[SearchTrial]) -> str:
     best = trade_off_front(searched)
     undefined = sum(trial.costs is None for trial in searched)
     text = (
-        f'{len(searched)} trials. {len(best)} of them are on the front: no other trial is as good '
-        'in latency, false alarms, false time and sooner than chance and better in one of them. '
+        f'{len(searched)} trials gave a chain (the others cannot be built, or are never ON). '
+        f'{len(best)} of them are on the front: no other trial is as good in latency, false '
+        'alarms, false time and sooner than chance and better in one of them. '
         'The figures are those of the recordings that were tuned on. Not drawn are trials that '
         f'found no more slips than chance, which have no latency: {undefined}.'
     )

@@ -30,6 +30,7 @@ from slip_detector.evaluation.chance import HALF, saved_by_chance_s, sooner_than
 from slip_detector.evaluation.scores import MOTION, REST, ScoreTally
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig, TuneConfig
+from slip_detector.parameters.fields import listed
 from slip_detector.tuning.space import SearchSpace
 from slip_detector.tuning.sweep import (
     ThresholdSweep,
@@ -335,20 +336,16 @@ class Problem:
         costs_ms = self.config.missed_costs_ms
         return np.asarray(np.clip(np.fmin(sweep.latencies_ms, costs_ms), 0.0, costs_ms))
 
-    def candidates(self, trial: Any) -> list[Candidate]:
-        """Return the chains that a finished trial found, one for each vote, cheapest first."""
-        return [
-            Candidate(
-                dataclasses.replace(self.given, **one['parameters']),
-                *map(one.get, Candidate._fields[1:]),
-            )
-            for one in trial.user_attrs['found']
-        ]
+    def _candidate(self, entry: dict[str, Any]) -> Candidate:
+        """Return the candidate of an entry in a study; see :meth:`Candidate.as_json`."""
+        rest = {name: entry[name] for name in Candidate._fields[1:]}
+        return Candidate(dataclasses.replace(self.given, **entry['parameters']), **rest)
 
     def best_of(self, trials: Iterable[Any]) -> Candidate | None:
         """Return the cheapest chain of finished trials; None where none found one."""
-        found = [self.candidates(trial)[0] for trial in trials]
-        return min(found, key=lambda one: one.cost_ms, default=None)
+        found = [trial.user_attrs['found'][0] for trial in trials]
+        best = min(found, key=lambda entry: entry['cost_ms'], default=None)
+        return best and self._candidate(best)
 
     def choice(self, trials: Sequence[Any]) -> Candidate | None:
         """Return the result of a search; None where no trial found a chain.
@@ -364,11 +361,27 @@ class Problem:
         as_good = [
             (space.distance(trial.params, given), found)
             for trial in trials
-            for found in self.candidates(trial)
-            if found.cost_ms <= best.cost_ms + best.error_ms and not self._worse(found, best)
+            for entry in trial.user_attrs['found']
+            if entry['cost_ms'] <= best.cost_ms + best.error_ms
+            and not self._worse(found := self._candidate(entry), best)
         ]
         vote = self.given.vote
         return min(as_good, key=lambda one: math.hypot(one[0], one[1].chain.vote != vote))[1]
+
+    def passed_over(self, choice: Candidate, trials: Iterable[Any]) -> str:
+        """Return a sentence on why :meth:`choice` is not the cheapest chain; empty where it is."""
+        best, slips = self.best_of(trials), sum(len(track.slips) for track in self.tracks)
+        assert best is not None
+        if choice.cost_ms <= best.cost_ms:
+            return ''
+        given, now = searched(self.given), searched(choice.chain)
+        names = listed([name for name in now if now[name] != given.get(name)])
+        less = f'{slips} slips less than {best.error_ms:.3g} ms' if slips > 1 else '1 slip any'
+        return (
+            f'The cheapest chain costs {best.cost_ms:.1f} ms, but with {less} may be chance, '
+            f'so the one nearest to the given parameters was judged, at {choice.cost_ms:.1f} ms: '
+            f'it differs in {names or "nothing"}'
+        )
 
     def _worse(self, found: Candidate, best: Candidate) -> bool:
         """Return whether a chain is worse than the given one where the best is not.

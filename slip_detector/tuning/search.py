@@ -99,7 +99,8 @@ class TuningResult(NamedTuple):
     verdict : Verdict
         The best chain found, or the given one.
     notes : list of str
-        A line for each recording with faults, and one where Ctrl-C ended the search.
+        A line for each recording with faults, one where Ctrl-C ended the search, and one where the
+        cheapest chain is not the one that was judged.
     """
 
     problem: Problem
@@ -136,8 +137,8 @@ def tune(
     storage
         The storage of the study, see :class:`Study`; None: in memory.
     progress
-        Called with the number of trials so far and the best chain of them, before the first trial,
-        and after each trial and each batch.
+        Called with the number of trials so far and the chain that would be judged if the search
+        ended now, before the first trial, and after each trial and each batch.
     calls
         Makes the calls for the points of a batch. None: they are made in this process.
 
@@ -157,8 +158,12 @@ def tune(
         # It has a few kilobytes, without any rows.
         pickled = pickle.dumps((files, dataclasses.replace(problem, tracks=()), name))
 
+        @functools.lru_cache(maxsize=1)
+        def choice(known: int) -> Candidate | None:
+            return problem.choice(study.trials)
+
         def show(count: int) -> None:
-            progress(count, problem.best_of(study.trials))
+            progress(count, choice(len(study.trials)))
 
         with study.errors_in_one_line():  # Its trials may be damaged.
             problem.choice(study.trials)
@@ -167,7 +172,9 @@ def tune(
         search(problem, study, trials, stop.is_set, show, results)
     if stop.is_set():
         notes.append('Stopped early.')
-    verdict = judge(problem, held, problem.choice(study.trials))
+    chosen = choice(len(study.trials))
+    notes += filter(None, [chosen and problem.passed_over(chosen, study.trials)])
+    verdict = judge(problem, held, chosen)
     return TuningResult(problem, held, study, verdict, notes)
 
 

@@ -162,8 +162,9 @@ def track_of(name: str, pieces: Iterable[Samples], sample_rate_hz: float) -> Tra
 def held_out(tracks: Sequence[Track], share: float) -> tuple[list[Track], list[Track]]:
     """Divide recordings into those that are tuned on and those that are held out.
 
-    Of several recordings with slip every n-th is held out, and likewise of those without slip. A
-    single one with slip is cut in two between two slips, as near to the share as possible.
+    Of several recordings with slip a share is held out, and likewise of those without slip; see
+    :func:`hold_out_evenly`. A single one with slip is cut in two between two slips, as near to the
+    share as possible.
 
     Parameters
     ----------
@@ -187,14 +188,15 @@ def held_out(tracks: Sequence[Track], share: float) -> tuple[list[Track], list[T
 
 
 def hold_out_evenly(items: Sequence[Any], share: float) -> tuple[list[Any], list[Any]]:
-    """Divide items into those to tune on and those to hold out, which are evenly spread.
+    """Divide items into those to tune on and those to hold out.
 
-    Of two or more at least one is held out, and not all.
+    These are evenly spread, and the last one is among them. Of two or more at least one is held
+    out, and not all.
 
     Examples
     --------
-    >>> hold_out_evenly(['a', 'b', 'c', 'd'], share=1 / 3)
-    (['a', 'b', 'c'], ['d'])
+    >>> [''.join(hold_out_evenly(items, share=1 / 3)[1]) for items in ('ab', 'abcd', 'abcde')]
+    ['b', 'd', 'be']
     """
     n = len(items)
     many = min(max(round(share * n), 1), n - 1) if n > 1 else 0

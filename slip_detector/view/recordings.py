@@ -139,7 +139,7 @@ class RecordedFolder:
     def held_out(self) -> list[str]:
         """Return the names of the recordings that are held out of a search and judge its result.
 
-        They are every third one of each kind; of only two, the second.
+        They are a third of each kind, evenly spread and with the last; of only two, the second.
         """
         by_kind = [hold_out_evenly(self.of_kind(kind), HELD_OUT)[1] for kind in KINDS]
         return [name for held_out in by_kind for name in held_out]

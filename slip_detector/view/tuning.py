@@ -225,7 +225,7 @@ def _tune(job: TuneJob, report: Callable[..., None]) -> None:
     parameters = _parameters(begin)
 
     def progress(count: int, best: Candidate | None) -> None:
-        words = f'best: {in_short(best)}' if best else 'none detects slip so far'
+        words = f'result so far: {in_short(best)}' if best else 'none detects slip so far'
         report(
             share=count / job.trials,
             step=f'searching: {count} of {job.trials} chains tried, {words}',

@@ -34,7 +34,7 @@ def test_the_file_has_the_figures_and_all_that_was_not_searched(case, capsys):
     run(*words, '--out', out, '--report', folder / 'report.html', '--trials', 12)
     shown = capsys.readouterr()
     assert 'Held out, and not tuned on: c.npz (4 slips in 0.2 min)' in shown.out
-    assert '12 of 12 trials, best' in shown.err
+    assert '12 of 12 trials, result so far: costs' in shown.err
     text = out.read_text()
     comments = [line for line in text.splitlines() if line.startswith('#')]
     assert any('Tuned on: a.npz, b.npz (8 slips in 0.4 min)' in line for line in comments)
@@ -51,7 +51,8 @@ def test_the_file_has_the_figures_and_all_that_was_not_searched(case, capsys):
     page = (folder / 'report.html').read_text()
     trials = trials_of(journal(f'{out}.study.journal'))
     found = [trial for trial in trials if trial.value is not None]
-    assert (len(trials), f'{len(found)} trials. ' in page) == (12, True)
+    assert (len(trials), f'{len(found)} trials gave a chain ' in page) == (12, True)
+    assert f'12 trials (12 asked for), {len(found)} of them gave a chain' in shown.out
     section = page[page.index('<h2>Trade-off') : page.index('<h2>Filter')]
     assert '<tr><td>given</td>' in section
     assert '<tr><td>tuned</td>' in section

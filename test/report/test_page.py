@@ -193,7 +193,7 @@ def test_the_report_of_a_search_has_both_chains_on_all_recordings_and_its_trials
     tuned = given._replace(name='tuned')
     report.write_tuning_report(path, given, tuned, study, ['A note.'])
     text = text_of(path.read_text(encoding='utf-8'))
-    for words in ('|seed 0 (held out)|', '|all tuned on|', '|1 trials. ', '|A note.|', '|given|'):
+    for words in ('|seed 0 (held out)|', '|all tuned on|', '|1 trials g', '|A note.|', '|given|'):
         assert words in text
     assert '|Parameters|All equal.|' in text
 
@@ -202,7 +202,7 @@ def test_figures_and_differing_parameters_are_in_tables(variants):
     text = text_of(sections(variants, scenes.trials()))
     assert 'latency median [ms]' in text
     assert '|a.npz|given|3|1|34.6|a.npz|tuned|3|0|-|' in text
-    assert '|5 trials. 3 of them are on the front' in text
+    assert '|5 trials gave a chain (the others cannot be built, or are never ON). 3 of' in text
     assert 'which have no latency: 1.|' in text
     assert '|passband_hz|7 50|10 60|' in text
     assert text.index('|vote|all|mean|') < text.index('All parameters') < text.index('|channels|')

@@ -156,7 +156,9 @@ def test_of_one_slip_nothing_is_learnt_but_a_threshold():
     one = track(1, duration_s=3.0)
     assert len(one.slips) == 1
     asked = problem([one])
-    choice = asked.choice(study_of(asked, 12).trials)
+    trials = study_of(asked, 12).trials
+    choice = asked.choice(trials)
+    assert 'with 1 slip any may be chance' in asked.passed_over(choice, trials)
     for name in (
         'passband_hz', 'stopbands_hz', 'exponent', 'envelope_window_s', 'common_mode', 'vote',
     ):  # fmt: skip
@@ -183,6 +185,11 @@ def test_few_slips_do_not_excuse_a_chain_that_tells_less_of_the_rows():
     near, nearer = trial(1.0, 80.0, asked.figures['auc'] - 0.02), trial(0.5, 70.0, 0.6)
     choice = asked.choice([best, near, nearer])
     assert choice.cost_ms == 80.0
+    assert asked.passed_over(choice, [best, near, nearer]) == (
+        'The cheapest chain costs 50.0 ms, but with 4 slips less than 500 ms may be chance, so '
+        'the one nearest to the given parameters was judged, at 80.0 ms: it differs in threshold'
+    )
+    assert asked.passed_over(choice, [near]) == ''
     nearest = trial(0.1, 500.0, asked.figures['auc'])
     assert asked.choice([best, near, nearest]).cost_ms == 500.0
 

@@ -119,6 +119,12 @@ def test_a_first_interrupt_keeps_the_result_so_far_and_a_second_ends_at_once(fil
     assert capsys.readouterr().err.count('stopping') == 2
 
 
+def test_what_is_shown_while_searching_is_what_is_judged(files):
+    shown = []
+    found = tune(files, PARAMETERS, 9, progress=lambda count, best: shown.append(best))
+    assert shown[-1] == found.problem.choice(found.study.trials)
+
+
 @pytest.mark.parametrize('where', ['{}/study.journal', 'sqlite:///{}/study.db'])
 def test_workers_of_one_study_read_each_others_trials(where, tmp_path):
     where = where.format(tmp_path)

@@ -137,7 +137,7 @@ export class Teach extends Tool {
     // After a restart, the server has not listed the recordings yet.
     if (this.finger in this.labels && !(this.finger in this.latest.fingers)) this.refresh();
     write('teach-words', this.latest.words);
-    write('recordings-folder', folder ? `In ${folder}. Each third recording of a kind is held out: the search does not see it, and is judged by it.` : '');
+    write('recordings-folder', folder ? `In ${folder}. A third of each kind is held out, see below: the search does not see these, and is judged by them.` : '');
     const shown = JSON.stringify([recordings, this.locked]);
     if (shown !== this.shown) this.showList(recordings);
     this.shown = shown;
