@@ -372,8 +372,9 @@ class Detector(LifecycleNode):
         """Return the kind and description of channels that are others than before, if they are."""
         channels = self._active.channels
         if rows.shape[1] != channels:
-            words = f'a message has {rows.shape[1]} channels, allowed: {channels}: dropped'
-            return 'channels', words
+            number = rows.shape[1]
+            allowed = f'{channels}{self._input.advice(number)}'
+            return 'channels', f'a message has {number} channels, allowed: {allowed}: dropped'
         if names is None or names == self._names:
             return None
         if self._names is None and len(names) in (0, channels):

@@ -76,7 +76,7 @@ class Input:
             )
         self._has_header = fields.get('header') == 'std_msgs/Header'
         self.has_names = fields.get('name') == 'sequence<string>'
-        self._type = config.input_type
+        self._type, self._channels = config.input_type, config.channels
         # The usual kind of input, one message for each sample, for which there is a faster reader.
         quick = self.message_class is JointState and config.input_field == 'position'
         self._reader = JointStateReader() if quick else None
@@ -126,6 +126,21 @@ class Input:
         return sample._replace(
             stamp_ns=info['source_timestamp'], number=info['publication_sequence_number']
         )
+
+    def advice(self, numbers: int) -> str:
+        """Return what a message with so many channels lacks, if it may be a batch of samples.
+
+        Examples
+        --------
+        >>> batches = DetectorConfig(input_type='std_msgs/Float32MultiArray', input_field='data')
+        >>> Input(batches).advice(64), Input(batches).advice(63)
+        (' (a batch needs layout.dim: sample of size 4, channel of size 16)', '')
+        """
+        samples, left = divmod(numbers, self._channels)
+        if left or samples < 2 or not self._type.endswith('MultiArray'):
+            return ''
+        sizes = f'sample of size {samples}, channel of size {self._channels}'
+        return f' (a batch needs layout.dim: {sizes})'
 
 
 def message_class(name: str) -> Any:

@@ -52,7 +52,7 @@ def settled(bench, envelope, voltages, message, at_ns):
 
 
 def test_without_a_header_the_middlewares_stamp_counts(bench):
-    _, envelope, voltages = started(
+    process, envelope, voltages = started(
         bench,
         Float64MultiArray,
         input_type='std_msgs/msg/Float64MultiArray',
@@ -68,6 +68,10 @@ def test_without_a_header_the_middlewares_stamp_counts(bench):
     assert before_ns < stamps[0]
     assert stamps == sorted(stamps)
     assert stamps[-1] < after_ns
+    # A batch has to say that it is one.
+    voltages.publish(Float64MultiArray(data=[1.0, 2.0] * 3))
+    said = 'a message has 6 channels, allowed: 2 (a batch needs layout.dim: sample of size 3, '
+    bench.wait_for(lambda: said in process.log(), said)
 
 
 def test_late_batches_are_rows_with_their_own_times_and_a_lost_one_is_bridged(bench):
