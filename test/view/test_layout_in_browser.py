@@ -16,8 +16,10 @@
 """What is in sight on the page, on a laptop, an older one and a phone."""
 
 import dataclasses
+import io
 from itertools import combinations
 
+import numpy as np
 import pytest
 
 from slip_detector.parameters.detector import DetectorConfig
@@ -99,6 +101,12 @@ def box(locator):
     )
 
 
+def light(locator):
+    """Return the mean lightness of what is seen of an element, 0 to 255."""
+    image = pytest.importorskip('PIL.Image')
+    return np.mean(image.open(io.BytesIO(locator.screenshot())).convert('L'))
+
+
 def overlap(one, other):
     return all(min(one[i + 2], other[i + 2]) > max(one[i], other[i]) + 0.5 for i in (0, 1))
 
@@ -126,6 +134,20 @@ def test_one_finger_fills_the_screen(played, size):
     expect(page).to_have_title('○ rest index · slip_view')
     served.call(served.detectors.remove, 'index')
     expect(page).to_have_title('slip_view')
+
+
+def test_drawings_follow_the_dark_mode_of_the_system(played):
+    _, page = played({'index': rest_rows()})
+    expect(page.locator('.lane-name.channel')).to_have_count(4)
+    for tab in ('Traces', 'Spectrum'):
+        page.get_by_role('tab', name=tab).click()
+        for part in map(page.locator, ('body', '.canvas', f'#{tab.lower()}')):
+            page.emulate_media(color_scheme='light')
+            assert light(part) > 200
+            page.emulate_media(color_scheme='dark')
+            expect(page.locator('body')).to_have_css('color', 'rgb(230, 230, 230)')
+            page.wait_for_timeout(300)  # The picture is painted anew with the next frame.
+            assert light(part) < 70
 
 
 def test_five_fingers_stand_side_by_side_and_the_skip_link_leads_to_the_threshold(played):

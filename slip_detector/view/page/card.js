@@ -163,11 +163,11 @@ export class FingerCard {
   paint() {
     if (!this.state || !this.places) return;
     // While what is seen stays the same, nothing has to be painted.
-    const picture = JSON.stringify([this.channels.map(({level, ...seen}) => seen), this.marked]);
+    const colors = palette(), picture = JSON.stringify([colors.ground, this.channels.map(({level, ...seen}) => seen), this.marked]);
     if (picture === this.painted) return;
     this.painted = picture;
     this.context.clearRect(0, 0, this.canvas.width, this.canvas.height);
-    paintFinger(this.context, this.places, this.channels, this.marked);
+    paintFinger(this.context, colors, this.places, this.channels, this.marked);
   }
 
   channelAt({offsetX, offsetY}) {
@@ -204,7 +204,12 @@ function text(element, words) {
 
 // ---- the picture
 
-const QUIET_FILL = '#e6eaed', LEVEL_FILL = '#74828d', FRAME = '#7a858e', DISABLED_FILL = '#d3d7da';
+// The colours of the style sheet, light or dark, by name.
+function palette() {
+  const style = getComputedStyle(document.documentElement);
+  const names = ['ground', 'loud', 'soft', 'edge', 'fault', 'focus', 'quiet', 'level', 'off'];
+  return Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`)]));
+}
 
 // Where taxels are drawn, in pixels: for each channel {x, y, side}, x and y of its middle.
 // positions: [x, y, z] in metres of each channel, no two the same. The two axes along which the finger
@@ -234,9 +239,9 @@ function placesOf(positions, width, height, margin = 0) {
 const fillOf = (level) => Math.round(64 * Math.max(0, Math.min(1, 1 + Math.log2(level) / LEVEL_OCTAVES))) / 64;
 
 // Draw all taxels of a finger. states[c]: {fill, on, valid, disabled}. marked: the channels, counted from 1, that are framed.
-function paintFinger(context, places, states, marked) {
-  places.forEach((place, c) => paintTaxel(context, place, states[c], c + 1));
-  Object.assign(context, {strokeStyle: '#0072b2', lineWidth: 2});
+function paintFinger(context, colors, places, states, marked) {
+  places.forEach((place, c) => paintTaxel(context, colors, place, states[c], c + 1));
+  Object.assign(context, {strokeStyle: colors.focus, lineWidth: 2});
   context.setLineDash([3, 2]);
   for (const channel of marked) {
     const {x, y, side} = places[channel - 1], reach = side / 2 + 3;
@@ -245,7 +250,7 @@ function paintFinger(context, places, states, marked) {
   context.setLineDash([]);
 }
 
-function paintTaxel(context, {x, y, side}, {fill, on, valid, disabled}, number) {
+function paintTaxel(context, colors, {x, y, side}, {fill, on, valid, disabled}, number) {
   const left = x - side / 2, top = y - side / 2;
   const shape = new Path2D();
   shape.roundRect(left, top, side, side, side / 5);
@@ -253,17 +258,17 @@ function paintTaxel(context, {x, y, side}, {fill, on, valid, disabled}, number) 
     context.fillStyle = style;
     context.fill(shape);
   };
-  fillAll(disabled ? DISABLED_FILL : !valid ? '#fff' : on ? ON : QUIET_FILL);
+  fillAll(disabled ? colors.off : !valid ? colors.ground : on ? ON : colors.quiet);
   if (!disabled && !valid) fillAll(hatching(context));
   if (!disabled && valid && !on) {
     context.save();
     context.clip(shape);
-    context.fillStyle = LEVEL_FILL;
+    context.fillStyle = colors.level;
     context.fillRect(left, top + side * (1 - fill), side, side * fill);
     context.restore();
   }
   if (!disabled) {
-    context.strokeStyle = on ? '#000' : FRAME;
+    context.strokeStyle = on ? colors.loud : colors.edge;
     context.lineWidth = on ? Math.min(3, Math.max(1.5, side / 8)) : 1;
     context.stroke(shape);
   }
@@ -274,13 +279,13 @@ function paintTaxel(context, {x, y, side}, {fill, on, valid, disabled}, number) 
     context.fillStyle = color;
     context.fillText(words, x, y);
   };
-  if (!disabled && !valid) letters('\u2715', 700, side, '#8f1111');
+  if (!disabled && !valid) letters('\u2715', 700, side, colors.fault);
   const size = Math.min(13, side / 2);
-  // Dark letters with a light outline are legible on any fill; on the colour of ON they need none.
+  // Letters with an outline are legible on any fill; on the colour of ON they need none.
   if (!on) {
     context.font = `500 ${size}px system-ui, 'DejaVu Sans', sans-serif`;
-    Object.assign(context, {strokeStyle: 'rgba(255, 255, 255, 0.92)', lineWidth: 3.5, lineJoin: 'round'});
+    Object.assign(context, {strokeStyle: colors.ground, lineWidth: 3, lineJoin: 'round'});
     context.strokeText(number, x, y);
   }
-  letters(number, on ? 700 : 500, size, disabled ? '#545b61' : '#000');
+  letters(number, on ? 700 : 500, size, disabled ? colors.soft : on ? '#000' : colors.loud);
 }
