@@ -114,7 +114,9 @@ class LiveChain:
     def reset(self) -> None:
         """Forget all rows; the next row is treated as the first."""
         with self._lock:
-            self._chain.reset()
+            for chain in (self._chain, self._ready and self._ready[1]):
+                if chain:
+                    chain.reset()
             self.unsettled_rows = 0
             self._forget()
 
@@ -122,9 +124,8 @@ class LiveChain:
         """Begin again after a gap: forget all rows, but keep the noise floors."""
         with self._lock:
             self._chain.restart()
-            rest = self._rest
-            self._forget()
-            self._rest, self._rows_at_rest = rest, -1  # A slip may go on.
+            self._history.clear()
+            self._rows_in_history, self._rows_at_rest = 0, -1  # A slip may go on.
 
     def change(self, config: ChainConfig) -> bool:
         """Order another configuration; return whether :meth:`swap` may be called for it at once.
@@ -171,9 +172,7 @@ class LiveChain:
                     rows = np.concatenate(list(self._history))
                     chain.update(rows, envelope=False, level=False)
                     # They are those of now, not of the first of these rows.
-                    chain.state[:, FLOOR] = np.where(
-                        np.isnan(floors), chain.state[:, FLOOR], floors
-                    )
+                    np.copyto(chain.state[:, FLOOR], floors, where=~np.isnan(floors))
                 settling -= self._rows_in_history
             self._chain = chain
             responds = evidence_falls_s(config) if config.decision == 'evidence' else 0.0
@@ -199,8 +198,8 @@ class LiveChain:
         with self._lock:
             slipped = self._rows_at_rest < self._rows_in_history
             rest = (slipped and self._rest) or list(self._history)
-            same_input = not self._differ(config) & INPUT_PARAMETERS
-        if config.decision == 'evidence' and same_input and rest:
+            other_input = self._differ(config) & INPUT_PARAMETERS
+        if config.decision == 'evidence' and rest and not other_input:
             chain.take_floors(self._chain, np.concatenate(rest))
         with self._lock:
             if config is not self._ordered:

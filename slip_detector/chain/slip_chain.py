@@ -202,10 +202,9 @@ class SlipChain:
         comb = DELAYS + 2 * len(self._sections) + 1
         if self.config.mains_rows:
             self.state[:, [stages.HELD, *range(comb, comb + self.config.mains_rows)]] = np.nan
-        if self._evidence:
-            # NaN: a floor that is not learnt begins at the first envelope.
-            learnt = self.config.noise_floor_learnt
-            self.state[:, FLOOR] = self._plan.limits[:, stages.LEAST_DB] if learnt else np.nan
+        # NaN: a floor that is not learnt begins at the first envelope.
+        learnt = self._evidence and self.config.noise_floor_learnt
+        self.state[:, FLOOR] = self._plan.limits[:, stages.LEAST_DB] if learnt else np.nan
 
     def restart(self) -> None:
         """Begin again after a gap: forget all rows, but keep the noise floors.
@@ -235,12 +234,8 @@ class SlipChain:
         >>> config = ChainConfig(decision='evidence', noise_floor=1e-3)
         >>> SlipChain(config).take_floors(SlipChain(config), np.zeros((5, 16)))
         """
-        floors_db = other.state[:, FLOOR].flatten()[: self._channels]
-        if other._evidence:
-            below_db = _rest_db(other.config, rest) - floors_db
-            below_db *= self.config.exponent / other.config.exponent
-        else:
-            below_db = np.full(self._channels, np.nan)
+        below_db = _rest_db(other.config, rest) - other.state[:, FLOOR].flatten()[: self._channels]
+        below_db *= self.config.exponent / other.config.exponent
         # Without another floor, one that is not learnt begins at the level.
         unknown_db = np.nan if self.config.noise_floor_learnt else 0.0
         below_db = np.where(np.isfinite(below_db), below_db, unknown_db)
@@ -335,12 +330,11 @@ def _rest_db(config: ChainConfig, rows: ArrayLike) -> Floats:
     """Return the level where each channel's floor would settle; not finite where none is known."""
     result = SlipChain(config).update(rows, level=False)
     settling = config.mains_rows + config.samples(config.envelope_window_s)
-    levels = np.where(result.valid, result.envelope, np.inf)[settling:]
-    if not len(levels):
-        return np.full(config.channels, np.inf)
+    levels = np.where(result.valid, result.envelope, np.inf)
+    levels[:settling] = np.inf
+    level: Floats = np.quantile(levels, stages.QUANTILE, axis=0, method='lower')
     with np.errstate(divide='ignore'):
-        db: Floats = 20.0 * np.log10(np.quantile(levels, stages.QUANTILE, axis=0, method='lower'))
-    return db
+        return 20.0 * np.log10(level)
 
 
 def _state_shape(config: ChainConfig) -> tuple[int, int, int]:

@@ -20,7 +20,7 @@ import time
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from slip_detector.chain import live_chain, stages
@@ -28,6 +28,8 @@ from slip_detector.chain.filters import settling_rows
 from slip_detector.chain.live_chain import HISTORY_S, LiveChain
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
+from support import reference_evidence
+from support.reference import reference
 
 CONFIG = ChainConfig(sample_rate_hz=400.0, channels=4, stopbands_hz=[0.5, 7.0])
 KEPT = round(HISTORY_S * 400.0)
@@ -203,45 +205,69 @@ def state_of(bed):
     return bed.chain._chain.state
 
 
-@pytest.mark.parametrize(
-    'values',
-    [
-        {'noise_floor': [1e-6, 2e-6, 3e-6, 4e-6]},
-        {'noise_floor_learnt': True, 'noise_floor_rate_db_s': 1.0},
-        {'evidence_cap_db': 20.0, 'evidence_offset_db': 1.0},
-        {'evidence_limit_db_s': 0.4, 'threshold': 0.3},
-        {'impact_v': 0.1, 'impact_channels': 1, 'impact_hold_s': 0.5},
-    ],
+VALUES = {
+    'impact_channels': st.integers(1, 2),
+    'impact_hold_s': st.sampled_from([0.0, 0.05, 0.5]),
+    'noise_floor': st.sampled_from([1e-4, 2e-4, (1e-4, 3e-4, 5e-4, 1e-3)]),
+    'noise_floor_learnt': st.booleans(),
+    'noise_floor_range_db': st.sampled_from([0.0, 3.0, 15.0]),
+    'evidence_cap_db': st.sampled_from([11.0, 20.0]),
+    'evidence_offset_db': st.sampled_from([2.0, 5.0, 9.0]),
+    'evidence_limit_db_s': st.sampled_from([0.4, 1.3]),
+    'threshold': st.sampled_from([0.05, 0.3]),
+}
+
+
+@st.composite
+def changes(draw):
+    """Draw parameters of evidence, in the order in which they hold, and from which row on."""
+    values, changed = draw(st.fixed_dictionaries(VALUES)), []
+    for row in sorted({0, *draw(st.lists(st.integers(1, 599), min_size=2, max_size=6))}):
+        name = draw(st.sampled_from(sorted(VALUES)))
+        impact_v = draw(st.sampled_from([0.0, 0.2, 5.0]))
+        values = values | {name: draw(VALUES[name]), 'impact_v': impact_v}
+        changed.append((row, values))
+    return changed
+
+
+#: What remains of a hold when impacts are switched off is gone when they are switched on again.
+HELD = {'impact_channels': 1, 'impact_hold_s': 0.5}
+
+
+@example(
+    changed=[(row, HELD | {'impact_v': v}) for row, v in [(0, 0.2), (300, 0.0), (310, 5.0)]],
+    seed=0,
 )
-def test_parameters_of_evidence_change_at_once_and_keep_its_state(values):
-    rows = noise(500)
-    bed = Bed(EVIDENCE)
-    bed.chain.update(rows[:400], level=False)
-    before = state_of(bed).copy()
-    assert bed.change(**values)
-    assert bed.chain.swap()
-    np.testing.assert_array_equal(state_of(bed), before)
-    # As a chain that had this state and these parameters all along.
-    wanted = SlipChain(bed.chain.config)
-    wanted.state = before
-    found = bed.chain.update(rows[400:], level=True)
-    result = wanted.update(rows[400:])
-    np.testing.assert_array_equal(found.level, result.level)
-    np.testing.assert_array_equal(found.flags, result.flags)
-
-
-def test_what_remains_of_a_hold_is_dropped_when_impacts_are_switched_off():
-    impacts = {'impact_v': 1.0, 'impact_channels': 1, 'impact_hold_s': 0.5}
-    bed = Bed(dataclasses.replace(EVIDENCE, **impacts))
-    rows = noise(500)
-    rows[300:] += 5.0
-    bed.chain.update(rows[:310], level=False)
-    assert state_of(bed)[0, stages.HOLD_ROWS, 0] == 190
-    for impact_v in (0.0, 1.0):
-        assert bed.change(impact_v=impact_v)
-        assert bed.chain.swap()
-        bed.chain.update(rows[310:400], level=False)
-    assert state_of(bed)[0, stages.HOLD_ROWS, 0] == 0
+@given(changed=changes(), seed=st.integers(0, 99))
+def test_evidence_whose_parameters_change_follows_its_equations_row_by_row(changed, seed):
+    """The equations are those of docs/method.md, with the parameters of each row."""
+    volts, levels = noise(600, seed), []
+    volts[200:400] += 0.2 * (volts[200:400] - 4.0)
+    still = {'noise_floor_rate_db_s': 0.0, 'exponent': 1, 'gain': 1.0}
+    configs = [dataclasses.replace(EVIDENCE, **still | values) for _, values in changed]
+    ends = [row for row, _ in changed[1:]] + [600]
+    bed = Bed(configs[0])
+    level_db = reference_evidence.decibels(reference(volts, configs[0]).envelope)
+    evidence, wanted, left, floor_db = np.zeros(4), [], 0, np.full(4, np.nan)
+    if configs[0].noise_floor_learnt:
+        floor_db = 20 * np.log10(configs[0].noise_floors)
+    for config, (begin, _), end in zip(configs, changed, ends, strict=True):
+        assert config == bed.chain.config or (bed.chain.change(config) and bed.chain.swap())
+        levels.extend(bed.chain.update(volts[begin:end], level=True).level)
+        least_db = 20 * np.log10(config.noise_floors)
+        for row in range(begin, end):
+            steps = np.abs(volts[row] - volts[max(row - 1, 0)]) > config.impact_v
+            left = min(left - 1, config.samples(config.impact_hold_s)) if config.impact_v else 0
+            if config.impact_v and steps.sum() >= config.impact_channels:
+                left = config.samples(config.impact_hold_s)
+            if row >= config.samples(config.envelope_window_s):
+                floor_db = np.where(np.isnan(floor_db), level_db[row], floor_db)
+                floor_db = np.clip(floor_db, least_db, least_db + config.noise_floor_range_db)
+                excess_db = np.clip(level_db[row] - floor_db, -8.7, config.evidence_cap_db)
+                gain = (excess_db * (left <= 0) - config.evidence_offset_db) / 400.0
+                evidence = np.clip(evidence + gain, 0.0, config.evidence_limit_db_s)
+            wanted.append(evidence)
+    np.testing.assert_allclose(levels, wanted, rtol=0, atol=1e-4)
 
 
 SLIDING = dataclasses.replace(
@@ -306,7 +332,13 @@ def test_a_gap_keeps_the_floors_and_a_reset_does_not():
     bed.chain.restart()
     np.testing.assert_array_equal(state_of(bed)[0, stages.FLOOR, :4], before)
     assert not bed.chain._history
+    # Nor does a chain that was built before the reset, and is swapped in after it.
+    bed.change(gain=50.0)
+    while not bed.chain._ready:
+        time.sleep(1e-4)
     bed.chain.reset()
+    assert np.isnan(state_of(bed)[0, stages.FLOOR, :4]).all()
+    assert bed.chain.swap()
     assert np.isnan(state_of(bed)[0, stages.FLOOR, :4]).all()
 
 
