@@ -37,7 +37,7 @@ from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.recordings import ENDINGS, recording_sets
 
 #: Longest time, in seconds, in which a scheduler may answer.
-ANSWER_S = 6.0
+ANSWER_S = 5.0
 
 #: Logs of Dask, which put a traceback there for a call that is cancelled or a connection that
 #: closes. This process says what went wrong itself.
