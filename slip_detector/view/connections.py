@@ -64,10 +64,8 @@ class Connections:
     def _accept(self, listening: socket.socket) -> None:
         try:
             connection, address = listening.accept()
-        except (BlockingIOError, ConnectionAbortedError):
-            return
         except OSError:
-            # There is no descriptor: the connection waits, and would be told again at once.
+            # Without a descriptor the connection waits, and would be told again at once.
             loop = asyncio.get_running_loop()
             loop.remove_reader(listening)
             loop.call_later(PAUSE_S, self._watch, listening)

@@ -169,8 +169,8 @@ class Server:
         #: Awaited before the pages are closed.
         self.at_end: list[Callable[[], Awaitable[None]]] = []
         self.pages: set[LivePage] = set()
-        #: The pages that keep the past of a finger, in the order in which they were paused.
-        self.paused: list[LivePage] = []
+        #: By paused page the finger, and a copy of its last minute; the latest pause is last.
+        self.pasts: dict[LivePage, tuple[Finger, LiveTrack]] = {}
         #: By kind of request its answer, and whether it changes the robot or a file.
         self.requests: dict[str, tuple[Answer, bool]] = {}
         # Keeping a spectrum changes nothing on the robot.
@@ -337,8 +337,6 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         """Begin without a view."""
         self.server = server
         self.view: ViewRequest | None = None
-        # The finger, and a copy of its last minute from when the page was paused.
-        self._past: tuple[Finger, LiveTrack] | None = None
         self.news: dict[str, str] = {}
         self._draws = False
         self._sending: asyncio.Future[None] | None = None
@@ -358,7 +356,7 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
     def on_close(self) -> None:
         """Forget the page."""
         self.server.pages.discard(self)
-        self._keep_past(None)
+        self.server.pasts.pop(self, None)
 
     def on_message(self, message: str | bytes) -> None:
         """Handle a message of the page."""
@@ -386,21 +384,14 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
             return
         # A pause may last longer than the track: keep what the page shows.
         finger = self.server.detectors.fingers.get(self.view.finger) if self.view else None
+        pasts = self.server.pasts
         if finger is None or self.view is None or self.view.until_ns is None:
-            self._keep_past(None)
-        elif self._past is None or self._past[0] is not finger:
-            self._keep_past((finger, copy.deepcopy(finger.track)))
-
-    def _keep_past(self, past: tuple[Finger, LiveTrack] | None) -> None:
-        """Keep the past of a finger, or none; of too many pages, the first loses its own."""
-        paused = self.server.paused
-        if self in paused:
-            paused.remove(self)
-        self._past = past
-        if past is not None:
-            paused.append(self)
-        if len(paused) > MOST_PAUSED:
-            paused.pop(0)._past = None
+            pasts.pop(self, None)
+        elif self not in pasts or pasts[self][0] is not finger:
+            pasts.pop(self, None)
+            pasts[self] = finger, copy.deepcopy(finger.track)
+            if len(pasts) > MOST_PAUSED:
+                del pasts[next(iter(pasts))]
 
     async def _answer(self, content: Mapping[str, Any]) -> None:
         answer = await self.server.answer(content)
@@ -418,7 +409,8 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         # The page has to draw a frame before it gets the next one.
         if self.view is not None and not self._draws:
             self._draws = True
-            self._send(self.view.frame(self.server.detectors, self._past and self._past[1]))
+            _, past = self.server.pasts.get(self, (None, None))
+            self._send(self.view.frame(self.server.detectors, past))
 
     def _send(self, content: str | bytes) -> None:
         # Neither side may have begun to close the connection.

@@ -245,18 +245,20 @@ async def test_where_descriptors_run_out_some_are_left_and_a_connection_waits(mo
 
 async def test_of_many_paused_pages_the_last_ones_keep_the_past():
     async with served() as (it, page):
+        await page.until('fingers')
+        (first,) = it.server.pages
         others = [await LiveClient.open(it.url) for _ in range(server.MOST_PAUSED)]
         for each in (page, *others):
             await each.view(until_ns=1_000_000_000_000)
             await each.drawn_frame()
-        with_past = [each for each in it.server.pages if each._past]
-        assert len(with_past) == server.MOST_PAUSED
-        assert set(with_past) == set(it.server.paused)
+        assert len(it.server.pages) == server.MOST_PAUSED + 1
+        assert len(it.server.pasts) == server.MOST_PAUSED
+        assert it.server.pages - it.server.pasts.keys() == {first}
         for each in others:
             each.close()
         while len(it.server.pages) > 1:
             await asyncio.sleep(0.01)
-        assert it.server.paused == []
+        assert not it.server.pasts
 
 
 @pytest.mark.parametrize(
