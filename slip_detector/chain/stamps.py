@@ -12,12 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Stamps of incoming samples: finds missing samples, gaps and stamps that run backwards.
+"""Stamps of incoming samples: finds missing samples, gaps and stamps that do not fit.
 
 The rule for gaps of live input and recordings is here: a short gap is bridged with the last row,
 after a long one the chain starts again.
 """
 
+import math
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -45,33 +46,44 @@ GAP_PERIODS = 1.5
 #: A sample that is late by this many periods comes after a gap, unless the jitter is larger.
 BEHIND_A_GAP = 0.5
 
-#: Longest delay of a message whose number follows the one before. After a longer pause the source
-#: itself must have stopped.
+#: Where the sample after it is late by this many periods too, there was a gap.
+STILL_LATE = 0.3
+
+#: Longest delay of a message whose number follows the one before, or of bunched samples. After a
+#: longer pause the source itself must have stopped.
 LONGEST_DELAY_NS = 1e9
 
 #: Jitter in periods that is assumed before any was observed.
 FIRST_JITTER = 0.75
 
+#: Samples in a row that must agree until the clock counts as set.
+SEVERAL = 4
+
+#: Stamps closer than this, in periods, are close. If more than ``BUNCHED`` of about the last
+#: ``BUNCH_MEMORY`` are, the stamps do not tell when samples were taken.
+CLOSE_PERIODS, BUNCHED, BUNCH_MEMORY = 0.25, 0.25, 64
 
 # Elements of the array that holds the line: the sample period, the time until the next sample is
-# expected, the memory in messages, the jitter in periods, and the bounds of the period.
-PERIOD_NS, UNTIL_NEXT_NS, MEMORY, JITTER, FASTEST_NS, SLOWEST_NS = range(6)
+# expected, the memory in messages, the jitter in periods, the bounds of the period, and the shares
+# of stamps that are close to, and the same as, the one before.
+PERIOD_NS, UNTIL_NEXT_NS, MEMORY, JITTER, FASTEST_NS, SLOWEST_NS, CLOSE, SAME = range(8)
 
-# Elements of the array of stamps: of the last accepted sample, and of the first and last of the
-# samples that have been dropped since. NONE: there is no such stamp.
-LAST, FIRST_DROPPED, LAST_DROPPED = range(3)
+# Elements of the array of stamps: LAST, the place on the line of the last sample; BEFORE, the
+# stamp before; LATE, the stamp of the last sample if it may come after a gap, and GAP, the rows
+# that are missing then; of the samples in a row that fit elsewhere the first and last stamp, and
+# their number; the rows dropped since LAST; and the samples whose stamps were wrong. NONE: none.
+LAST, BEFORE, LATE, GAP, FIRST_ELSEWHERE, LAST_ELSEWHERE, ELSEWHERE, DROPPED_ROWS, WRONG = range(9)
 NONE = np.iinfo(np.int64).min
 
-# In place of the number of samples that are missing before a sample: its stamp is not after the
-# last one, and it is dropped; or too many are missing, or the clock was set back, and the sample
-# begins a new stretch.
-BACKWARDS, NEW_STRETCH = -1, -2
+# In place of the number of samples that are missing before a sample: it does not fit, and is
+# dropped; or the input had a long gap or its clock was set, and the sample begins a new stretch.
+DROPPED, NEW_STRETCH = -1, -2
 
 
 @compiled_in_place
 def _begin(line, stamps, stamp_ns, verdict):
     """Begin a new grid at a stamp; return the verdict."""
-    stamps[LAST], stamps[FIRST_DROPPED] = stamp_ns, NONE
+    stamps[LAST], stamps[LATE], stamps[ELSEWHERE], stamps[DROPPED_ROWS] = stamp_ns, NONE, 0, 0
     line[UNTIL_NEXT_NS], line[MEMORY] = line[PERIOD_NS], FIRST_MEMORY
     return verdict
 
@@ -99,47 +111,90 @@ def _follow(line, behind, rows):
 
 
 @compiled_in_place
+def _elsewhere(line, stamps, limit_ns, stamp_ns, rows):
+    """Return the verdict on a message that does not fit: the clock was set if several agree."""
+    after_ns = stamp_ns - stamps[LAST_ELSEWHERE]
+    if stamps[ELSEWHERE] == 0 or after_ns < 0 or after_ns > limit_ns + rows * line[PERIOD_NS]:
+        stamps[FIRST_ELSEWHERE], stamps[ELSEWHERE] = stamp_ns, 0
+    stamps[LAST_ELSEWHERE] = stamp_ns
+    stamps[ELSEWHERE] += 1
+    stamps[DROPPED_ROWS] += rows
+    # Late messages too rise and are behind, but only for so long, and not where the grid is new.
+    span_ns = stamp_ns - stamps[FIRST_ELSEWHERE]
+    is_new = line[MEMORY] < FIRST_MEMORY + SEVERAL
+    if stamps[ELSEWHERE] < SEVERAL or not (
+        stamp_ns > stamps[LAST] or span_ns > limit_ns or is_new
+    ):
+        return DROPPED
+    return _begin(line, stamps, stamp_ns, NEW_STRETCH)
+
+
+@compiled_in_place
 def _judge(line, stamps, max_gap_ns, stamp_ns, rows, lost):
-    """Return how many samples are missing before those of a message, or BACKWARDS or NEW_STRETCH.
+    """Return how many samples are missing before those of a message, or DROPPED or NEW_STRETCH.
 
     ``lost`` messages are missing before it; -1: only its stamp can tell.
     """
+    since_ns = stamp_ns - stamps[BEFORE]
+    stamps[BEFORE] = stamp_ns
     if stamps[LAST] == NONE:
         return _begin(line, stamps, stamp_ns, 0)
     step_ns = stamp_ns - stamps[LAST]
     period_ns = line[PERIOD_NS]
-    # In periods of the messages.
-    behind = ((step_ns - line[UNTIL_NEXT_NS]) / period_ns - (rows - 1)) / rows
-    missing = lost
+    message_ns = rows * period_ns
+    # In messages.
+    behind = (step_ns - line[UNTIL_NEXT_NS] + period_ns) / message_ns - 1.0
     if lost >= 0:
         too_many = lost > 0 and (lost * rows + 1) * period_ns > max_gap_ns
-        if too_many or step_ns - rows * period_ns > max(max_gap_ns, LONGEST_DELAY_NS):
+        if too_many or step_ns - message_ns > max(max_gap_ns, LONGEST_DELAY_NS):
             return _begin(line, stamps, stamp_ns, NEW_STRETCH)
         if step_ns <= 0:  # The clock was set back.
             return _begin(line, stamps, stamp_ns, lost * rows)
-    elif step_ns <= 0:
-        if stamps[FIRST_DROPPED] == NONE or stamp_ns <= stamps[LAST_DROPPED]:
-            stamps[FIRST_DROPPED] = stamp_ns
-        stamps[LAST_DROPPED] = stamp_ns
-        if stamp_ns - stamps[FIRST_DROPPED] <= max_gap_ns:
-            return BACKWARDS
-        return _begin(line, stamps, stamp_ns, NEW_STRETCH)
-    elif behind < -LARGEST_JITTER:
-        return _begin(line, stamps, stamp_ns, 0)
+        _follow(line, behind - lost, float(rows))
+        stamps[LAST], stamps[LATE] = stamp_ns, NONE
+        return lost * rows
+    is_close = 0 <= since_ns < CLOSE_PERIODS * message_ns
+    line[CLOSE] += (is_close - line[CLOSE]) / BUNCH_MEMORY
+    line[SAME] += ((since_ns == 0) - line[SAME]) / BUNCH_MEMORY
+    bunched = line[CLOSE] > BUNCHED
+    limit_ns = max(max_gap_ns, LONGEST_DELAY_NS) if bunched else max_gap_ns
+    jitter = max(0.0, line[JITTER] - BEHIND_A_GAP)
+    missing = 0
+    had_late = stamps[LATE] != NONE
+    # Nothing was missing if this sample is on the line, or in one bunch with the late one.
+    after_late_ns = stamp_ns - stamps[LATE] if had_late else 0
+    if after_late_ns > CLOSE_PERIODS * message_ns and behind - jitter > STILL_LATE:
+        missing = stamps[GAP]
+        step_ns -= int(missing * period_ns)
+        behind -= missing / rows
+    late = int(np.rint(behind - jitter))
+    # Nothing is missing but what was dropped.
+    in_place = late * rows <= min(stamps[DROPPED_ROWS], max(rows, max_gap_ns / period_ns))
+    in_time = late <= 0 or in_place or step_ns + period_ns - message_ns <= limit_ns
+    if step_ns < 0 or not in_time:
+        return _elsewhere(line, stamps, limit_ns, stamp_ns, rows)
+    stamps[WRONG] += had_late and missing == 0 and not bunched
+    if behind < -LARGEST_JITTER:
+        return _begin(line, stamps, stamp_ns, missing)
+    late = max(late, 0)
+    _follow(line, behind - late, float(rows))
+    stamps[LAST], stamps[LATE] = stamp_ns, NONE
+    if in_place:
+        missing += late * rows
     else:
-        missing = max(0, int(np.rint(behind - max(0.0, line[JITTER] - BEHIND_A_GAP))))
-        if missing > 0 and step_ns - (rows - 1) * period_ns > max_gap_ns:
-            return _begin(line, stamps, stamp_ns, NEW_STRETCH)
-    _follow(line, behind - missing, float(rows))
-    stamps[LAST], stamps[FIRST_DROPPED] = stamp_ns, NONE
-    return missing * rows
+        # A gap, or a wrong stamp: the next one tells. Of a bunch the rows are counted.
+        stamps[LATE], stamps[GAP] = stamp_ns, late * rows
+        stamps[LAST] -= int(late * message_ns * (1.0 - bunched / BUNCH_MEMORY))
+    stamps[ELSEWHERE] = stamps[DROPPED_ROWS] = 0
+    return missing
 
 
 @compiled_in_place
-def _judge_all(line, stamps, max_gap_ns, stamps_ns, verdicts):
-    """Write the verdict of :func:`_judge` on each sample, by its stamp."""
+def _judge_all(line, stamps, max_gap_ns, stamps_ns, verdicts, places_ns):
+    """Write the verdict of :func:`_judge` on each sample, by its stamp, and its place in time."""
     for i in range(stamps_ns.size):
         verdicts[i] = _judge(line, stamps, max_gap_ns, stamps_ns[i], 1, -1)
+        places_ns[i] = stamps[LAST]
 
 
 class MendedSamples(NamedTuple):
@@ -188,9 +243,13 @@ class StampGrid:
     without any sample being counted as missing. If early samples show more jitter, a delay must be
     larger to count as a gap.
 
-    A sample whose stamp is not after the previous one is dropped. When the stamps of dropped
-    samples rise for longer than ``max_gap_s``, the clock was set back or a bag was started again,
-    and a new stretch begins. Otherwise one step back would silence the detector forever.
+    No stamp alone proves anything. Where one is late, the sample is taken as the next one, and
+    samples are missing only if the stamp after it agrees: they are then bridged before that one.
+    So rows are counted where several samples have nearly the same stamp, because a driver reads
+    them in bunches or its clock is coarse. A sample whose stamp is before the last one, or further
+    ahead than ``max_gap_s``, is dropped. When several of these in a row agree, there was a long
+    gap or the clock was set, and a new stretch begins; behind the last stamp they must also rise
+    for longer than ``max_gap_s``, as late messages rise too.
 
     A message may be published any number of periods after its samples were taken: a late message,
     closely followed by the next ones, is not a gap. If messages are numbered, the numbers tell
@@ -206,9 +265,11 @@ class StampGrid:
     Examples
     --------
     >>> grid = StampGrid(period_s=0.01, max_gap_s=0.1)
-    >>> [grid.arrive(ms * 1_000_000) for ms in (0, 10, 20, 50)]
-    [0, 0, 0, 2]
-    >>> grid.arrive(2_000_000_000) == NEW_STRETCH
+    >>> [grid.arrive(ms * 1_000_000) for ms in (0, 10, 20, 50, 60)]
+    [0, 0, 0, 0, 2]
+    >>> [grid.arrive(ms * 1_000_000) for ms in (9000, 80, 90)] == [DROPPED, 1, 0]
+    True
+    >>> [grid.arrive(ms * 1_000_000) for ms in (9000, 9010, 9020, 9030)][-1] == NEW_STRETCH
     True
     """
 
@@ -216,10 +277,20 @@ class StampGrid:
         self._nominal_ns = period_ns = period_s * 1e9
         off_ns = LARGEST_RATE_ERROR * period_ns
         self._line = np.array(
-            [period_ns, 0.0, FIRST_MEMORY, FIRST_JITTER, period_ns - off_ns, period_ns + off_ns]
+            [
+                period_ns,
+                0,
+                FIRST_MEMORY,
+                FIRST_JITTER,
+                period_ns - off_ns,
+                period_ns + off_ns,
+                0,
+                0,
+            ]
         )
-        self._stamps = np.full(3, NONE)
+        self._stamps = np.array([NONE, 0, NONE, 0, 0, 0, 0, 0, 0])
         self._number: int | None = None
+        self._bad = 0.0  # Share of lately dropped and bridged rows.
         self.max_gap_s = max_gap_s
 
     @property
@@ -227,11 +298,28 @@ class StampGrid:
         """Time from sample to sample, by the stamps."""
         return float(self._line[PERIOD_NS])
 
+    @property
+    def kind(self) -> str:
+        """What the stamps are: regular, coarse (many are the same) or bunched (many are close)."""
+        if self._line[CLOSE] <= BUNCHED:
+            return 'regular'
+        return 'coarse' if self._line[SAME] > BUNCHED else 'bunched'
+
+    @property
+    def mostly_bad(self) -> bool:
+        """Whether most of the latest rows, of half a second or more, were dropped or bridged."""
+        return self._bad > 0.5
+
+    @property
+    def wrong(self) -> int:
+        """Number of samples that were taken at their place in spite of a late stamp."""
+        return int(self._stamps[WRONG])
+
     def arrive(self, stamp_ns: int, rows: int = 1, number: int | None = None) -> int:
         """Return how many samples are missing before those of the next message.
 
-        A short gap is to be bridged with the last row; ``BACKWARDS`` and ``NEW_STRETCH`` stand in
-        place of the number.
+        They are to be bridged with the last row; ``DROPPED`` and ``NEW_STRETCH`` stand in place of
+        the number.
 
         Parameters
         ----------
@@ -255,8 +343,13 @@ class StampGrid:
         if number is not None and self._number is not None and number > self._number:
             lost = number - self._number - 1
         max_gap_ns = self.max_gap_s * 1e9
+        dropped = int(self._stamps[DROPPED_ROWS])
         missing = int(_judge(self._line, self._stamps, max_gap_ns, stamp_ns, rows, lost))
-        if missing != BACKWARDS:
+        bad, good = (rows, 0) if missing == DROPPED else (max(missing - dropped, 0), rows)
+        # One gap alone, if it is bridged, stays below a half.
+        share = self._nominal_ns / max(LONGEST_DELAY_NS / 2, 2 * max_gap_ns)
+        self._bad = (1 - (1 - self._bad) * math.exp(-bad * share)) * math.exp(-good * share)
+        if missing != DROPPED:
             self._number = number
         return missing
 
@@ -278,7 +371,8 @@ class StampGrid:
             Whether they were accepted; if not, call :meth:`mend` for them.
         """
         before = self._line.copy(), self._stamps.copy()
-        if not self._verdicts(stamps_ns).any():
+        verdicts, places_ns = self._verdicts(stamps_ns)
+        if not verdicts.any() and (places_ns == stamps_ns).all():
             return True
         self._line, self._stamps = before
         return False
@@ -294,24 +388,24 @@ class StampGrid:
         Examples
         --------
         >>> grid = StampGrid(period_s=0.01, max_gap_s=0.1)
-        >>> mended = grid.mend(np.array([0, 10, 40, 1000]) * 1_000_000)
+        >>> mended = grid.mend(np.array([0, 10, 40, 50, 1000, 1010, 1020, 1030]) * 1_000_000)
         >>> mended.places
-        array([0, 1, 1, 1, 2, 3])
-        >>> mended.stretches
-        (slice(0, 5, None), slice(5, 6, None))
+        array([0, 1, 2, 2, 2, 3, 7])
+        >>> mended.stretches, mended.dropped
+        ((slice(0, 6, None), slice(6, 7, None)), 3)
         """
-        verdicts = self._verdicts(stamps_ns)
-        kept = np.flatnonzero(verdicts != BACKWARDS)
+        verdicts, places_ns = self._verdicts(stamps_ns)
+        kept = np.flatnonzero(verdicts != DROPPED)
         missing = np.maximum(verdicts[kept], 0)
         # Each sample is preceded by the missing ones, for which the one before is repeated.
         rows = missing + 1
         ends = np.cumsum(rows) - 1
         places = np.repeat(np.concatenate([[-1], kept])[:-1], rows)
         places[ends] = kept
-        begins_ns = stamps_ns[kept] - _whole_ns(missing * self._nominal_ns)
+        begins_ns = places_ns[kept] - _whole_ns(missing * self._nominal_ns)
         nth = np.arange(len(places)) - np.repeat(ends - missing, rows)
         mended_ns = np.repeat(begins_ns, rows) + _whole_ns(nth * self._nominal_ns)
-        mended_ns[ends] = stamps_ns[kept]
+        mended_ns[ends] = places_ns[kept]
         starts = [0, *ends[verdicts[kept] == NEW_STRETCH].tolist()]
         return MendedSamples(
             places,
@@ -324,10 +418,11 @@ class StampGrid:
         )
 
     def _verdicts(self, stamps_ns: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Return the verdict on each sample, and its place in time, (2, n)."""
         stamps_ns = np.ascontiguousarray(stamps_ns, np.int64)
-        verdicts = np.zeros_like(stamps_ns)
-        _judge_all(self._line, self._stamps, self.max_gap_s * 1e9, stamps_ns, verdicts)
-        return verdicts
+        told = np.zeros((2, len(stamps_ns)), np.int64)
+        _judge_all(self._line, self._stamps, self.max_gap_s * 1e9, stamps_ns, *told)
+        return told
 
 
 def _whole_ns(times_ns: NDArray[np.float64]) -> NDArray[np.int64]:

@@ -30,7 +30,7 @@ from std_msgs.msg import Bool
 
 from slip_detector.chain.live_chain import HISTORY_S, INPUT_PARAMETERS, LiveChain
 from slip_detector.chain.slip_chain import check_memory
-from slip_detector.chain.stamps import BACKWARDS, StampGrid
+from slip_detector.chain.stamps import DROPPED, StampGrid
 from slip_detector.nodes.health import Diagnostics, Health
 from slip_detector.nodes.inputs import Input, Senders, publishing_nodes
 from slip_detector.nodes.messages import sensor_qos
@@ -248,6 +248,7 @@ class Detector(LifecycleNode):
         """Publish the diagnostics."""
         health, outputs = self._health, self._outputs
         health.totals['onsets'] = outputs.onsets
+        health.totals['wrong'] = self._stamp_grid.wrong
         health.senders = self._several('voltages', self._senders, self._samples)
         health.detectors = self._several('slip', self._detectors, self._heartbeats)
         self._diagnostics.publish(health.summary(outputs.slip, outputs.valid), self._frame_id)
@@ -343,8 +344,8 @@ class Detector(LifecycleNode):
             at_ns = self.get_clock().now().nanoseconds
         else:
             missing = self._stamp_grid.arrive(at_ns, len(rows), number)
-            if missing == BACKWARDS:
-                words = 'the stamp of a message is not after the one before: dropped'
+            if missing == DROPPED:
+                words = 'the stamp of a message does not fit those before: dropped'
                 self._note('backwards', words)
                 return
             if missing:
@@ -355,7 +356,9 @@ class Detector(LifecycleNode):
         result = chain.update(rows, level=listened)
         self._last_row, self._frame_id = rows[-1:], frame_id
         # Subscribers could not tell these decisions from another detector's.
-        if not self._detectors.several:
+        if self._stamp_grid.mostly_bad:
+            outputs.withdraw()
+        elif not self._detectors.several:
             period_ns = self._stamp_grid.period_ns
             for i, flags in enumerate(result.flags):
                 stamp_ns = at_ns + round((i + 1 - len(rows)) * period_ns)

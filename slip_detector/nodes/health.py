@@ -44,7 +44,8 @@ LISTED = 8
 COMPLAINTS = {
     'bridged': (WARN, '{} samples lost and bridged with the last one: check cable, network, load'),
     'reset': (WARN, 'restarted {} times: a long gap, or the clock of the samples was set'),
-    'backwards': (WARN, '{} samples dropped: late, or stamped before the ones already seen'),
+    'backwards': (WARN, '{} samples dropped: late, or with a stamp that does not fit the others'),
+    'wrong': (WARN, '{} samples taken in their order: the stamp is later than it can be'),
     'channels': (ERROR, '{} samples dropped: not as many channels as configured'),
     'names': (ERROR, '{} samples dropped: other channel names than before or configured'),
     'field': (ERROR, '{} samples dropped: input_field is not in them'),
@@ -55,6 +56,7 @@ COUNT_KEYS = {
     'bridged': 'lost and bridged',
     'reset': 'restarts',
     'backwards': 'dropped, late',
+    'wrong': 'taken, stamp too late',
     'channels': 'dropped, wrong number of channels',
     'names': 'dropped, wrong names',
     'field': 'dropped, no such field',

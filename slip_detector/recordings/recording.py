@@ -60,7 +60,7 @@ class RecordingCounts:
     bad_samples : int
         Values that are NaN or infinite.
     dropped : int
-        Rows that were left out because their stamp is not after the previous one or their channels
+        Rows that were left out because their stamp does not fit those before or their channels
         are not those of the first message.
     damage : str
         One line on the part of a damaged bag that could not be read; empty if all was read.
@@ -187,8 +187,8 @@ class Recording:
     ) -> Iterator[Samples]:
         """Yield the rows as the detector node passes them to its chain.
 
-        A row whose stamp is not after the previous one is dropped. A gap of up to ``max_gap_s`` is
-        bridged with the last row before it; after a longer gap a new stretch begins.
+        A row whose stamp does not fit is dropped (see :class:`.StampGrid`). A gap of up to
+        ``max_gap_s`` is bridged with the last row; after a longer gap a new stretch begins.
 
         Parameters
         ----------
@@ -216,9 +216,9 @@ class Recording:
         >>> from slip_detector.recordings import open_recording
         >>> with tempfile.TemporaryDirectory() as folder:
         ...     path = Path(folder) / 'trial.npz'
-        ...     when = np.array([0, 1, 2, 4, 5, 90, 91])  # a short gap and a long one
+        ...     when = np.array([0, 1, 2, 4, 5, 90, 91, 92, 93, 94])  # two gaps, one is long
         ...     stamps_ns = when * 10_000_000
-        ...     np.savez(path, volts=np.ones((7, 2)), sample_rate_hz=100.0, stamps_ns=stamps_ns)
+        ...     np.savez(path, volts=np.ones((10, 2)), sample_rate_hz=100.0, stamps_ns=stamps_ns)
         ...     recording = open_recording(path)
         ...     pieces = list(recording.pieces(max_gap_s=0.1))
         >>> [len(piece.volts) for piece in pieces], recording.counts.bridged_rows

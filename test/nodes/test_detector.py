@@ -106,7 +106,7 @@ def test_messages_that_do_not_fit_are_dropped_and_the_chain_goes_on(bench, rows)
     log = detected.process.log()
     assert 'a message has 15 channels, allowed: 16: dropped' in log
     assert 'the channels of a message are taxel_0, ' in log
-    assert 'the stamp of a message is not after the one before: dropped' in log
+    assert 'the stamp of a message does not fit those before: dropped' in log
 
 
 def test_the_heart_beats_where_nobody_publishes_a_clock(bench):

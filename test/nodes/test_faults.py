@@ -133,6 +133,38 @@ def test_the_clock_of_the_samples_is_set(bench, leap_s):
     assert len(sensor.slip) > known
 
 
+def wrongly_stamped(sensor, good, wrong, until, what):
+    """Play until something holds; after so many good stamps so many are wrong."""
+
+    def change(k, row):
+        for _ in range(0 if k % good else wrong):
+            off_s, clock_s = sensor.random.uniform(-1e7, 1e7), sensor.clock_s
+            sensor.send(row, stamped_after_s=off_s)
+            sensor.clock_s = clock_s + PERIOD_S
+        return sensor.row()
+
+    sensor.play(until, what, change=change)
+
+
+def test_one_in_thirty_stamps_is_wrong(bench):
+    sensor = Sensor(bench)
+    sensor.slips()
+    known = len(sensor.slip), len(sensor.valid)
+    end_s = time.monotonic() + 3.0
+    wrongly_stamped(sensor, 29, 1, lambda: time.monotonic() > end_s, 'three seconds')
+    assert all(on for _, on in sensor.slip[known[0] :])
+    assert all(on for _, on in sensor.valid[known[1] :])
+    assert sensor.told('input', 'samples dropped: late, or with a stamp that does not fit')
+    assert not sensor.told('input', 'restarted')
+
+
+def test_most_stamps_are_wrong(bench):
+    sensor = Sensor(bench)
+    sensor.slips()
+    wrongly_stamped(sensor, 1, 3, sensor.fell, 'slip_valid to fall')
+    sensor.goes_on()
+
+
 def test_wrong_rate(bench):
     sensor = Sensor(bench)
     slow = 1.1 * PERIOD_S

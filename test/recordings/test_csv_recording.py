@@ -63,11 +63,12 @@ def test_binary_in_a_csv_is_said(tmp_path):
 
 def test_a_csv_keeps_its_gaps_and_its_nanoseconds(tmp_path):
     lines = ['1700000000.123456789,1', '1700000000.133456789,2', '1700000000.143456788,3']
-    (tmp_path / 'a.csv').write_text('\n'.join(['time_s,a', *lines, '1700000009,4']))
+    again = [f'1700000009.0{k},4' for k in range(4)]  # The last of four in a row is taken.
+    (tmp_path / 'a.csv').write_text('\n'.join(['time_s,a', *lines, *again]))
     recording = open_recording(tmp_path / 'a.csv')
     pieces = list(recording.pieces())
     stamps_ns = np.concatenate([piece.stamps_ns for piece in pieces]) - 1_700_000_000_000_000_000
-    assert stamps_ns.tolist() == [123_456_789, 133_456_789, 143_456_788, 9_000_000_000]
+    assert stamps_ns.tolist() == [123_456_789, 133_456_789, 143_456_788, 9_030_000_000]
     assert recording.counts.stretches == 2
 
 

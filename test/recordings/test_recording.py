@@ -19,7 +19,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.chain.stamps import BACKWARDS, NEW_STRETCH, StampGrid
+from slip_detector.chain.stamps import DROPPED, LAST, NEW_STRETCH, StampGrid
 from slip_detector.recordings import (
     array_recordings,
     open_recording,
@@ -36,17 +36,18 @@ def as_the_node_does(volts, stamps_ns, truth, max_gap_s):
     stretches, last = [[]], None
     for i, stamp_ns in enumerate(stamps_ns.tolist()):
         missing = grid.arrive(stamp_ns)
-        if missing == BACKWARDS:
+        if missing == DROPPED:
             counts.dropped += 1
             continue
         if missing == NEW_STRETCH:
             stretches.append([])
+        place_ns = int(grid._stamps[LAST])  # in time, if the stamp is too late
         for k in range(missing):
-            at_ns = stamp_ns - round(missing * PERIOD_NS) + round(k * PERIOD_NS)
+            at_ns = place_ns - round(missing * PERIOD_NS) + round(k * PERIOD_NS)
             stretches[-1].append((volts[last], at_ns, truth[last], last))
         counts.gaps += missing > 0
         counts.bridged_rows += max(missing, 0)
-        stretches[-1].append((volts[i], stamp_ns, truth[i], i))
+        stretches[-1].append((volts[i], place_ns, truth[i], i))
         last = i
     counts.rows = sum(map(len, stretches))
     counts.stretches = len(stretches)
