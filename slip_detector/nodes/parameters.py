@@ -77,8 +77,8 @@ def declare(
     """
     pairs = [*itertools.pairwise([*sys.argv, *(cli_args or [])])]
     # Of `-p slip_detector:threshold:=0.5`; without a node's name it is for all nodes.
-    typed = [text.partition(':=')[0] for option, text in pairs if option in ('-p', '--param')]
-    own = {rule.rpartition(':')[2] for rule in typed if ':' in rule}
+    rules = [text.partition(':=')[0] for option, text in pairs if option in ('-p', '--param')]
+    own = {rule.rpartition(':')[2] for rule in rules if ':' in rule}
     for option, path in pairs:
         if option == '--params-file':
             own |= names_given_to(path, config_class.NODE, node.get_fully_qualified_name())
@@ -87,7 +87,7 @@ def declare(
         for name, parameter in given_parameters(node).items()
         if _ours(name)
     }
-    values, remarks = config_class.without_strangers(given, own, typed)
+    values, remarks = config_class.without_strangers(given, own)
     for remark in remarks:
         node.get_logger().warning(remark)
     config = config_class.from_parameters(values)
@@ -178,13 +178,10 @@ def follow_changes(
         taken, refusals = judge.judged(current(), given, time.monotonic())
         if taken:
             node.set_parameters_atomically([Parameter(n, value=v) for n, v in taken.items()])
-        reasons = dict(zip(map(id, its), refusals, strict=True))
+        answers = [SetParametersResult(successful=not text, reason=text) for text in refusals]
         for each in parameters:
-            reason = reasons.get(id(each))
             response.results.append(
-                node.set_parameters_atomically([each])
-                if reason is None
-                else SetParametersResult(successful=not reason, reason=reason)
+                answers.pop(0) if each in its else node.set_parameters_atomically([each])
             )
         return response
 

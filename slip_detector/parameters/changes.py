@@ -15,7 +15,7 @@
 """Changes of parameters in use: what is wrong by itself, and what only fits together."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from slip_detector.parameters.fields import converted
@@ -101,17 +101,20 @@ class Judge:
         together = {name: value for (name, value), refusal in alone if not refusal}
         waited = self._waiting if now_s < self._until_s else {}
         self._waiting, self._until_s = {**waited, **together}, now_s + WAIT_S
+        old = {name: None for name in config.to_parameters() if name.startswith('groups.')}
         refusal = ''
-        for values in _ways(config, waited, together):
-            try:
-                self._check(changed(config, values))
-            except ValueError as error:
-                if values == together:
-                    refusal = f'{error} (waits {WAIT_S:g} s for others)'
-            else:
-                left = self._waiting.keys() - values.keys()
-                self._waiting = {name: waited[name] for name in left}
-                return values, refusals
+        for values in ({**waited, **together}, together):
+            others = old if any(name.startswith('groups.') for name in values) else {}
+            for whole in (values, {**others, **values}):
+                try:
+                    self._check(changed(config, whole))
+                except ValueError as error:
+                    if whole == together:
+                        refusal = f'{error} (waits {WAIT_S:g} s for others)'
+                else:
+                    left = waited.keys() - whole.keys()
+                    self._waiting = {name: waited[name] for name in left}
+                    return whole, refusals
         return {}, [alone or refusal for alone in refusals]
 
 
@@ -128,14 +131,3 @@ def _wrong_alone(config: ParameterSet, name: str, value: Any) -> str:
     except ValueError as error:
         return str(error)
     return ''
-
-
-def _ways(
-    config: ParameterSet, waited: Mapping[str, Any], together: Mapping[str, Any]
-) -> Iterator[dict[str, Any]]:
-    """Yield the sets of values that may be possible: with what waits, and in place of groups."""
-    old = {name: None for name in config.to_parameters() if name.startswith('groups.')}
-    for values in [{**waited, **together}, {**together}] if waited else [{**together}]:
-        yield values
-        if any(name.startswith('groups.') for name in values):
-            yield old | values

@@ -29,13 +29,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
-from slip_detector.parameters.fields import (
-    Field,
-    converted,
-    refuse,
-    shown,
-    shown_name,
-)
+from slip_detector.parameters.fields import Field, converted, refuse, shown, shown_name
 from slip_detector.parameters.files import read_yaml, yaml_text
 
 if TYPE_CHECKING:
@@ -154,7 +148,7 @@ class ParameterSet:
 
     @classmethod
     def without_strangers(
-        cls, parameters: Mapping[str, Any], own: Collection[str] = (), typed: Collection[str] = ()
+        cls, parameters: Mapping[str, Any], own: Collection[str] = ()
     ) -> tuple[dict[str, Any], list[str]]:
         """Leave out what is given to all nodes and is none of these parameters.
 
@@ -164,20 +158,18 @@ class ParameterSet:
             Flat names and values.
         own
             Names that are given to the node of this set itself; they stay.
-        typed
-            Names given on the command line, without a node.
 
         Returns
         -------
         tuple
             What stays, and a remark on each name left out that may have been meant for this set:
-            one edit away from a name of it, if typed near to one, or a quality of service.
+            one edit away from a name of it, or in most letters like one, or a quality of service.
         """
         known = [*cls.__dataclass_fields__]
         stay, remarks = {}, []
         for name, value in parameters.items():
             head, _, tail = name.partition('.')
-            near = [*difflib.get_close_matches(head, known)] if name in typed else []
+            near = difflib.get_close_matches(head, known, cutoff=0.8)
             near += [other for other in known if _is_one_edit(head, other)]
             if name in (*known, *own) or (tail and head == 'groups' in known):
                 stay[name] = value

@@ -22,11 +22,7 @@ from rcl_interfaces.srv import (
     SetParameters,
     SetParametersAtomically,
 )
-from rclpy.parameter import (
-    Parameter,
-    parameter_dict_from_yaml_file,
-    parameter_value_to_python,
-)
+from rclpy.parameter import Parameter, parameter_dict_from_yaml_file, parameter_value_to_python
 from std_msgs.msg import Bool
 
 from slip_detector.nodes.health import COUNT_KEYS
@@ -99,24 +95,6 @@ def test_what_only_fits_together_is_taken_together(bench):
     assert listed == ['groups.front']
 
 
-def test_the_ordinary_service_takes_them_one_by_one(bench):
-    Detected(bench)
-    parameters = [
-        Parameter('threshold', value=0.7).to_parameter_msg(),
-        Parameter('vote', value='some').to_parameter_msg(),
-        Parameter('vote', value='mean').to_parameter_msg(),
-        # As ros2cli sends `ros2 param set /slip_detector threshold -1`.
-        Parameter('threshold', value=-1).to_parameter_msg(),
-    ]
-    request = SetParameters.Request(parameters=parameters)
-    results = ask(bench, SetParameters, 'set_parameters', request).results
-    assert [result.successful for result in results] == [True, False, True, False]
-    assert 'allowed: all, mean' in results[1].reason
-    assert results[3].reason == 'parameter threshold is -1, allowed: 1e-30 to 1e+30'
-    assert value_of(bench, 'threshold') == 0.7
-    assert value_of(bench, 'vote') == 'mean'
-
-
 def test_files_are_loaded_whole_as_ros2_param_load_sends_them(bench):
     process = bench.start('slip_detector')
     for file in ('onset', 'sure', 'grasp', 'slip_detector', 'xela_uskin', 'xela_uskin'):
@@ -153,7 +131,7 @@ OTHERS = {
 }
 
 
-def test_no_sample_is_lost_while_all_parameters_are_loaded_one_by_one(bench):
+def test_no_sample_is_lost_while_all_parameters_are_loaded(bench):
     reports = bench.listen(DiagnosticArray, '/diagnostics', 100)
     process = bench.start('slip_detector')
     driven = {'source': 'scene', 'loop': 'true', 'wait_for_subscribers': 1}

@@ -195,7 +195,9 @@ def test_sections_for_all_nodes_count_and_those_of_other_nodes_do_not(write):
 def test_of_the_robots_parameters_only_what_is_nearly_ours_is_told(write, caplog):
     path = write(
         """
-        /**: {ros__parameters: {robot_name: a, rate: {arm: 9}, sed: 1, qos_overrides: {/tf: 1}}}
+        /**:
+          ros__parameters:
+            {robot_name: a, rate: {arm: 9}, sed: 1, pakcet_scale: 1, qos_overrides: {/tf: 1}}
         slip_driver: {ros__parameters: {loop: true}}
         """
     )
@@ -204,6 +206,7 @@ def test_of_the_robots_parameters_only_what_is_nearly_ours_is_told(write, caplog
         f'{path}: left out: parameter {label}, given to all nodes; {hint}'
         for label, hint in (
             ('sed = 1', 'did you mean seed?'),
+            ('pakcet_scale = 1', 'did you mean packet_scale_v?'),
             ('qos_overrides./tf = 1', 'the quality of service of the topics cannot be changed'),
         )
     ]
