@@ -45,9 +45,12 @@ from slip_detector.parameters.fields import name_list
 #: the timeout after the last sample.
 CHECKS, LOST_AFTER = 10, 0.75
 
-#: Longest time, in seconds, until a chain that was built is used, and until a failed subscription
-#: is tried again.
+#: Longest time, in seconds, until a chain that was built is used, until a failed subscription is
+#: tried again, and until the node listens once slip has a subscriber.
 SWAP_S = 0.1
+
+#: Longest time, in seconds, for which a subscriber to slip is waited for before the node listens.
+LISTEN_S = 1.0
 
 #: Shortest time, in seconds, for which several publishers of a topic count as sending after they
 #: were heard in turns.
@@ -134,25 +137,28 @@ class Detector(LifecycleNode):
         # and whether the loss of the input has been noted. The timeout begins with the first one.
         self._heard, self._heard_ns, self._lost = True, 0, False
         self._replayed = self.get_clock().ros_time_is_active
+        self._listen_s = time.monotonic() + LISTEN_S
+        self._senders = Senders(SEVERAL_S)
         self._start_timers()
-        self._listen()
         # The heartbeat of another detector that publishes on the same topics.
         self._detectors = Senders(max(SEVERAL_S, 3 / self._active.heartbeat_hz))
         self._heartbeats = self._subscription(Bool, 'slip_valid', self._on_slip_valid)
         return SUCCESS
 
     def destroy_node(self) -> None:
-        """Destroy the node and what its life cycle is kept in."""
+        """Withdraw all decisions, then destroy the node and what its life cycle is kept in."""
+        if self._running and self.context.ok():
+            self._outputs.end()
         super().destroy_node()
         destroy_state_machine(self)
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Publish that slip is not valid, then stop publishing."""
+        self._outputs.withdraw()
         self._stop_timers()
         self._stop_input()
         self.destroy_subscription(self._heartbeats)
         self._diagnostics.destroy()
-        self._outputs.withdraw()
         return SUCCESS
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -228,7 +234,14 @@ class Detector(LifecycleNode):
     def _check_input(self) -> None:
         """Withdraw the decisions if samples have stopped arriving; use a chain that was built."""
         if self._samples is None:
-            self._listen()
+            # Subscribers that have heard another detector before hear false first.
+            outputs, now_s = self._outputs, time.monotonic()
+            outputs.beat()
+            if outputs.slip_subscribers() and outputs.received():
+                # Others of the same process are known soon.
+                self._listen_s = min(self._listen_s, now_s + SWAP_S)
+            if now_s >= self._listen_s:
+                self._listen()
         if self._swap():
             self.get_logger().info('the new filters have taken over')
         # The timeout follows the replayed clock, or the machine's if there is none.

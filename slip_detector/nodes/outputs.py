@@ -14,10 +14,12 @@
 
 """The detector's publishers: decisions are published on change, slip and slip_valid repeatedly."""
 
+import time
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
@@ -38,6 +40,10 @@ from slip_detector.recordings.messages import JointStateWriter
 
 #: Longest silence of ``slip`` that the publisher promises, in periods of the heartbeat.
 DEADLINE_BEATS = 2.0
+
+#: Longest time, in seconds, for which subscribers are waited for that do not acknowledge; at the
+#: end the detectors of a process do so one after the other.
+RECEIVED_S = 0.1
 
 #: What a column of :attr:`.SlipResult.flags` is: kind, name, and number of channels. Channels are
 #: the same only where there are as many.
@@ -62,8 +68,8 @@ class Outputs:
         The decision that was published last, and whether any group could vote.
     onsets : int
         Number of onsets that were published.
-    envelope_subscribers : callable
-        Returns the number of subscribers to the envelope.
+    slip_subscribers, envelope_subscribers : callable
+        Return the number of subscribers to ``slip`` and to the envelope.
     """
 
     def __init__(self, node: Node, config: DetectorConfig) -> None:
@@ -98,6 +104,7 @@ class Outputs:
 
         beat = heartbeat_qos(DEADLINE_BEATS / config.heartbeat_hz)
         self._slip = publisher(Bool, 'slip', beat)
+        self.slip_subscribers = self._slip.get_subscription_count
         self._slip_valid = publisher(Bool, 'slip_valid', beat)
         self._onset = publisher(Header, 'slip_onset', event_qos())
         self._frame_id = ''
@@ -125,9 +132,25 @@ class Outputs:
             self._node.destroy_publisher(each)
 
     def destroy(self) -> None:
-        """Destroy the publishers."""
+        """Destroy the publishers, once subscribers have what was published."""
+        self.received()
         for publisher in self._publishers.values():
             self._node.destroy_publisher(publisher)
+
+    def end(self) -> None:
+        """Publish all decisions as OFF and not valid, whatever was interrupted, and destroy."""
+        for publisher in (self._slip_valid, self._slip, *self._listeners.values()):
+            publisher.publish(self._messages[False])
+        self.destroy()
+
+    def received(self) -> bool:
+        """Wait, briefly, until all subscribers have what was published; return whether they do."""
+        until_s = time.monotonic() + RECEIVED_S
+        for publisher in self._publishers.values():
+            left_s = max(0.0, until_s - time.monotonic())
+            if not publisher.wait_for_all_acked(Duration(seconds=left_s)):
+                return False
+        return True
 
     def withdraw(self) -> None:
         """Publish all decisions as OFF and not valid, for late subscribers too."""

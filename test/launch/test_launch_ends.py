@@ -70,6 +70,7 @@ def test_a_signal_leaves_no_node_behind(bench, tmp_path, send, number, code):
         send(launched.pid, number)
         assert launched.wait(timeout=DEADLINE_S) == code
         bench.wait_for(lambda: not living(launched.pid), 'all nodes to end')
+        bench.wait_for(lambda: not valid[-1].data, 'slip_valid to be withdrawn')
     finally:
         for process in living(launched.pid):
             os.kill(process, signal.SIGKILL)
