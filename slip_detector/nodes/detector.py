@@ -136,6 +136,7 @@ class Detector(LifecycleNode):
         # Whether a sample has come since the last check, when the last one had that found some,
         # and whether the loss of the input has been noted. The timeout begins with the first one.
         self._heard, self._heard_ns, self._lost = True, 0, False
+        self._now_ns = self._moved_ns = 0
         self._replayed = self.get_clock().ros_time_is_active
         self._listen_s = time.monotonic() + LISTEN_S
         self._senders = Senders(SEVERAL_S)
@@ -244,14 +245,18 @@ class Detector(LifecycleNode):
                 self._listen()
         if self._swap():
             self.get_logger().info('the new filters have taken over')
-        # The timeout follows the replayed clock, or the machine's if there is none.
+        # The timeout follows the replayed clock while that moves, else the machine's.
         self._replayed = self.get_clock().ros_time_is_active
-        clock = self.get_clock() if self._replayed else self._steady
-        now_ns = clock.now().nanoseconds
-        if self._heard or now_ns < self._heard_ns:  # The clock may be set back.
+        steady_ns = self._steady.now().nanoseconds
+        now_ns = self.get_clock().now().nanoseconds if self._replayed else steady_ns
+        heard = self._heard or now_ns < self._heard_ns  # The clock may be set back.
+        if heard or now_ns != self._now_ns:
+            self._now_ns, self._moved_ns = now_ns, steady_ns
+        if heard:
             self._heard, self._heard_ns, self._lost = False, now_ns, False
         elif not self._lost:
-            self._lost = now_ns - self._heard_ns >= LOST_AFTER * self._active.input_timeout_s * 1e9
+            silent_ns = max(now_ns - self._heard_ns, steady_ns - self._moved_ns)
+            self._lost = silent_ns >= LOST_AFTER * self._active.input_timeout_s * 1e9
             # There is no last row, too, if the input was changed and has been silent since.
             if self._lost and (self._last_row is not None or self._outputs.valid):
                 self._note('silent', 'no input any more')

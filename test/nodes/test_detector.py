@@ -109,12 +109,6 @@ def test_messages_that_do_not_fit_are_dropped_and_the_chain_goes_on(bench, rows)
     assert 'the stamp of a message does not fit those before: dropped' in log
 
 
-def test_the_heart_beats_where_nobody_publishes_a_clock(bench):
-    detected = Detected(bench, parameters={'use_sim_time': 'true'})
-    beats = len(detected.slip)
-    bench.wait_for(lambda: len(detected.slip) > beats + 3, 'the heartbeat')
-
-
 def test_the_shipped_file_holds_the_defaults_and_where_the_taxels_are():
     shipped = DetectorConfig.from_yaml(ROOT / 'config' / 'slip_detector.yaml')
     assert dataclasses.replace(shipped, taxel_positions_m=()) == DetectorConfig()

@@ -44,6 +44,13 @@ def test_sensor_silent(bench):
     sensor.goes_on()
 
 
+def test_sensor_silent_where_nobody_publishes_the_clock_that_is_waited_for(bench):
+    sensor = Sensor(bench, use_sim_time='true')
+    sensor.slips()
+    sensor.fell_in_time()
+    sensor.goes_on()
+
+
 def test_one_channel_dead(bench):
     sensor = Sensor(bench)
 
