@@ -49,6 +49,9 @@ IDLE_S = 0.2
 #: Period, in seconds, at which a page is pinged; it is closed if it does not answer in time.
 PING_S = 10.0
 
+#: Longest time, in seconds, for which the server waits at its end for pages to have heard of it.
+GOODBYE_S = 1.0
+
 #: Longest message of a page, in bytes.
 MOST_BYTES = 1 << 20
 
@@ -270,6 +273,10 @@ class Server:
             self.connections.close()
             for page in list(self.pages):
                 page.close(1001, 'slip_view was stopped')
+            # One that sends something into a closed connection does not hear why it was closed.
+            until_s = time.monotonic() + GOODBYE_S
+            while self.pages and time.monotonic() < until_s:
+                await asyncio.sleep(0.01)
             await self._http.close_all_connections()
             self._http = None
 

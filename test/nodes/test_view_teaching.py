@@ -24,6 +24,7 @@ import yaml
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.view.parameters import text_of
 from support.browsers import PATIENCE_MS, expect
+from support.page_parts import record_button, recording, tab, tool
 from support.training import gripped, pulled, tapped
 
 rclpy = pytest.importorskip('rclpy', reason='needs rclpy')
@@ -57,9 +58,7 @@ def opened(bench, browser, view):
     bench.wait_for(lambda: 'http://' in view.log(), 'the address')
     page = browser.new_page()
     page.goto(re.search(r'http://\S+', view.log()).group())
-    expect(
-        page.locator('#tools').get_by_role('button', name=re.compile(r'^Rest\b'))
-    ).to_be_enabled(timeout=PATIENCE_MS)
+    expect(record_button(page, 'Rest')).to_be_enabled(timeout=PATIENCE_MS)
     return page
 
 
@@ -75,7 +74,7 @@ def recorded_for(page, key, name, seconds):
     now = page.locator('.teach-now')
     expect(now).to_have_text(re.compile(rf'{name}: ({at_least})\.'))
     page.keyboard.press(key)
-    expect(page.get_by_role('row', name=re.compile(rf'\b{name}\b'))).to_be_visible()
+    expect(recording(page, name)).to_be_visible()
 
 
 def press_by_truth(bench, page, truth, slips):
@@ -110,24 +109,22 @@ def test_rest_slip_taps_tune_apply_and_save(bench, browser, tmp_path):
         recorded_for(page, 'r', 'rest_2', REST_S)
     with played(bench, tmp_path, 'pulled', pulled(SLIPS), seed=2):
         press_by_truth(bench, page, truth, SLIPS)
-        last = page.get_by_role('row', name=re.compile(rf'\bslip_{SLIPS}\b'))
-        expect(last).to_be_visible(timeout=PATIENCE_MS)
+        expect(recording(page, f'slip_{SLIPS}')).to_be_visible(timeout=PATIENCE_MS)
     with played(bench, tmp_path, 'taps', at_once(tapped(600.0)), seed=3):
         recorded_for(page, 't', 'taps_1', TAPS_S)
 
-    page.get_by_role('button', name='Tune', exact=True).click()
+    tool(page, 'Tune').click()
     searching = re.compile(r'searching: ([2-9]\d|1\d\d) of')
     expect(page.locator('.tuning-step')).to_have_text(searching, timeout=SEARCH_MS)
     page.locator('#stop-tuning').click()
     expect(page.locator('.tuning-step')).to_contain_text('Done', timeout=SEARCH_MS)
-    apply = page.get_by_role('button', name=re.compile('^Apply'))
-    apply.click()
+    page.locator('#apply').click()
     expect(page.locator('.teach-words')).to_contain_text('the detector runs with')
-    page.get_by_role('tab', name='Parameters').click()
+    tab(page, 'Parameters').click()
     tuned = DetectorConfig.from_yaml(tmp_path / 'taught' / 'index' / 'tuning' / 'tuned.yaml')
     threshold = page.locator('[data-name=threshold] input')
     expect(threshold).to_have_value(text_of(tuned.threshold))
-    page.get_by_role('button', name='Save', exact=True).click()
+    tool(page, 'Save').click()
     expect(page.locator('.saved')).to_contain_text('config:=')
     saved = tmp_path / 'taught' / 'index.yaml'
     assert DetectorConfig.from_yaml(saved).to_parameters() == tuned.to_parameters()

@@ -240,7 +240,7 @@ def test_of_evidence_excess_floor_and_impacts_are_shown_with_their_scale(opened)
     assert float(excess_db) == pytest.approx(13.0, abs=0.1)
     assert -80.0 < float(floor_db) < -60.0
     # The other variant decides by the mean of its envelope: its level is shown instead.
-    page.get_by_label('given').check()
+    page.get_by_label('given', exact=True).check()
     expect(scale).not_to_contain_text('dB')
     assert 'excess' not in read_out(page, 4.6 / 20.0)
     assert 'after impact' not in names_of_lanes(page)

@@ -34,6 +34,10 @@ def tool(page, name):
     return page.locator('#tools').get_by_role('button', name=name, exact=True)
 
 
+def tab(page, name):
+    return page.get_by_role('tab', name=name, exact=True)
+
+
 def record_button(page, word):
     """Return the button that records "Rest", "Slip" or "Taps"; its name has a count, too."""
     return page.locator('.teach-buttons').get_by_role('button', name=re.compile(rf'^{word}\b'))
@@ -45,7 +49,7 @@ def changes(page):
 
 
 def threshold_line(page):
-    return page.get_by_role('slider', name='Threshold')
+    return page.get_by_role('slider', name='Threshold', exact=True)
 
 
 def recording_now(page):

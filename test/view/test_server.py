@@ -104,7 +104,9 @@ async def test_pages_hear_of_fingers_that_come_and_go_and_of_the_end_of_the_serv
         it.detectors.remove('index')
         message = await page.until('fingers', lambda content: len(content['fingers']) == 1)
         assert message['gone'] == {'/index/slip_detector': 'index'}
+        (ours,) = it.server.pages
         await it.server.close()
+        assert ours.close_code == 1001  # The page has said that it heard of it.
         while await page._socket.read_message() is not None:
             pass
         assert page._socket.close_reason == 'slip_view was stopped'

@@ -15,6 +15,8 @@
 
 """The tabs that set a finger up in a real browser: parameters, recordings, tuning."""
 
+import re
+
 from slip_detector.parameters.detector import DetectorConfig
 from support.browsers import expect
 from support.finger_states import rest_rows
@@ -26,6 +28,7 @@ from support.page_parts import (
     record_button,
     recording,
     recording_now,
+    tab,
     tool,
 )
 from support.simulated_detectors import SimulatedDetectors
@@ -48,7 +51,7 @@ def test_parameters_are_set_together_refused_undone_and_saved(serve, open_page, 
     served = serve(SimulatedDetectors(('index', 'thumb'), real_time=False), [file])
     page, other = open_page(served), open_page(served)
     for each in (page, other):
-        each.get_by_role('tab', name='Parameters').click()
+        tab(each, 'Parameters').click()
         expect(field(each, 'threshold')).to_have_value('0.5')
     closed = page.locator('#parameters details:not([open]) > summary')
     while closed.count():
@@ -89,8 +92,8 @@ def test_parameters_are_set_together_refused_undone_and_saved(serve, open_page, 
     tool(page, 'As in the file').click()
     expect(field(page, 'threshold')).to_have_value('0.5')
     # A group comes, another goes, at once.
-    row(page, 'groups.TP').get_by_role('button', name='Remove').click()
-    page.get_by_label('New group').fill('T')
+    row(page, 'groups.TP').get_by_role('button', name='Remove', exact=True).click()
+    page.get_by_label('New group', exact=True).fill('T')
     tool(page, 'Add').click()
     set_values(page, **{'groups.T': '14, 16, 11, 9'})
     expect(changes(page)).to_contain_text('groups.TP from 14, 16, 11, 9')
@@ -154,8 +157,8 @@ def test_rest_and_slips_are_recorded_listed_tuned_on_and_deleted(played, tmp_pat
     expect(recording(page, 'rest_3')).to_be_visible()
     (tmp_path / 'index' / 'rest_1' / 'rest_1.mcap').write_bytes(b'no bag')
     tool(page, 'Tune').click()
-    failed = page.get_by_role('alert').filter(has_text='Tuning failed')
-    expect(failed).to_contain_text('rest_1')
+    failed = page.locator('#tuning-failed')
+    expect(failed).to_contain_text(re.compile('^Tuning failed: .*rest_1'))
     expect(failed).to_contain_text('What was recorded is kept')
     asked, answers = [], ['dismiss', 'accept']
     page.on(

@@ -24,7 +24,7 @@ import pytest
 from slip_detector.view.server import FRAME_S
 from support.browsers import expect
 from support.finger_states import rest_rows
-from support.page_parts import NAME, card, changes, config_of, threshold_line
+from support.page_parts import NAME, card, changes, config_of, tab, threshold_line
 from support.simulated_detectors import SimulatedDetectors
 
 #: Pixels of the names at the left and of the margin at the right, as in timeline.js.
@@ -71,10 +71,11 @@ def test_time_goes_on_and_never_back_and_stands_still_without_samples(serve, ope
     columns = steps * width / 10.0
     assert columns == pytest.approx(columns.round(), abs=0.02)
     served.call(setattr, served.detectors, 'real_time', False)
-    ends = page.evaluate(ends_of_a_second, 2.5)
-    assert (np.diff(ends) >= 0).all()
-    assert ends[-1] - ends[0] < 1.0
-    assert ends[-1] == ends[len(ends) // 2]
+    before, now = None, stretch(page)
+    while now != before:
+        page.wait_for_timeout(500)
+        before, now = now, stretch(page)
+    assert set(page.evaluate(ends_of_a_second, 1.0)) == {now[1]}
 
 
 def test_traces_are_chosen_paused_read_and_the_threshold_is_moved(serve, open_page):
@@ -203,9 +204,9 @@ def test_the_spectrum_is_read_kept_as_rest_and_its_bands_are_dragged(serve, open
     simulated = served.detectors.simulated[NAME]
     served.call(simulated.play, 6.0)
     page = open_page(served)
-    page.get_by_role('tab', name='Spectrum', exact=True).click()
+    tab(page, 'Spectrum').click()
     page.get_by_label('Channel', exact=True).select_option('ch1')
-    picture = page.get_by_role('img', name='Spectrum of')
+    picture = page.locator('#spectrum-plot')
     expect(picture).to_have_accessible_name(
         'Spectrum of ch1; pass-band 7 to 50 Hz; strongest at 31 Hz'
     )
@@ -262,7 +263,9 @@ def test_the_spectrum_is_read_kept_as_rest_and_its_bands_are_dragged(serve, open
     expect(changes(page)).to_contain_text(f'to {from_hz:g}, 0')
     page.get_by_role('button', name='Remove stop-band 2: 50 to 180 Hz', exact=True).click()
     expect(edge('Stop-band 2, low edge')).to_have_count(0)
-    page.get_by_label('Hum of the mains that is taken off').select_option('mains 60 Hz')
+    page.get_by_label('Hum of the mains that is taken off', exact=True).select_option(
+        'mains 60 Hz'
+    )
     expect(mains).to_have_attribute('aria-valuetext', 'mains 60 Hz')
     mains.focus()
     page.keyboard.press('ArrowUp')
