@@ -125,7 +125,7 @@ def test_one_finger_fills_the_screen(played, size):
     assert box(tools)[2] > width - 40
     assert box(tools)[0] - box(words)[2] < 40
     # The signals stay in sight beside a long form.
-    page.get_by_role('tab', name='Parameters').click()
+    page.get_by_role('tab', name='Parameters', exact=True).click()
     page.mouse.wheel(0, 600)
     page.wait_for_function('() => scrollY > 300')
     expect(threshold_line(page)).to_be_in_viewport(ratio=1)
@@ -140,7 +140,7 @@ def test_drawings_follow_the_dark_mode_of_the_system(played):
     _, page = played({'index': rest_rows()})
     expect(page.locator('.lane-name.channel')).to_have_count(4)
     for tab in ('Traces', 'Spectrum'):
-        page.get_by_role('tab', name=tab).click()
+        page.get_by_role('tab', name=tab, exact=True).click()
         for part in map(page.locator, ('body', '.canvas', f'#{tab.lower()}')):
             page.emulate_media(color_scheme='light')
             assert light(part) > 200
@@ -158,10 +158,10 @@ def test_five_fingers_stand_side_by_side_and_the_skip_link_leads_to_the_threshol
     assert len({top for _, top, _, _ in cards}) == 1
     assert cards[-1][2] > OLD_LAPTOP[0] - 40
     expect(page).to_have_title('▲ SLIP thumb · slip_view')
-    page.get_by_role('tab', name='Spectrum').click()
+    page.get_by_role('tab', name='Spectrum', exact=True).click()
     page.mouse.click(OLD_LAPTOP[0] / 2, 5)
     page.keyboard.press('Tab')
-    skip = page.get_by_role('button', name='To the threshold')
+    skip = page.get_by_role('button', name='To the threshold', exact=True)
     expect(skip).to_be_focused()
     expect(skip).to_be_in_viewport(ratio=1)
     page.keyboard.press('Enter')
@@ -178,10 +178,12 @@ def test_on_a_phone_traces_come_early_and_nothing_overlaps(played):
     expect(page.locator('.lane-name.channel').first).to_be_in_viewport(ratio=1)
     assert box(page.locator('#timeline'))[1] < 0.75 * PHONE[1]
     slip = record_button(page, 'Slip')
-    expect(slip.get_by_text('hold the button')).to_be_visible()
+    expect(slip.get_by_text('hold the button', exact=True)).to_be_visible()
     expect(page.locator('kbd:visible')).to_have_count(0)
-    page.get_by_role('tab', name='Spectrum').click()
-    page.get_by_label('Hum of the mains that is taken off').select_option('mains 50 Hz')
+    page.get_by_role('tab', name='Spectrum', exact=True).click()
+    page.get_by_label('Hum of the mains that is taken off', exact=True).select_option(
+        'mains 50 Hz'
+    )
     labels = page.locator('#spectrum-frame .label')
     expect(labels).to_have_count(7)
     boxes, (left, _, right, _) = (
@@ -195,7 +197,7 @@ def test_on_a_phone_traces_come_early_and_nothing_overlaps(played):
 def test_what_is_changed_most_often_stands_on_top_and_the_rest_is_found(played):
     served, page = played({'index': rest_rows()})
     resize(page, LAPTOP)
-    page.get_by_role('tab', name='Parameters').click()
+    page.get_by_role('tab', name='Parameters', exact=True).click()
     threshold = field(page, 'threshold')
     for each in (threshold, field(page, 'vote'), tool(page, 'grasp'), tool(page, 'As first seen')):
         expect(each).to_be_in_viewport(ratio=1)

@@ -229,8 +229,7 @@ function lanesOf(found) {
 const xOfRow = (pen) => (row) => pen.xOf(row / now().rate_hz);
 
 function paintEvents({context, xOf}, lane) {
-  context.textAlign = 'center';
-  context.textBaseline = 'middle';
+  Object.assign(context, {textAlign: 'center', textBaseline: 'middle'});
   // The most important kinds are drawn last, on top of the others.
   for (const [kind, start] of [...eventsOf(view.recording)].sort((a, b) => b[0] - a[0])) {
     if (start < view.from - 1 || start > view.to + 1) continue;

@@ -268,15 +268,13 @@ function paintTaxel(context, colors, {x, y, side}, {fill, on, valid, disabled}, 
     context.restore();
   }
   if (!disabled) {
-    context.strokeStyle = on ? colors.loud : colors.edge;
-    context.lineWidth = on ? Math.min(3, Math.max(1.5, side / 8)) : 1;
+    Object.assign(context, {strokeStyle: on ? colors.loud : colors.edge, lineWidth: on ? Math.min(3, Math.max(1.5, side / 8)) : 1});
     context.stroke(shape);
   }
   if (side < 17) return;
   Object.assign(context, {textAlign: 'center', textBaseline: 'middle'});
   const letters = (words, weight, size, color) => {
-    context.font = `${weight} ${size}px system-ui, 'DejaVu Sans', sans-serif`;
-    context.fillStyle = color;
+    Object.assign(context, {font: `${weight} ${size}px system-ui, 'DejaVu Sans', sans-serif`, fillStyle: color});
     context.fillText(words, x, y);
   };
   if (!disabled && !valid) letters('\u2715', 700, side, colors.fault);

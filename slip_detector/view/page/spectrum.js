@@ -227,8 +227,7 @@ export class SpectrumPanel {
       context.globalAlpha = 1;
     });
     const hum = this.finger.mains_hz && others.at(-1);
-    context.strokeStyle = COMB;
-    context.lineWidth = ratio;
+    Object.assign(context, {strokeStyle: COMB, lineWidth: ratio});
     context.setLineDash([2 * ratio, 3 * ratio]);
     context.beginPath();
     for (let hz = hum; hum && hz < this.nyquist; hz += hum) {

@@ -204,9 +204,7 @@ export class Traces {
     const [least, most] = this.ranges.get('level');
     context.fillStyle = '#f7f8f9';
     context.fillRect(left, lane.top, right - left, lane.height);
-    context.font = '11px system-ui, \'DejaVu Sans\', sans-serif';
-    context.textBaseline = 'bottom';
-    context.textAlign = 'left';
+    Object.assign(context, {font: '11px system-ui, \'DejaVu Sans\', sans-serif', textBaseline: 'bottom', textAlign: 'left'});
     for (let power = Math.ceil(least); power <= most; power++) {
       const y = this.levelY(10 ** power);
       context.fillStyle = '#d5dade';
