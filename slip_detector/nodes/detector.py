@@ -266,7 +266,7 @@ class Detector(LifecycleNode):
         """Publish the diagnostics."""
         health, outputs = self._health, self._outputs
         health.totals['onsets'] = outputs.onsets
-        health.totals['wrong'] = self._stamp_grid.wrong
+        health.totals['wrong'], health.stamps = self._stamp_grid.wrong, self._stamp_grid.kind
         health.senders = self._several('voltages', self._senders, self._samples)
         health.detectors = self._several('slip', self._detectors, self._heartbeats)
         self._diagnostics.publish(health.summary(outputs.slip, outputs.valid), self._frame_id)
@@ -373,15 +373,16 @@ class Detector(LifecycleNode):
         listened = outputs.envelope_subscribers() > 0
         result = chain.update(rows, level=listened)
         self._last_row, self._frame_id = rows[-1:], frame_id
+        age_s = (self.get_clock().now().nanoseconds - at_ns) * 1e-9
+        is_old = 0 < self._active.max_age_s < abs(age_s)
         # Subscribers could not tell these decisions from another detector's.
-        if self._stamp_grid.mostly_bad:
+        if is_old or self._stamp_grid.mostly_bad:
             outputs.withdraw()
         elif not self._detectors.several:
             period_ns = self._stamp_grid.period_ns
             for i, flags in enumerate(result.flags):
                 stamp_ns = at_ns + round((i + 1 - len(rows)) * period_ns)
                 outputs.announce(flags, stamp_ns, frame_id, settled=i >= unsettled)
-        age_s = (self.get_clock().now().nanoseconds - at_ns) * 1e-9
         if listened:
             outputs.show_envelope(at_ns, frame_id, result)
         spent_s = time.perf_counter() - began_s

@@ -33,6 +33,17 @@ OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.E
 #: Relative errors of the measured rate above which there is a warning, and an error.
 RATE_WARNING, RATE_ERROR = 0.02, 0.05
 
+#: Smallest share of bridged rows, and relative error of the usual step from stamp to stamp, that
+#: show that no samples are lost but the rate is another one.
+STEADY_SHARE, STEADY_ERROR = 0.05, 0.1
+
+#: Time in seconds for which a detector that has heard nothing yet only warns of it: the sensor's
+#: publisher has to find it.
+FIRST_S = 3.0
+
+#: Age of a sample in seconds, either way, from which on its stamp is complained of.
+AGE_WARNING_S = 1.0
+
 #: Shares of the time spent on rows above which there is a warning, and an error.
 LOAD_WARNING, LOAD_ERROR = 0.5, 0.9
 
@@ -120,6 +131,8 @@ class Health:
         #: The nodes that publish the input, and those that publish slip, if there are several.
         self.senders: Sequence[str] = ()
         self.detectors: Sequence[str] = ()
+        #: What the stamps are (:attr:`.StampGrid.kind`).
+        self.stamps = 'regular'
         #: Counts since the start, by kind of event.
         self.totals: Counter[str] = Counter()
         self._totals_before: Counter[str] = Counter()
@@ -128,9 +141,9 @@ class Health:
 
     def forget(self) -> None:
         """Forget the rows, as others follow."""
-        self._noted_s = -math.inf
-        # Rows, whether each value of them is valid, age, and time spent.
-        self._noted: list[tuple[NDArray[np.float64], NDArray[np.bool_], float, float]] = []
+        self._noted_s, self._begun_s = -math.inf, time.monotonic()
+        # Rows, whether each value of them is valid, stamp, age, and time spent.
+        self._noted: list[tuple[NDArray[np.float64], NDArray[np.bool_], int, float, float]] = []
         self.restart()
 
     def note_rows(
@@ -154,7 +167,7 @@ class Health:
         spent_s
             Time that the node spent on these rows.
         """
-        self._noted.append((rows, valid, age_s, spent_s))
+        self._noted.append((rows, valid, stamp_ns, age_s, spent_s))
         self._noted_s = time.monotonic()
         self.totals['rows'] += len(rows)
         self._points[1:] = [(stamp_ns, self.totals['rows'])]
@@ -179,6 +192,9 @@ class Health:
             self._channels(),
             self._decisions(since, now_s - self._summed_s, slip, valid),
         ]
+        if math.isinf(self._noted_s) and now_s - self._begun_s < FIRST_S:
+            for each in statuses:
+                each.level = min(each.level, WARN)
         self._totals_before, self._summed_s, self._noted = self.totals.copy(), now_s, []
         self._points = self._points[-1:]
         return statuses
@@ -189,6 +205,13 @@ class Health:
             (begin_ns, before), (end_ns, rows) = self._points
             # Replayed samples without stamps may have the same one.
             rate_hz = (rows - before) * 1e9 / max(end_ns - begin_ns, 1)
+        if rate_hz is not None and since['bridged'] > STEADY_SHARE * since['rows']:
+            steps_ns = np.diff([stamp_ns for _, _, stamp_ns, *_ in self._noted])
+            rows_hz = 1e9 * np.median([len(rows) for rows, *_ in self._noted])
+            usual_hz = (
+                float(rows_hz / max(np.median(steps_ns), 1.0)) if len(steps_ns) else wanted_hz
+            )
+            rate_hz = usual_hz if abs(usual_hz / wanted_hz - 1) > STEADY_ERROR else rate_hz
         all_well, wrong, level = '', '', ERROR
         if self.senders:
             who = name_list(self.senders, LISTED)
@@ -210,6 +233,15 @@ class Health:
             if since[kind]:
                 complaints.append((level, words.format(since[kind])))
         ages_ms = [age_s * 1e3 for *_, age_s, _ in self._noted]
+        age_s = float(np.median(ages_ms)) / 1e3 if ages_ms else 0.0
+        if abs(age_s) > (self.config.max_age_s or AGE_WARNING_S):
+            words = (
+                f'stamps are {abs(age_s):.1f} s {"behind" if age_s > 0 else "ahead of"} the clock'
+            )
+            complaints.append((ERROR if self.config.max_age_s else WARN, words))
+        if self.stamps != 'regular':
+            words = f'stamps are {self.stamps}: rows are counted, and lost ones are not found'
+            complaints.append((WARN, words))
         values = {
             'configured rate [Hz]': f'{wanted_hz:g}',
             'measured rate [Hz]': _number(rate_hz, '.2f'),
@@ -217,6 +249,7 @@ class Health:
             AGE_KEYS[1]: _number(np.percentile(ages_ms, 99) if ages_ms else None),
             'silent for [s]': _number(None if math.isinf(silent_s) else silent_s, '.1f'),
             'samples': str(self.totals['rows']),
+            'stamps': self.stamps,
             **{key: str(self.totals[kind]) for kind, key in COUNT_KEYS.items()},
         }
         return status('input', all_well, complaints, values)

@@ -358,6 +358,11 @@ class DetectorConfig(ChainConfig):
     input_timeout_s: float = parameter(
         0.5, 'slip_valid becomes false within this time after a sample.', (0.01, 3600.0, 's')
     )
+    max_age_s: float = parameter(
+        0.0,
+        'slip_valid is false while stamps are further than this from the clock; 0: no check.',
+        (0.0, 3600.0, 's'),
+    )
     heartbeat_hz: float = parameter(
         10.0, 'Rate at which slip and slip_valid repeat.', (0.1, 1000.0, 'Hz')
     )

@@ -172,6 +172,19 @@ def test_most_stamps_are_wrong(bench):
     sensor.goes_on()
 
 
+@pytest.mark.parametrize('off_s', [-10.0, 3600.0])
+def test_stamps_too_far_from_the_clock(bench, off_s):
+    sensor = Sensor(bench, max_age_s=2.0)
+    sensor.slips()
+    sensor.clock_s += off_s
+    known = len(sensor.valid)
+    sensor.play(lambda: sensor.told('input', 'of the clock' if off_s > 0 else 'behind the'), 'why')
+    assert not sensor.valid[-1][1]
+    assert len(sensor.valid) > known
+    sensor.clock_s -= off_s
+    sensor.goes_on()
+
+
 def test_wrong_rate(bench):
     sensor = Sensor(bench)
     slow = 1.1 * PERIOD_S

@@ -128,6 +128,33 @@ def test_what_was_lost_is_complained_of_once_and_counted_on():
     assert values(status)['lost and bridged'] == '7'
 
 
+def test_that_nothing_has_been_heard_is_no_error_at_first():
+    health = Health(CONFIG)
+    assert [status.level for status in summed(health, valid=False)] == [WARN] * 3
+    health._begun_s -= 3.0
+    assert [status.level for status in summed(health, valid=False)] == [ERROR] * 3
+
+
+def test_what_is_odd_about_the_stamps_is_said():
+    health = Health(CONFIG)
+    health.stamps = 'coarse'
+    for k, row in enumerate(good(100)):
+        health.note_rows(row[None], np.ones((1, 16), bool), round(k * PERIOD_NS), 10.0, 1e-4)
+    status = summed(health)[0]
+    assert 'stamps are coarse: rows are counted' in status.message
+    assert 'stamps are 10.0 s behind the clock' in status.message
+    assert (status.level, values(status)['stamps']) == (WARN, 'coarse')
+
+
+def test_a_slow_sensor_is_not_taken_for_one_that_loses_samples():
+    health = Health(CONFIG)
+    for k, row in enumerate(good(300)):  # Each eighth sample comes after a bridged row.
+        rows = np.repeat(row[None], 2 if k % 8 == 7 else 1, axis=0)
+        health.totals['bridged'] += len(rows) - 1
+        health.note_rows(rows, np.ones(rows.shape, bool), round(k * 1e9 / 300), 0.001, 1e-4)
+    assert values(summed(health)[0])['measured rate [Hz]'] == '300.00'
+
+
 @pytest.mark.parametrize(('spent_s', 'level'), [(1e-3, OK), (1.5e-3, WARN), (2.5e-3, ERROR)])
 def test_rows_that_take_too_much_of_the_time_are_said(spent_s, level):
     health = Health(CONFIG)
