@@ -135,12 +135,9 @@ def test_the_end_of_a_node_is_waited_for_and_leaving_ends_the_others(nodes, tmp_
 
 def test_nodes_end_with_the_process_that_started_them_even_if_it_is_killed():
     code = (
-        'import os, pathlib, signal, time\n'
-        'from slip_detector.nodes.demo import NodeProcesses\n'
-        "nodes = NodeProcesses('killed', lambda: None)\n"
-        f"nodes.start('slip_detector', pathlib.Path('{FILE}'))\n"
-        'time.sleep(2)\n'
-        'os.kill(os.getpid(), signal.SIGKILL)\n'
+        'import os, time; from slip_detector.nodes.demo import NodeProcesses\n'
+        f"NodeProcesses('killed', lambda: None).start('slip_detector', '{FILE}')\n"
+        f'time.sleep(2); os.kill(os.getpid(), {signal.SIGKILL:d})'
     )
     # It does not return before the last process that has the pipe has ended.
     done = subprocess.run(

@@ -214,34 +214,33 @@ def take_descriptors():
 
 async def test_where_descriptors_run_out_some_are_left_and_a_connection_waits(monkeypatch, caplog):
     monkeypatch.setattr(connections, 'PAUSE_S', 0.2)
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    loop, taken = asyncio.get_running_loop(), []
+    limits, taken = resource.getrlimit(resource.RLIMIT_NOFILE), []
+    loop = asyncio.get_running_loop()
     async with served() as (it, page):
         await page.view()
-        clients, there = [socket.socket(), socket.socket()], ('127.0.0.1', port_of(it))
-        for client in clients:
-            client.setblocking(False)
-        highest = max(map(int, os.listdir('/proc/self/fd')))
-        resource.setrlimit(resource.RLIMIT_NOFILE, (highest + 20, hard))
-        try:
-            taken = take_descriptors()
-            for _ in range(10):
-                os.close(taken.pop())
-            await loop.sock_connect(clients[0], there)
-            assert await loop.sock_recv(clients[0], 1) == b''  # It is refused.
-            taken += (more := take_descriptors())
-            assert len(more) == 10
-            await loop.sock_connect(clients[1], there)
-            for _ in range(3):
-                await page.drawn_frame()
-        finally:
-            resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
-            for each in taken:
-                os.close(each)
-        await loop.sock_sendall(clients[1], b'GET / HTTP/1.0\r\n\r\n')
-        assert await loop.sock_recv(clients[1], 4) == b'HTTP'
-        for client in clients:
-            client.close()
+        there = '127.0.0.1', port_of(it)
+        with socket.socket() as turned_away, socket.socket() as waiting:
+            for each in (turned_away, waiting):
+                each.setblocking(False)
+            highest = max(map(int, os.listdir('/proc/self/fd')))
+            resource.setrlimit(resource.RLIMIT_NOFILE, (highest + 20, limits[1]))
+            try:
+                taken = take_descriptors()
+                for _ in range(10):
+                    os.close(taken.pop())
+                await loop.sock_connect(turned_away, there)
+                assert await loop.sock_recv(turned_away, 1) == b''
+                taken += (left := take_descriptors())
+                assert len(left) == 10
+                await loop.sock_connect(waiting, there)
+                for _ in range(3):
+                    await page.drawn_frame()
+            finally:
+                resource.setrlimit(resource.RLIMIT_NOFILE, limits)
+                for each in taken:
+                    os.close(each)
+            await loop.sock_sendall(waiting, b'GET / HTTP/1.0\r\n\r\n')
+            assert await loop.sock_recv(waiting, 4) == b'HTTP'
     assert not caplog.records
 
 
