@@ -7,7 +7,7 @@ import {Columns, Stretch} from './stretch.js';
 
 // Lines are told apart by lightness, too.
 const COLORS = ['#0072b2', '#9a4a00', '#00664b', '#7b2d6b', '#3a3a3a', '#4f7fb8', '#8a7400', '#a34a78'];
-const SLIP_HEIGHT = 16, LEVEL_HEIGHT = {least: 110, most: 240};
+const SMALL = '11px system-ui, \'DejaVu Sans\', sans-serif', SLIP_HEIGHT = 16, LEVEL_HEIGHT = {least: 110, most: 240};
 // Values up to so many sample periods apart are joined by a line.
 const JOINED_PERIODS = 3;
 
@@ -204,7 +204,7 @@ export class Traces {
     const [least, most] = this.ranges.get('level');
     context.fillStyle = '#f7f8f9';
     context.fillRect(left, lane.top, right - left, lane.height);
-    Object.assign(context, {font: '11px system-ui, \'DejaVu Sans\', sans-serif', textBaseline: 'bottom', textAlign: 'left'});
+    Object.assign(context, {font: SMALL, textBaseline: 'bottom', textAlign: 'left'});
     for (let power = Math.ceil(least); power <= most; power++) {
       const y = this.levelY(10 ** power);
       context.fillStyle = '#d5dade';
@@ -219,8 +219,7 @@ export class Traces {
   paintVolts({context, left}, lane) {
     const [least, most] = this.ranges.get(this.chooser.channels[lane.channel]) ?? [], top = lane.top + 1, bottom = lane.top + lane.height - lane.below;
     const power = 10 ** Math.floor(Math.log10(most - least)), step = power * [0.5, 1, 2, 5].find((n) => n * power * 4 > most - least);
-    Object.assign(context, {font: '11px system-ui, \'DejaVu Sans\', sans-serif', textBaseline: 'middle', textAlign: 'left'});
-    Object.assign(context, {fillStyle: INK, strokeStyle: '#ffffffd0', lineWidth: 3});
+    Object.assign(context, {font: SMALL, textBaseline: 'middle', textAlign: 'left', fillStyle: INK, strokeStyle: '#ffffffd0', lineWidth: 3});
     for (let n = Math.ceil(least / step), last = Infinity; n * step <= most; n++) {
       const y = bottom - (n * step - least) / (most - least) * (bottom - top);
       if (last - y < 12) continue;
