@@ -58,7 +58,7 @@ class TestPage(unittest.TestCase):
                 slipped |= {state['name'] for state in header['fingers'] if state['slip']}
             message = await page.until('parameters', lambda content: len(content['fingers']) == 2)
             files = {finger['file'] for finger in message['fingers'].values()}
-            assert files == {str(SHARE / 'config' / 'slip_detector.yaml')}
+            assert files == {str((SHARE / 'config' / 'slip_detector.yaml').resolve())}
             assert not any(finger['differs'] for finger in message['fingers'].values())
             page.close()
 
