@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain.samples import Samples
-from slip_detector.chain.stamps import GAP_PERIODS
+from slip_detector.chain.stamps import BUNCHED, GAP_PERIODS
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.fields import allowed
 
@@ -72,7 +72,7 @@ def rate_of(stamps_ns: NDArray[np.int64], what: str) -> float:
     """Return the rate at which rows were taken, in Hz.
 
     It is the inverse of the mean step between rows, which averages jitter; gaps and steps
-    backwards are left out.
+    backwards are left out. Where many stamps are the same, the rows are counted.
 
     Parameters
     ----------
@@ -93,6 +93,8 @@ def rate_of(stamps_ns: NDArray[np.int64], what: str) -> float:
     100.0
     """
     steps_ns = np.diff(stamps_ns)
+    if steps_ns.sum() > 0 and np.mean(steps_ns == 0) > BUNCHED:  # a coarse clock
+        return 1e9 / float(np.mean(steps_ns))
     steps_ns = steps_ns[steps_ns > 0]
     if not steps_ns.size:
         raise ValueError(f'{what} do not rise, allowed: two or more rows, each with its time')

@@ -96,6 +96,15 @@ def test_a_baseline_stays_to_the_bit_and_a_bad_value_stays_where_it_was(tmp_path
     np.testing.assert_array_equal(read[~bad], 4.3)
 
 
+def test_the_rows_of_a_coarse_clock_are_all_taken(tmp_path):
+    stamps_ns = np.arange(2000) // 4 * 10_000_000
+    assert rate_of(stamps_ns, 'x') == pytest.approx(400.0, rel=0.01)
+    path = save_rows(tmp_path / 'a.npz', np.ones((2000, 2)), stamps_ns, rate_hz=400.0)
+    recording = open_recording(path)
+    assert sum(len(piece.volts) for piece in recording.pieces(400.0)) == 2000
+    assert (recording.counts.dropped, recording.counts.bridged_rows) == (0, 0)
+
+
 def test_each_stretch_is_resampled_on_its_own(tmp_path):
     stamps_ns = np.concatenate([np.arange(500), 5000 + np.arange(500)]) * 1_000_000
     volts = np.repeat([[1.0], [9.0]], 500, axis=0)
