@@ -87,11 +87,13 @@ test-matrix: $(VENV)/installed
 	@echo 'What computes passed with NumPy 1.26 and without Numba.'
 
 $(VENV)/installed: setup.py
+	@echo 'Installing into $(VENV), only the first time: a minute or two, most of it downloads.'
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --editable '.[bags,numba,tune,$(EXTRA),test]'
 	touch $@
 
 $(OLDER)/installed: setup.py
+	@echo 'Installing into $(OLDER), only the first time: a minute or two, most of it downloads.'
 	$(PYTHON) -m venv $(OLDER)
 	$(OLDER)/bin/python -m pip install --quiet --editable '.[bags,numba,tune]' 'numpy==1.26.*' \
 		'scipy==1.11.*' "numba==0.58.*; python_version < '3.12'" \

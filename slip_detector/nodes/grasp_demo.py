@@ -41,6 +41,7 @@ of the grasps that were played through the nodes.
 """
 
 import argparse
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -118,22 +119,27 @@ class LiveGraspTrial(NamedTuple):
         return [float(answer[0]) for answer in answers if answer.size and answer[0] < ANSWER_S]
 
 
-def _play_live(recorder: Recorder, seed: int, config: Path, folder: Path) -> LiveGraspTrial:
+def _play_live(
+    recorder: Recorder, seed: int, config: Path, folder: Path, last_s: float
+) -> LiveGraspTrial:
     """Play a scene through a driver, a detector and a controller, each a process of its own.
 
-    The scene of the seed is written to the folder. A RuntimeError says that a node has ended
-    before the scene, or that nothing was received.
+    The scene of the seed, with a last sample at ``last_s``, is written to the folder. A
+    RuntimeError says that a node has ended before the scene, or that nothing was received.
     """
     scene = folder / f'grasp_{seed}.yaml'
     with whole_file(scene) as new:
         new.write_text(yaml.safe_dump(object_scene(seed), sort_keys=False), encoding='utf-8')
+    _say(f'seed {seed} through the nodes: {last_s:.0f} s in real time')
     played = {'source': 'scene', 'scene': scene, 'seed': seed, 'wait_for_grip': 'true'}
     recorder.messages.update({topic: [] for topic in TOPICS})
     with NodeProcesses(NAMESPACE, recorder.receive) as nodes:
         nodes.start('slip_detector', config)
         nodes.start('grasp_controller', config, **commands_of_a_scene())
         nodes.start('slip_driver', config, wait_for_subscribers=2, **played)
-        nodes.wait_for_end('slip_driver')
+        nodes.wait_for_end(
+            'slip_driver', lambda: recorder.has_heard_for('platform_position', last_s)
+        )
     if not recorder.has_heard(('voltages', 'platform_position', 'grip_force')):
         raise RuntimeError('nothing was received of the trial')
     begin_s = recorder.stamps_s('voltages')[0]
@@ -181,6 +187,11 @@ def seed_range(text: str) -> range:
     return range(first, last + 1)
 
 
+def _say(words: str) -> None:
+    """Say what goes on, as it takes a while."""
+    print(f'slip_grasp: {words}', file=sys.stderr, flush=True)
+
+
 def main() -> None:
     """Entry point of ``slip_grasp``."""
     parser = argparse.ArgumentParser(prog='slip_grasp', description=__doc__.splitlines()[0])
@@ -201,18 +212,22 @@ def _demonstrate(arguments: argparse.Namespace, picture: Path) -> tuple[dict[str
     chain, grasp = ChainConfig.from_yaml(config), GraspConfig.from_yaml(config)
     seeds = list(arguments.seeds)
 
-    def played(chain: ChainConfig, grasp: GraspConfig, **factors: float) -> list[GraspTrial]:
+    def played(
+        name: str, chain: ChainConfig, grasp: GraspConfig, **factors: float
+    ) -> list[GraspTrial]:
+        _say(f'{len(seeds)} objects in simulated time: {name}')
         return [play_trial(chain, grasp, seed, **factors) for seed in seeds]
 
-    trials = {name: played(*both) for name, both in conditions(chain, grasp).items()}
+    trials = {name: played(name, *both) for name, both in conditions(chain, grasp).items()}
     parts = {name: grasp_figures(mine, grasp.limit_n) for name, mine in trials.items()}
     harder = {
-        name: grasp_figures(played(chain, grasp, **factors), grasp.limit_n)
+        name: grasp_figures(played(name, chain, grasp, **factors), grasp.limit_n)
         for name, factors in HARDER.items()
     }
     recorder = Recorder(NAMESPACE, TOPICS)
     heard = {
-        seed: _play_live(recorder, seed, config, arguments.out) for seed in seeds[: arguments.live]
+        seed: _play_live(recorder, seed, config, arguments.out, trial.time_s[-1])
+        for seed, trial in zip(seeds[: arguments.live], trials[CONTROLLER], strict=False)
     }
     result = {
         'seeds': seeds,

@@ -46,6 +46,7 @@ def played(out, *words):
         check=False,
     )
     assert done.returncode == 0, done.stderr
+    assert 'no input any more' not in done.stderr
     return done.stdout
 
 

@@ -53,6 +53,11 @@ def finished(tmp_path_factory):
     out = tmp_path_factory.mktemp('grasp')
     done = run('--seeds', f'{FIRST}:{LAST}', '--live', str(LIVE), '--out', str(out))
     assert done.returncode == 0, done.stderr
+    for words in ('2 objects in simulated time: controller\n', f'seed {FIRST} through the nodes'):
+        assert words in done.stderr
+    # The nodes end with the object, and none misses another before.
+    assert 'no input any more' not in done.stderr
+    assert 'cannot be relied on (slip' not in done.stderr
     return out, done.stdout
 
 
