@@ -20,6 +20,9 @@ object slips, and lowers it slowly when the object has not slipped for a while.
 
 from slip_detector.parameters.grasp import GraspConfig
 
+#: A raise that comes no later than this after ``repeat_s`` follows the one before.
+FOLLOWS_S = 0.05
+
 
 class GraspLaw:
     """Computes the grip force over time from the decisions of the detector.
@@ -29,6 +32,10 @@ class GraspLaw:
     - Slip raises the force at once by ``step_factor`` and ``step_n``, up to ``limit_n``. While it
       lasts, or comes again, this is repeated, but not sooner than ``repeat_s`` after the last
       time: the gripper needs time to follow, and the detector to see the effect.
+    - The second of raises that follow each other counts double. An object that still slips then
+      slides already: its friction is lower than at rest, its weight may be growing, and while the
+      gripper follows it gets faster, so that another step like the first is too small. Later
+      raises count once, as the motion of the grip itself looks like slip.
     - When there has been no slip for ``relax_after_s``, the force falls at ``relax_n_s``, but not
       below ``grip_n``.
     - While slip is not valid the force stays as it is (``on_invalid: hold``) or falls at
@@ -59,6 +66,7 @@ class GraspLaw:
         self.force_n = 0.0
         self._now_s = self._settled_s = 0.0
         self._raised_s = self._slipped_s = float('-inf')
+        self._in_a_row = 0
         self._given_up = False
 
     def update(self, elapsed_s: float, slip: bool, valid: bool) -> float:
@@ -89,10 +97,13 @@ class GraspLaw:
             self._settled_s = now_s + config.settle_s
         elif slip:
             self._slipped_s = now_s
-            if now_s >= max(self._settled_s, self._raised_s + config.repeat_s):
-                self._raised_s = now_s
-                raised_n = self.force_n * config.step_factor + config.step_n
-                self.force_n = min(raised_n, config.limit_n)
+            since_s = now_s - self._raised_s
+            if now_s >= self._settled_s and since_s >= config.repeat_s:
+                follows = since_s < config.repeat_s + FOLLOWS_S
+                self._raised_s, self._in_a_row = now_s, self._in_a_row + 1 if follows else 1
+                for _ in range(2 if self._in_a_row == 2 else 1):
+                    raised_n = self.force_n * config.step_factor + config.step_n
+                    self.force_n = min(raised_n, config.limit_n)
         elif now_s >= self._slipped_s + config.relax_after_s:
             self.force_n = max(self.force_n - config.relax_n_s * elapsed_s, config.grip_n)
         return self.force_n

@@ -86,7 +86,7 @@ TOPICS: dict[str, tuple[Any, QoSProfile]] = {
 #: Longest time, in seconds, from an onset to a raise of the grip that counts as the answer to it.
 ANSWER_S = 0.05
 
-#: Index of the object that is drawn, if there are as many; with the default seeds it slips twice.
+#: Index of the object that is drawn, if there are as many; the default one slips five times.
 SHOWN = 2
 
 Floats = NDArray[np.float64]

@@ -114,6 +114,14 @@ def test_slip_raises_the_force_at_once_and_again_while_it_lasts():
     assert law.update(0.08, True, True) == 5.0
 
 
+def test_the_second_of_raises_that_follow_each_other_counts_double():
+    law = closed(GraspConfig(grip_n=1.0, limit_n=900.0, step_factor=2.0, repeat_s=0.1))
+    assert [law.update(0.12, True, True) for _ in range(4)] == [2.0, 8.0, 16.0, 32.0]
+    # Slip that comes again later begins anew.
+    assert law.update(0.04, False, True) == 32.0
+    assert [law.update(0.12, True, True) for _ in range(2)] == [64.0, 256.0]
+
+
 def test_it_relaxes_slowly_when_it_has_not_slipped_for_a_while():
     config = GraspConfig(
         grip_n=1.0, limit_n=9.0, step_factor=4.0, relax_after_s=1.0, relax_n_s=0.5

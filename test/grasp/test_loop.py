@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from slip_detector.grasp.comparison import HARDER, SLOW_GRIPPER
 from slip_detector.grasp.loop import RANGES, object_scene, play_trial
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.grasp import GraspConfig
@@ -64,6 +65,11 @@ def test_samples_before_a_command_do_not_depend_on_it_and_the_grip_lags_behind()
     at_half = jump + int(np.argmax(trial.force_n[jump:] > 0.5 * (before_n + after_n)))
     # Half of it: later than the transport and well before three times the 30 ms of lag.
     assert 10e-3 < trial.time_s[at_half] - trial.time_s[jump] < 90e-3
+
+
+def test_an_object_that_slides_on_after_the_first_raise_of_a_slow_gripper_is_caught():
+    """Sliding, its friction is a tenth less, while its weight grows."""
+    assert play_trial(CHAIN, GRASP, 4, **HARDER[SLOW_GRIPPER]).slide_mm < 1.0
 
 
 def test_a_scene_of_another_rate_is_refused_in_one_line():

@@ -96,13 +96,13 @@ def test_the_figures_of_the_docs_are_those_of_thirty_objects_and_as_good_as_is_w
     file = shared_folder() / 'config' / 'grasp.yaml'
     chain, grasp = ChainConfig.from_yaml(file), GraspConfig.from_yaml(file)
     found = grasp_figures(
-        [play_trial(chain, grasp, seed) for seed in seed_range('7000:7029')], grasp.limit_n
+        [play_trial(chain, grasp, seed) for seed in seed_range('30')], grasp.limit_n
     )
     assert found['trials'] == 30
     for name, bound in WANTED[CONTROLLER].items():
         assert bound.met(found[name]), name
-    assert found['mean_slide_mm'] == pytest.approx(0.06, abs=0.01)
-    assert found['force_percent'] == pytest.approx(38.8, abs=0.1)
+    assert found['mean_slide_mm'] == pytest.approx(0.06, abs=0.005)
+    assert found['force_percent'] == pytest.approx(40.2, abs=0.1)
 
 
 def test_seeds_are_a_number_of_them_or_the_first_and_the_last_and_others_are_refused():
