@@ -384,7 +384,7 @@ class Detector(LifecycleNode):
                 stamp_ns = at_ns + round((i + 1 - len(rows)) * period_ns)
                 outputs.announce(flags, stamp_ns, frame_id, settled=i >= unsettled)
         if listened:
-            outputs.show_envelope(at_ns, frame_id, result)
+            outputs.show_envelope(at_ns, result)
         spent_s = time.perf_counter() - began_s
         self._health.note_rows(rows, result.valid, at_ns, age_s, spent_s)
 

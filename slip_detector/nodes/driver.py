@@ -175,7 +175,7 @@ class Driver(Node):
             yield time.monotonic() + POLL_S
         if self.source.has_object and self.config.wait_for_grip:
             self.get_logger().info('waiting for a grip force')
-            while self._grip_n is None:
+            while self._hold(self.source, None) is None:
                 yield time.monotonic() + POLL_S
 
     def play(self) -> Iterator[float]:
@@ -230,13 +230,15 @@ class Driver(Node):
             self.get_logger().warning(words, throttle_duration_sec=LOG_S)
 
     def _hold(self, source: Source, before_n: float | None) -> float | None:
-        """Hold the object with the grip force that was commanded last; return that."""
+        """Hold the object with the grip force that was commanded last; return what holds it."""
         force_n = self._grip_n
-        if force_n is not None and force_n != before_n:
-            try:
-                source.hold_force(force_n)
-            except ValueError as error:
-                self._ignore(f'grip_force: {error}')
+        if force_n is None or force_n == before_n:
+            return before_n
+        try:
+            source.hold_force(force_n)
+        except ValueError as error:
+            self._ignore(f'grip_force: {error}')
+            return before_n
         return force_n
 
     def _publish(self, samples: Samples, i: int, stamp_ns: int) -> None:

@@ -41,6 +41,9 @@ from slip_detector.recordings.messages import JointStateWriter
 #: Longest silence of ``slip`` that the publisher promises, in periods of the heartbeat.
 DEADLINE_BEATS = 2.0
 
+#: Names of the positions of ``slip_state``.
+STATES = ('slip', 'slip_valid', 'slip_onset')
+
 #: Longest time, in seconds, for which subscribers are waited for that do not acknowledge; at the
 #: end the detectors of a process do so one after the other.
 RECEIVED_S = 0.1
@@ -79,6 +82,9 @@ class Outputs:
         self._columns: list[Column] = []
         self._flags = np.zeros(0, np.bool_)
         self.slip, self.valid, self.onsets = False, False, 0
+        # Stamps of the latest sample, or 0, and of the last onset.
+        self._at_ns = self._onset_ns = 0
+        self._frame_id = ''
         self._messages = (Bool(data=False), Bool(data=True))
         self.configure(config)
 
@@ -106,8 +112,8 @@ class Outputs:
         self._slip = publisher(Bool, 'slip', beat)
         self.slip_subscribers = self._slip.get_subscription_count
         self._slip_valid = publisher(Bool, 'slip_valid', beat)
+        self._state = publisher(JointState, 'slip_state', beat)
         self._onset = publisher(Header, 'slip_onset', event_qos())
-        self._frame_id = ''
         self._writer: JointStateWriter | None = None
         self._envelope = publisher(JointState, '~/envelope', sensor_qos())
         self.envelope_subscribers = self._envelope.get_subscription_count
@@ -128,6 +134,7 @@ class Outputs:
                 each.publish(self._messages[bool(self._flags[column])])
         if self._slip_valid in new:
             self._slip_valid.publish(self._messages[self.valid])
+            self._publish_state()
         for each in before.values():
             self._node.destroy_publisher(each)
 
@@ -139,7 +146,10 @@ class Outputs:
 
     def end(self) -> None:
         """Publish all decisions as OFF and not valid, whatever was interrupted, and destroy."""
-        for publisher in (self._slip_valid, self._slip, *self._listeners.values()):
+        self.slip = self.valid = False
+        self._at_ns = 0
+        self.beat()
+        for publisher in self._listeners.values():
             publisher.publish(self._messages[False])
         self.destroy()
 
@@ -154,7 +164,7 @@ class Outputs:
 
     def withdraw(self) -> None:
         """Publish all decisions as OFF and not valid, for late subscribers too."""
-        self.announce(np.zeros_like(self._flags), 0, '')
+        self.announce(np.zeros_like(self._flags), 0, self._frame_id)
 
     def announce(
         self, flags: NDArray[np.bool_], at_ns: int, frame_id: str, *, settled: bool = True
@@ -171,41 +181,56 @@ class Outputs:
             Whether a change of ``slip`` to ON is an onset: shortly after a change of parameters it
             may be a consequence of that.
         """
+        self._at_ns = at_ns
+        if frame_id != self._frame_id:
+            self._frame_id, self._writer = frame_id, None
         flags_bytes, bytes_before = flags.tobytes(), self._flags.tobytes()
         if flags_bytes == bytes_before:
             return
         slip, was_on = flags_bytes[0], bytes_before[0]
         before, self._flags, self.slip = self._flags, flags, bool(slip)
         valid = 1 in flags_bytes[self._can_vote]
-        if valid < self.valid:  # Before slip, as an OFF that follows cannot be relied on.
+        was_valid, self.valid = self.valid, valid
+        onset = slip > was_on and settled
+        if onset:
+            self._onset_ns = at_ns
+        if valid < was_valid:  # Before slip, as an OFF that follows cannot be relied on.
             self._slip_valid.publish(self._messages[valid])
         # Before NumPy searches for the others, which takes a tenth of the latency.
         if slip != was_on:
             self._slip.publish(self._messages[slip])
+        if slip != was_on or valid != was_valid:
+            self._publish_state()
         for column in np.flatnonzero(flags != before).tolist():
             publisher = self._listeners.get(column)
             if publisher is not None:
                 publisher.publish(self._messages[bool(flags[column])])
-        if slip > was_on and settled:
+        if onset:
             self.onsets += 1
             self._onset.publish(Header(stamp=time_message(at_ns), frame_id=frame_id))
-        if valid > self.valid:
+        if valid > was_valid:
             self._slip_valid.publish(self._messages[valid])
-        self.valid = valid
 
-    def show_envelope(self, at_ns: int, frame_id: str, result: SlipResult) -> None:
+    def _publish_state(self) -> None:
+        """Publish slip and slip_valid as of the latest sample, and when the last onset was."""
+        at_ns = self._at_ns or self._node.get_clock().now().nanoseconds
+        header = Header(stamp=time_message(at_ns), frame_id=self._frame_id)
+        values = float(self.slip), float(self.valid), self._onset_ns * 1e-9
+        self._state.publish(JointState(header=header, name=STATES, position=values))
+
+    def show_envelope(self, at_ns: int, result: SlipResult) -> None:
         """Publish the levels of the last row, which are compared with the threshold.
 
         The level of a channel that is not valid is NaN.
         """
-        if self._writer is None or frame_id != self._frame_id:
-            self._frame_id = frame_id
-            self._writer = JointStateWriter(frame_id, self._config.names, efforts=True)
+        if self._writer is None:
+            self._writer = JointStateWriter(self._frame_id, self._config.names, efforts=True)
         effort = result.channels[-1].astype(np.float64)
         level = np.where(result.valid[-1], result.level[-1], np.nan)
         self._envelope.publish(self._writer.written(at_ns, level, effort))
 
     def beat(self) -> None:
-        """Repeat ``slip`` and ``slip_valid``."""
+        """Repeat ``slip``, ``slip_valid`` and ``slip_state``."""
         self._slip.publish(self._messages[self.slip])
         self._slip_valid.publish(self._messages[self.valid])
+        self._publish_state()

@@ -84,6 +84,8 @@ def test_a_driver_waits_for_the_first_command_and_the_next_is_felt_in_the_next_s
     driver = Gripped(bench, tmp_path, wait_for_grip='true')
     driver.said('waiting for a grip force')
     driver.connect()
+    driver.hold(float('nan'))
+    driver.said('force_n is nan N')
     for _ in range(20):
         bench.executor.spin_once(timeout_sec=0.02)
     assert not driver.voltages

@@ -19,10 +19,11 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs rclpy')
 
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Header
 
 from slip_detector.nodes.messages import event_qos, stamp_ns
-from slip_detector.nodes.outputs import Outputs
+from slip_detector.nodes.outputs import STATES, Outputs
 from slip_detector.parameters.detector import DetectorConfig
 from support.harness import patient_state_qos
 
@@ -50,10 +51,11 @@ class Published:
                 patient_state_qos(),
             )
         self.onsets = bench.listen(Header, 'slip_onset', event_qos())
+        self.together = bench.listen(JointState, 'slip_state', patient_state_qos())
         self.outputs = Outputs(bench.node, config)
         bench.wait_for(
             lambda: (
-                all(self.heard.values())
+                all([*self.heard.values(), self.together])
                 and all(s.get_publisher_count() for s in bench.node.subscriptions)
             ),
             'the first states',
@@ -89,6 +91,14 @@ def test_decisions_are_published_when_they_change_and_repeated_by_the_heartbeat(
         slip__channel__ch2=[False, True, False, True],
     )
     bench.wait_for(lambda: len(published.onsets) == 2, 'the onsets')
+    bench.wait_for(lambda: len(published.together) == 6, 'slip, valid and onset together')
+    assert {tuple(each.name) for each in published.together} == {STATES}
+    assert [(stamp_ns(m.header.stamp), *m.position) for m in published.together[1:]] == [
+        (1000, 0.0, 1.0, 0.0),
+        (1003, 1.0, 1.0, 1003e-9),
+        (1005, 0.0, 1.0, 1003e-9),
+        *2 * [(1006, 1.0, 1.0, 1006e-9)],
+    ]
     assert [stamp_ns(onset.stamp) for onset in published.onsets] == [1003, 1006]
     assert {onset.frame_id for onset in published.onsets} == {'tip'}
     assert published.outputs.onsets == 2
@@ -103,6 +113,9 @@ def test_what_is_withdrawn_is_first_not_valid_and_then_off(bench):
     # Of topics of their own the receiver may mix up the order; what is sent is in it.
     assert order.index(('slip_valid', True)) < order.index(('slip_valid', False))
     assert not published.outputs.valid
+    bench.wait_for(lambda: published.together[-1].position[0] == 0.0, 'the state')
+    assert published.together[-1].position[1] == 0.0
+    assert stamp_ns(published.together[-1].header.stamp) > 10**18  # There is no sample any more.
 
 
 def test_other_outputs_take_over_what_was_decided_and_the_topics_that_stay(bench):
