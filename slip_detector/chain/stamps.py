@@ -65,8 +65,8 @@ CLOSE_PERIODS, BUNCHED, BUNCH_MEMORY = 0.25, 0.25, 64
 
 # Elements of the array that holds the line: the sample period, the time until the next sample is
 # expected, the memory in messages, the jitter in periods, the bounds of the period, and the shares
-# of stamps that are close to, and the same as, the one before.
-PERIOD_NS, UNTIL_NEXT_NS, MEMORY, JITTER, FASTEST_NS, SLOWEST_NS, CLOSE, SAME = range(8)
+# of stamps that are close to, and the same as, the one before; and of bad rows lately.
+PERIOD_NS, UNTIL_NEXT_NS, MEMORY, JITTER, FASTEST_NS, SLOWEST_NS, CLOSE, SAME, BAD = range(9)
 
 # Elements of the array of stamps: LAST, the place on the line of the last sample; BEFORE, the
 # stamp before; LATE, the stamp of the last sample if it may come after a gap, and GAP, the rows
@@ -197,6 +197,20 @@ def _judge_all(line, stamps, max_gap_ns, stamps_ns, verdicts, places_ns):
         places_ns[i] = stamps[LAST]
 
 
+@compiled_in_place
+def _arrive(line, stamps, max_gap_ns, stamp_ns, rows, lost):
+    """Return the verdict of :func:`_judge`, and follow the share of dropped and bridged rows."""
+    dropped = stamps[DROPPED_ROWS]
+    missing = _judge(line, stamps, max_gap_ns, stamp_ns, rows, lost)
+    is_dropped = missing == DROPPED
+    bad = rows if is_dropped else max(missing - dropped, 0)
+    # One gap alone, if it is bridged, stays below a half.
+    share = line[PERIOD_NS] / max(LONGEST_DELAY_NS / 2, 2 * max_gap_ns)
+    line[BAD] = 1.0 - (1.0 - line[BAD]) * math.exp(-bad * share)
+    line[BAD] *= 1.0 if is_dropped else math.exp(-rows * share)
+    return missing
+
+
 class MendedSamples(NamedTuple):
     """Samples with bridged gaps, and the stretches that they form.
 
@@ -276,21 +290,10 @@ class StampGrid:
     def __init__(self, period_s: float, max_gap_s: float) -> None:
         self._nominal_ns = period_ns = period_s * 1e9
         off_ns = LARGEST_RATE_ERROR * period_ns
-        self._line = np.array(
-            [
-                period_ns,
-                0,
-                FIRST_MEMORY,
-                FIRST_JITTER,
-                period_ns - off_ns,
-                period_ns + off_ns,
-                0,
-                0,
-            ]
-        )
+        bounds_ns = period_ns - off_ns, period_ns + off_ns
+        self._line = np.array([period_ns, 0, FIRST_MEMORY, FIRST_JITTER, *bounds_ns, 0, 0, 0])
         self._stamps = np.array([NONE, 0, NONE, 0, 0, 0, 0, 0, 0])
         self._number: int | None = None
-        self._bad = 0.0  # Share of lately dropped and bridged rows.
         self.max_gap_s = max_gap_s
 
     @property
@@ -308,7 +311,7 @@ class StampGrid:
     @property
     def mostly_bad(self) -> bool:
         """Whether most of the latest rows, of half a second or more, were dropped or bridged."""
-        return self._bad > 0.5
+        return bool(self._line[BAD] > 0.5)
 
     @property
     def wrong(self) -> int:
@@ -343,12 +346,7 @@ class StampGrid:
         if number is not None and self._number is not None and number > self._number:
             lost = number - self._number - 1
         max_gap_ns = self.max_gap_s * 1e9
-        dropped = int(self._stamps[DROPPED_ROWS])
-        missing = int(_judge(self._line, self._stamps, max_gap_ns, stamp_ns, rows, lost))
-        bad, good = (rows, 0) if missing == DROPPED else (max(missing - dropped, 0), rows)
-        # One gap alone, if it is bridged, stays below a half.
-        share = self._nominal_ns / max(LONGEST_DELAY_NS / 2, 2 * max_gap_ns)
-        self._bad = (1 - (1 - self._bad) * math.exp(-bad * share)) * math.exp(-good * share)
+        missing = int(_arrive(self._line, self._stamps, max_gap_ns, stamp_ns, rows, lost))
         if missing != DROPPED:
             self._number = number
         return missing
