@@ -30,7 +30,7 @@ from slip_detector.evaluation.chance import HALF, saved_by_chance_s, sooner_than
 from slip_detector.evaluation.scores import MOTION, REST, ScoreTally
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig, TuneConfig
-from slip_detector.parameters.fields import listed
+from slip_detector.parameters.fields import name_list
 from slip_detector.tuning.space import SearchSpace
 from slip_detector.tuning.sweep import (
     ThresholdSweep,
@@ -375,7 +375,7 @@ class Problem:
         if choice.cost_ms <= best.cost_ms:
             return ''
         given, now = searched(self.given), searched(choice.chain)
-        names = listed([name for name in now if now[name] != given.get(name)])
+        names = name_list([name for name in now if now[name] != given.get(name)])
         less = f'{slips} slips less than {best.error_ms:.3g} ms' if slips > 1 else '1 slip any'
         return (
             f'The cheapest chain costs {best.cost_ms:.1f} ms, but with {less} may be chance, '
