@@ -59,6 +59,8 @@ POLL_S = 0.05
 #: Time, in seconds, for which messages are still received after a node has ended.
 DRAIN_S = 0.5
 
+#: Timeout of the detector's input: from the end of the driver to its own it does not miss samples.
+TIMEOUT_S = 10.0
 
 Floats = NDArray[np.float64]
 
@@ -77,7 +79,10 @@ class NodeProcesses:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.end(*self._processes)
+        for process in reversed(self._processes.values()):  # A node before what it listens to.
+            process.terminate()
+        for process in self._processes.values():
+            process.wait()
 
     def start(self, executable: str, config: Path, *arguments: str, **parameters: object) -> None:
         """Start a node by its executable (see :mod:`slip_detector.nodes.run`)."""
@@ -87,14 +92,6 @@ class NodeProcesses:
         for name, value in parameters.items():
             command += ['-p', f'{name}:={value}']
         self._processes[executable] = subprocess.Popen([*command, '--', *arguments])
-
-    def end(self, *executables: str) -> None:
-        """End nodes, and wait until they have ended."""
-        processes = [self._processes.pop(executable) for executable in executables]
-        for process in processes:
-            process.terminate()
-        for process in processes:
-            process.wait()
 
     def check(self) -> None:
         """Raise a RuntimeError if a node has failed."""
@@ -112,14 +109,9 @@ class NodeProcesses:
             self.check()
             self._receive()
 
-    def wait_for_end(self, executable: str, played: Callable[[], bool] = lambda: False) -> None:
-        """Receive messages until a node has ended without an error, and those still under way.
-
-        The others are ended as soon as all is ``played``: they would report that it is silent.
-        """
+    def wait_for_end(self, executable: str) -> None:
+        """Receive messages until a node has ended without an error, and those still under way."""
         node = self._processes[executable]
-        self.wait_until(lambda: played() or node.poll() == 0)
-        self.end(*(name for name in self._processes if name != executable))
         self.wait_until(lambda: node.poll() == 0)
         deadline_s = time.monotonic() + DRAIN_S
         while time.monotonic() < deadline_s:
@@ -186,12 +178,6 @@ class Recorder(Node):
         """Return whether a message of each of the topics has arrived."""
         return all(self.messages[topic] for topic in topics)
 
-    def has_heard_for(self, topic: str, duration_s: float) -> bool:
-        """Return whether the stamps of a topic with headers span a time, to a millisecond."""
-        heard = self.messages[topic]
-        stamps_ns = [stamp_ns(message.header.stamp) for _, message in heard[:1] + heard[-1:]]
-        return bool(heard) and stamps_ns[-1] - stamps_ns[0] >= (duration_s - 1e-3) * 1e9
-
     def received_s(self, topic: str) -> Floats:
         """Return when the messages of a topic arrived."""
         return np.array([at_ns for at_ns, _ in self.messages[topic]]) * 1e-9
@@ -230,10 +216,8 @@ class Heard(NamedTuple):
         return self.position_stamps_s[moved[0]], self.position_stamps_s[moved[-1] + 1]
 
 
-def _play(
-    arguments: argparse.Namespace, file: Path, config: DetectorConfig, last_s: float
-) -> Heard:
-    """Run both nodes on a scene up to its last sample, and record what they publish."""
+def _play(arguments: argparse.Namespace, file: Path, config: DetectorConfig) -> Heard:
+    """Run both nodes on a scene, and record what they publish."""
     decisions = ['slip', *(f'slip/group/{name}' for name in config.groups)]
     decisions += [f'slip/channel/{name}' for name in config.names]
     topics: dict[str, tuple[Any, QoSProfile]] = {
@@ -242,11 +226,11 @@ def _play(
     topics |= dict.fromkeys(decisions, (Bool, state_qos(depth=1000)))
     recorder = Recorder(NAMESPACE, topics)
     with NodeProcesses(NAMESPACE, recorder.receive) as nodes:
-        nodes.start('slip_detector', file)
+        nodes.start('slip_detector', file, input_timeout_s=TIMEOUT_S)
         nodes.wait_until(lambda: recorder.has_heard(decisions))
         scene = {'scene': arguments.scene, 'seed': arguments.seed, 'loop': 'false'}
         nodes.start('slip_driver', file, source='scene', wait_for_subscribers=2, **scene)
-        nodes.wait_for_end('slip_driver', lambda: recorder.has_heard_for(ENVELOPE, last_s))
+        nodes.wait_for_end('slip_driver')
     if not recorder.messages[ENVELOPE]:
         raise RuntimeError('no decision was received')
     begin_s, changes = recorder.stamps_s('voltages')[0], {}
@@ -341,8 +325,7 @@ def _demonstrate(arguments: argparse.Namespace, picture: Path) -> tuple[dict[str
         print(f'Written: {arguments.record}')
     file = shared_folder() / 'config' / 'slip_detector.yaml'
     config = DetectorConfig.from_yaml(file)
-    # The last sample is a period before the end, or half a period more.
-    heard = _play(arguments, file, config, source.duration_s - 1.5 / source.sample_rate_hz)
+    heard = _play(arguments, file, config)
     result = demo_figures(heard, config)
     states = {topic: states_at(*each, heard.stamps_s) for topic, each in heard.changes.items()}
     groups = {name: states[f'slip/group/{name}'] for name in config.groups}

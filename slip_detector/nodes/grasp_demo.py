@@ -63,11 +63,7 @@ from slip_detector.grasp.comparison import (
     grasp_figures,
 )
 from slip_detector.grasp.loop import TRANSPORT_S, GraspTrial, object_scene, play_trial
-from slip_detector.nodes.demo import (
-    NodeProcesses,
-    Recorder,
-    run_demonstration,
-)
+from slip_detector.nodes.demo import TIMEOUT_S, NodeProcesses, Recorder, run_demonstration
 from slip_detector.nodes.messages import event_qos, sensor_qos, state_qos
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.files import shared_folder, whole_file
@@ -119,27 +115,23 @@ class LiveGraspTrial(NamedTuple):
         return [float(answer[0]) for answer in answers if answer.size and answer[0] < ANSWER_S]
 
 
-def _play_live(
-    recorder: Recorder, seed: int, config: Path, folder: Path, last_s: float
-) -> LiveGraspTrial:
+def _play_live(recorder: Recorder, seed: int, config: Path, folder: Path) -> LiveGraspTrial:
     """Play a scene through a driver, a detector and a controller, each a process of its own.
 
-    The scene of the seed, with a last sample at ``last_s``, is written to the folder. A
-    RuntimeError says that a node has ended before the scene, or that nothing was received.
+    The scene of the seed is written to the folder. A RuntimeError says that a node has ended
+    before the scene, or that nothing was received.
     """
     scene = folder / f'grasp_{seed}.yaml'
     with whole_file(scene) as new:
         new.write_text(yaml.safe_dump(object_scene(seed), sort_keys=False), encoding='utf-8')
-    _say(f'seed {seed} through the nodes: {last_s:.0f} s in real time')
+    _say(f'seed {seed} through the nodes, in real time')
     played = {'source': 'scene', 'scene': scene, 'seed': seed, 'wait_for_grip': 'true'}
     recorder.messages.update({topic: [] for topic in TOPICS})
     with NodeProcesses(NAMESPACE, recorder.receive) as nodes:
-        nodes.start('slip_detector', config)
+        nodes.start('slip_detector', config, input_timeout_s=TIMEOUT_S)
         nodes.start('grasp_controller', config, **commands_of_a_scene())
         nodes.start('slip_driver', config, wait_for_subscribers=2, **played)
-        nodes.wait_for_end(
-            'slip_driver', lambda: recorder.has_heard_for('platform_position', last_s)
-        )
+        nodes.wait_for_end('slip_driver')
     if not recorder.has_heard(('voltages', 'platform_position', 'grip_force')):
         raise RuntimeError('nothing was received of the trial')
     begin_s = recorder.stamps_s('voltages')[0]
@@ -226,8 +218,7 @@ def _demonstrate(arguments: argparse.Namespace, picture: Path) -> tuple[dict[str
     }
     recorder = Recorder(NAMESPACE, TOPICS)
     heard = {
-        seed: _play_live(recorder, seed, config, arguments.out, trial.time_s[-1])
-        for seed, trial in zip(seeds[: arguments.live], trials[CONTROLLER], strict=False)
+        seed: _play_live(recorder, seed, config, arguments.out) for seed in seeds[: arguments.live]
     }
     result = {
         'seeds': seeds,

@@ -205,12 +205,10 @@ class Health:
             (begin_ns, before), (end_ns, rows) = self._points
             # Replayed samples without stamps may have the same one.
             rate_hz = (rows - before) * 1e9 / max(end_ns - begin_ns, 1)
-        if rate_hz is not None and since['bridged'] > STEADY_SHARE * since['rows']:
+        if len(self._noted) > 1 and since['bridged'] > STEADY_SHARE * since['rows']:
             steps_ns = np.diff([stamp_ns for _, _, stamp_ns, *_ in self._noted])
-            rows_hz = 1e9 * np.median([len(rows) for rows, *_ in self._noted])
-            usual_hz = (
-                float(rows_hz / max(np.median(steps_ns), 1.0)) if len(steps_ns) else wanted_hz
-            )
+            usual_rows = float(np.median([len(rows) for rows, *_ in self._noted]))
+            usual_hz = 1e9 * usual_rows / max(float(np.median(steps_ns)), 1.0)
             rate_hz = usual_hz if abs(usual_hz / wanted_hz - 1) > STEADY_ERROR else rate_hz
         all_well, wrong, level = '', '', ERROR
         if self.senders:
@@ -233,11 +231,10 @@ class Health:
             if since[kind]:
                 complaints.append((level, words.format(since[kind])))
         ages_ms = [age_s * 1e3 for *_, age_s, _ in self._noted]
-        age_s = float(np.median(ages_ms)) / 1e3 if ages_ms else 0.0
-        if abs(age_s) > (self.config.max_age_s or AGE_WARNING_S):
-            words = (
-                f'stamps are {abs(age_s):.1f} s {"behind" if age_s > 0 else "ahead of"} the clock'
-            )
+        usual_ms, most_ms = np.percentile(ages_ms or [math.nan], [50, 99])
+        if abs(usual_ms) > 1e3 * (self.config.max_age_s or AGE_WARNING_S):
+            where = 'behind' if usual_ms > 0 else 'ahead of'
+            words = f'stamps are {abs(usual_ms) / 1e3:.1f} s {where} the clock'
             complaints.append((ERROR if self.config.max_age_s else WARN, words))
         if self.stamps != 'regular':
             words = f'stamps are {self.stamps}: rows are counted, and lost ones are not found'
@@ -245,8 +242,8 @@ class Health:
         values = {
             'configured rate [Hz]': f'{wanted_hz:g}',
             'measured rate [Hz]': _number(rate_hz, '.2f'),
-            AGE_KEYS[0]: _number(np.percentile(ages_ms, 50) if ages_ms else None),
-            AGE_KEYS[1]: _number(np.percentile(ages_ms, 99) if ages_ms else None),
+            AGE_KEYS[0]: _number(usual_ms),
+            AGE_KEYS[1]: _number(most_ms),
             'silent for [s]': _number(None if math.isinf(silent_s) else silent_s, '.1f'),
             'samples': str(self.totals['rows']),
             'stamps': self.stamps,
@@ -310,7 +307,7 @@ class Health:
 
 
 def _number(value: float | None, how: str = '.3f') -> str:
-    return '-' if value is None else format(value, how)
+    return '-' if value is None or math.isnan(value) else format(value, how)
 
 
 class Diagnostics:

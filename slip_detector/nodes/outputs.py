@@ -146,11 +146,8 @@ class Outputs:
 
     def end(self) -> None:
         """Publish all decisions as OFF and not valid, whatever was interrupted, and destroy."""
-        self.slip = self.valid = False
-        self._at_ns = 0
-        self.beat()
-        for publisher in self._listeners.values():
-            publisher.publish(self._messages[False])
+        self._flags, self.valid = np.ones_like(self._flags), True
+        self.withdraw()
         self.destroy()
 
     def received(self) -> bool:

@@ -17,7 +17,7 @@
 import itertools
 import sys
 import time
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import Any
 
 from rcl_interfaces.msg import (
@@ -26,7 +26,7 @@ from rcl_interfaces.msg import (
     ParameterDescriptor,
     SetParametersResult,
 )
-from rcl_interfaces.srv import SetParameters
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -83,9 +83,8 @@ def declare(
         if option == '--params-file':
             own |= names_given_to(path, config_class.NODE, node.get_fully_qualified_name())
     given = {
-        name: [] if parameter.type_ == Parameter.Type.NOT_SET else parameter.value
-        for name, parameter in given_parameters(node).items()
-        if _ours(name)
+        each.name: [] if each.type_ == Parameter.Type.NOT_SET else each.value
+        for each in _ours(given_parameters(node))
     }
     values, remarks = config_class.without_strangers(given, own)
     for remark in remarks:
@@ -134,65 +133,58 @@ def follow_changes(
     apply
         Gets the new configuration once the parameters have changed.
     """
-    # What the change that is being checked leads to: a configuration, or why it is refused.
-    outcome: ParameterSet | str = ''
     judge = Judge(check)
 
-    def converted(parameters: list[Parameter]) -> list[Parameter]:
-        """Check the change, and convert numbers to the types of their parameters, as 1 to 1.0.
+    def set_all(parameters: list[Parameter]) -> SetParametersResult:
+        """Set all of them or none; numbers get the types of their parameters, as 1 becomes 1.0.
 
-        rclpy checks types and ranges afterwards, with messages that do not tell what is allowed.
-        If the change is refused here, rclpy therefore gets the present values, which pass, and
-        `checked` returns the message from here.
+        rclpy checks only afterwards: its messages on types and ranges do not tell what is allowed.
         """
-        nonlocal outcome
         try:
-            wanted = [(each.name, each.value) for each in parameters if _ours(each.name)]
-            config = changed(current(), dict(wanted))
+            config = changed(current(), {each.name: each.value for each in _ours(parameters)})
             check(config)
         except ValueError as error:
-            outcome = str(error)
-            return [node.get_parameter_or(each.name, each) for each in parameters]
-        outcome = config
+            return SetParametersResult(successful=False, reason=str(error))
         values = config.to_parameters()
-        return [
-            Parameter(each.name, value=values[each.name]) if each.name in values else each
-            for each in parameters
-        ]
-
-    def checked(parameters: list[Parameter]) -> SetParametersResult:
-        refusal = outcome if isinstance(outcome, str) else ''
-        return SetParametersResult(successful=not refusal, reason=refusal)
+        result = node.set_parameters_atomically(
+            [
+                Parameter(each.name, value=values[each.name]) if each.name in values else each
+                for each in parameters
+            ]
+        )
+        if result.successful:
+            apply(config)
+        return result
 
     def read_only(name: str) -> bool:
         known: bool = node.has_parameter(name) and node.describe_parameter(name).read_only
         return known
 
-    def take(
-        request: SetParameters.Request, response: SetParameters.Response
-    ) -> SetParameters.Response:
+    def take_all(request: Any, response: Any) -> Any:
+        parameters = [Parameter.from_parameter_msg(each) for each in request.parameters]
+        response.result = set_all(parameters)
+        return response
+
+    def take(request: Any, response: Any) -> Any:
         """Set the parameters of a request: each for itself, or together what needs each other."""
         parameters = [Parameter.from_parameter_msg(each) for each in request.parameters]
-        its = [each for each in parameters if _ours(each.name) and not read_only(each.name)]
+        its = [each for each in _ours(parameters) if not read_only(each.name)]
         given = [(each.name, each.value) for each in its]
         taken, refusals = judge.judged(current(), given, time.monotonic())
         if taken:
-            node.set_parameters_atomically([Parameter(n, value=v) for n, v in taken.items()])
-        answers = [SetParametersResult(successful=not text, reason=text) for text in refusals]
+            set_all([Parameter(name, value=value) for name, value in taken.items()])
+        answers = (SetParametersResult(successful=not text, reason=text) for text in refusals)
         for each in parameters:
-            response.results.append(
-                answers.pop(0) if each in its else node.set_parameters_atomically([each])
-            )
+            answer = next(answers) if each in its else node.set_parameters_atomically([each])
+            response.results.append(answer)
         return response
 
-    node.add_pre_set_parameters_callback(converted)
-    node.add_on_set_parameters_callback(checked)
-    node.add_post_set_parameters_callback(lambda parameters: apply(outcome))
+    answer_with(node, SetParametersAtomically, take_all)
     answer_with(node, SetParameters, take)
 
 
-def _ours(name: str) -> bool:
-    return name.partition('.')[0] not in OF_RCLPY
+def _ours(parameters: Iterable[Parameter]) -> list[Parameter]:
+    return [each for each in parameters if each.name.partition('.')[0] not in OF_RCLPY]
 
 
 def _descriptor(

@@ -156,13 +156,13 @@ class SampleExecutor(SingleThreadedExecutor):
         self._due_ns = min([self._look_ns, *(now_ns + ns for ns in untils_ns if ns is not None)])
 
 
-def given_parameters(node: Node) -> dict[str, Parameter]:
-    """Return the parameters that the user gave to a node, by name, declared or not.
+def given_parameters(node: Node) -> list[Parameter]:
+    """Return the parameters that the user gave to a node, declared or not.
 
     rclpy's own methods return only declared ones, so that an unknown name would go unnoticed.
     Relies on ``Node._parameter_overrides``, which ``Node.declare_parameter`` reads.
     """
-    return dict(node._parameter_overrides)
+    return list(node._parameter_overrides.values())
 
 
 def answer_with(node: Node, service_type: type, callback: Callable[..., Any]) -> None:

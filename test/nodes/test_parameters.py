@@ -22,8 +22,7 @@ from rcl_interfaces.srv import GetParameters  # noqa: E402
 from rclpy.node import Node  # noqa: E402
 from rclpy.parameter import Parameter, parameter_value_to_python  # noqa: E402
 
-from slip_detector.nodes.parameters import declare, follow_changes  # noqa: E402
-from slip_detector.parameters.detector import DetectorConfig  # noqa: E402
+from slip_detector.nodes.parameters import declare  # noqa: E402
 from slip_detector.parameters.grasp import GraspConfig  # noqa: E402
 
 NODES = ('slip_driver', 'slip_detector', 'grasp_controller')
@@ -60,17 +59,6 @@ def test_what_was_given_is_declared_and_all_else_has_its_default(make):
     for name, value in config.to_parameters().items():
         assert node.get_parameter(name).value == value
         assert node.describe_parameter(name).read_only
-
-
-def test_a_change_is_taken_as_a_whole_with_numbers_as_their_fields_have_them(make):
-    node = make()
-    taken = [declare(node, DetectorConfig, fixed=('autostart',))]
-    follow_changes(node, lambda: taken[-1], lambda config: None, taken.append)
-    given = [Parameter('threshold', value=2), Parameter('vote', value='mean')]
-    assert node.set_parameters_atomically(given).successful
-    assert len(taken) == 2
-    assert (taken[-1].threshold, taken[-1].vote) == (2.0, 'mean')
-    assert node.get_parameter('threshold').type_ == Parameter.Type.DOUBLE
 
 
 def values_of(bench, node, *names):

@@ -62,8 +62,10 @@ def node(context):
 
 
 def test_parameters_are_given_by_name_before_any_is_declared(node):
-    given = {name: parameter.value for name, parameter in given_parameters(node).items()}
-    assert given == {'declared': 1, 'unknown': 2}
+    assert {each.name: each.value for each in given_parameters(node)} == {
+        'declared': 1,
+        'unknown': 2,
+    }
 
 
 def test_what_cannot_be_done_is_answered_with_no_and_the_node_goes_on(context):

@@ -74,7 +74,8 @@ def test_all_parameters_are_read_and_set_or_refused_as_a_whole(bench, remote_of)
     }.items():
         with pytest.raises(ValueError, match=words):
             set_all(values)
-    some = {'threshold': 1, 'stopbands_hz': [0.5, 7.25], 'channel_names': [], 'noise_floor': [0.5]}
+    some = {'threshold': 1, 'stopbands_hz': [0.5, 7.25], 'channel_names': [], 'vote': 'mean'}
+    some['noise_floor'] = [0.5]
     assert set_all(some) == some
     others = {f'groups.{name}': None for name in ('TP', 'TD', 'LR', 'LU')} | {'channels': 2}
     others |= {'noise_floor': [1, 0.5], 'groups.front': [2, 1]}
