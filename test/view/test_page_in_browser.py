@@ -88,6 +88,7 @@ def test_each_state_is_shown_in_words_and_the_page_fits_any_width(played, violat
         # A screen reader hears the same of the picture.
         named = card(page, label).get_by_role('img', name=f'{label}: {words[0]}')
         expect(named).to_be_visible()
+    expect(card(page, 'none').locator(':is(.groups, .onset):visible')).to_have_count(0)
     page.get_by_text('Keys', exact=True).click()
     # 320 pixels are a laptop's window that is enlarged four times, as WCAG 1.4.10 wants it.
     for name in ('Traces', 'Teach', 'Spectrum', 'Parameters'):

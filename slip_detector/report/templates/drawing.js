@@ -8,12 +8,17 @@ const STRIP = 4;
 const LEVEL_OCTAVES = 5;
 
 const element = (id) => document.getElementById(id);
-const make = (name, text, className) => {
-  const made = document.createElement(name);
-  if (text !== undefined) made.textContent = text;
-  if (className) made.className = className;
+
+// An element: its kind with its classes, as 'p.hint'; texts and elements that it contains; properties.
+function build(kind, ...parts) {
+  const [name, ...classes] = kind.split('.'), made = document.createElement(name);
+  made.className = classes.join(' ');
+  for (const part of parts) {
+    if (typeof part === 'string' || part instanceof Node) made.append(part);
+    else Object.assign(made, part);
+  }
   return made;
-};
+}
 
 function volts(value) {
   const size = Math.abs(value);
@@ -54,15 +59,10 @@ function shade(octaves) {
 }
 
 // The pattern of what is not valid.
-let hatch = null;
-function hatching(context) {
-  if (hatch) return hatch;
-  const tile = Object.assign(make('canvas'), {width: 4, height: 4}), pen = tile.getContext('2d');
-  pen.strokeStyle = '#999';
-  pen.stroke(new Path2D('M0 4 L4 0'));
-  hatch = context.createPattern(tile, 'repeat');
-  return hatch;
-}
+const hatch = build('canvas', {width: 4, height: 4}).getContext('2d');
+hatch.strokeStyle = '#999';
+hatch.stroke(new Path2D('M0 4 L4 0'));
+const HATCHING = hatch.createPattern(hatch.canvas, 'repeat');
 
 // Fill intervals of time. times: their starts and stops, alternately.
 function bars({context, left, right}, xOf, times, top, height, color) {

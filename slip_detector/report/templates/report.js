@@ -1,7 +1,5 @@
 // Navigation in the timeline, the list of events, and the controls.
 
-// ---- navigation
-
 function showSpan(from, to) {
   const least = 10 / now().rate_hz, whole = duration();
   const span = Math.min(Math.max(to - from, least), Math.max(whole, least));
@@ -69,8 +67,6 @@ function readOut(seconds, lane) {
   element('readout').textContent = words.join(' \u00b7 ');
 }
 
-// ---- events
-
 // The events of the kinds that are ticked, each with the numbers of its recording and of itself.
 function ticked() {
   return header.recordings.flatMap((_, r) => (
@@ -84,26 +80,22 @@ function fillList() {
     element('kinds').children[kind].lastChild.textContent = ` ${mark} ${name} (${count})`;
   });
   body.replaceChildren();
-  const row = (cells, key) => {
-    const made = make('tr');
-    made.append(...cells);
+  const row = (key, ...cells) => {
+    const made = body.appendChild(build('tr', ...cells));
     if (key) made.dataset.event = key;
-    body.append(made);
   };
-  const across = (text, className, key) => row([Object.assign(make('td', text, className), {colSpan: 4})], key);
+  const across = (key, text, kind = 'td') => row(key, build(kind, text, {colSpan: 4}));
   const ms = (seconds) => (seconds === null ? '\u2013' : `${(1e3 * seconds).toFixed(0)}\u00a0ms`);
   let above = header.recordings.length > 1 ? null : 0;
   for (const [r, i, [kind, start, end, latency, parts, note]] of ticked()) {
-    if (r !== above) across(header.recordings[r].name, 'name');
+    if (r !== above) across('', header.recordings[r].name, 'td.name');
     above = r;
-    const link = make('a', `${KINDS[kind][1]} ${KINDS[kind][0]}`, `kind-${kind}`), first = make('td');
-    link.href = `#event-${view.variant}-${r}-${i}`;
-    first.append(link);
-    row([first, ...[clock(start), ms(end - start), ms(latency)].map((text) => make('td', text))], `${r}-${i}`);
+    const [name, mark] = KINDS[kind], link = build(`a.kind-${kind}`, `${mark} ${name}`, {href: `#event-${view.variant}-${r}-${i}`});
+    row(`${r}-${i}`, ...[link, clock(start), ms(end - start), ms(latency)].map((cell) => build('td', cell)));
     const where = [...Object.entries(parts).map(([name, s]) => `${name} ${ms(s)}`), note].filter(Boolean);
-    if (where.length) across(where.join(', '), 'where', `${r}-${i}`);
+    if (where.length) across(`${r}-${i}`, where.join(', '), 'td.where');
   }
-  if (!body.children.length) across(all.length ? 'none of the kinds that are ticked' : 'no events');
+  if (!body.children.length) across('', all.length ? 'none of the kinds that are ticked' : 'no events');
   markChosen();
 }
 
@@ -136,8 +128,6 @@ function fromHash() {
   if (header.recordings[r]?.variants[v]?.events[i]) go(v, r, i);
 }
 
-// ---- controls
-
 function choose(what, value) {
   view[what] = value;
   view.chosen = null;
@@ -155,10 +145,9 @@ function choose(what, value) {
 
 // A box or a button of a group with its label; ticked(box) is called when it changes.
 function choice(properties, label, ticked) {
-  const made = make('label'), box = Object.assign(make('input'), properties);
+  const box = build('input', properties);
   box.addEventListener('change', () => ticked(box));
-  made.append(box, label);
-  return made;
+  return build('label', box, label);
 }
 
 function start() {
@@ -170,7 +159,7 @@ function start() {
     {type: 'radio', name: 'variant', value: v, checked: v === view.variant}, ` ${name}`, () => choose('variant', v))));
   element('variant-choice').hidden = names.length < 2;
   element('kinds').append(...KINDS.map((_, kind) => choice(
-    {type: 'checkbox', checked: shown.has(kind)}, make('span', '', `kind-${kind}`), (box) => {
+    {type: 'checkbox', checked: shown.has(kind)}, build(`span.kind-${kind}`), (box) => {
       shown[box.checked ? 'add' : 'delete'](kind);
       fillList();
     })));

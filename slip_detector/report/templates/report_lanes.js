@@ -157,16 +157,11 @@ function clock(seconds, digits = 3) {
   return `${Math.floor(minutes / 60)}:${String(minutes % 60).padStart(2, '0')}:${rest}`;
 }
 
-// The value of a code: octaves above the threshold, or decibels.
-function valueOf(signal, code) {
-  const [low, high] = variantNow().signals[signal];
-  return low + (code - 1) / 254 * (high - low);
-}
-
-// What is at a code of a signal, in words.
+// What is at a code of a signal, in words; its value is octaves above the threshold, or decibels.
 function wordsOf(signal, code) {
-  if (signal !== 'level') return `${signal} ${valueOf(signal, code).toFixed(1)} dB`;
-  const ratio = `${code === 1 ? '\u2264 ' : ''}${(2 ** valueOf(signal, code)).toPrecision(2)}`;
+  const [low, high] = variantNow().signals[signal], value = low + (code - 1) / 254 * (high - low);
+  if (signal !== 'level') return `${signal} ${value.toFixed(1)} dB`;
+  const ratio = `${code === 1 ? '\u2264 ' : ''}${(2 ** value).toPrecision(2)}`;
   return `level / threshold ${code ? ratio : 'not valid'}`;
 }
 
@@ -206,7 +201,7 @@ function lanesOf(found) {
   const height = Math.max(18, Math.min(60, Math.floor((window.innerHeight - 330) / Math.max(left.size, 1))));
   const intervals = (rows, color) => (pen, lane) => bars(pen, xOfRow(pen), rows, lane.top, lane.height - 1, color);
   const channel = (c, name) => ({
-    name, height, channel: c, className: 'channel', curve: true, below: STRIP + 3, paint: paintStrip(found),
+    name, height, channel: c, kind: 'channel', curve: true, below: STRIP + 3, paint: paintStrip(found),
   });
   const lanes = [{name: 'events', height: 16, paint: paintEvents},
     {name: 'label', height: 16, paint: intervals(truth, LABEL)}];
@@ -215,7 +210,7 @@ function lanesOf(found) {
   const {after_impact: afterImpact, groups} = variantNow();
   if (afterImpact.length) lanes.push({name: 'after impact', height: 16, paint: intervals(afterImpact, '#8d99a3')});
   for (const {name, on, members} of groups) {
-    lanes.push({name, height: 14, className: 'group', paint: intervals(on, GROUP_ON)});
+    lanes.push({name, height: 14, kind: 'group', paint: intervals(on, GROUP_ON)});
     for (const c of members.map((member) => member - 1)) {
       left.delete(c);
       lanes.push(channel(c, channels[c]));
@@ -251,7 +246,7 @@ const paintStrip = (found) => (pen, lane) => {
   for (const {row, rows, n, first, stop, signals: {level: levels}} of found) {
     const colorAt = (i) => {
       const code = levels[lane.channel * n + i];
-      return code ? shade((code - THRESHOLD_CODE) / CODES_OF_OCTAVE) : hatching(context);
+      return code ? shade((code - THRESHOLD_CODE) / CODES_OF_OCTAVE) : HATCHING;
     };
     paintRuns(context, lane.top + lane.height - STRIP - 1, STRIP, first, stop, colorAt, (i) => xOf(row + i * rows));
   }

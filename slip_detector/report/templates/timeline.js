@@ -19,7 +19,6 @@ const MOVES = {ArrowLeft: -0.1, ArrowRight: 0.1, PageUp: -0.9, PageDown: 0.9}, Z
 const POINTS = {ArrowLeft: [-0.01, 0], ArrowRight: [0.01, 0], ArrowUp: [0, -1], ArrowDown: [0, 1]};
 
 class Timeline {
-  // root: an empty element.
   // tickText(seconds, digits): the text at a tick, with so many digits after the point.
   // onInterval(from, to, how): the user wants to see another interval; how: 'zoom', 'move', 'choose', or
   // 'whole', with from -Infinity and to Infinity.
@@ -29,7 +28,7 @@ class Timeline {
   constructor(root, {tickText, onInterval, onPoint, onClick = () => {}}) {
     Object.assign(this, {root, tickText, onInterval, onPoint, onClick});
     this.lanes = [];
-    this.names = make('div', undefined, 'lane-names');
+    this.names = build('div.lane-names');
     root.append(this.names);
     root.addEventListener('dblclick', () => onInterval(-Infinity, Infinity, 'whole'));
     root.addEventListener('keydown', (event) => this.onKey(event));
@@ -52,7 +51,6 @@ class Timeline {
     if (this.plot) this.onInterval(at - (at - this.from) * factor, at + (this.to - at) * factor, 'zoom');
   }
 
-  // Move the interval by a share of it.
   move(share) {
     const by = share * (this.to - this.from);
     this.onInterval(this.from + by, this.to + by, 'move');
@@ -78,7 +76,7 @@ class Timeline {
     event.preventDefault();
   }
 
-  // Set the lanes from top to bottom: {name, note, className, height, curve, colors, below, paint, paintAbove}.
+  // Set the lanes from top to bottom: {name, note, kind, height, curve, colors, below, paint, paintAbove}.
   // curve: the number of the lane's curves, true for one. colors: those of its curves, if they are
   // not the usual one. below: pixels that stay free under the curves. paint(pen, lane): paints the
   // rest, under the curves, paintAbove(pen, lane) what is above them, with pen.context; pen.xOf(seconds), pen.right, lane.top and lane.height
@@ -101,11 +99,12 @@ class Timeline {
     this.lanes = lanes;
     this.height = top;
     this.names.replaceChildren(...lanes.map((lane) => {
-      const name = make('div', lane.name, `lane-name ${lane.className ?? ''}`);
+      const name = build('div.lane-name', lane.name);
+      if (lane.kind) name.classList.add(lane.kind);
       Object.assign(name.style, {top: `${lane.top}px`, height: `${lane.height}px`});
       // The colour of a single curve is shown beside the name.
       if (lane.colors?.length === 1) name.style.boxShadow = `inset 4px 0 ${lane.colors[0]}`;
-      if (lane.note && lane.height >= 26) name.append(make('small', lane.note));
+      if (lane.note && lane.height >= 26) name.append(build('small', lane.note));
       return name;
     }));
   }

@@ -42,21 +42,18 @@ function showTitle() {
 function choose(name) {
   wanted = name;
   history.replaceState(null, '', `#${new URLSearchParams({finger: name})}`);
-  show(name);
+  if (name !== chosen) show(name);
 }
 
 function show(name) {
   // Changes of the finger that was shown end before.
   for (const line of [traces.line, ...spectrum.lines.values()]) line.settle();
-  chosen = drawings.finger = name;
-  drawings.refuse('');
+  chosen = name;
   connection.changeView({finger: name ?? ''});
-  parameters.choose(name);
-  teach.choose(name);
+  for (const tool of [parameters, teach, drawings]) tool.choose(name);
   showChosen();
 }
 
-// Mark the card of the chosen finger, and name it in the headings.
 function showChosen() {
   for (const [name, card] of cards) card.mark(name === chosen);
   const finger = cards.get(chosen)?.finger, label = finger?.label ?? `${gone[chosen]}, which is gone`;
@@ -93,8 +90,8 @@ connection.on('fingers', ({fingers, gone: labels}) => {
     });
     cards.set(finger.name, card);
     card.describe(finger);
-    const place = element('fingers').children[i];
-    if (place !== card.root) element('fingers').insertBefore(card.root, place ?? null);
+    const place = element('fingers').children[i] ?? null;
+    if (place !== card.root) element('fingers').insertBefore(card.root, place);
   });
   element('no-finger').hidden = fingers.length > 0;
   const ended = Object.values(gone).join(', ');

@@ -1,7 +1,7 @@
 // The card of one finger: its picture, in which each taxel stands at its place with its level as a fill,
 // its groups, and its state in words.
 
-import {build} from './elements.js';
+import {write} from './elements.js';
 
 // Words and mark of each state; the first that applies is shown. The shapes of the marks tell states
 // apart without colours.
@@ -15,6 +15,8 @@ const STATES = {
 };
 // Shortest time between two updates of the channels in words.
 const WORDS_MS = 1000;
+// Pixels that stay free around the picture.
+const MARGIN = 4;
 // Of diagnostics.
 const LEVELS = [['\u2713', 'all well'], ['\u25b2', 'warning'], ['\u2715', 'error'], ['\u2715', 'stale']];
 const VOTES = {all: 'all of them', mean: 'their geometric mean'};
@@ -48,10 +50,9 @@ export class FingerCard {
     if (described === this.described) return;
     this.described = described;
     this.finger = finger;
-    this.disabled = new Set(finger.disabled);
     this.root.dataset.finger = finger.name;
-    text(this.title, finger.label);
-    text(this.notice, finger.notice);
+    write(this.title, finger.label);
+    write(this.notice, finger.notice);
     this.notice.hidden = !finger.notice;
     this.chips = Object.entries(finger.groups).map(([name, members]) => {
       const count = build('span.count'), chip = build('li.group', build('span.name', name), count);
@@ -74,36 +75,35 @@ export class FingerCard {
     if (!this.finger || !width || !height) return;
     this.context = fitted(this.canvas).context;
     this.painted = null;
-    this.places = placesOf(this.finger.positions_m, width, height, 4);
+    this.places = placesOf(this.finger.positions_m, width, height);
     this.paint();
   }
 
-  // state: {slip, valid, onset_age_s, sample_age_s, unfit, silent} of a frame, and its arrays level, on and
-  // groups of this finger.
+  // The finger's state in a frame, and its arrays there.
   show(state, {level, on, groups}) {
     this.state = state;
     this.channels = Array.from(level, (ratio, c) => ({
-      level: ratio, fill: fillOf(ratio), on: Boolean(on[c]), valid: !Number.isNaN(ratio), disabled: this.disabled.has(c + 1),
+      level: ratio, fill: fillOf(ratio), on: Boolean(on[c]), valid: !Number.isNaN(ratio), disabled: this.finger.disabled.includes(c + 1),
     }));
     this.showState(this.stateName());
     this.chips.forEach(({chip, count, members}, g) => {
       const valid = members.filter((c) => this.channels[c - 1]?.valid);
       const votes = valid.filter((c) => this.channels[c - 1].on).length;
       chip.classList.toggle('on', Boolean(groups[g]));
-      text(count, `${votes}/${valid.length}${groups[g] ? ' ON' : ''}`);
+      write(count, `${votes}/${valid.length}${groups[g] ? ' ON' : ''}`);
     });
-    text(this.onset, this.onsetWords());
+    write(this.onset, this.onsetWords());
     if (performance.now() - this.worded > WORDS_MS) this.showChannels();
     this.paint();
   }
 
-  // Show the level of each channel in words, for users who cannot see the picture.
+  // For users who cannot see the picture.
   showChannels() {
     if (!this.inWords.open || !this.channels) return;
     this.worded = performance.now();
     const {list} = this;
     while (list.children.length > this.channels.length) list.lastChild.remove();
-    this.channels.forEach((_, c) => text(list.children[c] ?? list.appendChild(build('li')), this.wordsOf(c + 1)));
+    this.channels.forEach((_, c) => write(list.children[c] ?? list.appendChild(build('li')), this.wordsOf(c + 1)));
   }
 
   stateName() {
@@ -122,13 +122,13 @@ export class FingerCard {
     }
     const noSample = unfit || (age === null ? 'no sample has come yet' : `no sample for ${seconds(age)}`);
     const veil = {lost: 'as it was last', silent, noInput: noSample}[name] ?? '';
-    text(this.veil, veil);
+    write(this.veil, veil);
     this.veil.hidden = !veil;
     const dead = veil ? [] : this.finger.channels.filter((_, c) => !this.channels[c].valid && !this.channels[c].disabled);
     const deadWords = dead.length ? `${channelWords(dead)} not valid` : '';
     // The line is always there, so that nothing below it moves when a channel fails.
     this.dead.classList.toggle('some', dead.length > 0);
-    text(this.dead, deadWords ? `\u2715 ${deadWords}` : veil ? '' : '\u2713 all channels valid');
+    write(this.dead, deadWords ? `\u2715 ${deadWords}` : veil ? '' : '\u2713 all channels valid');
     this.words = [words, veil, deadWords].filter(Boolean).join(', ');
     const label = `${this.finger.label}: ${this.words}`;
     if (this.canvas.ariaLabel !== label) this.canvas.ariaLabel = label;
@@ -143,9 +143,6 @@ export class FingerCard {
   // lines: [level, name, message] of each diagnostic. What is wrong stands at the top, the worst first, instead of
   // what is well. Of the decisions the badge tells, and sooner.
   showDiagnostics(lines) {
-    const key = JSON.stringify(lines);
-    if (key === this.diagnosed) return;
-    this.diagnosed = key;
     const wrong = lines.filter(([level]) => level).sort(([a], [b]) => b - a);
     const shown = wrong.length ? wrong : lines.filter(([, name]) => name !== 'decisions');
     this.diagnostics.replaceChildren(...shown.map(([level, name, message]) => {
@@ -166,8 +163,16 @@ export class FingerCard {
     const colors = palette(), picture = JSON.stringify([colors.ground, this.channels.map(({level, ...seen}) => seen), this.marked]);
     if (picture === this.painted) return;
     this.painted = picture;
-    this.context.clearRect(0, 0, this.canvas.width, this.canvas.height);
-    paintFinger(this.context, colors, this.places, this.channels, this.marked);
+    const {context, places} = this;
+    context.clearRect(0, 0, this.canvas.width, this.canvas.height);
+    places.forEach((place, c) => paintTaxel(context, colors, place, this.channels[c], c + 1));
+    Object.assign(context, {strokeStyle: colors.focus, lineWidth: 2});
+    context.setLineDash([3, 2]);
+    for (const channel of this.marked) {
+      const {x, y, side} = places[channel - 1], reach = side / 2 + 3;
+      context.strokeRect(x - reach, y - reach, 2 * reach, 2 * reach);
+    }
+    context.setLineDash([]);
   }
 
   channelAt({offsetX, offsetY}) {
@@ -179,12 +184,11 @@ export class FingerCard {
   wordsOf(channel) {
     const {level, on, valid, disabled} = this.channels[channel - 1];
     const group = Object.entries(this.finger.groups).find(([, members]) => members.includes(channel));
-    const state = disabled ? 'disabled' : valid ? `${ratioWords(level)} of the threshold${on ? ', ON' : ''}` : 'not valid';
+    const ratio = level < 0.005 ? 'less than 0.01' : level.toPrecision(2);
+    const state = disabled ? 'disabled' : valid ? `${ratio} of the threshold${on ? ', ON' : ''}` : 'not valid';
     return [this.finger.channels[channel - 1], group && `group ${group[0]}`, state].filter(Boolean).join(', ');
   }
 }
-
-const ratioWords = (level) => (level < 0.005 ? 'less than 0.01' : level.toPrecision(2));
 
 function channelWords(names) {
   const shown = names.slice(0, 4).join(', ');
@@ -197,13 +201,6 @@ function seconds(age) {
   return age < 120 ? `${age.toFixed(0)} s` : `${Math.floor(age / 60)} min`;
 }
 
-// Set a text only if it has changed: a screen reader would read it again, and the browser lay it out.
-function text(element, words) {
-  if (element.textContent !== words) element.textContent = words;
-}
-
-// ---- the picture
-
 // The colours of the style sheet, light or dark, by name.
 function palette() {
   const style = getComputedStyle(document.documentElement);
@@ -213,8 +210,8 @@ function palette() {
 
 // Where taxels are drawn, in pixels: for each channel {x, y, side}, x and y of its middle.
 // positions: [x, y, z] in metres of each channel, no two the same. The two axes along which the finger
-// is largest are shown. margin: pixels that stay free around them.
-function placesOf(positions, width, height, margin = 0) {
+// is largest are shown.
+function placesOf(positions, width, height) {
   const extents = [0, 1, 2].map((axis) => {
     const along = positions.map((position) => position[axis]), least = Math.min(...along);
     return {axis, least, size: Math.max(...along) - least};
@@ -227,7 +224,7 @@ function placesOf(positions, width, height, margin = 0) {
     (found, [other, above]) => Math.min(found, Math.max(Math.abs(x - other), Math.abs(y - above)) || found), smallest), Infinity);
   // The outermost taxels have half a pitch to the edge.
   const spacing = Number.isFinite(pitch) ? pitch : 1;
-  const scale = Math.min((width - 2 * margin) / (across.size + spacing), (height - 2 * margin) / (along.size + spacing));
+  const scale = Math.min((width - 2 * MARGIN) / (across.size + spacing), (height - 2 * MARGIN) / (along.size + spacing));
   const side = Math.min(0.96 * scale * spacing - 1, 56);
   return points.map(([x, y]) => ({
     x: width / 2 + scale * (x - across.size / 2), y: height / 2 - scale * (y - along.size / 2), side,
@@ -238,18 +235,6 @@ function placesOf(positions, width, height, margin = 0) {
 // that can hardly be seen.
 const fillOf = (level) => Math.round(64 * Math.max(0, Math.min(1, 1 + Math.log2(level) / LEVEL_OCTAVES))) / 64;
 
-// Draw all taxels of a finger. states[c]: {fill, on, valid, disabled}. marked: the channels, counted from 1, that are framed.
-function paintFinger(context, colors, places, states, marked) {
-  places.forEach((place, c) => paintTaxel(context, colors, place, states[c], c + 1));
-  Object.assign(context, {strokeStyle: colors.focus, lineWidth: 2});
-  context.setLineDash([3, 2]);
-  for (const channel of marked) {
-    const {x, y, side} = places[channel - 1], reach = side / 2 + 3;
-    context.strokeRect(x - reach, y - reach, 2 * reach, 2 * reach);
-  }
-  context.setLineDash([]);
-}
-
 function paintTaxel(context, colors, {x, y, side}, {fill, on, valid, disabled}, number) {
   const left = x - side / 2, top = y - side / 2;
   const shape = new Path2D();
@@ -259,7 +244,7 @@ function paintTaxel(context, colors, {x, y, side}, {fill, on, valid, disabled}, 
     context.fill(shape);
   };
   fillAll(disabled ? colors.off : !valid ? colors.ground : on ? ON : colors.quiet);
-  if (!disabled && !valid) fillAll(hatching(context));
+  if (!disabled && !valid) fillAll(HATCHING);
   if (!disabled && valid && !on) {
     context.save();
     context.clip(shape);

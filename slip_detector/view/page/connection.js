@@ -22,7 +22,6 @@ function readFrame(buffer) {
 export class Connection extends EventTarget {
   constructor() {
     super();
-    // Why there is no connection; '': there is.
     this.words = null;
     this.checks = 0;
     // By the number of a request, what its answer is passed to.
@@ -78,7 +77,6 @@ export class Connection extends EventTarget {
     };
   }
 
-  // Say why there is no connection.
   async explain(reason) {
     const say = (why) => this.say(`${why}; trying again`);
     if (reason || !this.words) say(reason || UNREACHABLE);

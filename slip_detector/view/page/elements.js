@@ -1,17 +1,6 @@
 // Makes the elements of the page, tabs and announcements. Texts from the robot go into text nodes, never
 // into HTML.
 
-// An element: its kind with its classes, as 'p.hint'; texts and elements that it contains; properties.
-export function build(kind, ...parts) {
-  const [name, ...classes] = kind.split('.');
-  const made = make(name, undefined, classes.join(' '));
-  for (const part of parts) {
-    if (typeof part === 'string' || part instanceof Node) made.append(part);
-    else Object.assign(made, part);
-  }
-  return made;
-}
-
 // A button; properties: those that differ from the usual ones.
 export function button(words, act, properties = {}) {
   const made = build('button', words, {type: 'button', ...properties});
@@ -19,15 +8,17 @@ export function button(words, act, properties = {}) {
   return made;
 }
 
-// Set the text of the element with this id.
-export const write = (id, text) => (element(id).textContent = text);
+// Set the text of an element, or of the one with this id, only if it has changed: a screen reader would read it
+// again, and the browser lay it out.
+export function write(where, words) {
+  const place = typeof where === 'string' ? element(where) : where;
+  if (place.textContent !== words) place.textContent = words;
+}
 
-// A row of a table: its heading, and texts and elements.
 export const tableRow = ([heading, ...cells]) => build('tr', build('th', heading, {scope: 'row'}), ...cells.map((cell) => build('td', cell)));
 
 // A part with controls: the fingers by their labels, requests, and the line that shows why one was refused.
 export class Tool {
-  // line: an element for why a request was refused.
   constructor(connection, line) {
     Object.assign(this, {connection, line});
     this.finger = null;
@@ -36,6 +27,7 @@ export class Tool {
     connection.on('fingers', ({fingers, read_only: readOnly}) => {
       this.labels = Object.fromEntries(fingers.map(({name, label}) => [name, label]));
       this.readOnly = readOnly;
+      if (!(this.finger in this.labels)) this.refuse('');
       this.show();
     });
     connection.on('state', () => {
@@ -48,6 +40,12 @@ export class Tool {
       if (newest !== this.newest) this.refuse('');
       this.newest = newest;
     });
+  }
+
+  choose(finger) {
+    this.finger = finger;
+    this.refuse('');
+    this.show();
   }
 
   // Whether nothing can be changed from here now.
@@ -120,7 +118,6 @@ export function steady(before, [least, most], share, margin = 0) {
 const GATHERED_MS = 1500;
 
 export class News {
-  // region: an element with the role status.
   constructor(region) {
     this.region = region;
     this.announced = new Map();

@@ -1,9 +1,9 @@
 // The parameters of the chosen detector: show, set together, undo, restore those of the file, save.
 // The detector decides what is allowed; its message is shown as it is.
 
-import {PAGE, Tool, build, button, write} from './elements.js';
+import {PAGE, Tool, button, write} from './elements.js';
 
-// The heading of what is changed most often, which stands on top and is open at first; groups are under it.
+// The heading of what is changed most often, which stands on top and is open at first, as groups do.
 const OF_GROUPS = 'Threshold and vote';
 
 export class Parameters extends Tool {
@@ -39,22 +39,23 @@ export class Parameters extends Tool {
       for (const section of this.sections.children) section.open = Boolean(this.search.value) || section.dataset.heading === OF_GROUPS;
       this.show();
     });
+    on('add-group', 'click', () => {
+      const name = element('group-name').value.trim();
+      if (name) this.edit(`groups.${name}`, '');
+      element('group-name').value = '';
+    });
     on('saving', 'submit', () => this.write(false));
     on('replace-file', 'click', () => this.write(true));
     on('file-name', 'input', () => (element('replace-file').hidden = true));
   }
 
-  // Show the parameters of this finger; what was typed for another one stays.
+  // What was typed for another finger stays.
   choose(finger) {
-    if (finger === this.finger) return;
-    this.finger = finger;
-    this.refuse('');
-    this.rows.clear();
-    this.sections.replaceChildren();
+    this.keepRows(new Set());
     element('changes').replaceChildren();
     element('saved').textContent = '';
     element('file-name').value = (this.labels[finger] ?? '').replace(/\W+|__+/g, '_');
-    this.show();
+    super.choose(finger);
   }
 
   refuse(words) {
@@ -81,7 +82,7 @@ export class Parameters extends Tool {
     element('as-in-file').title = differs.length ? `Differs: ${differs.join(', ')}` : 'Nothing differs';
     const enabled = {
       'set-all': usable && n, discard: n, undo: usable && panel.undo, 'as-in-file': usable && differs.length,
-      save: panel && !this.locked, 'replace-file': panel && !this.locked,
+      save: panel && !this.locked, 'replace-file': panel && !this.locked, 'group-name': usable, 'add-group': usable,
     };
     for (const [id, on] of Object.entries(enabled)) element(id).disabled = !on;
     for (const one of this.presets) Object.assign(one, {disabled: !usable, ariaPressed: String(one.value === panel?.preset)});
@@ -98,52 +99,48 @@ export class Parameters extends Tool {
 
   showRows(panel, edits, usable) {
     const shown = panel.headings.flatMap(({heading, parameters}) => parameters.map((parameter) => [heading, parameter]));
-    let names = new Set(shown.map(([, {name}]) => name));
+    const names = new Set(shown.map(([, {name}]) => name));
     for (const [name, text] of edits) {
       if (names.has(name)) continue;
+      if (text === null) {
+        edits.delete(name);
+        continue;
+      }
       // A group to be added has a row, though the detector has no such parameter yet.
-      if (text === null) edits.delete(name);
-      else shown.push([OF_GROUPS, {name}]);
+      shown.push([OF_GROUPS, {name}]);
+      names.add(name);
     }
-    names = new Set(shown.map(([, {name}]) => name));
     for (const [heading, parameter] of shown) {
       const {name, text} = parameter;
       if (edits.get(name) === text) edits.delete(name);
-      this.rowOf(parameter, this.sectionOf(heading)).show(parameter, edits.get(name), usable, panel.file);
+      this.rowOf(heading, parameter).show(parameter, edits.get(name), usable, panel.file);
     }
+    this.keepRows(names);
+    const words = this.search.value.trim().toLowerCase();
+    for (const {root} of this.rows.values()) root.hidden = !root.textContent.toLowerCase().includes(words);
+  }
+
+  // Remove the rows of all other names.
+  keepRows(names) {
     for (const [name, row] of this.rows) {
       if (names.has(name)) continue;
       row.root.remove();
       this.rows.delete(name);
     }
-    const words = this.search.value.trim().toLowerCase();
-    for (const {root} of this.rows.values()) root.hidden = !root.textContent.toLowerCase().includes(words);
-    for (const add of this.sections.querySelectorAll('.add-group :is(input, button)')) add.disabled = !usable;
   }
 
-  sectionOf(heading) {
-    const found = [...this.sections.children].find((section) => section.dataset.heading === heading);
-    if (found) return found;
-    const section = build('details', build('summary', heading), build('div.rows'), {open: heading === OF_GROUPS});
-    section.dataset.heading = heading;
-    if (heading !== OF_GROUPS) return this.sections.appendChild(section);
-    this.sections.prepend(section);
-    const name = build('input', {placeholder: 'name'});
-    section.append(build('p.add-group', build('label', 'New group ', name), button('Add', () => {
-      if (name.value.trim()) this.edit(`groups.${name.value.trim()}`, '');
-      name.value = '';
-    })));
-    return section;
-  }
-
-  rowOf(parameter, section) {
+  rowOf(heading, parameter) {
     const {name} = parameter;
-    if (!this.rows.has(name)) {
-      const row = new ParameterRow(parameter, (text) => this.edit(name, text));
-      this.rows.set(name, row);
-      section.querySelector('.rows').append(row.root);
+    if (this.rows.has(name)) return this.rows.get(name);
+    let section = [...this.sections.children].find(({dataset}) => dataset.heading === heading);
+    if (!section) {
+      section = this.sections.appendChild(build('details', build('summary', heading), build('div.rows')));
+      section.dataset.heading = heading;
     }
-    return this.rows.get(name);
+    const row = new ParameterRow(parameter, (text) => this.edit(name, text));
+    this.rows.set(name, row);
+    section.querySelector('.rows').append(row.root);
+    return row;
   }
 
   // text: what was typed; undefined: keep the detector's value; null: delete the parameter.

@@ -1,6 +1,6 @@
 // A line in a drawing that is dragged, or moved by keys; for screen readers it is a slider.
 
-import {build} from './elements.js';
+import {write} from './elements.js';
 
 // A value moved by keys is set by Enter, or this time after the last key.
 const KEYS_MS = 700;
@@ -31,7 +31,6 @@ export class Slider {
     on('blur', () => this.timer && this.set());
   }
 
-  // Allow the line to be moved, or not.
   allow(allowed) {
     this.root.ariaDisabled = String(!allowed);
   }
@@ -46,7 +45,7 @@ export class Slider {
     if (this.sent && value !== this.sent.before) this.sent = null;
     this.value = value;
     const shown = this.chosen ?? value, words = this.words(shown);
-    if (this.label.textContent !== words) this.label.textContent = words;
+    write(this.label, words);
     Object.assign(this.root, {ariaValueNow: `${shown}`, ariaValueMin: `${least}`, ariaValueMax: `${most}`, ariaValueText: words});
     return shown;
   }
@@ -82,7 +81,6 @@ export class Slider {
     }, SHOWN_MS);
   }
 
-  // Show the detector's value again.
   leave() {
     this.drop();
     this.sent = null;

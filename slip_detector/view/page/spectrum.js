@@ -11,7 +11,6 @@ const LEAST_HZ = 0.1;
 const STEPS = {ArrowLeft: -1, ArrowRight: 1, PageUp: 20, PageDown: -20};
 
 export class SpectrumPanel {
-  // onView(changes), onSet(values): as for Traces.
   constructor({onView, onSet}) {
     Object.assign(this, {onView, onSet});
     this.channel = null;
@@ -32,7 +31,6 @@ export class SpectrumPanel {
     new ResizeObserver(() => this.layOut()).observe(this.frame);
   }
 
-  // Note whether the panel is shown; if not, no spectrum is asked for.
   open(shown) {
     this.shown = shown;
     this.ask();
@@ -75,8 +73,6 @@ export class SpectrumPanel {
     this.draw();
   }
 
-  // ---- the bands
-
   get nyquist() {
     return this.finger.sample_rate_hz / 2;
   }
@@ -99,11 +95,10 @@ export class SpectrumPanel {
 
   updateBands() {
     const edges = this.edges(), names = String(edges.map(({name}) => name));
-    if (names !== this.names) {
+    if (names !== String([...this.lines.keys()])) {
       for (const line of this.lines.values()) line.close();
       this.lines = new Map(edges.map((edge) => [edge.name, this.lineOf(edge)]));
       edges.forEach(({name}, row) => this.lines.get(name).root.style.setProperty('--row', row));
-      this.names = names;
     }
     const {stopbands_hz: stops, mains_hz: mains} = this.finger;
     element('removers').replaceChildren(...stops.map(([low, high], i) => button(
@@ -143,8 +138,6 @@ export class SpectrumPanel {
     };
     return [high || this.nyquist / 2, low].map(upwards).find(([begin, end]) => end > begin * 1.02);
   }
-
-  // ---- drawing
 
   layOut() {
     const width = this.frame.clientWidth;
@@ -186,7 +179,6 @@ export class SpectrumPanel {
     const {now, rest} = this, step = now?.step ?? 1, x = Array.from(now?.density ?? [null], (_, i) => (i + 1) * step);
     const shadow = x.map((hz) => rest?.density[Math.round(hz / rest.step) - 1] ?? null);
     if (now) {
-      // In whole tens of decibels.
       const values = [...now.density, ...(rest?.density ?? [])], most = Math.max(...values), least = Math.max(Math.min(...values), most - 120);
       this.range = steady(this.range, [10 * Math.floor(least / 10 - 0.3), 10 * Math.ceil(most / 10 + 0.3)], 0.6);
     }
@@ -223,7 +215,7 @@ export class SpectrumPanel {
       fill(low, high, STOP);
       // Hatched, too: not by colour alone.
       context.globalAlpha = 0.4;
-      fill(low, high, hatching(context));
+      fill(low, high, HATCHING);
       context.globalAlpha = 1;
     });
     const hum = this.finger.mains_hz && others.at(-1);
@@ -237,8 +229,6 @@ export class SpectrumPanel {
     context.stroke();
     context.restore();
   }
-
-  // ---- words
 
   describe() {
     const name = this.finger.channels[this.channel - 1], {passband_hz: [low, high]} = this.finger;

@@ -24,12 +24,11 @@ export class Columns {
     this.parts = {low: each(), high: each(), level: each(), slip: [[]], truth: [[]]};
   }
 
-  // The end of the newest column, in seconds; null before the first.
+  // Null before the first column.
   get last_s() {
     return this.stop === null ? null : this.stop * this.width_s - this.begun_s;
   }
 
-  // Take a frame's traces and their arrays.
   take(traces, arrays) {
     const came = [traces.samples, traces.levels].filter(({count}) => count);
     if (!came.length) return;
@@ -44,8 +43,7 @@ export class Columns {
     for (const [stream, parts] of Object.entries(PARTS)) {
       for (const [part, name] of Object.entries(parts)) this.put(this.parts[part], traces[stream], arrays[name]);
     }
-    const old = stop - this.base - this.kept;
-    if (old < 0.3 * this.kept) return;
+    const old = Math.max(0, stop - this.base - this.kept);
     this.base += old;
     for (const values of Object.values(this.parts).flat()) values.splice(0, old);
   }
@@ -75,7 +73,6 @@ const WINDOW_S = {least: 0.5, most: 60, first: 10}, LEAST_S = 0.02;
 
 export class Stretch {
   constructor() {
-    // The columns that are shown; null before the first.
     this.columns = null;
     this.goOn(WINDOW_S.first);
   }

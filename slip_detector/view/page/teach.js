@@ -1,7 +1,7 @@
 // Teaching: record rest, slips and taps, tune the detector on them, apply and save. The recordings are
 // on the server; this page only shows them, and may be closed at any time.
 
-import {Tool, build, button, tableRow, write} from './elements.js';
+import {Tool, button, tableRow, write} from './elements.js';
 
 // Period, in milliseconds, at which the page reports that a slip is held; the server ends the slip
 // when the reports stop.
@@ -35,17 +35,12 @@ export class Teach extends Tool {
     });
   }
 
-  // Teach this finger.
   choose(finger) {
-    if (finger === this.finger) return;
     this.release();
-    this.finger = finger;
-    this.refuse('');
+    super.choose(finger);
     this.refresh();
-    this.show();
   }
 
-  // Let the server update the list of recordings.
   refresh() {
     if (this.finger) this.connection.request('recordings', {finger: this.finger});
   }

@@ -1,7 +1,7 @@
 // Volts and levels of the chosen channels over the last seconds, live or paused. Times are in seconds
 // since a whole minute before the first column.
 
-import {build, button, heightFor, steady} from './elements.js';
+import {button, heightFor, steady} from './elements.js';
 import {Slider, rounded} from './slider.js';
 import {Columns, Stretch} from './stretch.js';
 
@@ -44,7 +44,6 @@ export class Traces {
     new ResizeObserver(() => this.layOut()).observe(this.root);
   }
 
-  // Show another finger, or the same with other parameters.
   show(finger) {
     if (finger.name !== this.finger?.name || finger.channels.length !== this.finger.channels.length) {
       this.columns = null;
@@ -63,8 +62,6 @@ export class Traces {
     else this.stretch.goOn();
     this.ask();
   }
-
-  // ---- what the server is asked, and what comes
 
   ask() {
     if (!this.finger) return;
@@ -97,8 +94,6 @@ export class Traces {
     if (samples.count + levels.count) this.draw();
   }
 
-  // ---- drawing
-
   layOut() {
     if (!this.finger || !this.root.clientWidth) return;
     const {channels} = this.chooser, n = channels.length, free = Math.max(heightFor(this.root, 60), 300);
@@ -115,7 +110,7 @@ export class Traces {
       band('slip', ON),
       ...(this.truth ? [band('truth', LABEL)] : []),
       ...channels.map((c, i) => ({
-        name: this.finger.channels[c - 1], className: 'channel', height, curve: 1, colors: [colors[i]],
+        name: this.finger.channels[c - 1], kind: 'channel', height, curve: 1, colors: [colors[i]],
         below: STRIP + 3, channel: i, paint: (pen, lane) => this.paintStrip(pen, lane),
         paintAbove: (pen, lane) => this.paintVolts(pen, lane),
       })),
@@ -126,7 +121,6 @@ export class Traces {
     this.ask();
   }
 
-  // Draw the present state, unless the panel is hidden.
   draw() {
     const {columns, chooser: {channels}} = this;
     if (!this.root.clientWidth || columns?.begun_s == null || String(columns.channels) !== String(channels)) return;
@@ -192,7 +186,7 @@ export class Traces {
     let without = 0, color = null;
     const colorAt = (i) => {
       // Columns between two levels that are to be joined keep the colour.
-      if (level[i] == null) return ++without <= joined ? color : hatching(pen.context);
+      if (level[i] == null) return ++without <= joined ? color : HATCHING;
       without = 0;
       color = shade(Math.log2(level[i] / threshold));
       return color;
@@ -231,8 +225,6 @@ export class Traces {
     }
   }
 
-  // ---- words
-
   tickText(seconds, digits = 3) {
     const total = seconds + (this.columns?.begun_s ?? 0);
     // The time of day if the stamps are dates; simulated time begins at zero.
@@ -270,10 +262,10 @@ export class Traces {
   }
 }
 
-// Which channels of a finger have traces: a button for each, under its group.
 // Most channels that the server sends at once.
 const MOST_CHANNELS = 64;
 
+// Which channels of a finger have traces: a button for each, under its group.
 class ChannelChooser {
   // root: an empty element. onChoose(): called when other channels are chosen.
   constructor(root, onChoose) {
