@@ -20,7 +20,7 @@ rclpy = pytest.importorskip('rclpy', reason='needs rclpy')
 
 from rcl_interfaces.srv import GetParameters  # noqa: E402
 from rclpy.node import Node  # noqa: E402
-from rclpy.parameter import Parameter, parameter_value_to_python  # noqa: E402
+from rclpy.parameter import parameter_value_to_python  # noqa: E402
 
 from slip_detector.nodes.parameters import declare  # noqa: E402
 from slip_detector.parameters.grasp import GraspConfig  # noqa: E402
