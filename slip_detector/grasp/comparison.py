@@ -16,9 +16,10 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slip_detector.evaluation.figures import Bound
 from slip_detector.grasp.loop import GraspTrial
@@ -61,6 +62,12 @@ WANTED: dict[str, dict[str, Bound]] = {
     HALF_RIDGES: {'worst_slide_mm': Bound(high=1.0, strict=True)},
     QUARTER_RIDGES: {'worst_slide_mm': Bound(high=2.1, strict=True)},
 }
+
+
+#: Longest time, in seconds, from an onset to a raise of the grip that counts as the answer to it.
+ANSWER_S = 0.05
+
+Floats = NDArray[np.float64]
 
 
 def conditions(
@@ -154,3 +161,49 @@ def check_wanted(parts: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, 
         condition: {name: bound.verdict(parts[condition][name]) for name, bound in bounds.items()}
         for condition, bounds in WANTED.items()
     }
+
+
+class LiveGraspTrial(NamedTuple):
+    """The messages received in one grasp; times are stamps, relative to the first sample.
+
+    ``position`` has times and the distance that the object has slid in metres, shape (n, 2);
+    ``command`` times and the commanded grip forces in newtons, shape (m, 2); ``onset_s`` are the
+    times of the samples on which slip came on.
+    """
+
+    position: Floats
+    command: Floats
+    onset_s: Floats
+
+    def command_n(self, time_s: Floats) -> Floats:
+        """Return the latest commanded grip force at each time."""
+        last = np.searchsorted(self.command[:, 0], time_s, side='right') - 1
+        return np.asarray(self.command[np.maximum(last, 0), 1])
+
+    def latencies_s(self) -> list[float]:
+        """Return the time from the sample of each onset to the command that answered it.
+
+        An onset during which the last raise still takes effect has no answer and is left out.
+        """
+        raised_s = self.command[1:, 0][np.diff(self.command[:, 1]) > 0.0]
+        answers = [raised_s[raised_s > onset_s][:1] - onset_s for onset_s in self.onset_s]
+        return [float(answer[0]) for answer in answers if answer.size and answer[0] < ANSWER_S]
+
+
+def live_figures(
+    heard: Mapping[int, LiveGraspTrial], trials: Sequence[GraspTrial], limit_n: float
+) -> dict[str, Any]:
+    """Return ``nodes`` and ``latency_ms``; ``trials`` are the same seeds in simulated time."""
+
+    def figures(trial: GraspTrial) -> dict[str, Any]:
+        command_percent = 100.0 * trial.mean_n(trial.command_n) / limit_n
+        return {'slide_mm': trial.slide_mm, 'command_percent': command_percent}
+
+    nodes = {}
+    for (seed, live), trial in zip(heard.items(), trials, strict=True):
+        command_n = live.command_n(trial.time_s)
+        played = trial._replace(position_m=live.position[:, 1], command_n=command_n)
+        nodes[str(seed)] = {**figures(played), 'simulated': figures(trial)}
+    all_ms = [1e3 * latency_s for live in heard.values() for latency_s in live.latencies_s()]
+    latency_ms = {'median': float(np.median(all_ms)), 'most': max(all_ms)} if all_ms else None
+    return {'nodes': nodes, 'latency_ms': latency_ms}

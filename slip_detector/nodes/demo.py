@@ -27,7 +27,7 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import rclpy
@@ -39,7 +39,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from slip_detector.commands.command_line import one_line
-from slip_detector.evaluation.figures import first_on_delay_s, mean_and_sd, percent
+from slip_detector.evaluation.heard import Heard, demo_figures
 from slip_detector.nodes.finger_topics import PolledTopics
 from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos
 from slip_detector.parameters.detector import DetectorConfig
@@ -192,30 +192,6 @@ class Recorder(Node):
         return np.array([getattr(message, field) for _, message in self.messages[topic]])
 
 
-class Heard(NamedTuple):
-    """What a demonstration has heard.
-
-    Times (since the first sample) and volts of the samples, times and positions of the plate, the
-    time from the stamp of each sample to the receipt of its decision, and for each topic of a
-    decision the times at which its state changed, and the new states.
-    """
-
-    stamps_s: Floats
-    volts: Floats
-    position_stamps_s: Floats
-    positions_m: Floats
-    latencies_s: Floats
-    changes: Mapping[str, tuple[Floats, NDArray[np.bool_]]]
-
-    @property
-    def motion_s(self) -> tuple[float, float] | None:
-        """When the plate started and stopped (Eq. 9); None if it did not move."""
-        moved = np.flatnonzero(np.diff(self.positions_m))
-        if not moved.size:
-            return None
-        return self.position_stamps_s[moved[0]], self.position_stamps_s[moved[-1] + 1]
-
-
 def _play(arguments: argparse.Namespace, file: Path, config: DetectorConfig) -> Heard:
     """Run both nodes on a scene, and record what they publish."""
     decisions = ['slip', *(f'slip/group/{name}' for name in config.groups)]
@@ -248,58 +224,6 @@ def _play(arguments: argparse.Namespace, file: Path, config: DetectorConfig) -> 
     )
 
 
-def demo_figures(heard: Heard, config: DetectorConfig) -> dict[str, Any]:
-    """Compute the paper's figures of merit from the received messages.
-
-    A delay begins at the stamp of the last sample at which the plate still stood (Eq. 9) and ends
-    at the receipt of the first ON after it, as a grasp controller would see it. It is None if
-    there is no such ON, or nothing moves.
-    """
-    times_s, moves = heard.stamps_s, heard.motion_s
-    start_s, end_s = moves or (np.inf, np.inf)
-
-    def delay_ms(topic: str) -> float | None:
-        at_s, states = heard.changes[topic]
-        delay_s = first_on_delay_s(states, at_s, start_s)
-        return None if delay_s is None else delay_s * 1e3
-
-    slip = states_at(*heard.changes['slip'], times_s)
-    rest = (times_s < start_s) | (times_s > end_s)
-    channels = {name: delay_ms(f'slip/channel/{name}') for name in config.names}
-    mean, sd = mean_and_sd(channels.values())
-    median, p99 = np.percentile(heard.latencies_s, [50, 99]) * 1e3
-    return {
-        'motion': {'start_s': start_s, 'end_s': end_s} if moves else None,
-        'channel_delay_ms': channels,
-        'mean_delay_ms': mean,
-        'sd_delay_ms': sd,
-        'group_delay_ms': {name: delay_ms(f'slip/group/{name}') for name in config.groups},
-        'global_delay_ms': delay_ms('slip'),
-        'false_positive_percent': percent(int((slip & rest).sum()), int(rest.sum())),
-        'latency_ms': {'median': median, 'p99': p99},
-    }
-
-
-def _demo_table(result: dict[str, Any]) -> str:
-    """Return the figures as text."""
-    from slip_detector.report.tables import number_text, text_table
-
-    figures = {
-        **result['channel_delay_ms'],
-        'mean over the channels': result['mean_delay_ms'],
-        'standard deviation': result['sd_delay_ms'],
-        **result['group_delay_ms'],
-        'slip': result['global_delay_ms'],
-        'latency, median': result['latency_ms']['median'],
-        'latency, p99': result['latency_ms']['p99'],
-        'False positives [% of the rest]': result['false_positive_percent'],
-    }
-    return (
-        'Delay from the start of the plate to the receipt of the first ON, and latency from\n'
-        'sample to receipt of its decision [ms]\n'
-    ) + text_table([(name, number_text(figure, '.2f')) for name, figure in figures.items()])
-
-
 def main() -> None:
     """Entry point of ``slip_demo``."""
     parser = argparse.ArgumentParser(prog='slip_demo', description=__doc__)
@@ -315,6 +239,7 @@ def main() -> None:
 
 def _demonstrate(arguments: argparse.Namespace, picture: Path) -> tuple[dict[str, Any], str]:
     from slip_detector.report.pictures import draw_trial
+    from slip_detector.report.tables import demo_table
 
     # A wrong argument is reported before anything is started.
     source = SceneSource(DriverConfig(scene=arguments.scene, seed=arguments.seed))
@@ -332,7 +257,7 @@ def _demonstrate(arguments: argparse.Namespace, picture: Path) -> tuple[dict[str
     draw_trial(
         picture, heard.stamps_s, heard.volts, config, groups, states['slip'], heard.motion_s
     )
-    return result, _demo_table(result)
+    return result, demo_table(result)
 
 
 if __name__ == '__main__':

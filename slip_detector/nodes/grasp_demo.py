@@ -42,9 +42,8 @@ of the grasps that were played through the nodes.
 
 import argparse
 import sys
-from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import yaml
@@ -58,9 +57,11 @@ from slip_detector.grasp.comparison import (
     CONTROLLER,
     HARDER,
     WANTED,
+    LiveGraspTrial,
     check_wanted,
     conditions,
     grasp_figures,
+    live_figures,
 )
 from slip_detector.grasp.loop import TRANSPORT_S, GraspTrial, object_scene, play_trial
 from slip_detector.nodes.demo import TIMEOUT_S, NodeProcesses, Recorder, run_demonstration
@@ -79,40 +80,10 @@ TOPICS: dict[str, tuple[Any, QoSProfile]] = {
     'slip_onset': (Header, event_qos()),
 }
 
-#: Longest time, in seconds, from an onset to a raise of the grip that counts as the answer to it.
-ANSWER_S = 0.05
-
 #: Index of the object that is drawn, if there are as many; the default one slips five times.
 SHOWN = 2
 
 Floats = NDArray[np.float64]
-
-
-class LiveGraspTrial(NamedTuple):
-    """The messages received in one grasp; times are stamps, relative to the first sample.
-
-    ``position`` has times and the distance that the object has slid in metres, shape (n, 2);
-    ``command`` times and the commanded grip forces in newtons, shape (m, 2); ``onset_s`` are the
-    times of the samples on which slip came on.
-    """
-
-    position: Floats
-    command: Floats
-    onset_s: Floats
-
-    def command_n(self, time_s: Floats) -> Floats:
-        """Return the latest commanded grip force at each time."""
-        last = np.searchsorted(self.command[:, 0], time_s, side='right') - 1
-        return np.asarray(self.command[np.maximum(last, 0), 1])
-
-    def latencies_s(self) -> list[float]:
-        """Return the time from the sample of each onset to the command that answered it.
-
-        An onset during which the last raise still takes effect has no answer and is left out.
-        """
-        raised_s = self.command[1:, 0][np.diff(self.command[:, 1]) > 0.0]
-        answers = [raised_s[raised_s > onset_s][:1] - onset_s for onset_s in self.onset_s]
-        return [float(answer[0]) for answer in answers if answer.size and answer[0] < ANSWER_S]
 
 
 def _play_live(recorder: Recorder, seed: int, config: Path, folder: Path) -> LiveGraspTrial:
@@ -145,25 +116,6 @@ def _play_live(recorder: Recorder, seed: int, config: Path, folder: Path) -> Liv
         course('grip_force', 'effort'),
         recorder.stamps_s('slip_onset') - begin_s,
     )
-
-
-def _live_figures(
-    heard: Mapping[int, LiveGraspTrial], trials: Sequence[GraspTrial], limit_n: float
-) -> dict[str, Any]:
-    """Return ``nodes`` and ``latency_ms``; ``trials`` are the same seeds in simulated time."""
-
-    def figures(trial: GraspTrial) -> dict[str, Any]:
-        command_percent = 100.0 * trial.mean_n(trial.command_n) / limit_n
-        return {'slide_mm': trial.slide_mm, 'command_percent': command_percent}
-
-    nodes = {}
-    for (seed, live), trial in zip(heard.items(), trials, strict=True):
-        command_n = live.command_n(trial.time_s)
-        played = trial._replace(position_m=live.position[:, 1], command_n=command_n)
-        nodes[str(seed)] = {**figures(played), 'simulated': figures(trial)}
-    all_ms = [1e3 * latency_s for live in heard.values() for latency_s in live.latencies_s()]
-    latency_ms = {'median': float(np.median(all_ms)), 'most': max(all_ms)} if all_ms else None
-    return {'nodes': nodes, 'latency_ms': latency_ms}
 
 
 def seed_range(text: str) -> range:
@@ -225,7 +177,7 @@ def _demonstrate(arguments: argparse.Namespace, picture: Path) -> tuple[dict[str
         'conditions': parts,
         'harder': harder,
         'transport_ms': TRANSPORT_S * 1e3,
-        **_live_figures(heard, trials[CONTROLLER][: arguments.live], grasp.limit_n),
+        **live_figures(heard, trials[CONTROLLER][: arguments.live], grasp.limit_n),
         'wanted': check_wanted({**parts, **harder}),
     }
     from slip_detector.report.grasp import draw_grasp, grasp_table

@@ -20,11 +20,13 @@ import numpy as np
 import pytest
 
 from slip_detector.grasp.comparison import (
+    ANSWER_S,
     AT_LIMIT,
     CONTROLLER,
     PAPER,
     UNCONTROLLED,
     WANTED,
+    LiveGraspTrial,
     check_wanted,
     conditions,
     grasp_figures,
@@ -93,3 +95,22 @@ def test_what_is_wanted_is_met_within_its_bound_and_never_when_it_is_not_defined
             for value in (bound.high + 1e-9, None):
                 good[condition][name] = value
                 assert not check_wanted(good)[condition][name]['met']
+
+
+POSITION = np.array([[0.0, 0.0], [1.0, 1e-3]])
+
+
+def test_the_commanded_grip_holds_until_the_next_command():
+    command = np.array([[0.5, 2.0], [1.0, 3.0]])
+    trial = LiveGraspTrial(POSITION, command, np.zeros(0))
+    times_s = np.array([0.0, 0.5, 0.9, 1.0, 7.0])
+    # Before the first command the gripper holds what that one says.
+    assert trial.command_n(times_s).tolist() == [2.0, 2.0, 2.0, 3.0, 3.0]
+
+
+def test_an_onset_is_answered_by_the_next_raise_that_is_soon_enough():
+    command = np.array([[0.0, 2.0], [1.01, 3.0], [1.5, 3.0], [2.0, 2.5], [3.0, 4.0]])
+    onsets_s = np.array([1.0, 1.99, 3.0 - 0.9 * ANSWER_S, 3.0])
+    trial = LiveGraspTrial(POSITION, command, onsets_s)
+    # The grip sinks after the second, and nothing comes after the last.
+    assert trial.latencies_s() == pytest.approx([0.01, 0.9 * ANSWER_S])

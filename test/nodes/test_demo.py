@@ -32,7 +32,7 @@ from support.harness import DEADLINE_S, ROOT
 pytest.importorskip('rclpy', reason='needs rclpy')
 pytest.importorskip('rosbags', reason='needs rosbags')
 
-from slip_detector.nodes.demo import Heard, NodeProcesses, demo_figures
+from slip_detector.nodes.demo import NodeProcesses
 
 
 def played(out, *words):
@@ -74,20 +74,6 @@ def test_the_figures_are_those_of_the_decisions_and_of_the_way_to_this_process(f
     for word in ('ch16', 'TP', 'LU', 'mean', 'slip', 'False positives', 'p99'):
         assert word in finished[1]
     assert (finished[0] / 'demo.png').read_bytes().startswith(b'\x89PNG')
-
-
-def test_where_nothing_moves_delays_are_undefined_and_the_rest_is_told():
-    config, times_s = DetectorConfig(), np.arange(3.0)
-    topics = ['slip', *(f'slip/group/{name}' for name in config.groups)]
-    topics += [f'slip/channel/{name}' for name in config.names]
-    changes = dict.fromkeys(topics, (np.array([0.0, 1.0, 2.0]), np.array([False, True, False])))
-    figures = demo_figures(
-        Heard(times_s, np.zeros((3, 16)), times_s, np.zeros(3), np.full(3, 2e-3), changes), config
-    )
-    assert figures['motion'] is figures['mean_delay_ms'] is figures['global_delay_ms'] is None
-    assert {*figures['channel_delay_ms'].values(), *figures['group_delay_ms'].values()} == {None}
-    assert figures['false_positive_percent'] == pytest.approx(100 / 3)
-    assert figures['latency_ms'] == {'median': 2.0, 'p99': 2.0}
 
 
 def test_the_recording_is_the_trial_with_its_labels(finished):

@@ -19,10 +19,10 @@ import json
 import subprocess
 import sys
 
-import numpy as np
 import pytest
 
 from slip_detector.grasp.comparison import (
+    ANSWER_S,
     CONTROLLER,
     HARDER,
     UNCONTROLLED,
@@ -36,11 +36,7 @@ from slip_detector.parameters.files import shared_folder
 from slip_detector.parameters.grasp import GraspConfig
 from support.harness import compile_nodes
 
-from slip_detector.nodes.grasp_demo import (  # isort: skip, needs rclpy as the harness does
-    ANSWER_S,
-    LiveGraspTrial,
-    seed_range,
-)
+from slip_detector.nodes.grasp_demo import seed_range  # isort: skip, needs rclpy as the harness does
 
 FIRST, LAST, LIVE = 5003, 5004, 1
 SEEDS = [*range(FIRST, LAST + 1)]
@@ -126,22 +122,3 @@ def test_what_makes_no_sense_ends_in_one_line(words, code, said):
     assert done.returncode == code
     assert 'Traceback' not in done.stderr
     assert said in done.stderr.strip().splitlines()[-1]
-
-
-POSITION = np.array([[0.0, 0.0], [1.0, 1e-3]])
-
-
-def test_the_commanded_grip_holds_until_the_next_command():
-    command = np.array([[0.5, 2.0], [1.0, 3.0]])
-    trial = LiveGraspTrial(POSITION, command, np.zeros(0))
-    times_s = np.array([0.0, 0.5, 0.9, 1.0, 7.0])
-    # Before the first command the gripper holds what that one says.
-    assert trial.command_n(times_s).tolist() == [2.0, 2.0, 2.0, 3.0, 3.0]
-
-
-def test_an_onset_is_answered_by_the_next_raise_that_is_soon_enough():
-    command = np.array([[0.0, 2.0], [1.01, 3.0], [1.5, 3.0], [2.0, 2.5], [3.0, 4.0]])
-    onsets_s = np.array([1.0, 1.99, 3.0 - 0.9 * ANSWER_S, 3.0])
-    trial = LiveGraspTrial(POSITION, command, onsets_s)
-    # The grip sinks after the second, and nothing comes after the last.
-    assert trial.latencies_s() == pytest.approx([0.01, 0.9 * ANSWER_S])
