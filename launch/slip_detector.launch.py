@@ -35,7 +35,7 @@ from launch_ros.substitutions import FindPackageShare
 
 from slip_detector.nodes.run import ends_launch
 from slip_detector.parameters.files import find_parameter_file
-from slip_detector.parameters.sets import our_sections
+from slip_detector.parameters.sections import our_sections
 
 
 def set_configs(context):

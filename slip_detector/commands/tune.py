@@ -41,7 +41,7 @@ from slip_detector.commands.workers import (
     workers,
 )
 from slip_detector.parameters.files import check_apart, check_writable, write_yaml
-from slip_detector.parameters.sets import with_parameters
+from slip_detector.parameters.sections import with_parameters
 from slip_detector.report.tables import comparison_table, number_text
 from slip_detector.tuning.learning import learn_from_quiet, learn_from_taps
 from slip_detector.tuning.problem import Candidate, searched

@@ -33,13 +33,8 @@ from rclpy.parameter import Parameter
 from slip_detector.nodes.rclpy_internals import answer_with, given_parameters
 from slip_detector.parameters.changes import Judge, changed
 from slip_detector.parameters.fields import allowed, default_of
-from slip_detector.parameters.sets import (
-    OF_RCLPY,
-    ConfigType,
-    ParameterSet,
-    names_given_to,
-    sections_for_others,
-)
+from slip_detector.parameters.sections import OF_RCLPY, names_given_to, sections_for_others
+from slip_detector.parameters.sets import ConfigType, ParameterSet
 
 #: How a range is described: field of the descriptor, its type, and the number for no upper limit.
 RANGES: dict[type, tuple[str, Any, float]] = {
@@ -86,10 +81,7 @@ def declare(
         each.name: [] if each.type_ == Parameter.Type.NOT_SET else each.value
         for each in _ours(given_parameters(node))
     }
-    values, remarks = config_class.without_strangers(given, own)
-    for remark in remarks:
-        node.get_logger().warning(remark)
-    config = config_class.from_parameters(values)
+    config = config_class.from_parameters(given, own=own, warn=node.get_logger().warning)
     for name, value in config.to_parameters().items():
         read_only = fixed is None or name in fixed
         descriptor = _descriptor(config_class, name, value, read_only)

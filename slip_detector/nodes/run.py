@@ -189,7 +189,7 @@ def _check_namespaces(option: str, names: list[str]) -> None:
 def _check_files() -> None:
     """Read the parameter files before rcl does, whose error messages are hard to understand."""
     from slip_detector.parameters.files import read_yaml
-    from slip_detector.parameters.sets import sections_of
+    from slip_detector.parameters.sections import sections_of
 
     for option, text in pairwise(sys.argv):
         for path in {'--params-file': [text], '--configs': _items(text)}.get(option, []):

@@ -33,13 +33,12 @@ from typing import Any, get_args
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.fields import allowed, default_of, shortened, shown, under_headings
 from slip_detector.parameters.files import read_yaml, shared_folder, writable_folder, write_yaml
-from slip_detector.parameters.sets import (
+from slip_detector.parameters.sections import (
     ALL,
     OF_RCLPY,
     matches,
     node_of,
     nodes_that_know,
-    read_parameter_file,
     sections_of,
 )
 from slip_detector.view.detectors import Change, ParameterPanel, to_decide_as
@@ -124,8 +123,7 @@ class ParameterRequests:
     def _read_file(self, name: str) -> None:
         """Read the present content of a detector's file."""
         if file := self._file_of(name):
-            values = read_parameter_file(file, DetectorConfig.NODE, running=name)
-            config, panel = DetectorConfig.from_parameters(values, str(file)), self._panel(name)
+            config, panel = DetectorConfig.from_yaml(file, name), self._panel(name)
             panel.file_values = config.to_parameters()
             panel.version += 1
 

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from slip_detector.parameters import DetectorConfig, DriverConfig, GraspConfig, TuneConfig
 from slip_detector.parameters.files import read_yaml, shared_folder
-from slip_detector.parameters.sets import our_sections
+from slip_detector.parameters.sections import our_sections
 from slip_detector.recordings.labels import read_labels
 from support.fuzzing import fuzz, put
 from support.mutations import mutated_text

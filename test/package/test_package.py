@@ -28,7 +28,7 @@ from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.files import read_yaml
 from slip_detector.parameters.grasp import GraspConfig
-from slip_detector.parameters.sets import SECTIONS
+from slip_detector.parameters.sections import SECTIONS
 
 ROOT = Path(__file__).resolve().parents[2]
 SOURCES = sorted((ROOT / 'slip_detector').rglob('*.py'))

@@ -21,7 +21,7 @@ import pytest
 from slip_detector.parameters import DetectorConfig
 from slip_detector.parameters.changes import WAIT_S, Judge, changed
 from slip_detector.parameters.files import shared_folder
-from slip_detector.parameters.sets import read_parameter_file
+from slip_detector.parameters.sections import parameters_for
 from support.config_cases import message_of
 
 FILES = {path.stem: path for path in sorted((shared_folder() / 'config').glob('*.yaml'))}
@@ -52,7 +52,7 @@ def test_groups_can_be_added_and_deleted_and_nothing_else_can():
 @pytest.mark.parametrize('old', FILES)
 def test_each_file_is_loaded_onto_each_other_as_a_whole_or_not_at_all(old, new, order):
     config = DetectorConfig.from_yaml(FILES[old])
-    values = ORDERS[order]([*read_parameter_file(FILES[new], 'slip_detector').items()])
+    values = ORDERS[order]([*parameters_for(FILES[new], 'slip_detector')[0].items()])
     taken, refusals = judge().judged(config, values, 0.0)
     # The file says nothing of what another sensor needed: it stays as it was, and does not fit.
     if (old, new) != ('xela_uskin', 'xela_uskin') and old == 'xela_uskin':

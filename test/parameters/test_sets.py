@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Sets of parameters: names, copies, and ROS parameter files, whose sections a node reads."""
+"""Sets of parameters: names, copies, and values that are written to YAML and read back."""
 
 import dataclasses
 import re
@@ -22,27 +22,9 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.parameters import ChainConfig, DetectorConfig, DriverConfig, GraspConfig
+from slip_detector.parameters import ChainConfig, DetectorConfig, DriverConfig
 from slip_detector.parameters.fields import default_of
-from slip_detector.parameters.files import write_yaml
-from slip_detector.parameters.sets import (
-    names_given_to,
-    read_parameter_file,
-    sections_for_others,
-    with_parameters,
-)
 from support.config_cases import SETS, message_of
-
-
-@pytest.fixture
-def write(tmp_path):
-    def to_file(text):
-        path = tmp_path / 'finger.yaml'
-        path.write_text(text, encoding='utf-8')
-        return path
-
-    return to_file
-
 
 # --- names and values ------------------------------------------------------------------------
 
@@ -70,12 +52,6 @@ def test_an_unknown_parameter_is_an_error_that_suggests_a_near_name(name, hint):
     message = message_of(ChainConfig.from_parameters, {'gain': 1.0, name: 0.7}, 'a.yaml')
     assert message.startswith(f'a.yaml: unknown parameter {name} = 0.7; ')
     assert hint in message
-
-
-@pytest.mark.parametrize('names', [('groups', 'groups.new'), ('groups.new', 'groups')])
-def test_groups_are_given_whole_or_one_by_one(names):
-    message = message_of(ChainConfig.from_parameters, {name: [1] for name in names})
-    assert message == 'parameter groups is given beside groups.<name>, allowed: one of both'
 
 
 #: By the end of a parameter's name, the longer first.
@@ -125,9 +101,10 @@ def test_parameters_written_to_yaml_are_read_back_equal(
 
 
 @pytest.mark.parametrize('kind', SETS)
-def test_the_defaults_written_to_yaml_are_a_ros_parameter_file(kind, write):
-    text = kind().to_yaml()
-    assert kind.from_yaml(write(text)) == kind()
+def test_the_defaults_written_to_yaml_are_a_ros_parameter_file(kind, tmp_path):
+    text, path = kind().to_yaml(), tmp_path / 'a.yaml'
+    path.write_text(text)
+    assert kind.from_yaml(path) == kind()
     ((section, content),) = yaml.safe_load(text).items()
     assert section == f'/**/{kind.NODE}'
     assert list(content['ros__parameters']) == [field.name for field in dataclasses.fields(kind)]
@@ -136,132 +113,3 @@ def test_the_defaults_written_to_yaml_are_a_ros_parameter_file(kind, write):
         items = value if isinstance(value, list) else [value]
         assert len({type(item) for item in items}) <= 1, name
         assert all(isinstance(item, (bool, int, float, str)) for item in items), name
-
-
-def test_changes_override_every_section_and_all_else_stays(write, tmp_path):
-    path = write(
-        '/**/slip_detector:\n  ros__parameters: {noise_floor: [0.7], gain: 50.0}\n'
-        'slip_driver:\n  ros__parameters: {seed: 3}\n'
-        '/**:\n  ros__parameters: {noise_floor: [0.9]}\n'
-    )
-    document = with_parameters(path, {'noise_floor': [0.2]})
-    new = tmp_path / 'new.yaml'
-    write_yaml(new, document, ['Tuned.', ''])
-    text = new.read_text()
-    assert text.startswith('# Tuned.\n#\n')
-    # ROS reads no aliases.
-    assert '*' not in text.replace('/**', '')
-    assert ChainConfig.from_yaml(new) == ChainConfig(noise_floor=0.2, gain=50.0)
-    assert yaml.safe_load(text)['slip_driver'] == {'ros__parameters': {'seed': 3}}
-
-
-def test_a_file_without_the_section_of_the_detector_gets_one(write):
-    path = write('slip_driver:\n  ros__parameters: {seed: 3}\n')
-    document = with_parameters(path, {'threshold': 0.2})
-    assert document['/**/slip_detector'] == {'ros__parameters': {'threshold': 0.2}}
-
-
-# --- sections of files -------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    'section', ['slip_detector', '/left/slip_detector', '/**/slip_detector', '/**']
-)
-def test_the_section_of_the_node_is_read_in_any_namespace(write, section):
-    path = write(f'{section}:\n  ros__parameters: {{threshold: 1e3, heartbeat_hz: 5}}\n')
-    assert DetectorConfig.from_yaml(path) == DetectorConfig(threshold=1000.0, heartbeat_hz=5.0)
-    # The chain is read from the same section.
-    assert ChainConfig.from_yaml(str(path)) == ChainConfig(threshold=1000.0)
-
-
-def test_sections_for_all_nodes_count_and_those_of_other_nodes_do_not(write):
-    path = write(
-        """
-        slip_driver: {ros__parameters: {seed: 3}}
-        /**: {ros__parameters: {channels: 2, limit_n: 8.0, use_sim_time: true}}
-        my_slip_detector: {ros__parameters: {threshold: nonsense}}
-        finger: {slip_detector: {ros__parameters: {groups: {left: [1], right: [2]}}}}
-        """
-    )
-    assert DetectorConfig.from_yaml(path).groups == {'left': (1,), 'right': (2,)}
-    assert DriverConfig.from_yaml(path) == DriverConfig(seed=3, channels=2)
-    assert GraspConfig.from_yaml(path) == GraspConfig(limit_n=8.0)
-    assert names_given_to(path, 'slip_detector', '/finger/slip_detector') == {
-        'groups.left',
-        'groups.right',
-    }
-
-
-def test_of_the_robots_parameters_only_what_is_nearly_ours_is_told(write, caplog):
-    path = write(
-        """
-        /**:
-          ros__parameters:
-            {robot_name: a, rate: {arm: 9}, sed: 1, pakcet_scale: 1, qos_overrides: {/tf: 1}}
-        slip_driver: {ros__parameters: {loop: true}}
-        """
-    )
-    assert DriverConfig.from_yaml(path) == DriverConfig(loop=True)
-    assert caplog.messages == [
-        f'{path}: left out: parameter {label}, given to all nodes; {hint}'
-        for label, hint in (
-            ('sed = 1', 'did you mean seed?'),
-            ('pakcet_scale = 1', 'did you mean packet_scale_v?'),
-            ('qos_overrides./tf = 1', 'the quality of service of the topics cannot be changed'),
-        )
-    ]
-    path = write(
-        '/**: {ros__parameters: {robot_name: a}}\n'
-        'slip_driver: {ros__parameters: {robot_name: b}}\n'
-    )
-    assert 'unknown parameter robot_name = ' in message_of(DriverConfig.from_yaml, path)
-
-
-def test_a_running_node_has_what_ros_would_give_it(write):
-    path = write(
-        """
-        /**/slip_detector: {ros__parameters: {threshold: 0.3, gain: 5.0}}
-        /thumb/slip_detector: {ros__parameters: {threshold: 0.4}}
-        /index/slip_detector: {ros__parameters: {threshold: 0.6}}
-        /**: {ros__parameters: {seed: 3, heartbeat_hz: 20.0}}
-        """
-    )
-    common = {'gain': 5.0, 'heartbeat_hz': 20.0}
-    for finger, threshold in (('thumb', 0.4), ('index', 0.6), ('little', 0.3)):
-        name = f'/{finger}/slip_detector'
-        values = read_parameter_file(path, 'slip_detector', running=name)
-        assert values == {'threshold': threshold, **common}
-    assert names_given_to(path, 'slip_detector', '/little/slip_detector') == {'threshold', 'gain'}
-    nodes = ['/thumb/slip_detector', '/little/slip_detector']
-    assert sections_for_others(path, 'slip_detector', nodes) == ['/index/slip_detector']
-    said = 'has sections for /thumb/slip_detector, /index/slip_detector, allowed: one namespace'
-    assert message_of(ChainConfig.from_yaml, path) == f'{path}: {said}'
-
-
-def test_a_file_with_sections_for_other_names_of_the_node_is_refused(write):
-    path = write('/thumb/slip_driver: {ros__parameters: {seed: 3}}\n')
-    message = message_of(names_given_to, path, 'slip_driver', '/index/slip_driver')
-    assert message == (
-        f'{path}: has sections for /thumb/slip_driver, none for this node, /index/slip_driver, '
-        'allowed: /index/slip_driver or /**/slip_driver'
-    )
-
-
-@pytest.mark.parametrize(
-    ('text', 'said'),
-    [
-        ('slip_driver: {seed: 3}', 'section slip_driver/seed has no names under ros__parameters'),
-        ('slip_driver:', 'section slip_driver has no names under ros__parameters'),
-        ('slip_driver: {ros__parameters: [1]}', 'section slip_driver has no names under ros__'),
-        ('/camera: {ros__parameters: {gain: 3.0}}', 'has no section of this package, allowed: '),
-        ('slip_driver: {ros__parameters: {seed: -1}}', 'parameter seed is -1, allowed: 0 to'),
-        ('slip_driver: {ros__parameters: {sed: 1}}', 'unknown parameter sed = 1; did you mean'),
-        (
-            'slip_driver: {ros__parameters: {qos_overrides: {/slip: {publisher: {depth: 1}}}}}',
-            'unknown parameter qos_overrides./slip.publisher.depth = 1; the quality of service',
-        ),
-    ],
-)
-def test_a_bad_section_is_an_error_that_names_the_file(write, text, said):
-    path = write(text)
-    assert message_of(DriverConfig.from_yaml, path).startswith(f'{path}: {said}')

@@ -17,7 +17,7 @@
 import pytest
 
 from slip_detector.parameters import ChainConfig, RecordingConfig
-from slip_detector.parameters.sets import SECTIONS
+from slip_detector.parameters.sections import SECTIONS
 
 SETS = (ChainConfig, RecordingConfig, *SECTIONS.values())
 

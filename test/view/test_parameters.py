@@ -24,7 +24,6 @@ from view.test_detectors import VALUES, panel_of
 
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
-from slip_detector.parameters.sets import read_parameter_file
 from slip_detector.view.parameters import (
     OF_ROS,
     PRESETS,
@@ -190,9 +189,7 @@ def written(tmp_path, configs, given_file=None):
 
 
 def read(path, node):
-    return DetectorConfig.from_parameters(
-        read_parameter_file(path, 'slip_detector', running=node), str(path)
-    )
+    return DetectorConfig.from_yaml(path, node)
 
 
 @given(chain=configs())

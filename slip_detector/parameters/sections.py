@@ -1,0 +1,273 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""ROS parameter files: which of their sections are for which node or command."""
+
+import re
+from collections.abc import Collection, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from slip_detector.parameters.files import read_yaml
+
+#: The parameter set of each section of a parameter file, by the name of its node or command. The
+#: definition of a set's class enters it here, in place of a base class with the same node, as
+#: ``DetectorConfig`` replaces ``ChainConfig``.
+SECTIONS: dict[str, Any] = {}
+
+
+#: Full name and parameters of a section. ``**`` in the name stands for any namespaces, or for all
+#: nodes; names of parameters may be nested.
+Section = tuple[str, dict[str, Any]]
+
+#: Parameters that rclpy itself declares and reads for every node.
+OF_RCLPY = ('use_sim_time', 'start_type_description_service')
+
+#: What stands in place of a node's name in a section for all nodes.
+ALL = ('**', '*')
+
+
+def node_of(section: str) -> str:
+    """Return the node that a section is for, without namespace; one of :data:`ALL` means all."""
+    return section.rsplit('/', 1)[-1]
+
+
+def matches(section: str, node: str) -> bool:
+    """Return whether a section of a parameter file is for a node, by the rules of ROS.
+
+    Examples
+    --------
+    >>> node = '/index/slip_driver'
+    >>> [matches(name, node) for name in ('/**/slip_driver', '/*/slip_driver', '/**')]
+    [True, True, True]
+    >>> [matches(name, node) for name in ('slip_driver', '/thumb/slip_driver')]
+    [False, False]
+    """
+    pattern = re.escape(f'/{section.lstrip("/")}')
+    pattern = pattern.replace(r'/\*\*', r'(/\w+)*').replace(r'/\*', r'(/\w+)')
+    return re.fullmatch(pattern, node) is not None
+
+
+def sections_of(document: Mapping[str, Any], path: object, above: str = '') -> Iterator[Section]:
+    """Yield the sections of the content of a ROS parameter file.
+
+    Parameters
+    ----------
+    document
+        The content of the file.
+    path
+        The file, for messages.
+    above
+        Names of the mappings around the document, joined by ``/``.
+
+    Raises
+    ------
+    ValueError
+        When a section has no parameters; names the file and the section.
+
+    Examples
+    --------
+    >>> document = {'hand': {'slip_driver': {'ros__parameters': {'seed': 3}}}}
+    >>> list(sections_of(document, 'hand.yaml'))
+    [('hand/slip_driver', {'seed': 3})]
+    """
+    for name, content in document.items():
+        section = f'{above}/{name}' if above else str(name)
+        own = content.get('ros__parameters', content) if isinstance(content, dict) else None
+        if not isinstance(own, dict) or not content:
+            raise ValueError(f'{path}: section {section} has no names under ros__parameters')
+        if own is content:
+            yield from sections_of(content, path, section)
+        else:
+            yield section, own
+
+
+def our_sections(path: str | Path) -> list[Section]:
+    """Return the sections of a ROS parameter file for nodes and commands of this package.
+
+    Raises
+    ------
+    ValueError
+        When the file is missing, is not a ROS parameter file, or has no such section; names the
+        file.
+
+    Examples
+    --------
+    >>> import slip_detector.parameters
+    >>> from slip_detector.parameters.files import shared_folder
+    >>> [name for name, _ in our_sections(shared_folder() / 'config' / 'grasp.yaml')]
+    ['/**/slip_detector', '/**/grasp_controller', '/**/slip_driver']
+    """
+    every = sections_of(read_yaml(path), path)
+    ours = [section for section in every if node_of(section[0]) in (*SECTIONS, *ALL)]
+    if not ours:
+        raise ValueError(f'{path}: has no section of this package, allowed: {", ".join(SECTIONS)}')
+    return ours
+
+
+def parameters_for(path: str | Path, node: str) -> tuple[dict[str, Any], set[str]]:
+    """Return the parameters that a ROS parameter file has for a node of this package.
+
+    Parameters
+    ----------
+    path
+        The YAML file.
+    node
+        Name of the node: in full, or without namespace for the sections in any namespace.
+
+    Returns
+    -------
+    dict
+        Flat names (``groups.TP``) and values, without the parameters of rclpy.
+    set
+        Those of the names that are given to this node, and not to all nodes.
+
+    Raises
+    ------
+    ValueError
+        When the file is missing, is not a ROS parameter file, or has sections for the node in
+        several namespaces and the name does not tell which.
+
+    Examples
+    --------
+    >>> import slip_detector.parameters
+    >>> from slip_detector.parameters.files import shared_folder
+    >>> file = shared_folder() / 'config' / 'slip_detector.yaml'
+    >>> parameters_for(file, 'slip_detector')[0]['groups.TP']
+    [14, 16, 11, 9]
+    """
+    if node.startswith('/'):
+        sections = [each for each in sections_of(read_yaml(path), path) if matches(each[0], node)]
+    else:
+        sections = [each for each in our_sections(path) if node_of(each[0]) in (node, *ALL)]
+        named = [name for name, _ in sections if '*' not in name]
+        if len(named) > 1:
+            raise ValueError(
+                f'{path}: has sections for {", ".join(named)}, allowed: one namespace'
+            )
+    values: dict[str, Any] = {}
+    own: set[str] = set()
+    for name, parameters in sections:
+        its = flattened(parameters)
+        values |= its
+        own |= set() if node_of(name) in ALL else its.keys()
+    return {name: value for name, value in values.items() if name not in OF_RCLPY}, own
+
+
+def names_given_to(path: str | Path, executable: str, node: str) -> set[str]:
+    """Return the names that a parameter file gives to a node, by its full name, not to all nodes.
+
+    ROS ignores sections that do not match, so that the node would run with its defaults.
+
+    Raises
+    ------
+    ValueError
+        When all sections for the executable, the default name of the node, are for nodes of other
+        names, or no section is for this package.
+    """
+    _, own = parameters_for(path, node)
+    ours = [] if own else [name for name, _ in our_sections(path) if node_of(name) == executable]
+    if ours:
+        raise ValueError(
+            f'{path}: has sections for {", ".join(ours)}, none for this node, {node}, allowed: '
+            f'{node} or /**/{node_of(node)}'
+        )
+    return own
+
+
+def sections_for_others(path: str | Path, executable: str, nodes: Collection[str]) -> list[str]:
+    """Return the sections of a parameter file for nodes of an executable, but for none of these.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     file = Path(folder) / 'hand.yaml'
+    ...     _ = file.write_text('/ringg/slip_driver: {ros__parameters: {seed: 3}}')
+    ...     sections_for_others(file, 'slip_driver', ['/ring/slip_driver'])
+    ['/ringg/slip_driver']
+    """
+    kinds = {executable, *map(node_of, nodes)}
+    names = [name for name, _ in sections_of(read_yaml(path), path) if node_of(name) in kinds]
+    return [name for name in names if not any(matches(name, node) for node in nodes)]
+
+
+def flattened(values: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
+    """Return values by their names with points.
+
+    Examples
+    --------
+    >>> flattened({'threshold': 0.5, 'groups': {'TP': [1, 2]}})
+    {'threshold': 0.5, 'groups.TP': [1, 2]}
+    """
+    flat: dict[str, Any] = {}
+    for key, value in values.items():
+        name = f'{prefix}{key}'
+        flat |= flattened(value, f'{name}.') if isinstance(value, Mapping) else {name: value}
+    return flat
+
+
+def nodes_that_know(name: str) -> list[str]:
+    """Return the nodes and commands of this package that have a parameter.
+
+    Examples
+    --------
+    >>> import slip_detector.parameters
+    >>> nodes_that_know('sample_rate_hz'), nodes_that_know('channels')
+    (['slip_detector'], ['slip_detector', 'slip_driver'])
+    """
+    head = name.partition('.')[0]
+    return [node for node, its in SECTIONS.items() if head in its.__dataclass_fields__]
+
+
+def with_parameters(given: str | Path | None, changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the content of a parameter file with changed values for the detector.
+
+    Parameters
+    ----------
+    given
+        The file to start from; None: the defaults of the detector.
+    changes
+        New values by the name of the parameter, in the form that ROS uses (flat lists).
+
+    Returns
+    -------
+    dict
+        The whole document, with the sections of other nodes but without comments.
+
+    Raises
+    ------
+    ValueError
+        When the file cannot be read; names it.
+
+    Examples
+    --------
+    >>> import slip_detector.parameters
+    >>> document = with_parameters(None, {'threshold': 0.25})
+    >>> document['/**/slip_detector']['ros__parameters']['threshold']
+    0.25
+    """
+    detector = SECTIONS['slip_detector']
+    document: dict[str, Any] = detector().to_document() if given is None else read_yaml(given)
+    sections = list(sections_of(document, given))
+    own = [parameters for name, parameters in sections if node_of(name) == detector.NODE]
+    if not own:
+        own = [{}]
+        document[f'/**/{detector.NODE}'] = {'ros__parameters': own[0]}
+    for name, parameters in sections:
+        # A section for all nodes that comes after the detector's would override it.
+        if node_of(name) in ALL:
+            parameters.update({key: changes[key] for key in changes if key in parameters})
+    own[-1].update(changes)
+    return document

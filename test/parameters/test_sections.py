@@ -1,0 +1,161 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Sections of ROS parameter files: which of them a node reads, and what is written to them."""
+
+import pytest
+import yaml
+
+from slip_detector.parameters import ChainConfig, DetectorConfig, DriverConfig, GraspConfig
+from slip_detector.parameters.files import write_yaml
+from slip_detector.parameters.sections import (
+    names_given_to,
+    sections_for_others,
+    with_parameters,
+)
+from support.config_cases import message_of
+
+
+@pytest.fixture
+def write(tmp_path):
+    def to_file(text):
+        path = tmp_path / 'finger.yaml'
+        path.write_text(text, encoding='utf-8')
+        return path
+
+    return to_file
+
+
+@pytest.mark.parametrize(
+    'section', ['slip_detector', '/left/slip_detector', '/**/slip_detector', '/**']
+)
+def test_the_section_of_the_node_is_read_in_any_namespace(write, section):
+    path = write(f'{section}:\n  ros__parameters: {{threshold: 1e3, heartbeat_hz: 5}}\n')
+    assert DetectorConfig.from_yaml(path) == DetectorConfig(threshold=1000.0, heartbeat_hz=5.0)
+    # The chain is read from the same section.
+    assert ChainConfig.from_yaml(str(path)) == ChainConfig(threshold=1000.0)
+
+
+def test_sections_for_all_nodes_count_and_those_of_other_nodes_do_not(write):
+    path = write(
+        """
+        slip_driver: {ros__parameters: {seed: 3}}
+        /**: {ros__parameters: {channels: 2, limit_n: 8.0, use_sim_time: true}}
+        my_slip_detector: {ros__parameters: {threshold: nonsense}}
+        finger: {slip_detector: {ros__parameters: {groups: {left: [1], right: [2]}}}}
+        """
+    )
+    assert DetectorConfig.from_yaml(path).groups == {'left': (1,), 'right': (2,)}
+    assert DriverConfig.from_yaml(path) == DriverConfig(seed=3, channels=2)
+    assert GraspConfig.from_yaml(path) == GraspConfig(limit_n=8.0)
+    assert names_given_to(path, 'slip_detector', '/finger/slip_detector') == {
+        'groups.left',
+        'groups.right',
+    }
+
+
+def test_of_the_robots_parameters_only_what_is_nearly_ours_is_told(write, caplog):
+    path = write(
+        """
+        /**:
+          ros__parameters:
+            {robot_name: a, rate: {arm: 9}, sed: 1, pakcet_scale: 1, qos_overrides: {/tf: 1}}
+        slip_driver: {ros__parameters: {loop: true}}
+        """
+    )
+    assert DriverConfig.from_yaml(path) == DriverConfig(loop=True)
+    assert caplog.messages == [
+        f'{path}: left out: parameter {label}, given to all nodes; {hint}'
+        for label, hint in (
+            ('sed = 1', 'did you mean seed?'),
+            ('pakcet_scale = 1', 'did you mean packet_scale_v?'),
+            ('qos_overrides./tf = 1', 'the quality of service of the topics cannot be changed'),
+        )
+    ]
+    path = write(
+        '/**: {ros__parameters: {robot_name: a}}\n'
+        'slip_driver: {ros__parameters: {robot_name: b}}\n'
+    )
+    assert 'unknown parameter robot_name = ' in message_of(DriverConfig.from_yaml, path)
+
+
+def test_a_running_node_has_what_ros_would_give_it(write):
+    path = write(
+        """
+        /**/slip_detector: {ros__parameters: {threshold: 0.3, gain: 5.0}}
+        /thumb/slip_detector: {ros__parameters: {threshold: 0.4}}
+        /index/slip_detector: {ros__parameters: {threshold: 0.6}}
+        /**: {ros__parameters: {seed: 3, heartbeat_hz: 20.0}}
+        """
+    )
+    for finger, threshold in (('thumb', 0.4), ('index', 0.6), ('little', 0.3)):
+        config = DetectorConfig.from_yaml(path, f'/{finger}/slip_detector')
+        assert config == DetectorConfig(threshold=threshold, gain=5.0, heartbeat_hz=20.0)
+    assert names_given_to(path, 'slip_detector', '/little/slip_detector') == {'threshold', 'gain'}
+    nodes = ['/thumb/slip_detector', '/little/slip_detector']
+    assert sections_for_others(path, 'slip_detector', nodes) == ['/index/slip_detector']
+    said = 'has sections for /thumb/slip_detector, /index/slip_detector, allowed: one namespace'
+    assert message_of(ChainConfig.from_yaml, path) == f'{path}: {said}'
+
+
+def test_a_file_with_sections_for_other_names_of_the_node_is_refused(write):
+    path = write('/thumb/slip_driver: {ros__parameters: {seed: 3}}\n')
+    message = message_of(names_given_to, path, 'slip_driver', '/index/slip_driver')
+    assert message == (
+        f'{path}: has sections for /thumb/slip_driver, none for this node, /index/slip_driver, '
+        'allowed: /index/slip_driver or /**/slip_driver'
+    )
+
+
+@pytest.mark.parametrize(
+    ('text', 'said'),
+    [
+        ('slip_driver: {seed: 3}', 'section slip_driver/seed has no names under ros__parameters'),
+        ('slip_driver:', 'section slip_driver has no names under ros__parameters'),
+        ('slip_driver: {ros__parameters: [1]}', 'section slip_driver has no names under ros__'),
+        ('/camera: {ros__parameters: {gain: 3.0}}', 'has no section of this package, allowed: '),
+        ('slip_driver: {ros__parameters: {seed: -1}}', 'parameter seed is -1, allowed: 0 to'),
+        ('slip_driver: {ros__parameters: {sed: 1}}', 'unknown parameter sed = 1; did you mean'),
+        (
+            'slip_driver: {ros__parameters: {qos_overrides: {/slip: {publisher: {depth: 1}}}}}',
+            'unknown parameter qos_overrides./slip.publisher.depth = 1; the quality of service',
+        ),
+    ],
+)
+def test_a_bad_section_is_an_error_that_names_the_file(write, text, said):
+    path = write(text)
+    assert message_of(DriverConfig.from_yaml, path).startswith(f'{path}: {said}')
+
+
+def test_changes_override_every_section_and_all_else_stays(write, tmp_path):
+    path = write(
+        '/**/slip_detector:\n  ros__parameters: {noise_floor: [0.7], gain: 50.0}\n'
+        'slip_driver:\n  ros__parameters: {seed: 3}\n'
+        '/**:\n  ros__parameters: {noise_floor: [0.9]}\n'
+    )
+    document = with_parameters(path, {'noise_floor': [0.2]})
+    new = tmp_path / 'new.yaml'
+    write_yaml(new, document, ['Tuned.', ''])
+    text = new.read_text()
+    assert text.startswith('# Tuned.\n#\n')
+    # ROS reads no aliases.
+    assert '*' not in text.replace('/**', '')
+    assert ChainConfig.from_yaml(new) == ChainConfig(noise_floor=0.2, gain=50.0)
+    assert yaml.safe_load(text)['slip_driver'] == {'ros__parameters': {'seed': 3}}
+
+
+def test_a_file_without_the_section_of_the_detector_gets_one(write):
+    path = write('slip_driver:\n  ros__parameters: {seed: 3}\n')
+    document = with_parameters(path, {'threshold': 0.2})
+    assert document['/**/slip_detector'] == {'ros__parameters': {'threshold': 0.2}}
