@@ -310,11 +310,8 @@ class ChainConfig(ParameterSet):
 
     def _check_decision(self) -> None:
         """Check the parameters of the evidence; without it, only the number of floors."""
-        floors, channels, evidence = (
-            len(self.noise_floor),
-            self.channels,
-            self.decision == 'evidence',
-        )
+        floors, channels = len(self.noise_floor), self.channels
+        evidence = self.decision == 'evidence'
         text = f'one number, or {channels}, one for each channel'
         allowed = (1, channels) if evidence else range(channels + 1)
         self.require(floors in allowed, 'noise_floor', text, f'has {floors} numbers')

@@ -124,12 +124,7 @@ REFUSED = [
     (DriverConfig, 'source', 'camera', "is 'camera', allowed: scene, recording, serial or udp"),
     (DriverConfig, 'frame_id', None, 'is None, allowed: text'),
     *(
-        (
-            ChainConfig,
-            'vote',
-            vote,
-            f'is {shown(vote)}, allowed: all, mean, or a whole number from 1',
-        )
+        (ChainConfig, 'vote', vote, f'is {shown(vote)}, allowed: all, mean, or a whole number')
         for vote in ('٣', '³', '1_0', ' 3', '0', -1, True)
     ),
     # Lists.
