@@ -150,7 +150,11 @@ class ParameterSet:
                         raise ValueError(f'unknown {label}; {cls._hint(name)}')
                     if head == OF_QOS or cls._is_nearly_known(head):
                         warn(f'{lead}left out: {label}, given to all nodes; {cls._hint(name)}')
-            return cls(**({'groups': groups} if groups else {}) | values)
+            if groups:
+                if 'groups' in values:
+                    refuse('parameter groups is given beside groups.<name>', 'one of both')
+                values['groups'] = groups
+            return cls(**values)
         except ValueError as error:
             raise ValueError(f'{lead}{error}') from None
 

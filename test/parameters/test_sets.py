@@ -54,6 +54,13 @@ def test_an_unknown_parameter_is_an_error_that_suggests_a_near_name(name, hint):
     assert hint in message
 
 
+@pytest.mark.parametrize('groups', [{}, {'b': [1, 2]}])
+def test_groups_are_given_in_one_way(groups):
+    values = {'channels': 2, 'groups.a': [1, 2], 'groups': groups}
+    said = 'parameter groups is given beside groups.<name>, allowed: one of both'
+    assert message_of(ChainConfig.from_parameters, values) == said
+
+
 #: By the end of a parameter's name, the longer first.
 UNITS = {
     **{'_rate_db_s': 'dB/s', '_limit_db_s': 'dB s', '_n_s': 'N/s', '_ms': 'ms', '_hz': 'Hz'},
