@@ -27,7 +27,7 @@ import datetime
 import math
 import shlex
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -40,8 +40,9 @@ from slip_detector.commands.workers import (
     sets_of_parameters,
     workers,
 )
-from slip_detector.parameters.files import check_apart, check_writable, write_yaml
-from slip_detector.parameters.sections import with_parameters
+from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters.files import check_apart, check_writable, read_yaml, write_yaml
+from slip_detector.parameters.sections import ALL, node_of, sections_of
 from slip_detector.report.tables import comparison_table, number_text
 from slip_detector.tuning.learning import learn_from_quiet, learn_from_taps
 from slip_detector.tuning.problem import Candidate, searched
@@ -207,6 +208,46 @@ def _search(
         figures = (one.figures[f'all {what}'] for one in (given, tuned))
         lines += [f'On what was {what}:', *comparison_table(*figures).splitlines()]
     return {} if verdict.kept else searched(verdict.chain), lines
+
+
+def with_parameters(given: str | Path | None, changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the content of a parameter file with changed values for the detector.
+
+    Parameters
+    ----------
+    given
+        The file to start from; None: the defaults of the detector.
+    changes
+        New values by the name of the parameter, in the form that ROS uses (flat lists).
+
+    Returns
+    -------
+    dict
+        The whole document, with the sections of other nodes but without comments.
+
+    Raises
+    ------
+    ValueError
+        When the file cannot be read; names it.
+
+    Examples
+    --------
+    >>> document = with_parameters(None, {'threshold': 0.25})
+    >>> document['/**/slip_detector']['ros__parameters']['threshold']
+    0.25
+    """
+    document = DetectorConfig().to_document() if given is None else read_yaml(given)
+    sections = list(sections_of(document, given))
+    own = [parameters for name, parameters in sections if node_of(name) == DetectorConfig.NODE]
+    if not own:
+        own = [{}]
+        document['/**/slip_detector'] = {'ros__parameters': own[0]}
+    for name, parameters in sections:
+        # A section for all nodes that comes after the detector's would override it.
+        if node_of(name) in ALL:
+            parameters.update({key: changes[key] for key in changes if key in parameters})
+    own[-1].update(changes)
+    return document
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -236,10 +236,9 @@ def _number(value: Any, kind: Any, where: str, field: Field | None = None) -> An
     # PyYAML reads 1e9 as text (YAML 1.1 wants 1.0e+9), ROS reads it as a number.
     able = int | float if kind is int else int | float | str
     number = math.nan
-    with contextlib.suppress(ValueError, OverflowError):
-        number = (
-            float(value) if isinstance(value, able) and not isinstance(value, bool) else number
-        )
+    if isinstance(value, able) and not isinstance(value, bool):
+        with contextlib.suppress(ValueError, OverflowError):
+            number = float(value)
     if math.isnan(number) or (kind is int and not number.is_integer()):
         _refuse_value(value, where, 'a whole number' if kind is int else 'a number')
     if field is not None:

@@ -23,7 +23,6 @@ with the parameter, its value and what is allowed.
 import dataclasses
 import difflib
 import logging
-from collections import namedtuple
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
@@ -217,24 +216,6 @@ class ParameterSet:
         return {
             field.name: _plain(getattr(self, field.name)) for field in dataclasses.fields(self)
         }
-
-
-class CompiledSet(ParameterSet):
-    """A set whose values compiled code takes, as a named tuple, which Numba can take."""
-
-    Numbers: ClassVar[Any]
-
-    def __init_subclass__(cls) -> None:
-        """Make the class of the named tuple."""
-        super().__init_subclass__()
-        numbers: Any = namedtuple('Numbers', [*cls.__annotations__], module=cls.__module__)  # type: ignore[misc]
-        cls.Numbers = numbers
-        # By this name Numba finds the tuple of a function that it has compiled in another process.
-        cls.Numbers.__qualname__ = f'{cls.__qualname__}.Numbers'
-
-    def numbers(self) -> Any:
-        """Return the named tuple of the values."""
-        return self.Numbers(*(getattr(self, name) for name in self.Numbers._fields))
 
 
 def _plain(value: Any) -> Any:

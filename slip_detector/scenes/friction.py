@@ -39,7 +39,7 @@ import numpy as np
 
 from slip_detector.chain.compiled import compiled
 from slip_detector.parameters.fields import parameter, refuse
-from slip_detector.parameters.sets import CompiledSet
+from slip_detector.scenes.compiled_set import CompiledSet
 
 
 class Skin(CompiledSet):

@@ -21,8 +21,9 @@ import optuna
 import pytest
 import yaml
 
-from slip_detector.commands.tune import main
+from slip_detector.commands.tune import main, with_parameters
 from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters.files import write_yaml
 from slip_detector.tuning.problem import searched
 from support.interrupts import check_interrupted_search
 from support.tuning_cases import PARAMETERS, journal, run, trials_of, write
@@ -56,6 +57,26 @@ def test_the_file_has_the_figures_and_all_that_was_not_searched(case, capsys):
     section = page[page.index('<h2>Trade-off') : page.index('<h2>Filter')]
     assert '<tr><td>given</td>' in section
     assert '<tr><td>tuned</td>' in section
+
+
+def test_changes_override_every_section_and_all_else_stays(tmp_path):
+    path, driver = tmp_path / 'a.yaml', {'ros__parameters': {'seed': 3}}
+    write_yaml(path, {'slip_driver': driver})
+    document = with_parameters(path, {'threshold': 0.2})
+    assert document['/**/slip_detector'] == {'ros__parameters': {'threshold': 0.2}}
+    document['/**'] = {'ros__parameters': {'threshold': 0.9}}
+    write_yaml(path, document)
+    write_yaml(path, with_parameters(path, {'threshold': [0.3]}), ['Tuned.', ''])
+    text = path.read_text()
+    assert text.startswith('# Tuned.\n#\n')
+    # ROS reads no aliases.
+    assert '*' not in text.replace('/**', '')
+    own = {'ros__parameters': {'threshold': [0.3]}}
+    assert yaml.safe_load(text) == {
+        'slip_driver': driver,
+        '/**/slip_detector': own,
+        '/**': own,
+    }
 
 
 def test_the_same_command_goes_on_and_another_question_has_a_study_of_its_own(case, capsys):

@@ -15,15 +15,9 @@
 """Sections of ROS parameter files: which of them a node reads, and what is written to them."""
 
 import pytest
-import yaml
 
 from slip_detector.parameters import ChainConfig, DetectorConfig, DriverConfig, GraspConfig
-from slip_detector.parameters.files import write_yaml
-from slip_detector.parameters.sections import (
-    names_given_to,
-    sections_for_others,
-    with_parameters,
-)
+from slip_detector.parameters.sections import names_given_to, sections_for_others
 from support.config_cases import message_of
 
 
@@ -136,26 +130,3 @@ def test_a_file_with_sections_for_other_names_of_the_node_is_refused(write):
 def test_a_bad_section_is_an_error_that_names_the_file(write, text, said):
     path = write(text)
     assert message_of(DriverConfig.from_yaml, path).startswith(f'{path}: {said}')
-
-
-def test_changes_override_every_section_and_all_else_stays(write, tmp_path):
-    path = write(
-        '/**/slip_detector:\n  ros__parameters: {noise_floor: [0.7], gain: 50.0}\n'
-        'slip_driver:\n  ros__parameters: {seed: 3}\n'
-        '/**:\n  ros__parameters: {noise_floor: [0.9]}\n'
-    )
-    document = with_parameters(path, {'noise_floor': [0.2]})
-    new = tmp_path / 'new.yaml'
-    write_yaml(new, document, ['Tuned.', ''])
-    text = new.read_text()
-    assert text.startswith('# Tuned.\n#\n')
-    # ROS reads no aliases.
-    assert '*' not in text.replace('/**', '')
-    assert ChainConfig.from_yaml(new) == ChainConfig(noise_floor=0.2, gain=50.0)
-    assert yaml.safe_load(text)['slip_driver'] == {'ros__parameters': {'seed': 3}}
-
-
-def test_a_file_without_the_section_of_the_detector_gets_one(write):
-    path = write('slip_driver:\n  ros__parameters: {seed: 3}\n')
-    document = with_parameters(path, {'threshold': 0.2})
-    assert document['/**/slip_detector'] == {'ros__parameters': {'threshold': 0.2}}
