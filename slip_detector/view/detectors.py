@@ -298,18 +298,19 @@ class ParameterPanel:
     Examples
     --------
     >>> panel = ParameterPanel()
-    >>> _ = panel.read(Reading({'threshold': 0.5, 'gain': 1.0}, frozenset(), {}))
-    >>> panel.update({'threshold': 0.25}, by='page 1').by
+    >>> panel.read(Reading({'threshold': 0.5, 'gain': 1.0}, frozenset(), {}))
+    >>> panel.update({'threshold': 0.25}, by='page 1')
+    >>> panel.changes[-1].by
     'page 1'
     >>> panel.to_undo(), panel.as_in_file()
     ({'threshold': 0.5}, {'threshold': 0.5})
     """
 
-    def __init__(self, file_values: Mapping[str, Any] | None = None) -> None:
+    def __init__(self) -> None:
         #: The present values; empty until they are read.
         self.values: dict[str, Any] = {}
         #: Those of the parameter file; without a file, the first values that are read.
-        self.file_values = None if file_values is None else dict(file_values)
+        self.file_values: dict[str, Any] | None = None
         self.read_only: frozenset[str] = frozenset()
         self.meanings: dict[str, str] = {}
         #: Changes that can be undone, and the latest changes, undone or not; the newest last.
@@ -318,8 +319,8 @@ class ParameterPanel:
         #: Number of changes so far; and a number that increases with all that a page shows.
         self.count = self.version = 0
 
-    def read(self, reading: Reading, by: str = RESTART) -> Change | None:
-        """Update everything from the detector's answer; return the change since the last one.
+    def read(self, reading: Reading, by: str = RESTART) -> None:
+        """Update everything from the detector's answer.
 
         A detector that was started again has the values of its file. This counts as a change:
         undoing it restores what had been set before the restart.
@@ -328,29 +329,28 @@ class ParameterPanel:
         self.read_only, self.meanings = reading.read_only, reading.meanings
         if self.values:
             gone = dict.fromkeys(self.values.keys() - reading.values.keys())
-            return self.update({**gone, **reading.values}, by)
-        self.values = dict(reading.values)
+            self.update({**gone, **reading.values}, by)
+        else:
+            self.values = dict(reading.values)
         if self.file_values is None:
             self.file_values = dict(reading.values)
-        return None
 
-    def update(self, values: Mapping[str, Any], by: str = OUTSIDE) -> Change | None:
-        """Note values that the detector has now, None: deleted; return the change, if any."""
+    def update(self, values: Mapping[str, Any], by: str = OUTSIDE) -> None:
+        """Note values that the detector has now, None: deleted."""
         after = {name: value for name, value in values.items() if self.values.get(name) != value}
         if not after:
-            return None
-        change = Change({name: self.values.get(name) for name in after}, after, by)
-        self.changes.append(change)
+            return
+        before = {name: self.values.get(name) for name in after}
+        self.changes.append(Change(before, after, by))
         self.count += 1
         self.version += 1
         merged = {**self.values, **after}
         self.values = {name: value for name, value in merged.items() if value is not None}
-        before, after = self._settable(change.before), self._settable(after)
+        before, after = self._settable(before), self._settable(after)
         if by != RESTART and self.history and self.history[-1].before == after:
             self.history.pop()
         elif after:
             self.history.append(Change(before, after, by))
-        return change
 
     @property
     def config(self) -> DetectorConfig:
@@ -416,7 +416,3 @@ class Detectors(ABC):
         ValueError
             When they are refused, in the words of the detector.
         """
-
-    @abstractmethod
-    def close(self) -> None:
-        """Release all resources."""

@@ -26,7 +26,8 @@ import dataclasses
 import functools
 import re
 import shlex
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any, get_args
 
@@ -42,7 +43,7 @@ from slip_detector.parameters.sections import (
     sections_of,
 )
 from slip_detector.view.detectors import Change, ParameterPanel, to_decide_as
-from slip_detector.view.server import Server
+from slip_detector.view.server import Message, Server
 
 #: Heading of the parameters that do not belong to this package.
 OF_ROS = 'Of every node'
@@ -54,6 +55,9 @@ ALLOWED_NAME = 'a letter, then letters (a-z), digits, single _, at most 64'
 
 #: The presets that a page offers, each with the name of its file in ``config``.
 PRESETS = {'paper': 'slip_detector', 'onset': 'onset', 'sure': 'sure', 'grasp': 'grasp'}
+
+#: Parameters by name, as ROS has them.
+Values = dict[str, Any]
 
 _FIELDS = {field.name: field for field in dataclasses.fields(DetectorConfig)}
 
@@ -79,10 +83,13 @@ class ParameterRequests:
         self._server, self._folder, self._files = server, folder.resolve(), files
         self._versions: dict[str, tuple[int, bool]] = {}
         server.each_tick.append(self._broadcast)
-        server.on_request('set', self._set, changes=True)
-        server.on_request('undo', self._undo, changes=True)
-        server.on_request('as_in_file', self._as_in_file, changes=True)
-        server.on_request('preset', self._preset, changes=True)
+        for kind, values_of in {
+            'set': self._typed,
+            'undo': lambda message: self._panel(message.get('finger')).to_undo(),
+            'as_in_file': self._as_in_file,
+            'preset': self._preset,
+        }.items():
+            server.on_request(kind, functools.partial(self._change, values_of), changes=True)
         server.on_request('save', self._save, changes=True)
 
     def _broadcast(self) -> None:
@@ -133,49 +140,46 @@ class ParameterRequests:
             raise ValueError(f'finger is {shown(name)}, allowed: one that is shown')
         return panel
 
-    async def _change(self, message: Mapping[str, Any], values: Mapping[str, Any]) -> None:
-        page = f'page {message.get("page")}'
-        await self._server.detectors.change(message['finger'], values, page)
+    async def _change(self, values_of: Callable[[Message], Values], message: Message) -> None:
+        """Set the values that a request asks for, if any."""
+        if values := values_of(message):
+            page = f'page {message.get("page")}'
+            await self._server.detectors.change(message['finger'], values, page)
 
-    async def _set(self, message: Mapping[str, Any]) -> None:
-        """Set values that were typed or dragged."""
+    def _typed(self, message: Message) -> Values:
+        """Return values that were typed or dragged."""
         self._panel(message.get('finger'))
         values = message.get('values')
         if not isinstance(values, dict) or not values:
             raise ValueError(f'values is {shown(values)}, allowed: a value for each name')
-        read = {n: typed(n, v) if isinstance(v, str) else v for n, v in values.items()}
-        await self._change(message, read)
+        return {n: typed(n, v) if isinstance(v, str) else v for n, v in values.items()}
 
-    async def _undo(self, message: Mapping[str, Any]) -> None:
-        values = self._panel(message.get('finger')).to_undo()
-        if not values:
-            raise ValueError('there is nothing to undo')
-        await self._change(message, values)
-
-    async def _as_in_file(self, message: Mapping[str, Any]) -> None:
-        panel, name = self._panel(message.get('finger')), message['finger']
-        self._read_file(name)
-        if values := panel.as_in_file():
-            await self._change(message, values)
-
-    async def _preset(self, message: Mapping[str, Any]) -> None:
+    def _as_in_file(self, message: Message) -> Values:
         panel = self._panel(message.get('finger'))
-        if values := to_preset(str(message.get('preset')), panel.config):
-            await self._change(message, values)
+        self._read_file(message['finger'])
+        return panel.as_in_file()
 
-    async def _save(self, message: Mapping[str, Any]) -> dict[str, Any]:
-        """Save the detectors' parameters; return how to launch with them, or which file exists."""
+    def _preset(self, message: Message) -> Values:
+        panel = self._panel(message.get('finger'))
+        return to_preset(str(message.get('preset')), panel.config)
+
+    async def _save(self, message: Message) -> dict[str, Any]:
+        """Save the detectors' parameters; return how to launch with them, or which file exists.
+
+        The page gives the name of the file, without ``.yaml``.
+        """
         names, name = message.get('fingers'), str(message.get('name') or '')
         if not isinstance(names, list) or not names:
             raise ValueError(f'fingers is {shown(names)}, allowed: a list of those that are shown')
         configs = {each: self._panel(each).config for each in names}
+        if not FILE_NAME.fullmatch(name):
+            raise ValueError(f'name is {shown(name)}, allowed: {ALLOWED_NAME}')
+        path = writable_folder(self._folder) / f'{name}.yaml'
+        if path.exists() and message.get('replace') is not True:
+            return {'taken': f'{path}: already exists'}
         comments = [f'Saved by slip_view: what {" and ".join(configs)} ran with.']
         document = parameter_file(configs, self._file_of(names[0]))
-        replace = message.get('replace') is True
-        try:
-            path = await asyncio.to_thread(save, self._folder, name, document, comments, replace)
-        except FileExistsError as error:
-            return {'taken': str(error)}
+        await asyncio.to_thread(write_yaml, path, document, comments)
         return {'launch': launch_arguments(configs, path)}
 
 
@@ -212,15 +216,12 @@ def _preset_of(panel: ParameterPanel) -> str:
 
 def described_panel(panel: ParameterPanel) -> list[dict[str, Any]]:
     """Return what a page shows of a panel: headings, each with its parameters in order."""
-    fields = [
-        (f.name, heading) for heading, of in under_headings(DetectorConfig).items() for f in of
-    ]
-    others = sorted({name.partition('.')[0] for name in panel.values} - _FIELDS.keys())
-    rows: dict[str, list[dict[str, Any]]] = {}
-    for field, heading in [*fields, *((name, OF_ROS) for name in others)]:
-        its = [_row(panel, name) for name in panel.values if name.partition('.')[0] == field]
-        rows.setdefault(heading, []).extend(its)
-    return [{'heading': heading, 'parameters': each} for heading, each in rows.items() if each]
+    headings = {f.name: word for word, of in under_headings(DetectorConfig).items() for f in of}
+    rows: dict[str, list[dict[str, Any]]] = {word: [] for word in (*headings.values(), OF_ROS)}
+    order = [*headings, *sorted({name.partition('.')[0] for name in panel.values} - {*headings})]
+    for name in sorted(panel.values, key=lambda name: order.index(name.partition('.')[0])):
+        rows[headings.get(name.partition('.')[0], OF_ROS)].append(_row(panel, name))
+    return [{'heading': word, 'parameters': each} for word, each in rows.items() if each]
 
 
 def _row(panel: ParameterPanel, name: str) -> dict[str, Any]:
@@ -327,26 +328,23 @@ def parameter_file(
     (['/**/slip_detector'], 0.25)
     """
     document: dict[str, Any] = {}
-    # Parameters that rclpy itself reads, such as use_sim_time, are kept for the detectors.
-    of_rclpy: dict[str, dict[str, Any]] = {name: {} for name in configs}
-    for section, parameters in sections_of(read_yaml(given) if given else {}, str(given)):
-        for name, kept in of_rclpy.items():
-            if matches(section, name):
-                kept.update({key: parameters[key] for key in OF_RCLPY if key in parameters})
-        if node_of(section) in map(node_of, configs):
-            continue
+    sections = [*sections_of(read_yaml(given) if given else {}, str(given))]
+    for section, parameters in sections:
         of_others = {
             key: value
             for key, value in parameters.items()
             if node_of(section) not in ALL or nodes_that_know(key) != [DetectorConfig.NODE]
         }
-        if of_others:
+        if of_others and node_of(section) not in map(node_of, configs):
             document[section] = {'ros__parameters': of_others}
     # Last, because of two sections for a node the later one holds.
     for name, config in configs.items():
         section = name if len(configs) > 1 else f'/**/{node_of(name)}'
         (values,) = config.to_document().values()
-        document[section] = {'ros__parameters': {**of_rclpy[name], **values['ros__parameters']}}
+        # Parameters that rclpy itself reads, such as use_sim_time, are kept.
+        given_to_it = [its.items() for of, its in sections if matches(of, name)]
+        kept = {key: value for key, value in chain(*given_to_it) if key in OF_RCLPY}
+        document[section] = {'ros__parameters': {**kept, **values['ros__parameters']}}
     return document
 
 
@@ -372,34 +370,3 @@ def launch_arguments(names: Collection[str], path: Path) -> str:
         words.insert(0, f'fingers:={",".join(finger for _, finger in fingers)}')
         words[:0] = [f'namespace:={namespace[1:]}' for namespace in namespaces if namespace]
     return shlex.join(words)
-
-
-def save(
-    folder: Path,
-    name: str,
-    document: Mapping[str, Any],
-    comments: Iterable[str],
-    replace: bool = False,
-) -> Path:
-    """Write a parameter file into a folder, under a name that a user typed, without ``.yaml``.
-
-    Raises
-    ------
-    ValueError
-        When the name is not allowed, or the file cannot be written.
-    FileExistsError
-        When a file of that name exists, and it may not be replaced.
-
-    Examples
-    --------
-    >>> save(Path('recordings'), '..', {}, [])
-    Traceback (most recent call last):
-    ValueError: name is '..', allowed: a letter, then letters (a-z), digits, single _, at most 64
-    """
-    if not FILE_NAME.fullmatch(name):
-        raise ValueError(f'name is {shown(name)}, allowed: {ALLOWED_NAME}')
-    path = writable_folder(folder) / f'{name}.yaml'
-    if path.exists() and not replace:
-        raise FileExistsError(f'{path}: already exists')
-    write_yaml(path, document, comments)
-    return path

@@ -125,24 +125,23 @@ class RecordedFolder:
             When no recording has this name, or it cannot be deleted.
         """
         path = self.path_of(name)
-        try:
+        with write_errors_of(path):
             shutil.rmtree(path)
             (path.parent / labels_name(path)).unlink(missing_ok=True)
-        except OSError as error:
-            raise ValueError(f'{path}: cannot be deleted ({error})') from None
         del self.recordings[path.name]
 
-    def of_kind(self, kind: str) -> list[str]:
-        """Return the names of the usable recordings of a kind, the oldest first."""
-        return [n for n, one in self.recordings.items() if one.kind == kind and one.usable]
+    def divided(self) -> tuple[dict[str, list[str]], list[str]]:
+        """Return the names of those to tune on, of each kind, and of those that judge the result.
 
-    def held_out(self) -> list[str]:
-        """Return the names of the recordings that are held out of a search and judge its result.
-
-        They are a third of each kind, evenly spread and with the last; of only two, the second.
+        These are a third of each kind, evenly spread and with the last; of only two, the second.
+        What cannot be used is in neither.
         """
-        by_kind = [hold_out_evenly(self.of_kind(kind), HELD_OUT)[1] for kind in KINDS]
-        return [name for held_out in by_kind for name in held_out]
+        to_tune_on, held_out = {}, []
+        for kind in KINDS:
+            usable = [n for n, one in self.recordings.items() if one.kind == kind and one.usable]
+            to_tune_on[kind], held = hold_out_evenly(usable, HELD_OUT)
+            held_out += held
+        return to_tune_on, held_out
 
     def _set(self, every: dict[str, RecordingSummary]) -> None:
         self.recordings = {name: every[name] for name in sorted(every, key=_order)}
@@ -199,10 +198,11 @@ class Recorder:
         self._beginnings, self._next_row = finger.track.beginnings, since
         #: Whether the rows from now on are labelled as slip.
         self.slipping = False
-        self._last_label = False
         self._rate_hz = finger.config.sample_rate_hz
-        #: Slips and rows in the recording, and rows that the track no longer had.
-        self.slips = self.rows = self.missing_rows = 0
+        #: Rows in the recording, and rows that the track no longer had.
+        self.rows = self.missing_rows = 0
+        #: Whether some rows are labelled: a recording has one slip at most.
+        self.has_slip = False
         #: Why no more can be written; empty if it can.
         self.failure = ''
         with write_errors_of(path):
@@ -224,7 +224,7 @@ class Recorder:
         """What is wrong with the recording; empty if nothing is."""
         if self.failure:
             return f'was cut off: {self.failure}'
-        if self.kind == 'slip' and not self.slips:
+        if self.kind == 'slip' and not self.has_slip:
             return f'{NO_SLIP}: no sample came while the key was held'
         lacks = f'lacks {self.missing_rows} rows: this computer was too slow'
         return lacks if self.missing_rows else ''
@@ -247,9 +247,7 @@ class Recorder:
         self.missing_rows += track.samples.appended - self._next_row - n
         self._next_row = track.samples.appended
         self.rows += n
-        # A slip during which no row came is not in the file.
-        self.slips += self.slipping and not self._last_label
-        self._last_label = self.slipping
+        self.has_slip |= self.slipping
 
     def label(self, slipping: bool) -> None:
         """Set whether the rows from now on are labelled as slip."""

@@ -55,6 +55,9 @@ GOODBYE_S = 1.0
 #: Longest message of a page, in bytes.
 MOST_BYTES = 1 << 20
 
+#: Most pages that are open at once.
+MOST_PAGES = 32
+
 #: Most pages that keep a copy of a finger's last minute (64 MB with 900 channels) while they are
 #: paused. A page keeps what it has drawn, without a copy too.
 MOST_PAUSED = 4
@@ -71,13 +74,18 @@ HEADERS = {
     'Cache-Control': 'no-cache',
 }
 
+TOO_MANY = f'{MOST_PAGES} pages are open, as many as there can be: close one'
+
 NO_TOKEN = 'this address lacks its token: open the one that slip_view has printed'
 
 READ_ONLY = 'slip_view was started with --read-only: nothing can be changed from a page'
 
+#: The content of a message of a page, which is not trusted.
+Message = Mapping[str, Any]
+
 #: Returns the answer to a request of a page, None where "done" is all there is to say, or raises a
 #: ValueError that says why not.
-Answer = Callable[[Mapping[str, Any]], Awaitable[Mapping[str, Any] | None]]
+Answer = Callable[[Message], Awaitable[Mapping[str, Any] | None]]
 
 
 @dataclass(frozen=True)
@@ -207,13 +215,11 @@ class Server:
         """
         application = web.Application(
             [
-                ('/live', LivePage, {'server': self}),
-                ('/()', File, {'server': self, 'path': FOLDERS['page']}),
-                *(
-                    (f'/{name}/(.*)', File, {'server': self, 'path': folder})
-                    for name, folder in FOLDERS.items()
-                ),
+                ('/live', LivePage),
+                ('/()', File, {'path': FOLDERS['page'], 'default_filename': 'index.html'}),
+                *((f'/{name}/(.*)', File, {'path': path}) for name, path in FOLDERS.items()),
             ],
+            server=self,
             websocket_ping_interval=PING_S,
             websocket_ping_timeout=PING_S,  # Older versions of tornado wait three times as long.
             websocket_max_message_size=MOST_BYTES,
@@ -280,7 +286,7 @@ class Server:
             await self._http.close_all_connections()
             self._http = None
 
-    async def answer(self, message: Mapping[str, Any]) -> dict[str, Any]:
+    async def answer(self, message: Message) -> dict[str, Any]:
         """Answer a request of a page."""
         kind = message.get('type')
         answer = {'type': 'answer', 'id': message.get('id'), 'refusal': ''}
@@ -300,14 +306,17 @@ class Server:
             answer['refusal'] = f'slip_view has failed at this, its log says where: {error!r}'
         return {**answer, 'refusal': one_line(answer['refusal'])}
 
-    async def _keep_rest(self, message: Mapping[str, Any]) -> None:
+    async def _keep_rest(self, message: Message) -> None:
         self.detectors.finger_of(message.get('finger')).keep_rest()
 
 
 class _Guarded(web.RequestHandler):
     """Refuses requests that do not come from the page itself, or lack the token."""
 
-    server: Server
+    @property
+    def server(self) -> Server:
+        """What this request is sent to."""
+        return self.settings['server']  # type: ignore[no-any-return]
 
     def set_default_headers(self) -> None:
         for name, value in HEADERS.items():
@@ -322,6 +331,8 @@ class _Guarded(web.RequestHandler):
         if not why and self.request.path in ('/', '/live'):
             token = self.get_query_argument('token', '', strip=False)
             why = '' if access.knows(token) else NO_TOKEN
+        if not why and self.request.path == '/live' and len(self.server.pages) >= MOST_PAGES:
+            why = TOO_MANY
         if why:
             self.set_status(403)
             self.set_header('Content-Type', 'text/plain; charset=utf-8')
@@ -331,18 +342,12 @@ class _Guarded(web.RequestHandler):
 class File(_Guarded, web.StaticFileHandler):
     """A file of the page."""
 
-    def initialize(self, path: Path, server: Server) -> None:  # type: ignore[override]
-        """Serve the files of a folder; the folder itself is the page."""
-        self.server = server
-        super().initialize(str(path), 'index.html')
-
 
 class LivePage(_Guarded, websocket.WebSocketHandler):
     """One open page."""
 
-    def initialize(self, server: Server) -> None:
+    def initialize(self) -> None:
         """Begin without a view."""
-        self.server = server
         self.view: ViewRequest | None = None
         self.news: dict[str, str] = {}
         self._draws = False
@@ -382,7 +387,7 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
             self._answers.add(task)
             task.add_done_callback(self._answers.discard)
 
-    def _change_view(self, content: Mapping[str, Any]) -> None:
+    def _change_view(self, content: Message) -> None:
         try:
             wanted = content.get('fingers') or content.get('finger')
             self.view = ViewRequest(content) if wanted else None
@@ -390,17 +395,18 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
             self.news['refused'] = json.dumps({'type': 'refused', 'why': str(error)})
             return
         # A pause may last longer than the track: keep what the page shows.
-        finger = self.server.detectors.fingers.get(self.view.finger) if self.view else None
         pasts = self.server.pasts
-        if finger is None or self.view is None or self.view.until_ns is None:
-            pasts.pop(self, None)
-        elif self not in pasts or pasts[self][0] is not finger:
-            pasts.pop(self, None)
-            pasts[self] = finger, copy.deepcopy(finger.track)
+        past = pasts.pop(self, None)
+        if self.view is None or self.view.until_ns is None:
+            return
+        if finger := self.server.detectors.fingers.get(self.view.finger):
+            if past is None or past[0] is not finger:
+                past = finger, copy.deepcopy(finger.track)
+            pasts[self] = past
             if len(pasts) > MOST_PAUSED:
                 del pasts[next(iter(pasts))]
 
-    async def _answer(self, content: Mapping[str, Any]) -> None:
+    async def _answer(self, content: Message) -> None:
         answer = await self.server.answer(content)
         # The page may have closed meanwhile, which is no error.
         with contextlib.suppress(websocket.WebSocketClosedError):

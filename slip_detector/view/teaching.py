@@ -25,7 +25,7 @@ import numpy as np
 
 from slip_detector.view.detectors import Finger
 from slip_detector.view.recordings import RecordedFolder, Recorder, RecordingSummary
-from slip_detector.view.server import Server
+from slip_detector.view.server import Message, Server
 from slip_detector.view.tuning import TuneRun
 
 #: Seconds of rest in the recording of a slip, before the key is pressed and after it is released.
@@ -66,8 +66,7 @@ class Teaching:
         #: What happened last, for the page.
         self.words = ''
         self._run: TuneRun | None = None
-        self._tuned_finger = ''
-        self._task: asyncio.Task[None] | None = None
+        self._tuning: asyncio.Task[None] | None = None
         server.each_tick.append(self.tick)
         server.at_end.append(self.close)
         server.on_request('recordings', self._recordings)
@@ -80,18 +79,17 @@ class Teaching:
     async def close(self) -> None:
         """End the recording and the tuning."""
         self.stop()
-        if self._run is not None and self._task is not None:
+        if self._run is not None and self._tuning is not None:
             self._run.kill()
-            await self._task
+            await self._tuning
 
     def tick(self) -> None:
         """Write new rows, end what is due to end, and report; called after each poll."""
         if self._recorder is not None:
             self._continue(self._recorder)
-        recorder, run = self._recorder, self._run
+        recorder, tuning = self._recorder, self._run and self._run.described()
         self._server.wanted['recording'] = {recorder.finger.name} if recorder else set()
         self._server.broadcast('recording', {'recording': self.recording()})
-        tuning = run and {'finger': self._tuned_finger, **run.described()}
         fingers = {name: self._listed(folder) for name, folder in self._folders.items()}
         content = {'fingers': fingers, 'words': self.words, 'tuning': tuning}
         self._server.broadcast('teaching', content)
@@ -188,7 +186,7 @@ class Teaching:
         }
 
     def _listed(self, folder: RecordedFolder) -> Mapping[str, Any]:
-        held_out, writing = folder.held_out(), self._recorder and self._recorder.path
+        (_, held_out), writing = folder.divided(), self._recorder and self._recorder.path
         recordings = [
             {
                 **one._asdict(),
@@ -200,11 +198,6 @@ class Teaching:
             if folder.folder / one.name != writing
         ]
         return {'folder': str(folder.folder), 'recordings': recordings}
-
-    def delete(self, name: object, recording: object) -> None:
-        """Delete a recording of a finger."""
-        self.folder_of(name).delete(recording)
-        self.words = f'{recording} is deleted'
 
     def _free(self, name: object) -> Finger:
         """Return the finger to record; a slip that only waits for the rest after it is ended."""
@@ -237,18 +230,18 @@ class Teaching:
         name, note = recorder.path.name, recorder.note
         words = [f'{name} has no sample, so it is not kept', note and f'It {note}', why]
         if recorder.rows:
-            recorded = RecordingSummary(name, recorder.duration_s, recorder.slips, note)
+            recorded = RecordingSummary(name, recorder.duration_s, int(recorder.has_slip), note)
             self._folders[recorder.finger.name].add(recorded)
             words[0] = f'{name} has {recorded.duration_s:.1f} s'
         self.words = '. '.join(filter(None, words))
 
     # What pages request.
 
-    async def _recordings(self, message: Mapping[str, Any]) -> None:
+    async def _recordings(self, message: Message) -> None:
         """Update the list of a finger's recordings."""
         await self.folder_of(message.get('finger')).refresh()
 
-    async def _teach(self, message: Mapping[str, Any]) -> None:
+    async def _teach(self, message: Message) -> None:
         finger, what = message.get('finger'), message.get('do')
         acts: dict[str, Callable[[], None]] = {
             'press': lambda: self.press(finger),
@@ -258,12 +251,14 @@ class Teaching:
         }
         acts.get(str(what), lambda: self.start(finger, what))()
 
-    async def _delete(self, message: Mapping[str, Any]) -> None:
+    async def _delete(self, message: Message) -> None:
         if self._run is not None and self._run.running:
             raise ValueError('recordings are being tuned on, allowed: to delete one afterwards')
-        self.delete(message.get('finger'), message.get('recording'))
+        recording = message.get('recording')
+        self.folder_of(message.get('finger')).delete(recording)
+        self.words = f'{recording} is deleted'
 
-    async def _tune(self, message: Mapping[str, Any]) -> None:
+    async def _tune(self, message: Message) -> None:
         name = message.get('finger')
         folder = self.folder_of(name)
         await folder.refresh()
@@ -271,19 +266,19 @@ class Teaching:
         finger = self._detectors.finger_of(name)
         if self._run is not None and self._run.running:
             raise ValueError('tuning runs already, allowed: one at a time')
-        self._run, self._tuned_finger = TuneRun(folder, finger.config), finger.name
-        self._task = asyncio.create_task(self._run.run())
+        self._run = TuneRun(folder, finger.name, finger.config)
+        self._tuning = asyncio.create_task(self._run.run())
 
-    async def _stop_tuning(self, message: Mapping[str, Any]) -> None:
+    async def _stop_tuning(self, message: Message) -> None:
         if self._run is not None:
             self._run.stop()
 
-    async def _apply(self, message: Mapping[str, Any]) -> None:
+    async def _apply(self, message: Message) -> None:
         """Set the parameters that were found, all or none."""
         if self._run is None or self._run.found is None:
             raise ValueError('there is nothing to apply: tune first')
-        name = self._tuned_finger
-        values = self._run.to_apply(self._detectors.finger_of(name).config)
+        values = self._run.to_apply(self._detectors.finger_of(self._run.finger).config)
         if values:
-            await self._detectors.change(name, values, f'page {message.get("page")}')
+            page = f'page {message.get("page")}'
+            await self._detectors.change(self._run.finger, values, page)
         self.words = f'the detector runs with what was found: {len(values)} values set'

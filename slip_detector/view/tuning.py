@@ -19,11 +19,12 @@ import asyncio
 import contextlib
 import functools
 import io
+import itertools
 import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -66,7 +67,7 @@ NEW_SENSOR: dict[str, Any] = {
 LOW_HZ, LOW_SHARE = 20.0, 0.2
 
 #: What a page shows of a run as it is.
-DESCRIBED = 'running', 'step', 'share', 'lines', 'held_out', 'table'
+DESCRIBED = 'finger', 'running', 'step', 'share', 'lines', 'held_out', 'table'
 
 #: How much the search gives way to the nodes.
 NICE = 10
@@ -76,19 +77,19 @@ Values = dict[str, Any]
 
 
 class TuneJob(NamedTuple):
-    """What the process is to do; recordings are given by their paths."""
+    """What the process is to do."""
 
     running: Values
-    #: The longest recordings of rest and taps that are not held out; '' where there is none.
-    rest: str
-    taps: str
-    slips: list[str]
-    #: All that is not held out, and all that is.
-    tuned_on: list[str]
+    #: By kind the names of recordings to tune on, the longest last; and of all that are held out.
+    to_tune_on: dict[str, list[str]]
     held_out: list[str]
-    #: Where the parameter files are written.
+    #: Where the recordings are; parameter files are written in a folder in it.
     folder: Path
     trials: int
+
+    def paths(self, names: Iterable[str]) -> list[str]:
+        """Return the paths of recordings."""
+        return [str(self.folder / name) for name in names]
 
 
 class TuneRun:
@@ -103,28 +104,15 @@ class TuneRun:
         When there are too few recordings.
     """
 
-    def __init__(self, recorded: RecordedFolder, config: DetectorConfig) -> None:
-        slips = recorded.of_kind('slip')
-        if len(slips) < 2:
-            raise ValueError(f'there are {len(slips)} recordings of slips, allowed: two or more')
-        self._config = config
-        self.held_out = recorded.held_out()
-        paths = {name: str(recorded.folder / name) for name in recorded.recordings}
-        used: dict[str, list[str]] = {}
-        for kind in ('slip', 'rest', 'taps'):
-            names = [name for name in recorded.of_kind(kind) if name not in self.held_out]
+    def __init__(self, recorded: RecordedFolder, finger: str, config: DetectorConfig) -> None:
+        to_tune_on, self.held_out = recorded.divided()
+        if not any(name.startswith('slip') for name in self.held_out):
+            slips = len(to_tune_on['slip'])
+            raise ValueError(f'there are {slips} recordings of slips, allowed: two or more')
+        self.finger, self._config = finger, config
+        for names in to_tune_on.values():
             names.sort(key=lambda name: recorded.recordings[name].duration_s)
-            used[kind] = [paths[name] for name in names]
-        job = TuneJob(
-            config.to_parameters(),
-            ''.join(used['rest'][-1:]),
-            ''.join(used['taps'][-1:]),
-            used['slip'],
-            [*used['slip'], *used['rest'], *used['taps']],
-            [paths[name] for name in self.held_out],
-            recorded.folder / 'tuning',
-            TRIALS,
-        )
+        job = TuneJob(config.to_parameters(), to_tune_on, self.held_out, recorded.folder, TRIALS)
         context = multiprocessing.get_context('spawn')
         self._connection, child = context.Pipe()
         self._process = context.Process(target=work, args=(job, child), daemon=True)
@@ -219,9 +207,9 @@ def _obey(connection: Connection) -> None:
 
 def _tune(job: TuneJob, report: Callable[..., None]) -> None:
     """Learn, search and compare."""
-    writable_folder(job.folder)
+    folder = writable_folder(job.folder / 'tuning')
     begin = learnt(job, beginning(DetectorConfig.from_parameters(job.running)), report)
-    _write(job.folder / 'begin.yaml', begin)
+    _write(folder / 'begin.yaml', begin)
     parameters = _parameters(begin)
 
     def progress(count: int, best: Candidate | None) -> None:
@@ -232,9 +220,10 @@ def _tune(job: TuneJob, report: Callable[..., None]) -> None:
         )
 
     report(step='searching')
-    files = TrainingFiles(job.tuned_on, parameters.loader, job.held_out)
+    to_tune_on = job.paths(itertools.chain(*job.to_tune_on.values()))
+    files = TrainingFiles(to_tune_on, parameters.loader, job.paths(job.held_out))
     with contextlib.redirect_stderr(io.StringIO()):  # It says how to go on in a terminal.
-        journal = str(job.folder / 'tuned.yaml.study.journal')
+        journal = str(folder / 'tuned.yaml.study.journal')
         result = tune(files, parameters, job.trials, storage=journal, progress=progress)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     report(step='comparing on what was held out')
@@ -247,7 +236,7 @@ def _tune(job: TuneJob, report: Callable[..., None]) -> None:
             [replay.run(one.rows(), one.sample_rate_hz) for one in result.held]
         )
 
-    _write(job.folder / 'tuned.yaml', tuned)
+    _write(folder / 'tuned.yaml', tuned)
     table = compared(figures(job.running), figures(tuned))
     report(found=DetectorConfig.from_parameters(tuned), table=table)
 
@@ -269,19 +258,23 @@ def beginning(config: DetectorConfig) -> Values:
 
 def learnt(job: TuneJob, begin: Values, report: Callable[..., None]) -> Values:
     """Learn noise and impacts if there are recordings of them; return the parameters."""
+    slips = job.paths(job.to_tune_on['slip'])
     steps: list[tuple[str, str, Callable[..., tuple[Values, list[str]]]]] = [
-        ('noise', job.rest, learn_from_quiet),
-        ('impacts', job.taps, functools.partial(learn_from_taps, slips=job.slips)),
+        ('noise', 'rest', learn_from_quiet),
+        ('impacts', 'taps', functools.partial(learn_from_taps, slips=slips)),
     ]
     lines: list[str] = []
-    for what, path, learn in steps:
-        if not path:
+    for what, kind, learn in steps:
+        if not job.to_tune_on[kind]:
             lines = [*lines, f'No {what} learnt: there is no recording for that']
             continue
-        report(lines=lines, step=f'learning the {what} of {Path(path).name}')
+        name = job.to_tune_on[kind][-1]
+        report(lines=lines, step=f'learning the {what} of {name}')
         parameters = _parameters(begin)
         try:
-            found, more = learn(path, chain=parameters.chain, loader=parameters.loader)
+            found, more = learn(
+                str(job.folder / name), chain=parameters.chain, loader=parameters.loader
+            )
             begin, lines = {**begin, **found}, lines + more
         except ValueError as error:  # Taps may look like slips: what was learnt before is kept.
             lines = [*lines, str(error)]

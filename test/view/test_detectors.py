@@ -93,7 +93,8 @@ def test_channels_that_share_a_place_are_drawn_on_a_circle_around_it():
 
 
 def panel_of(values=VALUES, file_values=None):
-    panel = ParameterPanel(file_values)
+    panel = ParameterPanel()
+    panel.file_values = file_values
     panel.read(Reading(values, READ_ONLY, {'use_sim_time': 'Whose clock it is.'}))
     return panel
 
@@ -104,7 +105,8 @@ def test_undoing_again_and_again_leads_back_through_every_state():
     for values in ({'threshold': 2}, {'gain': None, 'groups.b': 3}, {'threshold': 1, 'vote': 2}):
         panel.update(values)
         states.append(panel.values)
-    assert panel.update({'vote': 2}) is None
+    panel.update({'vote': 2})
+    assert panel.count == 3
     while panel.to_undo():
         assert panel.values == states.pop()
         panel.update(panel.to_undo())
@@ -129,11 +131,10 @@ def test_values_lost_in_a_restart_are_reported_and_can_be_set_again_by_undo():
     panel = panel_of()
     panel.update({'threshold': 0.3})
     again = {**VALUES, 'autostart': False}
-    change = panel.read(Reading(again, READ_ONLY, {}))
-    assert change.by == RESTART
-    assert change.after == {'threshold': 0.5, 'autostart': False}
+    panel.read(Reading(again, READ_ONLY, {}))
+    assert panel.changes[-1].by == RESTART
+    assert panel.changes[-1].after == {'threshold': 0.5, 'autostart': False}
     assert panel.to_undo() == {'threshold': 0.3}
     panel.update(panel.to_undo())
     assert panel.values['threshold'] == 0.3
     assert panel.to_undo() == {'threshold': 0.5}
-    assert panel.read(Reading(panel.values, READ_ONLY, {})) is None

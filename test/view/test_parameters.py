@@ -24,6 +24,7 @@ from view.test_detectors import VALUES, panel_of
 
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
+from slip_detector.parameters.files import write_yaml
 from slip_detector.view.parameters import (
     OF_ROS,
     PRESETS,
@@ -31,16 +32,17 @@ from slip_detector.view.parameters import (
     described_panel,
     parameter_file,
     preset,
-    save,
     text_of,
     typed,
 )
 from slip_detector.view.server import Access, Server
-from support.config_cases import message_of
 from support.random_chains import configs
 from support.simulated_detectors import SimulatedDetectors
 
 NAME = '/index/slip_detector'
+
+#: What no file of a page may be called.
+NO_NAMES = None, '..', '../a', '/tmp/a', 'a.b', '', 'a\0', 'a\n', '-rf', 'Ä', 'a' * 65, 'a__b'
 
 
 def server_of(tmp_path, files=(), labels=('index',), **access):
@@ -82,20 +84,18 @@ def test_every_parameter_stands_under_the_heading_of_the_docs():
         {'type': 'set', 'values': {}},
         {'type': 'set', 'values': {'threshold': {}}},
         {'type': 'set', 'values': {'threshold': 'low'}},
-        {'type': 'undo'},
         {'type': 'preset', 'preset': 'none'},
         {'type': 'preset', 'preset': ['sure']},
         {'type': 'save', 'fingers': [], 'name': 'a'},
         {'type': 'save', 'fingers': ['/none'], 'name': 'a'},
-        {'type': 'save', 'fingers': [NAME], 'name': None},
-        {'type': 'save', 'fingers': [NAME], 'name': '../a'},
+        *({'type': 'save', 'fingers': [NAME], 'name': name} for name in NO_NAMES),
     ],
 )
 def test_impossible_requests_are_refused_in_words_and_change_nothing(tmp_path, message):
     server = server_of(tmp_path)
-    assert ask(server, **message)['refusal']
+    assert 0 < len(ask(server, **message)['refusal']) < 400
     assert server.detectors.fingers[NAME].config == DetectorConfig()
-    assert list((tmp_path / 'saved').iterdir()) == []
+    assert [*tmp_path.rglob('*')] == [tmp_path / 'saved']
 
 
 def test_a_detector_has_the_file_of_its_namespace(tmp_path):
@@ -182,10 +182,9 @@ detectors: {slip_tune: {ros__parameters: {trade: true}}}
 """
 
 
-def written(tmp_path, configs, given_file=None):
-    path = tmp_path / 'saved.yaml'
-    document = parameter_file(configs, given_file)
-    return save(tmp_path, 'saved', document, [], replace=path.exists())
+def written(folder, configs, given_file=None):
+    write_yaml(folder / 'saved.yaml', parameter_file(configs, given_file))
+    return folder / 'saved.yaml'
 
 
 def read(path, node):
@@ -212,14 +211,3 @@ def test_saving_keeps_the_sections_of_other_nodes_and_replaces_the_detectors(tmp
     assert document['/**/slip_detector']['ros__parameters']['use_sim_time'] is True
     assert document['detectors/slip_tune']['ros__parameters'] == {'trade': True}
     assert document['/**']['ros__parameters'] == {'channels': 2}
-
-
-@pytest.mark.parametrize(
-    'name',
-    ['..', '../a', '/tmp/a', 'a.b', '', 'a\0', 'a\n', '-rf', 'Ärmel', 'a' * 65, 'a__b'],
-)
-def test_no_name_leads_out_of_the_folder(tmp_path, name):
-    words = message_of(save, tmp_path / 'inner', name, {}, [])
-    assert 'allowed: a letter' in words
-    assert len(words) < 400
-    assert [*tmp_path.iterdir()] == []

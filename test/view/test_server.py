@@ -244,6 +244,19 @@ async def test_where_descriptors_run_out_some_are_left_and_a_connection_waits(mo
     assert not caplog.records
 
 
+async def test_one_page_too_many_is_told_so(monkeypatch):
+    monkeypatch.setattr(server, 'MOST_PAGES', 1)
+    async with served() as (it, page):
+        await page.until('fingers')
+        assert await status_of(f'{it.url}live') == (403, f'{server.TOO_MANY}\n')
+        page.close()
+        while it.server.pages:
+            await asyncio.sleep(0.01)
+        again = await LiveClient.open(it.url)
+        await again.until('fingers')
+        again.close()
+
+
 async def test_of_many_paused_pages_the_last_ones_keep_the_past():
     async with served() as (it, page):
         await page.until('fingers')

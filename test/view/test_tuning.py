@@ -16,12 +16,7 @@
 """Tuning on what the page recorded: stopped, failing, and when slip_view is killed."""
 
 import asyncio
-import os
-import signal
-import subprocess
-import sys
 import time
-from pathlib import Path
 
 import pytest
 
@@ -62,7 +57,7 @@ def test_a_search_that_is_stopped_keeps_what_it_found_and_is_judged_by_what_was_
     recorded, monkeypatch
 ):
     monkeypatch.setattr(tuning, 'TRIALS', 120)
-    run = TuneRun(listed(recorded), DetectorConfig())
+    run = TuneRun(listed(recorded), 'index', DetectorConfig())
     steps = []
 
     def stop_when_something_is_found():
@@ -92,7 +87,7 @@ def test_a_search_that_is_stopped_keeps_what_it_found_and_is_judged_by_what_was_
 
 
 def test_a_run_that_is_stopped_before_the_search_found_nothing(recorded):
-    run = TuneRun(listed(recorded), DetectorConfig())
+    run = TuneRun(listed(recorded), 'index', DetectorConfig())
     asyncio.run(finished(run, run.stop))
     assert run.failed == 'stopped before anything was found'
 
@@ -100,45 +95,14 @@ def test_a_run_that_is_stopped_before_the_search_found_nothing(recorded):
 def test_there_have_to_be_two_slips(tmp_path):
     write_recordings(tmp_path, slips=1)
     with pytest.raises(ValueError, match='there are 1 recordings of slips, allowed: two or more'):
-        TuneRun(listed(tmp_path), DetectorConfig())
+        TuneRun(listed(tmp_path), 'index', DetectorConfig())
 
 
-def test_what_tunes_dies_with_the_one_who_started_it(recorded):
-    program = (
-        'import asyncio, sys\n'
-        'from pathlib import Path\n'
-        'from slip_detector.parameters import DetectorConfig\n'
-        'from slip_detector.view.tuning import TuneRun\n'
-        'from view.test_tuning import listed, finished\n'
-        'if __name__ == "__main__":\n'
-        '    run = TuneRun(listed(Path(sys.argv[1])), DetectorConfig())\n'
-        '    steps = []\n'
-        '    def report():\n'
-        '        if run.step and not steps:\n'
-        '            steps.append(print(run._process.pid, flush=True))\n'
-        '    asyncio.run(finished(run, report))\n'
-    )
-    parent = subprocess.Popen(
-        [sys.executable, '-c', program, str(recorded)],
-        stdout=subprocess.PIPE,
-        text=True,
-        env=os.environ | {'PYTHONPATH': os.pathsep.join(sys.path)},
-    )
-    with parent:
-        child = Path('/proc') / parent.stdout.readline().strip()
-        assert child.exists()
-        parent.send_signal(signal.SIGKILL)
-    deadline_s = time.monotonic() + DEADLINE_S
-    while _runs(child) and time.monotonic() < deadline_s:
-        time.sleep(0.02)
-    assert not _runs(child)
-
-
-def _runs(process):
-    try:
-        return (process / 'stat').read_text().rsplit(')', 1)[1].split()[0] != 'Z'
-    except OSError:
-        return False
+def test_what_tunes_ends_when_nobody_listens_any_more_as_slip_view_was_killed(recorded):
+    run = TuneRun(listed(recorded), 'index', DetectorConfig())
+    run._connection.close()
+    run._process.join(DEADLINE_S)
+    assert run._process.exitcode == 1
 
 
 def test_that_slip_was_on_before_its_label_is_neither_better_nor_worse():
