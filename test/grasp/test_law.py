@@ -59,10 +59,12 @@ def closed(config):
 
 
 @given(configs, heard)
-def test_the_force_is_never_negative_and_never_above_the_limit(config, entries):
+def test_the_force_is_within_its_limits_and_never_sinks_while_it_slips(config, entries):
     found = forces(GraspLaw(config), entries)
     assert min(found) == 0.0
     assert max(found) <= config.limit_n
+    for (_, slip, valid), before, after in zip(entries, found[:-1], found[1:], strict=True):
+        assert not (slip and valid) or after >= before
 
 
 @given(configs, heard)
@@ -70,13 +72,6 @@ def test_a_grip_that_has_closed_is_never_below_its_least_while_slip_is_valid(con
     law = closed(config)
     for elapsed_s, slip, _ in entries:
         assert config.grip_n <= law.update(elapsed_s, slip, True) <= config.limit_n
-
-
-@given(configs, heard)
-def test_the_force_never_sinks_while_it_slips(config, entries):
-    found = forces(GraspLaw(config), entries)
-    for (_, slip, valid), before, after in zip(entries, found[:-1], found[1:], strict=True):
-        assert not (slip and valid) or after >= before
 
 
 @given(configs, heard, heard)

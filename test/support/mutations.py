@@ -12,8 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Valid bytes and texts with random damage."""
+"""Values of parameters about what is allowed, and valid bytes and texts with random damage."""
 
+import dataclasses
 import math
 
 from hypothesis import strategies as st
@@ -38,6 +39,15 @@ def near(field):
     if isinstance(default, (int, float)) and not isinstance(default, bool):
         values += [0, 1, 2, default * 2, default / 3]
     return st.sampled_from([*values, *field.metadata['choices']])
+
+
+@st.composite
+def some_values(draw, parameters, most):
+    """Draw values of some parameters of a set: mostly some that are taken, at times any."""
+    fields = st.sampled_from(dataclasses.fields(parameters))
+    chosen = draw(st.lists(fields, max_size=most, unique_by=id))
+    strange = st.integers(0, 9)
+    return {field.name: draw(near(field) if draw(strange) else STRANGE) for field in chosen}
 
 
 @st.composite
