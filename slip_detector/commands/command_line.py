@@ -92,7 +92,7 @@ def run(name: str, work: Callable[[], str]) -> int:
     name
         Name of the command.
     work
-        Returns the text to print; raises a ValueError where the user has made an error.
+        Returns the text to print; raises a ValueError or OSError where the user has made an error.
 
     Returns
     -------
@@ -108,7 +108,7 @@ def run(name: str, work: Callable[[], str]) -> int:
     """
     try:
         text = work()
-    except ValueError as error:
+    except (ValueError, OSError) as error:  # OSError: a name that is too long, for example.
         sys.stderr.write(f'{name}: {one_line(error)}\n')
         return 1
     try:
