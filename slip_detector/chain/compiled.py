@@ -29,23 +29,26 @@ Every operation is rounded as IEEE 754 demands, and a multiplication is never fu
 addition: with and without Numba, and on any processor, the bits are the same.
 """
 
-import contextlib
 import functools
+import hashlib
 import inspect
-import io
 import logging
 import operator
+import pickle
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from slip_detector.parameters.files import whole_file
+
 try:
     from numba import __version__ as numba_version
     from numba import njit
-    from numba.core.caching import FunctionCache, IndexDataCacheFile
+    from numba.core.caching import FunctionCache
+    from numba.core.serialize import dumps
 
     COMPILED = True
 except ImportError:  # not every robot has Numba
@@ -58,11 +61,7 @@ LANES = 16
 
 
 def _fingerprint() -> str:
-    """Return a checksum of Numba's version and of all files that have compiled functions.
-
-    Numba writes the index of a cached function before its code. With the version in the name, a
-    second process never finds code of another Numba behind a new index, which it cannot read.
-    """
+    """Return a checksum of Numba's version and of all files that have compiled functions."""
     number = zlib.crc32(numba_version.encode())
     for path in sorted(Path(__file__).parents[1].rglob('*.py')):
         source = path.read_bytes()
@@ -77,63 +76,40 @@ FINGERPRINT = _fingerprint()
 LISTENERS: list[Callable[[str], None]] = []
 
 
-def _checked(data: bytes) -> bytes:
-    """Return bytes with their checksum."""
-    return data + zlib.crc32(data).to_bytes(4, 'little')
-
-
 if COMPILED:
 
-    class _Files(IndexDataCacheFile):  # type: ignore[misc]
-        """Numba's files of a function with checksums; one that is damaged counts as missing."""
-
-        @contextlib.contextmanager
-        def _open_for_write(self, filepath: str) -> Iterator[io.BytesIO]:
-            with super()._open_for_write(filepath) as file:
-                yield (content := io.BytesIO())
-                file.write(_checked(content.getvalue()))
-
-        def _check(self, path: str) -> None:
-            data = Path(path).read_bytes()
-            if data != _checked(data[:-4]):
-                raise FileNotFoundError
-
-        def _load_index(self) -> dict[Any, str]:
-            try:
-                self._check(self._index_path)
-            except OSError:
-                return {}
-            return super()._load_index()  # type: ignore[no-any-return]
-
-        def _load_data(self, name: str) -> Any:
-            self._check(self._data_path(name))  # What calls this goes on without a missing file.
-            return super()._load_data(name)
-
     class _Cache(FunctionCache):  # type: ignore[misc]
-        """Numba's cache of a function; it keeps nothing where nothing can be written."""
+        """Numba's cache of a function, with one file for each signature, compressed by zlib.
 
-        _cache_path: str | None = None
+        That has a checksum: a file that is damaged counts as missing, and none of it is run.
+        """
 
-        def __init__(self, function: Callable[..., Any]) -> None:
-            try:
-                super().__init__(function)
-                stamp = self._impl.locator.get_source_stamp()
-                self._cache_file = _Files(self.cache_path, self._impl.filename_base, stamp)
-            except RuntimeError:
-                self.disable()
-                _say_not_kept('no folder for it can be written')
+        def __init__(self, function):
+            super().__init__(function)
+            self._cache_file = self  # What loads and saves.
 
-        def load_overload(self, sig: Any, target_context: Any) -> Any:
-            found = super().load_overload(sig, target_context)
-            for say in LISTENERS if found is None else ():
-                say(self._py_func.__module__)
-            return found
-
-        def save_overload(self, sig: Any, data: Any) -> None:
+        def save_overload(self, sig, data):
             try:
                 super().save_overload(sig, data)
-            except OSError as error:
-                _say_not_kept(f'{self.cache_path}: {error.strerror}')
+            except (OSError, ValueError):
+                _say_not_kept(f'{self.cache_path} cannot be written')
+
+        def _path(self, key):
+            stamped = repr((key, self._impl.locator.get_source_stamp()))
+            digest = hashlib.sha256(stamped.encode()).hexdigest()[:16]
+            return Path(self.cache_path, f'{self._impl.filename_base}.{digest}.nbc')
+
+        def load(self, key):
+            try:
+                return pickle.loads(zlib.decompress(self._path(key).read_bytes()))
+            except (OSError, zlib.error):
+                for say in LISTENERS:
+                    say(self._py_func.__module__)
+                return None
+
+        def save(self, key, data):
+            with whole_file(self._path(key)) as new:
+                new.write_bytes(zlib.compress(dumps(data), level=1))
 
 
 @functools.cache
@@ -156,7 +132,10 @@ def compiled(function: Callable[..., Any], **options: bool) -> Callable[..., Any
     # without it Numba compiles a function with the setting of its caller.
     common = {'error_model': 'numpy', '_nrt': True}
     dispatcher: Any = njit(**common | options)(function)
-    dispatcher._cache = _Cache(function)
+    try:
+        dispatcher._cache = _Cache(function)
+    except RuntimeError:
+        _say_not_kept('no folder for it can be written')
     return dispatcher  # type: ignore[no-any-return]
 
 

@@ -387,5 +387,5 @@ def compile_chain() -> None:
     SlipChain()
     grid = StampGrid(period_s=1.0, max_gap_s=1.0)
     stamps_ns = np.arange(3) * 1_000_000_000
-    grid.arrive_all(stamps_ns[:2])
+    grid.mend(stamps_ns[:2])
     grid.arrive(int(stamps_ns[2]))

@@ -69,10 +69,10 @@ CLOSE_PERIODS, BUNCHED, BUNCH_MEMORY = 0.25, 0.25, 64
 PERIOD_NS, UNTIL_NEXT_NS, MEMORY, JITTER, FASTEST_NS, SLOWEST_NS, CLOSE, SAME, BAD = range(9)
 
 # Elements of the array of stamps: LAST, the place on the line of the last sample; BEFORE, the
-# stamp before; LATE, the stamp of the last sample if it may come after a gap, and GAP, the rows
-# that are missing then; of the samples in a row that fit elsewhere the first and last stamp, and
-# their number; the rows dropped since LAST; and the samples whose stamps were wrong. NONE: none.
-LAST, BEFORE, LATE, GAP, FIRST_ELSEWHERE, LAST_ELSEWHERE, ELSEWHERE, DROPPED_ROWS, WRONG = range(9)
+# stamp before; LATE, how many messages may be missing by the last stamp; of the samples in a row
+# that fit elsewhere the first stamp and their number; the rows dropped and not made up for yet;
+# and the samples whose stamps were wrong. NONE: none.
+LAST, BEFORE, LATE, FIRST_ELSEWHERE, ELSEWHERE, DROPPED_ROWS, WRONG = range(7)
 NONE = np.iinfo(np.int64).min
 
 # In place of the number of samples that are missing before a sample: it does not fit, and is
@@ -83,7 +83,7 @@ DROPPED, NEW_STRETCH = -1, -2
 @compiled_in_place
 def _begin(line, stamps, stamp_ns, verdict):
     """Begin a new grid at a stamp; return the verdict."""
-    stamps[LAST], stamps[LATE], stamps[ELSEWHERE], stamps[DROPPED_ROWS] = stamp_ns, NONE, 0, 0
+    stamps[LAST], stamps[LATE], stamps[ELSEWHERE], stamps[DROPPED_ROWS] = stamp_ns, 0, 0, 0
     line[UNTIL_NEXT_NS], line[MEMORY] = line[PERIOD_NS], FIRST_MEMORY
     return verdict
 
@@ -111,20 +111,17 @@ def _follow(line, behind, rows):
 
 
 @compiled_in_place
-def _elsewhere(line, stamps, limit_ns, stamp_ns, rows):
+def _elsewhere(line, stamps, limit_ns, stamp_ns, rows, since_ns):
     """Return the verdict on a message that does not fit: the clock was set if several agree."""
-    after_ns = stamp_ns - stamps[LAST_ELSEWHERE]
-    if stamps[ELSEWHERE] == 0 or after_ns < 0 or after_ns > limit_ns + rows * line[PERIOD_NS]:
+    if stamps[ELSEWHERE] == 0 or not 0 <= since_ns <= limit_ns + rows * line[PERIOD_NS]:
         stamps[FIRST_ELSEWHERE], stamps[ELSEWHERE] = stamp_ns, 0
-    stamps[LAST_ELSEWHERE] = stamp_ns
     stamps[ELSEWHERE] += 1
     stamps[DROPPED_ROWS] += rows
     # Late messages too rise and are behind, but only for so long, and not where the grid is new.
-    span_ns = stamp_ns - stamps[FIRST_ELSEWHERE]
     is_new = line[MEMORY] < FIRST_MEMORY + SEVERAL
-    if stamps[ELSEWHERE] < SEVERAL or not (
-        stamp_ns > stamps[LAST] or span_ns > limit_ns or is_new
-    ):
+    span_ns = stamp_ns - stamps[FIRST_ELSEWHERE]
+    is_set = stamp_ns > stamps[LAST] or span_ns > limit_ns or is_new
+    if stamps[ELSEWHERE] < SEVERAL or not is_set:
         return DROPPED
     return _begin(line, stamps, stamp_ns, NEW_STRETCH)
 
@@ -145,48 +142,38 @@ def _judge(line, stamps, max_gap_ns, stamp_ns, rows, lost):
     # In messages.
     behind = (step_ns - line[UNTIL_NEXT_NS] + period_ns) / message_ns - 1.0
     if lost >= 0:
-        too_many = lost > 0 and (lost * rows + 1) * period_ns > max_gap_ns
+        too_many = lost > 0 and (lost * rows + 0.5) * period_ns > max_gap_ns
         if too_many or step_ns - message_ns > max(max_gap_ns, LONGEST_DELAY_NS):
             return _begin(line, stamps, stamp_ns, NEW_STRETCH)
         if step_ns <= 0:  # The clock was set back.
             return _begin(line, stamps, stamp_ns, lost * rows)
         _follow(line, behind - lost, float(rows))
-        stamps[LAST], stamps[LATE] = stamp_ns, NONE
+        stamps[LAST], stamps[LATE] = stamp_ns, 0
         return lost * rows
-    is_close = 0 <= since_ns < CLOSE_PERIODS * message_ns
-    line[CLOSE] += (is_close - line[CLOSE]) / BUNCH_MEMORY
+    close_ns = CLOSE_PERIODS * message_ns
+    line[CLOSE] += ((0 <= since_ns < close_ns) - line[CLOSE]) / BUNCH_MEMORY
     line[SAME] += ((since_ns == 0) - line[SAME]) / BUNCH_MEMORY
     bunched = line[CLOSE] > BUNCHED
     limit_ns = max(max_gap_ns, LONGEST_DELAY_NS) if bunched else max_gap_ns
     jitter = max(0.0, line[JITTER] - BEHIND_A_GAP)
-    missing = 0
-    had_late = stamps[LATE] != NONE
-    # Nothing was missing if this sample is on the line, or in one bunch with the late one.
-    after_late_ns = stamp_ns - stamps[LATE] if had_late else 0
-    if after_late_ns > CLOSE_PERIODS * message_ns and behind - jitter > STILL_LATE:
-        missing = stamps[GAP]
-        step_ns -= int(missing * period_ns)
-        behind -= missing / rows
-    late = int(np.rint(behind - jitter))
-    # Nothing is missing but what was dropped.
-    in_place = late * rows <= min(stamps[DROPPED_ROWS], max(rows, max_gap_ns / period_ns))
-    in_time = late <= 0 or in_place or step_ns + period_ns - message_ns <= limit_ns
-    if step_ns < 0 or not in_time:
-        return _elsewhere(line, stamps, limit_ns, stamp_ns, rows)
-    stamps[WRONG] += had_late and missing == 0 and not bunched
+    # Messages are missing as far as two stamps agree that are not of one bunch.
+    missing = min(stamps[LATE], max(int(np.ceil(behind - jitter - STILL_LATE)), 0))
+    missing *= since_ns > close_ns
+    behind -= missing
+    late = max(int(np.rint(behind - jitter)), 0)
+    gap_rows = late * rows - stamps[DROPPED_ROWS]
+    if step_ns < 0 or (gap_rows > 0 and (gap_rows + 0.5) * period_ns > limit_ns):
+        return _elsewhere(line, stamps, limit_ns, stamp_ns, rows, since_ns)
+    stamps[WRONG] += stamps[LATE] > 0 and missing == 0 and not bunched
     if behind < -LARGEST_JITTER:
-        return _begin(line, stamps, stamp_ns, missing)
-    late = max(late, 0)
+        return _begin(line, stamps, stamp_ns, missing * rows)
     _follow(line, behind - late, float(rows))
-    stamps[LAST], stamps[LATE] = stamp_ns, NONE
-    if in_place:
-        missing += late * rows
-    else:
-        # A gap, or a wrong stamp: the next one tells. Of a bunch the rows are counted.
-        stamps[LATE], stamps[GAP] = stamp_ns, late * rows
-        stamps[LAST] -= int(late * message_ns * (1.0 - bunched / BUNCH_MEMORY))
-    stamps[ELSEWHERE] = stamps[DROPPED_ROWS] = 0
-    return missing
+    # The place on the line; of a bunch the rows are counted, and the line follows slowly.
+    stamps[LAST] = stamp_ns - int(late * message_ns * (1.0 - bunched / BUNCH_MEMORY))
+    stamps[LATE], stamps[ELSEWHERE] = late, 0
+    if late == 0:
+        stamps[DROPPED_ROWS] = 0
+    return missing * rows
 
 
 @compiled_in_place
@@ -258,7 +245,7 @@ class StampGrid:
     larger to count as a gap.
 
     No stamp alone proves anything. Where one is late, the sample is taken as the next one, and
-    samples are missing only if the stamp after it agrees: they are then bridged before that one.
+    samples are missing as far as the stamp after it agrees: they are then bridged before that one.
     So rows are counted where several samples have nearly the same stamp, because a driver reads
     them in bunches or its clock is coarse. A sample whose stamp is before the last one, or further
     ahead than ``max_gap_s``, is dropped. When several of these in a row agree, there was a long
@@ -292,7 +279,7 @@ class StampGrid:
         off_ns = LARGEST_RATE_ERROR * period_ns
         bounds_ns = period_ns - off_ns, period_ns + off_ns
         self._line = np.array([period_ns, 0, FIRST_MEMORY, FIRST_JITTER, *bounds_ns, 0, 0, 0])
-        self._stamps = np.array([NONE, 0, NONE, 0, 0, 0, 0, 0, 0])
+        self._stamps = np.array([NONE, 0, 0, 0, 0, 0, 0])
         self._number: int | None = None
         self.max_gap_s = max_gap_s
 
@@ -355,26 +342,6 @@ class StampGrid:
         """Register the number of a message without samples, which is not missing."""
         self._number = number
 
-    def arrive_all(self, stamps_ns: NDArray[np.int64]) -> bool:
-        """Accept all samples at once if each is the next one expected; else accept none of them.
-
-        Parameters
-        ----------
-        stamps_ns : ndarray of int, shape (n,)
-            The stamp of each sample.
-
-        Returns
-        -------
-        bool
-            Whether they were accepted; if not, call :meth:`mend` for them.
-        """
-        before = self._line.copy(), self._stamps.copy()
-        verdicts, places_ns = self._verdicts(stamps_ns)
-        if not verdicts.any() and (places_ns == stamps_ns).all():
-            return True
-        self._line, self._stamps = before
-        return False
-
     def mend(self, stamps_ns: NDArray[np.int64]) -> MendedSamples:
         """Decide on samples one by one: drop samples, bridge gaps and separate stretches.
 
@@ -392,7 +359,10 @@ class StampGrid:
         >>> mended.stretches, mended.dropped
         ((slice(0, 6, None), slice(6, 7, None)), 3)
         """
-        verdicts, places_ns = self._verdicts(stamps_ns)
+        stamps_ns = np.ascontiguousarray(stamps_ns, np.int64)
+        verdicts, places_ns = np.zeros((2, len(stamps_ns)), np.int64)
+        max_gap_ns = self.max_gap_s * 1e9
+        _judge_all(self._line, self._stamps, max_gap_ns, stamps_ns, verdicts, places_ns)
         kept = np.flatnonzero(verdicts != DROPPED)
         missing = np.maximum(verdicts[kept], 0)
         # Each sample is preceded by the missing ones, for which the one before is repeated.
@@ -414,13 +384,6 @@ class StampGrid:
             int(missing.sum()),
             len(stamps_ns) - len(kept),
         )
-
-    def _verdicts(self, stamps_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return the verdict on each sample, and its place in time, (2, n)."""
-        stamps_ns = np.ascontiguousarray(stamps_ns, np.int64)
-        told = np.zeros((2, len(stamps_ns)), np.int64)
-        _judge_all(self._line, self._stamps, self.max_gap_s * 1e9, stamps_ns, *told)
-        return told
 
 
 def _whole_ns(times_ns: NDArray[np.float64]) -> NDArray[np.int64]:

@@ -263,8 +263,7 @@ class Recording:
             numbers = np.arange(first, first + len(rows.volts))
             piece = rows._replace(row_numbers=numbers, new_stretch=last is None)
             first += len(rows.volts)
-            regular = grid.arrive_all(rows.stamps_ns)
-            for part in [piece] if regular else self._mended(piece, last, grid):
+            for part in self._mended(piece, last, grid):
                 yield part
                 last = part
 
@@ -278,11 +277,12 @@ class Recording:
         self.counts.gaps += mended.gaps
         self.counts.bridged_rows += mended.bridged
         self.counts.dropped += mended.dropped
-        rows, places = piece, mended.places
-        if last is not None:  # the last row before this piece may have to bridge its first gap
-            rows, places = last.take(slice(-1, None)).then(piece), places + 1
+        if np.array_equal(mended.places, np.arange(len(piece.volts))) and not mended.first_is_new:
+            return [piece._replace(stamps_ns=mended.stamps_ns)]
+        # The last row before this piece may have to bridge its first gap.
+        rows = (piece if last is None else last).take(slice(-1, None)).then(piece)
         return [
-            rows.take(places[of_stretch])._replace(
+            rows.take(mended.places[of_stretch] + 1)._replace(
                 stamps_ns=mended.stamps_ns[of_stretch],
                 new_stretch=i > 0 or mended.first_is_new or piece.new_stretch,
             )

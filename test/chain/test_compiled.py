@@ -81,6 +81,7 @@ def test_a_change_in_another_file_is_compiled_into_what_calls_it(tmp_path):
     for folder in (chain.parent, chain):
         (folder / '__init__.py').touch()
     path = Path(shutil.copy(compiled.__file__, chain))
+    shutil.copytree(PACKAGE / 'parameters', chain.parent / 'parameters')
     (chain / 'outer.py').write_text(OUTER)
 
     def run(inner):
@@ -125,14 +126,13 @@ def cached_calls(tmp_path, monkeypatch):
 
 
 @needs_numba
-@pytest.mark.parametrize('ending', ['nbi', 'nbc'])
 @pytest.mark.parametrize('damaged', [
     lambda data: b'', lambda data: data[: len(data) // 2], lambda data: bytes(len(data)),
     lambda data: data[:-99] + bytes([data[-99] ^ 1]) + data[-98:],
 ], ids=['empty', 'cut', 'zeroed', 'flipped'])  # fmt: skip
-def test_what_is_damaged_in_the_cache_is_compiled_again(cached_calls, tmp_path, damaged, ending):
+def test_what_is_damaged_in_the_cache_is_compiled_again(cached_calls, tmp_path, damaged):
     assert [cached_calls(), cached_calls()] == [False, True]
-    (path,) = (tmp_path / '__pycache__').glob(f'*.{ending}')
+    (path,) = (tmp_path / '__pycache__').glob('*.nbc')
     path.write_bytes(damaged(path.read_bytes()))
     assert [cached_calls(), cached_calls()] == [False, True]
 
@@ -147,8 +147,8 @@ def test_without_a_cache_that_can_be_written_it_is_compiled_in_memory_and_said_o
         assert [cached_calls(), cached_calls()] == [False, False]
     monkeypatch.setattr(CacheImpl, '_locator_classes', [])
     assert [cached_calls(), cached_calls()] == [False, False]
-    assert [re.sub(r'/.*__', '...', line) for line in caplog.messages] == [
-        'compiled code is not kept (...: File too large): each start compiles',
+    assert [re.sub(r'/.*/', '...', line) for line in caplog.messages] == [
+        'compiled code is not kept (...__pycache__ cannot be written): each start compiles',
         'compiled code is not kept (no folder for it can be written): each start compiles',
     ]
 
@@ -191,7 +191,6 @@ for changes in ({}, {'channels': 3, 'vote': 'mean', 'common_mode': 'median'}, {'
 grid = StampGrid(period_s=0.01, max_gap_s=0.1)
 grid.mend(np.array([0, 10, 40, 1000, 900]) * 1_000_000)
 grid.arrive(1_100_000_000, 10)
-assert StampGrid(period_s=0.01, max_gap_s=0.1).arrive_all(np.array([1_110_000_000]))
 assert compiled_signatures() == before
 """
 

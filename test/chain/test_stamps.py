@@ -89,9 +89,9 @@ def test_one_wrong_stamp_among_regular_ones_costs_at_most_its_own_sample(
     near = st.integers(-50 * PERIOD_NS, 50 * PERIOD_NS)
     jitter_ns[at] = data.draw(st.one_of(near, st.integers(-(10**18), 10**18)))
     judged = arrivals(range(len(jitter_ns)), jitter_ns, max_gap_s)
-    if judged[at] == DROPPED:  # The one before it stands in its place.
-        assert judged[at + 1 :][:1] in ([], [1])
-        judged[at : at + 2] = [NEXT] * len(judged[at : at + 2])
+    if judged[at] == DROPPED:  # A sample is repeated in its place.
+        assert judged[at + 1 :][:2] in ([], [NEXT], [NEXT, 1])
+        judged[at : at + 3] = [NEXT] * len(judged[at : at + 3])
     assert judged == [NEXT] * len(judged)
 
 
@@ -281,19 +281,6 @@ def test_a_publisher_that_was_started_again_is_judged_by_its_stamps():
     again = (50, 51, 52, 53, 54, 57)
     judged += [grid.arrive(START_NS + k * PERIOD_NS, 1, k - 49) for k in again]
     assert judged == [*[NEXT] * 5, *[DROPPED] * 3, NEW_STRETCH, NEXT, 2]
-
-
-@given(st.lists(st.integers(-2, 45), max_size=60), st.lists(st.integers(0, 60), max_size=4))
-def test_samples_taken_all_at_once_are_judged_as_one_by_one(steps, cuts):
-    stamps = np.array([START_NS + sum(steps[:i]) * PERIOD_NS for i in range(len(steps) + 1)])
-    one_by_one, at_once = StampGrid(PERIOD_S, MAX_GAP_S), StampGrid(PERIOD_S, MAX_GAP_S)
-    for block in np.split(stamps, sorted(cuts)):
-        judged = [one_by_one.arrive(stamp) for stamp in block.tolist()]
-        if at_once.arrive_all(block):
-            assert judged == [NEXT] * len(block)
-        else:
-            assert (np.diff(stamps) != PERIOD_NS).any()
-            assert [at_once.arrive(stamp) for stamp in block.tolist()] == judged
 
 
 @given(
