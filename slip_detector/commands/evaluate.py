@@ -55,6 +55,8 @@ from slip_detector.commands.command_line import INTERRUPTED, Parser, run, whole_
 from slip_detector.commands.workers import (
     Calls,
     add_options,
+    check_apart,
+    check_writable,
     paths_for_workers,
     paths_read,
     progress_bar,
@@ -70,7 +72,7 @@ from slip_detector.evaluation.evaluator import (
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
-from slip_detector.parameters.files import check_apart, check_writable, writable_folder
+from slip_detector.parameters.files import writable_folder
 from slip_detector.recordings import recording_sets
 from slip_detector.report.tables import evaluation_tables
 

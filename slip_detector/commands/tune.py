@@ -34,6 +34,8 @@ from typing import Any
 from slip_detector.commands.command_line import Parser, run, whole_number
 from slip_detector.commands.workers import (
     add_options,
+    check_apart,
+    check_writable,
     paths_for_workers,
     paths_read,
     progress_bar,
@@ -41,7 +43,7 @@ from slip_detector.commands.workers import (
     workers,
 )
 from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.parameters.files import check_apart, check_writable, read_yaml, write_yaml
+from slip_detector.parameters.files import read_yaml, write_yaml
 from slip_detector.parameters.sections import ALL, node_of, sections_of
 from slip_detector.report.tables import comparison_table, number_text
 from slip_detector.tuning.learning import learn_from_quiet, learn_from_taps
@@ -159,16 +161,6 @@ def _names_of(tracks: Sequence[Track]) -> str:
     return f'{names} ({n} slip{"" if n == 1 else "s"} in {minutes:.3g} min)'
 
 
-def _learn(
-    options: argparse.Namespace, parameters: TuningParameters
-) -> tuple[dict[str, Any], list[str]]:
-    """Return what is learnt from recordings without a search, and lines about it."""
-    of = parameters.chain, parameters.loader
-    if options.quiet is not None:
-        return learn_from_quiet(options.quiet, *of, options.false_alarms_per_hour)
-    return learn_from_taps(options.taps, options.recordings, *of)
-
-
 def _search(
     options: argparse.Namespace, parameters: TuningParameters, where: str
 ) -> tuple[dict[str, Any], list[str]]:
@@ -274,10 +266,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         paths = [path for path in written.values() if path is not None]
         for path in paths:
             check_writable(path)
-        if options.quiet is None and options.taps is None:
-            changes, lines = _search(options, parameters, where)
+        of, rate = (parameters.chain, parameters.loader), options.false_alarms_per_hour
+        if options.quiet is not None:
+            changes, lines = learn_from_quiet(options.quiet, *of, rate)
+        elif options.taps is not None:
+            changes, lines = learn_from_taps(options.taps, options.recordings, *of)
         else:
-            changes, lines = _learn(options, parameters)
+            changes, lines = _search(options, parameters, where)
         now = datetime.datetime.now(datetime.timezone.utc)
         command = shlex.join([NAME, *(sys.argv[1:] if argv is None else argv)])
         comments = [f'Written by {NAME} on {now:%Y-%m-%d %H:%M} UTC:', f'  {command}', *lines]

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the commands share that read recordings: their options, the bar, and several processes."""
+"""What the commands share that read recordings: options, files, the bar, several processes."""
 
 import argparse
 import asyncio
@@ -24,8 +24,9 @@ import multiprocessing
 import os
 import signal
 import sys
+import tempfile
 import threading
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
@@ -34,6 +35,7 @@ from tqdm import tqdm
 
 from slip_detector.commands.command_line import whole_number
 from slip_detector.parameters.driver import RecordingConfig
+from slip_detector.parameters.files import write_errors_of
 from slip_detector.recordings import ENDINGS, recording_sets
 
 #: Longest time, in seconds, in which a scheduler may answer.
@@ -42,10 +44,6 @@ ANSWER_S = 5.0
 #: Logs of Dask, which put a traceback there for a call that is cancelled or a connection that
 #: closes. This process says what went wrong itself.
 LOGS = ('distributed', 'distributed.client', 'tornado.application')
-
-NEEDS_DISTRIBUTED = (
-    "--cluster needs distributed, which is not installed: pip install 'slip_detector[cluster]'"
-)
 
 #: The parameters of :class:`RecordingConfig` that are options, without ``recording_``.
 READING = ('topic', 'field', 'labels', 'resample')
@@ -163,6 +161,60 @@ def paths_read(options: argparse.Namespace) -> list[Path]:
     return [*(file for files in sets for file in files), *labels]
 
 
+def check_writable(path: Path) -> None:
+    """Raise an error if a file cannot be written, so that long work is not done in vain.
+
+    Raises
+    ------
+    ValueError
+        When the file cannot be written; names it.
+
+    Examples
+    --------
+    >>> check_writable(Path('no such folder') / 'tuned.yaml')
+    Traceback (most recent call last):
+    ValueError: no such folder/tuned.yaml: cannot be written (No such file or directory)
+    """
+    with write_errors_of(path):
+        if path.exists():
+            if not path.is_file():  # Writing would replace a device by a file.
+                raise OSError(0, 'is no file')
+            with open(path, 'ab'):
+                pass
+        # whole_file needs to write beside it.
+        with tempfile.TemporaryFile(dir=os.path.dirname(os.path.realpath(path))):
+            pass
+
+
+def check_apart(written: Mapping[str, Path | None], read: Sequence[str | Path] = ()) -> None:
+    """Raise an error if a file to write is also read, or written for another option.
+
+    Parameters
+    ----------
+    written
+        Files to write, by the option that names each; None: the option is not given.
+    read
+        Files that are read.
+
+    Raises
+    ------
+    ValueError
+        When two of these files are the same; names the option and the file.
+
+    Examples
+    --------
+    >>> check_apart({'--out': Path('tuned.yaml'), '--report': Path('./tuned.yaml')})
+    Traceback (most recent call last):
+    ValueError: --report tuned.yaml: is written by --out too, allowed: a file of its own
+    """
+    uses = {Path(path).resolve(): 'is read' for path in read}
+    for option, path in written.items():
+        if path is not None:
+            use = uses.setdefault(path.resolve(), f'is written by {option}')
+            if use != f'is written by {option}':
+                raise ValueError(f'{option} {path}: {use} too, allowed: a file of its own')
+
+
 def progress_bar(total: int, unit: str) -> 'tqdm[Any]':
     """Return a progress bar on stderr; it is disabled where stderr is not a terminal.
 
@@ -212,7 +264,9 @@ def workers(jobs: int | None = None, cluster: str | None = None) -> Iterator[Cal
             asyncio.run(asyncio.wait_for(_check_scheduler(cluster), ANSWER_S))
             client = Client(cluster, timeout=ANSWER_S)
         except ImportError:
-            raise ValueError(NEEDS_DISTRIBUTED) from None
+            extra = "pip install 'slip_detector[cluster]'"
+            text = f'--cluster needs distributed, which is not installed: {extra}'
+            raise ValueError(text) from None
         except Exception as error:  # Another program may answer anything, or nothing.
             why = str(error) or f'no answer of a scheduler within {ANSWER_S:g} s'
             raise ValueError(f'cluster {cluster}: cannot be reached ({why})') from None

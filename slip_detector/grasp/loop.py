@@ -80,10 +80,9 @@ def object_scene(
     for step in filling:
         step['pull_n'] = (drawn['growth'] - 1.0) * mass_kg * STANDARD_GRAVITY_M_S2
     scene['object']['mass_kg'] = mass_kg
-    scene['friction']['static_coefficient'] = static
-    scene['friction']['kinetic_coefficient'] = static * drawn['kinetic_share']
-    scene['texture']['spatial_period_m'] = drawn['spatial_period_m']
-    scene['texture']['ridge_height_m'] = drawn['ridge_height_m'] * ridge_factor
+    kinetic, height_m = static * drawn['kinetic_share'], drawn['ridge_height_m'] * ridge_factor
+    scene['friction'] |= {'static_coefficient': static, 'kinetic_coefficient': kinetic}
+    scene['texture'] |= {'spatial_period_m': drawn['spatial_period_m'], 'ridge_height_m': height_m}
     scene['electronics']['fingertip_seed'] = seed
     scene['taps']['times_s'] = [drawn['knock_s']]
     scene['motion']['ringing_hz'] /= lag_factor

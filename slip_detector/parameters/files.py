@@ -18,7 +18,7 @@ import contextlib
 import os
 import re
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -141,60 +141,6 @@ def write_errors_of(path: str | Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise ValueError(f'{path}: cannot be written ({error.strerror or error})') from None
-
-
-def check_writable(path: Path) -> None:
-    """Raise an error if a file cannot be written, so that long work is not done in vain.
-
-    Raises
-    ------
-    ValueError
-        When the file cannot be written; names it.
-
-    Examples
-    --------
-    >>> check_writable(Path('no such folder') / 'tuned.yaml')
-    Traceback (most recent call last):
-    ValueError: no such folder/tuned.yaml: cannot be written (No such file or directory)
-    """
-    with write_errors_of(path):
-        if path.exists():
-            if not path.is_file():  # Writing would replace a device by a file.
-                raise OSError(0, 'is no file')
-            with open(path, 'ab'):
-                pass
-        # whole_file needs to write beside it.
-        with tempfile.TemporaryFile(dir=os.path.dirname(os.path.realpath(path))):
-            pass
-
-
-def check_apart(written: Mapping[str, Path | None], read: Sequence[str | Path] = ()) -> None:
-    """Raise an error if a file to write is also read, or written for another option.
-
-    Parameters
-    ----------
-    written
-        Files to write, by the option that names each; None: the option is not given.
-    read
-        Files that are read.
-
-    Raises
-    ------
-    ValueError
-        When two of these files are the same; names the option and the file.
-
-    Examples
-    --------
-    >>> check_apart({'--out': Path('tuned.yaml'), '--report': Path('./tuned.yaml')})
-    Traceback (most recent call last):
-    ValueError: --report tuned.yaml: is written by --out too, allowed: a file of its own
-    """
-    uses = {Path(path).resolve(): 'is read' for path in read}
-    for option, path in written.items():
-        if path is not None:
-            use = uses.setdefault(path.resolve(), f'is written by {option}')
-            if use != f'is written by {option}':
-                raise ValueError(f'{option} {path}: {use} too, allowed: a file of its own')
 
 
 def writable_folder(folder: Path) -> Path:

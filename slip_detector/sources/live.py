@@ -166,9 +166,6 @@ class LiveSource(Source):
         if self._line is not None:
             self._line.close()
 
-    def _stamped(self, decoded: Sequence[Samples], arrival_ns: int) -> Samples:
-        return self._clock.stamp(decoded, len(self.channel_names), arrival_ns)
-
 
 class SerialSource(LiveSource):
     """Packets or lines of text from a serial port, which may be unplugged and plugged in again.
@@ -225,7 +222,8 @@ class SerialSource(LiveSource):
             time.sleep(min(wait_s, WAIT_S))
         else:
             self.start()
-        return self._stamped(self._decoder.feed(data), self._now_ns())
+        decoded = self._decoder.feed(data)
+        return self._clock.stamp(decoded, self._config.channels, self._now_ns())
 
     def _lose(self, error: Exception) -> None:
         self.close()
@@ -306,27 +304,27 @@ class UdpSource(LiveSource):
 
     def read(self, n: int) -> Samples:
         """Return the samples of the next datagram, after at most ``WAIT_S``."""
-        decoded = self._decoded()
-        return self._stamped([] if decoded is None else [decoded], self._arrival_ns)
+        return self._clock.stamp(self._decoded(), self._config.channels, self._arrival_ns)
 
-    def _decoded(self) -> Samples | None:
+    def _decoded(self) -> list[Samples]:
         try:
             # One byte more than allowed shows that a datagram is too long.
             packet, sender = self._line.recvfrom(LONGEST_BYTES + 1)
         except TimeoutError:
-            return None
+            return []
         self._arrival_ns = self._now_ns()
         if ipaddress.ip_address(sender[0]) not in self._senders:
             self.counts['unlisted_sender'] += 1
-            return None
+            return []
         now_s = time.monotonic()
         if sender != self._sender and not self._decoder.fault(packet):
             if self._sender is not None and now_s - self._heard_s < SENDER_SILENT_S:
                 self.counts['other_sender'] += 1
-                return None
+                return []
             self._sender = sender
             self._decoder.restart()
-        decoded: Samples | None = self._decoder.decode(packet)
-        if decoded is not None:
-            self._heard_s = now_s
-        return decoded
+        decoded = self._decoder.decode(packet)
+        if decoded is None:
+            return []
+        self._heard_s = now_s
+        return [decoded]

@@ -28,6 +28,8 @@ import pytest
 from slip_detector.commands.workers import (
     READING,
     add_options,
+    check_apart,
+    check_writable,
     paths_for_workers,
     paths_read,
     progress_bar,
@@ -159,6 +161,32 @@ def test_each_recording_of_the_folders_and_the_labels_are_read(tmp_path):
     )
     names = [path.name for path in paths_read(options)]
     assert names == ['a.npz', 'b.csv', 'h.mcap', 't.npz', 'l.yaml']
+
+
+def test_what_cannot_be_written_is_refused_and_nothing_is_changed(tmp_path):
+    for path, why in (
+        (tmp_path / 'no' / 'a', 'No such file or directory'),
+        (tmp_path, 'is no fi'),
+    ):
+        with pytest.raises(ValueError, match=rf'^{path}: cannot be written \({why}'):
+            check_writable(path)
+    old, link = tmp_path / 'old', tmp_path / 'link'
+    old.write_text('old')
+    link.symlink_to(tmp_path / 'not there')
+    for path in (old, link, tmp_path / 'new'):
+        check_writable(path)
+    assert {*tmp_path.iterdir()} == {old, link}
+    assert old.read_text() == 'old'
+
+
+def test_a_file_is_not_written_twice_nor_over_what_is_read(tmp_path):
+    out, link = tmp_path / 'a.yaml', tmp_path / 'link.yaml'
+    link.symlink_to(out)
+    check_apart({'--out': out, '--report': None}, [tmp_path / 'b.npz'])
+    with pytest.raises(ValueError, match=r'--report .*link\.yaml: is written by --out too'):
+        check_apart({'--out': out, '--report': link})
+    with pytest.raises(ValueError, match=r'--out .*a\.yaml: is read too, allowed: a file of its'):
+        check_apart({'--out': out}, [str(link)])
 
 
 def test_a_terminal_alone_shows_the_bar(monkeypatch):

@@ -28,8 +28,6 @@ from slip_detector.parameters.fields import LONGEST_SHOWN
 from slip_detector.parameters.files import (
     MOST_BYTES,
     UNFINISHED,
-    check_apart,
-    check_writable,
     read_yaml,
     shared_folder,
     whole_file,
@@ -92,9 +90,7 @@ def test_a_folder_appears_whole_too_and_all_in_it_is_brought_to_the_disk(tmp_pat
 
 def test_a_file_that_cannot_be_written_is_named_and_nothing_is_left(tmp_path):
     for path in (tmp_path / 'no' / 'a.yaml', tmp_path):
-        for write in (check_writable, lambda path: write_yaml(path, {})):
-            message = message_of(write, path)
-            assert message.startswith(f'{path}: cannot be written (')
+        assert message_of(write_yaml, path, {}).startswith(f'{path}: cannot be written (')
     assert list(tmp_path.iterdir()) == []
 
 
@@ -105,8 +101,6 @@ def test_of_a_symbolic_link_the_file_is_written_and_the_link_stays(tmp_path, exi
     link.symlink_to(file)
     if exists:
         file.write_text('old')
-    check_writable(link)  # which changes nothing
-    assert [path.read_text() for path in file.parent.iterdir()] == ['old'] * exists
     with whole_file(link) as new:
         new.write_text('new')
     assert link.is_symlink()
@@ -119,16 +113,6 @@ def test_a_folder_is_made_unless_a_file_stands_there(tmp_path):
     (tmp_path / 'file').write_text('')
     with pytest.raises(ValueError, match='file: cannot be written'):
         writable_folder(tmp_path / 'file')
-
-
-def test_a_file_is_not_written_twice_nor_over_what_is_read(tmp_path):
-    out, link = tmp_path / 'a.yaml', tmp_path / 'link.yaml'
-    link.symlink_to(out)
-    check_apart({'--out': out, '--report': None}, [tmp_path / 'b.npz'])
-    with pytest.raises(ValueError, match=r'--report .*link\.yaml: is written by --out too'):
-        check_apart({'--out': out, '--report': link})
-    with pytest.raises(ValueError, match=r'--out .*a\.yaml: is read too, allowed: a file of its'):
-        check_apart({'--out': out}, [str(link)])
 
 
 def test_a_package_without_its_folder_says_so(monkeypatch, tmp_path):
