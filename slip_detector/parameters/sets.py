@@ -100,9 +100,8 @@ class ParameterSet:
         """
         if not holds:
             value, unit = getattr(self, name), self.__dataclass_fields__[name].metadata['unit']
-            text = (
-                f'{value:g} {unit}'.rstrip() if isinstance(value, (int, float)) else shown(value)
-            )
+            is_number = isinstance(value, (int, float))
+            text = f'{value:g} {unit}'.rstrip() if is_number else shown(value)
             refuse(f'parameter {name} {what or f"is {text}"}', allowed_text)
 
     @classmethod

@@ -37,6 +37,7 @@ from slip_detector.commands.workers import (
     workers,
 )
 from slip_detector.parameters.driver import RecordingConfig
+from support.config_cases import message_of
 from support.worker_calls import die, process_of, refuse
 
 
@@ -164,12 +165,8 @@ def test_each_recording_of_the_folders_and_the_labels_are_read(tmp_path):
 
 
 def test_what_cannot_be_written_is_refused_and_nothing_is_changed(tmp_path):
-    for path, why in (
-        (tmp_path / 'no' / 'a', 'No such file or directory'),
-        (tmp_path, 'is no fi'),
-    ):
-        with pytest.raises(ValueError, match=rf'^{path}: cannot be written \({why}'):
-            check_writable(path)
+    for path in (tmp_path / 'no' / 'a', tmp_path):
+        assert message_of(check_writable, path).startswith(f'{path}: cannot be written (')
     old, link = tmp_path / 'old', tmp_path / 'link'
     old.write_text('old')
     link.symlink_to(tmp_path / 'not there')
@@ -183,10 +180,10 @@ def test_a_file_is_not_written_twice_nor_over_what_is_read(tmp_path):
     out, link = tmp_path / 'a.yaml', tmp_path / 'link.yaml'
     link.symlink_to(out)
     check_apart({'--out': out, '--report': None}, [tmp_path / 'b.npz'])
-    with pytest.raises(ValueError, match=r'--report .*link\.yaml: is written by --out too'):
-        check_apart({'--out': out, '--report': link})
-    with pytest.raises(ValueError, match=r'--out .*a\.yaml: is read too, allowed: a file of its'):
-        check_apart({'--out': out}, [str(link)])
+    message = message_of(check_apart, {'--out': out, '--report': link})
+    assert message == f'--report {link}: is written by --out too, allowed: a file of its own'
+    message = message_of(check_apart, {'--out': out}, [str(link)])
+    assert message == f'--out {out}: is read too, allowed: a file of its own'
 
 
 def test_a_terminal_alone_shows_the_bar(monkeypatch):
