@@ -33,7 +33,7 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
-from slip_detector.nodes.run import ends_launch
+from slip_detector.nodes.run import ends_launch, transport_environment
 from slip_detector.parameters.files import find_parameter_file
 from slip_detector.parameters.sections import our_sections
 
@@ -50,8 +50,9 @@ def set_configs(context):
 
 def nodes(context):
     """Start the nodes; an argument that is given replaces the value in the parameter file."""
-    config, source, recording = (
-        LaunchConfiguration(name).perform(context) for name in ('config', 'source', 'recording')
+    config, source, recording, transport = (
+        LaunchConfiguration(name).perform(context)
+        for name in ('config', 'source', 'recording', 'transport')
     )
     configs = LaunchConfiguration('configs').perform(context).split(',')
     if not config:
@@ -61,12 +62,14 @@ def nodes(context):
     fingers = LaunchConfiguration('fingers').perform(context)
     arguments = ['--fingers', fingers] if fingers else []
     several = len(configs) > 1
+    environment = transport_environment(transport)
     detector = Node(
         package='slip_detector',
         executable='slip_detector',
         namespace=namespace,
         arguments=[*arguments, '--configs', ','.join(configs)] if several else arguments,
         parameters=[] if several else configs,
+        additional_env=environment,
         on_exit=ends_launch(),
     )
     # The driver waits for all detectors, so that none misses samples while it starts.
@@ -84,6 +87,7 @@ def nodes(context):
         namespace=namespace,
         arguments=arguments,
         parameters=[configs[0], given],
+        additional_env=environment,
         on_exit=ends_launch(),
     )
     return [detector] if source == 'none' else [detector, driver]

@@ -25,18 +25,21 @@ from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from slip_detector.nodes.run import ends_launch
+from slip_detector.nodes.run import ends_launch, transport_environment
 
 
 def page(context):
     """Start the node that serves the page."""
-    options = LaunchConfiguration('view_options').perform(context)
+    options, transport = (
+        LaunchConfiguration(name).perform(context) for name in ('view_options', 'transport')
+    )
     node = Node(
         package='slip_detector',
         executable='slip_view',
         namespace=LaunchConfiguration('namespace'),
         arguments=['--config', LaunchConfiguration('configs'), *shlex.split(options)],
         output='screen',  # It prints the address of the page.
+        additional_env=transport_environment(transport),
         on_exit=ends_launch(),
     )
     return [node]
@@ -64,6 +67,13 @@ def generate_launch_description():
                 'view_options',
                 default_value='',
                 description='Options of slip_view, such as --host 0.0.0.0 or --read-only.',
+            ),
+            DeclareLaunchArgument(
+                'transport',
+                default_value='',
+                choices=['', 'udp'],
+                description='udp: the nodes use no shared memory, so that Fast DDS does not hold '
+                'them up when others join; empty: what the middleware uses.',
             ),
             OpaqueFunction(function=page, condition=IfCondition(LaunchConfiguration('view'))),
         ]

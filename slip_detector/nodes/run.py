@@ -29,12 +29,16 @@ from pathlib import PurePath
 from typing import Any, NoReturn
 
 from slip_detector.commands.command_line import one_line
+from slip_detector.parameters.files import shared_folder
 
 #: Allowed names of namespaces; the length leaves room for the names of topics.
 NAMESPACE = re.compile('(?!.*__)[A-Za-z_][A-Za-z0-9_]{0,63}')
 
 #: Longest time, in seconds, from a launch to a node's refusal; it may have to compile first.
 STARTS_S = 120.0
+
+#: Variables with the path of a profile, in Fast DDS 2 and 3.
+PROFILE_VARIABLES = {'FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE'}
 
 EXECUTABLES = ('slip_driver', 'slip_detector', 'grasp_controller')
 
@@ -119,6 +123,25 @@ def ends_launch() -> Callable[[Any, Any], None]:
             raise RuntimeError(f'{event.process_name} ended with exit code {event.returncode}')
 
     return on_exit
+
+
+def transport_environment(transport: str) -> dict[str, str]:
+    """Return the environment variables that give a node a transport: ``udp``, or what it has.
+
+    Fast DDS, used over shared memory, can hold up a node for 0.4 s when another one joins.
+    """
+    if not transport:
+        return {}
+    given = os.environ
+    if own := PROFILE_VARIABLES & given.keys():
+        raise ValueError(f'transport is {transport!r}, allowed: none beside {min(own)}')
+    here = 'ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST'
+    if here not in given.items() and given.get('ROS_LOCALHOST_ONLY') != '1':
+        return {'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'}
+    # For this range the middleware adds shared memory to any profile; so the profile has it.
+    profile = str(shared_folder() / 'config' / 'fastdds_udp_localhost.xml')
+    ranges = {here[0]: 'SYSTEM_DEFAULT', 'ROS_LOCALHOST_ONLY': '0'}
+    return ranges | dict.fromkeys(PROFILE_VARIABLES, profile)
 
 
 class _Parser(argparse.ArgumentParser):

@@ -20,7 +20,7 @@ pytest.importorskip('rclpy', reason='needs rclpy')
 
 from support.launching import defaults_of
 
-OF_VIEW = {'namespace', 'configs', 'view', 'view_options'}
+OF_VIEW = {'namespace', 'configs', 'view', 'view_options', 'transport'}
 ALL_FILES = OF_VIEW | {'config', 'source'}
 
 

@@ -23,8 +23,11 @@ import pytest
 
 pytest.importorskip('rclpy', reason='needs rclpy')
 
+from std_msgs.msg import Bool
+
 from slip_detector.chain.compiled import COMPILED
-from slip_detector.nodes.run import EXECUTABLES, _arguments_of_each
+from slip_detector.nodes.messages import state_qos
+from slip_detector.nodes.run import EXECUTABLES, _arguments_of_each, transport_environment
 from support.harness import ROOT, compile_nodes
 
 #: What an executable does not start without.
@@ -198,3 +201,25 @@ def test_names_that_cannot_be_namespaces_are_refused(monkeypatch, option, text):
     monkeypatch.setattr('slip_detector.nodes.run._check_files', lambda: None)
     with pytest.raises(ValueError, match=rf'^{option} gives the namespaces .*, allowed: diff'):
         arguments_of_each(monkeypatch, option, text)
+
+
+@pytest.mark.parametrize(
+    ('where', 'transport', 'shares'),
+    [('LOCALHOST', '', True), ('LOCALHOST', 'udp', False), ('SUBNET', 'udp', False)],
+)
+def test_a_node_without_shared_memory_is_heard_by_one_with_it(
+    bench, monkeypatch, where, transport, shares
+):
+    monkeypatch.setenv('ROS_AUTOMATIC_DISCOVERY_RANGE', where)
+    given = {'ROS_AUTOMATIC_DISCOVERY_RANGE': where, **transport_environment(transport)}
+    slip = bench.listen(Bool, 'slip', state_qos())
+    process = bench.start('slip_detector', environment=given)
+    bench.wait_for(lambda: slip, 'slip')
+    assert ('/dev/shm/fast' in process.memory_maps()) == shares
+
+
+def test_a_transport_is_refused_beside_a_profile_that_may_give_another(monkeypatch):
+    monkeypatch.setenv('FASTRTPS_DEFAULT_PROFILES_FILE', 'own.xml')
+    assert transport_environment('') == {}
+    with pytest.raises(ValueError, match="transport is 'udp', allowed: none beside FAST"):
+        transport_environment('udp')

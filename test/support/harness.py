@@ -64,9 +64,9 @@ START_NS, PERIOD_NS = 1_700_000_000 * 10**9, round(1e9 / 380)
 
 
 class Process:
-    """A command as a process; its output is kept, and shown if the test fails."""
+    """A command as a process; its output is kept, and shown if the test fails, or is a file."""
 
-    def __init__(self, *command, domain, output=None):
+    def __init__(self, *command, domain, output=None, environment=None):
         self._command = ' '.join(map(str, command))
         self.killed = False
         self._log = tempfile.TemporaryFile('w+')  # noqa: SIM115, closed in end()
@@ -74,6 +74,7 @@ class Process:
             **os.environ,
             'ROS_DOMAIN_ID': str(domain),
             'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
+            **(environment or {}),
         }
         self._process = subprocess.Popen(
             list(map(str, command)),
@@ -81,6 +82,10 @@ class Process:
             stderr=subprocess.STDOUT,
             env=environment,
         )
+
+    def memory_maps(self):
+        """Return the files that the process has mapped into its memory."""
+        return Path(f'/proc/{self._process.pid}/maps').read_text()
 
     def log(self):
         """Return what the process has printed so far."""
@@ -181,19 +186,19 @@ class Bench:
         self._subscriptions = {}
         self._clients = {}
 
-    def start(self, name, *words, parameters=None, output=None, reliable_samples=False):
-        """Start an executable of the package; its output is kept, or goes to a file."""
+    def start(self, name, *words, parameters=None, reliable_samples=False, **options):
+        """Start an executable of the package, with options of :class:`Process`."""
         run = ['-m', 'slip_detector.nodes.run']
         if reliable_samples:
             run = ['-P', RELIABLE_SAMPLES]  # -P: nothing is imported from the file's own folder.
         command = [*run, name, '--ros-args']
         for key, value in (parameters or {}).items():
             command += ['-p', f'{key}:={value}']
-        return self.start_python(*command, *words, output=output)
+        return self.start_python(*command, *words, **options)
 
-    def start_python(self, *words, output=None):
-        """Start Python with these words; its output is kept, or goes to a file."""
-        process = Process(sys.executable, *words, domain=self.domain, output=output)
+    def start_python(self, *words, **options):
+        """Start Python with these words, and options of :class:`Process`."""
+        process = Process(sys.executable, *words, domain=self.domain, **options)
         self.processes.append(process)
         return process
 
