@@ -29,8 +29,9 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import Bool
 
-#: Longest silence; no less than two heartbeats, which the detector offers.
-DEADLINE = Duration(seconds=0.3)
+#: Longest silence; no less than two heartbeats, which the detector offers. Fast DDS of Jazzy can
+#: hold a detector up for half a second when another process joins (docs/transports.md).
+DEADLINE = Duration(seconds=1.0)
 
 QOS = QoSProfile(
     depth=100,  # No change may be missed while this node is busy.

@@ -64,7 +64,7 @@ class GraspConfig(ParameterSet):
         'hold', 'When slip is invalid or late: hold the force, or open.', choices=('hold', 'open')
     )
     deadline_s: float = parameter(
-        0.3, 'Longest silence of slip and slip_valid; at least two heartbeats.', (0.001, 60.0, 's')
+        1.0, 'Longest silence of slip and slip_valid; at least two heartbeats.', (0.001, 60.0, 's')
     )
     command_hz: float = parameter(
         100.0, 'Rate of repeated commands; a change is commanded at once.', (1.0, 1000.0, 'Hz')
