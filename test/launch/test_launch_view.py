@@ -17,6 +17,7 @@
 import asyncio
 import re
 import unittest
+from pathlib import Path
 
 import pytest
 
@@ -26,11 +27,14 @@ from support.harness import DEADLINE_S
 from support.launching import SHARE, check_ends, launch_testing, launched
 from support.live_client import LiveClient
 
+TASKS = Path('/proc/self/task')
+
 ARGUMENTS = {
     'namespace': 'left',
     'fingers': 'thumb, index',
     'view': 'true',
     'view_options': '--port 0 --read-only',
+    'transport': 'udp',
 }
 
 
@@ -63,6 +67,11 @@ class TestPage(unittest.TestCase):
             page.close()
 
         asyncio.run(asyncio.wait_for(view(), DEADLINE_S))
+        # The launch runs in this process.
+        nodes = [pid for file in TASKS.glob('*/children') for pid in file.read_text().split()]
+        maps = [Path(f'/proc/{pid}/maps').read_text() for pid in nodes]
+        shares = [('libfast' in text, '/dev/shm/fast' in text) for text in maps]
+        assert shares == [(True, False)] * 3
 
 
 @launch_testing.post_shutdown_test()
