@@ -56,7 +56,6 @@ from slip_detector.commands.workers import (
     Calls,
     add_options,
     check_apart,
-    check_writable,
     paths_for_workers,
     paths_read,
     progress_bar,
@@ -223,9 +222,8 @@ def _of_recordings(options: argparse.Namespace) -> tuple[dict[str, Any], Callabl
     file, page = options.config, options.report
     kinds = ChainConfig, RecordingConfig, EvaluationConfig
     loader = RecordingLoader(*sets_of_parameters(options, *kinds))
-    if page:  # an error is reported before an hour of recordings is read
-        check_apart({'--report': page}, [*paths_read(options), *([file] if file else [])])
-        check_writable(page)
+    # An error is reported before an hour of recordings is read.
+    check_apart({'--report': page}, [*paths_read(options), *([file] if file else [])])
     paths = paths_for_workers(options, options.recordings)
     with workers(options.jobs, options.cluster) as calls:
         sets, left = evaluate(paths, loader, calls, page is not None)

@@ -35,7 +35,6 @@ from slip_detector.commands.command_line import Parser, run, whole_number
 from slip_detector.commands.workers import (
     add_options,
     check_apart,
-    check_writable,
     paths_for_workers,
     paths_read,
     progress_bar,
@@ -264,8 +263,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         check_apart(written, [*paths_read(options), where])
         check_apart({'--report': options.report}, [options.config] if options.config else [])
         paths = [path for path in written.values() if path is not None]
-        for path in paths:
-            check_writable(path)
         of, rate = (parameters.chain, parameters.loader), options.false_alarms_per_hour
         if options.quiet is not None:
             changes, lines = learn_from_quiet(options.quiet, *of, rate)

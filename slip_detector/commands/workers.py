@@ -187,7 +187,7 @@ def check_writable(path: Path) -> None:
 
 
 def check_apart(written: Mapping[str, Path | None], read: Sequence[str | Path] = ()) -> None:
-    """Raise an error if a file to write is also read, or written for another option.
+    """Raise an error if a file to write is also read or written, or cannot be written.
 
     Parameters
     ----------
@@ -199,7 +199,7 @@ def check_apart(written: Mapping[str, Path | None], read: Sequence[str | Path] =
     Raises
     ------
     ValueError
-        When two of these files are the same; names the option and the file.
+        When two of these files are the same, or one cannot be written; names the file.
 
     Examples
     --------
@@ -213,6 +213,7 @@ def check_apart(written: Mapping[str, Path | None], read: Sequence[str | Path] =
             use = uses.setdefault(path.resolve(), f'is written by {option}')
             if use != f'is written by {option}':
                 raise ValueError(f'{option} {path}: {use} too, allowed: a file of its own')
+            check_writable(path)
 
 
 def progress_bar(total: int, unit: str) -> 'tqdm[Any]':

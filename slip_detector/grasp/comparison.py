@@ -19,10 +19,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slip_detector.evaluation.figures import Bound
-from slip_detector.grasp.loop import GraspTrial
+from slip_detector.grasp.loop import Floats, GraspTrial
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.grasp import GraspConfig
 
@@ -36,15 +35,10 @@ UNCONTROLLED, AT_LIMIT, CONTROLLER, PAPER = (
 )
 
 #: Conditions that are harder for the controller, as factors of :func:`.object_scene`.
-SLOW_GRIPPER, HALF_RIDGES, QUARTER_RIDGES = (
-    'gripper with 60 ms of lag',
-    'ridges half as high',
-    'ridges a quarter as high',
-)
 HARDER: dict[str, dict[str, float]] = {
-    SLOW_GRIPPER: {'lag_factor': 2.0},
-    HALF_RIDGES: {'ridge_factor': 0.5},
-    QUARTER_RIDGES: {'ridge_factor': 0.25},
+    'gripper with 60 ms of lag': {'lag_factor': 2.0},
+    'ridges half as high': {'ridge_factor': 0.5},
+    'ridges a quarter as high': {'ridge_factor': 0.25},
 }
 
 #: Bounds of the controller's figures, in the ordinary condition and in harder ones.
@@ -55,19 +49,16 @@ WANTED: dict[str, dict[str, Bound]] = {
         'worst_slide_mm': Bound(high=0.6),
         'force_percent': Bound(high=43.0),
     },
-    SLOW_GRIPPER: {
+    'gripper with 60 ms of lag': {
         'mean_slide_mm': Bound(high=0.5, strict=True),
         'worst_slide_mm': Bound(high=3.5, strict=True),
     },
-    HALF_RIDGES: {'worst_slide_mm': Bound(high=1.0, strict=True)},
-    QUARTER_RIDGES: {'worst_slide_mm': Bound(high=2.1, strict=True)},
+    'ridges half as high': {'worst_slide_mm': Bound(high=1.0, strict=True)},
+    'ridges a quarter as high': {'worst_slide_mm': Bound(high=2.1, strict=True)},
 }
-
 
 #: Longest time, in seconds, from an onset to a raise of the grip that counts as the answer to it.
 ANSWER_S = 0.05
-
-Floats = NDArray[np.float64]
 
 
 def conditions(
