@@ -383,5 +383,4 @@ class DetectorConfig(ChainConfig):
         super().__post_init__()
         numbers, wanted = len(self.taxel_positions_m), 3 * self.channels
         text = f'{wanted}, three for each channel, or none'
-        said = f'has {numbers} numbers'
-        self.require(numbers in (0, wanted), 'taxel_positions_m', text, said)
+        self.require(numbers in (0, wanted), 'taxel_positions_m', text, f'has {numbers} numbers')
