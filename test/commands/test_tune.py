@@ -72,11 +72,7 @@ def test_changes_override_every_section_and_all_else_stays(tmp_path):
     # ROS reads no aliases.
     assert '*' not in text.replace('/**', '')
     own = {'ros__parameters': {'threshold': [0.3]}}
-    assert yaml.safe_load(text) == {
-        'slip_driver': driver,
-        '/**/slip_detector': own,
-        '/**': own,
-    }
+    assert yaml.safe_load(text) == {'slip_driver': driver, '/**/slip_detector': own, '/**': own}
 
 
 def test_the_same_command_goes_on_and_another_question_has_a_study_of_its_own(case, capsys):

@@ -102,10 +102,7 @@ def test_a_result_that_is_being_written_does_not_hold_up_the_end():
 
 def test_a_cluster_that_is_not_there_is_named_and_without_distributed_what_to_install(monkeypatch):
     pytest.importorskip('distributed', reason='needs distributed')
-    for said in (
-        '^cluster nix: cannot be reached',
-        r'^--cluster needs .*\[cluster\]',
-    ):
+    for said in ('^cluster nix: cannot be reached', r'^--cluster needs .*\[cluster\]'):
         with pytest.raises(ValueError, match=said), workers(cluster='nix'):
             pass
         monkeypatch.setitem(sys.modules, 'distributed', None)

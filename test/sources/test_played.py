@@ -67,10 +67,7 @@ def test_a_recording_plays_under_its_own_rate_and_names(tmp_path):
 
 
 def test_an_object_is_held_with_the_force_that_was_set():
-    firm, loose = (
-        SceneSource(DriverConfig(scene='grasp')),
-        SceneSource(DriverConfig(scene='grasp')),
-    )
+    firm, loose = (SceneSource(DriverConfig(scene='grasp')) for _ in range(2))
     assert firm.has_object
     firm.hold_force(5.0)
     loose.hold_force(0.5)
@@ -84,10 +81,7 @@ def test_an_object_is_held_with_the_force_that_was_set():
     ('parameters', 'message'),
     [
         ({'source': 'recording'}, "parameter recording is '', allowed: a path, as source is"),
-        (
-            {'source': 'scene', 'wait_for_grip': True},
-            'allowed with wait_for_grip: a scene',
-        ),
+        ({'source': 'scene', 'wait_for_grip': True}, 'allowed with wait_for_grip: a scene'),
         ({}, 'parameter source is not given, allowed: scene'),
     ],
 )
