@@ -141,9 +141,6 @@ class Taps(CompiledSet):
         return super().numbers()._replace(times_s=np.array(self.times_s))
 
 
-NO_TAPS = Taps.Numbers(np.zeros(0), 0.0, 1.0)
-
-
 @compiled
 def tap_force_at(t, taps):
     """Return the force in newtons of at least one tap, which is exactly zero between them."""
@@ -164,9 +161,6 @@ class Rolling(CompiledSet):
         (1.5e-3, 0.0), 'How far the centre of contact moves: x, y.', (-0.1, 0.1, 'm')
     )
     repeats: int = parameter(1, 'Number of times it rolls there and back.', (1, 10**6))
-
-
-NO_ROLLING = Rolling.Numbers(0.0, 1.0, 0.0, (0.0, 0.0), 0)
 
 
 @compiled

@@ -12,34 +12,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The integrator's inputs: what acts on the fingertip over time, and what does not change."""
+"""What acts on the fingertip over time."""
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slip_detector.chain.compiled import compiled
-from slip_detector.parameters.detector import PAPER_CHANNELS
-from slip_detector.parameters.fields import refuse
-from slip_detector.scenes import disturbances, electronics, motion, surface
-from slip_detector.scenes.disturbances import NO_SINES, TREMOR_PEAK, sines_at
-from slip_detector.scenes.friction import Friction, Skin
-from slip_detector.scenes.mechanics import SceneConstants
-
-Floats = NDArray[np.float64]
-
-NO_LOAD = np.zeros((2, 0))
-NO_RIDGES = surface.RidgeNumbers(0.0, 0.0, np.zeros(0))
-NO_ROUGHNESS = surface.RoughNumbers(0.0, np.zeros(0), np.zeros(0))
-
-#: Longest step of the integrator, as a phase angle of the skin's own oscillation.
-RINGING_RAD = 0.4
-
-#: Largest number of integrator steps per second of a scene; more would take too long.
-MOST_STEPS_HZ = 2e6
+from slip_detector.scenes import disturbances, motion, surface
+from slip_detector.scenes.disturbances import NO_SINES, TREMOR_PEAK, Floats, sines_at
 
 
 class DriveNumbers(NamedTuple):
@@ -53,9 +35,9 @@ class DriveNumbers(NamedTuple):
     plate: Floats
     centre_x_m: float
     centre_y_m: float
-    load: Floats = NO_LOAD
-    taps: Any = disturbances.NO_TAPS
-    rolling: Any = disturbances.NO_ROLLING
+    load: Floats = np.zeros((2, 0))
+    taps: Any = disturbances.Taps().numbers()
+    rolling: Any = disturbances.Rolling().numbers()._replace(repeats=0)
     force_sines: Floats = NO_SINES
     force_sines_from_n: float = 1.0
     motion_sines: Floats = NO_SINES
@@ -83,11 +65,9 @@ def drive_numbers(
             # In the frame of the trembling hand an inertial force acts on the object.
             inertia_n = body.mass_kg * sines[0] * sines[1] ** 2
             given['load_sines'] = np.array([inertia_n, *sines[1:]])
-    force, plate = (
-        motion.force_numbers(parts['motion'], steps),
-        motion.plate_pieces(parts['motion'], steps),
-    )
-    return DriveNumbers(force, plate, *parts['contact'].centre_m, **given)
+    platform, centre_m = parts['motion'], parts['contact'].centre_m
+    force, plate = motion.force_numbers(platform, steps), motion.plate_pieces(platform, steps)
+    return DriveNumbers(force, plate, *centre_m, **given)
 
 
 class Drive(NamedTuple):
@@ -107,7 +87,8 @@ class Drive(NamedTuple):
 @compiled
 def normal_force_at(t, numbers):
     """Return the normal force in newtons with taps and tremor; never negative."""
-    force = motion.force_at(t, numbers.force)
+    # A fingertip does not stick to the plate.
+    force = np.maximum(motion.force_at(t, numbers.force), 0.0)
     if numbers.taps.times_s.size:
         force = force + disturbances.tap_force_at(t, numbers.taps)
     if numbers.force_sines.size:
@@ -127,56 +108,10 @@ def drive_at(t, numbers):
         rolled_x, rolled_y = disturbances.rolled_at(t, numbers.rolling)
         x, y = x + rolled_x, y + rolled_y
     if numbers.load.size:
-        load = motion.load_at(t, numbers.load) + sines_at(t, numbers.load_sines)
-        return Drive(force, x, y, none, none, load)
+        load = np.interp(t, numbers.load[0], numbers.load[1])
+        return Drive(force, x, y, none, none, load + sines_at(t, numbers.load_sines))
     velocity, position = motion.plate_at(t, numbers.plate)
     if numbers.motion_sines.size:
         velocity = velocity + disturbances.sines_rate_at(t, numbers.motion_sines)
         position = position + sines_at(t, numbers.motion_sines)
     return Drive(force, x, y, velocity, position, none)
-
-
-def scene_constants(
-    parts: Mapping[str, Any],
-    true_rate_hz: float,
-    longest_step_s: float,
-    frontend: electronics.Frontend,
-    of_texture: np.random.Generator,
-) -> SceneConstants:
-    """Build the constants of a scene; an error says that the skin oscillates too fast."""
-    friction: Friction | None = parts.get('friction')
-    body: surface.FreeObject | None = parts.get('object')
-    bandwidth_hz = parts['electronics'].bandwidth_hz
-    steps_per_sample = 1
-    # Without friction and low-pass filter nothing changes between two samples.
-    if friction or bandwidth_hz:
-        step_s = min(longest_step_s, _ringing_step_s(parts['skin']) if friction else math.inf)
-        steps_per_sample = math.ceil(1.0 / (true_rate_hz * step_s) - 1e-9)
-    if steps_per_sample * true_rate_hz > MOST_STEPS_HZ:
-        what = f'the scene needs {steps_per_sample * true_rate_hz:.3g} steps for a second'
-        refuse(what, f'{MOST_STEPS_HZ:g}; a longer step_s, more damping_n_s_m or mass_kg 0 help')
-    step_s = 1.0 / (true_rate_hz * steps_per_sample)
-    patches = np.ones(PAPER_CHANNELS if friction else 0)
-    cutoff_rad_s = 2.0 * np.pi * bandwidth_hz
-    return SceneConstants(
-        step_s=step_s,
-        steps_per_sample=steps_per_sample,
-        decay=math.exp(-cutoff_rad_s * step_s) if cutoff_rad_s else -1.0,
-        positions_m=electronics.taxel_positions(),
-        patches=np.append(patches, body.rest_patches) if body else patches,
-        normal_v_n=frontend.normal_v_n,
-        shear_v_n=frontend.shear_v_n,
-        contact=parts['contact'].numbers(),
-        skin=parts['skin'].numbers(),
-        friction=(friction or Friction()).numbers(),
-        ridges=parts['texture'].ridges(of_texture) if 'texture' in parts else NO_RIDGES,
-        rough=parts['roughness'].profile() if 'roughness' in parts else NO_ROUGHNESS,
-        body=(body or surface.FreeObject()).numbers(),
-    )
-
-
-def _ringing_step_s(skin: Skin) -> float:
-    """Return the longest step that resolves the skin's own oscillation; infinite without one."""
-    if skin.damping_n_s_m**2 >= 4.0 * skin.shear_stiffness_n_m * skin.mass_kg:
-        return math.inf
-    return RINGING_RAD * math.sqrt(skin.mass_kg / skin.shear_stiffness_n_m)

@@ -164,7 +164,9 @@ class Frontend:
         self._drift_steps, self._sample_noise = trials['electronics'].spawn(2)
         self._wandered_v = np.zeros(PAPER_CHANNELS)
         self._hum = parts['hum'].sines(trials['hum']) if 'hum' in parts else NO_SINES
-        self._faults: Faults | None = parts.get('faults')
+        self._faults: Faults = parts.get('faults', Faults())
+        names = 'noisy_channels', 'dead_channels', 'flat_channels'
+        self._failing = [np.array(getattr(self._faults, name), np.intp) - 1 for name in names]
         self._fault_noise = trials['faults']
         self._flat_v: Floats | None = None
         self._drops: Drops = parts.get('drops', Drops(share=0.0))
@@ -176,12 +178,15 @@ class Frontend:
 
         Any cut of the rows into calls gives the same bits.
         """
-        electronics = self._electronics
+        electronics, faults = self._electronics, self._faults
+        noisy, dead, flat = self._failing
+        failed = np.flatnonzero(time_s >= faults.from_s)
         volts = clean_v + self.baseline_v
         if self._hum.size:
             volts += sines_at(time_s, self._hum)[:, np.newaxis]
-        if self._faults:
-            self._add_fault_noise(volts, time_s, self._faults)
+        if noisy.size and faults.noise_v:  # of bad joints, before rails and converter
+            noise = self._fault_noise.standard_normal((failed.size, noisy.size))
+            volts[np.ix_(failed, noisy)] += faults.noise_v * noise
         if electronics.drift_v and len(volts):
             steps_v = self._drift_steps.standard_normal(volts.shape)
             steps_v *= electronics.drift_v * np.sqrt(1.0 / self._rate_hz)
@@ -198,28 +203,13 @@ class Frontend:
             share = np.rint((volts - low_v) / (high_v - low_v) * top_code) / top_code
             # This form gives both rails exactly; the clip catches round-off if they nearly agree.
             volts = np.clip(low_v * (1.0 - share) + high_v * share, low_v, high_v)
-        if self._faults:
-            self._repeat_codes(volts, time_s, self._faults)
+        # Dead and flat channels repeat one code of the converter, without noise.
+        volts[np.ix_(failed, dead)] = low_v
+        if flat.size and failed.size:
+            if self._flat_v is None:
+                self._flat_v = volts[failed[0], flat]
+            volts[np.ix_(failed, flat)] = self._flat_v
         return volts
-
-    def _add_fault_noise(self, volts: Floats, time_s: Floats, faults: Faults) -> None:
-        """Add the noise of bad joints to the analog volts, which rails and converter limit."""
-        noisy = _columns(faults.noisy_channels)
-        if len(noisy) and faults.noise_v:
-            failed = time_s >= faults.from_s
-            noise = self._fault_noise.standard_normal((np.count_nonzero(failed), len(noisy)))
-            volts[np.ix_(failed, noisy)] += faults.noise_v * noise
-
-    def _repeat_codes(self, volts: Floats, time_s: Floats, faults: Faults) -> None:
-        """Let dead and flat channels repeat one code of the converter, without noise."""
-        failed = time_s >= faults.from_s
-        if not np.any(failed):
-            return
-        flat = _columns(faults.flat_channels)
-        if self._flat_v is None:
-            self._flat_v = volts[np.argmax(failed), flat]
-        volts[np.ix_(failed, _columns(faults.dead_channels))] = self._electronics.rails_v[0]
-        volts[np.ix_(failed, flat)] = self._flat_v
 
     def arrived(self, n: int) -> NDArray[np.bool_]:
         """Return which of the next ``n`` samples arrive: Gilbert's Markov chain of two states."""
@@ -233,8 +223,3 @@ class Frontend:
                 self._lost = draw < (goes_on if self._lost else begins)
                 arrived[i] = not self._lost
         return arrived
-
-
-def _columns(channels: tuple[int, ...]) -> NDArray[np.intp]:
-    """Return the columns of channels that are numbered from 1."""
-    return np.array(channels, dtype=np.intp) - 1

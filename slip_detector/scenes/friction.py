@@ -38,7 +38,7 @@ from typing import Any
 import numpy as np
 
 from slip_detector.chain.compiled import compiled
-from slip_detector.parameters.fields import parameter, refuse
+from slip_detector.parameters.fields import parameter
 from slip_detector.scenes.compiled_set import CompiledSet
 
 
@@ -257,27 +257,3 @@ def skin_stage(v, x, u, z, w_last, load, step, skin, law):
     w, force, slope, after = lugre_stage(available, impedance, w_last, z, load, step, law)
     # Friction and skin act in series.
     return w, force, slope * impedance / (slope + impedance), after
-
-
-def check_solvable(friction: Friction, skin: Skin, load_n: float, where: str = 'friction') -> None:
-    """Raise an error for parameters that do not determine the motion of the skin.
-
-    Friction must not fall with velocity faster than the skin's damping rises: each patch would
-    stick and slip by itself, too fast for any step. And something must determine how fast skin
-    without mass and damping moves when it begins to slip.
-    """
-    fall = friction.steepest_fall_n_s_m(load_n)
-    damping = skin.damping_n_s_m + friction.viscous_n_s_m
-    if fall > damping:
-        refuse(
-            f'{where}: the skin would chatter, as friction falls with velocity by up to '
-            f'{fall:.3g} N s/m under {load_n:.3g} N, damping_n_s_m and viscous_n_s_m rise by '
-            f'{damping:.3g} N s/m',
-            'more of these, a higher stribeck_velocity_m_s or less static_coefficient',
-        )
-    bristle_damping = friction.bristle_damping_n_s_m if friction.model == 'lugre' else 0.0
-    if skin.mass_kg == 0.0 and damping == 0.0 and bristle_damping > 0.0:
-        what = f'{where}: bristle_damping_n_s_m is {bristle_damping:g} N s/m on skin without mass'
-        refuse(
-            f'{what} and damping, which leaves its velocity open', '0, or damping_n_s_m above 0'
-        )

@@ -25,20 +25,18 @@ import functools
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slip_detector.chain.compiled import compiled
 from slip_detector.scenes.friction import LIGHTEST_LOAD_N, MOST_ITERATIONS, skin_stage
 from slip_detector.scenes.surface import (
     FINGERS,
+    Floats,
     RidgeNumbers,
     RoughNumbers,
     ridges_between,
     roughness_between,
     spread_load,
 )
-
-Floats = NDArray[np.float64]
 
 #: The times of the two stages as shares of a step; the first is also the method's coefficient on
 #: the diagonal.
@@ -142,10 +140,7 @@ def _find_object(v_last, v_base, load_n, step, loads, base, patches, found, cons
         change = balance / (inertia + FINGERS * slope)
         following = v + change
         if not low < following < high:
-            if low == -np.inf or high == np.inf:
-                following = v + 2.0 * change
-            else:
-                following = 0.5 * (low + high)
+            following = 0.5 * (low + high) if high - low < np.inf else v + 2.0 * change
         done = abs(following - v) <= OBJECT_TOLERANCE * abs(v) + 1e-18
         v = following
         if done:
@@ -171,8 +166,7 @@ def _step(i, drive, state, constants, loads, base, found):
             v_base, s_base = body[SPEED], body[POSITION]
         else:
             for p in range(patches.shape[0]):
-                rate = CARRY * diagonal_s * patches[p, VELOCITY]
-                base[p, DISPLACEMENT] += rate
+                base[p, DISPLACEMENT] += CARRY * diagonal_s * patches[p, VELOCITY]
                 base[p, VELOCITY] += CARRY * (patches[p, VELOCITY] - base[p, VELOCITY])
                 base[p, DEFLECTION] += CARRY * (patches[p, DEFLECTION] - base[p, DEFLECTION])
             v_base += CARRY * (surface_v - v_base)
@@ -198,24 +192,12 @@ def _step(i, drive, state, constants, loads, base, found):
 
 
 @compiled
-def _sense(c, load, displacement, place, before, constants):
-    """Return the mean voltage of a channel since ``before``, without its baseline.
+def _sense(state, loads, position, constants, smooth, out):
+    """Read all channels at the end of a step, without their baselines.
 
-    Without a low-pass filter ``before`` is the present state, and the mean is the present value.
+    Through a low-pass filter goes the mean voltage of the step; without one it is the present
+    voltage.
     """
-    mean_load = 0.5 * (before[0] + load)
-    texture = 0.0
-    if mean_load > 0.0 and constants.ridges.amplitudes.size:
-        texture += ridges_between(before[2], place, constants.ridges)
-    if mean_load > 0.0 and constants.rough.heights.size:
-        texture += roughness_between(before[2], place, constants.rough)
-    shear = constants.skin.shear_stiffness_n_m * 0.5 * (before[1] + displacement)
-    return constants.normal_v_n[c] * mean_load * (1.0 + texture) + constants.shear_v_n[c] * shear
-
-
-@compiled
-def _sense_all(state, loads, position, constants, smooth, out):
-    """Read all channels at the end of a step, through the low-pass filter if there is one."""
     with_skin = state.patches.shape[0] > 0
     for c in range(constants.positions_m.shape[0]):
         displacement = state.patches[c, DISPLACEMENT] if with_skin else 0.0
@@ -223,7 +205,14 @@ def _sense_all(state, loads, position, constants, smooth, out):
         before = state.before[c]
         if not smooth:
             before[0], before[1], before[2] = loads[c], displacement, place
-        value = _sense(c, loads[c], displacement, place, before, constants)
+        load = 0.5 * (before[0] + loads[c])
+        texture = 0.0
+        if load > 0.0 and constants.ridges.amplitudes.size:
+            texture += ridges_between(before[2], place, constants.ridges)
+        if load > 0.0 and constants.rough.heights.size:
+            texture += roughness_between(before[2], place, constants.rough)
+        shear = constants.skin.shear_stiffness_n_m * 0.5 * (before[1] + displacement)
+        value = constants.normal_v_n[c] * load * (1.0 + texture) + constants.shear_v_n[c] * shear
         if smooth:
             value += constants.decay * (state.smoothed_v[c] - value)
         state.smoothed_v[c] = value
@@ -276,7 +265,7 @@ def advance(drive, state, constants, begin, clean_v, position_m, sliding):
                         loads,
                     )  # fmt: skip
                 position = state.body[POSITION] if with_object else drive.position_m[i, 1]
-                _sense_all(state, loads, position, constants, smooth and not start, clean_v[k])
+                _sense(state, loads, position, constants, smooth and not start, clean_v[k])
                 if last:
                     position_m[k] = position
                     sliding[k] = _sliding_share(state, loads, constants) if n_patches else 0.0

@@ -46,11 +46,7 @@ class Step(ParameterSet):
 
 def read_steps(entries: Any) -> list[Step]:
     """Read the list under ``steps`` of a scene file; an error names the step."""
-    if (
-        not isinstance(entries, list)
-        or not entries
-        or not all(isinstance(e, dict) for e in entries)
-    ):
+    if not (isinstance(entries, list) and entries and all(isinstance(e, dict) for e in entries)):
         refuse(f'steps is {shown(entries)}', 'a list of at least one step, each names and values')
     return [Step.from_parameters(entry, f'steps: step {k}') for k, entry in enumerate(entries, 1)]
 
@@ -97,20 +93,14 @@ class ForceNumbers(NamedTuple):
 
 
 @compiled
-def _pulling_force_at(t, numbers):
-    """Return the force, which is negative where the plate would have to pull the fingertip."""
+def force_at(t, numbers):
+    """Return the force in newtons, negative where the plate would have to pull the fingertip."""
     k = _piece_at(t, numbers.starts_s)
     since = t - numbers.starts_s[k]
     force = numbers.command_n[k] + numbers.slope_n_s[k] * (since - numbers.lag_s)
     for mode in range(2):
         force = force + (numbers.ringing[k, mode] * np.exp(since * numbers.roots_1_s[mode])).real
     return force
-
-
-@compiled
-def force_at(t, numbers):
-    """Return the force in newtons; never negative, as a fingertip does not stick to the plate."""
-    return np.maximum(_pulling_force_at(t, numbers), 0.0)
 
 
 def force_numbers(motion: Motion, steps: Sequence[Step]) -> ForceNumbers:
@@ -134,29 +124,23 @@ def force_numbers(motion: Motion, steps: Sequence[Step]) -> ForceNumbers:
 
 def held_force(numbers: ForceNumbers, time_s: float, force_n: float) -> ForceNumbers:
     """Return the force with the command ``force_n`` from ``time_s`` on, and nothing else."""
-    before = _pieces(numbers, slice(int(_piece_at(time_s, numbers.starts_s)) + 1))
-    return _pieces(_with_piece(before, time_s, force_n, 0.0), slice(-2, None))
-
-
-def _pieces(numbers: ForceNumbers, kept: slice) -> ForceNumbers:
-    """Return some of the pieces."""
-    return ForceNumbers._make([*(of_each[kept] for of_each in numbers[:4]), *numbers[4:]])
+    held = _with_piece(numbers, time_s, force_n, 0.0)
+    return ForceNumbers._make([*(of_each[-2:] for of_each in held[:4]), *held[4:]])
 
 
 def _with_piece(
     numbers: ForceNumbers, start_s: float, command_n: float, slope_n_s: float
 ) -> ForceNumbers:
-    """Return the force with one more piece, which continues the last one."""
+    """Return the force with one more piece, which continues the one before its start."""
     p, q = roots = numbers.roots_1_s
     k = _piece_at(start_s, numbers.starts_s)
     modes = numbers.ringing[k] * np.exp((start_s - numbers.starts_s[k]) * roots)
     rate_n_s = numbers.slope_n_s[k] + float((modes * roots).sum().real)
-    force_n = float(_pulling_force_at(start_s, numbers))
+    force_n = float(force_at(start_s, numbers))
     a = force_n - (command_n - slope_n_s * numbers.lag_s)
     first = (rate_n_s - slope_n_s - q * a) / (p - q)
     # Pieces must begin at different times: a step shorter than the resolution of the time is lost.
-    replaced = bool(start_s <= numbers.starts_s[-1])
-    kept = slice(len(numbers.starts_s) - replaced)
+    kept = slice(k + (start_s > numbers.starts_s[k]))
     new = (start_s, command_n, slope_n_s, [first, a - first])
     pieces = (np.append(b[kept], [n], axis=0) for b, n in zip(numbers[:4], new, strict=True))
     return ForceNumbers._make([*pieces, *numbers[4:]])
@@ -178,33 +162,26 @@ def plate_pieces(motion: Motion, steps: Sequence[Step]) -> Floats:
     The rows: when each begins, and acceleration, velocity and position there. An error names the
     step that is too short for its velocity.
     """
-    time_s = 0.0
-    corner_times, velocities = [0.0], [0.0]
+    time_s, corners = 0.0, [(0.0, 0.0)]  # times, and velocities there
     for number, step in enumerate(steps, start=1):
-        if step.velocity_m_s != velocities[-1]:
-            change = abs(step.velocity_m_s - velocities[-1]) / motion.acceleration_m_s2
+        last_s, last_m_s = corners[-1]
+        if step.velocity_m_s != last_m_s:
+            change = abs(step.velocity_m_s - last_m_s) / motion.acceleration_m_s2
             if change > step.duration_s:
                 too_short = f'duration_s {step.duration_s:g} s is too short to reach the velocity'
                 refuse(f'steps: step {number}: {too_short}', f'at least {change:g} s')
-            if time_s > corner_times[-1]:
-                corner_times.append(time_s)
-                velocities.append(velocities[-1])
+            if time_s > last_s:
+                corners.append((time_s, last_m_s))
             # Even an instantaneous change takes the resolution of the time: corners must differ.
-            corner_times.append(max(time_s + change, np.nextafter(time_s, np.inf)))
-            velocities.append(step.velocity_m_s)
+            reached_s = max(time_s + change, np.nextafter(time_s, np.inf))
+            corners.append((reached_s, step.velocity_m_s))
         time_s += step.duration_s
+    corner_times, velocities = np.array(corners).T
     lasts_s = np.diff(corner_times)
-    passed_m = lasts_s * (np.array(velocities[:-1]) + velocities[1:]) / 2
+    positions_m = np.append(0.0, np.cumsum(lasts_s * (velocities[:-1] + velocities[1:]) / 2))
     # After the last step the plate keeps its velocity.
     accelerations = np.append(np.diff(velocities) / lasts_s, 0.0)
-    positions_m = np.append(0.0, np.cumsum(passed_m))
     return np.array([corner_times, accelerations, velocities, positions_m])
-
-
-@compiled
-def load_at(t, load):
-    """Return the force on the object along x in newtons."""
-    return np.interp(t, load[0], load[1])
 
 
 def load_corners(weight_n: float, steps: Sequence[Step]) -> Floats:
@@ -212,10 +189,8 @@ def load_corners(weight_n: float, steps: Sequence[Step]) -> Floats:
 
     It is the carried share of the object's weight plus the pull of the steps.
     """
-    times, forces = [0.0], [0.0]
-    carried = 0.0
+    carried, corners = 0.0, [(0.0, 0.0)]
     for step in steps:
         carried = carried if step.carried < 0.0 else step.carried
-        times.append(times[-1] + step.duration_s)
-        forces.append(carried * weight_n + step.pull_n)
-    return np.array([times, forces])
+        corners.append((corners[-1][0] + step.duration_s, carried * weight_n + step.pull_n))
+    return np.array([*zip(*corners, strict=True)])

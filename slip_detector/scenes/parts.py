@@ -23,7 +23,7 @@ from slip_detector.parameters.fields import parameter, refuse, shown, shown_name
 from slip_detector.parameters.sets import ParameterSet
 from slip_detector.scenes.disturbances import TREMOR_PEAK, Hum, Rolling, Taps, Tremor
 from slip_detector.scenes.electronics import Clock, Drops, Electronics, Faults
-from slip_detector.scenes.friction import Friction, Skin, check_solvable
+from slip_detector.scenes.friction import Friction, Skin
 from slip_detector.scenes.motion import Motion, Step
 from slip_detector.scenes.surface import Contact, FreeObject, Roughness, Texture
 
@@ -108,7 +108,8 @@ def check_parts(parts: Mapping[str, Any], steps: Sequence[Step], true_rate_hz: f
     elif any(step.carried >= 0.0 or step.pull_n for step in steps):
         refuse('steps: carried and pull_n are for an object', 'with that part')
     elif aliases:
-        highest_hz = fastest_m_s * parts['texture'].highest_wavenumber_1_m
+        texture: Texture = parts['texture']
+        highest_hz = fastest_m_s / texture.spatial_period_m * (1 + len(texture.harmonics))
         if highest_hz > true_rate_hz / 2:
             what = f'texture: ridges pass at up to {highest_hz:.4g} Hz, which aliases'
             text = f'below {true_rate_hz / 2:g} Hz, or with bandwidth_hz of the part electronics'
@@ -118,9 +119,29 @@ def check_parts(parts: Mapping[str, Any], steps: Sequence[Step], true_rate_hz: f
 
 
 def check_grip(parts: Mapping[str, Any], force_n: float, where: str = 'friction') -> None:
-    """Raise an error for a normal force under which the skin would chatter."""
+    """Raise an error for a normal force under which the motion of the skin is not determined.
+
+    Friction must not fall with velocity faster than the skin's damping rises: each patch would
+    stick and slip by itself, too fast for any step. And something must determine how fast skin
+    without mass and damping moves when it begins to slip.
+    """
+    friction, skin = parts['friction'], parts['skin']
     load_n = parts['contact'].largest_load_n(force_n)
-    check_solvable(parts['friction'], parts['skin'], load_n, where)
+    fall = friction.steepest_fall_n_s_m(load_n)
+    damping = skin.damping_n_s_m + friction.viscous_n_s_m
+    if fall > damping:
+        refuse(
+            f'{where}: the skin would chatter, as friction falls with velocity by up to '
+            f'{fall:.3g} N s/m under {load_n:.3g} N, damping_n_s_m and viscous_n_s_m rise by '
+            f'{damping:.3g} N s/m',
+            'more of these, a higher stribeck_velocity_m_s or less static_coefficient',
+        )
+    bristle_damping = friction.bristle_damping_n_s_m if friction.model == 'lugre' else 0.0
+    if skin.mass_kg == 0.0 and damping == 0.0 and bristle_damping > 0.0:
+        what = f'{where}: bristle_damping_n_s_m is {bristle_damping:g} N s/m on skin without mass'
+        refuse(
+            f'{what} and damping, which leaves its velocity open', '0, or damping_n_s_m above 0'
+        )
 
 
 def _largest_force_n(parts: Mapping[str, Any], steps: Sequence[Step]) -> float:

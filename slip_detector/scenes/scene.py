@@ -14,6 +14,7 @@
 
 """A scene: combines its parts and produces samples; and scene files by their names."""
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -25,19 +26,21 @@ from slip_detector.chain.samples import Samples
 from slip_detector.parameters.detector import PAPER_CHANNELS, default_channel_names
 from slip_detector.parameters.fields import refuse, shown
 from slip_detector.parameters.files import read_yaml, shared_folder
-from slip_detector.scenes.drive import (
-    Drive,
-    drive_at,
-    drive_numbers,
-    normal_force_at,
-    scene_constants,
-)
-from slip_detector.scenes.electronics import Frontend
-from slip_detector.scenes.mechanics import STAGE_TIMES, State, advance
+from slip_detector.scenes.drive import Drive, drive_at, drive_numbers, normal_force_at
+from slip_detector.scenes.electronics import Frontend, taxel_positions
+from slip_detector.scenes.friction import Friction, Skin
+from slip_detector.scenes.mechanics import STAGE_TIMES, SceneConstants, State, advance
 from slip_detector.scenes.motion import held_force, plate_at, read_steps
 from slip_detector.scenes.parts import PARTS, check_grip, check_parts, read_parts, read_sampling
+from slip_detector.scenes.surface import NO_RIDGES, NO_ROUGHNESS, FreeObject
 
 Floats = NDArray[np.float64]
+
+#: Longest step of the integrator, as a phase angle of the skin's own oscillation.
+RINGING_RAD = 0.4
+
+#: Largest number of integrator steps per second of a scene; more would take too long.
+MOST_STEPS_HZ = 2e6
 
 
 class Scene:
@@ -109,19 +112,49 @@ class Scene:
         self.drive_numbers = drive_numbers(parts, steps, children['tremor'])
         check_parts(parts, steps, self.true_rate_hz)
         self._frontend = Frontend(parts, children, self.true_rate_hz)
-        self.constants = scene_constants(
-            parts, self.true_rate_hz, sampling.step_s, self._frontend, children['texture']
-        )
+        self.constants = self._scene_constants(sampling.step_s, children['texture'])
         n_patches, n_channels = len(self.constants.patches), PAPER_CHANNELS
         self.state = State(
             np.zeros((n_patches, 4)), np.zeros(3), np.zeros(n_channels), np.zeros((n_channels, 3))
         )
         self._next = 0
-        #: Largest grip that passed the check; a smaller one passes too.
-        self._allowed_n = 0.0
-        # Compile the functions now, so that the first read does not wait for it.
-        self.clean(0)
-        self._truth(np.zeros(0), np.zeros(0))
+        self.read(0)  # Compile the functions now, so that the first read does not wait for it.
+
+    def _scene_constants(
+        self, longest_step_s: float, of_texture: np.random.Generator
+    ) -> SceneConstants:
+        """Build the constants; an error says that the skin oscillates too fast."""
+        parts, frontend, rate_hz = self.parts, self._frontend, self.true_rate_hz
+        friction: Friction | None = parts.get('friction')
+        body: FreeObject | None = parts.get('object')
+        bandwidth_hz = parts['electronics'].bandwidth_hz
+        steps_per_sample = 1
+        # Without friction and low-pass filter nothing changes between two samples.
+        if friction or bandwidth_hz:
+            step_s = min(longest_step_s, _ringing_step_s(parts['skin']) if friction else math.inf)
+            steps_per_sample = math.ceil(1.0 / (rate_hz * step_s) - 1e-9)
+        if steps_per_sample * rate_hz > MOST_STEPS_HZ:
+            what = f'the scene needs {steps_per_sample * rate_hz:.3g} steps for a second'
+            allowed = f'{MOST_STEPS_HZ:g}; a longer step_s, more damping_n_s_m or mass_kg 0 help'
+            refuse(what, allowed)
+        step_s = 1.0 / (rate_hz * steps_per_sample)
+        patches = np.ones(PAPER_CHANNELS if friction else 0)
+        cutoff_rad_s = 2.0 * np.pi * bandwidth_hz
+        return SceneConstants(
+            step_s=step_s,
+            steps_per_sample=steps_per_sample,
+            decay=math.exp(-cutoff_rad_s * step_s) if cutoff_rad_s else -1.0,
+            positions_m=taxel_positions(),
+            patches=np.append(patches, body.rest_patches) if body else patches,
+            normal_v_n=frontend.normal_v_n,
+            shear_v_n=frontend.shear_v_n,
+            contact=parts['contact'].numbers(),
+            skin=parts['skin'].numbers(),
+            friction=(friction or Friction()).numbers(),
+            ridges=parts['texture'].ridges(of_texture) if 'texture' in parts else NO_RIDGES,
+            rough=parts['roughness'].profile() if 'roughness' in parts else NO_ROUGHNESS,
+            body=(body or FreeObject()).numbers(),
+        )
 
     def hold_force(self, force_n: float) -> None:
         """Command a normal force from the next sample on, in place of that of the steps.
@@ -136,9 +169,8 @@ class Scene:
         """
         if not 0.0 <= force_n <= 1000.0:
             refuse(f'force_n is {force_n:g} N', '0 to 1000 N')
-        if 'friction' in self.parts and force_n > self._allowed_n:
+        if 'friction' in self.parts:
             check_grip(self.parts, 2.0 * force_n, f'a grip of {force_n:g} N')
-            self._allowed_n = force_n
         held = held_force(self.drive_numbers.force, self._next / self.true_rate_hz, force_n)
         self.drive_numbers = self.drive_numbers._replace(force=held)
 
@@ -157,9 +189,8 @@ class Scene:
             the scene m is less than ``n``.
         """
         first = self._next
-        last = min(first + n, self.length)
-        self._next = max(last, first)
-        m = self._next - first
+        self._next = last = min(first + n, self.length)
+        m = last - first
         constants = self.constants
         clean_v, position_m, sliding = np.empty((m, PAPER_CHANNELS)), np.empty(m), np.empty(m)
         begin = first == 0
@@ -174,7 +205,7 @@ class Scene:
         flat = drive_at(stages_s.ravel(), self.drive_numbers)
         drive = Drive(*(values.reshape(stages_s.shape) for values in flat))
         advance(drive, self.state, constants, begin, clean_v, position_m, sliding)
-        time_s = np.arange(first, self._next) / self.true_rate_hz
+        time_s = np.arange(first, last) / self.true_rate_hz
         return time_s, clean_v, position_m, sliding
 
     def read(self, n: int) -> Samples:
@@ -207,6 +238,13 @@ class Scene:
         return np.asarray((velocity_m_s != 0.0) & (self.force_n(time_s) > 0.0))
 
 
+def _ringing_step_s(skin: Skin) -> float:
+    """Return the longest step that resolves the skin's own oscillation; infinite without one."""
+    if skin.damping_n_s_m**2 >= 4.0 * skin.shear_stiffness_n_m * skin.mass_kg:
+        return math.inf
+    return RINGING_RAD * math.sqrt(skin.mass_kg / skin.shear_stiffness_n_m)
+
+
 def load_scene(path: str | Path, trial: np.random.Generator) -> Scene:
     """Build the scene that a YAML file describes.
 
@@ -234,8 +272,7 @@ def load_scene(path: str | Path, trial: np.random.Generator) -> Scene:
     try:
         return Scene(read_yaml(path), trial)
     except ValueError as error:
-        text = str(error)
-        raise ValueError(text if text.startswith(str(path)) else f'{path}: {text}') from None
+        raise ValueError(f'{path}: {str(error).removeprefix(f"{path}: ")}') from None
 
 
 def find_scene(name: str) -> Path:

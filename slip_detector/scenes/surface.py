@@ -97,6 +97,9 @@ class RidgeNumbers(NamedTuple):
     amplitudes: Floats
 
 
+NO_RIDGES = RidgeNumbers(0.0, 0.0, np.zeros(0))
+
+
 class Texture(ParameterSet):
     """Ridges across the direction of motion."""
 
@@ -119,11 +122,6 @@ class Texture(ParameterSet):
         highest_m = self.ridge_height_m * (1.0 + sum(map(abs, self.harmonics)))
         text = f'with its harmonics at most indentation_m, {self.indentation_m:g} m'
         self.require(highest_m <= self.indentation_m, 'ridge_height_m', text)
-
-    @property
-    def highest_wavenumber_1_m(self) -> float:
-        """Wavenumber of the highest harmonic, in ridges per metre."""
-        return (1 + len(self.harmonics)) / self.spatial_period_m
 
     def ridges(self, trial: np.random.Generator) -> RidgeNumbers:
         """Return the numbers for compiled code; ``trial`` draws where on the plate they begin."""
@@ -172,6 +170,9 @@ class RoughNumbers(NamedTuple):
     per_m: float
     heights: Floats
     integral: Floats
+
+
+NO_ROUGHNESS = RoughNumbers(0.0, np.zeros(0), np.zeros(0))
 
 
 class Roughness(ParameterSet):
