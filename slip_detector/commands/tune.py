@@ -121,7 +121,7 @@ def _progress(bar: Any) -> Callable[[int, Candidate | None], None]:
 
     def show(count: int, best: Candidate | None) -> None:
         nonlocal printed
-        found = 'none detects slip so far' if best is None else f'result so far: {in_short(best)}'
+        found = 'no result yet' if best is None else f'result so far: {in_short(best)}'
         bar.set_postfix_str(found, refresh=False)
         bar.update(count - bar.n)
         if bar.disable and (count - printed) * LINES >= bar.total:

@@ -213,7 +213,7 @@ def _tune(job: TuneJob, report: Callable[..., None]) -> None:
     parameters = _parameters(begin)
 
     def progress(count: int, best: Candidate | None) -> None:
-        words = f'result so far: {in_short(best)}' if best else 'none detects slip so far'
+        words = f'result so far: {in_short(best)}' if best else 'no result yet'
         report(
             share=count / job.trials,
             step=f'searching: {count} of {job.trials} chains tried, {words}',
