@@ -22,8 +22,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import linear_sum_assignment
 
-from slip_detector.evaluation.matching import OnIntervals, RowInterval, ScoredRows
+from slip_detector.evaluation.matching import OnIntervals, RowInterval, ScoredRows, rows_on
 from slip_detector.parameters.evaluation import EvaluationConfig
+from support.reference_scores import Stretch
 
 # Intervals.
 
@@ -47,45 +48,10 @@ def test_any_cut_of_the_rows_gives_the_same_intervals(pieces, first_row):
 # Matching.
 
 
-@st.composite
-def scenes_of_events(draw):
-    edges = draw(st.lists(st.integers(0, 120), unique=True, max_size=12).map(sorted))
-    slips = [RowInterval(*pair) for pair in zip(edges[::2], edges[1::2], strict=False)]
-    rises = draw(st.lists(st.integers(0, 150), unique=True, max_size=12).map(sorted))
-    return slips, rises, draw(st.integers(0, 15)), draw(st.integers(0, 15))
-
-
 def match(slips, rises, early, tail):
     """Match in a recording at 100 Hz that was settled long before its row 0."""
     config = EvaluationConfig(early_s=early / 100.0, tail_s=tail / 100.0, off_before_s=0.0)
     return ScoredRows(slips, [RowInterval(-99, 999)], 0, config, 100.0).match(rises)
-
-
-def belongs(slips, i, rise, early, tail):
-    """Whether an alarm can belong to a slip, as the docstring of ScoredRows says it."""
-    start, end = slips[i]
-    in_previous = i > 0 and rise < slips[i - 1].end
-    in_next = i + 1 < len(slips) and rise >= slips[i + 1].start
-    return start - early <= rise < end + tail and not in_previous and not in_next
-
-
-@given(scenes_of_events())
-def test_the_matching_is_one_to_one_and_none_has_more_pairs(drawn):
-    slips, rises, early, tail = drawn
-    alarm_of, slip_of = match(slips, rises, early, tail)
-    assert (len(alarm_of), len(slip_of)) == (len(slips), len(rises))
-    matched = [alarm for alarm in alarm_of if alarm is not None]
-    assert len(set(matched)) == len(matched)
-    able = np.array(
-        [[belongs(slips, i, rise, early, tail) for rise in rises] for i in range(len(slips))], bool
-    ).reshape(len(slips), len(rises))
-    for i, alarm in enumerate(alarm_of):
-        assert alarm is None or (able[i, alarm] and slip_of[alarm] == i)
-    for alarm, i in enumerate(slip_of):
-        assert (i is None) == (not able[:, alarm].any())
-        assert i is None or able[i, alarm]
-    most = able[linear_sum_assignment(able, maximize=True)].sum()
-    assert len(matched) == most
 
 
 @pytest.mark.parametrize(
@@ -134,22 +100,32 @@ def intervals(signal, stretches):
 
 
 @given(recorded())
-def test_an_alarm_begins_after_the_decision_was_off_for_long_enough(drawn):
-    stretches, _, on, settling, config = drawn
-    rows = ScoredRows([], stretches, settling, config, 100.0)
-    off_rows = round(100 * config.off_before_s)
-    begun = []
-    for start, end in stretches:
-        last_on = -1000  # a chain that starts is OFF
-        for row in range(start, end):
-            rises = on[row] and (row == start or not on[row - 1])
-            if rises and row - last_on > off_rows:
-                begun.append(row)
-            if on[row]:
-                last_on = row
+def test_alarms_slips_and_rest_are_those_of_an_independent_scorer(drawn):
+    stretches, truth, on, settling, config = drawn
+    parts = [Stretch(on[a:b], truth[a:b], settling, config, 100.0) for a, b in stretches]
+    rows = ScoredRows(intervals(truth, stretches), stretches, settling, config, 100.0)
     alarms = rows.alarms(intervals(on, stretches))
-    assert [alarm.start for alarm in alarms] == begun
-    # Whatever is ON is in an alarm, which ends with an ON.
-    covered = {row for start, end in alarms for row in range(start, end)}
-    assert covered >= {row for start, end in stretches for row in range(start, end) if on[row]}
+    rises = [alarm.start for alarm in alarms]
+    alarm_of, slip_of = rows.match(rises)
+    begun = zip(stretches, parts, strict=True)
+    assert rises == [start + row for (start, _), part in begun for row in part.alarms]
     assert all(on[end - 1] for _, end in alarms)
+    starts = [start for start, _ in intervals(truth, stretches)]
+    latencies = [
+        None if alarm is None else (rises[alarm] - start) / 100.0
+        for alarm, start, scored in zip(alarm_of, starts, rows.scored, strict=True)
+        if scored
+    ]
+    assert latencies == [one for part in parts for one in part.latencies_s]
+    false = np.array([of is None for of in slip_of], bool) & ~rows.settling(rises)
+    assert false.sum() == sum(part.kinds.count('false') for part in parts)
+    assert rows.rest_rows / 100.0 == pytest.approx(sum(part.rest_s for part in parts))
+    on_rows = rows_on(intervals(on, stretches), rows.rest_starts, rows.rest_ends).sum()
+    assert on_rows / 100.0 == pytest.approx(sum(part.on_rest_s for part in parts))
+    # One to one, and no other matching has more pairs.
+    for part in parts:
+        able = np.zeros((part.slips, len(part.alarms)), bool)
+        for k, row in enumerate(part.alarms):
+            able[part.of_row[row], k] = row >= part.settling_rows
+        most = able[linear_sum_assignment(able, maximize=True)].sum()
+        assert len(set(part.alarm_of.values())) == len(part.alarm_of) == most

@@ -25,13 +25,9 @@ from hypothesis import strategies as st
 from slip_detector.chain.filters import settling_rows
 from slip_detector.chain.slip_chain import COMPILED, SlipChain
 from slip_detector.evaluation import replay as replay_module
-from slip_detector.evaluation.figures import (
-    ALREADY_ON,
-    STAGES,
-    figures_of_merit,
-    first_on_delay_s,
-)
+from slip_detector.evaluation.figures import ALREADY_ON, STAGES, figures_of_merit
 from slip_detector.evaluation.replay import Replay
+from support.reference_scores import Stretch, area, figures, runs
 from support.replay_cases import plain
 from support.track_cases import EVALUATIONS, RATE_HZ, chains, recordings
 
@@ -56,12 +52,6 @@ def stretches(pieces):
     return [first.then(*others) for first, *others in groups]
 
 
-def runs(on):
-    """Return first row and first row after of each run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], on, [False]]).astype(int)))
-    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
-
-
 @SOME
 @given(
     recordings(),
@@ -80,60 +70,43 @@ def test_any_cut_of_the_rows_gives_the_same_outcome(pieces, config, evaluation, 
 
 @SOME
 @given(recordings(), chains(), EVALUATIONS)
-def test_figures_are_those_of_a_plain_evaluation_of_the_whole(pieces, config, evaluation):
+def test_figures_are_those_of_an_independent_scorer(pieces, config, evaluation):
     outcome = Replay(config, evaluation).run(pieces, RATE_HZ)
-    early, tail, off = (
-        round(getattr(evaluation, name) * RATE_HZ)
-        for name in ('early_s', 'tail_s', 'off_before_s')
-    )
-    settling = max(settling_rows(config), off)
-    enabled = [c for c in range(config.channels) if c + 1 not in config.disabled_channels]
-    chain, rises, expected_slips = SlipChain(config), 0, []
-    columns = {name: [] for name in ('on', 'statistic', 'truth', 'moving', 'rest')}
+    found = figures_of_merit([outcome])
+    chain, parts, columns = SlipChain(config), [], []
     for number, part in enumerate(stretches(pieces)):
         if number:
             chain.restart()
         result = chain.update(part.volts, votes=(config.vote,))
-        turned_on = runs(result.slip)
-        # An OFF of less than off_before_s is no end of an alarm.
-        rises += sum(not k or a - turned_on[k - 1][1] >= off for k, (a, _) in enumerate(turned_on))
-        rest = np.arange(len(part.volts)) >= settling
-        time_s = np.arange(len(part.volts)) / RATE_HZ
-        for a, b in runs(part.truth):
-            rest[max(a - early, 0) : b + tail] = False
-            delays_s = [
-                first_on_delay_s(on[:b], time_s[:b], time_s[a])
-                for on in result.channels[:, enabled].T
-            ]
-            expected_slips.append((b - a, bool(result.slip[a:b].any()), delays_s))
-        moving = np.zeros(len(rest), bool) if part.moving is None else part.moving
-        for name, column in (
-            ('on', result.slip), ('statistic', result.vote_statistic[:, 0]),
-            ('truth', part.truth), ('moving', moving), ('rest', rest),
-        ):  # fmt: skip
-            columns[name].append(column)
-    on, statistic, truth, moving, rest = map(np.concatenate, columns.values())
-    found = figures_of_merit([outcome])
-    assert (found['rows'], found['slip_rows']) == (len(on), int(truth.sum()))
-    assert found['moving_rows'] in (None, int(moving.sum()))
-    assert found['alarms'] == rises
-    assert (outcome.rest_rows, outcome.on_rest_rows) == (rest.sum(), (rest & on).sum())
-    assert found['false_positive_percent'] == (
-        None if truth.all() else pytest.approx(100.0 * on[~truth].mean())
+        scored = result.slip, part.truth, settling_rows(config), evaluation, RATE_HZ
+        parts.append(Stretch(*scored))
+        moving = np.zeros(len(part.truth), bool) if part.moving is None else part.moving
+        columns.append((*scored[:2], moving, result.vote_statistic[:, 0], result.channels))
+    on, truth, moving, statistic, _ = (
+        np.concatenate(column) for column in zip(*columns, strict=True)
     )
-    for slip, (rows, on_while, delays_s) in zip(outcome.slips, expected_slips, strict=True):
-        assert slip.on_while == on_while
-        assert slip.end_s - slip.start_s == pytest.approx(rows / RATE_HZ)
-        assert list(slip.channel_delays_s) == [
-            None if delay_s is None else pytest.approx(delay_s) for delay_s in delays_s
-        ]
+    expected = {
+        **figures(parts),
+        'rows': len(on),
+        'slip_rows': int(truth.sum()),
+        'false_positive_percent': None if truth.all() else 100.0 * on[~truth].mean(),
+    }
+    assert {name: found[name] for name in expected} == pytest.approx(expected)
+    assert found['moving_rows'] in (None, int(moving.sum()))
     for against, auc in ((~truth, 'auc_all'), (~truth & moving, 'auc_moving')):
-        pairs = statistic[truth][:, np.newaxis] - statistic[against]
-        if pairs.size:
-            area = (pairs > 0).mean() + 0.5 * (pairs == 0).mean()
-            assert found[auc] == pytest.approx(area, abs=2e-3)
-        else:
-            assert found[auc] is None
+        wanted = area(statistic, truth, against)
+        assert found[auc] == (None if wanted is None else pytest.approx(wanted, abs=2e-3))
+    # The paper's figures: the first ON of each channel during each slip.
+    enabled = [c for c in range(config.channels) if c + 1 not in config.disabled_channels]
+    during = [
+        (part_on[a:b].any(), [ons.argmax() / RATE_HZ if ons.any() else None for ons in every.T])
+        for part_on, its_truth, *_, channels in columns
+        for a, b in runs(its_truth)
+        for every in [channels[a:b, enabled]]
+    ]
+    assert [slip.on_while for slip in outcome.slips] == [on_while for on_while, _ in during]
+    for slip, (_, delays_s) in zip(outcome.slips, during, strict=True):
+        assert slip.channel_delays_s == pytest.approx(delays_s)
 
 
 @SOME

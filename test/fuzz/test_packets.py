@@ -20,16 +20,24 @@ import numpy as np
 from hypothesis import strategies as st
 
 from slip_detector.sources.live import DeviceClock
-from slip_detector.sources.packets import PacketDecoder, cobs_encode, encode
+from slip_detector.sources.packets import PacketDecoder
 from support.fuzzing import fuzz
 from support.mutations import mutated_bytes
+from support.reference_packets import on_the_line, packet
 
 CHANNELS = 3
 
 
-def packet(sequence=0, time_us=0, period_ns=1_000_000, samples=1):
+def numbered(sequence, time_us, period_ns=1_000_000, samples=1):
+    """Return a sound packet whose values follow from its number."""
     values = (np.arange(samples * CHANNELS).reshape(samples, CHANNELS) + sequence) % 30000
-    return encode(values, 'int16', sequence, time_us, period_ns)
+    return packet(values, 'int16', sequence, time_us, period_ns)
+
+
+def is_numbered(rows):
+    """Return whether rows are such as some packet of these tests has; shape (n, channels)."""
+    values = np.rint(rows / 1e-3).astype(int)
+    return (np.diff(values, axis=1) % 30000 == 1).all()
 
 
 @st.composite
@@ -42,8 +50,8 @@ def streams(draw):
         time_us += draw(st.sampled_from([1000, 1000, 100, 0, -1000, 250_000, 2**31]))
         samples = draw(st.sampled_from([1, 1, 2, 7]))
         period_ns = draw(st.sampled_from([1_000_000, 1_000_000, 0, 1, 2**32 - 1]))
-        sound = packet(sequence % 2**32, time_us % 2**32, period_ns, samples)
-        line += cobs_encode(draw(mutated_bytes([sound], most=1))) + b'\0'
+        sound = numbered(sequence % 2**32, time_us % 2**32, period_ns, samples)
+        line += on_the_line(draw(mutated_bytes([sound], most=1)))
     line = draw(mutated_bytes([line], most=2))
     cuts = sorted(draw(st.lists(st.integers(0, len(line)), max_size=5)))
     steps_ns = st.sampled_from([0, 1, 1_000_000, 10**9])
@@ -54,7 +62,7 @@ def streams(draw):
 
 
 def check_packets(pieces):
-    """Decode a stream in pieces and at once: the same samples, with stamps that rise."""
+    """Decode a stream in pieces and at once: the same samples, which were sent; stamps rise."""
     piecewise, whole = (PacketDecoder(CHANNELS, 'int16', 1e-3, 0.0) for _ in range(2))
     clock = DeviceClock()
     now_ns, stamps, volts = 10**18, [], [np.empty((0, CHANNELS))]
@@ -64,6 +72,7 @@ def check_packets(pieces):
         assert samples.volts.shape == (len(samples.stamps_ns), CHANNELS)
         stamps.extend(samples.stamps_ns.tolist())
         volts.append(samples.volts)
+        assert is_numbered(samples.volts)
     assert all(a < b for a, b in itertools.pairwise(stamps)), stamps
     at_once = [received.volts for received in whole.feed(b''.join(data for data, _ in pieces))]
     np.testing.assert_array_equal(
@@ -75,8 +84,8 @@ def check_packets(pieces):
 def overlapping():
     """Packets whose samples overlap in time, each in order of its own."""
     return [
-        (b''.join(cobs_encode(packet(k, 1500 * k, 1_000_000, 4)) + b'\0' for k in range(8)), 0),
-        (cobs_encode(packet(8, 12_000, 1, 7)) + b'\0', 1),
+        (on_the_line(*(numbered(k, 1500 * k, samples=4) for k in range(8))), 0),
+        (on_the_line(numbered(8, 12_000, 1, 7)), 1),
     ]
 
 

@@ -33,8 +33,9 @@ from slip_detector.sources.packets import (
     encode,
 )
 from slip_detector.sources.text_lines import LineDecoder
+from support import reference_packets
 from support.mutations import mutated_bytes
-from support.packet_cases import decoder, integers, on_the_line, packets, sent_by
+from support.packet_cases import decoder, integers, packets, sent_by
 from support.pages import ROOT
 
 TEXT = (ROOT / 'docs' / 'packets.md').read_text(encoding='utf-8')
@@ -52,8 +53,10 @@ def test_encoded_packets_are_decoded(data):
     scale_v, offset_v = data.draw(st.sampled_from([(1.0, 0.0), (-2.5e-6, 1.25), (1e-3, -5.0)]))
     period_ns = data.draw(st.integers(1, 10**9))
     receiver = PacketDecoder(channels, values, scale_v, offset_v)
-    packet = encode(sent, values, data.draw(st.integers(0, 2**32 - 1)), 5, period_ns)
-    (received,) = receiver.feed(cobs_encode(packet) + b'\0')
+    sequence = data.draw(st.integers(0, 2**32 - 1))
+    packet = encode(sent, values, sequence, 5, period_ns)
+    assert packet == reference_packets.packet(sent, values, sequence, 5, period_ns)
+    (received,) = receiver.feed(reference_packets.on_the_line(packet))
     np.testing.assert_array_equal(received.volts, offset_v + scale_v * np.array(sent, float))
     assert received.volts.dtype == np.float64
     assert np.diff(received.stamps_ns).tolist() == [period_ns] * (n - 1)
@@ -91,7 +94,7 @@ def test_a_sound_packet_of_another_make_is_dropped_and_counted(packet, reason):
 
 
 def test_the_packet_after_a_broken_one_is_taken():
-    line = on_the_line(packets(3))
+    line = reference_packets.on_the_line(*packets(3))
     assert integers(decoder().feed(b'\x09\x01garbage\0' + line)) == sent_by(*packets(3))
     # A lost delimiter costs two packets, a line that hangs costs one.
     first = len(cobs_encode(packets(1)[0]))

@@ -16,7 +16,8 @@
 
 import numpy as np
 
-from slip_detector.sources.packets import PacketDecoder, cobs_encode, encode
+from slip_detector.sources.packets import PacketDecoder
+from support.reference_packets import packet
 
 PERIOD_US = 1000
 
@@ -28,19 +29,10 @@ def decoder(channels=3):
 def packets(n, first=0, samples=1):
     """Make packets whose integers differ all over; one a millisecond."""
     return [
-        encode(
-            (np.arange(samples * 3).reshape(samples, 3) + 7 * k) % 30000 - 9,
-            'int16',
-            k,
-            (k * samples * PERIOD_US) % 2**32,
-            PERIOD_US * 1000,
-        )
+        packet(values, 'int16', k, (k * samples * PERIOD_US) % 2**32, PERIOD_US * 1000)
         for k in range(first, first + n)
+        for values in [(np.arange(samples * 3).reshape(samples, 3) + 7 * k) % 30000 - 9]
     ]
-
-
-def on_the_line(sent):
-    return b''.join(cobs_encode(packet) + b'\0' for packet in sent)
 
 
 def integers(received):
