@@ -91,11 +91,15 @@ def test_figures_are_those_of_an_independent_scorer(pieces, config, evaluation):
         'slip_rows': int(truth.sum()),
         'false_positive_percent': None if truth.all() else 100.0 * on[~truth].mean(),
     }
+    sooner = expected['sooner_than_chance']
+    if sooner is not None and min(abs(sooner), abs(sooner - 0.5)) < 1e-9:
+        # Whether latencies are defined is up to round-off.
+        expected = {k: v for k, v in expected.items() if not k.startswith('latency')}
     assert {name: found[name] for name in expected} == pytest.approx(expected)
     assert found['moving_rows'] in (None, int(moving.sum()))
     for against, auc in ((~truth, 'auc_all'), (~truth & moving, 'auc_moving')):
-        wanted = area(statistic, truth, against)
-        assert found[auc] == (None if wanted is None else pytest.approx(wanted, abs=2e-3))
+        wanted, error = area(statistic, truth, against)
+        assert found[auc] == (None if wanted is None else pytest.approx(wanted, abs=error))
     # The paper's figures: the first ON of each channel during each slip.
     enabled = [c for c in range(config.channels) if c + 1 not in config.disabled_channels]
     during = [
