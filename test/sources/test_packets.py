@@ -63,7 +63,7 @@ def test_encoded_packets_are_decoded(data):
     assert +receiver.counts == {'packets': 1, 'samples': n}
 
 
-@given(mutated_bytes([on_the_line(packets(1, samples=3))]))
+@given(mutated_bytes([reference_packets.on_the_line(*packets(1, samples=3))]))
 def test_a_corrupted_packet_is_never_taken_for_another(line):
     received = decoder().feed(line + b'\0')
     assert integers(received) in ([], sent_by(*packets(1, samples=3)))
