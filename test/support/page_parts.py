@@ -34,6 +34,14 @@ def tool(page, name):
     return page.locator('#tools').get_by_role('button', name=name, exact=True)
 
 
+def button(page, name):
+    return page.get_by_role('button', name=name, exact=True)
+
+
+def slider(page, name):
+    return page.get_by_role('slider', name=name, exact=True)
+
+
 def tab(page, name):
     return page.get_by_role('tab', name=name, exact=True)
 
@@ -49,7 +57,7 @@ def changes(page):
 
 
 def threshold_line(page):
-    return page.get_by_role('slider', name='Threshold', exact=True)
+    return slider(page, 'Threshold')
 
 
 def recording_now(page):

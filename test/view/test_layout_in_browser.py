@@ -25,17 +25,9 @@ import pytest
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.view.parameters import preset
 from slip_detector.view.tuning import TuneRun
+from support import page_parts as parts
 from support.browsers import expect
 from support.finger_states import rest_rows, slip_rows
-from support.page_parts import (
-    NAME,
-    changes,
-    config_of,
-    field,
-    record_button,
-    threshold_line,
-    tool,
-)
 
 #: Width and height of windows.
 LAPTOP, OLD_LAPTOP, PHONE = (1440, 900), (1024, 768), (390, 844)
@@ -54,12 +46,12 @@ def tuned(served):
         failed='', share=1.0,
     )  # fmt: skip
     apply, _ = served.server.requests['apply_tuning']
-    vars(apply.__self__).update(_run=run, _tuned_finger=NAME)
+    vars(apply.__self__).update(_run=run, _tuned_finger=parts.NAME)
 
 
 def click_at_the_edge(page, name):
     """Click a button that stands at the lower edge of the window; return it."""
-    button = tool(page, name)
+    button = parts.tool(page, name)
     button.evaluate('button => button.scrollIntoView({block: "end"})')
     button.click()
     return button
@@ -80,25 +72,20 @@ def test_an_answer_stands_beside_its_button_in_sight(played, size):
     saved = page.locator('#saved')
     expect_beside(click_at_the_edge(page, 'Save'), saved, 'Saved. ros2 launch')
     expect_beside(click_at_the_edge(page, 'Save'), saved, 'already exists')
-    expect(tool(page, 'Replace the file')).to_be_in_viewport(ratio=1)
+    expect(parts.tool(page, 'Replace the file')).to_be_in_viewport(ratio=1)
     served.call(tuned, served)
-    expect(tool(page, 'Apply 1 values')).to_be_enabled()
+    expect(parts.tool(page, 'Apply 1 values')).to_be_enabled()
     words, refusal = page.locator('.teach-words'), page.locator('#teach .refusal:visible')
     expect_beside(click_at_the_edge(page, 'Apply 1 values'), words, '1 values set')
-    finger = served.detectors.fingers[NAME]
+    finger = served.detectors.fingers[parts.NAME]
     served.call(finger.update_config, DetectorConfig(sample_rate_hz=400.0))
     expect_beside(click_at_the_edge(page, 'Apply 1 values'), refusal, 'tune it again')
 
 
 def box(locator):
     """Return left, top, right and bottom of an element in the window."""
-    found = locator.bounding_box()
-    return (
-        found['x'],
-        found['y'],
-        found['x'] + found['width'],
-        found['y'] + found['height'],
-    )
+    corners = '({left, top, right, bottom}) => [left, top, right, bottom]'
+    return locator.evaluate(f'(each) => ({corners})(each.getBoundingClientRect())')
 
 
 def light(locator):
@@ -125,11 +112,11 @@ def test_one_finger_fills_the_screen(played, size):
     assert box(tools)[2] > width - 40
     assert box(tools)[0] - box(words)[2] < 40
     # The signals stay in sight beside a long form.
-    page.get_by_role('tab', name='Parameters', exact=True).click()
+    parts.tab(page, 'Parameters').click()
     page.mouse.wheel(0, 600)
     page.wait_for_function('() => scrollY > 300')
-    expect(threshold_line(page)).to_be_in_viewport(ratio=1)
-    expect(tool(page, 'Set')).to_be_in_viewport(ratio=1)
+    expect(parts.threshold_line(page)).to_be_in_viewport(ratio=1)
+    expect(parts.tool(page, 'Set')).to_be_in_viewport(ratio=1)
     # The state can be seen in another tab, and few strokes lead to the threshold.
     expect(page).to_have_title('○ rest index · slip_view')
     served.call(served.detectors.remove, 'index')
@@ -140,7 +127,7 @@ def test_drawings_follow_the_dark_mode_of_the_system(played):
     _, page = played({'index': rest_rows()})
     expect(page.locator('.lane-name.channel')).to_have_count(4)
     for tab in ('Traces', 'Spectrum'):
-        page.get_by_role('tab', name=tab, exact=True).click()
+        parts.tab(page, tab).click()
         for scheme, fits in (
             ('light', lambda light: light > 200),
             ('dark', lambda light: light < 70),
@@ -163,14 +150,14 @@ def test_five_fingers_stand_side_by_side_and_the_skip_link_leads_to_the_threshol
     assert len({top for _, top, _, _ in cards}) == 1
     assert cards[-1][2] > OLD_LAPTOP[0] - 40
     expect(page).to_have_title('▲ SLIP thumb · slip_view')
-    page.get_by_role('tab', name='Spectrum', exact=True).click()
+    parts.tab(page, 'Spectrum').click()
     page.mouse.click(OLD_LAPTOP[0] / 2, 5)
     page.keyboard.press('Tab')
-    skip = page.get_by_role('button', name='To the threshold', exact=True)
+    skip = parts.button(page, 'To the threshold')
     expect(skip).to_be_focused()
     expect(skip).to_be_in_viewport(ratio=1)
     page.keyboard.press('Enter')
-    expect(threshold_line(page)).to_be_focused()
+    expect(parts.threshold_line(page)).to_be_focused()
 
 
 def test_on_a_phone_traces_come_early_and_nothing_overlaps(played):
@@ -182,10 +169,10 @@ def test_on_a_phone_traces_come_early_and_nothing_overlaps(played):
     touch.send('Emulation.setTouchEmulationEnabled', {'enabled': True})
     expect(page.locator('.lane-name.channel').first).to_be_in_viewport(ratio=1)
     assert box(page.locator('#timeline'))[1] < 0.75 * PHONE[1]
-    slip = record_button(page, 'Slip')
+    slip = parts.record_button(page, 'Slip')
     expect(slip.get_by_text('hold the button', exact=True)).to_be_visible()
     expect(page.locator('kbd:visible')).to_have_count(0)
-    page.get_by_role('tab', name='Spectrum', exact=True).click()
+    parts.tab(page, 'Spectrum').click()
     page.get_by_label('Hum of the mains that is taken off', exact=True).select_option(
         'mains 50 Hz'
     )
@@ -202,23 +189,24 @@ def test_on_a_phone_traces_come_early_and_nothing_overlaps(played):
 def test_what_is_changed_most_often_stands_on_top_and_the_rest_is_found(played):
     served, page = played({'index': rest_rows()})
     resize(page, LAPTOP)
-    page.get_by_role('tab', name='Parameters', exact=True).click()
-    threshold = field(page, 'threshold')
-    for each in (threshold, field(page, 'vote'), tool(page, 'grasp'), tool(page, 'As first seen')):
+    parts.tab(page, 'Parameters').click()
+    threshold = parts.field(page, 'threshold')
+    presets = parts.tool(page, 'grasp'), parts.tool(page, 'As first seen')
+    for each in (threshold, parts.field(page, 'vote'), *presets):
         expect(each).to_be_in_viewport(ratio=1)
     before = box(threshold)
-    tool(page, 'onset').click()
-    expect(changes(page)).to_contain_text('passband_hz from 7, 50 to 45, 0')
-    expect(tool(page, 'onset')).to_have_attribute('aria-pressed', 'true')
+    parts.tool(page, 'onset').click()
+    expect(parts.changes(page)).to_contain_text('passband_hz from 7, 50 to 45, 0')
+    expect(parts.tool(page, 'onset')).to_have_attribute('aria-pressed', 'true')
     expect(threshold).to_have_value('0.0265')
-    assert config_of(served) == dataclasses.replace(preset('onset'), taxel_positions_m=())
+    assert parts.config_of(served) == dataclasses.replace(preset('onset'), taxel_positions_m=())
     assert box(threshold) == before
     page.get_by_role('searchbox').fill('mains')
-    expect(field(page, 'mains_hz')).to_be_in_viewport(ratio=1)
+    expect(parts.field(page, 'mains_hz')).to_be_in_viewport(ratio=1)
     expect(threshold).to_be_hidden()
     page.get_by_role('searchbox').fill('')
     expect(threshold).to_be_visible()
-    expect(field(page, 'mains_hz')).to_be_hidden()
+    expect(parts.field(page, 'mains_hz')).to_be_hidden()
     # Nothing scrolls but the page.
     scrollers = '/auto|scroll/.test(getComputedStyle(each).overflowY)'
     count = f'all => all.filter((each) => {scrollers}).length'

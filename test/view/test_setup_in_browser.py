@@ -18,19 +18,9 @@
 import re
 
 from slip_detector.parameters.detector import DetectorConfig
+from support import page_parts as parts
 from support.browsers import expect
 from support.finger_states import rest_rows
-from support.page_parts import (
-    NAME,
-    changes,
-    config_of,
-    field,
-    record_button,
-    recording,
-    recording_now,
-    tab,
-    tool,
-)
 from support.simulated_detectors import SimulatedDetectors
 from support.training import write_recordings
 
@@ -41,8 +31,8 @@ def row(page, name):
 
 def set_values(page, **values):
     for name, value in values.items():
-        field(page, name).fill(value)
-    field(page, next(iter(values))).press('Enter')
+        parts.field(page, name).fill(value)
+    parts.field(page, next(iter(values))).press('Enter')
 
 
 def test_parameters_are_set_together_refused_undone_and_saved(serve, open_page, tmp_path):
@@ -51,8 +41,8 @@ def test_parameters_are_set_together_refused_undone_and_saved(serve, open_page, 
     served = serve(SimulatedDetectors(('index', 'thumb'), real_time=False), [file])
     page, other = open_page(served), open_page(served)
     for each in (page, other):
-        tab(each, 'Parameters').click()
-        expect(field(each, 'threshold')).to_have_value('0.5')
+        parts.tab(each, 'Parameters').click()
+        expect(parts.field(each, 'threshold')).to_have_value('0.5')
     closed = page.locator('#parameters details:not([open]) > summary')
     while closed.count():
         closed.first.click()
@@ -60,56 +50,56 @@ def test_parameters_are_set_together_refused_undone_and_saved(serve, open_page, 
     assert (names[0], {*names}) == ('threshold', {*DetectorConfig().to_parameters()})
     expect(row(page, 'max_gap_s')).to_contain_text('Allowed: 0 to 60.')
     expect(row(page, 'autostart')).to_contain_text('Holds from the start')
-    expect(field(page, 'autostart')).to_be_disabled()
+    expect(parts.field(page, 'autostart')).to_be_disabled()
     # What is typed in a field is no key of the page.
-    field(page, 'threshold').press_sequentially('p?2')
-    expect(page.get_by_role('button', name='Pause', exact=True)).to_be_visible()
+    parts.field(page, 'threshold').press_sequentially('p?2')
+    expect(parts.button(page, 'Pause')).to_be_visible()
     set_values(page, threshold='<b>low', gain='2')
     refusal = page.locator('#parameters [role=alert]')
     expect(refusal).to_have_text("Refused: parameter threshold is '<b>low', allowed: a number")
-    expect(field(page, 'threshold')).to_have_attribute('aria-invalid', 'true')
-    assert config_of(served) == DetectorConfig()
-    tool(page, 'Dismiss').click()
+    expect(parts.field(page, 'threshold')).to_have_attribute('aria-invalid', 'true')
+    assert parts.config_of(served) == DetectorConfig()
+    parts.tool(page, 'Dismiss').click()
     expect(refusal).to_be_hidden()
-    field(page, 'threshold').press('Enter')
+    parts.field(page, 'threshold').press('Enter')
     expect(refusal).to_be_visible()
-    field(page, 'threshold').fill('0.3')
+    parts.field(page, 'threshold').fill('0.3')
     expect(refusal).to_be_hidden()
-    tool(page, 'Discard').click()
-    expect(field(page, 'gain')).to_have_value('100')
+    parts.tool(page, 'Discard').click()
+    expect(parts.field(page, 'gain')).to_have_value('100')
     # Two pages tell each other what they change.
-    field(other, 'threshold').fill('0.9')
+    parts.field(other, 'threshold').fill('0.9')
     set_values(page, threshold='0.25', passband_hz='10, 60')
-    expect(changes(page)).to_contain_text('Set: threshold from 0.5 to 0.25, ')
-    expect(changes(other)).to_contain_text('Changed on another page: threshold from 0.5 to 0.25')
+    expect(parts.changes(page)).to_contain_text('Set: threshold from 0.5 to 0.25, ')
+    expect(parts.changes(other)).to_contain_text('Changed on another page: threshold')
     expect(row(other, 'threshold')).to_contain_text('Not set yet; the detector has 0.25.')
-    expect(field(other, 'threshold')).to_have_value('0.9')
-    served.call(lambda: served.detectors.panel(NAME).update({'gain': 5.0}))
-    expect(changes(page)).to_contain_text('Changed by another program: gain from 100 to 5.')
+    expect(parts.field(other, 'threshold')).to_have_value('0.9')
+    served.call(lambda: served.detectors.panel(parts.NAME).update({'gain': 5.0}))
+    expect(parts.changes(page)).to_contain_text('Changed by another program: gain from 100 to 5.')
     expect(page.locator('#parameters')).to_contain_text('Undo takes back: gain from')
-    tool(page, 'Undo').click()
-    expect(field(page, 'gain')).to_have_value('100')
-    tool(page, 'As in the file').click()
-    expect(field(page, 'threshold')).to_have_value('0.5')
+    parts.tool(page, 'Undo').click()
+    expect(parts.field(page, 'gain')).to_have_value('100')
+    parts.tool(page, 'As in the file').click()
+    expect(parts.field(page, 'threshold')).to_have_value('0.5')
     # A group comes, another goes, at once.
     row(page, 'groups.TP').get_by_role('button', name='Remove', exact=True).click()
     page.get_by_label('New group', exact=True).fill('T')
-    tool(page, 'Add').click()
+    parts.tool(page, 'Add').click()
     set_values(page, **{'groups.T': '14, 16, 11, 9'})
-    expect(changes(page)).to_contain_text('groups.TP from 14, 16, 11, 9')
-    assert list(config_of(served).groups) == ['TD', 'LR', 'LU', 'T']
+    expect(parts.changes(page)).to_contain_text('groups.TP from 14, 16, 11, 9')
+    assert list(parts.config_of(served).groups) == ['TD', 'LR', 'LU', 'T']
     name, saved = page.get_by_label('File', exact=True), page.locator('#tools .saved')
     expect(name).to_have_value('index')
-    tool(page, 'Save').click()
+    parts.tool(page, 'Save').click()
     expect(saved).to_contain_text(f'config:={tmp_path}/index.yaml')
-    assert DetectorConfig.from_yaml(tmp_path / 'index.yaml') == config_of(served)
-    tool(page, 'Save').click()
+    assert DetectorConfig.from_yaml(tmp_path / 'index.yaml') == parts.config_of(served)
+    parts.tool(page, 'Save').click()
     expect(saved).to_contain_text('Not saved: ')
     page.locator('#tools .saving select').select_option('all')
-    tool(page, 'Replace the file').click()
+    parts.tool(page, 'Replace the file').click()
     expect(saved).to_contain_text(f'fingers:=index,thumb config:={tmp_path}/index.yaml')
     name.fill('../index')
-    tool(page, 'Save').click()
+    parts.tool(page, 'Save').click()
     expect(saved).to_contain_text("Not saved: name is '../index', allowed: ")
 
 
@@ -117,10 +107,10 @@ def test_rest_and_slips_are_recorded_listed_tuned_on_and_deleted(played, tmp_pat
     write_recordings(tmp_path / 'index', slips=3)
     (tmp_path / 'index' / 'slip_3' / 'slip_3.mcap').write_bytes(b'no bag')
     _, page = played({'index': rest_rows()})
-    now, listed = recording_now(page), page.locator('.recordings tbody tr')
-    expect(recording(page, 'slip_1')).to_contain_text('tuning')
-    expect(recording(page, 'slip_3')).to_contain_text('not used')
-    expect(record_button(page, 'Slip')).to_contain_text('2 of 20')
+    now, listed = parts.recording_now(page), page.locator('.recordings tbody tr')
+    expect(parts.recording(page, 'slip_1')).to_contain_text('tuning')
+    expect(parts.recording(page, 'slip_3')).to_contain_text('not used')
+    expect(parts.record_button(page, 'Slip')).to_contain_text('2 of 20')
     expect(now).to_have_text('Nothing is recorded now.')
     # A key that repeats is one slip; letters in a field record nothing.
     page.get_by_label('File', exact=True).fill('')
@@ -131,32 +121,32 @@ def test_rest_and_slips_are_recorded_listed_tuned_on_and_deleted(played, tmp_pat
     expect(now).to_contain_text('slip_4')
     expect(now).to_contain_text('SLIP')
     page.keyboard.up(' ')
-    expect(recording(page, 'slip_4')).to_be_visible()
+    expect(parts.recording(page, 'slip_4')).to_be_visible()
     # It ends, too, when the page no longer sees the key, and when the page is gone.
     page.keyboard.down(' ')
     expect(now).to_contain_text('SLIP')
     page.evaluate('window.dispatchEvent(new Event("blur"))')
-    expect(recording(page, 'slip_5')).to_be_visible()
+    expect(parts.recording(page, 'slip_5')).to_be_visible()
     page.keyboard.up(' ')
-    slip = record_button(page, 'Slip')
+    slip = parts.record_button(page, 'Slip')
     slip.focus()
     page.keyboard.press('Enter')  # Where no key can be held, one press begins it, one ends it.
     expect(slip).to_have_attribute('aria-pressed', 'true')
     page.keyboard.press('Enter')
-    expect(recording(page, 'slip_6')).to_be_visible()
+    expect(parts.recording(page, 'slip_6')).to_be_visible()
     slip.hover()
     page.mouse.down()
     expect(now).to_contain_text('slip_7')
     page.reload()
-    expect(recording(page, 'slip_7')).to_be_visible()
+    expect(parts.recording(page, 'slip_7')).to_be_visible()
     page.keyboard.press('r')
     expect(now).to_contain_text('rest_3')
     page.reload()
-    expect(record_button(page, 'Rest')).to_have_attribute('aria-pressed', 'true')
+    expect(parts.record_button(page, 'Rest')).to_have_attribute('aria-pressed', 'true')
     page.keyboard.press('r')
-    expect(recording(page, 'rest_3')).to_be_visible()
+    expect(parts.recording(page, 'rest_3')).to_be_visible()
     (tmp_path / 'index' / 'rest_1' / 'rest_1.mcap').write_bytes(b'no bag')
-    tool(page, 'Tune').click()
+    parts.tool(page, 'Tune').click()
     failed = page.locator('#tuning-failed')
     expect(failed).to_contain_text(re.compile('^Tuning failed: .*rest_1'))
     expect(failed).to_contain_text('What was recorded is kept')
@@ -166,8 +156,8 @@ def test_rest_and_slips_are_recorded_listed_tuned_on_and_deleted(played, tmp_pat
         lambda dialog: (asked.append(dialog.message), getattr(dialog, answers.pop(0))()),
     )
     count = listed.count()
-    tool(page, 'Delete slip_1').click()
+    parts.tool(page, 'Delete slip_1').click()
     expect(listed).to_have_count(count)
-    tool(page, 'Delete slip_1').click()
+    parts.tool(page, 'Delete slip_1').click()
     expect(listed).to_have_count(count - 1)
     assert 'Delete slip_1' in asked[0]

@@ -22,9 +22,9 @@ import numpy as np
 import pytest
 
 from slip_detector.view.server import FRAME_S
+from support import page_parts as parts
 from support.browsers import expect
 from support.finger_states import rest_rows
-from support.page_parts import NAME, card, changes, config_of, tab, threshold_line
 from support.simulated_detectors import SimulatedDetectors
 
 #: Pixels of the names at the left and of the margin at the right, as in timeline.js.
@@ -45,7 +45,7 @@ def stretch(page):
 
 def play(served, page, seconds):
     """Play so much of the scene and wait until it is drawn; its stamps begin at 1000 s."""
-    served.call(served.detectors.simulated[NAME].play, seconds)
+    served.call(served.detectors.simulated[parts.NAME].play, seconds)
     until(page, f'data.toS > {40 + seconds}')
 
 
@@ -86,41 +86,42 @@ def test_traces_are_chosen_paused_read_and_the_threshold_is_moved(serve, open_pa
     play(served, page, 31.0)  # It slips from 3.8 s on.
     expect(names.get_by_text('truth', exact=True)).to_be_visible()
     assert names.all_inner_texts()[:3] == ['slip', 'truth', 'ch9']
-    page.get_by_role('button', name='LU', exact=True).click()
+    parts.button(page, 'LU').click()
     expect(lanes).to_have_text(['ch2', 'ch4', 'ch13', 'ch15'])
     for name in ('ch2', 'ch4', 'ch13', 'ch15'):
-        page.get_by_role('button', name=f'Traces of {name}', exact=True).click()
+        parts.button(page, f'Traces of {name}').click()
     expect(lanes).to_have_text(['ch15'])  # One stays.
     # The line moves up once the traces without the others have come.
     (connection,) = served.server.pages
     while len(served.call(lambda: connection.view.channels)) > 1:
         page.wait_for_timeout(20)
     _, before_s = stretch(page)
-    served.call(served.detectors.simulated[NAME].play, 1.0)
+    served.call(served.detectors.simulated[parts.NAME].play, 1.0)
     until(page, f'data.toS > {before_s}')
 
     # The threshold is set when the line is let go, or with Enter.
-    line = threshold_line(page)
+    line = parts.threshold_line(page)
     box = line.bounding_box()
     x, y = box['x'] + 60, box['y'] + box['height'] / 2
     page.mouse.move(x, y)
     page.mouse.down()
     page.mouse.move(x, y + 12, steps=3)
     expect(line).not_to_have_attribute('aria-valuetext', 'threshold 0.5')
-    assert config_of(served).threshold == 0.5
+    assert parts.config_of(served).threshold == 0.5
     page.mouse.up()
-    expect(changes(page)).to_contain_text('threshold from 0.5')
-    before = config_of(served).threshold
+    page.mouse.move(0, 0)  # What follows is done by keys alone.
+    expect(parts.changes(page)).to_contain_text('threshold from 0.5')
+    before = parts.config_of(served).threshold
     assert before < 0.45
     line.focus()
     for key in ('ArrowUp', 'Escape', 'ArrowUp', 'Enter'):
         page.keyboard.press(key)
-    expect(changes(page)).to_contain_text(f'threshold from {before:g} to {1.05 * before:.3g}')
+    expect(parts.changes(page)).to_contain_text(f'from {before:g} to {1.05 * before:.3g}')
     page.evaluate('document.activeElement.blur()')
 
     # Paused it stands still, can be zoomed and moved, and stays though the detector starts again.
     page.keyboard.press('p')
-    expect(page.get_by_role('button', name='Go on', exact=True)).to_be_visible()
+    expect(parts.button(page, 'Go on')).to_be_visible()
     paused = stretch(page)
     page.focus('#timeline')
     page.keyboard.press('+')
@@ -129,11 +130,11 @@ def test_traces_are_chosen_paused_read_and_the_threshold_is_moved(serve, open_pa
     assert to_s - from_s == pytest.approx((paused[1] - paused[0]) / 2)
     while served.call(lambda: connection.view.until_ns is None):
         page.wait_for_timeout(20)
-    finger = served.detectors.fingers[NAME]
+    finger = served.detectors.fingers[parts.NAME]
     volts = served.call(finger.track.samples.field('volts')[:, 14].copy)
     served.call(finger.track.samples.clear)
     served.call(finger.started_again, finger.config)
-    expect(card(page).locator('.notice')).to_contain_text('started again')
+    expect(parts.card(page).locator('.notice')).to_contain_text('started again')
     assert stretch(page) == (from_s, to_s)
     page.keyboard.press('Shift+ArrowLeft')
     # A column has one sample, or the range of several.
@@ -173,7 +174,7 @@ REACH_OF_LINE = """([names, margin]) => {
 
 def test_a_gap_and_values_that_are_no_numbers_leave_traces_their_height(serve, open_page):
     served = serve(SimulatedDetectors(rows=rest_rows(), real_time=False))
-    page, simulated = open_page(served), served.detectors.simulated[NAME]
+    page, simulated = open_page(served), served.detectors.simulated[parts.NAME]
     served.call(simulated.play, 2.0)
     until(page, 'data.toS > 41.9')
     margins = [NAMES_WIDTH, RIGHT_MARGIN]
@@ -201,10 +202,10 @@ def rows_with_lines(*frequencies_hz):
 
 def test_the_spectrum_is_read_kept_as_rest_and_its_bands_are_dragged(serve, open_page):
     served = serve(SimulatedDetectors(rows=rows_with_lines(31.0, 110.0)))
-    simulated = served.detectors.simulated[NAME]
+    simulated = served.detectors.simulated[parts.NAME]
     served.call(simulated.play, 6.0)
     page = open_page(served)
-    tab(page, 'Spectrum').click()
+    parts.tab(page, 'Spectrum').click()
     page.get_by_label('Channel', exact=True).select_option('ch1')
     picture = page.locator('#spectrum-plot')
     expect(picture).to_have_accessible_name(
@@ -217,7 +218,7 @@ def test_the_spectrum_is_read_kept_as_rest_and_its_bands_are_dragged(serve, open
         expect(readout).to_contain_text(f'{words} Hz · ')
     served.call(setattr, simulated, 'rows', rows_with_lines())
     served.call(simulated.play, 8.0)
-    page.get_by_role('button', name='Hold as rest', exact=True).click()
+    parts.button(page, 'Hold as rest').click()
     expect(picture).to_have_accessible_name(re.compile('with the one at rest behind it'))
     served.call(setattr, simulated, 'rows', rows_with_lines(31.0))
     served.call(simulated.play, 8.0)
@@ -228,7 +229,7 @@ def test_the_spectrum_is_read_kept_as_rest_and_its_bands_are_dragged(serve, open
     expect(readout).to_have_text(re.compile(r'dB · at rest .* · (1[5-9]|[2-9]\d)\.\d dB above'))
 
     def edge(name):
-        return page.get_by_role('slider', name=name, exact=True)
+        return parts.slider(page, name)
 
     # Where edges of two bands meet, the line is the pass-band's, and each has a label.
     low, high, mains = (edge(n) for n in ('Pass-band, low edge', 'Pass-band, high edge', 'Mains'))
@@ -244,24 +245,24 @@ def test_the_spectrum_is_read_kept_as_rest_and_its_bands_are_dragged(serve, open
         page.mouse.down()
         page.mouse.move(line['x'] + 60, y, steps=4)
         page.mouse.up()
-    expect(changes(page)).to_contain_text('stopbands_hz')
-    from_hz, to_hz = config_of(served).passband_hz
+    expect(parts.changes(page)).to_contain_text('stopbands_hz')
+    from_hz, to_hz = parts.config_of(served).passband_hz
     assert (8.0 < from_hz < 20.0, to_hz) == (True, 50.0)
-    (_, stop_hz), others = config_of(served).stopbands_hz
+    (_, stop_hz), others = parts.config_of(served).stopbands_hz
     assert (8.0 < stop_hz < 20.0, others) == (True, (50.0, 180.0))
     # One more is put where there is none.
-    add = page.get_by_role('button', name='Add stop-band', exact=True)
+    add = parts.button(page, 'Add stop-band')
     add.click()
     expect(edge('Stop-band 3, low edge')).to_have_attribute('aria-valuetext', 'stop 3 from 180 Hz')
-    page.get_by_role('button', name='Remove stop-band 3: 180 to 186 Hz', exact=True).click()
+    parts.button(page, 'Remove stop-band 3: 180 to 186 Hz').click()
     expect(edge('Stop-band 3, low edge')).to_have_count(0)
     high.focus()
     for _ in range(9):
         page.keyboard.press('PageUp')
     expect(high).to_have_attribute('aria-valuetext', 'pass to all above')
     page.keyboard.press('Enter')
-    expect(changes(page)).to_contain_text(f'to {from_hz:g}, 0')
-    page.get_by_role('button', name='Remove stop-band 2: 50 to 180 Hz', exact=True).click()
+    expect(parts.changes(page)).to_contain_text(f'to {from_hz:g}, 0')
+    parts.button(page, 'Remove stop-band 2: 50 to 180 Hz').click()
     expect(edge('Stop-band 2, low edge')).to_have_count(0)
     page.get_by_label('Hum of the mains that is taken off', exact=True).select_option(
         'mains 60 Hz'
@@ -270,9 +271,8 @@ def test_the_spectrum_is_read_kept_as_rest_and_its_bands_are_dragged(serve, open
     # No whole periods of 61 Hz: the detector says so, and the line goes back. When the parameters
     # change, or their finger goes, the refusal says nothing any more.
     refusal, detectors = page.locator('#refusal'), served.detectors
-    for change in (
-        lambda: detectors.panel(NAME).update({'gain': 5.0}), lambda: detectors.remove('index')
-    ):  # fmt: skip
+    panel = detectors.panel(parts.NAME)
+    for change in (lambda: panel.update({'gain': 5.0}), lambda: detectors.remove('index')):
         mains.focus()
         page.keyboard.press('ArrowUp')
         page.keyboard.press('Enter')
