@@ -41,12 +41,12 @@ def tuned(served):
     """Let the tuning of the finger have found something."""
     run = TuneRun.__new__(TuneRun)
     vars(run).update(
-        _config=DetectorConfig(), found=DetectorConfig(threshold=0.25), held_out=[], lines=[],
-        table=[('recall', '0.8', '0.9', 'better')], running=False, stopping=False, step='',
-        failed='', share=1.0,
+        finger=parts.NAME, _config=DetectorConfig(), found=DetectorConfig(threshold=0.25),
+        table=[('recall', '0.8', '0.9', 'better')], held_out=[], lines=[], running=False,
+        stopping=False, step='', failed='', share=1.0,
     )  # fmt: skip
     apply, _ = served.server.requests['apply_tuning']
-    vars(apply.__self__).update(_run=run, _tuned_finger=parts.NAME)
+    apply.__self__._run = run
 
 
 def click_at_the_edge(page, name):
