@@ -268,7 +268,7 @@ class StampGrid:
     >>> grid = StampGrid(period_s=0.01, max_gap_s=0.1)
     >>> [grid.arrive(ms * 1_000_000) for ms in (0, 10, 20, 50, 60)]
     [0, 0, 0, 0, 2]
-    >>> [grid.arrive(ms * 1_000_000) for ms in (9000, 80, 90)] == [DROPPED, 1, 0]
+    >>> [grid.arrive(ms * 1_000_000) for ms in (9000, 80, 90)] == [DROPPED, 0, 1]
     True
     >>> [grid.arrive(ms * 1_000_000) for ms in (9000, 9010, 9020, 9030)][-1] == NEW_STRETCH
     True
