@@ -177,8 +177,8 @@ def names_given_to(path: str | Path, executable: str, node: str) -> set[str]:
         names, or no section is for this package.
     """
     _, own = parameters_for(path, node)
-    ours = [name for name, _ in our_sections(path) if node_of(name) == executable]
-    if ours and not own and not any(matches(name, node) for name in ours):
+    ours = [] if own else [name for name, _ in our_sections(path) if node_of(name) == executable]
+    if ours and not any(matches(name, node) for name in ours):
         raise ValueError(
             f'{path}: has sections for {", ".join(ours)}, none for this node, {node}, allowed: '
             f'{node} or /**/{node_of(node)}'

@@ -110,6 +110,7 @@ def test_a_file_with_sections_for_other_names_of_the_node_is_refused(write):
         f'{path}: has sections for /thumb/slip_driver, none for this node, /index/slip_driver, '
         'allowed: /index/slip_driver or /**/slip_driver'
     )
+    assert names_given_to(write('/mine: {ros__parameters: {gain: 2}}'), 'slip_detector', '/mine')
     empty = write('/**/slip_driver: {ros__parameters: {}}\n')
     assert names_given_to(empty, 'slip_driver', '/index/slip_driver') == set()
 
