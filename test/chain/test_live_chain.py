@@ -63,12 +63,16 @@ class Bed:
     def change(self, **values):
         return self.chain.change(dataclasses.replace(self.chain.config, **values))
 
-    def swapped(self, timeout_s=60.0):
-        """Swap the new chain in as soon as it is ready; return whether that was in time."""
+    def wait_until(self, happened, timeout_s=60.0):
+        """Wait for something that another thread does; return whether it was in time."""
         end_s = time.monotonic() + timeout_s
-        while not (done := self.chain.swap()) and time.monotonic() < end_s:
+        while not (done := happened()) and time.monotonic() < end_s:
             time.sleep(1e-4)
         return done
+
+    def swapped(self, timeout_s=60.0):
+        """Swap the new chain in as soon as it is ready; return whether that was in time."""
+        return self.wait_until(self.chain.swap, timeout_s)
 
 
 @given(st.integers(1, 400), st.floats(1e-3, 1e3), st.sampled_from(['all', 'mean', 2]))
@@ -334,8 +338,7 @@ def test_a_gap_keeps_the_floors_and_a_reset_does_not():
     assert not bed.chain._history
     # Nor does a chain that was built before the reset, and is swapped in after it.
     bed.change(gain=50.0)
-    while not bed.chain._ready:
-        time.sleep(1e-4)
+    assert bed.wait_until(lambda: bed.chain._ready)
     bed.chain.reset()
     assert np.isnan(state_of(bed)[0, stages.FLOOR, :4]).all()
     assert bed.chain.swap()

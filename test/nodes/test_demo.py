@@ -121,10 +121,16 @@ def test_the_end_of_a_node_is_waited_for_and_leaving_ends_the_others(nodes, tmp_
 
 
 def test_nodes_end_with_the_process_that_started_them_even_if_it_is_killed():
+    # Before it is killed, setpriv has to have become the node.
     code = (
-        'import os, time; from slip_detector.nodes.demo import NodeProcesses\n'
-        f"NodeProcesses('killed', lambda: None).start('slip_detector', '{FILE}')\n"
-        f'time.sleep(2); os.kill(os.getpid(), {signal.SIGKILL:d})'
+        'import os, pathlib, time; from slip_detector.nodes.demo import NodeProcesses\n'
+        "nodes = NodeProcesses('killed', lambda: None)\n"
+        f"nodes.start('slip_detector', '{FILE}')\n"
+        "pid = nodes._processes['slip_detector'].pid\n"
+        "words = pathlib.Path(f'/proc/{pid}/cmdline')\n"
+        f'end_s = time.monotonic() + {DEADLINE_S}\n'
+        "while b'setpriv' in words.read_bytes() and time.monotonic() < end_s: time.sleep(0.01)\n"
+        f'os.kill(os.getpid(), {signal.SIGKILL:d})'
     )
     # It does not return before the last process that has the pipe has ended.
     done = subprocess.run(
