@@ -135,12 +135,12 @@ def _bring_to_disk(path: Path) -> None:
 
 
 @contextlib.contextmanager
-def write_errors_of(path: str | Path) -> Iterator[None]:
+def write_errors_of(path: str | Path, done: str = 'written') -> Iterator[None]:
     """Within a block, turn an error of the file system into a ValueError of one line."""
     try:
         yield
     except OSError as error:
-        raise ValueError(f'{path}: cannot be written ({error.strerror or error})') from None
+        raise ValueError(f'{path}: cannot be {done} ({error.strerror or error})') from None
 
 
 def writable_folder(folder: Path) -> Path:

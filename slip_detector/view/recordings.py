@@ -125,7 +125,7 @@ class RecordedFolder:
             When no recording has this name, or it cannot be deleted.
         """
         path = self.path_of(name)
-        with write_errors_of(path):
+        with write_errors_of(path, 'deleted'):
             shutil.rmtree(path)
             (path.parent / labels_name(path)).unlink(missing_ok=True)
         del self.recordings[path.name]

@@ -80,6 +80,9 @@ def test_labels_that_a_person_wrote_are_counted_and_deleted_with_their_recording
     assert recorded.recordings['slip_1'].slips == 2
     recorded.delete('slip_1')
     assert [*recorded.folder.iterdir()] == []
+    recorded.add(RecordingSummary('rest_1', 1.0, 0))  # Somebody else has removed it.
+    with pytest.raises(ValueError, match=r'rest_1: cannot be deleted \(No such file'):
+        recorded.delete('rest_1')
 
 
 def test_a_third_of_each_kind_is_held_out_and_of_two_the_second():
