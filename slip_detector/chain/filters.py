@@ -99,9 +99,23 @@ def design(config: ChainConfig) -> Array:
     (2, 6)
     """
     parameters = (getattr(config, name) for name in PARAMETERS)
-    sections: Array = _unit_gain_network(*parameters).copy()
+    sections: Array = _unit_gain_network('passband_hz', *parameters).copy()
     sections[0, :3] *= config.gain
     return sections
+
+
+def design_low(config: ChainConfig) -> Array:
+    """Design the band-pass of the low level, of degree 4; without one there are no sections.
+
+    Examples
+    --------
+    >>> design_low(ChainConfig()).shape
+    (0, 6)
+    """
+    if not config.low_band_hz:
+        return np.zeros((0, 6))
+    band = config.sample_rate_hz, config.low_band_hz, 4
+    return _unit_gain_network('activity_band_hz', *band, (), 4, 1.0, 40.0)
 
 
 @functools.lru_cache(maxsize=64)
@@ -132,7 +146,7 @@ def _designed_network(*parameters: Any) -> Array:
     # A late import: it takes longer than loading everything else that a node needs.
     from scipy import signal
 
-    rate, (low, high), degree, stopbands_hz, *of_stopbands = parameters
+    name, rate, (low, high), degree, stopbands_hz, *of_stopbands = parameters
     stopband_degree, ripple_db, attenuation_db = of_stopbands
     form = {'output': 'sos', 'fs': rate}
     if high == 0.0:
@@ -141,7 +155,7 @@ def _designed_network(*parameters: Any) -> Array:
         passband = signal.butter(degree // 2, [low, high], 'bandpass', **form)
     edges = [low] if high == 0.0 else [low, high]
     # At the edges of a Butterworth filter the power is halved.
-    _check(passband, edges, rate, 'passband_hz', np.sqrt(0.5))
+    _check(passband, edges, rate, name, np.sqrt(0.5))
     parts = [passband]
     for pair in stopbands_hz:
         order = stopband_degree // 2
@@ -254,6 +268,8 @@ def settling_rows(config: ChainConfig) -> int:
     290
     """
     rows = config.mains_rows + _filter_rows(design(config))
+    if config.low_band_hz:
+        rows = max(rows, _filter_rows(design_low(config)))
     rows += config.samples(config.envelope_window_s)
     if config.decision == 'mean':
         return rows + config.samples(config.decision_window_s)

@@ -58,14 +58,16 @@ CACHED_VALUES = 2**18
 KEEP_ENVELOPE, KEEP_LEVEL, KEEP_FLOOR, KEEP_EXCESS, PAST_CACHES = 1, 2, 4, 8, 16
 
 #: The parameters as the kernel reads them: numbers, first those that are whole. Without mains,
-#: impacts or evidence ``mains_rows``, ``impact_v`` or ``evidence`` is 0.
+#: impacts, evidence, contact or activity ``mains_rows``, ``impact_v``, ``evidence``,
+#: ``contact_channels`` or ``activity_cap_db`` is 0.
 WHOLE = (
     'common_mode', 'full_wave', 'exponent', 'vote', 'envelope_rows', 'level_rows', 'mains_rows',
-    'evidence', 'impact_channels', 'hold_rows',
+    'evidence', 'impact_channels', 'impact_rows', 'hold_rows', 'contact_channels', 'contact_rows',
 )  # fmt: skip
 REAL = (
     'flat_rows', 'threshold', 'noise_floor_range_db', 'floor_up_db', 'floor_down_db',
     'evidence_cap_db', 'evidence_offset_db', 'evidence_limit_db_s', 'period_s', 'impact_v',
+    'contact_v2', 'activity_factor', 'activity_shift_db', 'activity_cap_db',
 )  # fmt: skip
 SETTINGS = np.dtype(
     (np.record, [(name, np.int64) for name in WHOLE] + [(name, np.float64) for name in REAL])
@@ -76,29 +78,35 @@ class Plan(NamedTuple):
     """All inputs of the kernel except samples and state, and its working memory.
 
     There are t tiles of c columns, g groups and v votes whose statistic is wanted. The working
-    memory has w words for each column: one if levels are gathered for votes, else ``CHUNK_WORDS``.
+    memory has w words for each column: one if levels are gathered for votes or the low level is
+    needed, else ``CHUNK_WORDS``; and b blocks: one for each tile if the low level is needed, else
+    one for all.
 
     Attributes
     ----------
     settings : ndarray of :data:`SETTINGS`, shape (1,)
     limits : ndarray, shape (t, 3, 16)
         Lowest and highest good sample, and least noise floor in dB, of each column.
-    sections : ndarray, shape (s, 6)
-        The filters.
+    sections, low_sections : ndarray, shape (s, 6)
+        The filters, and those of the low level, if it is needed.
     active : ndarray of int
         The tiles with an enabled channel.
     members, bounds : ndarray of int
         Columns of the enabled channels of all groups, and where those of each group begin and end.
     votes : ndarray of int, shape (v,)
         The votes whose statistic is wanted.
-    block : ndarray, shape (64, 16)
-        Rows of a tile, which the stages replace in place.
+    blocks, low : ndarray, shape (b, 64, 16)
+        Rows of a tile, which the stages replace in place, and those of the low level.
     common_v : ndarray, shape (w, 64)
         Common mode of each row.
     on, valid, steps : ndarray of words, shape (w, c)
         The rows in which each channel is ON, valid, or steps as in an impact.
     held : ndarray of words, shape (w,)
         Rows within the hold time of an impact.
+    touching : ndarray of words, shape (2, c)
+        The rows in which the low level of each channel is above that of contact, and 2 dB less.
+    contact : ndarray of words, shape (1,)
+        The rows in contact; all if that is not looked at.
     decisions : ndarray of words, shape (columns of flags,)
         The flags, as words.
     digits : ndarray of words
@@ -112,16 +120,20 @@ class Plan(NamedTuple):
     settings: NDArray[np.void]
     limits: Floats
     sections: Floats
+    low_sections: Floats
     active: Ints
     members: Ints
     bounds: Ints
     votes: Ints
-    block: Floats
+    blocks: Floats
+    low: Floats
     common_v: Floats
     on: Words
     valid: Words
     steps: Words
     held: Words
+    touching: Words
+    contact: Words
     decisions: Words
     digits: Words
     by_channel: Floats
@@ -133,7 +145,9 @@ def tiles_of(config: ChainConfig) -> int:
     return -(-config.channels // LANES)
 
 
-def plan_of(config: ChainConfig, sections: Floats, wanted: Sequence[str | int]) -> Plan:
+def plan_of(
+    config: ChainConfig, sections: Floats, low_sections: Floats, wanted: Sequence[str | int]
+) -> Plan:
     """Return the plan of a chain: its configuration, the filters' sections and wanted votes."""
     tiles, disabled = tiles_of(config), {channel - 1 for channel in config.disabled_channels}
     enabled = [channel for channel in range(config.channels) if channel not in disabled]
@@ -144,22 +158,27 @@ def plan_of(config: ChainConfig, sections: Floats, wanted: Sequence[str | int]) 
         limits[stages.LEAST_DB, : config.channels] = 20.0 * np.log10(config.noise_floors)
     groups = [[c - 1 for c in group if c - 1 not in disabled] for group in config.groups.values()]
     gathered = config.vote == 'mean' or len(wanted) > 0
-    words = 1 if gathered else CHUNK_WORDS
+    low = len(low_sections) > 0
+    words, blocks = 1 if gathered or low else CHUNK_WORDS, tiles if low else 1
     by_channel = gathered or config.common_mode != 'none'
     return Plan(
         settings=_settings_of(config),
         limits=np.ascontiguousarray(limits.reshape(3, tiles, LANES).swapaxes(0, 1)),
         sections=sections,
+        low_sections=low_sections,
         active=np.unique(np.array(enabled, np.int64) // LANES),
         members=np.array([c for group in groups for c in group], np.int64),
         bounds=np.cumsum([0] + [len(group) for group in groups], dtype=np.int64),
         votes=vote_numbers(wanted),
-        block=aligned((WORD_ROWS, LANES)),
+        blocks=aligned((blocks, WORD_ROWS, LANES)),
+        low=aligned((blocks, WORD_ROWS, LANES)),
         common_v=np.zeros((words, WORD_ROWS)),
         on=np.zeros((words, tiles * LANES), np.uint64),
         valid=np.zeros((words, tiles * LANES), np.uint64),
         steps=np.zeros((words, tiles * LANES), np.uint64),
         held=np.zeros(words, np.uint64),
+        touching=np.zeros((2, tiles * LANES), np.uint64),
+        contact=~np.zeros(1, np.uint64),
         decisions=np.zeros(1 + 2 * len(groups) + 2 * config.channels, np.uint64),
         digits=np.zeros(votes.DIGITS, np.uint64),
         by_channel=np.zeros((tiles * LANES * by_channel, WORD_ROWS)),
@@ -169,6 +188,7 @@ def plan_of(config: ChainConfig, sections: Floats, wanted: Sequence[str | int]) 
 
 def _settings_of(config: ChainConfig) -> NDArray[np.void]:
     evidence = config.decision == 'evidence'
+    low = len(config.low_band_hz) > 0
     up_db, down_db = stages.floor_steps_db(config.noise_floor_rate_db_s, config.sample_rate_hz)
     settings = {name: getattr(config, name, None) for name in (*WHOLE, *REAL)} | {
         'flat_rows': config.samples(config.flat_after_s) if config.flat_after_s else np.inf,
@@ -183,6 +203,13 @@ def _settings_of(config: ChainConfig) -> NDArray[np.void]:
         'period_s': 1.0 / config.sample_rate_hz,
         'impact_v': config.impact_v if evidence else 0.0,
         'hold_rows': config.samples(config.impact_hold_s),
+        'contact_channels': config.contact_channels if low and config.contact_level_v else 0,
+        'contact_rows': config.samples(config.contact_hold_s),
+        'contact_v2': config.contact_level_v**2,
+        'activity_factor': config.exponent,
+        'activity_shift_db': config.exponent * 20 * np.log10(config.gain)
+        - config.activity_range_db,
+        'activity_cap_db': config.activity_cap_db if low else 0.0,
     }
     return np.array([tuple(settings.values())], SETTINGS)
 
@@ -236,34 +263,54 @@ def _columns(kept, first, width):
 
 
 @compiled_within
-def _run_tile(volts, chunk, end, t, settings, checked, tile, plan, signals, kept):
+def _run_tile(volts, chunk, end, t, settings, checked, part, tile, plan, signals, kept):
     """Run the rows of a chunk through one tile, up to the ON and valid bits of its channels.
 
-    ``checked`` tells whether the samples have been checked already.
+    ``checked`` tells whether the samples have been checked already. If the low level is needed,
+    part 0 ends before what needs that of all tiles, and part 1 begins there.
     """
-    block, limits, evidence = plan.block, plan.limits[t], settings.evidence != 0
+    b, limits, evidence = min(t, plan.blocks.shape[0] - 1), plan.limits[t], settings.evidence != 0
+    block, low, low_sections = plan.blocks[b], plan.low[b], plan.low_sections
     columns, past_caches = _columns(kept, t * LANES, volts.shape[1]), kept & PAST_CACHES != 0
     comb = stages.DELAYS + 2 * plan.sections.shape[0]
     envelopes = comb + settings.mains_rows + 1
     levels = envelopes + settings.envelope_rows + 3
     for start in range(chunk, end, WORD_ROWS):
         rows, at = min(WORD_ROWS, end - start), ((start - chunk) // WORD_ROWS, t * LANES)
-        if not checked:
-            stages.check_samples(volts, start, rows, at, limits, settings, tile, plan)
-        stages.load_deviations(volts, start, rows, at, limits, tile, plan)
-        if settings.mains_rows > 0:
-            stages.subtract_mains(block, rows, settings.mains_rows, tile, comb)
-        stages.run_filters(block, rows, plan.sections, tile)
-        stages.rectified_power(block, rows, settings.full_wave != 0, settings.exponent)
-        # Evidence takes the squares of the envelope and keeps that itself.
-        stages.window_means(
-            block, rows, settings.envelope_rows, tile, envelopes, not evidence, signals, start,
-            -1 if evidence else columns[0], past_caches,
-        )  # fmt: skip
+        if part == 0:
+            if not checked:
+                stages.check_samples(volts, start, rows, at, limits, settings, tile, plan)
+            stages.load_deviations(block, volts, start, rows, at, limits, tile, plan)
+            if low_sections.shape[0] > 0:
+                stages.copy_numbers(block, rows, low)
+                stages.run_filters(low, rows, low_sections, tile, levels)
+                stages.rectified_power(low, rows, True, 1)
+                stages.window_means(
+                    low, rows, settings.envelope_rows, tile, levels + 2 * low_sections.shape[0],
+                    False, signals, start, -1, past_caches,
+                )  # fmt: skip
+                if settings.contact_channels > 0:
+                    begins, goes_on = (0, t * LANES), (1, t * LANES)
+                    level = settings.contact_v2
+                    stages.rows_above(low, rows, level, plan.touching, begins)
+                    level = level * stages.CONTACT_GOES_ON
+                    stages.rows_above(low, rows, level, plan.touching, goes_on)
+            if settings.mains_rows > 0:
+                stages.subtract_mains(block, rows, settings.mains_rows, tile, comb)
+            stages.run_filters(block, rows, plan.sections, tile, stages.DELAYS)
+            stages.rectified_power(block, rows, settings.full_wave != 0, settings.exponent)
+            # Evidence takes the squares of the envelope and keeps that itself.
+            stages.window_means(
+                block, rows, settings.envelope_rows, tile, envelopes, not evidence, signals, start,
+                -1 if evidence else columns[0], past_caches,
+            )  # fmt: skip
+        if part == 0 and low_sections.shape[0] > 0:
+            continue
         if evidence:
             stages.sum_evidence(
-                block, rows, at, limits, settings, tile, plan, signals, start, columns, past_caches
-            )
+                block, low, rows, at, limits, settings, tile, plan, signals, start, columns,
+                past_caches,
+            )  # fmt: skip
         else:
             stages.window_means(
                 block, rows, settings.level_rows, tile, levels, False, signals, start, columns[1],
@@ -297,6 +344,7 @@ def run(volts, flags, signals, tiles, plan, kept):
         The bits of the signals that are wanted.
     """
     settings, chunk_rows = plan.settings[0], plan.held.size * WORD_ROWS
+    parts = 2 if plan.low_sections.shape[0] > 0 else 1
     checked = settings.common_mode != NO_COMMON_MODE or settings.impact_v > 0.0
     column = signals.shape[1] - plan.votes.size
     for chunk in range(0, volts.shape[0], chunk_rows):
@@ -311,9 +359,14 @@ def run(volts, flags, signals, tiles, plan, kept):
                 plan.held[w] = votes.rows_of_impact(rows, w, settings, plan, tiles)
             if settings.common_mode != NO_COMMON_MODE:
                 votes.find_common_mode(volts, start, rows, w, settings, plan, tiles)
-        # The stages of each channel.
-        for t in plan.active:
-            _run_tile(volts, chunk, end, t, settings, checked, tiles[t], plan, signals, kept)
+        # The stages of each channel; between their parts, the contact of all.
+        for part in range(parts):
+            if part == 1 and settings.contact_channels > 0:
+                plan.contact[0] = votes.rows_of_contact(end - chunk, settings, plan, tiles)
+            for t in plan.active:
+                _run_tile(
+                    volts, chunk, end, t, settings, checked, part, tiles[t], plan, signals, kept
+                )
         # The decisions.
         for start in range(chunk, end, WORD_ROWS):
             rows, w = min(WORD_ROWS, end - start), (start - chunk) // WORD_ROWS
@@ -339,5 +392,6 @@ def compiled_run():
 
     The types of its arguments are not checked.
     """
-    plan, rows = plan_of(ChainConfig(), np.zeros((1, 6)), ()), np.zeros((0, LANES))
+    plan = plan_of(ChainConfig(), np.zeros((1, 6)), np.zeros((0, 6)), ())
+    rows = np.zeros((0, LANES))
     return compiled_for(run, rows, rows != 0.0, rows, np.zeros((1, 1, LANES)), plan, 0)

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from slip_detector.chain.filters import evidence_falls_s, settling_rows
 from slip_detector.chain.slip_chain import SlipChain, SlipResult
-from slip_detector.chain.stages import FLOOR, HOLD_ROWS
+from slip_detector.chain.stages import CONTACT_ROWS, FLOOR, HOLD_ROWS
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.fields import names_that_affect
 
@@ -33,6 +33,9 @@ HISTORY_S = 5.0
 
 #: Parameters that can change at once, as the state of the chain does not depend on them.
 DECISION_PARAMETERS = names_that_affect(ChainConfig, 'decision')
+
+#: What parts of the state depend on: a decision that needs others cannot change at once.
+PARTS = {'low_band_hz', 'impact_rows'}
 
 #: A chain is built when no other change has followed for this time.
 GATHER_S = 0.1
@@ -162,8 +165,11 @@ class LiveChain:
                 return True
             if differ <= DECISION_PARAMETERS:
                 chain.state = self._chain.state
+                # An hour later these would go on.
                 if not config.impact_v:
-                    chain.state[0, HOLD_ROWS, 0] = 0.0  # An hour later it would go on.
+                    chain.state[0, HOLD_ROWS, 0] = 0.0
+                if not config.contact_level_v:
+                    chain.state[0, CONTACT_ROWS, 0] = 0.0
             else:
                 if differ & INPUT_PARAMETERS:
                     self._forget()
@@ -182,7 +188,7 @@ class LiveChain:
 
     def _differ(self, config: ChainConfig) -> set[str]:
         """Return the parameters of the chain and its input that differ from the running ones."""
-        names = {field.name for field in dataclasses.fields(ChainConfig)} | INPUT_PARAMETERS
+        names = {field.name for field in dataclasses.fields(ChainConfig)} | INPUT_PARAMETERS | PARTS
         return {
             name
             for name in names

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from slip_detector.chain import kernel, stages
 from slip_detector.chain.compiled import COMPILED, LANES
-from slip_detector.chain.filters import design
+from slip_detector.chain.filters import design, design_low
 from slip_detector.chain.stages import DELAYS, FLOOR
 from slip_detector.chain.stamps import StampGrid
 from slip_detector.parameters.detector import ChainConfig
@@ -106,15 +106,18 @@ class SlipResult:
 
     @property
     def floor(self) -> Floats:
-        """Noise floor in dB of the envelope's unit; shape (n, c)."""
+        """The noise floor that counts, lifted by activity, in dB of the envelope's unit; (n, c).
+
+        It is the noise floor itself while the channel is not valid, and out of contact.
+        """
         return self._columns('floor', kernel.KEEP_FLOOR)
 
     @property
     def excess(self) -> Floats:
         """Excess of the envelope over the floor, within its limits, in dB; shape (n, c).
 
-        It is 0 before the windows are full, while the channel is not valid, and for
-        ``impact_hold_s`` from an impact on.
+        It is 0 before the windows are full, while the channel is not valid, out of contact, and
+        for ``impact_hold_s`` from an impact on.
         """
         return self._columns('excess', kernel.KEEP_EXCESS)
 
@@ -181,11 +184,11 @@ class SlipChain:
                 stacklevel=2,
             )
         self.config = config = config or ChainConfig()
-        self._sections = design(config)
+        self._sections, self._low_sections = design(config), design_low(config)
         self._evidence = config.decision == 'evidence'
         check_memory(config)
         self._votes: tuple[str | int, ...] = ()
-        self._plan = kernel.plan_of(config, self._sections, self._votes)
+        self._plan = self._planned(())
         self._channels, self._groups = config.channels, len(config.groups)
         self._columns = kernel.tiles_of(config) * LANES
         self._width = 1 + 2 * self._groups + 2 * self._channels
@@ -195,6 +198,9 @@ class SlipChain:
         # Compile the kernel, or load it from the cache, before the first sample comes.
         self.update(np.zeros((0, config.channels)))
 
+    def _planned(self, votes: Sequence[str | int]) -> kernel.Plan:
+        return kernel.plan_of(self.config, self._sections, self._low_sections, votes)
+
     def reset(self) -> None:
         """Forget all rows; the next row is treated as the first."""
         self.state = kernel.aligned(_state_shape(self.config))
@@ -202,6 +208,8 @@ class SlipChain:
         comb = DELAYS + 2 * len(self._sections) + 1
         if self.config.mains_rows:
             self.state[:, [stages.HELD, *range(comb, comb + self.config.mains_rows)]] = np.nan
+        if self.config.impact_rows:
+            self.state[:, -self.config.impact_rows :] = np.nan
         # NaN: a floor that is not learnt begins at the first envelope.
         learnt = self._evidence and self.config.noise_floor_learnt
         self.state[:, FLOOR] = self._plan.limits[:, stages.LEAST_DB] if learnt else np.nan
@@ -298,7 +306,7 @@ class SlipChain:
         True
         """
         if votes is not self._votes and tuple(votes) != self._votes:
-            self._plan = kernel.plan_of(self.config, self._sections, votes)
+            self._plan = self._planned(votes)
             self._votes = tuple(votes)
         rows = np.ascontiguousarray(volts, np.float64)
         channels, columns = self._channels, self._columns
@@ -342,6 +350,9 @@ def _state_shape(config: ChainConfig) -> tuple[int, int, int]:
     slots += config.samples(config.envelope_window_s) + 3
     if config.decision == 'mean':
         slots += config.samples(config.decision_window_s) + 3
+    if config.low_band_hz:
+        slots += 2 * len(design_low(config)) + config.samples(config.envelope_window_s) + 3
+    slots += config.impact_rows + (config.impact_rows > 0)
     return kernel.tiles_of(config), slots, LANES
 
 

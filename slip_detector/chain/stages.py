@@ -47,18 +47,23 @@ WORD_ROWS = 64
 
 NO_ROW, FIRST_ROW = np.uint64(0), np.uint64(1)
 
-# The first slots of a tile's state. Two of them have one number for all channels, in lane 0 of
-# the first tile: the common mode of the last row, and the remaining rows of the hold time of an
-# impact. Behind them are the delays of the filters, two slots for each section, the comb and the
-# windows. Of comb and windows the first slot has, in lane 0, the position within the period.
-LAST, REPEATS, FIRST, HELD, COMMON_V, HOLD_ROWS = range(6)
-AGE, FLOOR, EVIDENCE, HELD_EVIDENCE, DELAYS = range(6, 11)
+# The first slots of a tile's state. Three of them have one number for all channels, in lane 0 of
+# the first tile: the common mode of the last row, and the remaining rows of the hold times of an
+# impact and of contact. Behind them are the delays of the filters, two slots for each section, the
+# comb and the windows; then delays and window of the low level, if it is needed; last, if impacts
+# are steps over several rows, the samples of these. Of comb, windows and samples the first slot
+# has, in lane 0, the position within the period.
+LAST, REPEATS, FIRST, HELD, COMMON_V, HOLD_ROWS, CONTACT_ROWS = range(7)
+AGE, FLOOR, EVIDENCE, HELD_EVIDENCE, DELAYS = range(7, 12)
 
 # Rows of a tile's limits: the lowest and highest good sample, and the least noise floor in dB.
 LOW, HIGH, LEAST_DB = range(3)
 
 #: Share of the time at rest during which a channel's envelope is below its floor.
 QUANTILE = 0.1
+
+#: Part of the power at which contact begins that it needs to go on: 2 dB less.
+CONTACT_GOES_ON = 10.0**-0.2
 
 #: Lower limit of the excess: less is a pause between two slips, not noise.
 LEAST_EXCESS_DB = -8.7
@@ -68,31 +73,43 @@ LEAST_EXCESS_DB = -8.7
 def check_samples(volts, start, rows, at, limits, settings, tile, plan):
     """Find the rows with a good sample that is not flat, and those with a step of an impact.
 
-    A step counts from the last good sample, as the filters get that in place of a bad one. ``at``
-    is the place of the tile's words: number of the word and first column.
+    A step counts from the last good sample, as the filters get that in place of a bad one, or from
+    that of ``impact_rows`` rows ago. ``at`` is the place of the tile's words: number of the word
+    and first column.
     """
     low, high = load(limits, (LOW, 0)), load(limits, (HIGH, 0))
     last, repeats = load(tile, (LAST, 0)), load(tile, (REPEATS, 0))
     able, stepped, row = spread(NO_ROW), spread(NO_ROW), spread(FIRST_ROW)
-    flat_rows, impact_v = settings.flat_rows, settings.impact_v
+    flat_rows, impact_v, delay = settings.flat_rows, settings.impact_v, settings.impact_rows
+    slot = tile.shape[0] - 1 - delay
+    position = int(tile[slot, 0]) if delay > 0 else 0
     for k in range(start, start + rows):
         sample = load(volts, (k, at[1]))
         good = (sample >= low) & (sample <= high)  # false for NaN too
+        before = last
+        if delay > 0:
+            position += 1
+            before = load(tile, (slot + position, 0))
         if impact_v > 0.0:
-            step = absolute(sample - last)
+            step = absolute(sample - before)
             stepped = stepped | select(good & (step > impact_v), row, NO_ROW)
         repeats = select(good, select(sample == last, repeats + 1.0, 0.0), repeats)
         last = select(good, sample, last)
+        if delay > 0:
+            store(last, tile, (slot + position, 0))
+            position = 0 if position == delay else position
         able = able | select(good & (repeats < flat_rows), row, NO_ROW)
         row = row + row
     store(last, tile, (LAST, 0))
     store(repeats, tile, (REPEATS, 0))
+    if delay > 0:
+        tile[slot, 0] = position
     store(able, plan.valid, at)
     store(stepped, plan.steps, at)
 
 
 @compiled_within
-def load_deviations(volts, start, rows, at, limits, tile, plan):
+def load_deviations(block, volts, start, rows, at, limits, tile, plan):
     """Write the filters' input to the block: deviations from each channel's first good sample.
 
     The network has no gain at 0 Hz. Therefore filtering the deviation from rest gives the same as
@@ -106,7 +123,7 @@ def load_deviations(volts, start, rows, at, limits, tile, plan):
         good = (sample >= low) & (sample <= high)
         first = select(good, select(is_number(first), first, sample), first)
         held = select(good, (sample - first) - plan.common_v[at[0], k], held)
-        store(held, plan.block, (k, 0))
+        store(held, block, (k, 0))
     store(first, tile, (FIRST, 0))
     store(held, tile, (HELD, 0))
 
@@ -131,12 +148,20 @@ def subtract_mains(block, rows, comb_rows, tile, slot):
 
 
 @compiled_in_place
-def run_filters(block, rows, sections, tile):
+def copy_numbers(block, rows, copied):
+    """Copy a block, with 0 in place of NaN."""
+    for k in range(rows):
+        u = load(block, (k, 0))
+        store(select(is_number(u), u, 0.0), copied, (k, 0))
+
+
+@compiled_in_place
+def run_filters(block, rows, sections, tile, delays):
     """Run rows through the second-order sections (transposed direct form II), in place."""
     for s in range(sections.shape[0]):
         b0, b1, b2 = sections[s, 0], sections[s, 1], sections[s, 2]
         a1, a2 = sections[s, 4], sections[s, 5]
-        slot = DELAYS + 2 * s
+        slot = delays + 2 * s
         first, second = load(tile, (slot, 0)), load(tile, (slot + 1, 0))
         for k in range(rows):
             u = load(block, (k, 0))
@@ -269,7 +294,7 @@ def root_decibels(squares):
 
 @compiled_within
 def sum_evidence(
-    block, rows, at, limits, settings, tile, plan, signals, start, columns, past_caches
+    block, low, rows, at, limits, settings, tile, plan, signals, start, columns, past_caches
 ):
     """Replace squares of the envelope by the number that makes a channel ON above the threshold.
 
@@ -278,9 +303,11 @@ def sum_evidence(
     for any threshold: the number of the row before, but at least the evidence and at most twice
     the evidence.
 
-    During the hold time of an impact the excess of all channels is 0. A floor that is NaN begins
-    with the envelope. ``columns`` of the signals are those of envelope, evidence, floor and
-    excess, negative if they are not wanted.
+    Out of contact, and during the hold time of an impact, the excess of all channels is 0; out of
+    contact floors are kept. A floor that is NaN begins with the envelope. The floor that counts
+    follows ``low``, squares of the low level, from the floor itself up to a cap above it.
+    ``columns`` of the signals are those of envelope, evidence, the floor that counts and excess,
+    negative if they are not wanted.
     """
     settle_rows = float(settings.mains_rows + settings.envelope_rows)
     least_db, valid = load(limits, (LEAST_DB, 0)), load(plan.valid, at)
@@ -290,21 +317,33 @@ def sum_evidence(
     evidence, number = load(tile, (EVIDENCE, 0)), load(tile, (HELD_EVIDENCE, 0))
     not_held, row = valid & ~plan.held[at[0]], spread(FIRST_ROW)
     cap_db, limit_db_s = settings.evidence_cap_db, settings.evidence_limit_db_s
+    contact, lift_db = plan.contact[0], settings.activity_cap_db
     for k in range(rows):
         square = load(block, (k, 0))
         level = root_decibels(square)
         able = (valid & row) != NO_ROW
         age = select(able | (age > 0.0), age + 1.0, age)
         counts = able & (age > settle_rows)
-        moved = floor + select(level > floor, up_db, down_db)
-        moved = select(is_number(floor), moved, level)
-        moved = select(moved > least_db, moved, least_db)
-        moved = select(moved < most_db, moved, most_db)
-        floor = select(counts, moved, floor)
-        excess = level - floor
-        excess = select(excess > LEAST_EXCESS_DB, excess, LEAST_EXCESS_DB)
-        excess = select(excess < cap_db, excess, cap_db)
-        excess = select(counts & ((not_held & row) != NO_ROW), excess, 0.0)
+        effective, excess = floor, spread(0.0)
+        if contact & FIRST_ROW:
+            moved = floor + select(level > floor, up_db, down_db)
+            moved = select(is_number(floor), moved, level)
+            moved = select(moved > least_db, moved, least_db)
+            moved = select(moved < most_db, moved, most_db)
+            floor = select(counts, moved, floor)
+            effective = floor
+            if lift_db > 0.0:
+                low_db = root_decibels(load(low, (k, 0)))
+                lifted = low_db * settings.activity_factor + settings.activity_shift_db
+                most = floor + lift_db
+                lifted = select(lifted > floor, lifted, floor)
+                lifted = select(lifted < most, lifted, most)
+                effective = select(counts, lifted, floor)
+            excess = level - effective
+            excess = select(excess > LEAST_EXCESS_DB, excess, LEAST_EXCESS_DB)
+            excess = select(excess < cap_db, excess, cap_db)
+            excess = select(counts & ((not_held & row) != NO_ROW), excess, 0.0)
+        contact = contact >> FIRST_ROW
         gain = select(counts, (excess - settings.evidence_offset_db) * settings.period_s, 0.0)
         evidence = evidence + gain
         evidence = select(evidence > 0.0, evidence, 0.0)
@@ -318,7 +357,7 @@ def sum_evidence(
         if columns[1] >= 0:
             keep(evidence, signals, (start + k, columns[1]), past_caches)
         if columns[2] >= 0:
-            shown = select(is_number(floor), floor, least_db)
+            shown = select(is_number(effective), effective, least_db)
             store(shown, signals, (start + k, columns[2]))
         if columns[3] >= 0:
             store(excess, signals, (start + k, columns[3]))

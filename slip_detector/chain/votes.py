@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What needs all channels of a row: impacts, the common mode and the votes of the groups.
+"""What needs all channels of a row: impacts, contact, the common mode and the votes of the groups.
 
 The common mode is the mean or median of all valid channels of a row. It is computed from
 deviations from each channel's first good sample: of the samples themselves it would jump whenever
@@ -101,27 +101,47 @@ def rows_of_count(count, members, words, valid, digits):
     return more | equal
 
 
-@compiled_within
-def rows_of_impact(rows, w, settings, plan, tiles):
-    """Return the rows within the hold time of an impact, as a word.
+@compiled_in_place
+def _held(begins, renews, rows, hold_rows, tiles, slot):
+    """Return the rows within the hold time, as a word.
 
-    The state keeps the number of rows that remain of the hold time.
+    It begins anew in the rows of the word ``begins``, and within it in those of ``renews``. The
+    state keeps the number of rows that remain.
     """
-    steps = plan.steps[w]
-    impacts = rows_of_count(settings.impact_channels, plan.members, steps, steps, plan.digits)
-    left = min(int(tiles[0, stages.HOLD_ROWS, 0]), settings.hold_rows)
-    if impacts == NO_ROW and left == 0:
+    left = min(int(tiles[0, slot, 0]), hold_rows)
+    if begins == NO_ROW and left == 0:
         return NO_ROW
     held, row = NO_ROW, FIRST_ROW
     for _ in range(rows):
-        if impacts & row:
-            left = settings.hold_rows
+        if begins & row or (left > 0 and renews & row):
+            left = hold_rows
         if left > 0:
             held |= row
             left -= 1
         row = row << FIRST_ROW
-    tiles[0, stages.HOLD_ROWS, 0] = left
+    tiles[0, slot, 0] = left
     return held
+
+
+@compiled_within
+def rows_of_impact(rows, w, settings, plan, tiles):
+    """Return the rows within the hold time of an impact, as a word."""
+    steps = plan.steps[w]
+    impacts = rows_of_count(settings.impact_channels, plan.members, steps, steps, plan.digits)
+    return _held(impacts, NO_ROW, rows, settings.hold_rows, tiles, stages.HOLD_ROWS)
+
+
+@compiled_within
+def rows_of_contact(rows, settings, plan, tiles):
+    """Return the rows in contact, as a word.
+
+    Contact begins where enough valid channels are above the level of contact, and goes on where
+    they are above the lower one.
+    """
+    count, valid, touching = settings.contact_channels, plan.valid[0], plan.touching
+    begins = rows_of_count(count, plan.members, touching[0], valid, plan.digits)
+    renews = rows_of_count(count, plan.members, touching[1], valid, plan.digits)
+    return _held(begins, renews, rows, settings.contact_rows, tiles, stages.CONTACT_ROWS)
 
 
 @compiled_in_place

@@ -195,6 +195,9 @@ class ChainConfig(ParameterSet):
         (0.0, 1e12, 'V'),
         heading='Impacts',
     )
+    impact_s: float = decision_parameter(
+        0.0, 'An impact is a step over this time; 0: from one sample to the next.', (0.0, 1.0, 's')
+    )
     impact_channels: int = of_evidence(
         2,
         'Number of channels that must step at once.',
@@ -203,6 +206,34 @@ class ChainConfig(ParameterSet):
     )
     impact_hold_s: float = of_evidence(
         0.3, 'For this time after an impact no channel is above its floor.', (0.0, 60.0, 's')
+    )
+    contact_level_v: float = decision_parameter(
+        0.0,
+        'RMS in activity_band_hz from which a channel touches; no evidence without; 0: no check.',
+        (0.0, 1e12, 'V'),
+        heading='Contact and activity',
+    )
+    contact_channels: int = decision_parameter(
+        4,
+        'Number of channels that must touch.',
+        (1, 1_000_000),
+        allows='1 to the number of enabled channels',
+    )
+    contact_hold_s: float = decision_parameter(
+        1.0, 'Contact goes on for this time after the last touch.', (0.0, 60.0, 's')
+    )
+    activity_band_hz: tuple[float, ...] = decision_parameter(
+        (8.0, 20.0),
+        'Band of low activity, below passband_hz; []: neither contact nor activity are looked at.',
+        (None, None, 'Hz'),
+        allows='two edges, as passband_hz; or []',
+        rising=True,
+    )
+    activity_range_db: float = decision_parameter(
+        15.0, 'The floor follows the activity this far below.', (-100.0, 100.0, 'dB')
+    )
+    activity_cap_db: float = decision_parameter(
+        0.0, 'How far activity may lift the floor; 0: it does not.', (0.0, 300.0, 'dB')
     )
     threshold: float = searched_decision(
         0.5,
@@ -258,6 +289,27 @@ class ChainConfig(ParameterSet):
         return 0
 
     @property
+    def low_band_hz(self) -> tuple[float, ...]:
+        """The band whose level contact or activity need; empty if they are not looked at.
+
+        Examples
+        --------
+        >>> ChainConfig(decision='evidence', noise_floor=1e-3, contact_level_v=0.01).low_band_hz
+        (8.0, 20.0)
+        >>> ChainConfig().low_band_hz
+        ()
+        """
+        needed = self.decision == 'evidence' and (self.contact_level_v or self.activity_cap_db)
+        return self.activity_band_hz if needed else ()
+
+    @property
+    def impact_rows(self) -> int:
+        """The rows over which a step is an impact, if more than one; else 0."""
+        looked_for = self.decision == 'evidence' and self.impact_v
+        rows = self.samples(self.impact_s) if looked_for else 0
+        return rows if rows > 1 else 0
+
+    @property
     def noise_floors(self) -> tuple[float, ...]:
         """Lower limit of each channel's noise floor."""
         floors = self.noise_floor
@@ -293,10 +345,14 @@ class ChainConfig(ParameterSet):
         text = f'rising, {lowest_hz:g} Hz to below {nyquist_hz:g} Hz (half the sample rate)'
         # A high edge of 0 makes a high-pass.
         bands = [('passband_hz', (low, high) if high else (low,))]
+        bands += [('activity_band_hz', self.low_band_hz)] if self.low_band_hz else []
         for name, edges in bands + [('stopbands_hz', pair) for pair in self.stopbands_hz]:
             rising = lowest_hz <= edges[0] and [*edges] == sorted({*edges})
             said = f'has {" and ".join(f"{edge:g}" for edge in edges)} Hz'
             self.require(rising and edges[-1] < nyquist_hz, name, text, said)
+        edges = len(self.activity_band_hz)
+        text = 'two edges, or none'
+        self.require(edges in (0, 2), 'activity_band_hz', text, f'has {edges} numbers')
         text = 'an even number (a band-pass has two edges of equal degree)'
         self.require(not (high and self.passband_degree % 2), 'passband_degree', text)
         self.require(self.stopband_degree % 2 == 0, 'stopband_degree', 'an even number')
@@ -325,6 +381,11 @@ class ChainConfig(ParameterSet):
         enabled = channels - len(set(self.disabled_channels))
         text = f'at most {enabled}, the number of enabled channels'
         self.require(not self.impact_v or self.impact_channels <= enabled, 'impact_channels', text)
+        touching = self.contact_channels if self.low_band_hz and self.contact_level_v else 0
+        self.require(touching <= enabled, 'contact_channels', text)
+        low_hz, below = self.passband_hz[0], self.low_band_hz if self.activity_cap_db else ()
+        text = f'up to {low_hz:g} Hz, the low edge of passband_hz, with activity_cap_db'
+        self.require(not below or below[-1] <= low_hz, 'activity_band_hz', text)
 
 
 class DetectorConfig(ChainConfig):
