@@ -115,7 +115,10 @@ def design_low(config: ChainConfig) -> Array:
     if not config.low_band_hz:
         return np.zeros((0, 6))
     band = config.sample_rate_hz, config.low_band_hz, 4
-    return _unit_gain_network('activity_band_hz', *band, (), 4, 1.0, 40.0)
+    sections: Array = _unit_gain_network('activity_band_hz', *band, (), 4, 1.0, 40.0).copy()
+    # SciPy has the two zeros at 0 Hz in one section, and those at half the rate in the other.
+    sections[:, :3] = np.outer([sections[0, 0], 1.0], [1.0, 0.0, -1.0])
+    return sections
 
 
 @functools.lru_cache(maxsize=64)

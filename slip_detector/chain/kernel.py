@@ -282,19 +282,9 @@ def _run_tile(volts, chunk, end, t, settings, checked, part, tile, plan, signals
                 stages.check_samples(volts, start, rows, at, limits, settings, tile, plan)
             stages.load_deviations(block, volts, start, rows, at, limits, tile, plan)
             if low_sections.shape[0] > 0:
-                stages.copy_numbers(block, rows, low)
-                stages.run_filters(low, rows, low_sections, tile, levels)
-                stages.rectified_power(low, rows, True, 1)
-                stages.window_means(
-                    low, rows, settings.envelope_rows, tile, levels + 2 * low_sections.shape[0],
-                    False, signals, start, -1, past_caches,
-                )  # fmt: skip
-                if settings.contact_channels > 0:
-                    begins, goes_on = (0, t * LANES), (1, t * LANES)
-                    level = settings.contact_v2
-                    stages.rows_above(low, rows, level, plan.touching, begins)
-                    level = level * stages.CONTACT_GOES_ON
-                    stages.rows_above(low, rows, level, plan.touching, goes_on)
+                stages.find_low_level(
+                    block, low, rows, low_sections, settings, tile, levels, plan, at[1]
+                )
             if settings.mains_rows > 0:
                 stages.subtract_mains(block, rows, settings.mains_rows, tile, comb)
             stages.run_filters(block, rows, plan.sections, tile, stages.DELAYS)
