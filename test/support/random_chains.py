@@ -167,6 +167,7 @@ def with_evidence(draw, config, volts):
     offset_db = draw(st.sampled_from([0.0, 3.5, 7.0]))
     limit_db_s = draw(st.sampled_from([0.02, 0.3, 1.3]))
     enabled = config.channels - len(config.disabled_channels)
+    high_hz = config.passband_hz[0] * draw(st.floats(0.5, 1.0), label='edges of the low band')
     return dataclasses.replace(
         config,
         mains_hz=mains_hz,
@@ -180,7 +181,14 @@ def with_evidence(draw, config, volts):
         evidence_limit_db_s=limit_db_s,
         impact_v=draw(st.sampled_from([0.0, 0.3, 1.0, 3.0])),
         impact_channels=draw(st.integers(1, min(enabled, 4))),
+        impact_s=draw(st.sampled_from([0, 1, 2, 7])) / rate,
         impact_hold_s=draw(st.integers(0, 30)) / rate,
+        contact_level_v=draw(st.sampled_from([0.0, 0.003, 0.02, 0.1])),
+        contact_channels=draw(st.integers(1, min(enabled, 4))),
+        contact_hold_s=draw(st.integers(0, 30)) / rate,
+        activity_band_hz=draw(st.sampled_from([(), (high_hz / 2, high_hz)])),
+        activity_range_db=draw(st.sampled_from([-10.0, 0.0, 15.0])),
+        activity_cap_db=draw(st.sampled_from([0.0, 3.0, 8.7])),
         threshold=limit_db_s * draw(st.sampled_from([0.01, 0.1, 0.5, 0.9])),
     )
 

@@ -27,8 +27,8 @@ from types import SimpleNamespace
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from support.reference_evidence import decide_by_evidence, mains_rows, take_off_mains
-from support.reference_filters import filter_input, filter_sections, run_filter
+from support.reference_evidence import decide_by_evidence, low_band, mains_rows, take_off_mains
+from support.reference_filters import filter_input, filter_sections, low_sections, run_filter
 
 
 def reference(volts, config):
@@ -46,8 +46,8 @@ def reference(volts, config):
     types.SimpleNamespace
         slip (n,) bool, groups (n, g) bool, can_vote (n, g) bool, channels (n, c) bool,
         valid (n, c) bool, envelope (n, c) float, level (n, c) float, held (n, c) float: what is
-        held against the threshold; with evidence also floor, excess (n, c) float and
-        after_impact (n,) bool.
+        held against the threshold; with evidence also floor, excess, low (n, c) float,
+        after_impact and contact (n,) bool.
     """
     enabled = np.ones(volts.shape[1], dtype=bool)
     enabled[np.array(config.disabled_channels, dtype=int) - 1] = False
@@ -57,7 +57,8 @@ def reference(volts, config):
     valid = ok & ~_flat(volts, ok, config.flat_after_s, config.sample_rate_hz) & enabled
 
     comb_rows = mains_rows(config.mains_hz, config.sample_rate_hz)
-    x = take_off_mains(filter_input(volts, ok, valid, config.common_mode), ok, comb_rows)
+    deviations = filter_input(volts, ok, valid, config.common_mode)
+    x = take_off_mains(deviations, ok, comb_rows)
     y = config.gain * run_filter(x, ok, filter_sections(config))
     rectified = np.abs(y) if config.rectify == 'full' else np.maximum(y, 0.0)
     powered = rectified**config.exponent
@@ -67,10 +68,18 @@ def reference(volts, config):
     # Cleared here, so that level follows; a disabled channel never shows a number.
     envelope[:, ~enabled] = 0.0
     if config.decision == 'evidence':
-        hold_rows = window_rows(config.impact_hold_s, config.sample_rate_hz)
-        decided = decide_by_evidence(
-            volts, ok, valid, enabled, envelope, comb_rows + envelope_rows, hold_rows, config
+        low, rate = np.zeros(volts.shape), config.sample_rate_hz
+        if low_band(config) is not None:
+            slow = run_filter(deviations, ok, low_sections(config))
+            low = np.sqrt(_trailing_mean(slow**2, envelope_rows))
+        rows = SimpleNamespace(
+            settle=comb_rows + envelope_rows,
+            step=window_rows(config.impact_s, rate),
+            impact_hold=window_rows(config.impact_hold_s, rate),
+            contact_hold=window_rows(config.contact_hold_s, rate),
         )
+        decided = decide_by_evidence(volts, ok, valid, enabled, envelope, low, rows, config)
+        decided.low = low
     else:
         decision_rows = window_rows(config.decision_window_s, config.sample_rate_hz)
         level = _trailing_mean(envelope, decision_rows)

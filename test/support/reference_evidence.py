@@ -46,27 +46,54 @@ def take_off_mains(x, ok, rows):
     y = np.where(np.isnan(x), x, 0.0)
     for column in range(x.shape[1]):
         for row in np.flatnonzero(ok[:, column])[:1]:
-            y[row + rows :, column] = x[row + rows :, column] - x[row : len(x) - rows, column]
+            y[row + rows :, column] = x[row + rows :, column] - x[row : max(len(x) - rows, 0), column]
     return y
 
 
-def after_impact(volts, ok, enabled, impact_v, impact_channels, hold_rows):
+def after_impact(volts, ok, enabled, config, step_rows, hold_rows):
     """Return the rows that an impact is held for, its own included.
 
-    In an impact this many enabled channels step by more than ``impact_v`` between their samples.
+    In an impact ``impact_channels`` enabled channels step by more than ``impact_v`` from their
+    last good sample ``step_rows`` rows ago.
     """
     n_rows, n_channels = volts.shape
     held = np.zeros(n_rows, dtype=bool)
-    last = np.full(n_channels, np.nan)
+    lasts = np.full((n_rows + step_rows, n_channels), np.nan)  # from step_rows before the first
     for row in range(n_rows):
         steps = 0
+        lasts[row + step_rows] = lasts[row + step_rows - 1]
         for column in np.flatnonzero(ok[row] & enabled):
             # A comparison with NaN, where there is no last sample yet, is false.
-            steps += abs(volts[row, column] - last[column]) > impact_v
-            last[column] = volts[row, column]
-        if impact_v > 0 and steps >= impact_channels:
+            steps += abs(volts[row, column] - lasts[row, column]) > config.impact_v
+            lasts[row + step_rows, column] = volts[row, column]
+        if config.impact_v > 0 and steps >= config.impact_channels:
             held[row : row + hold_rows] = True
     return held
+
+
+def rows_in_contact(low, valid, config, hold_rows):
+    """Return the rows in contact: those of a touch, and ``hold_rows`` from each on.
+
+    In a touch, ``contact_channels`` valid channels have a low level above ``contact_level_v``;
+    while there is contact, 2 dB less is enough.
+    """
+    contact = np.ones(len(low), dtype=bool)
+    if low_band(config) is None or config.contact_level_v == 0:
+        return contact
+    touched = -np.inf
+    for row in range(len(low)):
+        in_contact = row - touched <= hold_rows and row > 0 and contact[row - 1]
+        wanted_v = config.contact_level_v * (10 ** (-2 / 20) if in_contact else 1)
+        if np.count_nonzero(low[row, valid[row]] > wanted_v) >= config.contact_channels:
+            touched = row
+        contact[row] = row - touched < hold_rows
+    return contact
+
+
+def low_band(config):
+    """Return the band of the low level, None where neither contact nor activity is looked at."""
+    looked_at = config.contact_level_v > 0 or config.activity_cap_db > 0
+    return config.activity_band_hz if looked_at and len(config.activity_band_hz) else None
 
 
 def rows_that_count(ok, valid, settle_rows):
@@ -113,6 +140,18 @@ def floors_of(level_db, counts, config):
     return floors
 
 
+def lifted_floors(floors_db, low, moves, config):
+    """Return the floors that count: where floors move, they follow the low level.
+
+    That is a number of volts; what the gain and the exponent make of volts makes it comparable.
+    """
+    as_envelope_db = config.exponent * (decibels(low) + 20 * np.log10(config.gain))
+    lifted = np.clip(
+        as_envelope_db - config.activity_range_db, floors_db, floors_db + config.activity_cap_db
+    )
+    return np.where(moves, lifted, floors_db)
+
+
 def excess_of(level_db, floors_db, counts, held, cap_db):
     """Return how far levels count above their floors, in dB."""
     excess = np.clip(level_db - floors_db, LEAST_EXCESS_DB, cap_db)
@@ -157,20 +196,27 @@ def largest_threshold(evidence):
     return largest
 
 
-def decide_by_evidence(volts, ok, valid, enabled, envelope, settle_rows, hold_rows, config):
+def decide_by_evidence(volts, ok, valid, enabled, envelope, low, rows, config):
     """Decide on each channel by the evidence for slip.
+
+    ``low`` is the low level, shape (n, c), and ``rows`` has the numbers of rows: settle, step,
+    impact_hold, contact_hold.
 
     Returns
     -------
     types.SimpleNamespace
-        level (the evidence), floor, excess, held (what is held against a threshold), channels
-        (n, c); after_impact (n,).
+        level (the evidence), floor (that counts), excess, held (what is held against a
+        threshold), channels (n, c); after_impact, contact (n,).
     """
-    blanked = after_impact(volts, ok, enabled, config.impact_v, config.impact_channels, hold_rows)
-    counts = rows_that_count(ok, valid, settle_rows)
+    blanked = after_impact(volts, ok, enabled, config, rows.step, rows.impact_hold)
+    contact = rows_in_contact(low, valid, config, rows.contact_hold)
+    counts = rows_that_count(ok, valid, rows.settle)
+    moves = counts & contact[:, None]
     level_db = decibels(envelope)
-    floors = floors_of(level_db, counts, config)
-    excess = excess_of(level_db, floors, counts, blanked, config.evidence_cap_db)
+    floors = floors_of(level_db, moves, config)
+    if low_band(config) is not None:
+        floors = lifted_floors(floors, low, moves, config)
+    excess = excess_of(level_db, floors, counts, blanked | ~contact, config.evidence_cap_db)
     evidence = evidence_of(excess, counts, config)
     return SimpleNamespace(
         level=evidence,
@@ -179,4 +225,5 @@ def decide_by_evidence(volts, ok, valid, enabled, envelope, settle_rows, hold_ro
         held=largest_threshold(evidence),
         channels=channels_on(evidence, config.threshold),
         after_impact=blanked,
+        contact=contact,
     )

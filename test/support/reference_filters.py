@@ -76,6 +76,13 @@ def filter_sections(config):
     return np.concatenate([passband, *stopbands])
 
 
+def low_sections(config):
+    """Design the band-pass of the low level."""
+    return signal.butter(
+        2, config.activity_band_hz, 'bandpass', output='sos', fs=config.sample_rate_hz
+    )
+
+
 def run_filter(x, ok, sections):
     """Filter every channel from its first good sample on; 0 before it."""
     # State of a cascade that has seen a constant 1 for ever. Scaled by the first input, it
