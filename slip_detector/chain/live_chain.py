@@ -53,9 +53,10 @@ class LiveChain:
     the running one by it, between two rows.
 
     When only parameters of the decision change (threshold, vote, groups, ..., and those of floors,
-    evidence and impacts), the new chain is ready at once and takes over the state of the running
-    one. Otherwise a separate thread waits ``GATHER_S`` for a later change, builds the chain and
-    gives it the rows of the last ``HISTORY_S``: it decides as if it had run for that long, with
+    evidence, contact and impacts), the new chain is ready at once and takes over the state of the
+    running one, unless it needs other state than that has. Otherwise a separate thread waits
+    ``GATHER_S`` for a later change, builds the chain and gives it the rows of the last
+    ``HISTORY_S``: it decides as if it had run for that long, with
     noise floors that follow from the running chain's. When the rate, the number of channels or the
     input changes, it starts without any rows.
 
@@ -188,7 +189,8 @@ class LiveChain:
 
     def _differ(self, config: ChainConfig) -> set[str]:
         """Return the parameters of the chain and its input that differ from the running ones."""
-        names = {field.name for field in dataclasses.fields(ChainConfig)} | INPUT_PARAMETERS | PARTS
+        names = {field.name for field in dataclasses.fields(ChainConfig)}
+        names |= INPUT_PARAMETERS | PARTS
         return {
             name
             for name in names

@@ -344,15 +344,15 @@ class ChainConfig(ParameterSet):
         nyquist_hz = self.sample_rate_hz / 2
         text = f'rising, {lowest_hz:g} Hz to below {nyquist_hz:g} Hz (half the sample rate)'
         # A high edge of 0 makes a high-pass.
+        bands: list[tuple[str, tuple[float, ...]]]
         bands = [('passband_hz', (low, high) if high else (low,))]
         bands += [('activity_band_hz', self.low_band_hz)] if self.low_band_hz else []
         for name, edges in bands + [('stopbands_hz', pair) for pair in self.stopbands_hz]:
             rising = lowest_hz <= edges[0] and [*edges] == sorted({*edges})
             said = f'has {" and ".join(f"{edge:g}" for edge in edges)} Hz'
             self.require(rising and edges[-1] < nyquist_hz, name, text, said)
-        edges = len(self.activity_band_hz)
-        text = 'two edges, or none'
-        self.require(edges in (0, 2), 'activity_band_hz', text, f'has {edges} numbers')
+        numbers, text = len(self.activity_band_hz), 'two edges, or none'
+        self.require(numbers in (0, 2), 'activity_band_hz', text, f'has {numbers} numbers')
         text = 'an even number (a band-pass has two edges of equal degree)'
         self.require(not (high and self.passband_degree % 2), 'passband_degree', text)
         self.require(self.stopband_degree % 2 == 0, 'stopband_degree', 'an even number')

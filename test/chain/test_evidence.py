@@ -60,6 +60,81 @@ def test_an_impact_holds_the_excess_of_all_channels_at_0_for_its_time():
     assert (np.diff(result.level[99:140], axis=0) < 0).all()
 
 
+def test_an_impact_may_be_a_step_over_several_rows():
+    config = quick_evidence(impact_v=5.0, impact_hold_s=0.0, noise_floor_learnt=True)
+    volts = 0.01 * noise(4, 300, 4)
+    volts[:, :2] += np.clip(2.0 * (np.arange(300.0) - 100), 0, 8)[:, None]  # 2 V a row, 4 rows
+    volts[101, 3] = np.nan
+    assert not SlipChain(config).update(volts, **KEPT).after_impact.any()
+    over = dataclasses.replace(config, impact_s=4 / 400)
+    found = SlipChain(over).update(volts, **KEPT).after_impact
+    # Where the row is 6 V or more from the fourth before it.
+    assert np.flatnonzero(found).tolist() == [103, 104, 105]
+
+
+# --- contact and activity ------------------------------------------------------------------
+
+
+def slow(n, size, hz=20.0):
+    """Return a sine whose RMS within the low band is the size: at an edge that has half power."""
+    return 2.0 * size * np.sin(2 * np.pi * hz / 400.0 * np.arange(n))[:, None]
+
+
+@pytest.mark.parametrize('channels', [2, 3])
+def test_contact_begins_on_enough_channels_goes_on_with_2_db_less_and_ends_after_its_hold(
+    channels,
+):
+    config = quick_evidence(
+        contact_level_v=1.0, contact_channels=3, contact_hold_s=0.2, noise_floor=1e-3,
+        envelope_window_s=0.05,
+    )  # fmt: skip
+    volts = 1e-3 * noise(5, 5000, 4)
+    volts[:, :channels] += slow(5000, 1.0) * np.repeat([0.6, 0.9, 1.1, 0.9, 0.7], 1000)[:, None]
+    result = SlipChain(config).update(volts, **KEPT)
+    contact = (result.excess != 0).any(axis=1)
+    if channels == 2:
+        assert not contact.any()
+        return
+    begin, end = np.flatnonzero(np.diff(contact.astype(int)))
+    assert 2000 < begin < 2100
+    assert 4000 + 80 < end < 4100 + 80
+    # Out of it floors are kept, and evidence falls.
+    assert (result.floor[: begin + 1] == result.floor[0]).all()
+    assert (result.floor[end + 1 :, :3] == result.floor[-1, :3]).all()
+    assert (np.diff(result.level[end:], axis=0) <= 0).all()
+    assert (result.level[end + 300] == 0).all()
+
+
+def test_a_floor_follows_activity_between_itself_and_its_cap():
+    config = quick_evidence(
+        noise_floor_learnt=True, noise_floor_rate_db_s=0.0, activity_cap_db=8.0,
+        activity_range_db=20.0, evidence_cap_db=100.0, envelope_window_s=0.05,
+    )  # fmt: skip
+    bare, floors = dataclasses.replace(config, activity_cap_db=0.0), {}
+    for size in (0.01, 0.09, 0.15, 100.0):
+        volts = np.repeat(slow(2000, size), 4, axis=1)
+        plain, lifted = (SlipChain(c).update(volts, **KEPT) for c in (bare, config))
+        floors[size] = lifted.floor[-1, 0]
+        assert plain.floor[-1] == pytest.approx(-40.0)
+        wanted = plain.excess[-1] - (lifted.floor - plain.floor)[-1]
+        assert lifted.excess[-1] == pytest.approx(np.maximum(wanted, LEAST_EXCESS_DB), abs=1e-5)
+    wanted = {0.01: -40.0, 0.09: -40.0, 0.15: 20 * np.log10(0.15) - 20.0, 100.0: -32.0}
+    assert floors == pytest.approx(wanted, abs=0.01)
+
+
+@pytest.mark.parametrize('values', [{'gain': 30.0}, {'exponent': 3, 'gain': 0.2}])
+def test_activity_is_compared_in_the_unit_of_the_envelope(values):
+    config = quick_evidence(
+        noise_floor_learnt=True, noise_floor_rate_db_s=0.0, activity_cap_db=300.0
+    )
+    other = dataclasses.replace(config, **values)
+    volts = np.repeat(slow(2000, 10.0), 4, axis=1)
+    first, second = (SlipChain(c).update(volts, **KEPT).floor[-1] for c in (config, other))
+    activity_db = first + config.activity_range_db
+    wanted = other.exponent * (activity_db + 20 * np.log10(other.gain))
+    assert second + other.activity_range_db == pytest.approx(wanted, abs=1e-4)
+
+
 # --- floors and evidence -------------------------------------------------------------------
 
 
@@ -98,9 +173,12 @@ def test_a_gap_that_restarts_the_chain_keeps_the_floor_alone():
 
 
 @pytest.mark.parametrize('size_v', [0.0, 5e-324, 1e-310, 1e-160, 1e6, 1e12])
-def test_any_size_of_signal_gives_finite_numbers_within_their_bounds(size_v):
+@pytest.mark.parametrize(
+    'stages', [{}, {'contact_level_v': 1e-200, 'activity_cap_db': 8.7, 'activity_range_db': -100}]
+)
+def test_any_size_of_signal_gives_finite_numbers_within_their_bounds(size_v, stages):
     values = {'gain': 1e6, 'exponent': 6} if size_v == 1e12 else {}
-    config = quick_evidence(valid_range_v=(-1e12, 1e12), **values)
+    config = quick_evidence(valid_range_v=(-1e12, 1e12), **values | stages)
     volts = np.concatenate([size_v * noise(10, 300, 4), np.zeros((300, 4))])
     volts = np.clip(volts, -1e12, 1e12)
     result = SlipChain(config).update(volts, **KEPT)
@@ -111,7 +189,7 @@ def test_any_size_of_signal_gives_finite_numbers_within_their_bounds(size_v):
     assert (result.level >= 0).all()
     assert (result.level <= config.evidence_limit_db_s).all()
     assert (result.floor >= -40 - 1e-9).all()
-    assert (result.floor <= 20 + 1e-9).all()
+    assert (result.floor <= 20 + config.activity_cap_db + 1e-9).all()
 
 
 @compiled

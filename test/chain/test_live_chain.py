@@ -291,6 +291,9 @@ SLIDING = dataclasses.replace(
         {'rectify': 'half', 'exponent': 2, 'evidence_offset_db': 12.0},
         {'envelope_window_s': 0.1},
         {'disabled_channels': (3,), 'groups': {}},
+        {'contact_level_v': 0.001, 'contact_channels': 2},
+        {'activity_cap_db': 8.7},
+        {'impact_v': 9.0, 'impact_s': 0.02},
     ],
 )
 @pytest.mark.parametrize('gap', [False, True])
@@ -309,6 +312,48 @@ def test_a_slide_stays_on_and_rest_is_rest_whatever_changes_late_in_it(values, g
     assert not slip[3000:4000].any()
     assert slip[4100:8400].all()
     assert not slip[9000:].any()
+
+
+BOTH = dataclasses.replace(
+    SLIDING, contact_level_v=0.01, contact_channels=2, contact_hold_s=0.5, activity_cap_db=8.7
+)
+
+
+@given(
+    st.sampled_from([0.0, 0.01, 0.1]),
+    st.sampled_from([0.0, 0.5]),
+    st.floats(3.0, 8.7),
+    st.integers(0, 600),
+)
+def test_contact_and_activity_change_at_once_and_go_on_from_where_they_are(
+    level_v, hold_s, cap_db, at
+):
+    rows, bed, before = noise(700, 3), Bed(BOTH), SlipChain(BOTH)
+    bed.chain.update(rows[:at], level=False)
+    before.update(rows[:at])
+    values = {'contact_level_v': level_v, 'contact_hold_s': hold_s, 'activity_cap_db': cap_db}
+    assert bed.change(**values)
+    assert bed.chain.swap()
+    found = bed.chain.update(rows[at:], level=True)
+    after = SlipChain(dataclasses.replace(BOTH, **values))
+    after.state = before.state.copy()
+    np.testing.assert_array_equal(found.level, after.update(rows[at:]).level)
+
+
+def test_contact_that_was_switched_off_begins_anew_and_what_needs_other_state_is_built():
+    bed = Bed(dataclasses.replace(BOTH, contact_hold_s=60.0))
+    bed.chain.update(noise(400), level=False)
+    assert state_of(bed)[0, stages.CONTACT_ROWS, 0] > 0
+    for level_v in (0.0, 1e6):
+        assert bed.change(contact_level_v=level_v)
+        assert bed.chain.swap()
+    assert state_of(bed)[0, stages.CONTACT_ROWS, 0] == 0
+    slots = state_of(bed).shape[1]
+    for band_hz in ((9.0, 15.0), ()):
+        assert not bed.change(activity_band_hz=band_hz)
+        assert bed.swapped()
+    assert state_of(bed).shape[1] < slots
+    assert bed.change(contact_level_v=0.0, activity_cap_db=0.0)
 
 
 def test_a_change_of_gain_scales_the_floors_and_one_channel_less_keeps_those_of_the_others():

@@ -60,6 +60,7 @@ def test_a_single_noise_floor_is_that_of_every_channel():
 
 TWO = {'channels': 2}
 EVIDENCE = {'decision': 'evidence', 'noise_floor': 0.5}
+CONTACT = {**EVIDENCE, 'contact_level_v': 1.0}
 HIGH_PASS = {'stopbands_hz': (), 'passband_degree': 1}
 
 #: Values that do not go together, and the message after the word parameter.
@@ -98,6 +99,20 @@ REFUSED = [
         {**EVIDENCE, **TWO, 'disabled_channels': (1,), 'impact_v': 1.0},
         'impact_channels is 2, allowed: at most 1, the number of enabled channels',
     ),
+    ({'impact_s': 1.5}, 'impact_s is 1.5 s, allowed: 0 to 1 s'),
+    ({'activity_band_hz': 8.0}, 'activity_band_hz is 8.0, allowed: a list'),
+    ({'activity_band_hz': (8.0,)}, 'activity_band_hz has 1 numbers, allowed: two edges, or none'),
+    ({'activity_band_hz': (20, 8)}, 'activity_band_hz is (20.0, 8.0), allowed: each number above'),
+    (
+        {**CONTACT, 'activity_band_hz': (8.0, 190.0)},
+        'activity_band_hz has 8 and 190 Hz, allowed: rising, 0.0038 Hz to below 190 Hz',
+    ),
+    ({**CONTACT, 'activity_band_hz': (0.0, 20.0)}, 'activity_band_hz has 0 and 20 Hz, allowed: r'),
+    ({**CONTACT, **TWO}, 'contact_channels is 4, allowed: at most 2, the number of enabled'),
+    (
+        {**EVIDENCE, 'activity_cap_db': 8.7},
+        'activity_band_hz is (8.0, 20.0), allowed: up to 7 Hz, the low edge of passband_hz, with',
+    ),
     ({'taxel_positions_m': (0.0,) * 47}, 'taxel_positions_m has 47 numbers, allowed: 48, three'),
 ]
 
@@ -109,7 +124,16 @@ def test_parameters_that_do_not_go_together_are_refused(values, said):
 
 def test_parameters_of_the_evidence_are_not_checked_without_it():
     values = {'threshold': 2.0, 'impact_v': 1.0, 'impact_channels': 99, 'noise_floor': (1, 2)}
+    values |= {'contact_level_v': 1.0, 'contact_channels': 99, 'activity_cap_db': 8.7}
     assert ChainConfig(**values).threshold == 2.0
+
+
+@pytest.mark.parametrize('values', [{}, {'contact_level_v': 1.0, 'contact_channels': 99}])
+def test_the_low_band_is_not_checked_unless_a_stage_needs_it(values):
+    values |= {'activity_band_hz': ()} if values else {'sample_rate_hz': 30.0}
+    band = {'passband_hz': (7.0, 0.0), 'stopbands_hz': (), 'passband_degree': 2}
+    windows = {'envelope_window_s': 0.1, 'decision_window_s': 0.1}
+    assert ChainConfig(**EVIDENCE, **band, **windows, **values).low_band_hz == ()
 
 
 @pytest.mark.parametrize('rate', [1.0, 100.0, 380.0, 1e6])

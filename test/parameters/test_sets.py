@@ -42,7 +42,7 @@ def test_a_set_cannot_be_changed_and_a_changed_copy_is_checked():
     [
         ('treshold', 'did you mean threshold?'),
         ('stopband_hz', 'did you mean stopbands_hz?'),
-        ('zzz', 'allowed: channel_names, channels, common_mode'),
+        ('zzz', 'allowed: activity_band_hz, activity_cap_db, activity_range_db'),
         ('threshold.a', 'did you mean threshold?'),
         ('groups.', 'did you mean groups?'),
         ('grip_n', 'it is a parameter of grasp_controller'),

@@ -46,7 +46,8 @@ def take_off_mains(x, ok, rows):
     y = np.where(np.isnan(x), x, 0.0)
     for column in range(x.shape[1]):
         for row in np.flatnonzero(ok[:, column])[:1]:
-            y[row + rows :, column] = x[row + rows :, column] - x[row : max(len(x) - rows, 0), column]
+            later = x[row + rows :, column]
+            y[row + rows :, column] = later - x[row : row + len(later), column]
     return y
 
 
