@@ -78,9 +78,9 @@ class Plan(NamedTuple):
     """All inputs of the kernel except samples and state, and its working memory.
 
     There are t tiles of c columns, g groups and v votes whose statistic is wanted. The working
-    memory has w words for each column: one if levels are gathered for votes or the low level is
-    needed, else ``CHUNK_WORDS``; and b blocks: one for each tile if the low level is needed, else
-    one for all.
+    memory has w words for each column: one if levels are gathered for votes or there are several
+    blocks, else ``CHUNK_WORDS``; and b blocks: one for each tile if the low level of several tiles
+    is needed, else one for all.
 
     Attributes
     ----------
@@ -158,15 +158,16 @@ def plan_of(
         limits[stages.LEAST_DB, : config.channels] = 20.0 * np.log10(config.noise_floors)
     groups = [[c - 1 for c in group if c - 1 not in disabled] for group in config.groups.values()]
     gathered = config.vote == 'mean' or len(wanted) > 0
-    low = len(low_sections) > 0
-    words, blocks = 1 if gathered or low else CHUNK_WORDS, tiles if low else 1
+    active = np.unique(np.array(enabled, np.int64) // LANES)
+    blocks = tiles if len(low_sections) and len(active) > 1 else 1
+    words = 1 if gathered or blocks > 1 else CHUNK_WORDS
     by_channel = gathered or config.common_mode != 'none'
     return Plan(
         settings=_settings_of(config),
         limits=np.ascontiguousarray(limits.reshape(3, tiles, LANES).swapaxes(0, 1)),
         sections=sections,
         low_sections=low_sections,
-        active=np.unique(np.array(enabled, np.int64) // LANES),
+        active=active,
         members=np.array([c for group in groups for c in group], np.int64),
         bounds=np.cumsum([0] + [len(group) for group in groups], dtype=np.int64),
         votes=vote_numbers(wanted),
@@ -263,13 +264,14 @@ def _columns(kept, first, width):
 
 
 @compiled_within
-def _run_tile(volts, chunk, end, t, settings, checked, part, tile, plan, signals, kept):
+def _run_tile(volts, chunk, end, t, settings, checked, part, tiles, plan, signals, kept):
     """Run the rows of a chunk through one tile, up to the ON and valid bits of its channels.
 
-    ``checked`` tells whether the samples have been checked already. If the low level is needed,
-    part 0 ends before what needs that of all tiles, and part 1 begins there.
+    ``checked`` tells whether the samples have been checked already. If the low level of several
+    tiles is needed, part 0 ends before what needs that of all, and part 1 begins there.
     """
-    b, limits, evidence = min(t, plan.blocks.shape[0] - 1), plan.limits[t], settings.evidence != 0
+    several, tile = plan.blocks.shape[0] > 1, tiles[t]
+    b, limits, evidence = t if several else 0, plan.limits[t], settings.evidence != 0
     block, low, low_sections = plan.blocks[b], plan.low[b], plan.low_sections
     columns, past_caches = _columns(kept, t * LANES, volts.shape[1]), kept & PAST_CACHES != 0
     comb = stages.DELAYS + 2 * plan.sections.shape[0]
@@ -294,8 +296,10 @@ def _run_tile(volts, chunk, end, t, settings, checked, part, tile, plan, signals
                 block, rows, settings.envelope_rows, tile, envelopes, not evidence, signals, start,
                 -1 if evidence else columns[0], past_caches,
             )  # fmt: skip
-        if part == 0 and low_sections.shape[0] > 0:
-            continue
+            if several:
+                continue
+            if settings.contact_channels > 0:
+                plan.contact[0] = votes.rows_of_contact(rows, at[0], settings, plan, tiles)
         if evidence:
             stages.sum_evidence(
                 block, low, rows, at, limits, settings, tile, plan, signals, start, columns,
@@ -334,7 +338,7 @@ def run(volts, flags, signals, tiles, plan, kept):
         The bits of the signals that are wanted.
     """
     settings, chunk_rows = plan.settings[0], plan.held.size * WORD_ROWS
-    parts = 2 if plan.low_sections.shape[0] > 0 else 1
+    parts = 2 if plan.blocks.shape[0] > 1 else 1
     checked = settings.common_mode != NO_COMMON_MODE or settings.impact_v > 0.0
     column = signals.shape[1] - plan.votes.size
     for chunk in range(0, volts.shape[0], chunk_rows):
@@ -352,10 +356,10 @@ def run(volts, flags, signals, tiles, plan, kept):
         # The stages of each channel; between their parts, the contact of all.
         for part in range(parts):
             if part == 1 and settings.contact_channels > 0:
-                plan.contact[0] = votes.rows_of_contact(end - chunk, settings, plan, tiles)
+                plan.contact[0] = votes.rows_of_contact(end - chunk, 0, settings, plan, tiles)
             for t in plan.active:
                 _run_tile(
-                    volts, chunk, end, t, settings, checked, part, tiles[t], plan, signals, kept
+                    volts, chunk, end, t, settings, checked, part, tiles, plan, signals, kept
                 )
         # The decisions.
         for start in range(chunk, end, WORD_ROWS):

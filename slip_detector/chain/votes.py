@@ -111,6 +111,9 @@ def _held(begins, renews, rows, hold_rows, tiles, slot):
     left = min(int(tiles[0, slot, 0]), hold_rows)
     if begins == NO_ROW and left == 0:
         return NO_ROW
+    if left > 0 and renews == ~NO_ROW:
+        tiles[0, slot, 0] = hold_rows - 1
+        return renews
     held, row = NO_ROW, FIRST_ROW
     for _ in range(rows):
         if begins & row or (left > 0 and renews & row):
@@ -131,14 +134,14 @@ def rows_of_impact(rows, w, settings, plan, tiles):
     return _held(impacts, NO_ROW, rows, settings.hold_rows, tiles, stages.HOLD_ROWS)
 
 
-@compiled_within
-def rows_of_contact(rows, settings, plan, tiles):
+@compiled_in_place
+def rows_of_contact(rows, w, settings, plan, tiles):
     """Return the rows in contact, as a word.
 
     Contact begins where enough valid channels are above the level of contact, and goes on where
     they are above the lower one.
     """
-    count, valid, touching = settings.contact_channels, plan.valid[0], plan.touching
+    count, valid, touching = settings.contact_channels, plan.valid[w], plan.touching
     begins = rows_of_count(count, plan.members, touching[0], valid, plan.digits)
     renews = rows_of_count(count, plan.members, touching[1], valid, plan.digits)
     return _held(begins, renews, rows, settings.contact_rows, tiles, stages.CONTACT_ROWS)
