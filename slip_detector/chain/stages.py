@@ -380,8 +380,7 @@ def sum_evidence(
                 lifted = low_db * settings.activity_factor + settings.activity_shift_db
                 most = floor + lift_db
                 lifted = select(lifted > floor, lifted, floor)
-                lifted = select(lifted < most, lifted, most)
-                effective = select(counts, lifted, floor)
+                effective = select(lifted < most, lifted, most)
             excess = level - effective
             excess = select(excess > LEAST_EXCESS_DB, excess, LEAST_EXCESS_DB)
             excess = select(excess < cap_db, excess, cap_db)
@@ -400,7 +399,7 @@ def sum_evidence(
         if columns[1] >= 0:
             keep(evidence, signals, (start + k, columns[1]), past_caches)
         if columns[2] >= 0:
-            shown = select(is_number(effective), effective, least_db)
+            shown = select(is_number(floor), select(counts, effective, floor), least_db)
             store(shown, signals, (start + k, columns[2]))
         if columns[3] >= 0:
             store(excess, signals, (start + k, columns[3]))

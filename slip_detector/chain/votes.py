@@ -111,9 +111,6 @@ def _held(begins, renews, rows, hold_rows, tiles, slot):
     left = min(int(tiles[0, slot, 0]), hold_rows)
     if begins == NO_ROW and left == 0:
         return NO_ROW
-    if left > 0 and renews == ~NO_ROW:
-        tiles[0, slot, 0] = hold_rows - 1
-        return renews
     held, row = NO_ROW, FIRST_ROW
     for _ in range(rows):
         if begins & row or (left > 0 and renews & row):
@@ -142,6 +139,14 @@ def rows_of_contact(rows, w, settings, plan, tiles):
     they are above the lower one.
     """
     count, valid, touching = settings.contact_channels, plan.valid[w], plan.touching
+    if tiles[0, stages.CONTACT_ROWS, 0] > 0.0:
+        # Most often enough channels are above the lower level in all rows: nothing to count.
+        whole = 0
+        for m in plan.members:
+            whole += 1 if touching[1, m] & valid[m] == ~NO_ROW else 0
+        if whole >= count:
+            tiles[0, stages.CONTACT_ROWS, 0] = settings.contact_rows - 1
+            return ~NO_ROW
     begins = rows_of_count(count, plan.members, touching[0], valid, plan.digits)
     renews = rows_of_count(count, plan.members, touching[1], valid, plan.digits)
     return _held(begins, renews, rows, settings.contact_rows, tiles, stages.CONTACT_ROWS)
