@@ -96,7 +96,7 @@ class Plan(NamedTuple):
     votes : ndarray of int, shape (v,)
         The votes whose statistic is wanted.
     blocks, low : ndarray, shape (b, 64, 16)
-        Rows of a tile, which the stages replace in place, and those of the low level.
+        Rows of a tile, which the stages replace in place, and what activity asks of their floors.
     common_v : ndarray, shape (w, 64)
         Common mode of each row.
     on, valid, steps : ndarray of words, shape (w, c)
@@ -287,6 +287,9 @@ def _run_tile(volts, chunk, end, t, settings, checked, part, tiles, plan, signal
                 stages.find_low_level(
                     block, low, rows, low_sections, settings, tile, levels, plan, at[1]
                 )
+            if settings.activity_cap_db > 0.0:
+                factor, shift_db = settings.activity_factor, settings.activity_shift_db
+                stages.decibels_of_activity(low, rows, factor, shift_db)
             if settings.mains_rows > 0:
                 stages.subtract_mains(block, rows, settings.mains_rows, tile, comb)
             stages.run_filters(block, rows, plan.sections, tile, stages.DELAYS)

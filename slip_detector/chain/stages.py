@@ -222,57 +222,6 @@ def window_means(
     store(head, tile, (head_slot, 0))
 
 
-@compiled_within
-def find_low_level(block, low, rows, sections, settings, tile, slot, plan, column):
-    """Write squares of the RMS within the low band, and the rows in which it tells contact.
-
-    This is what filters, square and window do, in one pass. Both sections have zeros at 0 Hz and
-    half the rate, 1 - z^-2. Behind ``slot`` are their delays, then the window.
-    """
-    gain, a1, a2, c1, c2 = (
-        sections[0, 0], sections[0, 4], sections[0, 5], sections[1, 4], sections[1, 5]
-    )  # fmt: skip
-    f1, s1 = load(tile, (slot, 0)), load(tile, (slot + 1, 0))
-    f2, s2 = load(tile, (slot + 2, 0)), load(tile, (slot + 3, 0))
-    window, tail = settings.envelope_rows, slot + 6
-    position, head, per = int(tile[slot + 4, 0]), load(tile, (slot + 5, 0)), 1.0 / window
-    begins, goes_on, row = spread(NO_ROW), spread(NO_ROW), spread(FIRST_ROW)
-    begins_v2, goes_on_v2 = settings.contact_v2, settings.contact_v2 * CONTACT_GOES_ON
-    gated = settings.contact_channels > 0
-    for k in range(rows):
-        u = load(block, (k, 0))
-        u = gain * select(is_number(u), u, 0.0)
-        y = u - f1
-        f1 = s1 + a1 * y
-        s1 = u + a2 * y
-        z = y - f2
-        f2 = s2 + c1 * z
-        s2 = y + c2 * z
-        square = z * z
-        head = head + square
-        store(square, tile, (tail + position, 0))
-        mean = (head + load(tile, (tail + position + 1, 0))) * per
-        store(mean, low, (k, 0))
-        if gated:
-            begins = begins | select(mean > begins_v2, row, NO_ROW)
-            goes_on = goes_on | select(mean > goes_on_v2, row, NO_ROW)
-            row = row + row
-        position += 1
-        if position == window:
-            position, head, total = 0, spread(0.0), spread(0.0)
-            for j in range(tail + window - 1, tail - 1, -1):
-                total = load(tile, (j, 0)) + total
-                store(total, tile, (j, 0))
-    store(f1, tile, (slot, 0))
-    store(s1, tile, (slot + 1, 0))
-    store(f2, tile, (slot + 2, 0))
-    store(s2, tile, (slot + 3, 0))
-    tile[slot + 4, 0] = position
-    store(head, tile, (slot + 5, 0))
-    store(begins, plan.touching, (0, column))
-    store(goes_on, plan.touching, (1, column))
-
-
 # Layout of a float64: mask and number of the fraction's bits, the bits of 1.0, and the bias of the
 # exponent.
 FRACTION, FRACTION_BITS, ONE = np.uint64(2**52 - 1), np.uint64(52), np.uint64(0x3FF << 52)
@@ -336,6 +285,67 @@ def root_decibels(squares):
 
 
 @compiled_within
+def find_low_level(block, low, rows, sections, settings, tile, slot, plan, column):
+    """Write squares of the RMS within the low band, and the rows in which it tells contact.
+
+    This is what filters, square and window do, in one pass. Both sections have zeros at 0 Hz and
+    half the rate, 1 - z^-2. Behind ``slot`` are their delays, then the window.
+    """
+    gain, a1, a2, c1, c2 = (
+        sections[0, 0], sections[0, 4], sections[0, 5], sections[1, 4], sections[1, 5]
+    )  # fmt: skip
+    f1, s1 = load(tile, (slot, 0)), load(tile, (slot + 1, 0))
+    f2, s2 = load(tile, (slot + 2, 0)), load(tile, (slot + 3, 0))
+    window, tail = settings.envelope_rows, slot + 6
+    position, head, per = int(tile[slot + 4, 0]), load(tile, (slot + 5, 0)), 1.0 / window
+    begins, goes_on, row = spread(NO_ROW), spread(NO_ROW), spread(FIRST_ROW)
+    begins_v2, goes_on_v2 = settings.contact_v2, settings.contact_v2 * CONTACT_GOES_ON
+    gated = settings.contact_channels > 0
+    for k in range(rows):
+        u = load(block, (k, 0))
+        u = gain * select(is_number(u), u, 0.0)
+        y = u - f1
+        f1 = s1 + a1 * y
+        s1 = u + a2 * y
+        z = y - f2
+        f2 = s2 + c1 * z
+        s2 = y + c2 * z
+        square = z * z
+        head = head + square
+        store(square, tile, (tail + position, 0))
+        mean = (head + load(tile, (tail + position + 1, 0))) * per
+        store(mean, low, (k, 0))
+        if gated:
+            begins = begins | select(mean > begins_v2, row, NO_ROW)
+            goes_on = goes_on | select(mean > goes_on_v2, row, NO_ROW)
+            row = row + row
+        position += 1
+        if position == window:
+            position, head, total = 0, spread(0.0), spread(0.0)
+            for j in range(tail + window - 1, tail - 1, -1):
+                total = load(tile, (j, 0)) + total
+                store(total, tile, (j, 0))
+    store(f1, tile, (slot, 0))
+    store(s1, tile, (slot + 1, 0))
+    store(f2, tile, (slot + 2, 0))
+    store(s2, tile, (slot + 3, 0))
+    tile[slot + 4, 0] = position
+    store(head, tile, (slot + 5, 0))
+    store(begins, plan.touching, (0, column))
+    store(goes_on, plan.touching, (1, column))
+
+
+@compiled_in_place
+def decibels_of_activity(low, rows, factor, shift_db):
+    """Replace squares of the low level by the floor in dB that activity asks for.
+
+    A loop of its own, as the stages before and after need all registers.
+    """
+    for k in range(rows):
+        store(root_decibels(load(low, (k, 0))) * factor + shift_db, low, (k, 0))
+
+
+@compiled_within
 def sum_evidence(
     block, low, rows, at, limits, settings, tile, plan, signals, start, columns, past_caches
 ):
@@ -348,7 +358,7 @@ def sum_evidence(
 
     Out of contact, and during the hold time of an impact, the excess of all channels is 0; out of
     contact floors are kept. A floor that is NaN begins with the envelope. The floor that counts
-    follows ``low``, squares of the low level, from the floor itself up to a cap above it.
+    follows ``low``, in dB, from the floor itself up to a cap above it.
     ``columns`` of the signals are those of envelope, evidence, the floor that counts and excess,
     negative if they are not wanted.
     """
@@ -376,9 +386,7 @@ def sum_evidence(
             floor = select(counts, moved, floor)
             effective = floor
             if lift_db > 0.0:
-                low_db = root_decibels(load(low, (k, 0)))
-                lifted = low_db * settings.activity_factor + settings.activity_shift_db
-                most = floor + lift_db
+                lifted, most = load(low, (k, 0)), floor + lift_db
                 lifted = select(lifted > floor, lifted, floor)
                 effective = select(lifted < most, lifted, most)
             excess = level - effective
