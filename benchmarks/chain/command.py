@@ -34,6 +34,7 @@ WANTED = {
     'blocks.whole_kept_ratio': Bound(high=1.5),
     'blocks.median_ratio': Bound(high=2.0),
     'blocks.evidence_ratio': Bound(high=2.0),
+    'blocks.contact_ratio': Bound(high=1.4),
     'one_row.speedup': Bound(low=11.0),
     'channels.worst_ratio': Bound(high=1.5),
     'channels.last_ratio': Bound(high=0.8),

@@ -21,11 +21,12 @@
     side. With all rows in one call the sides are ``chain``, ``kept`` (the
     chain with envelope and level kept) and ``numpy`` (SciPy and NumPy, an expression for each
     stage); in pieces ``chain_in_pieces``, ``kept_in_pieces``, ``median_in_pieces`` (with the
-    median as common mode), ``evidence_in_pieces`` (the same filters with all that evidence has),
-    and ``cpp_in_pieces``. From these follow ``speedup`` (against ``numpy``), ``cpp_ratio`` (the
+    median as common mode), ``evidence_in_pieces`` (the same filters with comb, floors and
+    impacts), ``contact_in_pieces`` (as many filters, and evidence with contact and activity), and
+    ``cpp_in_pieces``. From these follow ``speedup`` (against ``numpy``), ``cpp_ratio`` (the
     run time as a multiple of that of C++; null without C++), and as multiples of the run time of
     decisions alone ``kept_ratio``, ``whole_kept_ratio`` (in one call), ``median_ratio`` and
-    ``evidence_ratio``. ``cpp_left_out`` says why there is
+    ``evidence_ratio``, of that of evidence ``contact_ratio``. ``cpp_left_out`` says why there is
     no C++. ``agreement`` is the share of equal decisions of each rival: ``numpy`` and ``cpp``.
 ``one_row``
     One row per call against one bare ``scipy.signal.sosfilt``: ``chain_us_per_call``,
@@ -36,6 +37,7 @@
     channels), the largest ratio ``worst_ratio``, and ``last_ratio``, that of the most channels.
 """
 
+import dataclasses
 import sys
 import time
 from collections.abc import Callable
@@ -67,6 +69,9 @@ ROWS_PER_CALL = 4096
 ALL_OF_EVIDENCE = ChainConfig(
     decision='evidence', noise_floor=(1e-6,), mains_hz=50.0, impact_v=1.0
 )
+WITH_CONTACT = dataclasses.replace(
+    ALL_OF_EVIDENCE, passband_hz=(20.0, 50.0), contact_level_v=1e-3, activity_cap_db=8.7
+)
 
 CHANNEL_COUNTS = (16, 64, 1024, 10_000)
 
@@ -95,7 +100,7 @@ def measure_blocks(n_rows: int, rounds: int) -> dict[str, Any]:
     rows = swelling_noise_v(n_rows, config.channels)
     pieces = [rows[i : i + ROWS_PER_CALL] for i in range(0, len(rows), ROWS_PER_CALL)]
     chain, median = SlipChain(config), SlipChain(ChainConfig(common_mode='median'))
-    evidence = SlipChain(ALL_OF_EVIDENCE)
+    evidence, contact = SlipChain(ALL_OF_EVIDENCE), SlipChain(WITH_CONTACT)
     plain = NumpyChain(config, rows[0])
     cpp, left_out = None, ''
     try:
@@ -128,6 +133,7 @@ def measure_blocks(n_rows: int, rounds: int) -> dict[str, Any]:
         'kept_in_pieces': turn(chain.update, pieces),
         'median_in_pieces': turn(median.update, pieces, **bare),
         'evidence_in_pieces': turn(evidence.update, pieces, **bare),
+        'contact_in_pieces': turn(contact.update, pieces, **bare),
     }
     if cpp:
         sides['cpp_in_pieces'] = turn(cpp.update, pieces)
@@ -144,6 +150,7 @@ def measure_blocks(n_rows: int, rounds: int) -> dict[str, Any]:
         'whole_kept_ratio': ns['kept'] / ns['chain'],
         'median_ratio': ns['median_in_pieces'] / in_pieces,
         'evidence_ratio': ns['evidence_in_pieces'] / in_pieces,
+        'contact_ratio': ns['contact_in_pieces'] / ns['evidence_in_pieces'],
     }
 
 

@@ -132,7 +132,7 @@ def test_activity_is_compared_in_the_unit_of_the_envelope(values):
     first, second = (SlipChain(c).update(volts, **KEPT).floor[-1] for c in (config, other))
     activity_db = first + config.activity_range_db
     wanted = other.exponent * (activity_db + 20 * np.log10(other.gain))
-    assert second + other.activity_range_db == pytest.approx(wanted, abs=1e-4)
+    assert second + other.activity_range_db == pytest.approx(wanted, abs=2e-3)
 
 
 # --- floors and evidence -------------------------------------------------------------------
