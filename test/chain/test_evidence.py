@@ -89,15 +89,18 @@ def test_contact_begins_on_enough_channels_goes_on_with_2_db_less_and_ends_after
         envelope_window_s=0.05,
     )  # fmt: skip
     volts = 1e-3 * noise(5, 5000, 4)
-    volts[:, :channels] += slow(5000, 1.0) * np.repeat([0.6, 0.9, 1.1, 0.9, 0.7], 1000)[:, None]
+    volts[:, :channels] += slow(5000, 1.0) * np.repeat([0.6, 0.9, 1.1, 0.82, 0.76], 1000)[:, None]
     result = SlipChain(config).update(volts, **KEPT)
     contact = (result.excess != 0).any(axis=1)
     if channels == 2:
         assert not contact.any()
         return
     begin, end = np.flatnonzero(np.diff(contact.astype(int)))
-    assert 2000 < begin < 2100
-    assert 4000 + 80 < end < 4100 + 80
+    low = dataclasses.replace(config, decision='mean', passband_hz=config.activity_band_hz)
+    low = np.sort(SlipChain(low).update(volts).envelope)[:, -3]
+    assert begin + 1 == np.flatnonzero(low > 1.0)[0]
+    assert end == np.flatnonzero(low > 10 ** (-2 / 20))[-1] + 79
+    assert 4000 < end - 80 < 4100
     # Out of it floors are kept, and evidence falls.
     assert (result.floor[: begin + 1] == result.floor[0]).all()
     assert (result.floor[end + 1 :, :3] == result.floor[-1, :3]).all()
