@@ -239,6 +239,18 @@ EVIDENCE = ChainConfig(
 )  # fmt: skip
 
 
+def test_a_low_band_that_settles_later_is_waited_for_and_one_that_float64_cannot_hold_refused():
+    values = EVIDENCE.__dict__ | {'passband_hz': (60.0, 0.0), 'activity_cap_db': 8.7}
+    low = signal.butter(2, (2.0, 4.0), 'bandpass', output='sos', fs=RATE)
+    step = np.abs(signal.sosfilt(low, np.ones(20000)))
+    loud = np.flatnonzero(step > SETTLED * step.max())
+    falls = settling_rows(EVIDENCE) - settling_rows(ChainConfig(stopbands_hz=())) + 15 - 38
+    config = ChainConfig(**values | {'activity_band_hz': (2.0, 4.0)})
+    assert settling_rows(config) == loud[-1] + 1 + 15 + falls
+    config = ChainConfig(**values | {'activity_band_hz': (0.01, 0.0101)})
+    assert message_of(SlipChain, config).startswith('parameter activity_band_hz: the filter with')
+
+
 @pytest.mark.parametrize(
     ('config', 'tolerance'), [(ChainConfig(exponent=1, gain=1.0), 0.01), (EVIDENCE, 0.05)]
 )
