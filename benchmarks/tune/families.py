@@ -61,23 +61,28 @@ FIGURES = (
 )  # fmt: skip
 
 
-def families() -> dict[str, list[dict[str, Any]]]:
-    """Return the descriptions of the scenes of each family, by its name."""
-    plates = [read_yaml(find_scene(name)) for name in PLATES]
+def disturbances() -> dict[str, dict[str, Any]]:
+    """Return the parts that each family adds to a plate, by its name."""
     tremor_hum, taps, rolling = (
         read_yaml(find_scene(name)) for name in ('tremor_hum', 'taps', 'rolling')
     )
     trembling = {name: tremor_hum[name] for name in ('tremor', 'hum')}
     tapping = {'taps': {**taps['taps'], 'times_s': list(TAPS_S)}}
     knocking = {**tapping, 'rolling': {**rolling['rolling'], 'start_s': ROLLING_S}}
-    drifting = {'electronics': {**plates[0].get('electronics', {}), 'drift_v': DRIFT_V}}
-    disturbances: dict[str, dict[str, Any]] = {
+    drifting = {'electronics': {'drift_v': DRIFT_V}}
+    return {
         'plates': {},
         'plates, tremor and hum': trembling,
         'taps and rolling between slips': knocking,
         'tremor, hum, taps and drift': {**trembling, **tapping, **drifting},
     }
-    return {name: [{**plate, **parts} for plate in plates] for name, parts in disturbances.items()}
+
+
+def families() -> dict[str, list[dict[str, Any]]]:
+    """Return the descriptions of the scenes of each family, by its name."""
+    plates = [read_yaml(find_scene(name)) for name in PLATES]
+    added = disturbances().items()
+    return {name: [{**plate, **parts} for plate in plates] for name, parts in added}
 
 
 def play_scenes(descriptions: Sequence[Mapping[str, Any]], seeds: Sequence[int]) -> list[Track]:

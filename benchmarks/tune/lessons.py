@@ -1,0 +1,184 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What teaching on the live page brings, by hands that are late, forget and press by mistake.
+
+A lesson records a simulated finger as the page does (rest, taps, and slips with the time before
+and after), tunes with the page's own function, and applies what that would apply. A hand presses
+the key 120 to 350 ms after a slide begins, lets it go 80 to 300 ms after its end, forgets one slide
+of ten, and presses once while nothing slides.
+
+:func:`measure_lessons` gives for each number of slips an object with a list ``lessons``: the
+``family`` and ``seed`` of each, the figures ``before`` and ``after`` on scenes with fresh seeds and
+exact labels, and what the page ``said``; and how many of the lessons reached what is wanted:
+``not_worse`` in area under the curve and coverage, ``good``: recall, coverage and ON in what is no
+slip; ``recall``, the least.
+"""
+
+import asyncio
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.tune.families import disturbances
+from slip_detector.chain.samples import Samples
+from slip_detector.evaluation.figures import figures_of_merit
+from slip_detector.evaluation.replay import Replay
+from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters.files import read_yaml
+from slip_detector.recordings.writing import BagWriter
+from slip_detector.view.teaching import AFTER_S, BEFORE_S
+from slip_detector.scenes import Scene, find_scene
+from slip_detector.view.recordings import RecordedFolder
+from slip_detector.view.tuning import TuneRun
+
+#: How late a hand presses the key and lets it go, in seconds.
+PRESSES_S, LETS_GO_S = (0.12, 0.35), (0.08, 0.3)
+
+#: Which of the slides is forgotten, and after which the key is pressed by mistake.
+FORGOTTEN, MISTAKEN = 3, 1
+
+REST_S, TAPS_S = 30.0, 30.0
+
+#: Speed and length of the slides, and how long the finger rests before the next one, in seconds.
+SPEEDS_M_S, SLIDES_S, RESTS_S = (6.7e-3, 20e-3), (0.8, 2.5), (3.5, 5.0)
+
+#: Seconds between two knocks while taps are recorded.
+KNOCKS_S = 1.5
+
+#: Seconds from contact to the first slide.
+BEGIN_S = 4.8
+
+#: Slides on which a lesson is judged.
+JUDGED = 12
+
+
+class Session:
+    """A finger in contact with a plate that slides several times, or not at all.
+
+    Attributes
+    ----------
+    slides_s : ndarray, shape (k, 2)
+        Begin and end of each slide.
+    samples : Samples
+        With exact labels.
+    """
+
+    def __init__(
+        self,
+        parts: Mapping[str, Any],
+        slides: int,
+        random: np.random.Generator,
+        rest_s: float = 0.0,
+        knocks_s: Sequence[float] = (),
+    ) -> None:
+        slides_s, now_s = [], BEGIN_S
+        steps = [{'duration_s': 1.0}, {'duration_s': 0.8, 'force_n': 0.4}, {'duration_s': 3.0}]
+        for _ in range(slides):
+            slide_s, after_s = random.uniform(*SLIDES_S), random.uniform(*RESTS_S)
+            speed_m_s = float(random.uniform(*SPEEDS_M_S))
+            steps.append({'duration_s': slide_s, 'velocity_m_s': speed_m_s})
+            steps.append({'duration_s': after_s})
+            slides_s.append((now_s, now_s + slide_s))
+            now_s += slide_s + after_s
+        steps += [{'duration_s': rest_s}] if rest_s else []
+        self.slides_s = np.reshape(slides_s, (-1, 2))
+        parts = dict(parts)
+        if taps := parts.pop('taps', None):
+            ends_s = [BEGIN_S - 1.0, *self.slides_s[:, 1]] if slides else []
+            times_s = [*knocks_s, *(end_s + d for end_s in ends_s for d in (0.8, 1.5))]
+            parts['taps'] = {**taps, 'times_s': times_s}
+        scene = Scene({**parts, 'steps': steps}, random.spawn(1)[0])
+        self.rate_hz, self.samples = scene.sample_rate_hz, scene.read(scene.length)
+
+    def between(self, begin_s: float, end_s: float, label_s: Sequence[float] = ()) -> Samples:
+        """Return the rows of a time; labelled as slip from one time to another, or not at all."""
+        begin, end = (round(time_s * self.rate_hz) for time_s in (max(begin_s, 0.0), end_s))
+        part = self.samples.take(slice(begin, end))
+        times_s = np.arange(begin, begin + len(part.volts)) / self.rate_hz
+        label_s = label_s or (0.0, 0.0)
+        return part._replace(truth=(times_s >= label_s[0]) & (times_s < label_s[1]))
+
+
+def taught(session: Session, random: np.random.Generator) -> Iterator[Samples]:
+    """Yield the recordings of slips that a hand makes of a session, as the page makes them."""
+    presses_s = []
+    for k, (begin_s, end_s) in enumerate(session.slides_s):
+        late_s = random.uniform(*PRESSES_S), random.uniform(*LETS_GO_S)
+        if k % 10 != FORGOTTEN:
+            presses_s.append((begin_s + late_s[0], end_s + late_s[1]))
+        if k == MISTAKEN:
+            presses_s.append((end_s + 1.2, end_s + 1.9))
+    last_s = 0.0
+    for press in presses_s:
+        yield session.between(max(press[0] - BEFORE_S, last_s), press[1] + AFTER_S, press)
+        last_s = press[1]
+
+
+def lesson(name: str, parts: Mapping[str, Any], slips: int, seed: int) -> dict[str, Any]:
+    """Teach a detector with the paper's parameters; return the figures before and after."""
+    random = np.random.default_rng(seed)
+    running = DetectorConfig()
+    knocks_s = np.arange(BEGIN_S, BEGIN_S + TAPS_S, KNOCKS_S).tolist()
+    knocking = {**parts, 'taps': read_yaml(find_scene('taps'))['taps']}
+    quiet = {name: part for name, part in parts.items() if name != 'taps'}
+    session = Session(parts, slips, random)
+    rest, taps = Session(quiet, 0, random, REST_S), Session(knocking, 0, random, TAPS_S, knocks_s)
+    with tempfile.TemporaryDirectory() as temporary:
+        recorded = RecordedFolder(Path(temporary))
+        recordings = [('slip', rows) for rows in taught(session, random)]
+        recordings.append(('rest', rest.between(2.0, BEGIN_S + REST_S)))
+        recordings.append(('taps', taps.between(2.0, BEGIN_S + TAPS_S)))
+        for kind, rows in recordings:
+            bag = BagWriter(recorded.new_path(kind), running.names, 'fingertip')
+            bag.write(rows)
+            bag.close()
+        said, found = asyncio.run(_tuned(recorded, running))
+    # Fresh seeds, exact labels, and the same plate.
+    judged = Session(parts, JUDGED, random)
+    still = [
+        Session(quiet, 0, random, REST_S), Session(knocking, 0, random, TAPS_S, knocks_s)
+    ]  # fmt: skip
+    configs = {'before': running, 'after': found or running}
+    figures = {when: _figures(judged, still, config) for when, config in configs.items()}
+    return {'family': name, 'seed': seed, **figures, 'said': said}
+
+
+async def _tuned(
+    recorded: RecordedFolder, running: DetectorConfig
+) -> tuple[list[str], DetectorConfig | None]:
+    """Tune as the page does; return what it said, and the parameters that it would apply."""
+    await recorded.refresh()
+    run = TuneRun(recorded, running)
+    await run.run()
+    said = [*run.lines, run.failed] + [f'{row[0]}: {row[1]} -> {row[2]} {row[3]}' for row in run.table]
+    return said, run.found
+
+
+def _figures(judged: Session, still: Sequence[Session], config: DetectorConfig) -> dict[str, Any]:
+    replay = Replay(config)
+    figures = figures_of_merit([replay.run([judged.samples], judged.rate_hz)])
+    from slip_detector import SlipChain, ChainConfig
+    cc = ChainConfig.from_parameters({f: v for f, v in config.to_parameters().items() if f.split('.')[0] in ChainConfig().to_parameters() or f.startswith('groups')})
+    on = SlipChain(cc).update(judged.samples.volts).slip
+    t = judged.samples.truth
+    ons = {}
+    for name, one in zip(('rest', 'taps'), still):
+        o = SlipChain(cc).update(one.samples.volts).slip
+        ons[name + '_on_percent'] = float(100*o[round(3*380):].mean())
+    return {
+        'auc': figures['auc_all'], 'recall': figures['recall'], 'coverage': float(on[t].mean()), 'false_time_percent': figures['false_time_percent'], 'latency_median_ms': figures['latency_median_ms'], **ons}
