@@ -165,7 +165,9 @@ async def _tuned(
     await recorded.refresh()
     run = TuneRun(recorded, running)
     await run.run()
-    said = [*run.lines, run.failed] + [f'{row[0]}: {row[1]} -> {row[2]} {row[3]}' for row in run.table]
+    said = [*run.lines, run.failed] + [
+        f'{row[0]}: {row[1]} -> {row[2]} {row[3]}' for row in run.table
+    ]
     return said, run.found
 
 
@@ -173,12 +175,25 @@ def _figures(judged: Session, still: Sequence[Session], config: DetectorConfig) 
     replay = Replay(config)
     figures = figures_of_merit([replay.run([judged.samples], judged.rate_hz)])
     from slip_detector import SlipChain, ChainConfig
-    cc = ChainConfig.from_parameters({f: v for f, v in config.to_parameters().items() if f.split('.')[0] in ChainConfig().to_parameters() or f.startswith('groups')})
+
+    cc = ChainConfig.from_parameters(
+        {
+            f: v
+            for f, v in config.to_parameters().items()
+            if f.split('.')[0] in ChainConfig().to_parameters() or f.startswith('groups')
+        }
+    )
     on = SlipChain(cc).update(judged.samples.volts).slip
     t = judged.samples.truth
     ons = {}
     for name, one in zip(('rest', 'taps'), still):
         o = SlipChain(cc).update(one.samples.volts).slip
-        ons[name + '_on_percent'] = float(100*o[round(3*380):].mean())
+        ons[name + '_on_percent'] = float(100 * o[round(3 * 380) :].mean())
     return {
-        'auc': figures['auc_all'], 'recall': figures['recall'], 'coverage': float(on[t].mean()), 'false_time_percent': figures['false_time_percent'], 'latency_median_ms': figures['latency_median_ms'], **ons}
+        'auc': figures['auc_all'],
+        'recall': figures['recall'],
+        'coverage': float(on[t].mean()),
+        'false_time_percent': figures['false_time_percent'],
+        'latency_median_ms': figures['latency_median_ms'],
+        **ons,
+    }

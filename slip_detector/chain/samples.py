@@ -35,11 +35,16 @@ class Samples(NamedTuple):
         derive the truth from it.
     moving : ndarray of bool, shape (n,), or None
         Whether the robot moves, where that is known.
+    certain : ndarray of bool, shape (n,), or None
+        Whether the label is certain: not within ``accuracy_s`` of one of its changes; None: in
+        all rows.
     row_numbers : ndarray of int, shape (n,), or None
         Number of each row in its recording, from 0; a row that bridges a gap has the number of
         the last row before the gap.
     new_stretch : bool
         Whether the chain must be reset before these rows, as after a long gap.
+    accuracy_s : float
+        How exact the times of the label's changes are; 0: exact.
 
     Examples
     --------
@@ -56,8 +61,10 @@ class Samples(NamedTuple):
     truth: NDArray[np.bool_] | None = None
     position_m: NDArray[np.float64] | None = None
     moving: NDArray[np.bool_] | None = None
+    certain: NDArray[np.bool_] | None = None
     row_numbers: NDArray[np.int64] | None = None
     new_stretch: bool = False
+    accuracy_s: float = 0.0
 
     @classmethod
     def evenly(

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from slip_detector.evaluation.chance import slip_figures
+from slip_detector.evaluation.matching import beyond_accuracy
 from slip_detector.evaluation.scores import MOTION, ScoreCounts
 
 
@@ -91,14 +92,16 @@ class TrueSlip:
     latency_s : float or None
         Time from the start to the rise of its alarm; negative where the alarm rises before the
         label. None where the slip is missed, and where it is neither found nor missed.
+    accuracy_s : float
+        How exact the start of its label is, and with it the latency.
     settling : bool
         Whether the slip begins while filters and windows settle, at the beginning of a recording
         or after a long gap. Then it is neither found nor missed.
     lead_s, window_s : float
-        How long before its start its alarm may rise at the earliest, and length of the time in
-        which it may; see :mod:`.chance`.
+        How long before its latest possible start its alarm may rise at the earliest, and length of
+        the time in which it may; see :mod:`.chance`.
     late : bool
-        Whether the latency is above ``late_after_s``.
+        Whether the latency is certainly above ``late_after_s``.
     stages_s : dict or None
         The parts of the latency, by :data:`STAGES`; their sum is the latency. ``filter`` ends
         when a channel of the deciding group has a filtered signal (rectified, raised to the
@@ -106,7 +109,7 @@ class TrueSlip:
         ``envelope`` ends when the envelope of a channel is above the threshold (for the limits
         that evidence uses instead see :mod:`.replay`), ``decision`` when its level is,
         which turns the channel ON, and ``vote`` when the group is ON. None where there is no
-        latency, where the alarm rises before the label and where another alarm was not over when
+        exact latency, where the alarm rises before the label and where another alarm was not over when
         the slip began.
     lost_at : str or None
         Where a missed slip was lost: the first of :data:`STAGES` after which no channel was above
@@ -125,8 +128,8 @@ class TrueSlip:
     Examples
     --------
     >>> slip = TrueSlip(
-    ...     start_s=1.0, end_s=2.0, alarm=0, latency_s=0.04, settling=False, lead_s=0.1,
-    ...     window_s=0.5, late=False, stages_s=None, lost_at=None, on_at_start=False,
+    ...     start_s=1.0, end_s=2.0, alarm=0, latency_s=0.04, accuracy_s=0.0, settling=False,
+    ...     lead_s=0.1, window_s=0.5, late=False, stages_s=None, lost_at=None, on_at_start=False,
     ...     on_while=True, channel_delays_s=(0.03, 0.05), delay_s=0.04,
     ... )
     >>> slip.start_s + slip.latency_s  # when its alarm rose
@@ -137,6 +140,7 @@ class TrueSlip:
     end_s: float
     alarm: int | None
     latency_s: float | None
+    accuracy_s: float
     settling: bool
     lead_s: float
     window_s: float
@@ -188,8 +192,10 @@ def event_figures(outcomes: Sequence['ReplayOutcome']) -> dict[str, Any]:
         matched ones are ``late``; ``alarms``, with ``repeated_alarms``, ``false_alarms`` and
         ``settling_alarms``; ``precision``: the share of the alarms that are matched, without
         repeated and settling ones, and ``precision_by_chance``: the share of the scored
-        time in which an alarm would be matched; ``rest_s``; the figures of
-        :func:`.slip_figures`; ``<stage>_ms``: mean time that the latency of the matched slips
+        time in which an alarm would be matched; ``rest_s``; ``coverage``: the share of the time
+        that certainly slips in which the global decision is ON; ``latency_accuracy_ms``: how exact
+        the starts of the labels are, 0 if all are; the figures of :func:`.slip_figures`, whose
+        latencies are what is certain of them, 0 within this accuracy; ``<stage>_ms``: mean time that the latency of the matched slips
         spends in the stage; ``late_<stage>_ms``: the same for the late slips;
         ``missed_at_<stage>`` and ``missed_already_on``: how many slips were lost there.
     """
@@ -204,6 +210,9 @@ def event_figures(outcomes: Sequence['ReplayOutcome']) -> dict[str, Any]:
     leads_s, windows_s = [s.lead_s for s in scored], [s.window_s for s in scored]
     scored_s = sum(windows_s) + rest_s
     latencies_ms = [np.nan if slip.latency_s is None else slip.latency_s * 1e3 for slip in scored]
+    accuracy_ms = [slip.accuracy_s * 1e3 for slip in scored]
+    certain_s = sum(one.certain_rows / one.sample_rate_hz for one in outcomes)
+    on_certain_s = sum(one.on_certain_rows / one.sample_rate_hz for one in outcomes)
     return {
         'slips': len(slips),
         'settling_slips': len(slips) - len(scored),
@@ -217,7 +226,16 @@ def event_figures(outcomes: Sequence['ReplayOutcome']) -> dict[str, Any]:
         'precision': matched / (matched + false_alarms) if matched + false_alarms else None,
         'precision_by_chance': sum(windows_s) / scored_s if scored_s else None,
         'rest_s': rest_s,
-        **slip_figures(latencies_ms, leads_s, windows_s, false_alarms, rest_s, on_rest_s),
+        'coverage': on_certain_s / certain_s if certain_s else None,
+        'latency_accuracy_ms': max(accuracy_ms, default=0.0),
+        **slip_figures(
+            beyond_accuracy(latencies_ms, accuracy_ms),
+            leads_s,
+            windows_s,
+            false_alarms,
+            rest_s,
+            on_rest_s,
+        ),
         **_mean_stages(scored, ''),
         **_mean_stages(late, 'late_'),
         **{f'missed_at_{stage}': lost.count(stage) for stage in STAGES},
@@ -338,9 +356,9 @@ class ReplayOutcome:
         Number of rows without slip in which the global decision is ON, as the paper counts them.
     settling_rows : int
         Number of rows that are not scored, as filters and windows settle.
-    rest_rows, on_rest_rows : int
-        Number of rows of rest, see :mod:`.matching`, and how many of them have the global
-        decision ON.
+    certain_rows, on_certain_rows, rest_rows, on_rest_rows : int
+        Number of rows that certainly slip and of rows of rest, see :mod:`.matching`, and how many
+        of each have the global decision ON.
     sample_rate_hz : float
         Rate of the recording.
     slips : tuple of TrueSlip
@@ -352,7 +370,7 @@ class ReplayOutcome:
     --------
     >>> outcome = ReplayOutcome(
     ...     rows=760, slip_rows=190, moving_rows=None, on_rows=19, settling_rows=190,
-    ...     rest_rows=380, on_rest_rows=19, sample_rate_hz=380.0, slips=(), alarms=(),
+    ...     certain_rows=190, on_certain_rows=95, rest_rows=380, on_rest_rows=19, sample_rate_hz=380.0, slips=(), alarms=(),
     ...     scores=ScoreCounts.pooled([]),
     ... )
     >>> outcome.rows / outcome.sample_rate_hz
@@ -364,6 +382,8 @@ class ReplayOutcome:
     moving_rows: int | None
     on_rows: int
     settling_rows: int
+    certain_rows: int
+    on_certain_rows: int
     rest_rows: int
     on_rest_rows: int
     sample_rate_hz: float

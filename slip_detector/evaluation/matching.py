@@ -28,7 +28,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from slip_detector.chain.compiled import compiled
 from slip_detector.parameters.evaluation import EvaluationConfig
@@ -182,7 +182,8 @@ class ScoredRows:
 
     The *window* of a slip, in which an alarm that belongs to it can rise, begins ``early_s``
     before the slip, but not within the slip before it. It ends ``tail_s`` after the slip, but
-    before the next slip. It has only scored rows of the stretch of its slip.
+    before the next slip. It has only scored rows of the stretch of its slip. Both times are at
+    least the accuracy of the label.
 
     Parameters
     ----------
@@ -197,6 +198,8 @@ class ScoredRows:
         What counts as detected.
     sample_rate_hz
         Rate of the recording.
+    accuracy_s
+        How exact the starts and ends of the slips are.
 
     Attributes
     ----------
@@ -210,8 +213,10 @@ class ScoredRows:
     lows, highs : ndarray of int, shape (slips,)
         The first row of each window and the first row after it.
     leads_s, windows_s : ndarray, shape (slips,)
-        Time from the beginning of each window to the middle of the first row of its slip, and
-        length of the window.
+        Time from the beginning of each window to the middle of the first row of its slip, or, as
+        far as its start is not exact, to the latest such row; and length of the window.
+    certain_starts, certain_ends : ndarray of int, shape (slips,)
+        The rows that certainly slip, of scored slips; none of others.
     rest_starts, rest_ends : ndarray of int, shape (intervals,)
         The rest: scored rows that are in no window.
 
@@ -231,20 +236,25 @@ class ScoredRows:
         settling_rows: int,
         config: EvaluationConfig,
         sample_rate_hz: float,
+        accuracy_s: float = 0.0,
     ) -> None:
         self.off_rows = round(config.off_before_s * sample_rate_hz)
+        inexact = round(accuracy_s * sample_rate_hz)
         self._starts, ends = _columns(stretches)
         self.settled = np.minimum(self._starts + max(settling_rows, self.off_rows), ends)
         slip_starts, slip_ends = _columns(slips)
         stretch = self._stretch_of(slip_starts)
         self.scored = np.asarray(slip_starts >= self.settled[stretch])
-        lows = slip_starts - round(config.early_s * sample_rate_hz)
-        highs = slip_ends + round(config.tail_s * sample_rate_hz)
+        self.certain_starts = np.where(self.scored, slip_starts + inexact, slip_ends)
+        self.certain_ends = np.maximum(slip_ends - inexact, self.certain_starts)
+        lows = slip_starts - max(round(config.early_s * sample_rate_hz), inexact)
+        highs = slip_ends + max(round(config.tail_s * sample_rate_hz), inexact)
         lows[1:] = np.maximum(lows[1:], slip_ends[:-1])
         highs[:-1] = np.minimum(highs[:-1], slip_starts[1:])
         self.lows = np.maximum(lows, self.settled[stretch])
         self.highs = np.maximum(np.minimum(highs, ends[stretch]), self.lows)
-        self.leads_s = np.asarray((slip_starts - self.lows + 0.5) / sample_rate_hz, np.float64)
+        leads = slip_starts + inexact - self.lows + 0.5
+        self.leads_s = np.asarray(leads / sample_rate_hz, np.float64)
         self.windows_s = np.asarray((self.highs - self.lows) / sample_rate_hz, np.float64)
         # Rest begins where a window ends or the chain has settled, and lasts to the next window
         # or the end of the stretch. There is no rest between windows that meet or overlap.
@@ -313,6 +323,18 @@ class ScoredRows:
         _match(rows, self.settling(rises), self.lows, self.highs, alarm_of, slip_of)
         alarm_of[~self.scored] = NONE
         return _or_none(alarm_of[:, 0]), _or_none(slip_of)
+
+
+def beyond_accuracy(latencies: ArrayLike, accuracy: ArrayLike) -> Floats:
+    """Return by how much each latency is certainly above 0, or below; 0 where it may be either.
+
+    Examples
+    --------
+    >>> beyond_accuracy([0.1, 0.5, -0.4, np.nan], accuracy=0.3).round(6)
+    array([ 0. ,  0.2, -0.1,  nan])
+    """
+    late = np.asarray(latencies, np.float64)
+    return np.asarray(late - np.clip(late, -np.asarray(accuracy), accuracy))
 
 
 def _columns(intervals: Sequence[RowInterval]) -> tuple[Ints, Ints]:

@@ -160,6 +160,7 @@ class _Run:
 
     def __init__(self, replay: Replay, rate_hz: float, observer: Any) -> None:
         self._replay, self._rate_hz, self._observer = replay, rate_hz, observer
+        self._accuracy_s = 0.0
         self._chain, self._config = replay.chain, replay.chain.config
         self._row = 0  # Number of the next row; rows that are missing in gaps count.
         self._moving_rows: int | None = None
@@ -170,7 +171,7 @@ class _Run:
 
     def add(self, piece: Samples) -> None:
         volts, truth = np.asarray(piece.volts, np.float64), np.asarray(piece.truth, np.bool_)
-        n = len(volts)
+        n, self._accuracy_s = len(volts), piece.accuracy_s
         if not n:
             return
         if piece.new_stretch and self._row:
@@ -182,7 +183,7 @@ class _Run:
             self._chain.restart()
         if piece.moving is not None:
             self._moving_rows = (self._moving_rows or 0) + int(np.count_nonzero(piece.moving))
-        kinds = kinds_of(truth, piece.moving)
+        kinds = kinds_of(truth, piece.moving, piece.certain)
         # A block ends before each slip, so that the stages can be watched from that row on.
         starts = np.flatnonzero(truth & ~np.concatenate([[self._labels.on], truth[:-1]]))
         block_rows = max(BLOCK_VALUES // self._config.channels, 1)
@@ -264,17 +265,19 @@ class _Run:
         signals = self._stretches, self._labels, self._on
         stretches, labels, on = (signal.closed() for signal in signals)
         config, rate_hz = self._replay.config, self._rate_hz
-        scored = ScoredRows(labels, stretches, settling_rows(self._config), config, rate_hz)
+        settling, accuracy_s = settling_rows(self._config), self._accuracy_s
+        scored = ScoredRows(labels, stretches, settling, config, rate_hz, accuracy_s)
         alarms = scored.alarms(on)
         rises = [alarm.start for alarm in alarms]
         alarm_of, slip_of = scored.match(rises)
         on_in_slips = rows_on(on, self._labels.edges[::2], self._labels.edges[1::2])
+        late_rows = round((config.late_after_s + accuracy_s) * rate_hz)
         slips = []
         for s, (slip, its_alarm) in enumerate(zip(self._slips, alarm_of, strict=True)):
             latency = None if its_alarm is None else rises[its_alarm] - slip.start
-            settling, delays_s, stages_s = not scored.scored[s], self._delays_s(slip), None
+            settles, delays_s, stages_s = not scored.scored[s], self._delays_s(slip), None
             # The rise that was watched may belong to an alarm that began before the slip.
-            if slip.stages and sum(slip.stages.values()) == latency:
+            if slip.stages and sum(slip.stages.values()) == latency and not accuracy_s:
                 stages_s = {stage: rows / rate_hz for stage, rows in slip.stages.items()}
             slips.append(
                 TrueSlip(
@@ -282,12 +285,13 @@ class _Run:
                     end_s=labels[s].end / rate_hz,
                     alarm=its_alarm,
                     latency_s=None if latency is None else latency / rate_hz,
-                    settling=settling,
+                    accuracy_s=accuracy_s,
+                    settling=settles,
                     lead_s=float(scored.leads_s[s]),
                     window_s=float(scored.windows_s[s]),
-                    late=latency is not None and latency > round(config.late_after_s * rate_hz),
+                    late=latency is not None and latency > late_rows,
                     stages_s=stages_s,
-                    lost_at=self._lost_at(slip) if latency is None and not settling else None,
+                    lost_at=self._lost_at(slip) if latency is None and not settles else None,
                     on_at_start=slip.on_at_start,
                     on_while=bool(on_in_slips[s]),
                     channel_delays_s=delays_s,
@@ -295,10 +299,10 @@ class _Run:
                 )
             )
         found = []
-        settles = scored.settling(rises)
+        settled = ~scored.settling(rises)
         for a, (alarm, of) in enumerate(zip(alarms, slip_of, strict=True)):
             kind = FALSE if of is None else TRUE if alarm_of[of] == a else REPEAT
-            if settles[a] or (of is not None and slips[of].settling):
+            if not settled[a] or (of is not None and slips[of].settling):
                 kind = SETTLING
             found.append(Alarm(alarm.start / rate_hz, alarm.end / rate_hz, kind, of))
         return ReplayOutcome(
@@ -308,6 +312,8 @@ class _Run:
             on_rows=_length(on) - int(on_in_slips.sum()),
             settling_rows=scored.settling_rows,
             rest_rows=scored.rest_rows,
+            certain_rows=int((scored.certain_ends - scored.certain_starts).sum()),
+            on_certain_rows=int(rows_on(on, scored.certain_starts, scored.certain_ends).sum()),
             on_rest_rows=int(rows_on(on, scored.rest_starts, scored.rest_ends).sum()),
             sample_rate_hz=rate_hz,
             slips=tuple(slips),

@@ -27,8 +27,9 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Kinds = NDArray[np.int8]
 
-#: Kinds of rows: the robot rests, or its motion is not known; the robot moves; there is slip.
-REST, MOTION, SLIP = range(3)
+#: Kinds of rows: the robot rests, or its motion is not known; the robot moves; there is slip; the
+#: label is not certain.
+REST, MOTION, SLIP, UNCERTAIN = range(4)
 
 #: Width of a class: scores in one class differ by less than this share of their value.
 SCORE_RESOLUTION = 2.0**-10
@@ -40,8 +41,8 @@ _LOWEST_CLASS = (1023 - 127) << 10
 _CLASSES = 1 << 18
 
 
-def kinds_of(truth: Bools, moving: Bools | None = None) -> Kinds:
-    """Return the kind of each row: :data:`REST`, :data:`MOTION` or :data:`SLIP`; shape (n,).
+def kinds_of(truth: Bools, moving: Bools | None = None, certain: Bools | None = None) -> Kinds:
+    """Return the kind of each row, :data:`REST` to :data:`UNCERTAIN`; shape (n,).
 
     A row with slip is of the kind :data:`SLIP` whether the robot moves or not.
 
@@ -51,6 +52,8 @@ def kinds_of(truth: Bools, moving: Bools | None = None) -> Kinds:
         Whether there is slip.
     moving : ndarray of bool, shape (n,), or None
         Whether the robot moves, where that is known.
+    certain : ndarray of bool, shape (n,), or None
+        Whether the label is certain; None: in all rows.
 
     Examples
     --------
@@ -58,7 +61,8 @@ def kinds_of(truth: Bools, moving: Bools | None = None) -> Kinds:
     array([0, 1, 2], dtype=int8)
     """
     others = REST if moving is None else np.where(moving, MOTION, REST)
-    return np.where(truth, SLIP, others).astype(np.int8)
+    kinds = np.where(truth, SLIP, others)
+    return np.where(True if certain is None else certain, kinds, UNCERTAIN).astype(np.int8)
 
 
 @compiled
@@ -67,10 +71,12 @@ def _count(bits, kinds, table, used):  # type: ignore[no-untyped-def]
 
     ``bits`` are the bits of the scores; ``used`` is the lowest class in use above 0, and the class
     after the highest one in use. Class 0, which has the rows before any signal, is left out: it
-    lies far below the others.
+    lies far below the others. Rows of the kind ``UNCERTAIN`` do not count.
     """
     low, high = used[0], used[1]
     for k in range(bits.size):
+        if kinds[k] == UNCERTAIN:
+            continue
         # The bits of positive floats have the same order as the floats.
         at = min(max((bits[k] >> _DROPPED_BITS) - _LOWEST_CLASS, 0), _CLASSES - 1)
         table[kinds[k], at] += 1
@@ -185,7 +191,7 @@ class ScoreTally:
         score : array_like, shape (n,)
             At least 0.
         kind : array_like of int, shape (n,)
-            :data:`REST`, :data:`MOTION` or :data:`SLIP`.
+            :data:`REST` to :data:`UNCERTAIN`, which does not count.
         """
         scores = np.ascontiguousarray(score, np.float64)
         kinds = np.ascontiguousarray(kind, np.int8)

@@ -77,6 +77,11 @@ class TuneConfig(ParameterSet):
     false_time_costs_ms: float = parameter(
         10.0, 'Cost of each per cent of the rest during which slip is ON.', (0.0, 1e6, 'ms')
     )
+    missed_time_costs_ms: float = parameter(
+        2.0,
+        'Cost of each per cent of the time of slips during which slip is OFF.',
+        (0.0, 1e6, 'ms'),
+    )
     auc_costs_ms: float = parameter(
         100.0, 'Cost of an area of 0 under the ROC curve of all rows; 1: none.', (0.0, 1e6, 'ms')
     )

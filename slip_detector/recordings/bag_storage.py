@@ -84,6 +84,8 @@ class BagStorage:
         One line for each part that the last reading could not read.
     warnings : list of str
         One line for each reason why damage may go unseen.
+    custom_data : dict
+        What the one who recorded has noted in ``metadata.yaml``, by key.
 
     Raises
     ------
@@ -105,9 +107,11 @@ class BagStorage:
         #: What rosbags opens, one after the other: the bag or, if it is damaged, its files.
         self._parts = [path]
         self._cuts: list[str] = []
+        self.custom_data: dict[str, Any] = {}
         try:
             if path.is_dir():  # what is nested too deep ends the parser of rosbags
-                read_yaml(path / METADATA)
+                about = read_yaml(path / METADATA).get('rosbag2_bagfile_information') or {}
+                self.custom_data = about.get('custom_data') or {}
             connections = self._connections()
         except ValueError:
             self._open_singly(files)

@@ -14,6 +14,7 @@
 
 """The true slip in a recording: from intervals written by hand, labels, states or positions."""
 
+import contextlib
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -21,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain.samples import Samples
+from slip_detector.parameters.fields import shortened
 from slip_detector.parameters.files import read_yaml
 
 Floats = NDArray[np.float64]
@@ -30,8 +32,15 @@ Bools = NDArray[np.bool_]
 #: Ending of a file of labels beside its recording: ``trial.labels.yaml`` for ``trial.mcap``.
 ENDING = '.labels.yaml'
 
-#: Name of the list of intervals in a file of labels.
-KEY = 'slip_s'
+#: Names in a file of labels: of the list of intervals, and of how exact their ends are.
+KEY, ACCURACY = 'slip_s', 'accuracy_s'
+
+#: How exact a label is whose ends were given by a key or a button as a finger slid, in seconds:
+#: people press 0.12 to 0.35 s late, and let go 0.08 to 0.3 s late.
+BY_HAND_S = 0.35
+
+#: Largest accuracy that means something.
+MOST_S = 10.0
 
 
 class Labels(NamedTuple):
@@ -42,6 +51,8 @@ class Labels(NamedTuple):
     path : Path
     edges_s : ndarray, shape (k, 2)
         Start and end of each, in order of time, without overlap; seconds from the first sample.
+    accuracy_s : float
+        How far each of them may be from the true one; 0: exact.
 
     Examples
     --------
@@ -52,6 +63,7 @@ class Labels(NamedTuple):
 
     path: Path
     edges_s: Floats
+    accuracy_s: float = 0.0
 
     def at(self, after_ns: Stamps) -> Bools:
         """Return whether there is slip at each time; an interval excludes its end.
@@ -61,8 +73,12 @@ class Labels(NamedTuple):
         after_ns : ndarray of int, shape (n,)
             Times since the first sample, in nanoseconds.
         """
-        edges_ns = np.rint(1e9 * self.edges_s.ravel())
-        return np.asarray(np.searchsorted(edges_ns, after_ns, side='right') % 2 == 1)
+        return np.asarray(np.searchsorted(self.edges_ns, after_ns, side='right') % 2 == 1)
+
+    @property
+    def edges_ns(self) -> Stamps:
+        """All starts and ends, in nanoseconds."""
+        return np.rint(1e9 * self.edges_s.ravel()).astype(np.int64)
 
     def check_end(self, end_s: float, recording: Path) -> None:
         """Raise an error if an interval ends after the recording."""
@@ -118,13 +134,15 @@ def read_labels(path: Path) -> Labels:
     Parameters
     ----------
     path
-        A YAML file with a list ``slip_s`` of pairs of seconds from the first sample.
+        A YAML file with a list ``slip_s`` of pairs of seconds from the first sample, and perhaps
+        ``accuracy_s``, how far they may be from the true ones.
 
     Raises
     ------
     ValueError
-        When the file cannot be read or has no such list or more, or an interval is empty, begins
-        before the recording or overlaps another; names the file and the interval.
+        When the file cannot be read or has no such list or more, the accuracy is not allowed, or
+        an interval is empty, begins before the recording or overlaps another; names the file and
+        the interval.
 
     Examples
     --------
@@ -140,12 +158,15 @@ def read_labels(path: Path) -> Labels:
     array([False,  True, False])
     """
     document = read_yaml(path)
+    accuracy_s = checked_accuracy(document.pop(ACCURACY, 0.0), f'{path}: ')
     try:
         edges_s = np.array(document.pop(KEY), np.float64).reshape(-1, 2)
     except (KeyError, TypeError, ValueError, ArithmeticError):
         document = {'no': KEY}
     if document:
-        raise ValueError(f'{path}: has more or less than {KEY}: [[start, end]] in seconds')
+        raise ValueError(
+            f'{path}: has more or less than {KEY}: [[start, end]] and {ACCURACY}, all in seconds'
+        )
     edges_s = edges_s[np.argsort(edges_s[:, 0])]
     steps_s = np.diff(edges_s.ravel(), prepend=0.0).reshape(-1, 2)
     wrong = ~((steps_s[:, 0] >= 0.0) & (steps_s[:, 1] > 0.0))
@@ -155,7 +176,50 @@ def read_labels(path: Path) -> Labels:
             f'{path}: the slip [{start_s:g}, {end_s:g}] s is not allowed: it begins before 0 s '
             'or the end of another, or ends before it begins'
         )
-    return Labels(path, edges_s)
+    return Labels(path, edges_s, accuracy_s)
+
+
+def checked_accuracy(value: Any, where: str = '') -> float:
+    """Return how exact labels are; a ValueError if it is no number from 0 to 10 s.
+
+    Examples
+    --------
+    >>> checked_accuracy('0.35')
+    0.35
+    """
+    with contextlib.suppress(TypeError, ValueError):
+        if 0.0 <= (accuracy_s := float(value)) <= MOST_S:
+            return accuracy_s
+    raise ValueError(f'{where}{ACCURACY} is {shortened(repr(value))}, allowed: 0 to {MOST_S:g} s')
+
+
+def certain_at(at_ns: Stamps, edges_ns: Stamps, accuracy_s: float) -> 'Bools | None':
+    """Return which times are further from all ends of labels than these are exact.
+
+    Parameters
+    ----------
+    at_ns : ndarray of int, shape (n,)
+        The times.
+    edges_ns : ndarray of int, shape (k,)
+        The ends, in rising order.
+    accuracy_s
+        How exact they are; 0: exact.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,), or None
+        None where all are, as the ends are exact.
+
+    Examples
+    --------
+    >>> certain_at(np.array([0, 300_000_000, 500_000_000]), np.array([400_000_000]), 0.1)
+    array([ True, False,  True])
+    """
+    if not accuracy_s:
+        return None
+    within_ns = round(accuracy_s * 1e9)
+    first = np.searchsorted(edges_ns, at_ns - within_ns, side='right')
+    return np.asarray(first == np.searchsorted(edges_ns, at_ns + within_ns, side='right'))
 
 
 def as_truth(label: NDArray[Any], key: str) -> NDArray[np.bool_]:

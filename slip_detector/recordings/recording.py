@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from slip_detector.chain.samples import Samples
 from slip_detector.chain.stamps import StampGrid
 from slip_detector.parameters.driver import RecordingConfig
-from slip_detector.recordings.labels import Labels
+from slip_detector.recordings.labels import Labels, certain_at
 from slip_detector.recordings.rates import (
     MOST_FACTOR,
     RATE_TOLERANCE,
@@ -115,6 +115,8 @@ class Recording:
         Whether the recording itself names its channels; else the names are ch1, ch2, ...
     has_truth : bool
         Whether the true slip is known.
+    accuracy_s : float
+        How exact the label is; 0: exact.
     counts : RecordingCounts
         Counts of the last reading.
     """
@@ -128,7 +130,7 @@ class Recording:
         self.path, self._limit_mb = path, config.recording_limit_mb
         self.counts = RecordingCounts()
         self._labels, self._resample = labels, config.recording_resample
-        self.has_truth = labels is not None
+        self.has_truth, self.accuracy_s = labels is not None, labels.accuracy_s if labels else 0.0
 
     def read(self) -> Iterator[Samples]:
         """Yield the rows of the file, some thousands at a time."""
@@ -174,8 +176,11 @@ class Recording:
                 first_ns = int(rows.stamps_ns[0]) if first_ns is None else first_ns
                 last_ns = int(rows.stamps_ns[-1])
                 self.counts.bad_samples += int(np.count_nonzero(~np.isfinite(rows.volts)))
-                truth = rows.truth if labels is None else labels.at(rows.stamps_ns - first_ns)
-                yield rows._replace(truth=truth)
+                if labels is not None:
+                    after_ns = rows.stamps_ns - first_ns
+                    certain = certain_at(after_ns, labels.edges_ns, labels.accuracy_s)
+                    rows = rows._replace(truth=labels.at(after_ns), certain=certain)
+                yield rows._replace(accuracy_s=self.accuracy_s)
             damage = self.counts.damage
             if first_ns is None or last_ns is None:
                 raise ValueError(f'has no samples{f" ({damage})" if damage else ""}')

@@ -44,10 +44,11 @@ TABLES: dict[str, Sequence[str]] = {
     ),
     'slips': (
         'slips', 'settling_slips', 'matched', 'late', 'missed', 'recall', 'recall_by_chance',
-        'sooner_than_chance',
+        'sooner_than_chance', 'coverage',
     ),
     'latency': (
         'latency_median_all_ms', 'latency_median_ms', 'latency_p90_ms', 'latency_worst_ms',
+        'latency_accuracy_ms',
     ),
     'alarms': (
         'alarms', 'settling_alarms', 'repeated_alarms', 'false_alarms', 'precision',
@@ -69,7 +70,7 @@ LEGEND = f'{UNDEFINED}: not defined (no such rows or events, or the motion is no
 
 #: The figures by which chains are compared.
 MAIN_FIGURES = (
-    'slips', 'missed', 'late', 'recall', 'sooner_than_chance', 'precision', 'false_alarms',
+    'slips', 'missed', 'late', 'recall', 'coverage', 'sooner_than_chance', 'precision', 'false_alarms',
     'false_alarms_per_minute', 'false_time_percent', 'latency_median_all_ms', 'latency_median_ms',
     'latency_p90_ms', 'latency_worst_ms', 'auc_all', 'auc_moving',
 )  # fmt: skip

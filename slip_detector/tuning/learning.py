@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from slip_detector.chain.filters import settling_rows
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation.evaluator import RecordingLoader
-from slip_detector.evaluation.scores import MOTION, REST, SLIP
+from slip_detector.evaluation.scores import MOTION, REST
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.recordings.rates import forward_filled
@@ -377,8 +377,11 @@ def steps_v(chain: ChainConfig, track: Track) -> Floats:
 
 def slip_steps_v(chain: ChainConfig, tracks: Sequence[Track]) -> Floats:
     """Return the largest of :func:`steps_v` in rows with slip; shape (enabled channels,)."""
+    # Also where the label is not certain, as the first rows of a slip may be its largest.
+    slips = [np.asarray(track.samples.truth) for track in tracks]
     steps = [
-        steps_v(chain, track)[track.kinds == SLIP].max(axis=0, initial=0.0) for track in tracks
+        steps_v(chain, track)[slip].max(axis=0, initial=0.0)
+        for track, slip in zip(tracks, slips, strict=True)
     ]
     return np.asarray(np.max(steps, axis=0))
 

@@ -43,7 +43,7 @@ from slip_detector.tuning.tracks import Track
 
 Floats = NDArray[np.float64]
 
-#: Figures by name, None where one is not defined: those of :func:`.slip_figures`;
+#: Figures by name, None where one is not defined: ``coverage`` and those of :func:`.slip_figures`;
 #: ``false_alarms_per_minute_off``, the false alarms per minute of rest in which the decision is
 #: OFF, as one that is mostly ON has few alarms; and ``auc``, the area under the ROC curve of rows
 #: with slip against rows of motion, or, where no motion is known, all rows without slip.
@@ -61,8 +61,8 @@ CONFIDENCE = 0.99
 #: Areas under the ROC curve that differ by less than this count as equal.
 AUC_STEP = 1e-3
 
-#: Other figures that differ by less than this count as equal.
-EQUAL = 1e-9
+#: Other figures that differ by less than this count as equal, and coverages by less than this.
+EQUAL, COVERAGE_STEP = 1e-9, 5e-3
 
 #: Factor on the cost of the amount by which a figure is worse than that of the given chain.
 WORSE_COUNTS = 10.0
@@ -74,6 +74,7 @@ COMPARED = {
     'false_alarms_per_minute_off': ('false alarms', ' in a minute of OFF', False, EQUAL),
     'false_time_percent': ('false time', ' %', False, EQUAL),
     'sooner_than_chance': ('sooner than chance', '', True, EQUAL),
+    'coverage': ('time of slips that is ON', '', True, COVERAGE_STEP),
     'auc': ('area under the ROC curve', '', True, AUC_STEP),
 }
 
@@ -110,7 +111,7 @@ def worse_than(figures: Figures, other: Figures) -> list[str]:
     """
     texts = []
     for name, (words, unit, more_is_better, step) in COMPARED.items():
-        figure, its = figures[name], other[name]
+        figure, its = (_limited(one, name) for one in (figures, other))
         if its is None or not better_than_chance(other):
             continue
         if figure is None:
@@ -118,6 +119,12 @@ def worse_than(figures: Figures, other: Figures) -> list[str]:
         elif (its - figure if more_is_better else figure - its) > step:
             texts.append(f'{words} {figure:.4g} against {its:.4g}{unit}')
     return texts
+
+
+def _limited(figures: Figures, name: str) -> float | None:
+    """Return a figure as costs have it: that an alarm is before its slip brings nothing."""
+    figure = figures[name]
+    return max(figure, 0.0) if figure is not None and name.startswith('latency') else figure
 
 
 class Candidate(NamedTuple):
@@ -288,11 +295,14 @@ class Problem:
         rates_hz = sweep.false_alarms / sweep.rest_s
         per_minute = 60.0 * sweep.false_alarms / sweep.rest_s
         percent = 100.0 * (sweep.on_rest_s / sweep.rest_s)
+        # Labels that are not exact may leave no row that certainly slips.
+        missed_percent = 100.0 * (1.0 - np.nan_to_num(sweep.coverage, nan=1.0))
         costs = (
             late_ms.mean(axis=0)
             + 1e3 * saved_by_chance_s(leads_s, windows_s, rates_hz, missed_costs / 1e3)
             + false_costs * per_minute
             + config.false_time_costs_ms * percent
+            + config.missed_time_costs_ms * missed_percent
         )
         if given is not None and better_than_chance(given):
             latencies_s = sweep.latencies_ms[scored] / 1e3
@@ -301,13 +311,16 @@ class Problem:
             # Per minute of rest that is OFF; 0 where none is.
             off = np.maximum(1.0 - percent / 100.0, 0.0)
             per_minute_off = np.divide(per_minute, off, out=np.zeros(off.size), where=off > 0.0)
-            limit = {name: np.nan if one is None else one for name, one in given.items()}
+            limits = {name: _limited(given, name) for name in given}
+            limit = {name: np.nan if one is None else one for name, one in limits.items()}
             # A figure that is not defined is not worse.
             worse = (
                 np.fmax(median - limit['latency_median_all_ms'], 0.0)
                 + missed_costs * np.fmax(limit['sooner_than_chance'] - sooner, 0.0)
                 + false_costs * np.fmax(per_minute_off - limit['false_alarms_per_minute_off'], 0.0)
                 + config.false_time_costs_ms * np.fmax(percent - limit['false_time_percent'], 0.0)
+                + config.missed_time_costs_ms
+                * np.fmax(missed_percent - 100.0 * (1.0 - limit['coverage']), 0.0)
             )
             costs += WORSE_COUNTS * worse
         return np.asarray(costs)

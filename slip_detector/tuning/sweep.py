@@ -33,6 +33,7 @@ from slip_detector.evaluation.chance import slip_figures
 from slip_detector.evaluation.matching import (
     NONE,
     ScoredRows,
+    beyond_accuracy,
     give_alarm,
     slip_not_over,
 )
@@ -112,7 +113,7 @@ def thresholds(chain: ChainConfig, statistic: Sequence[Floats], tracks: Sequence
     if not 0.0 < top < math.inf:
         return np.zeros(0)
     parts = zip(statistic, tracks, strict=True)
-    quiet = [part[::STRIDE][track.kinds[::STRIDE] != SLIP] for part, track in parts]
+    quiet = [part[::STRIDE][track.kinds[::STRIDE] < SLIP] for part, track in parts]
     rest = float(np.median(np.concatenate(quiet))) if any(part.size for part in quiet) else 0.0
     exponent, least_step, limit = chain.exponent, 0.0, math.inf
     if chain.decision == 'evidence':  # in decibels, so no power of the amplitude, and limited
@@ -192,17 +193,18 @@ def vote_statistics(
 
 @compiled
 def _sweep(
-    statistic, limits, first_row, settled, off_rows, lows, highs, rest_starts, rest_ends, rises,
-    false_alarms, rest_rows,
+    statistic, limits, first_row, settled, off_rows, lows, highs, intervals, rises, false_alarms,
+    rows_below,
 ):  # fmt: skip
     """Follow the rises of a statistic through all thresholds over one stretch of a track.
 
-    An alarm is identified by the row at which it rises. ``rest_rows`` counts the rows of rest by
-    the number of thresholds below their value.
+    An alarm is identified by the row at which it rises. ``rows_below`` counts rows by the number
+    of thresholds below their value, in a column for each kind of ``intervals``, whose rows are
+    start, end and kind; all other rows are of kind 0.
     """
-    rest = np.zeros(statistic.size, np.bool_)
-    for i in range(rest_starts.size):
-        rest[max(rest_starts[i] - first_row, 0) : max(rest_ends[i] - first_row, 0)] = True
+    kinds = np.zeros(statistic.size, np.int8)
+    for start, end, kind in intervals:
+        kinds[max(start - first_row, 0) : max(end - first_row, 0)] = kind
     # For each threshold the row at which the value last fell to it.
     fell = np.full(limits.size, first_row - off_rows)
     above = slip = 0
@@ -230,16 +232,17 @@ def _sweep(
                         false_alarms[t] += 1
                     else:
                         give_alarm(row, row, slip, lows, rises, t)
-        rest_rows[above] += rest[r]
+        rows_below[above, kinds[r]] += 1
 
 
 class ThresholdSweep(NamedTuple):
-    """Latencies, false alarms and false time at each of T thresholds of one vote.
+    """Latencies, false alarms and time ON at each of T thresholds of one vote.
 
     Attributes
     ----------
     latencies_ms : ndarray, shape (slips, T)
-        Latency of each true slip; NaN where it is missed and where it is not scored.
+        Latency of each true slip, as far as it is certain; NaN where it is missed and where it is
+        not scored.
     scored : ndarray of bool, shape (slips,)
         Whether a slip is scored, see :class:`.ScoredRows`.
     leads_s, windows_s : ndarray, shape (slips,)
@@ -249,6 +252,8 @@ class ThresholdSweep(NamedTuple):
         Time of the rest.
     on_rest_s : ndarray, shape (T,)
         Time of the rest that is ON.
+    coverage : ndarray, shape (T,)
+        Share of the time that certainly slips in which the decision is ON; NaN without any.
     """
 
     latencies_ms: Floats
@@ -258,10 +263,12 @@ class ThresholdSweep(NamedTuple):
     false_alarms: NDArray[np.int64]
     rest_s: float
     on_rest_s: Floats
+    coverage: Floats
 
     def figures(self, at: int) -> dict[str, float | None]:
-        """Return the figures at one threshold, see :func:`.slip_figures`."""
-        return slip_figures(
+        """Return the figures at one threshold: ``coverage``, and those of :func:`.slip_figures`."""
+        coverage = float(self.coverage[at])
+        return {'coverage': None if math.isnan(coverage) else coverage} | slip_figures(
             self.latencies_ms[self.scored, at],
             self.leads_s[self.scored],
             self.windows_s[self.scored],
@@ -305,27 +312,34 @@ def sweep_thresholds(
     >>> sweep.latencies_ms, sweep.false_alarms, sweep.on_rest_s
     (array([[nan, 10., nan]]), array([1, 0, 0]), array([0.01, 0.  , 0.  ]))
     """
-    false_alarms, rest_s, on_rest_s = np.zeros(limits.size, np.int64), 0.0, np.zeros(limits.size)
-    none = np.zeros(0)
+    false_alarms, rest_s, none = np.zeros(limits.size, np.int64), 0.0, np.zeros(0)
+    # Times of the kinds 1, rest, and 2, certain slip: in all, then ON at each threshold.
+    on_s = np.zeros((limits.size + 1, 3))
     # For each track: latencies_ms, scored, leads_s and windows_s of its slips.
     of_tracks = [(np.zeros((0, limits.size)), np.zeros(0, np.bool_), none, none)]
     for part, track in zip(statistic, tracks, strict=True):
         rate_hz = track.sample_rate_hz
         stretches = [stretch.interval for stretch in track.stretches]
-        rows = ScoredRows(track.slips, stretches, settling_rows, config, rate_hz)
+        accuracy_s = track.samples.accuracy_s
+        rows = ScoredRows(track.slips, stretches, settling_rows, config, rate_hz, accuracy_s)
         rises = np.full((len(track.slips), limits.size), NONE, np.int64)
-        rest_rows = np.zeros(limits.size + 1, np.int64)
+        rows_below = np.zeros((limits.size + 1, 3), np.int64)
+        rest = np.stack(np.broadcast_arrays(rows.rest_starts, rows.rest_ends, 1), axis=1)
+        slip = np.stack(np.broadcast_arrays(rows.certain_starts, rows.certain_ends, 2), axis=1)
+        intervals = np.concatenate([rest, slip])
         for (begin, end, first_row), settled in zip(track.stretches, rows.settled, strict=True):
             _sweep(
                 part[begin:end], limits, first_row, int(settled), rows.off_rows, rows.lows,
-                rows.highs, rows.rest_starts, rows.rest_ends, rises, false_alarms, rest_rows,
+                rows.highs, intervals, rises, false_alarms, rows_below,
             )  # fmt: skip
         starts = np.array([slip.start for slip in track.slips], np.int64)[:, np.newaxis]
         found = (rises != NONE) & rows.scored[:, np.newaxis]
-        latencies_ms: Floats = np.where(found, (rises - starts) / rate_hz * 1e3, np.nan)
+        late_s = beyond_accuracy((rises - starts) / rate_hz, accuracy_s)
+        latencies_ms: Floats = np.where(found, late_s * 1e3, np.nan)
         of_tracks.append((latencies_ms, rows.scored, rows.leads_s, rows.windows_s))
         rest_s += rows.rest_rows / rate_hz
         # A row is ON at threshold k where more than k thresholds are below its value.
-        on_rest_s += np.cumsum(rest_rows[:0:-1])[::-1] / rate_hz
-    latencies, scored, leads_s, windows_s = map(np.concatenate, zip(*of_tracks, strict=True))
-    return ThresholdSweep(latencies, scored, leads_s, windows_s, false_alarms, rest_s, on_rest_s)
+        on_s += np.cumsum(rows_below[::-1], axis=0)[::-1] / rate_hz
+    coverage = on_s[1:, 2] / on_s[0, 2] if on_s[0, 2] else np.full(limits.size, np.nan)
+    of_slips = map(np.concatenate, zip(*of_tracks, strict=True))
+    return ThresholdSweep(*of_slips, false_alarms, rest_s, on_s[1:, 1], coverage)

@@ -26,7 +26,7 @@ from slip_detector.chain.samples import Samples
 from slip_detector.chain.stamps import missing_rows
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.evaluation.matching import OnIntervals, RowInterval
-from slip_detector.evaluation.scores import SLIP, kinds_of
+from slip_detector.evaluation.scores import kinds_of
 from slip_detector.recordings import RecordingCounts, recording_sets
 
 Floats = NDArray[np.float64]
@@ -73,7 +73,7 @@ class Track:
     slips : tuple of RowInterval
         True slips, in rows that are numbered like ``first_row`` of a stretch.
     kinds : ndarray of int8, shape (n,)
-        ``REST``, ``MOTION`` or ``SLIP``; see :mod:`slip_detector.evaluation.scores`.
+        ``REST`` to ``UNCERTAIN``; see :mod:`slip_detector.evaluation.scores`.
 
     Examples
     --------
@@ -92,14 +92,14 @@ class Track:
     def kinds(self) -> NDArray[np.int8]:
         """See above."""
         assert self.samples.truth is not None
-        return kinds_of(self.samples.truth, self.samples.moving)
+        return kinds_of(self.samples.truth, self.samples.moving, self.samples.certain)
 
     @functools.cached_property
     def slips(self) -> tuple[RowInterval, ...]:
         """See above."""
-        labels = OnIntervals()
+        labels, truth = OnIntervals(), np.asarray(self.samples.truth)
         for stretch in self.stretches:
-            labels.add(self.kinds[stretch.begin : stretch.end] == SLIP, stretch.first_row)
+            labels.add(truth[stretch.begin : stretch.end], stretch.first_row)
             labels.close(stretch.interval.end)
         return tuple(labels.closed())
 
@@ -208,7 +208,8 @@ def hold_out_evenly(items: Sequence[Any], share: float) -> tuple[list[Any], list
 def _cut_in_two(tracks: Sequence[Track], share: float) -> tuple[list[Track], list[Track]]:
     """Cut the one recording between two slips; the later part is held out."""
     (track,) = tracks
-    edges = np.flatnonzero(np.diff(track.kinds == SLIP, prepend=False, append=False))
+    truth = np.asarray(track.samples.truth)
+    edges = np.flatnonzero(np.diff(truth, prepend=False, append=False))
     cuts = (edges[1:-1:2] + edges[2::2]) // 2
     if not cuts.size:
         return [track], []
