@@ -109,8 +109,8 @@ class TrueSlip:
         ``envelope`` ends when the envelope of a channel is above the threshold (for the limits
         that evidence uses instead see :mod:`.replay`), ``decision`` when its level is,
         which turns the channel ON, and ``vote`` when the group is ON. None where there is no
-        exact latency, where the alarm rises before the label and where another alarm was not over when
-        the slip began.
+        exact latency, where the alarm rises before the label and where another alarm was not over
+        when the slip began.
     lost_at : str or None
         Where a missed slip was lost: the first of :data:`STAGES` after which no channel was above
         the threshold in the time in which the alarm could rise; ``vote`` where channels were ON
@@ -195,8 +195,9 @@ def event_figures(outcomes: Sequence['ReplayOutcome']) -> dict[str, Any]:
         time in which an alarm would be matched; ``rest_s``; ``coverage``: the share of the time
         that certainly slips in which the global decision is ON; ``latency_accuracy_ms``: how exact
         the starts of the labels are, 0 if all are; the figures of :func:`.slip_figures`, whose
-        latencies are what is certain of them, 0 within this accuracy; ``<stage>_ms``: mean time that the latency of the matched slips
-        spends in the stage; ``late_<stage>_ms``: the same for the late slips;
+        latencies are what is certain of them, 0 within this accuracy; ``<stage>_ms``: mean time
+        that the latency of the matched slips spends in the stage; ``late_<stage>_ms``: the same
+        for the late slips;
         ``missed_at_<stage>`` and ``missed_already_on``: how many slips were lost there.
     """
     slips = [slip for one in outcomes for slip in one.slips]
@@ -370,7 +371,8 @@ class ReplayOutcome:
     --------
     >>> outcome = ReplayOutcome(
     ...     rows=760, slip_rows=190, moving_rows=None, on_rows=19, settling_rows=190,
-    ...     certain_rows=190, on_certain_rows=95, rest_rows=380, on_rest_rows=19, sample_rate_hz=380.0, slips=(), alarms=(),
+    ...     certain_rows=190, on_certain_rows=95, rest_rows=380, on_rest_rows=19,
+    ...     sample_rate_hz=380.0, slips=(), alarms=(),
     ...     scores=ScoreCounts.pooled([]),
     ... )
     >>> outcome.rows / outcome.sample_rate_hz

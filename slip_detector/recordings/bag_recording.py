@@ -31,8 +31,8 @@ from slip_detector.recordings.bag_storage import BagStorage, Message, Topic, typ
 from slip_detector.recordings.labels import (
     ACCURACY,
     Labels,
-    checked_accuracy,
     certain_at,
+    checked_accuracy,
     moving_at,
     states_at,
 )

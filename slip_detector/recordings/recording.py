@@ -176,11 +176,12 @@ class Recording:
                 first_ns = int(rows.stamps_ns[0]) if first_ns is None else first_ns
                 last_ns = int(rows.stamps_ns[-1])
                 self.counts.bad_samples += int(np.count_nonzero(~np.isfinite(rows.volts)))
+                label: dict[str, Any] = {}
                 if labels is not None:
                     after_ns = rows.stamps_ns - first_ns
                     certain = certain_at(after_ns, labels.edges_ns, labels.accuracy_s)
-                    rows = rows._replace(truth=labels.at(after_ns), certain=certain)
-                yield rows._replace(accuracy_s=self.accuracy_s)
+                    label = {'truth': labels.at(after_ns), 'certain': certain}
+                yield rows._replace(accuracy_s=self.accuracy_s, **label)
             damage = self.counts.damage
             if first_ns is None or last_ns is None:
                 raise ValueError(f'has no samples{f" ({damage})" if damage else ""}')

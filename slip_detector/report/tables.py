@@ -70,9 +70,9 @@ LEGEND = f'{UNDEFINED}: not defined (no such rows or events, or the motion is no
 
 #: The figures by which chains are compared.
 MAIN_FIGURES = (
-    'slips', 'missed', 'late', 'recall', 'coverage', 'sooner_than_chance', 'precision', 'false_alarms',
-    'false_alarms_per_minute', 'false_time_percent', 'latency_median_all_ms', 'latency_median_ms',
-    'latency_p90_ms', 'latency_worst_ms', 'auc_all', 'auc_moving',
+    'slips', 'missed', 'late', 'recall', 'coverage', 'sooner_than_chance', 'precision',
+    'false_alarms', 'false_alarms_per_minute', 'false_time_percent', 'latency_median_all_ms',
+    'latency_median_ms', 'latency_p90_ms', 'latency_worst_ms', 'auc_all', 'auc_moving',
 )  # fmt: skip
 
 

@@ -266,7 +266,7 @@ class ThresholdSweep(NamedTuple):
     coverage: Floats
 
     def figures(self, at: int) -> dict[str, float | None]:
-        """Return the figures at one threshold: ``coverage``, and those of :func:`.slip_figures`."""
+        """Return the figures at one threshold: coverage and those of :func:`.slip_figures`."""
         coverage = float(self.coverage[at])
         return {'coverage': None if math.isnan(coverage) else coverage} | slip_figures(
             self.latencies_ms[self.scored, at],
@@ -341,5 +341,6 @@ def sweep_thresholds(
         # A row is ON at threshold k where more than k thresholds are below its value.
         on_s += np.cumsum(rows_below[::-1], axis=0)[::-1] / rate_hz
     coverage = on_s[1:, 2] / on_s[0, 2] if on_s[0, 2] else np.full(limits.size, np.nan)
-    of_slips = map(np.concatenate, zip(*of_tracks, strict=True))
-    return ThresholdSweep(*of_slips, false_alarms, rest_s, on_s[1:, 1], coverage)
+    latencies, scored, leads_s, windows_s = map(np.concatenate, zip(*of_tracks, strict=True))
+    found = false_alarms, rest_s, on_s[1:, 1], coverage
+    return ThresholdSweep(latencies, scored, leads_s, windows_s, *found)

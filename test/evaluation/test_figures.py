@@ -40,8 +40,8 @@ from slip_detector.evaluation.scores import ScoreCounts
 from support.replay_cases import CONFIG, RATE_HZ, ridges
 
 SLIP = TrueSlip(
-    start_s=1.0, end_s=2.0, alarm=0, latency_s=0.04, settling=False, lead_s=0.0, window_s=1.1,
-    late=False,
+    start_s=1.0, end_s=2.0, alarm=0, latency_s=0.04, accuracy_s=0.0, settling=False, lead_s=0.0,
+    window_s=1.1, late=False,
     stages_s=dict(zip(STAGES, (0.01, 0.005, 0.02, 0.005), strict=True)), lost_at=None,
     on_at_start=False, on_while=True, channel_delays_s=(0.03, None), delay_s=0.03,
 )  # fmt: skip
@@ -54,7 +54,8 @@ def outcome(slips=(), kinds=(), rest_rows=0, on_rest_rows=0, rows=0, on_rows=0):
     """Return the outcome of a recording with 10 rows a second, none of them called slip."""
     return ReplayOutcome(
         rows=rows, slip_rows=0, moving_rows=None, on_rows=on_rows, settling_rows=0,
-        rest_rows=rest_rows, on_rest_rows=on_rest_rows, sample_rate_hz=10.0, slips=tuple(slips),
+        certain_rows=0, on_certain_rows=0, rest_rows=rest_rows, on_rest_rows=on_rest_rows,
+        sample_rate_hz=10.0, slips=tuple(slips),
         alarms=tuple(Alarm(1.0, 1.5, kind, None) for kind in kinds),
         scores=ScoreCounts.pooled([]),
     )  # fmt: skip

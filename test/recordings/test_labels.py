@@ -91,7 +91,7 @@ def test_a_file_beside_the_recording_or_in_a_folder_goes_before_what_the_recordi
         open_recording(tmp_path / 'other.mcap', RecordingConfig(recording_labels=str(folder)))
 
 
-WRONG = ': has more or less than slip_s: [[start, end]] in seconds'
+WRONG = ': has more or less than slip_s: [[start, end]] and accuracy_s, all in seconds'
 
 
 @pytest.mark.parametrize(

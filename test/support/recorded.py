@@ -85,4 +85,10 @@ def stretches_of(pieces):
         if piece.new_stretch:
             stretches.append([])
         stretches[-1].append(piece)
-    return [[np.concatenate([p[i] for p in parts]) for i in (0, 1, 2, 5)] for parts in stretches]
+    return [
+        [
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in ('volts', 'stamps_ns', 'truth', 'row_numbers')
+        ]
+        for parts in stretches
+    ]

@@ -62,25 +62,28 @@ def test_the_tuner_gives_a_chain_the_figures_of_the_evaluation_to_the_bit(
         assert objective.as_it_is(candidate.chain).figures == candidate.figures
 
 
-def test_costs_are_latency_and_what_misses_false_alarms_and_false_time_count_for():
+def test_costs_are_latency_and_what_misses_false_alarms_and_wrong_time_count_for():
     tracks = [track(1), track(2)]
     weights = TuneConfig(
-        missed_costs_ms=300.0, false_alarm_costs_ms=7.0, false_time_costs_ms=3.0, auc_costs_ms=0.0
-    )
+        missed_costs_ms=300.0, false_alarm_costs_ms=7.0, false_time_costs_ms=3.0,
+        missed_time_costs_ms=0.5, auc_costs_ms=0.0,
+    )  # fmt: skip
     objective = Problem(tracks, config=weights)
     never = objective.as_it_is(dataclasses.replace(CHAIN, threshold=1e9))
-    assert never.cost_ms == 300.0
+    assert never.cost_ms == 350.0
     assert never.figures['sooner_than_chance'] == 0.0
     found = objective.as_it_is(dataclasses.replace(CHAIN, threshold=0.02))
     assert found.figures['sooner_than_chance'] > 0.9
     assert 10.0 < found.figures['latency_median_ms'] < 100.0
+    figures = found.figures
     for weight, figure in (
-        ('false_alarm_costs_ms', 'false_alarms_per_minute'),
-        ('false_time_costs_ms', 'false_time_percent'),
+        ('false_alarm_costs_ms', figures['false_alarms_per_minute']),
+        ('false_time_costs_ms', figures['false_time_percent']),
+        ('missed_time_costs_ms', 100.0 * (1.0 - figures['coverage'])),
     ):
         heavier = dataclasses.replace(weights, **{weight: getattr(weights, weight) + 1.0})
         more = Problem(tracks, config=heavier).as_it_is(found.chain)
-        assert more.cost_ms - found.cost_ms == pytest.approx(found.figures[figure], abs=1e-9)
+        assert more.cost_ms - found.cost_ms == pytest.approx(figure, abs=1e-9)
 
 
 def test_a_figure_that_gets_worse_than_given_counts_tenfold():
@@ -90,20 +93,21 @@ def test_a_figure_that_gets_worse_than_given_counts_tenfold():
     faster = {**alone.figures, 'latency_median_all_ms': latency_ms - 5}
     surer = {**alone.figures, 'auc': auc + 0.01}
     # It finds few slips and is never OFF: no median of all, no alarms in a minute of OFF.
-    few = dict(zip(COMPARED, (None, None, 100.0, 0.2, None), strict=True))
+    few = dict(zip(COMPARED, (None, None, 100.0, 0.2, None, None), strict=True))
     for given_figures, more_ms in ((faster, 50.0), (surer, 10.0), (alone.figures, 0.0), (few, 0)):
         cost_ms = Problem(tracks, figures=given_figures).as_it_is(QUICK).cost_ms
         assert cost_ms == pytest.approx(alone.cost_ms + more_ms)
 
 
 def test_each_figure_that_is_worse_than_a_chain_better_than_chance_is_named():
-    good = dict(zip(COMPARED, (20.0, 1.005, 0.5, 1.0, 0.99), strict=True))
-    bad = dict(zip(COMPARED, (None, 2.03, 1.5, 0.5, 0.9), strict=True))
+    good = dict(zip(COMPARED, (20.0, 1.005, 0.5, 1.0, 0.9, 0.99), strict=True))
+    bad = dict(zip(COMPARED, (None, 2.03, 1.5, 0.5, 0.8, 0.9), strict=True))
     assert worse_than(bad, good) == [
         'no median latency defined against 20 ms',
         'false alarms 2.03 against 1.005 in a minute of OFF',
         'false time 1.5 against 0.5 %',
         'sooner than chance 0.5 against 1',
+        'time of slips that is ON 0.8 against 0.9',
         'area under the ROC curve 0.9 against 0.99',
     ]
     assert worse_than(good, good) == worse_than(good, bad) == []
