@@ -16,14 +16,14 @@
 
 A lesson records a simulated finger as the page does (rest, taps, and slips with the time before
 and after), tunes with the page's own function, and applies what that would apply. A hand presses
-the key 120 to 350 ms after a slide begins, lets it go 80 to 300 ms after its end, forgets one slide
-of ten, and presses once while nothing slides.
+the key 120 to 350 ms after a slide begins, lets it go 80 to 300 ms after its end, forgets one
+slide of ten, and presses once while nothing slides.
 
 :func:`measure_lessons` gives for each number of slips an object with a list ``lessons``: the
-``family`` and ``seed`` of each, the figures ``before`` and ``after`` on scenes with fresh seeds and
-exact labels, and what the page ``said``; and how many of the lessons reached what is wanted:
-``not_worse`` in area under the curve and coverage, ``good``: recall, coverage and ON in what is no
-slip; ``recall``, the least.
+``family`` and ``seed`` of each, the figures ``before`` and ``after`` on scenes with fresh seeds
+and exact labels, and what the page ``said``; and how many of the lessons reached what is wanted:
+``not_worse`` in area under the curve and coverage, ``good``: recall, coverage and ON in what is
+no slip; ``recall``, the least.
 """
 
 import asyncio
@@ -34,16 +34,16 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.tune.families import disturbances
 from slip_detector.chain.samples import Samples
 from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.files import read_yaml
+from slip_detector.recordings.labels import BY_HAND_S
 from slip_detector.recordings.writing import BagWriter
-from slip_detector.view.teaching import AFTER_S, BEFORE_S
 from slip_detector.scenes import Scene, find_scene
 from slip_detector.view.recordings import RecordedFolder
+from slip_detector.view.teaching import AFTER_S, BEFORE_S
 from slip_detector.view.tuning import TuneRun
 
 #: How late a hand presses the key and lets it go, in seconds.
@@ -65,6 +65,8 @@ BEGIN_S = 4.8
 
 #: Slides on which a lesson is judged.
 JUDGED = 12
+
+FIGURES = ('auc_all', 'recall', 'coverage', 'false_time_percent', 'latency_median_ms')
 
 
 class Session:
@@ -144,15 +146,17 @@ def lesson(name: str, parts: Mapping[str, Any], slips: int, seed: int) -> dict[s
         recordings.append(('rest', rest.between(2.0, BEGIN_S + REST_S)))
         recordings.append(('taps', taps.between(2.0, BEGIN_S + TAPS_S)))
         for kind, rows in recordings:
-            bag = BagWriter(recorded.new_path(kind), running.names, 'fingertip')
+            accuracy_s = BY_HAND_S if kind == 'slip' else 0.0
+            bag = BagWriter(recorded.new_path(kind), running.names, accuracy_s=accuracy_s)
             bag.write(rows)
             bag.close()
         said, found = asyncio.run(_tuned(recorded, running))
     # Fresh seeds, exact labels, and the same plate.
     judged = Session(parts, JUDGED, random)
-    still = [
-        Session(quiet, 0, random, REST_S), Session(knocking, 0, random, TAPS_S, knocks_s)
-    ]  # fmt: skip
+    still = {
+        'rest': Session(quiet, 0, random, REST_S),
+        'taps': Session(knocking, 0, random, TAPS_S, knocks_s),
+    }
     configs = {'before': running, 'after': found or running}
     figures = {when: _figures(judged, still, config) for when, config in configs.items()}
     return {'family': name, 'seed': seed, **figures, 'said': said}
@@ -171,29 +175,13 @@ async def _tuned(
     return said, run.found
 
 
-def _figures(judged: Session, still: Sequence[Session], config: DetectorConfig) -> dict[str, Any]:
+def _figures(judged: Session, still: Mapping[str, Session], config: DetectorConfig) -> Any:
     replay = Replay(config)
     figures = figures_of_merit([replay.run([judged.samples], judged.rate_hz)])
-    from slip_detector import SlipChain, ChainConfig
-
-    cc = ChainConfig.from_parameters(
-        {
-            f: v
-            for f, v in config.to_parameters().items()
-            if f.split('.')[0] in ChainConfig().to_parameters() or f.startswith('groups')
-        }
-    )
-    on = SlipChain(cc).update(judged.samples.volts).slip
-    t = judged.samples.truth
-    ons = {}
-    for name, one in zip(('rest', 'taps'), still):
-        o = SlipChain(cc).update(one.samples.volts).slip
-        ons[name + '_on_percent'] = float(100 * o[round(3 * 380) :].mean())
-    return {
-        'auc': figures['auc_all'],
-        'recall': figures['recall'],
-        'coverage': float(on[t].mean()),
-        'false_time_percent': figures['false_time_percent'],
-        'latency_median_ms': figures['latency_median_ms'],
-        **ons,
+    on = {
+        f'{name}_percent': figures_of_merit([replay.run([one.samples], one.rate_hz)])[
+            'false_time_percent'
+        ]
+        for name, one in still.items()
     }
+    return {name: figures[name] for name in FIGURES} | on

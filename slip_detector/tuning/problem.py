@@ -168,6 +168,8 @@ class Problem:
         What counts as detected.
     config : TuneConfig
         The weights of the cost.
+    running : ChainConfig or None
+        The chain that the result has to be better than; None: the given one.
 
     Examples
     --------
@@ -189,10 +191,11 @@ class Problem:
     figures: Figures | None = None
     evaluation: EvaluationConfig = dataclasses.field(default_factory=EvaluationConfig)
     config: TuneConfig = dataclasses.field(default_factory=TuneConfig)
+    running: ChainConfig | None = None
 
     def study_name(self) -> str:
         """Return a name for the study that no other problem has, however recordings are named."""
-        sets = (self.given, self.evaluation, self.config)
+        sets = (self.given, self.evaluation, self.config, self.running or self.given)
         shapes = [(track.stretches, track.sample_rate_hz) for track in self.tracks]
         asked = ([one.to_parameters() for one in sets], self.figures, shapes)
         digest = hashlib.sha256(repr(asked).encode())
@@ -428,9 +431,9 @@ class Verdict(NamedTuple):
     Attributes
     ----------
     chain : ChainConfig
-        The best chain found, or the given one.
+        The best chain found, or the running one.
     kept : str
-        Why the given chain is kept; empty where it is not.
+        Why the running chain is kept; empty where it is not.
 
     Examples
     --------
@@ -444,7 +447,7 @@ class Verdict(NamedTuple):
 
 
 def judge(problem: Problem, held: Sequence[Track], best: Candidate | None) -> Verdict:
-    """Choose between the given chain and the best one found, by the held-out recordings.
+    """Choose between the running chain and the best one found, by the held-out recordings.
 
     The best one is chosen where it costs less on them and where, unless ``trade`` is set, none of
     median latency, ``sooner_than_chance``, false alarms, false time and area under the ROC curve
@@ -464,14 +467,15 @@ def judge(problem: Problem, held: Sequence[Track], best: Candidate | None) -> Ve
     >>> judge(Problem([]), [], best=None).kept
     'no trial found a chain that detects slip'
     """
+    running = problem.running or problem.given
     if best is None:
-        return Verdict(problem.given, 'no trial found a chain that detects slip')
+        return Verdict(running, 'no trial found a chain that detects slip')
     on_held = dataclasses.replace(problem, tracks=held, figures=None)
-    before, after = on_held.as_it_is(problem.given), on_held.as_it_is(best.chain)
+    before, after = on_held.as_it_is(running), on_held.as_it_is(best.chain)
     worse = [] if problem.config.trade else worse_than(after.figures, before.figures)
     if not after.cost_ms < before.cost_ms:
         worse.insert(0, f'a cost of {after.cost_ms:.4g} against {before.cost_ms:.4g} ms')
     if not worse:
         return Verdict(best.chain, '')
     reasons = ', '.join(worse)
-    return Verdict(problem.given, f'on the held-out recordings the best found has {reasons}')
+    return Verdict(running, f'on the held-out recordings the best found has {reasons}')

@@ -72,6 +72,7 @@ class TuningParameters(NamedTuple):
     recording: RecordingConfig = RecordingConfig()
     evaluation: EvaluationConfig = EvaluationConfig()
     tune: TuneConfig = TuneConfig()
+    running: ChainConfig | None = None
 
     @property
     def loader(self) -> RecordingLoader:
@@ -80,8 +81,9 @@ class TuningParameters(NamedTuple):
 
     def problem(self, tracks: Sequence[Track]) -> Problem:
         """Return the problem of a search on tracks."""
-        problem = Problem(tracks, self.chain, None, self.evaluation, self.tune)
-        figures = None if self.tune.trade else problem.as_it_is(self.chain).figures
+        problem = Problem(tracks, self.chain, None, self.evaluation, self.tune, self.running)
+        running = self.running or self.chain
+        figures = None if self.tune.trade else problem.as_it_is(running).figures
         return dataclasses.replace(problem, figures=figures)
 
 

@@ -286,12 +286,16 @@ class SearchSpace:
     def starts(self) -> list[dict[str, Any]]:
         """Return the points where a search begins: the given chain, the paper's, the presets.
 
+        The given chain is among them with each mains frequency and with none, as subtracting the
+        row whole mains periods ago removes a steady slide at multiples of 1 / that time, too.
+
         A preset gives bands, windows and the parameters of evidence; noise floors and the steps
         of impacts are learnt from the sensor that is tuned.
         """
         points: list[dict[str, Any]] = []
-        for chain in (self._given, *presets()):
-            point = self.point(chain)
+        given = self.point(self._given)
+        combs = [{**given, 'mains_hz': hz} for hz in self.distributions['mains_hz'].choices]
+        for point in (given, *combs, *map(self.point, presets())):
             points += [] if point in points else [point]
         return points
 

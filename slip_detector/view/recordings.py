@@ -28,7 +28,7 @@ import numpy as np
 
 from slip_detector.parameters.files import write_errors_of
 from slip_detector.recordings import open_recording
-from slip_detector.recordings.labels import labels_name
+from slip_detector.recordings.labels import BY_HAND_S, labels_name
 from slip_detector.recordings.writing import BagWriter
 from slip_detector.tuning.tracks import hold_out_evenly, track_of
 from slip_detector.view.detectors import Finger
@@ -207,7 +207,9 @@ class Recorder:
         self.failure = ''
         with write_errors_of(path):
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._bag = BagWriter(path, finger.config.names, finger.frame_id or 'fingertip')
+            frame = finger.frame_id or 'fingertip'
+            accuracy_s = BY_HAND_S if self.kind == 'slip' else 0.0
+            self._bag = BagWriter(path, finger.config.names, frame, accuracy_s=accuracy_s)
 
     @property
     def duration_s(self) -> float:

@@ -33,7 +33,6 @@ from slip_detector.commands.tune import in_short
 from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
-from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.files import writable_folder, write_yaml
 from slip_detector.report.tables import MAIN_FIGURES, figure_text, heading
 from slip_detector.tuning.learning import learn_from_quiet, learn_from_taps
@@ -45,9 +44,6 @@ from slip_detector.view.recordings import RecordedFolder
 
 #: Number of chains that the search tries.
 TRIALS = 200
-
-#: A user presses the key so many seconds after a slip begins: an alarm in between is not false.
-EVALUATION = EvaluationConfig(early_s=0.2)
 
 #: Figures of which larger is better; of all others, smaller is better.
 LARGER_IS_BETTER = ('recall', 'sooner_than_chance', 'precision', 'auc_all')
@@ -208,9 +204,10 @@ def _obey(connection: Connection) -> None:
 def _tune(job: TuneJob, report: Callable[..., None]) -> None:
     """Learn, search and compare."""
     folder = writable_folder(job.folder / 'tuning')
-    begin = learnt(job, beginning(DetectorConfig.from_parameters(job.running)), report)
+    begin, lines = learnt(job, beginning(DetectorConfig.from_parameters(job.running)), report)
     _write(folder / 'begin.yaml', begin)
-    parameters = _parameters(begin)
+    running = _parameters(job.running).chain
+    parameters = _parameters(begin)._replace(running=running)
 
     def progress(count: int, best: Candidate | None) -> None:
         words = f'result so far: {in_short(best)}' if best else 'no result yet'
@@ -228,10 +225,12 @@ def _tune(job: TuneJob, report: Callable[..., None]) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     report(step='comparing on what was held out')
     verdict = result.verdict
-    tuned = {**begin, **({} if verdict.kept else searched(verdict.chain))}
+    tuned = job.running if verdict.kept else {**begin, **searched(verdict.chain)}
+    if verdict.kept:
+        report(lines=[*lines, f'Nothing better was found: {verdict.kept}'])
 
     def figures(values: Values) -> dict[str, Any]:
-        replay = Replay(_parameters(values).chain, EVALUATION)
+        replay = Replay(_parameters(values).chain)
         return figures_of_merit(
             [replay.run(one.rows(), one.sample_rate_hz) for one in result.held]
         )
@@ -256,8 +255,8 @@ def beginning(config: DetectorConfig) -> Values:
     return {**config.to_parameters(), **NEW_SENSOR, 'passband_hz': [low_hz, 0.0], 'vote': vote}
 
 
-def learnt(job: TuneJob, begin: Values, report: Callable[..., None]) -> Values:
-    """Learn noise and impacts if there are recordings of them; return the parameters."""
+def learnt(job: TuneJob, begin: Values, report: Callable[..., None]) -> tuple[Values, list[str]]:
+    """Learn noise and impacts if there are recordings of them; return parameters and lines."""
     slips = job.paths(job.to_tune_on['slip'])
     steps: list[tuple[str, str, Callable[..., tuple[Values, list[str]]]]] = [
         ('noise', 'rest', learn_from_quiet),
@@ -279,12 +278,12 @@ def learnt(job: TuneJob, begin: Values, report: Callable[..., None]) -> Values:
         except ValueError as error:  # Taps may look like slips: what was learnt before is kept.
             lines = [*lines, str(error)]
     report(lines=lines)
-    return begin
+    return begin, lines
 
 
 def _parameters(values: Values) -> TuningParameters:
     chain = {n: value for n, value in values.items() if n.partition('.')[0] in OF_THE_CHAIN}
-    return TuningParameters(ChainConfig.from_parameters(chain), evaluation=EVALUATION)
+    return TuningParameters(ChainConfig.from_parameters(chain))
 
 
 def _write(file: Path, values: Values) -> None:
