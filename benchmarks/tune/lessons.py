@@ -167,7 +167,7 @@ async def _tuned(
 ) -> tuple[list[str], DetectorConfig | None]:
     """Tune as the page does; return what it said, and the parameters that it would apply."""
     await recorded.refresh()
-    run = TuneRun(recorded, running)
+    run = TuneRun(recorded, 'index', running)
     await run.run()
     said = [*run.lines, run.failed] + [
         f'{row[0]}: {row[1]} -> {row[2]} {row[3]}' for row in run.table
