@@ -182,8 +182,8 @@ class ScoredRows:
 
     The *window* of a slip, in which an alarm that belongs to it can rise, begins ``early_s``
     before the slip, but not within the slip before it. It ends ``tail_s`` after the slip, but
-    before the next slip. It has only scored rows of the stretch of its slip. Both times are at
-    least the accuracy of the label.
+    before the next slip. It has only scored rows of the stretch of its slip. Both times are longer
+    by the accuracy of the label.
 
     Parameters
     ----------
@@ -247,8 +247,8 @@ class ScoredRows:
         self.scored = np.asarray(slip_starts >= self.settled[stretch])
         self.certain_starts = np.where(self.scored, slip_starts + inexact, slip_ends)
         self.certain_ends = np.maximum(slip_ends - inexact, self.certain_starts)
-        lows = slip_starts - max(round(config.early_s * sample_rate_hz), inexact)
-        highs = slip_ends + max(round(config.tail_s * sample_rate_hz), inexact)
+        lows = slip_starts - round(config.early_s * sample_rate_hz) - inexact
+        highs = slip_ends + round(config.tail_s * sample_rate_hz) + inexact
         lows[1:] = np.maximum(lows[1:], slip_ends[:-1])
         highs[:-1] = np.minimum(highs[:-1], slip_starts[1:])
         self.lows = np.maximum(lows, self.settled[stretch])

@@ -50,11 +50,12 @@ MISSED = dataclasses.replace(
 )
 
 
-def outcome(slips=(), kinds=(), rest_rows=0, on_rest_rows=0, rows=0, on_rows=0):
+def outcome(slips=(), kinds=(), rest_rows=0, on_rest_rows=0, rows=0, on_rows=0, certain=(0, 0)):
     """Return the outcome of a recording with 10 rows a second, none of them called slip."""
     return ReplayOutcome(
         rows=rows, slip_rows=0, moving_rows=None, on_rows=on_rows, settling_rows=0,
-        certain_rows=0, on_certain_rows=0, rest_rows=rest_rows, on_rest_rows=on_rest_rows,
+        certain_rows=certain[0], on_certain_rows=certain[1], rest_rows=rest_rows,
+        on_rest_rows=on_rest_rows,
         sample_rate_hz=10.0, slips=tuple(slips),
         alarms=tuple(Alarm(1.0, 1.5, kind, None) for kind in kinds),
         scores=ScoreCounts.pooled([]),
@@ -73,7 +74,8 @@ def test_figures_of_events_by_hand():
     already_on = dataclasses.replace(MISSED, lost_at='already_on')
     slips = [SLIP, late, MISSED, already_on, early, begun]
     kinds = (TRUE, TRUE, TRUE, REPEAT, FALSE, SETTLING)
-    outcomes = [outcome(slips[:2], kinds[:1], 100, 6), outcome(slips[2:], kinds[1:], 200)]
+    first = outcome(slips[:2], kinds[:1], 100, 6, certain=(30, 25))
+    outcomes = [first, outcome(slips[2:], kinds[1:], 200, certain=(10, 5))]
     assert event_figures(outcomes) == pytest.approx(
         {
             'slips': 6, 'settling_slips': 1, 'matched': 3, 'late': 1, 'missed': 2,
@@ -82,7 +84,8 @@ def test_figures_of_events_by_hand():
             # After 0.04, 0.24 and -0.01 s, with a false alarm in 30 s; two are missed.
             'sooner_than_chance': (3.0 - 2.0 * 0.27 / 30.0 - 2.0 * 1.1 / 30.0) / 5.0,
             'precision': 0.75, 'precision_by_chance': 5.5 / 35.5,
-            'rest_s': 30.0, 'false_alarms_per_minute': 2.0,
+            'coverage': 0.75, 'latency_accuracy_ms': 0.0, 'rest_s': 30.0,
+            'false_alarms_per_minute': 2.0,
             'false_time_percent': 2.0, 'false_time_s_per_hour': 72.0,
             'latency_median_all_ms': 240.0,
             'latency_median_ms': 40.0, 'latency_p90_ms': 200.0, 'latency_worst_ms': 240.0,
@@ -100,7 +103,7 @@ def test_an_undefined_figure_is_none():
     undefined = {name for name, value in nothing.items() if value is None}
     assert undefined == {
         'recall', 'recall_by_chance', 'sooner_than_chance', 'precision', 'precision_by_chance',
-        'false_alarms_per_minute', 'false_time_percent', 'false_time_s_per_hour',
+        'coverage', 'false_alarms_per_minute', 'false_time_percent', 'false_time_s_per_hour',
         'latency_median_all_ms', 'latency_median_ms', 'latency_p90_ms', 'latency_worst_ms',
         *(f'{lead}{stage}_ms' for lead in ('', 'late_') for stage in STAGES),
     }  # fmt: skip

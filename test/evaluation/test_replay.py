@@ -18,12 +18,15 @@ import tracemalloc
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from slip_detector.chain.filters import settling_rows
 from slip_detector.chain.samples import Samples
 from slip_detector.chain.slip_chain import COMPILED, SlipChain
 from slip_detector.evaluation.figures import SETTLING, TRUE, figures_of_merit
 from slip_detector.evaluation.replay import Replay
+from slip_detector.recordings.labels import certain_at
 from support.replay_cases import CONFIG, RATE_HZ, ridges
 
 
@@ -51,6 +54,25 @@ def test_a_slip_that_goes_on_after_a_gap_is_no_easy_one_that_begins_there():
     assert (figures['settling_slips'], figures['settling_alarms']) == (1, 1)
     assert figures['settling_rows'] == 2 * max(settling_rows(CONFIG), 40)
     assert figures['recall'] == 1.0
+
+
+@given(
+    late=st.tuples(st.integers(-110, 110), st.integers(-110, 110)),
+    accuracy_s=st.sampled_from([0.3, 0.35]),
+)
+def test_labels_that_are_off_within_their_accuracy_change_no_figure(late, accuracy_s):
+    volts, _ = ridges((800, 1400))
+    edges_ns = np.rint((np.array([800, 1400]) + late) * 1e9 / RATE_HZ).astype(np.int64)
+    stamps_ns = Samples.evenly(volts, RATE_HZ, np.zeros(2000)).stamps_ns
+    truth = (stamps_ns >= edges_ns[0]) & (stamps_ns < edges_ns[1])
+    certain = certain_at(stamps_ns, edges_ns, accuracy_s)
+    rows = Samples(volts, stamps_ns, truth, certain=certain, accuracy_s=accuracy_s)
+    pieces = [rows.take(slice(900)), rows.take(slice(900, None))]
+    figures = figures_of_merit([Replay(CONFIG).run(pieces)])
+    assert (figures['matched'], figures['late'], figures['false_alarms']) == (1, 0, 0)
+    assert (figures['coverage'], figures['auc_all'], figures['false_time_percent']) == (1, 1, 0)
+    assert figures['latency_median_ms'] == 0.0
+    assert figures['latency_accuracy_ms'] == 1e3 * accuracy_s
 
 
 def test_the_recordings_own_rate_turns_rows_into_times():
