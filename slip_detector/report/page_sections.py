@@ -161,7 +161,7 @@ def _figures(variants: Sequence[Variant]) -> str:
 
     def table(names: Sequence[str]) -> str:
         cells = [
-            [title, variant, *(figure_text(name, figures.get(name)) for name in names)]
+            [title, variant, *(figure_text(name, figures) for name in names)]
             for title, variant, figures in rows
         ]
         return _table('figures', ['recording', 'variant', *map(heading, names)], cells)
@@ -185,7 +185,7 @@ def _front(trials: Sequence[SearchTrial]) -> str:
     rows = []
     for trial in [*(trial for trial in trials if trial.marked), *best]:
         parameters = (f'{name} {_value(value)}' for name, value in trial.parameters.items())
-        figures = (figure_text(name, trial.figures[name]) for name in COSTS)
+        figures = (figure_text(name, trial.figures) for name in COSTS)
         rows.append([trial.name, *figures, ', '.join(parameters)])
     table = _table('front', ['trial', *map(heading, COSTS), 'parameters'], rows)
     image = _image(front_figure(trials), 'Latency, false alarms and sooner than chance')

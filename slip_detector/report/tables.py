@@ -117,23 +117,31 @@ def number_text(value: float | None, form: str) -> str:
     return UNDEFINED if value is None else format(value, form)
 
 
-def figure_text(name: str, value: float | None) -> str:
-    """Return a figure as text, with the digits that its name asks for.
+def figure_text(name: str, figures: Mapping[str, Any]) -> str:
+    """Return one of several figures as text, with the digits that its name asks for.
 
     A latency below 0 is no early detection: ``slip`` was ON before its label, for example from an
-    unrelated alarm. The text says so.
+    unrelated alarm. The text says so. Where labels are not exact, nor is the latency: what is
+    given is its range.
 
     Examples
     --------
-    >>> figure_text('sd_ms', 41.26), figure_text('recall', 0.95), figure_text('auc', None)
-    ('41.3', '0.950', '-')
-    >>> figure_text('latency_median_ms', -96.3)
-    'ON 96.3 before'
+    >>> figures = {'sd_ms': 41.26, 'recall': 0.95, 'auc': None, 'latency_p90_ms': -96.3}
+    >>> [figure_text(name, figures) for name in figures]
+    ['41.3', '0.950', '-', 'ON 96.3 before']
+    >>> by_hand = {'latency_accuracy_ms': 350.0, 'latency_p90_ms': 0.0, 'latency_worst_ms': 120.0}
+    >>> [figure_text(name, by_hand) for name in by_hand]
+    ['350.0', 'within 350', '120 to 820']
     """
+    value, accuracy_ms = figures.get(name), figures.get('latency_accuracy_ms')
     if isinstance(value, int):
         return str(value)
-    if name.startswith('latency') and value is not None and value < 0.0:
-        return f'ON {-value:.1f} before'
+    if name.startswith('latency') and value is not None and name != 'latency_accuracy_ms':
+        if value < 0.0:
+            return f'ON {-value:.1f} before'
+        if accuracy_ms:
+            more = f'{value:.0f} to {value + 2.0 * accuracy_ms:.0f}'
+            return more if value else f'within {accuracy_ms:.0f}'
     if name.endswith(('_ms', '_s', '_per_hour')):
         return number_text(value, '.1f')
     return number_text(value, '.2f' if name.endswith(('_percent', '_per_minute')) else '.3f')
@@ -206,7 +214,7 @@ def _tables(name: str, rows: Mapping[str, Mapping[str, Any]]) -> list[list[list[
         heads = (heading(figure).removeprefix(f'{title} ') for figure in figures)
         tables.append([[(title or name).ljust(width), *heads]])
         for row, values in rows.items():
-            cells = [figure_text(figure, values[figure]) for figure in figures]
+            cells = [figure_text(figure, values) for figure in figures]
             tables[-1].append([row.ljust(width), *cells])
     return tables
 
@@ -228,7 +236,7 @@ def comparison_table(given: Mapping[str, Any], tuned: Mapping[str, Any]) -> str:
     rows = [['', 'given', 'tuned']]
     for name in MAIN_FIGURES:
         if name != 'auc_moving' or given[name] is not None:
-            rows.append([heading(name), *(figure_text(name, one[name]) for one in (given, tuned))])
+            rows.append([heading(name), *(figure_text(name, one) for one in (given, tuned))])
     return text_table(rows)
 
 

@@ -22,14 +22,27 @@ import asyncio
 import re
 import shutil
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from slip_detector.parameters.files import write_errors_of
+from slip_detector.evaluation.figures import figures_of_merit
+from slip_detector.evaluation.matching import OnIntervals
+from slip_detector.evaluation.replay import Replay
+from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters.files import write_errors_of, write_yaml
 from slip_detector.recordings import open_recording
-from slip_detector.recordings.labels import BY_HAND_S, labels_name
+from slip_detector.recordings.labels import (
+    ACCURACY,
+    BY_EYE_S,
+    BY_HAND_S,
+    KEY,
+    labels_from,
+    labels_name,
+    snapped,
+)
 from slip_detector.recordings.writing import BagWriter
+from slip_detector.report.overview import MOST_CELLS, THRESHOLD_CODE, Overview
 from slip_detector.tuning.tracks import hold_out_evenly, track_of
 from slip_detector.view.detectors import Finger
 
@@ -39,6 +52,9 @@ _NAME = re.compile(rf'({"|".join(KINDS)})_([1-9][0-9]{{0,8}})')
 
 #: Note on a recording of kind ``slip`` that contains none.
 NO_SLIP = 'has no slip'
+
+#: Bins of a recording's trace: at least so many, and less than twice as many.
+TRACE_BINS = 150
 
 #: Share of the recordings of each kind that is held out of the search.
 HELD_OUT = 1 / 3
@@ -130,6 +146,62 @@ class RecordedFolder:
             (path.parent / labels_name(path)).unlink(missing_ok=True)
         del self.recordings[path.name]
 
+    def trace(self, name: object, config: DetectorConfig) -> dict[str, Any]:
+        """Return what a chain makes of a recording, for a small picture of it.
+
+        Returns
+        -------
+        dict
+            ``level`` from 0 to 2, 1 at the threshold, the mean of all channels in each bin;
+            ``slip_s`` and ``on_s``, the intervals of label and decision; and figures.
+
+        Raises
+        ------
+        ValueError
+            When no recording has this name, it cannot be read or is of other channels.
+        """
+        recording = open_recording(self.path_of(name))
+        rate_hz, channels = recording.sample_rate_hz, config.channels
+        overview = Overview(str(name), config, (), TRACE_BINS * channels / MOST_CELLS, rate_hz)
+        outcome = overview.replay(
+            Replay(config), recording.pieces(config.sample_rate_hz, config.max_gap_s)
+        )
+        figures = figures_of_merit([outcome])
+        return {
+            'duration_s': overview.rows / rate_hz,
+            'bin_s': overview.bin_rows / rate_hz,
+            'level': (overview.codes[:, :channels].mean(axis=1) / THRESHOLD_CODE)
+            .round(2)
+            .tolist(),
+            'slip_s': _seconds(overview.truth, rate_hz),
+            'on_s': _seconds(overview.slip, rate_hz),
+            **{key: figures[key] for key in ('coverage', 'false_time_percent')},
+        }
+
+    def label(self, name: object, edges_s: object, *, snap: bool) -> dict[str, Any]:
+        """Take the ends of a recording's labels as a page has moved them, in seconds.
+
+        Either nothing is changed and the ends are returned where the power changes, as near as
+        hands are exact; or they are written beside the recording.
+
+        Raises
+        ------
+        ValueError
+            When no recording has this name, the ends are not allowed, or cannot be written.
+        """
+        path = self.path_of(name)
+        file, document = path.parent / labels_name(path), {KEY: edges_s, ACCURACY: BY_EYE_S}
+        labels = labels_from(file, dict(document))
+        labels.check_end(self.recordings[path.name].duration_s + BY_EYE_S, path)
+        if snap:
+            recording = open_recording(path)
+            first, *more = recording.rows()
+            rows, rate_hz = first.then(*more), recording.sample_rate_hz
+            return {'slip_s': snapped(rows, labels.edges_s, rate_hz, BY_HAND_S).tolist()}
+        write_yaml(file, document, ['Moved by hand on the page of slip_view.'])
+        self.recordings[path.name] = self._summary(path.name)
+        return {'slip_s': edges_s}
+
     def divided(self) -> tuple[dict[str, list[str]], list[str]]:
         """Return the names of those to tune on, of each kind, and of those that judge the result.
 
@@ -164,6 +236,11 @@ class RecordedFolder:
         if recording.counts.damage:
             note = f'was not ended: {recording.counts.damage}'
         return RecordingSummary(name, track.duration_s, slips, note)
+
+
+def _seconds(intervals: OnIntervals, rate_hz: float) -> list[list[float]]:
+    edges = np.reshape(intervals.edges, (-1, 2)) / rate_hz
+    return [[round(start_s, 4), round(end_s, 4)] for start_s, end_s in edges.tolist()]
 
 
 def _order(name: str) -> tuple[int, int]:

@@ -16,6 +16,7 @@
 """Records rest, slips and taps of the fingers, and tunes on them, as a page requests."""
 
 import asyncio
+import functools
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -70,6 +71,9 @@ class Teaching:
         server.each_tick.append(self.tick)
         server.at_end.append(self.close)
         server.on_request('recordings', self._recordings)
+        server.on_request('trace', self._trace)
+        server.on_request('snap', functools.partial(self._label, snap=True))
+        server.on_request('label', functools.partial(self._label, snap=False), changes=True)
         server.on_request('teach', self._teach, changes=True)
         server.on_request('delete_recording', self._delete, changes=True)
         server.on_request('tune', self._tune, changes=True)
@@ -240,6 +244,17 @@ class Teaching:
     async def _recordings(self, message: Message) -> None:
         """Update the list of a finger's recordings."""
         await self.folder_of(message.get('finger')).refresh()
+
+    async def _trace(self, message: Message) -> dict[str, Any]:
+        """Return what the detector as it is would decide in a recording."""
+        finger, name = message.get('finger'), message.get('recording')
+        folder, config = self.folder_of(finger), self._detectors.finger_of(finger).config
+        return await asyncio.to_thread(folder.trace, name, config)
+
+    async def _label(self, message: Message, snap: bool) -> dict[str, Any]:
+        folder, name = self.folder_of(message.get('finger')), message.get('recording')
+        edges_s = message.get('slip_s')
+        return await asyncio.to_thread(functools.partial(folder.label, name, edges_s, snap=snap))
 
     async def _teach(self, message: Message) -> None:
         finger, what = message.get('finger'), message.get('do')

@@ -309,5 +309,5 @@ def compared(
         # A negative latency, ON before the slip, is neither better nor worse.
         if known and not (name.startswith('latency') and min(was, now) < 0.0):
             change = 'better' if (now > was) == (name in LARGER_IS_BETTER) else 'worse'
-        rows.append((heading(name), figure_text(name, was), figure_text(name, now), change))
+        rows.append((heading(name), figure_text(name, before), figure_text(name, after), change))
     return rows

@@ -27,6 +27,7 @@ from slip_detector.recordings import open_recording
 from slip_detector.recordings.labels import (
     find_labels,
     moving_at,
+    snapped,
     states_at,
 )
 
@@ -152,3 +153,30 @@ def test_motion_lies_between_positions_that_differ(positions):
     for k in np.flatnonzero(np.diff(positions)):
         wanted |= (at >= 10 * k) & (at <= 10 * (k + 1))
     np.testing.assert_array_equal(moving_at(track, 0.0, at), wanted)
+
+
+@given(
+    slips=st.lists(st.integers(150, 300), min_size=1, max_size=3),
+    late=st.integers(-30, 30),
+    power=st.sampled_from([4.0, 30.0]),
+    seed=st.integers(0, 99),
+)
+def test_snapped_ends_are_where_the_power_changes_on_any_level(slips, late, power, seed):
+    edges = np.cumsum([200, *np.repeat(slips, 2)])[:-1].reshape(-1, 2)
+    volts = np.random.default_rng(seed).normal(size=(edges[-1, 1] + 300, 8)) * 1e-3 + 4.3
+    for begin, end in edges:
+        volts[begin:end] = 4.3 + power * (volts[begin:end] - 4.3)
+    samples = Samples.evenly(volts, RATE_HZ, np.zeros(len(volts)))
+    near = snapped(samples, (edges + late) / RATE_HZ, RATE_HZ, 0.35)
+    np.testing.assert_allclose(near, edges / RATE_HZ, atol=3 / RATE_HZ)
+
+
+@given(seed=st.integers(0, 99))
+def test_an_end_without_a_change_of_power_as_it_should_be_stays(seed):
+    volts = 4.3 + 1e-3 * np.random.default_rng(seed).normal(size=(N_ROWS, 4))
+    volts[500:] = 4.3 + 5.0 * (volts[500:] - 4.3)
+    samples = Samples.evenly(volts, RATE_HZ, np.zeros(N_ROWS))
+    # The power rises near the end of the slip, and does not change near its start.
+    edges_s = np.array([[2.0, 5.1]])
+    np.testing.assert_array_equal(snapped(samples, edges_s, RATE_HZ, 0.35), edges_s)
+    np.testing.assert_array_equal(snapped(samples.take(slice(6)), edges_s, RATE_HZ, 1.0), edges_s)

@@ -107,7 +107,7 @@ def test_rest_and_slips_are_recorded_listed_tuned_on_and_deleted(played, tmp_pat
     write_recordings(tmp_path / 'index', slips=3)
     (tmp_path / 'index' / 'slip_3' / 'slip_3.mcap').write_bytes(b'no bag')
     _, page = played({'index': rest_rows()})
-    now, listed = parts.recording_now(page), page.locator('.recordings tbody tr')
+    now, listed = parts.recording_now(page), page.locator('.recordings tbody th')
     expect(parts.recording(page, 'slip_1')).to_contain_text('tuning')
     expect(parts.recording(page, 'slip_3')).to_contain_text('not used')
     expect(parts.record_button(page, 'Slip')).to_contain_text('2 of 20')
@@ -161,3 +161,37 @@ def test_rest_and_slips_are_recorded_listed_tuned_on_and_deleted(played, tmp_pat
     parts.tool(page, 'Delete slip_1').click()
     expect(listed).to_have_count(count - 1)
     assert 'Delete slip_1' in asked[0]
+
+
+def test_the_end_of_a_label_is_dragged_snapped_and_saved_beside_what_would_be_decided(
+    played, tmp_path
+):
+    write_recordings(tmp_path / 'index', slips=1)
+    _, page = played({'index': rest_rows()})
+    trace = page.locator('.recording-trace').nth(2)
+    expect(trace).to_contain_text(re.compile('ON for .* of the slip, .* of the rest'))
+    expect(page.locator('.recording-trace').first).to_contain_text(
+        re.compile('ON for .* % of the rest')
+    )
+    end, save = parts.slider(page, 'End of the slip in slip_1'), parts.tool(page, 'Save labels')
+    was_s = float(end.get_attribute('aria-valuenow'))
+    expect(save).to_be_disabled()
+    end.focus()
+    for _ in range(2):
+        page.keyboard.press('PageUp')
+    page.keyboard.press('Enter')
+    expect(trace).to_contain_text('Moved, not saved: start +0.00 s, end +0.20 s')
+    parts.tool(page, 'Snap').click()
+    expect(trace).not_to_contain_text('end +0.20 s')
+    assert abs(float(end.get_attribute('aria-valuenow')) - was_s) < 0.1
+    parts.tool(page, 'Reset').click()
+    expect(save).to_be_disabled()
+    end.hover()
+    page.mouse.down()
+    page.mouse.move(0, 0)  # To the beginning: it stops at the start of the slip.
+    page.mouse.up()
+    save.click()
+    expect(save).to_be_disabled()
+    text = (tmp_path / 'index' / 'slip_1.labels.yaml').read_text(encoding='utf-8')
+    start_s, end_s = map(float, re.search(r'slip_s:\W*([\d.]+), ([\d.]+)', text).groups())
+    assert 0.0 < end_s - start_s < 0.02

@@ -27,6 +27,7 @@ import pytest
 
 from slip_detector.parameters import DetectorConfig
 from slip_detector.recordings import open_recording
+from slip_detector.recordings.labels import BY_EYE_S
 from slip_detector.view import teaching as teaching_module
 from slip_detector.view.parameters import ParameterRequests
 from slip_detector.view.recordings import NO_SLIP
@@ -287,7 +288,7 @@ async def test_a_page_that_may_only_look_is_answered_only_what_changes_nothing(t
     ParameterRequests(one.server, tmp_path)
     asked = {kind: await one.ask(kind) for kind in one.server.requests}
     answered = {kind for kind, refusal in asked.items() if refusal != READ_ONLY}
-    assert answered == {'recordings', 'keep_rest'}
+    assert answered == {'recordings', 'keep_rest', 'trace', 'snap'}
     assert [*tmp_path.iterdir()] == []
 
 
@@ -341,3 +342,41 @@ async def test_what_was_found_is_applied_as_one_change_and_the_rest_stays(tmp_pa
             finger.config = other
             refusal = await one.ask('apply_tuning')
             assert refusal.startswith('the detector has other channels or another rate now')
+
+
+def test_the_ends_of_a_label_are_seen_beside_the_decision_snapped_and_saved(tmp_path):
+    write_recordings(tmp_path / 'index', slips=1)
+    taught = Taught(tmp_path)
+
+    async def asked():
+        await taught.ask('recordings')
+
+        async def ask(kind, **content):
+            request = {'type': kind, 'finger': FINGER, 'recording': 'slip_1', **content}
+            return await taught.server.answer(request)
+
+        seen = await ask('trace')
+        ((start_s, end_s),) = true_s = seen['slip_s']
+        assert seen['coverage'] > 0.9
+        assert any(a < start_s + 0.1 and b > end_s for a, b in seen['on_s'])
+        assert np.min(seen['level']) < 1.0 < np.max(seen['level']) <= 2.0
+        assert seen['duration_s'] <= seen['bin_s'] * len(seen['level']) < seen['duration_s'] + 0.1
+        late_s = [[start_s + 0.3, end_s + 0.2]]
+        assert (await ask('label', slip_s=late_s))['refusal'] == ''
+        assert (await ask('trace'))['slip_s'] == [pytest.approx(late_s[0], abs=0.01)]
+        recording = open_recording(tmp_path / 'index' / 'slip_1')
+        assert recording.accuracy_s == BY_EYE_S
+        snapped = await ask('snap', slip_s=late_s)
+        assert snapped['slip_s'] == [pytest.approx(true_s[0], abs=BY_EYE_S)]
+        assert (await ask('trace'))['slip_s'][0][0] > start_s + 0.2  # Nothing is saved unasked.
+        for wrong, why in (
+            ([[1.0, 0.5]], 'ends before it begins'),
+            ('all', 'slip_s'),
+            ([[0, 99]], 'outside'),
+        ):
+            assert why in (await ask('label', slip_s=wrong))['refusal']
+        assert 'there is no recording' in (await ask('snap', recording='..'))['refusal']
+        assert (await ask('label', slip_s=[]))['refusal'] == ''
+        assert not taught.listed()['slip_1']['usable']
+
+    asyncio.run(asked())

@@ -56,12 +56,17 @@ export class Tool {
   // Send a request about the chosen finger, or another one; resolves with the refusal, or ''. beside: what
   // the answer stands beside, if not where it stood before.
   async ask(type, content, beside) {
+    return (await this.inquire(type, content, beside)).refusal;
+  }
+
+  // The same, but resolves with the whole answer.
+  async inquire(type, content, beside) {
     this.refuse('');
     beside?.after(this.line.parentElement);
-    const {refusal} = await this.connection.request(type, {finger: this.finger, page: PAGE, ...content});
-    if (refusal) this.refuse(refusal);
+    const answer = await this.connection.request(type, {finger: this.finger, page: PAGE, ...content});
+    if (answer.refusal) this.refuse(answer.refusal);
     if (beside) this.line.parentElement.scrollIntoView({block: 'nearest'});
-    return refusal;
+    return answer;
   }
 
   refuse(words) {

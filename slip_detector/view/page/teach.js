@@ -2,6 +2,7 @@
 // on the server; this page only shows them, and may be closed at any time.
 
 import {Tool, button, tableRow, write} from './elements.js';
+import {RecordingTrace} from './recording_trace.js';
 
 // Period, in milliseconds, at which the page reports that a slip is held; the server ends the slip
 // when the reports stop.
@@ -22,7 +23,10 @@ export class Teach extends Tool {
     // Reports that the key is held, while it is; null otherwise.
     this.pressed = null;
     this.buttons = Object.fromEntries(Object.keys(WANTED).map((kind) => [kind, element(`record-${kind}`)]));
+    // By name the pictures of the recordings of the finger.
+    this.traces = new Map();
     this.listen();
+    connection.on('parameters', ({fingers}) => this.loadTraces(fingers[this.finger]?.changes[0]?.[0] ?? ''));
     connection.on('teaching', (message) => {
       this.latest = message;
       this.show();
@@ -37,6 +41,7 @@ export class Teach extends Tool {
 
   choose(finger) {
     this.release();
+    this.traces.clear();
     super.choose(finger);
     this.refresh();
   }
@@ -149,14 +154,37 @@ export class Teach extends Tool {
 
   showList(recordings) {
     element('recordings-frame').hidden = !recordings.length;
-    element('recordings').replaceChildren(...recordings.map(({name, duration_s: seconds, slips, usable, held_out: heldOut, note}) => {
+    element('recordings').replaceChildren(...recordings.flatMap(({name, duration_s: seconds, slips, usable, held_out: heldOut, note}) => {
       const remove = button('Delete', () => {
         if (confirm(`Delete ${name}, ${seconds.toFixed(1)} s? It cannot be brought back.`)) this.ask('delete_recording', {recording: name}, element('recordings-frame'));
       }, {ariaLabel: `Delete ${name}`, disabled: this.locked});
+      if (!this.traces.has(name)) this.traces.set(name, this.traceOf(name));
+      this.traces.get(name).allow(!this.locked);
       const row = tableRow([name, `${seconds.toFixed(1)} s`, String(slips), heldOut ? 'held out' : usable ? 'tuning' : 'not used', remove]);
       if (note) row.firstChild.append(build('p.notice', note));
-      return row;
+      return [row, build('tr', build('td', this.traces.get(name).root, {colSpan: 5}))];
     }));
+    for (const name of this.traces.keys()) if (!recordings.some((one) => one.name === name)) this.traces.delete(name);
+    this.loadTraces(this.decided);
+  }
+
+  traceOf(recording) {
+    const {finger} = this;
+    return new RecordingTrace(recording, (type, content) => {
+      const request = {finger, recording, ...content};
+      // What nobody has asked for is not refused in words that take the place of others.
+      return type === 'trace' ? this.connection.request(type, request) : this.inquire(type, request, element('recordings-frame'));
+    });
+  }
+
+  // Load the pictures that are missing, or all if the detector decides otherwise now, one after the other.
+  async loadTraces(decided) {
+    if (decided !== this.decided) for (const trace of this.traces.values()) trace.loaded = false;
+    this.decided = decided;
+    if (this.loading) return;
+    this.loading = true;
+    for (let trace; (trace = [...this.traces.values()].find(({loaded}) => !loaded));) await trace.load();
+    this.loading = false;
   }
 
   showRecording() {
