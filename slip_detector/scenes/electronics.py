@@ -14,6 +14,7 @@
 
 """From loads to samples: the electronics of the 16 channels, and what goes wrong on the way."""
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -59,6 +60,14 @@ def taxel_positions() -> Floats:
     return positions
 
 
+#: Time constant of the mean square of the activity that contact noise follows.
+ACTIVITY_S = 0.05
+
+
+#: Force from which on a contact makes all its noise; below, it is proportional to the force.
+CONTACT_N = 0.01
+
+
 class Electronics(ParameterSet):
     """The electronics of one fingertip; a seed determines the differences between the channels."""
 
@@ -96,6 +105,45 @@ class Electronics(ParameterSet):
     adc_bits: int = parameter(
         0, 'Resolution over the range of rails_v; 0: no quantisation.', (0, 32)
     )
+
+
+class ContactNoise(ParameterSet):
+    """Noise of what is touched, white; it grows with the motion of the load at low frequencies."""
+
+    noise_v: float = parameter(
+        1.15e-3, 'Standard deviation of its noise while the load is still.', (0.0, 100.0, 'V')
+    )
+    band_hz: tuple[float, float] = parameter(
+        (8.0, 20.0), 'Band of the activity of a channel.', (0.01, 1e6, 'Hz'), rising=True
+    )
+    knee_v: float = parameter(
+        2.2e-3, 'RMS of the activity from which the noise grows.', (1e-9, 1e3, 'V')
+    )
+    growth: float = parameter(0.65, 'Decibels of noise for each of activity above.', (0.0, 2.0))
+
+
+class ContactHiss:
+    """The noise of a contact in one trial."""
+
+    def __init__(self, part: ContactNoise, trial: np.random.Generator, rate_hz: float) -> None:
+        from scipy import signal  # takes a while, and few scenes need it
+
+        self._part, self._trial, self._run = part, trial, signal.sosfilt
+        decay = math.exp(-1.0 / (ACTIVITY_S * rate_hz))
+        mean = [[1.0 - decay, 0.0, 0.0, 1.0, -decay, 0.0]]
+        band = signal.butter(2, part.band_hz, 'bandpass', fs=rate_hz, output='sos')
+        self._filters = [(sos, np.zeros((len(sos), 2, PAPER_CHANNELS))) for sos in (band, mean)]
+
+    def sample(self, clean_v: Floats, force_n: Floats) -> Floats:
+        """Return the noise of the next rows, at least one."""
+        (band, band_state), (mean, mean_state) = self._filters
+        low_v, band_state[:] = self._run(band, clean_v, axis=0, zi=band_state)
+        power, mean_state[:] = self._run(mean, low_v**2, axis=0, zi=mean_state)
+        above = np.maximum(power / self._part.knee_v**2, 1.0)
+        noise_v: Floats = self._trial.standard_normal(clean_v.shape)
+        noise_v *= self._part.noise_v * above ** (self._part.growth / 2)
+        noise_v *= np.minimum(force_n / CONTACT_N, 1.0)[:, np.newaxis]
+        return noise_v
 
 
 class Clock(ParameterSet):
@@ -172,9 +220,12 @@ class Frontend:
         self._drops: Drops = parts.get('drops', Drops(share=0.0))
         self._loss_draws = trials['drops']
         self._lost = False
+        self._hiss: ContactHiss | None = None
+        if 'contact_noise' in parts:
+            self._hiss = ContactHiss(parts['contact_noise'], trials['contact_noise'], rate_hz)
 
-    def sample(self, clean_v: Floats, time_s: Floats) -> Floats:
-        """Sample the next rows of clean volts, shape (n, 16).
+    def sample(self, clean_v: Floats, time_s: Floats, force_n: Floats | None = None) -> Floats:
+        """Sample the next rows of clean volts, shape (n, 16); contact noise needs the force.
 
         Any cut of the rows into calls gives the same bits.
         """
@@ -182,6 +233,8 @@ class Frontend:
         noisy, dead, flat = self._failing
         failed = np.flatnonzero(time_s >= faults.from_s)
         volts = clean_v + self.baseline_v
+        if self._hiss and force_n is not None and len(volts):
+            volts += self._hiss.sample(clean_v, force_n)
         if self._hum.size:
             volts += sines_at(time_s, self._hum)[:, np.newaxis]
         if noisy.size and faults.noise_v:  # of bad joints, before rails and converter

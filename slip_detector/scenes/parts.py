@@ -22,7 +22,7 @@ from typing import Any
 from slip_detector.parameters.fields import parameter, refuse, shown, shown_name
 from slip_detector.parameters.sets import ParameterSet
 from slip_detector.scenes.disturbances import TREMOR_PEAK, Hum, Rolling, Taps, Tremor
-from slip_detector.scenes.electronics import Clock, Drops, Electronics, Faults
+from slip_detector.scenes.electronics import Clock, ContactNoise, Drops, Electronics, Faults
 from slip_detector.scenes.friction import Friction, Skin
 from slip_detector.scenes.motion import Motion, Step
 from slip_detector.scenes.surface import Contact, FreeObject, Roughness, Texture
@@ -45,6 +45,7 @@ PARTS: dict[str, type[ParameterSet]] = {
     'faults': Faults,
     'drops': Drops,
     'clock': Clock,
+    'contact_noise': ContactNoise,
 }
 
 
@@ -114,6 +115,11 @@ def check_parts(parts: Mapping[str, Any], steps: Sequence[Step], true_rate_hz: f
             what = f'texture: ridges pass at up to {highest_hz:.4g} Hz, which aliases'
             text = f'below {true_rate_hz / 2:g} Hz, or with bandwidth_hz of the part electronics'
             refuse(what, text)
+    if 'contact_noise' in parts:
+        highest_hz = parts['contact_noise'].band_hz[1]
+        what = f'contact_noise: parameter band_hz ends at {highest_hz:g} Hz'
+        if highest_hz >= true_rate_hz / 2:
+            refuse(what, f'below {true_rate_hz / 2:g} Hz, half the sample rate')
     if 'friction' in parts:
         check_grip(parts, _largest_force_n(parts, steps))
 

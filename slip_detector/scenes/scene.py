@@ -217,7 +217,8 @@ class Scene:
         """
         while True:
             time_s, clean_v, position_m, sliding = self.clean(n)
-            volts = self._frontend.sample(clean_v, time_s)
+            force_n = self.force_n(time_s) if 'contact_noise' in self.parts else None
+            volts = self._frontend.sample(clean_v, time_s, force_n)
             truth = self._truth(time_s, sliding)
             if 'object' not in self.parts:
                 position_m = plate_at(time_s, self.drive_numbers.plate)[1]

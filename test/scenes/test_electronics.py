@@ -21,8 +21,10 @@ from hypothesis import strategies as st
 
 from slip_detector.parameters.detector import PAPER_CHANNELS, PAPER_GROUPS
 from slip_detector.scenes.electronics import (
+    CONTACT_N,
     SENSOR_PITCH_M,
     UNIT_RADIUS_M,
+    ContactNoise,
     Drops,
     Electronics,
     Faults,
@@ -105,6 +107,42 @@ def test_the_variance_of_the_drift_grows_linearly_whatever_the_rate(rate_hz):
         # 1600 walks tell a standard deviation within 1.8 %; five times that is allowed.
         expected_v = 0.1 * np.sqrt(after_s)
         assert deviation[round(after_s * rate_hz) - 1] == pytest.approx(expected_v, rel=0.09)
+
+
+# Contact noise.
+
+
+def contact_noise(clean_v, force_n, **parameters):
+    """Return the noise alone, at 380 Hz."""
+    parts = {'contact_noise': ContactNoise(**parameters)}
+    volts = frontend(**NEAT, baseline_v=(0.0, 0.0), parts=parts).sample(
+        clean_v, np.arange(len(clean_v)) / 380.0, np.full(len(clean_v), force_n)
+    )
+    return volts - clean_v
+
+
+@given(st.floats(0.0, 0.05))
+def test_what_is_touched_makes_noise_and_what_is_not_makes_none(force_n):
+    noise = contact_noise(np.zeros((1000, PAPER_CHANNELS)), force_n, noise_v=0.02)
+    full_v = 0.02 * min(force_n / CONTACT_N, 1.0)
+    np.testing.assert_allclose(noise.std(0), full_v, rtol=0.12, atol=1e-12)
+    spectrum = np.abs(np.fft.rfft(noise, axis=0)) ** 2  # white: as much in either half
+    low, high = spectrum[1:251].sum(), spectrum[251:501].sum()
+    assert force_n < 1e-6 or low == pytest.approx(high, rel=0.15)
+
+
+@settings(max_examples=30)
+@given(st.floats(-10, 20), st.floats(0, 2), st.sampled_from([1.0, 12.65, 80.0]))
+def test_contact_noise_grows_with_activity_in_its_band_above_the_knee(above_db, growth, hz):
+    knee_v, time_s = 1e-3, np.arange(2280) / 380.0
+    rms_v = knee_v * 10 ** (above_db / 20)
+    swing_v = np.sqrt(2) * rms_v * np.sin(2 * np.pi * hz * time_s)[:, np.newaxis]
+    noise = contact_noise(
+        swing_v * np.ones(PAPER_CHANNELS), 1.0, noise_v=1e-4, knee_v=knee_v, growth=growth
+    )
+    # Of the sines beside the band its skirts leave less than a tenth.
+    grown_db = growth * max(above_db, 0.0) if hz == 12.65 else 0.0
+    assert 20 * np.log10(noise[760:].std() / 1e-4) == pytest.approx(grown_db, abs=0.5)
 
 
 # Rails and converter.

@@ -95,6 +95,7 @@ ALL_PARTS = {
     'faults': {'dead_channels': [1], 'flat_channels': [2], 'noisy_channels': [3], 'from_s': 0.3},
     'drops': {'share': 0.2, 'burst_samples': 3},
     'clock': {'rate_ratio': 1.1},
+    'contact_noise': {},
 }
 ON_A_PLATE = [
     {'duration_s': 0.1, 'force_n': 0.5},

@@ -96,6 +96,10 @@ SHIPPED = sorted(path.stem for path in (shared_folder() / 'config' / 'scenes').g
             'drops: parameter share is 0.6, allowed: at most 0.5',
         ),
         (
+            'steps: [{}]\nsample_rate_hz: 40\ncontact_noise:',
+            'contact_noise: parameter band_hz ends at 20 Hz, allowed: below 20 Hz, half the',
+        ),
+        (
             'steps: [{}]\ntremor: {low_hz: 20, high_hz: 2}',
             'tremor: parameter high_hz is 2 Hz, allowed: above low_hz, 20 Hz',
         ),
@@ -130,7 +134,7 @@ def test_a_scene_of_the_package_plays_within_its_rails_and_says_what_slips(name)
     assert samples.volts.max() <= high_v
     sound = samples.volts[:, np.arange(16) != 4] if name == 'dead_channel' else samples.volts
     assert np.ptp(sound, axis=0).min() > 0.05  # The contact is felt everywhere.
-    assert samples.truth.any() == (name not in ('taps', 'rolling', 'tremor_hum'))
+    assert samples.truth.any() == (name not in ('taps', 'rolling', 'tremor_hum', 'press'))
 
 
 def test_a_scene_is_found_by_name_or_taken_by_path():
