@@ -169,10 +169,10 @@ async def _tuned(
     await recorded.refresh()
     run = TuneRun(recorded, 'index', running)
     await run.run()
-    said = [*run.lines, run.failed] + [
+    said = [*run.lines, run.failed, run.kept] + [
         f'{row[0]}: {row[1]} -> {row[2]} {row[3]}' for row in run.table
     ]
-    return said, run.found
+    return said, None if run.kept else run.found
 
 
 def _figures(judged: Session, still: Mapping[str, Session], config: DetectorConfig) -> Any:

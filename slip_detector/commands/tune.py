@@ -257,7 +257,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = _arguments(argv)
 
     def work() -> str:
-        parameters = TuningParameters(*sets_of_parameters(options, *map(type, TuningParameters())))
+        parameters = TuningParameters(
+            *sets_of_parameters(options, *map(type, TuningParameters()[:-1]))
+        )
         written = {'--out': options.out, '--report': options.report}
         where = options.storage or f'{options.out}.study.journal'
         check_apart(written, [*paths_read(options), where])

@@ -434,6 +434,8 @@ class Verdict(NamedTuple):
         The best chain found, or the running one.
     kept : str
         Why the running chain is kept; empty where it is not.
+    tried : ChainConfig or None
+        The best chain found, also where it is not taken; None where none was found.
 
     Examples
     --------
@@ -444,6 +446,7 @@ class Verdict(NamedTuple):
 
     chain: ChainConfig
     kept: str
+    tried: ChainConfig | None = None
 
 
 def judge(problem: Problem, held: Sequence[Track], best: Candidate | None) -> Verdict:
@@ -473,9 +476,14 @@ def judge(problem: Problem, held: Sequence[Track], best: Candidate | None) -> Ve
     on_held = dataclasses.replace(problem, tracks=held, figures=None)
     before, after = on_held.as_it_is(running), on_held.as_it_is(best.chain)
     worse = [] if problem.config.trade else worse_than(after.figures, before.figures)
-    if not after.cost_ms < before.cost_ms:
-        worse.insert(0, f'a cost of {after.cost_ms:.4g} against {before.cost_ms:.4g} ms')
-    if not worse:
-        return Verdict(best.chain, '')
-    reasons = ', '.join(worse)
-    return Verdict(running, f'on the held-out recordings the best found has {reasons}')
+    slips = sum(len(track.slips) for track in held)
+    recalls = [one.figures['recall'] or 0.0 for one in (before, after)]
+    if recalls[1] < recalls[0]:
+        worse.insert(0, f'misses {slips - round(recalls[1] * slips)} of {slips} slips')
+    if after.cost_ms > before.cost_ms:
+        worse.append(f'a cost of {after.cost_ms:.4g} against {before.cost_ms:.4g} ms')
+    if not worse and after.cost_ms < before.cost_ms:
+        return Verdict(best.chain, '', best.chain)
+    how = f'worse: {", ".join(worse)}' if worse else 'no better'
+    why = f'on the held-out recordings the best found is {how}'
+    return Verdict(running, why, best.chain)

@@ -63,7 +63,7 @@ NEW_SENSOR: dict[str, Any] = {
 LOW_HZ, LOW_SHARE = 20.0, 0.2
 
 #: What a page shows of a run as it is.
-DESCRIBED = 'finger', 'running', 'step', 'share', 'lines', 'held_out', 'table'
+DESCRIBED = 'finger', 'running', 'step', 'share', 'lines', 'held_out', 'table', 'kept'
 
 #: How much the search gives way to the nodes.
 NICE = 10
@@ -118,8 +118,8 @@ class TuneRun:
         self.running, self.stopping = True, False
         #: What was learnt, and which steps did not work.
         self.lines: list[str] = []
-        #: The present step, and why the run failed, in one line.
-        self.step = self.failed = ''
+        #: The present step, why the run failed, and why what was found should not be applied.
+        self.step = self.failed = self.kept = ''
         #: Share of the search that is done, 0 to 1.
         self.share = 0.0
         #: Title, figure of the running and of the tuned detector, 'better', 'worse' or ''.
@@ -204,7 +204,7 @@ def _obey(connection: Connection) -> None:
 def _tune(job: TuneJob, report: Callable[..., None]) -> None:
     """Learn, search and compare."""
     folder = writable_folder(job.folder / 'tuning')
-    begin, lines = learnt(job, beginning(DetectorConfig.from_parameters(job.running)), report)
+    begin = learnt(job, beginning(DetectorConfig.from_parameters(job.running)), report)
     _write(folder / 'begin.yaml', begin)
     running = _parameters(job.running).chain
     parameters = _parameters(begin)._replace(running=running)
@@ -225,9 +225,8 @@ def _tune(job: TuneJob, report: Callable[..., None]) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     report(step='comparing on what was held out')
     verdict = result.verdict
-    tuned = job.running if verdict.kept else {**begin, **searched(verdict.chain)}
-    if verdict.kept:
-        report(lines=[*lines, f'Nothing better was found: {verdict.kept}'])
+    tried = verdict.tried
+    tuned = {**begin, **searched(tried)} if tried else job.running
 
     def figures(values: Values) -> dict[str, Any]:
         replay = Replay(_parameters(values).chain)
@@ -235,9 +234,9 @@ def _tune(job: TuneJob, report: Callable[..., None]) -> None:
             [replay.run(one.rows(), one.sample_rate_hz) for one in result.held]
         )
 
-    _write(folder / 'tuned.yaml', tuned)
+    _write(folder / 'tuned.yaml', job.running if verdict.kept else tuned)
     table = compared(figures(job.running), figures(tuned))
-    report(found=DetectorConfig.from_parameters(tuned), table=table)
+    report(found=DetectorConfig.from_parameters(tuned), table=table, kept=verdict.kept)
 
 
 def beginning(config: DetectorConfig) -> Values:
@@ -255,8 +254,8 @@ def beginning(config: DetectorConfig) -> Values:
     return {**config.to_parameters(), **NEW_SENSOR, 'passband_hz': [low_hz, 0.0], 'vote': vote}
 
 
-def learnt(job: TuneJob, begin: Values, report: Callable[..., None]) -> tuple[Values, list[str]]:
-    """Learn noise and impacts if there are recordings of them; return parameters and lines."""
+def learnt(job: TuneJob, begin: Values, report: Callable[..., None]) -> Values:
+    """Learn noise and impacts if there are recordings of them; return parameters."""
     slips = job.paths(job.to_tune_on['slip'])
     steps: list[tuple[str, str, Callable[..., tuple[Values, list[str]]]]] = [
         ('noise', 'rest', learn_from_quiet),
@@ -278,7 +277,7 @@ def learnt(job: TuneJob, begin: Values, report: Callable[..., None]) -> tuple[Va
         except ValueError as error:  # Taps may look like slips: what was learnt before is kept.
             lines = [*lines, str(error)]
     report(lines=lines)
-    return begin, lines
+    return begin
 
 
 def _parameters(values: Values) -> TuningParameters:

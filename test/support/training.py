@@ -21,7 +21,8 @@ import numpy as np
 
 from slip_detector.chain.samples import Samples
 from slip_detector.parameters.files import read_yaml
-from slip_detector.recordings import write_recording
+from slip_detector.recordings.labels import BY_HAND_S
+from slip_detector.recordings.writing import BagWriter
 from slip_detector.scenes import Scene, find_scene
 
 RATE_HZ = 380.0
@@ -81,6 +82,13 @@ def rows_of(name):
     rows = samples(*RECORDINGS[name], seed=[*RECORDINGS].index(name))
     begin = round(BEGIN_S * RATE_HZ)
     volts, truth = rows.volts[begin:], rows.truth[begin:] & name.startswith('slip')
+    if truth.any():
+        # A hand presses the key late, and lets it go late.
+        edges = np.flatnonzero(np.diff(truth)) + 1
+        random = np.random.default_rng([*RECORDINGS].index(name))
+        late = [random.uniform(0.12, 0.35), random.uniform(0.08, 0.3)]
+        first, last = np.rint(edges + RATE_HZ * np.array(late)).astype(int)
+        truth = (np.arange(len(truth)) >= first) & (np.arange(len(truth)) < last)
     stamps_ns = np.rint(1e9 / RATE_HZ * np.arange(len(volts))).astype(np.int64)
     return Samples(volts, stamps_ns, truth)
 
@@ -89,7 +97,11 @@ def write_recordings(folder, slips=6):
     """Write recordings as a page makes them: rest, taps, and one slip in each of some."""
     channels = [f'ch{c}' for c in range(1, 17)]
     for name in [*RECORDINGS][: 3 + slips]:
-        write_recording(folder / name, [rows_of(name)], RATE_HZ, channels)
+        folder.mkdir(exist_ok=True)
+        accuracy_s = BY_HAND_S if name.startswith('slip') else 0.0
+        bag = BagWriter(folder / name, channels, accuracy_s=accuracy_s)
+        bag.write(rows_of(name))
+        bag.close()
 
 
 def pulled(slips, slip_s=1.0, seed_of_pauses=0):

@@ -356,19 +356,21 @@ def test_the_ends_of_a_label_are_seen_beside_the_decision_snapped_and_saved(tmp_
             return await taught.server.answer(request)
 
         seen = await ask('trace')
-        ((start_s, end_s),) = true_s = seen['slip_s']
+        ((start_s, end_s),) = seen['slip_s']
         assert seen['coverage'] > 0.9
-        assert any(a < start_s + 0.1 and b > end_s for a, b in seen['on_s'])
+        assert any(a < start_s and b > end_s - 0.4 for a, b in seen['on_s'])
         assert np.min(seen['level']) < 1.0 < np.max(seen['level']) <= 2.0
         assert seen['duration_s'] <= seen['bin_s'] * len(seen['level']) < seen['duration_s'] + 0.1
-        late_s = [[start_s + 0.3, end_s + 0.2]]
+        late_s = [[start_s + 0.05, end_s + 0.05]]
         assert (await ask('label', slip_s=late_s))['refusal'] == ''
         assert (await ask('trace'))['slip_s'] == [pytest.approx(late_s[0], abs=0.01)]
         recording = open_recording(tmp_path / 'index' / 'slip_1')
         assert recording.accuracy_s == BY_EYE_S
-        snapped = await ask('snap', slip_s=late_s)
-        assert snapped['slip_s'] == [pytest.approx(true_s[0], abs=BY_EYE_S)]
-        assert (await ask('trace'))['slip_s'][0][0] > start_s + 0.2  # Nothing is saved unasked.
+        ((early_s, before_s),) = (await ask('snap', slip_s=late_s))['slip_s']
+        # The hand was late by 0.12 to 0.35 s, and let go late by 0.08 to 0.3 s.
+        assert 0.1 < start_s - early_s < 0.37
+        assert 0.03 < end_s - before_s < 0.32
+        assert (await ask('trace'))['slip_s'][0][0] > start_s  # Nothing is saved unasked.
         for wrong, why in (
             ([[1.0, 0.5]], 'ends before it begins'),
             ('all', 'slip_s'),

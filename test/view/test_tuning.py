@@ -17,6 +17,7 @@
 
 import asyncio
 import time
+from pathlib import Path
 
 import pytest
 
@@ -79,11 +80,24 @@ def test_a_search_that_is_stopped_keeps_what_it_found_and_is_judged_by_what_was_
     assert run.held_out == ['rest_2', 'slip_3', 'slip_6']
     rows = {row[0]: row for row in run.table}
     assert rows[heading('slips')][1:3] == ('2', '2')
-    assert rows[heading('false_time_percent')][3] != 'worse'
+    assert rows[heading('false_time_percent')][3] == 'better'
+    assert run.kept == ''
     found = DetectorConfig.from_yaml(recorded / 'tuning' / 'tuned.yaml').to_parameters()
     changes = run.to_apply(DetectorConfig())
     assert run.described()['changes'] == len(changes)
     assert {**DetectorConfig().to_parameters(), **changes} == found
+
+
+def test_what_is_no_better_on_what_was_held_out_is_not_written_and_that_is_said(
+    recorded, monkeypatch
+):
+    monkeypatch.setattr(tuning, 'TRIALS', 5)
+    running = DetectorConfig.from_yaml(Path('config/onset.yaml'))
+    run = TuneRun(listed(recorded), 'index', running)
+    asyncio.run(finished(run))
+    assert run.kept == 'on the held-out recordings the best found is no better'
+    assert DetectorConfig.from_yaml(recorded / 'tuning' / 'tuned.yaml') == running
+    assert run.described()['changes'] > 0  # They can be applied nevertheless.
 
 
 def test_a_run_that_is_stopped_before_the_search_found_nothing(recorded):

@@ -12,6 +12,7 @@ const PRESSED_MS = 200;
 const WANTED = {rest: {recordings: 2, seconds: 60}, slip: {recordings: 20, seconds: 0}, taps: {recordings: 2, seconds: 60}};
 const KIND_OF = {r: 'rest', t: 'taps'};
 const LEAST_SLIPS = 2;
+const NOT_BETTER = 'Nothing better was found';
 
 export class Teach extends Tool {
   constructor(connection) {
@@ -53,7 +54,10 @@ export class Teach extends Tool {
   listen() {
     for (const kind of ['rest', 'taps']) this.buttons[kind].addEventListener('click', () => this.toggle(kind));
     for (const [id, type] of [['tune', 'tune'], ['stop-tuning', 'stop_tuning'], ['apply', 'apply_tuning']]) {
-      element(id).addEventListener('click', () => this.ask(type, {}, element(id)));
+      element(id).addEventListener('click', () => {
+        const why = id === 'apply' && this.latest.tuning?.kept;
+        if (!why || confirm(`${NOT_BETTER}: ${why}. Apply it nevertheless?`)) this.ask(type, {}, element(id));
+      });
     }
     const slip = this.buttons.slip;
     slip.addEventListener('pointerdown', (event) => {
@@ -234,7 +238,7 @@ export class Teach extends Tool {
       return row;
     }));
     element('apply').disabled = locked || runs || !mine?.changes;
-    write('apply', mine?.changes ? `Apply ${mine.changes} values` : 'Apply');
+    write('apply', mine?.changes ? `Apply ${mine.changes} values${mine.kept ? ' nevertheless' : ''}` : 'Apply');
   }
 
   stepWords(tuning, mine, slips) {
@@ -242,7 +246,8 @@ export class Teach extends Tool {
     if (mine?.running) return mine.step;
     if (tuning?.running) return 'another finger is being tuned';
     if (mine?.table.length) {
-      return mine.changes ? 'Done. Apply sets the running detector; Save, below, writes what it runs with.' : 'Nothing better was found: the detector is as good as it was.';
+      if (mine.kept) return `${NOT_BETTER}: ${mine.kept}. The detector stays as it is.`;
+      return mine.changes ? 'Done. Apply sets the running detector; Save, below, writes what it runs with.' : `${NOT_BETTER}: the detector is as good as it was.`;
     }
     return slips < LEAST_SLIPS ? 'Tuning needs two slips at least; twenty are good.' : '';
   }
