@@ -48,9 +48,9 @@ from scipy import signal
 from benchmarks.chain.rivals import CppChain, NumpyChain
 from benchmarks.measurement import least_times_s, swelling_noise_v
 from benchmarks.processes import print_figures
-from slip_detector.chain.compiled import COMPILED
 from slip_detector.chain.filters import design
 from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.compiled import COMPILED
 from slip_detector.parameters.detector import ChainConfig
 
 Floats = NDArray[np.float64]

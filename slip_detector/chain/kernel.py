@@ -29,7 +29,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain import stages, votes
-from slip_detector.chain.compiled import (
+from slip_detector.chain.stages import FIRST_ROW, NO_ROW, WORD_ROWS
+from slip_detector.chain.votes import NO_COMMON_MODE, VOTE_MEAN, vote_numbers
+from slip_detector.compiled import (
     LANES,
     compiled_for,
     compiled_in_place,
@@ -38,8 +40,6 @@ from slip_detector.chain.compiled import (
     spread,
     store,
 )
-from slip_detector.chain.stages import FIRST_ROW, NO_ROW, WORD_ROWS
-from slip_detector.chain.votes import NO_COMMON_MODE, VOTE_MEAN, vote_numbers
 from slip_detector.parameters.detector import ChainConfig
 
 Floats = NDArray[np.float64]

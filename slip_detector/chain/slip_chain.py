@@ -22,10 +22,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slip_detector.chain import kernel, stages
-from slip_detector.chain.compiled import COMPILED, LANES
 from slip_detector.chain.filters import design
 from slip_detector.chain.stages import DELAYS, FLOOR
 from slip_detector.chain.stamps import StampGrid
+from slip_detector.compiled import COMPILED, LANES
 from slip_detector.parameters.detector import ChainConfig
 
 Bools = NDArray[np.bool_]

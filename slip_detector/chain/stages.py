@@ -27,7 +27,7 @@ CUSUM). docs/method.md has the equations.
 
 import numpy as np
 
-from slip_detector.chain.compiled import (
+from slip_detector.compiled import (
     absolute,
     compiled_in_place,
     compiled_within,

@@ -38,7 +38,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain import stages
-from slip_detector.chain.compiled import (
+from slip_detector.chain.stages import FIRST_ROW, NO_ROW, WORD_ROWS
+from slip_detector.compiled import (
     LANES,
     compiled,
     compiled_in_place,
@@ -50,7 +51,6 @@ from slip_detector.chain.compiled import (
     spread,
     store,
 )
-from slip_detector.chain.stages import FIRST_ROW, NO_ROW, WORD_ROWS
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.fields import converted
 

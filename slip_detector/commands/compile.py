@@ -26,11 +26,11 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from slip_detector.chain.compiled import COMPILED, on_compiling
 from slip_detector.chain.filters import settling_rows
 from slip_detector.chain.samples import Samples
 from slip_detector.chain.slip_chain import compile_chain
 from slip_detector.commands.command_line import Parser, run
+from slip_detector.compiled import COMPILED, on_compiling
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.driver import DriverConfig

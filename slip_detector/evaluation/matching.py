@@ -30,7 +30,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain.compiled import compiled
+from slip_detector.compiled import compiled
 from slip_detector.parameters.evaluation import EvaluationConfig
 
 Bools = NDArray[np.bool_]

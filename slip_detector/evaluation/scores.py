@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slip_detector.chain.compiled import compiled
+from slip_detector.compiled import compiled
 
 Bools = NDArray[np.bool_]
 Floats = NDArray[np.float64]

@@ -37,9 +37,8 @@ from typing import Any
 
 import numpy as np
 
-from slip_detector.chain.compiled import compiled
+from slip_detector.compiled import CompiledSet, compiled
 from slip_detector.parameters.fields import parameter
-from slip_detector.scenes.compiled_set import CompiledSet
 
 
 class Skin(CompiledSet):

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain.compiled import compiled
+from slip_detector.compiled import compiled
 from slip_detector.parameters.fields import parameter, refuse, shown
 from slip_detector.parameters.sets import ParameterSet
 

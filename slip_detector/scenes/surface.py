@@ -19,10 +19,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain.compiled import compiled
+from slip_detector.compiled import CompiledSet, compiled
 from slip_detector.parameters.fields import parameter
 from slip_detector.parameters.sets import ParameterSet
-from slip_detector.scenes.compiled_set import CompiledSet
 
 Floats = NDArray[np.float64]
 

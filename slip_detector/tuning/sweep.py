@@ -27,8 +27,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain.compiled import compiled
 from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.compiled import compiled
 from slip_detector.evaluation.chance import slip_figures
 from slip_detector.evaluation.matching import (
     NONE,

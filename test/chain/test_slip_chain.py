@@ -23,9 +23,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slip_detector.chain import slip_chain, stages
-from slip_detector.chain.compiled import COMPILED
 from slip_detector.chain.kernel import CACHED_VALUES
 from slip_detector.chain.slip_chain import SlipChain, check_memory
+from slip_detector.compiled import COMPILED
 from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
 from support.chain_cases import QUICK_EVIDENCE, bits, noise
 from support.config_cases import message_of

@@ -17,10 +17,10 @@
 import numpy as np
 import pytest
 
-from slip_detector.chain.compiled import COMPILED
 from slip_detector.commands import compile as command
 from slip_detector.commands.evaluate import main as evaluate
 from slip_detector.commands.tune import main as tune
+from slip_detector.compiled import COMPILED
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.sources import open_source
 from support.compiled_signatures import compiled_signatures

@@ -132,7 +132,7 @@ WITHOUT_NUMBA = """
 import json, sys
 sys.modules['numba'] = None
 import numpy as np
-from slip_detector.chain.compiled import COMPILED
+from slip_detector.compiled import COMPILED
 from slip_detector.scenes import Scene
 assert not COMPILED
 scene = Scene(json.load(sys.stdin), np.random.default_rng(0))

@@ -14,7 +14,8 @@
 
 """Functions that Numba compiles where it is installed, and vectors of sixteen values for them.
 
-Without Numba the same functions run interpreted, and a vector is a small NumPy array.
+Without Numba the same functions run interpreted, and a vector is a small NumPy array. Compiled
+functions take the values of a :class:`CompiledSet`.
 
 An inner loop over so few values takes longer to enter than to run, and the compiler does not keep
 its values in registers from one row to the next. Therefore compiled functions use vectors
@@ -36,13 +37,15 @@ import logging
 import operator
 import pickle
 import zlib
+from collections import namedtuple
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from slip_detector.parameters.files import whole_file
+from slip_detector.parameters.sets import ParameterSet
 
 try:
     from numba import __version__ as numba_version
@@ -63,7 +66,7 @@ LANES = 16
 def _fingerprint() -> str:
     """Return a checksum of Numba's version and of all files that have compiled functions."""
     number = zlib.crc32(numba_version.encode())
-    for path in sorted(Path(__file__).parents[1].rglob('*.py')):
+    for path in sorted(Path(__file__).parent.rglob('*.py')):
         source = path.read_bytes()
         if b'@compiled' in source or b'@intrinsic' in source:
             number = zlib.crc32(source, number)
@@ -182,6 +185,24 @@ def on_compiling(say: Callable[[str], None]) -> None:
     >>> on_compiling(modules.append)
     """
     LISTENERS.append(say)
+
+
+class CompiledSet(ParameterSet):
+    """A set whose values compiled code takes, as a named tuple, which Numba can take."""
+
+    Numbers: ClassVar[Any]
+
+    def __init_subclass__(cls) -> None:
+        """Make the class of the named tuple."""
+        super().__init_subclass__()
+        numbers: Any = namedtuple('Numbers', [*cls.__annotations__], module=cls.__module__)  # type: ignore[misc]
+        cls.Numbers = numbers
+        # By this name Numba finds the tuple of a function that it has compiled in another process.
+        cls.Numbers.__qualname__ = f'{cls.__qualname__}.Numbers'
+
+    def numbers(self) -> Any:
+        """Return the named tuple of the values."""
+        return self.Numbers(*(getattr(self, name) for name in self.Numbers._fields))
 
 
 if not COMPILED:
