@@ -18,13 +18,11 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slip_detector.chain.samples import Bools, Floats
 from slip_detector.evaluation.figures import first_on_delay_s, mean_and_sd, percent
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.recordings.labels import states_at
-
-Floats = NDArray[np.float64]
 
 
 class Heard(NamedTuple):
@@ -40,7 +38,7 @@ class Heard(NamedTuple):
     position_stamps_s: Floats
     positions_m: Floats
     latencies_s: Floats
-    changes: Mapping[str, tuple[Floats, NDArray[np.bool_]]]
+    changes: Mapping[str, tuple[Floats, Bools]]
 
     @property
     def motion_s(self) -> tuple[float, float] | None:

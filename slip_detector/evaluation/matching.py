@@ -28,14 +28,11 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slip_detector.chain.samples import Bools, Ints
 from slip_detector.compiled import compiled
 from slip_detector.parameters.evaluation import EvaluationConfig
 
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Rows = Sequence[int] | Ints
 
 #: Takes the place of the number of an alarm or a slip where there is none.
@@ -75,7 +72,7 @@ class OnIntervals:
         """Whether the signal was ON in the last row."""
         return len(self.edges) % 2 == 1
 
-    def add(self, on: NDArray[np.bool_], first_row: int) -> None:
+    def add(self, on: Bools, first_row: int) -> None:
         """Take the next rows.
 
         Parameters

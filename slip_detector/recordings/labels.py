@@ -20,12 +20,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain.samples import Samples
+from slip_detector.chain.samples import Bools, Floats, Samples, Stamps
 from slip_detector.parameters.files import read_yaml
-
-Floats = NDArray[np.float64]
-Stamps = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 #: Ending of a file of labels beside its recording: ``trial.labels.yaml`` for ``trial.mcap``.
 ENDING = '.labels.yaml'
@@ -158,7 +154,7 @@ def read_labels(path: Path) -> Labels:
     return Labels(path, edges_s)
 
 
-def as_truth(label: NDArray[Any], key: str) -> NDArray[np.bool_]:
+def as_truth(label: NDArray[Any], key: str) -> Bools:
     """Convert labels to bool, shape (n,).
 
     Parameters

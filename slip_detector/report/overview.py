@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain.samples import Samples
+from slip_detector.chain.samples import Bools, Floats, Ints, Samples
 from slip_detector.chain.slip_chain import SlipResult
 from slip_detector.chain.stages import LEAST_EXCESS_DB
 from slip_detector.evaluation.figures import FALSE, ReplayOutcome
@@ -33,7 +33,6 @@ from slip_detector.evaluation.matching import OnIntervals
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 
-Floats = NDArray[np.float64]
 Volts = NDArray[np.float32]
 Codes = NDArray[np.uint8]
 
@@ -234,7 +233,7 @@ class Overview:
         self.events: Sequence[Event] = ()
         self.snippets: list[Snippet] = []
         # The numbers of rows, their volts and their codes, so far.
-        self._pieces: list[tuple[NDArray[np.int64], Volts, Codes]] = []
+        self._pieces: list[tuple[Ints, Volts, Codes]] = []
 
     def replay(self, replay: Replay, rows: Iterable[Samples]) -> ReplayOutcome:
         """Replay the whole recording, and finish the overview with its events."""
@@ -242,7 +241,7 @@ class Overview:
         self.finish(events_of(outcome))
         return outcome
 
-    def add(self, volts: Floats, result: SlipResult, truth: NDArray[np.bool_]) -> None:
+    def add(self, volts: Floats, result: SlipResult, truth: Bools) -> None:
         """Take the next rows.
 
         Parameters
