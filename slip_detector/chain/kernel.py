@@ -29,6 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain import stages, votes
+from slip_detector.chain.samples import Floats, Ints
 from slip_detector.chain.stages import FIRST_ROW, NO_ROW, WORD_ROWS
 from slip_detector.chain.votes import NO_COMMON_MODE, VOTE_MEAN, vote_numbers
 from slip_detector.compiled import (
@@ -42,8 +43,6 @@ from slip_detector.compiled import (
 )
 from slip_detector.parameters.detector import ChainConfig
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Words = NDArray[np.uint64]
 
 #: Words of each channel in a chunk of rows. With many channels the state is larger than the caches

@@ -19,17 +19,15 @@ import warnings
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from slip_detector.chain import kernel, stages
 from slip_detector.chain.filters import design
+from slip_detector.chain.samples import Bools, Floats
 from slip_detector.chain.stages import DELAYS, FLOOR
 from slip_detector.chain.stamps import StampGrid
 from slip_detector.compiled import COMPILED, LANES
 from slip_detector.parameters.detector import ChainConfig
-
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
 
 #: A constant, as the look-up takes longer than making an array.
 BOOL_TYPE = np.dtype(np.bool_)

@@ -18,15 +18,12 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slip_detector.chain.samples import Bools, Floats
 from slip_detector.parameters.detector import PAPER_CHANNELS, PAPER_GROUPS
 from slip_detector.parameters.fields import parameter
 from slip_detector.parameters.sets import ParameterSet
 from slip_detector.scenes.disturbances import NO_SINES, sines_at
-
-Floats = NDArray[np.float64]
-
 
 #: Distance between the centres of two neighbouring sensors: 16 units on 22.3 mm2 (the density
 #: published for this fingertip) are four sensors in cells of 2.36 mm x 2.36 mm.
@@ -211,7 +208,7 @@ class Frontend:
             volts[np.ix_(failed, flat)] = self._flat_v
         return volts
 
-    def arrived(self, n: int) -> NDArray[np.bool_]:
+    def arrived(self, n: int) -> Bools:
         """Return which of the next ``n`` samples arrive: Gilbert's Markov chain of two states."""
         arrived = np.ones(n, dtype=np.bool_)
         if self._drops.share:

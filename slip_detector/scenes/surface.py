@@ -17,13 +17,11 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slip_detector.chain.samples import Floats
 from slip_detector.compiled import CompiledSet, compiled
 from slip_detector.parameters.fields import parameter
 from slip_detector.parameters.sets import ParameterSet
-
-Floats = NDArray[np.float64]
 
 STANDARD_GRAVITY_M_S2 = 9.80665
 

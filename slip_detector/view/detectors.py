@@ -24,9 +24,9 @@ from dataclasses import dataclass, field, fields
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from slip_detector.chain.samples import Bools, Floats
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.view.track import LiveTrack, Spectrum, spectrum
 
@@ -58,8 +58,6 @@ GRID_PITCH_M = 2.5e-3
 #: Channels at one position, such as the axes of one taxel, are drawn on a circle around it. Its
 #: radius is this share of the least distance between two positions.
 CIRCLE_SHARE = 0.25
-
-Floats = NDArray[np.float64]
 
 
 class Diagnosis(NamedTuple):
@@ -105,7 +103,7 @@ class Finger:
     no_volts: str = ''
 
     def __post_init__(self) -> None:
-        self.groups: NDArray[np.bool_] = np.zeros(len(self.config.groups), np.bool_)
+        self.groups: Bools = np.zeros(len(self.config.groups), np.bool_)
         self.track = LiveTrack(self.config)
         self._restarted_s = float('-inf')  # since 1970
 

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from slip_detector.chain.samples import Samples
+from slip_detector.chain.samples import Floats, Samples, Stamps
 from slip_detector.parameters.detector import ChainConfig
 
 #: Seconds of the past that are kept, unless they need more than this memory.
@@ -43,8 +43,6 @@ FEWEST_ROWS = 32
 
 #: Least density, in V^2/Hz: a channel that repeats one value has a density of zero.
 LEAST_V2_HZ = 1e-30
-
-Stamps = NDArray[np.int64]
 
 
 class Rows:
@@ -209,7 +207,7 @@ class Spectrum(NamedTuple):
     density_db: NDArray[np.float32]
 
 
-def spectrum(volts: NDArray[np.float64], sample_rate_hz: float) -> Spectrum | None:
+def spectrum(volts: Floats, sample_rate_hz: float) -> Spectrum | None:
     """Return the spectrum of the last seconds, or None if there are too few rows.
 
     It is the mean of several short spectra (Welch, 1967). A value that is not finite is replaced
