@@ -47,6 +47,8 @@ import numpy as np
 from slip_detector.parameters.files import whole_file
 from slip_detector.parameters.sets import ParameterSet
 
+LOG = logging.getLogger(__name__)
+
 try:
     from numba import __version__ as numba_version
     from numba import njit
@@ -57,6 +59,7 @@ try:
 except ImportError:  # not every robot has Numba
     numba_version = ''
     COMPILED = False
+    LOG.warning('Numba is not installed: all runs interpreted, slower, with the same decisions')
 
 #: Values in a vector: twice as many as the widest registers hold, so that the processor computes
 #: one half while it waits for the result of the other.
@@ -75,7 +78,8 @@ def _fingerprint() -> str:
 
 FINGERPRINT = _fingerprint()
 
-#: Called before a function is compiled, with the name of its module.
+#: Called before Numba compiles a function of this package, in the same thread, with the name of
+#: the function's module.
 LISTENERS: list[Callable[[str], None]] = []
 
 
@@ -118,7 +122,7 @@ if COMPILED:
 @functools.cache
 def _say_not_kept(why: str) -> None:
     """Say once that compiled code is not on disk, so that the next process compiles again."""
-    logging.getLogger(__name__).warning('compiled code is not kept (%s): each start compiles', why)
+    LOG.warning('compiled code is not kept (%s): each start compiles', why)
 
 
 def compiled(function: Callable[..., Any], **options: bool) -> Callable[..., Any]:
@@ -142,18 +146,13 @@ def compiled(function: Callable[..., Any], **options: bool) -> Callable[..., Any
     return dispatcher  # type: ignore[no-any-return]
 
 
-def compiled_in_place(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a function that makes no array and no list, so that a call costs little.
+#: Compiles a function that makes no array and no list, so that a call costs little: Numba counts
+#: no references in it. It refuses to compile one that makes an array; to Python it may return
+#: numbers, but no arrays.
+compiled_in_place = functools.partial(compiled, _nrt=False)
 
-    Numba counts no references in such a function. It refuses to compile one that makes an array;
-    to Python it may return numbers, but no arrays.
-    """
-    return compiled(function, _nrt=False)
-
-
-def compiled_within(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a function in place, whose code becomes part of the functions that call it."""
-    return compiled(function, _nrt=False, forceinline=True)
+#: Compiles a function in place, whose code becomes part of the functions that call it.
+compiled_within = functools.partial(compiled, _nrt=False, forceinline=True)
 
 
 def compiled_for(function: Callable[..., Any], *arguments: Any) -> Callable[..., Any]:
@@ -169,22 +168,6 @@ def compiled_for(function: Callable[..., Any], *arguments: Any) -> Callable[...,
     dispatcher: Any = function
     entry: Callable[..., Any] = dispatcher.compile(tuple(map(typeof, arguments)))
     return entry
-
-
-def on_compiling(say: Callable[[str], None]) -> None:
-    """Call a function each time that Numba compiles a function of this package.
-
-    Parameters
-    ----------
-    say
-        Called before the compilation, in the same thread, with the name of the function's module.
-
-    Examples
-    --------
-    >>> modules = []
-    >>> on_compiling(modules.append)
-    """
-    LISTENERS.append(say)
 
 
 class CompiledSet(ParameterSet):

@@ -15,7 +15,6 @@
 """The slip chain (the paper's Section 2): from rows of volts to ON/OFF slip."""
 
 import os
-import warnings
 from collections.abc import Sequence
 
 import numpy as np
@@ -26,7 +25,7 @@ from slip_detector.chain.filters import design
 from slip_detector.chain.samples import Bools, Floats
 from slip_detector.chain.stages import DELAYS, FLOOR
 from slip_detector.chain.stamps import StampGrid
-from slip_detector.compiled import COMPILED, LANES
+from slip_detector.compiled import LANES
 from slip_detector.parameters.detector import ChainConfig
 
 #: A constant, as the look-up takes longer than making an array.
@@ -171,13 +170,6 @@ class SlipChain:
     """
 
     def __init__(self, config: ChainConfig | None = None) -> None:
-        if not COMPILED:
-            warnings.warn(
-                'Numba is not installed: the slip chain runs interpreted, slower, with the same '
-                'decisions',
-                RuntimeWarning,
-                stacklevel=2,
-            )
         self.config = config = config or ChainConfig()
         self._sections = design(config)
         self._evidence = config.decision == 'evidence'

@@ -30,7 +30,7 @@ from slip_detector.chain.filters import settling_rows
 from slip_detector.chain.samples import Samples
 from slip_detector.chain.slip_chain import compile_chain
 from slip_detector.commands.command_line import Parser, run
-from slip_detector.compiled import COMPILED, on_compiling
+from slip_detector.compiled import COMPILED, LISTENERS
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.driver import DriverConfig
@@ -57,7 +57,7 @@ def compile_all() -> str:
     if not COMPILED:
         return 'Nothing to compile: Numba is not installed, and everything runs interpreted.'
     modules: list[str] = []
-    on_compiling(modules.append)
+    LISTENERS.append(modules.append)
     began_s = time.monotonic()
     for what, use in PARTS.items():
         print(f'{what} ...', flush=True)

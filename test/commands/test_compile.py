@@ -54,7 +54,7 @@ def test_nothing_is_left_to_be_compiled_when_other_commands_run(tmp_path, capsys
 
 def test_it_says_how_many_functions_it_has_compiled(monkeypatch, capsys):
     say = []
-    monkeypatch.setattr(command, 'on_compiling', say.append)
+    monkeypatch.setattr(command, 'LISTENERS', say)
     for compiled, use, said in (
         (True, lambda: say[-1]('slip_detector.chain'), 'chain ...\nCompiled 1 functions in '),
         (True, lambda: None, 'chain ...\nAll was compiled already.\n'),

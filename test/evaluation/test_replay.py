@@ -21,7 +21,8 @@ import pytest
 
 from slip_detector.chain.filters import settling_rows
 from slip_detector.chain.samples import Samples
-from slip_detector.chain.slip_chain import COMPILED, SlipChain
+from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.compiled import COMPILED
 from slip_detector.evaluation.figures import SETTLING, TRUE, figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from support.replay_cases import CONFIG, RATE_HZ, ridges
