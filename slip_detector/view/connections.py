@@ -15,7 +15,6 @@
 
 """The connections of the live page: how many there are at most, before anything is read."""
 
-from collections import deque
 from typing import Any
 
 from tornado.httpserver import HTTPServer
@@ -32,16 +31,13 @@ class Connections(HTTPServer):
         """Begin without connections."""
         super().initialize(*args, **kwargs)
         #: Those that are no open page, the oldest first; some may be closed.
-        self.strangers: deque[IOStream] = deque()
+        self.strangers: dict[Any, None] = {}
 
     def handle_stream(self, stream: IOStream, address: Any) -> None:
         """Serve a new connection."""
         if len(self.strangers) >= MOST_STRANGERS:
-            self.strangers.popleft().close()
-        self.strangers.append(stream)
+            oldest = next(iter(self.strangers))
+            del self.strangers[oldest]
+            oldest.close()
+        self.strangers[stream] = None
         super().handle_stream(stream, address)
-
-    def admit(self, stream: Any) -> None:
-        """Note that a connection is an open page."""
-        if stream in self.strangers:
-            self.strangers.remove(stream)

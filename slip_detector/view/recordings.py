@@ -199,8 +199,8 @@ class Recorder:
         #: Whether the rows from now on are labelled as slip.
         self.slipping = False
         self._rate_hz = finger.config.sample_rate_hz
-        #: Rows in the recording, and rows that the track no longer had.
-        self.rows = self.missing_rows = 0
+        #: Rows in the recording.
+        self.rows = 0
         #: Whether some rows are labelled: a recording has one slip at most.
         self.has_slip = False
         #: Why no more can be written; empty if it can.
@@ -226,8 +226,7 @@ class Recorder:
             return f'was cut off: {self.failure}'
         if self.kind == 'slip' and not self.has_slip:
             return f'{NO_SLIP}: no sample came while the key was held'
-        lacks = f'lacks {self.missing_rows} rows: this computer was too slow'
-        return lacks if self.missing_rows else ''
+        return ''
 
     def write(self) -> None:
         """Write the rows that have arrived, with the present label."""
@@ -244,7 +243,6 @@ class Recorder:
         except ValueError as error:
             self.failure = str(error)
             return
-        self.missing_rows += track.samples.appended - self._next_row - n
         self._next_row = track.samples.appended
         self.rows += n
         self.has_slip |= self.slipping

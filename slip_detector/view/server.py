@@ -23,7 +23,7 @@ import json
 import logging
 import socket
 import time
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -243,7 +243,7 @@ class Server:
 
     def tick(self) -> None:
         """Poll the detectors, and send each page what is new to it."""
-        viewed = {name for page in self.pages if page.view for name in page.view.names}
+        viewed = {name for page in self.pages if page.view for name in page.view.fingers}
         self.detectors.watch(viewed.union(*self.wanted.values()))
         self.detectors.poll()
         for call in self.each_tick:
@@ -359,7 +359,7 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         self.set_nodelay(True)
         self.news = dict(self.server.news)
         self.server.pages.add(self)
-        self.server.connections.admit(getattr(self.ws_connection, 'stream', None))
+        self.server.connections.strangers.pop(getattr(self.ws_connection, 'stream', None), None)
 
     def on_close(self) -> None:
         """Forget the page."""
@@ -385,8 +385,7 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
 
     def _change_view(self, content: Message) -> None:
         try:
-            wanted = content.get('fingers') or content.get('finger')
-            self.view = ViewRequest(content) if wanted else None
+            self.view = ViewRequest(content) if content.get('fingers') else None
         except ValueError as error:
             self.close(1003, str(error)[:30])  # A reason has at most 123 bytes.
             return
@@ -399,28 +398,22 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
             self.past = copy.deepcopy(finger.track) if finger else None
 
     async def _answer(self, content: Message) -> None:
-        answer = await self.server.answer(content)
-        # The page may have closed meanwhile, which is no error.
-        with contextlib.suppress(websocket.WebSocketClosedError):
-            await self.write_message(json.dumps(answer, allow_nan=False))
+        await self._send([json.dumps(await self.server.answer(content), allow_nan=False)])
 
     def send_news(self) -> None:
-        """Send what is new, unless the last message is still being sent."""
+        """Send what is new, unless something is still being sent."""
         if self._sending is not None and not self._sending.done():
             return
-        for text in self.news.values():
-            self._send(text)
+        content: list[str | bytes] = [*self.news.values()]
         self.news = {}
         # The page has to draw a frame before it gets the next one.
         if self.view is not None and not self._draws:
             self._draws = True
-            self._send(self.view.frame(self.server.detectors, self.past))
+            content.append(self.view.frame(self.server.detectors, self.past))
+        self._sending = asyncio.ensure_future(self._send(content))
 
-    def _send(self, content: str | bytes) -> None:
-        # Neither side may have begun to close the connection.
-        if self.ws_connection is not None and not self.ws_connection.is_closing():
-            self._sending = asyncio.ensure_future(
-                self.write_message(content, binary=isinstance(content, bytes))
-            )
-            # The page may close meanwhile, which is no error.
-            self._sending.add_done_callback(lambda sent: sent.cancelled() or sent.exception())
+    async def _send(self, content: Sequence[str | bytes]) -> None:
+        # The page may close meanwhile, which is no error.
+        with contextlib.suppress(websocket.WebSocketClosedError):
+            for each in content:
+                await self.write_message(each, binary=isinstance(each, bytes))

@@ -44,6 +44,8 @@ FEWEST_ROWS = 32
 #: Least density, in V^2/Hz: a channel that repeats one value has a density of zero.
 LEAST_V2_HZ = 1e-30
 
+Values = NDArray[np.generic]
+
 
 class Rows:
     """The last rows of a stream, with increasing stamps.
@@ -147,7 +149,7 @@ class LiveTrack:
     [True]
     """
 
-    def __init__(self, config: ChainConfig) -> None:
+    def __init__(self, config: ChainConfig, beginnings: int = 0) -> None:
         self.channels = channels = config.channels
         # Bytes of a channel: 8 of volts, 4 of level, 1 of ON; there is room for twice the rows.
         kept = min(config.samples(KEPT_S), MOST_BYTES // (2 * 13 * channels + 64))
@@ -157,7 +159,7 @@ class LiveTrack:
             kept, level=(np.float32, channels), on=(np.bool_, channels), slip=(np.bool_, 1)
         )
         #: How often the track was begun again, as when the clock of the samples is set back.
-        self.beginnings = 0
+        self.beginnings = beginnings
         #: Number of the row at which the last recorded slip ended: the rest before the next one
         #: cannot begin earlier.
         self.slip_ended = 0
@@ -174,13 +176,7 @@ class LiveTrack:
         volts, truth = rows.field('volts', row), rows.field('truth', row)[:, 0]
         return Samples(volts, rows.stamps_ns(row), truth)
 
-    def add_levels(
-        self,
-        stamps_ns: Stamps,
-        level: NDArray[np.floating],
-        on: NDArray[np.generic],
-        slip: NDArray[np.generic],
-    ) -> None:
+    def add_levels(self, stamps_ns: Stamps, level: Values, on: Values, slip: Values) -> None:
         """Append the detector's output: level and on, shape (n, channels), slip, shape (n,)."""
         self._begin_again_if_set_back(self.levels, stamps_ns)
         self.levels.append(stamps_ns, level=level, on=on, slip=slip[:, np.newaxis])
