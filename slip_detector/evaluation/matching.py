@@ -165,15 +165,6 @@ def give_alarm(alarm, row, slip, lows, alarm_of, threshold):
     return belongs
 
 
-@compiled
-def _match(rises, settling, lows, highs, alarm_of, slip_of):
-    slip = 0
-    for alarm in range(rises.size):
-        if not settling[alarm]:
-            slip = slip_not_over(rises[alarm], slip, highs)
-            slip_of[alarm] = give_alarm(alarm, rises[alarm], slip, lows, alarm_of, 0)
-
-
 class ScoredRows:
     """The rows of a recording that are scored, and those in which the alarm of each slip may rise.
 
@@ -307,7 +298,10 @@ class ScoredRows:
         alarm_of = np.full((len(self.lows), 1), NONE, np.int64)
         slip_of = np.full(len(rises), NONE, np.int64)
         rows = np.array(rises, np.int64)
-        _match(rows, self.settling(rises), self.lows, self.highs, alarm_of, slip_of)
+        slip = 0
+        for alarm in np.flatnonzero(~self.settling(rises)):
+            slip = slip_not_over(rows[alarm], slip, self.highs)
+            slip_of[alarm] = give_alarm(alarm, rows[alarm], slip, self.lows, alarm_of, 0)
         alarm_of[~self.scored] = NONE
         return _or_none(alarm_of[:, 0]), _or_none(slip_of)
 

@@ -57,18 +57,6 @@ def test_any_message_type_is_read_by_topic_and_field(tmp_path, plugin):
     assert 'field pillars[].fx: no numbers at fx, there are: dx, fz, in_contact' in said
 
 
-def test_a_type_that_is_defined_in_idl_is_read(tmp_path):
-    text = 'module syntouch { module msg { struct BioTac { double pac[3]; int32 pdc; }; }; };'
-    with Bag(tmp_path / 'a', definitions=[('', text)]) as bag:
-        for k, stamp_ns in enumerate(stamps(20)):
-            message = bag.make('syntouch/msg/BioTac', pac=np.arange(3.0) + k, pdc=k)
-            bag.write('/biotac', message, stamp_ns)
-    config = RecordingConfig(recording_topic='/biotac', recording_field='pac')
-    volts = np.arange(20.0)[:, np.newaxis] + np.arange(3.0)
-    # Without a header the time of receipt is the stamp.
-    check_same(gathered(open_recording(tmp_path / 'a', config)), Samples(volts, stamps(20), None))
-
-
 def test_messages_with_other_channels_or_names_are_left_out_and_counted(tmp_path):
     written = rows(60)
     with Bag(tmp_path / 'a') as bag:
