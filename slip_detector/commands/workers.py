@@ -35,7 +35,7 @@ from tqdm import tqdm
 
 from slip_detector.commands.command_line import whole_number
 from slip_detector.parameters.driver import RecordingConfig
-from slip_detector.parameters.files import write_errors_of
+from slip_detector.parameters.files import file_errors_of
 from slip_detector.recordings import ENDINGS, recording_sets
 
 #: Longest time, in seconds, in which a scheduler may answer.
@@ -175,7 +175,7 @@ def check_writable(path: Path) -> None:
     Traceback (most recent call last):
     ValueError: no such folder/tuned.yaml: cannot be written (No such file or directory)
     """
-    with write_errors_of(path):
+    with file_errors_of(path):
         if path.exists():
             if not path.is_file():  # Writing would replace a device by a file.
                 raise OSError(0, 'is no file')

@@ -112,8 +112,7 @@ class Judge:
                     if whole == together:
                         refusal = f'{error} (waits {WAIT_S:g} s for others)'
                 else:
-                    left = waited.keys() - whole.keys()
-                    self._waiting = {name: waited[name] for name in left}
+                    self._waiting = {n: value for n, value in waited.items() if n not in whole}
                     return whole, refusals
         return {}, [alone or refusal for alone in refusals]
 

@@ -32,7 +32,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
-from slip_detector.parameters.fields import allowed, default_of, shortened, shown, under_headings
+from slip_detector.parameters.fields import allowed, shortened, shown, under_headings
 from slip_detector.parameters.files import read_yaml, shared_folder, writable_folder, write_yaml
 from slip_detector.parameters.sections import (
     ALL,
@@ -288,7 +288,7 @@ def typed(name: str, text: str) -> Any:
     """
     text = text.strip()
     field = _FIELDS.get(name.partition('.')[0])
-    default = default_of(field) if field else None
+    default = field.metadata['default'] if field else None
     if field and isinstance(default, (tuple, dict)):
         items = re.sub(r'[\[\]()]', ' ', text).split(',') if text.strip('[] ') else []
         is_text = isinstance(default, tuple) and str in get_args(field.type)

@@ -26,7 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from slip_detector.parameters.files import write_errors_of
+from slip_detector.parameters.files import file_errors_of
 from slip_detector.recordings import open_recording
 from slip_detector.recordings.labels import labels_name
 from slip_detector.recordings.writing import BagWriter
@@ -125,7 +125,7 @@ class RecordedFolder:
             When no recording has this name, or it cannot be deleted.
         """
         path = self.path_of(name)
-        with write_errors_of(path, 'deleted'):
+        with file_errors_of(path, 'deleted'):
             shutil.rmtree(path)
             (path.parent / labels_name(path)).unlink(missing_ok=True)
         del self.recordings[path.name]
@@ -205,7 +205,7 @@ class Recorder:
         self.has_slip = False
         #: Why no more can be written; empty if it can.
         self.failure = ''
-        with write_errors_of(path):
+        with file_errors_of(path):
             path.parent.mkdir(parents=True, exist_ok=True)
             self._bag = BagWriter(path, finger.config.names, finger.frame_id or 'fingertip')
 
@@ -236,7 +236,7 @@ class Recorder:
         if self.interrupted or self.failure or not n:
             return
         try:
-            with write_errors_of(self.path):
+            with file_errors_of(self.path):
                 self._bag.write(samples._replace(truth=np.full(n, self.slipping)))
                 self._bag.flush()
                 self._bag.path.stat()  # Another program may have removed it.
@@ -256,7 +256,7 @@ class Recorder:
         """End the recording; one without rows is removed."""
         self.write()
         try:
-            with write_errors_of(self.path):
+            with file_errors_of(self.path):
                 if self.rows and not self.failure:
                     self._bag.close()
         except ValueError as error:

@@ -37,6 +37,7 @@ from slip_detector.commands.workers import (
     workers,
 )
 from slip_detector.parameters.driver import RecordingConfig
+from slip_detector.parameters.files import write_yaml
 from support.config_cases import message_of
 from support.worker_calls import die, process_of, refuse
 
@@ -135,7 +136,7 @@ def test_options_replace_parameters_of_recordings_and_a_cluster_gets_whole_paths
 ):
     monkeypatch.chdir(tmp_path)
     given = RecordingConfig(recording_topic='/mine', recording_labels='by_hand')
-    (tmp_path / 'c.yaml').write_text(given.to_yaml())
+    write_yaml(tmp_path / 'c.yaml', given.to_document())
 
     def recording_config(*words):
         return sets_of_parameters(options_of('--config', 'c.yaml', *words), RecordingConfig)[0]

@@ -38,13 +38,9 @@ def judge():
     return Judge(lambda config: None)
 
 
-def test_groups_can_be_added_and_deleted_and_nothing_else_can():
-    config = DetectorConfig()
-    old = {f'groups.{name}': None for name in config.groups}
-    with_front = changed(config, {'groups.front': list(range(1, 17)), **old})
-    assert dict(with_front.groups) == {'front': tuple(range(1, 17))}
+def test_only_groups_can_be_deleted():
     said = 'parameter threshold cannot be deleted, allowed: groups.<name>'
-    assert message_of(changed, config, {'threshold': None}) == said
+    assert message_of(changed, DetectorConfig(), {'threshold': None}) == said
 
 
 @pytest.mark.parametrize('order', ORDERS)
