@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from slip_detector.chain.filters import evidence_falls_s, settling_rows
 from slip_detector.chain.slip_chain import SlipChain, SlipResult
 from slip_detector.chain.stages import FLOOR, HOLD_ROWS
+from slip_detector.parameters.changes import WAIT_S
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.fields import names_that_affect
 
@@ -34,8 +35,9 @@ HISTORY_S = 5.0
 #: Parameters that can change at once, as the state of the chain does not depend on them.
 DECISION_PARAMETERS = names_that_affect(ChainConfig, 'decision')
 
-#: A chain is built when no other change has followed for this time.
-GATHER_S = 0.1
+#: A chain is built when no other change has followed for this time: parameters that come one by
+#: one are complete then.
+GATHER_S = WAIT_S
 
 #: Parameters after whose change the kept rows cannot be used; some are the detector's: another
 #: field of a message is another signal.
@@ -88,8 +90,8 @@ class LiveChain:
         # The history when slip last came ON, if it had none until then, and the rows since slip.
         self._rest: list[NDArray[np.float64]] = []
         self._rows_at_rest = 0
-        # The configuration to build a chain for.
-        self._ordered: ChainConfig | None = None
+        # Waits for other changes, then builds the chain that was ordered last.
+        self._builder: threading.Thread | None = None
         # A configuration that can be taken, with a new chain if it is for the chain, and the rows
         # in which that settles.
         self._ready: tuple[ChainConfig, SlipChain | None, int] | None = None
@@ -133,15 +135,15 @@ class LiveChain:
         If not, a chain is built first. An order replaces an earlier one that has not been swapped
         in yet.
         """
+        builder = threading.Timer(GATHER_S, self._build, [config])
+        builder.daemon = True
         with self._lock:
             differ = self._differ(config)
             at_once = differ <= DECISION_PARAMETERS
             self._ready = (config, SlipChain(config) if differ else None, 0) if at_once else None
-            self._ordered = None if at_once else config
+            self._builder = None if at_once else builder
         if not at_once:
-            timer = threading.Timer(GATHER_S, self._build, [config])
-            timer.daemon = True
-            timer.start()
+            builder.start()
         return at_once
 
     def swap(self) -> bool:
@@ -190,8 +192,8 @@ class LiveChain:
         }
 
     def _build(self, config: ChainConfig) -> None:
-        """Build a chain, unless another was ordered meanwhile."""
-        if config is not self._ordered:
+        """Build a chain, unless it was ordered again, or another was, meanwhile."""
+        if self._builder is not threading.current_thread():
             return
         chain = SlipChain(config)
         settling = min(settling_rows(config), config.samples(HISTORY_S))
@@ -202,9 +204,8 @@ class LiveChain:
         if config.decision == 'evidence' and rest and not other_input:
             chain.take_floors(self._chain, np.concatenate(rest))
         with self._lock:
-            if config is not self._ordered:
-                return
-            self._ordered, self._ready = None, (config, chain, settling)
+            if self._builder is threading.current_thread():
+                self._builder, self._ready = None, (config, chain, settling)
 
     def _forget(self) -> None:
         self._history.clear()

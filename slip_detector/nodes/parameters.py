@@ -165,6 +165,8 @@ def follow_changes(
         taken, refusals = judge.judged(current(), given, time.monotonic())
         if taken:
             set_all([Parameter(name, value=value) for name, value in taken.items()])
+        else:  # What waits for others belongs to the changes that are being gathered.
+            apply(current())
         answers = (SetParametersResult(successful=not text, reason=text) for text in refusals)
         for each in parameters:
             answer = next(answers) if each in its else node.set_parameters_atomically([each])
