@@ -91,6 +91,14 @@ class Bag:
             effort=nothing,
         )
 
+    def write_rows(self, written, namespace=''):
+        """Write volts, and the truth where it changes, received at their stamps."""
+        for k, (stamp_ns, row) in enumerate(zip(written.stamps_ns, written.volts, strict=True)):
+            if k == 0 or written.truth[k] != written.truth[k - 1]:
+                slip = self.make('std_msgs/msg/Bool', data=bool(written.truth[k]))
+                self.write(f'{namespace}/slip_truth', slip, stamp_ns)
+            self.write(f'{namespace}/voltages', self.joints(stamp_ns, row), stamp_ns)
+
     def write(self, topic, message, received_ns):
         msgtype = message.__msgtype__
         if topic not in self._connections:
