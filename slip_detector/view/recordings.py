@@ -26,6 +26,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from slip_detector.chain.samples import Samples
 from slip_detector.parameters.files import file_errors_of
 from slip_detector.recordings import open_recording
 from slip_detector.recordings.labels import labels_name
@@ -230,20 +231,20 @@ class Recorder:
 
     def write(self) -> None:
         """Write the rows that have arrived, with the present label."""
-        track = self.finger.track
-        samples = track.samples_since(self._next_row)
-        n = len(samples.volts)
+        rows = self.finger.track.samples
+        volts, stamps_ns = rows.field('volts', self._next_row), rows.stamps_ns(self._next_row)
+        n = len(volts)
         if self.interrupted or self.failure or not n:
             return
         try:
             with file_errors_of(self.path):
-                self._bag.write(samples._replace(truth=np.full(n, self.slipping)))
+                self._bag.write(Samples(volts, stamps_ns, np.full(n, self.slipping)))
                 self._bag.flush()
                 self._bag.path.stat()  # Another program may have removed it.
         except ValueError as error:
             self.failure = str(error)
             return
-        self._next_row = track.samples.appended
+        self._next_row = rows.appended
         self.rows += n
         self.has_slip |= self.slipping
 

@@ -145,8 +145,8 @@ class LiveTrack:
     --------
     >>> track = LiveTrack(ChainConfig(channels=2))
     >>> track.add_samples(Samples(np.full((2, 2), 4.3), np.array([5, 9]), np.array([0, 1]) > 0))
-    >>> track.samples_since(1).truth.tolist()
-    [True]
+    >>> track.samples.field('truth', since=1).tolist()
+    [[True]]
     """
 
     def __init__(self, config: ChainConfig, beginnings: int = 0) -> None:
@@ -169,12 +169,6 @@ class LiveTrack:
         self._begin_again_if_set_back(self.samples, samples.stamps_ns)
         truth = np.zeros(len(samples.volts)) if samples.truth is None else samples.truth
         self.samples.append(samples.stamps_ns, volts=samples.volts, truth=truth[:, np.newaxis])
-
-    def samples_since(self, row: int) -> Samples:
-        """Return the samples that are kept, from this number ever appended on."""
-        rows = self.samples
-        volts, truth = rows.field('volts', row), rows.field('truth', row)[:, 0]
-        return Samples(volts, rows.stamps_ns(row), truth)
 
     def add_levels(self, stamps_ns: Stamps, level: Values, on: Values, slip: Values) -> None:
         """Append the detector's output: level and on, shape (n, channels), slip, shape (n,)."""
