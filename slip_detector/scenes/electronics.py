@@ -60,7 +60,7 @@ class Electronics(ParameterSet):
     """The electronics of one fingertip; a seed determines the differences between the channels."""
 
     fingertip_seed: int = parameter(
-        1, 'Seed of the differences between channels: one seed is one fingertip.', (0, None)
+        1, 'Seed of the differences between channels: one seed is one fingertip.', (0, 2**31 - 1)
     )
     baseline_v: tuple[float, float] = parameter(
         (4.3, 4.35), 'Range of the voltages without contact.', (-100.0, 100.0, 'V')

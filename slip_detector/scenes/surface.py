@@ -181,7 +181,7 @@ class Roughness(ParameterSet):
         670e-6, 'Height that doubles the load of the taxel on it.', (1e-9, 1.0, 'm')
     )
     surface_seed: int = parameter(
-        1, 'Seed of the profile; each seed is another surface.', (0, None)
+        1, 'Seed of the profile; each seed is another surface.', (0, 2**31 - 1)
     )
 
     def profile(self) -> RoughNumbers:
