@@ -202,8 +202,6 @@ if not COMPILED:
         """Write a vector to an array from the index ``at`` on."""
         array[_lanes_from(at)] = values
 
-    store_past_caches = store
-
     def spread(value):
         """Return a number in all lanes."""
         return np.full(LANES, value)
@@ -310,32 +308,19 @@ else:
 
         return kind(array, at), codegen
 
-    def _store(past_caches):
-        """Return a function that writes a vector to an array from an index on.
+    @intrinsic
+    def store(typing, values, array, at):
+        """Write a vector to an array from the index ``at`` on; a bool takes one byte."""
 
-        A bool takes one byte. Past the caches a vector of float64 is written to where a cache line
-        begins, without fetching that first.
-        """
+        def codegen(context, builder, signature, args):
+            value, align = args[0], 8
+            if values == BOOLS:
+                value, align = builder.zext(value, ir.VectorType(ir.IntType(8), LANES)), 1
+            pointer = _pointer(context, builder, value.type, *signature.args[1:], *args[1:])
+            builder.store(value, pointer, align=align)
+            return context.get_dummy_value()
 
-        @intrinsic
-        def write(typing, values, array, at):
-            def codegen(context, builder, signature, args):
-                value, align = args[0], 64 if past_caches else 8
-                if values == BOOLS:
-                    value, align = builder.zext(value, ir.VectorType(ir.IntType(8), LANES)), 1
-                types_of_place = signature.args[1:]
-                pointer = _pointer(context, builder, value.type, *types_of_place, *args[1:])
-                written = builder.store(value, pointer, align=align)
-                if past_caches:
-                    mark = builder.module.add_metadata([ir.IntType(32)(1)])
-                    written.set_metadata('nontemporal', mark)
-                return context.get_dummy_value()
-
-            return types.void(values, array, at), codegen
-
-        return write
-
-    store, store_past_caches = _store(False), _store(True)
+        return types.void(values, array, at), codegen
 
     @intrinsic
     def spread(typing, value):

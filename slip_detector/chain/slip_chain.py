@@ -28,6 +28,9 @@ from slip_detector.chain.stamps import StampGrid
 from slip_detector.compiled import LANES
 from slip_detector.parameters.detector import ChainConfig
 
+#: What a result may have beside decisions, in the order of the kernel.
+SIGNALS = ('envelope', 'level', 'floor', 'excess')
+
 #: A constant, as the look-up takes longer than making an array.
 BOOL_TYPE = np.dtype(np.bool_)
 
@@ -54,9 +57,9 @@ class SlipResult:
     __slots__ = ('_kept', '_shape', '_signals', 'flags')
 
     def __init__(
-        self, flags: Bools, signals: Floats, shape: tuple[int, int, int], kept: int
+        self, flags: Bools, signals: Floats, shape: tuple[int, int, int], kept: tuple[int, ...]
     ) -> None:
-        # The shape: numbers of groups, channels and votes.
+        # The shape: numbers of groups, channels and votes; the first columns of the signals.
         self.flags, self._signals, self._shape, self._kept = flags, signals, shape, kept
 
     @property
@@ -91,7 +94,7 @@ class SlipResult:
     @property
     def envelope(self) -> Floats:
         """RMS envelope (Eq. 6-8); shape (n, c)."""
-        return self._columns('envelope', kernel.KEEP_ENVELOPE)
+        return self._columns('envelope')
 
     @property
     def level(self) -> Floats:
@@ -99,12 +102,12 @@ class SlipResult:
 
         It is the mean of the envelope, or the evidence in dB s.
         """
-        return self._columns('level', kernel.KEEP_LEVEL)
+        return self._columns('level')
 
     @property
     def floor(self) -> Floats:
         """Noise floor in dB of the envelope's unit; shape (n, c)."""
-        return self._columns('floor', kernel.KEEP_FLOOR)
+        return self._columns('floor')
 
     @property
     def excess(self) -> Floats:
@@ -113,12 +116,12 @@ class SlipResult:
         It is 0 before the windows are full, while the channel is not valid, and for
         ``impact_hold_s`` from an impact on.
         """
-        return self._columns('excess', kernel.KEEP_EXCESS)
+        return self._columns('excess')
 
     @property
     def after_impact(self) -> Bools:
         """Whether excess is held at 0 after an impact; kept if excess is; shape (n,)."""
-        self._columns('excess', kernel.KEEP_EXCESS)
+        self._columns('excess')
         held: Bools = self._signals[:, -1 - self._shape[2]] != 0.0
         return held
 
@@ -134,12 +137,10 @@ class SlipResult:
         """
         return self._signals[:, self._signals.shape[1] - self._shape[2] :]
 
-    def _columns(self, name: str, signal: int) -> Floats:
-        """Return the columns of a signal, given by its name and its bit."""
-        if not self._kept & signal:
+    def _columns(self, name: str) -> Floats:
+        first = self._kept[SIGNALS.index(name)]
+        if first < 0:
             raise ValueError(f'{name} was not kept: call update with {name}=True')
-        width = -(-self._shape[1] // LANES) * LANES
-        first = (self._kept & (signal - 1)).bit_count() * width
         return self._signals[:, first : first + self._shape[1]]
 
 
@@ -175,6 +176,7 @@ class SlipChain:
         self._evidence = config.decision == 'evidence'
         check_memory(config)
         self._votes: tuple[str | int, ...] = ()
+        self._wanted: tuple[bool, ...] = ()
         self._plan = kernel.plan_of(config, self._sections, self._votes)
         self._channels, self._groups = config.channels, len(config.groups)
         self._columns = kernel.tiles_of(config) * LANES
@@ -299,21 +301,25 @@ class SlipChain:
             padded = np.zeros((n, columns))
             padded[:, :channels] = rows
             rows = padded
-        kept = envelope | level << 1  # KEEP_ENVELOPE and KEEP_LEVEL
-        signal_columns = columns * (envelope + level) + many
-        if floor or excess:
-            if not self._evidence:
+        wanted = envelope, level, floor, excess
+        if wanted != self._wanted:
+            if (floor or excess) and not self._evidence:
                 raise ValueError('floor and excess are not kept, allowed: with decision: evidence')
-            kept += kernel.KEEP_FLOOR * floor + kernel.KEEP_EXCESS * excess
-            signal_columns += columns * (floor + excess) + excess
+            self._kept, self._kept_columns = _places(columns, wanted)
+            self._wanted = wanted
         flags = np.empty((n, self._width), BOOL_TYPE)
-        shape = n, signal_columns
-        if n * signal_columns > kernel.CACHED_VALUES and signal_columns % 8 == 0:
-            signals, kept = kernel.aligned(shape, self._new_signals), kept | kernel.PAST_CACHES
-        else:
-            signals = self._new_signals(shape)
-        kernel.compiled_run()(rows, flags, signals, self.state, self._plan, kept)
-        return SlipResult(flags, signals, (self._groups, channels, many), kept)
+        signals = self._new_signals((n, self._kept_columns + many))
+        kernel.compiled_run()(rows, flags, signals, self.state, self._plan, self._kept)
+        return SlipResult(flags, signals, (self._groups, channels, many), self._kept)
+
+
+def _places(columns: int, wanted: tuple[bool, ...]) -> tuple[tuple[int, ...], int]:
+    """Return the first column of each signal, and the number of columns of all."""
+    first, end = [], 0
+    for is_wanted in wanted:
+        first.append(end if is_wanted else kernel.NOT_KEPT)
+        end += columns * is_wanted
+    return tuple(first), end + wanted[-1]  # One more, with excess: whether it is held.
 
 
 def _rest_db(config: ChainConfig, rows: ArrayLike) -> Floats:
