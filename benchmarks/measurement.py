@@ -36,7 +36,7 @@ import scipy
 import yaml
 from numpy.typing import NDArray
 
-from slip_detector.chain.compiled import COMPILED
+from slip_detector.compiled import COMPILED
 from slip_detector.evaluation.figures import Bound
 from slip_detector.report.tables import number_text, text_table
 

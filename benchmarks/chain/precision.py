@@ -58,12 +58,12 @@ from numpy.typing import NDArray
 from benchmarks.chain import reference
 from benchmarks.chain.rivals import scipy_levels
 from benchmarks.measurement import least_times_s
-from slip_detector.chain.compiled import COMPILED
 from slip_detector.chain.filters import design, largest_pole_radius
+from slip_detector.chain.samples import Floats
 from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.compiled import COMPILED
 from slip_detector.parameters.detector import ChainConfig
 
-Floats = NDArray[np.float64]
 #: Numbers, each the sum of two float64.
 Exact = tuple[Floats, Floats]
 

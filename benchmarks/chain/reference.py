@@ -32,9 +32,8 @@ import numpy as np
 from mpmath import mpf
 from numpy.typing import NDArray
 
+from slip_detector.chain.samples import Floats
 from slip_detector.parameters.detector import ChainConfig
-
-Floats = NDArray[np.float64]
 
 #: Decimal digits of all numbers here.
 DIGITS = 50

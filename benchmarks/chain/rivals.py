@@ -28,10 +28,8 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from slip_detector.chain.filters import design
+from slip_detector.chain.samples import Bools, Floats
 from slip_detector.parameters.detector import ChainConfig
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 SOURCE = Path(__file__).with_name('cpp_chain.cpp')
 

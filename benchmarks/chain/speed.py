@@ -44,18 +44,16 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import signal
 
 from benchmarks.chain.rivals import CppChain, NumpyChain
 from benchmarks.measurement import least_times_s, swelling_noise_v
 from benchmarks.processes import print_figures
-from slip_detector.chain.compiled import COMPILED
 from slip_detector.chain.filters import design
+from slip_detector.chain.samples import Floats
 from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.compiled import COMPILED
 from slip_detector.parameters.detector import ChainConfig
-
-Floats = NDArray[np.float64]
 
 #: Rounding differs between the sides, so a level next to the threshold may be above it for
 #: one and below it for the other; with less agreement than this there is a fault.

@@ -21,14 +21,12 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import integrate
 
 from benchmarks.scenes import equations
+from slip_detector.chain.samples import Floats
 from slip_detector.scenes import Scene
 from slip_detector.scenes.friction import COULOMB, LIGHTEST_LOAD_N
-
-Floats = NDArray[np.float64]
 
 #: Contact is looked for at this many points within the shortest feature of the force, and at no
 #: more than this many points of the whole scene.

@@ -21,7 +21,7 @@ one tile before the next tile, so that the tile's state stays there too. No resu
 on where a block, a chunk or a call begins, so any cut of the rows gives the same bits.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cache
 from typing import NamedTuple
 
@@ -29,7 +29,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain import stages, votes
-from slip_detector.chain.compiled import (
+from slip_detector.chain.samples import Floats, Ints
+from slip_detector.chain.stages import FIRST_ROW, NO_ROW, WORD_ROWS
+from slip_detector.chain.votes import NO_COMMON_MODE, VOTE_MEAN, vote_numbers
+from slip_detector.compiled import (
     LANES,
     compiled_for,
     compiled_in_place,
@@ -38,24 +41,16 @@ from slip_detector.chain.compiled import (
     spread,
     store,
 )
-from slip_detector.chain.stages import FIRST_ROW, NO_ROW, WORD_ROWS
-from slip_detector.chain.votes import NO_COMMON_MODE, VOTE_MEAN, vote_numbers
 from slip_detector.parameters.detector import ChainConfig
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Words = NDArray[np.uint64]
 
 #: Words of each channel in a chunk of rows. With many channels the state is larger than the caches
 #: and is fetched once per chunk.
 CHUNK_WORDS = 8
 
-#: Signals of more values than this (2 MB) are written past the caches: an ordinary store would
-#: first fetch the cache line that it overwrites.
-CACHED_VALUES = 2**18
-
-#: Bits of the argument ``kept``: which signals are wanted, in the order of their columns.
-KEEP_ENVELOPE, KEEP_LEVEL, KEEP_FLOOR, KEEP_EXCESS, PAST_CACHES = 1, 2, 4, 8, 16
+#: In place of the first column of a signal that is not wanted: below 0 for every tile.
+NOT_KEPT = -(2**62)
 
 #: The parameters as the kernel reads them: numbers, first those that are whole. Without mains,
 #: impacts, evidence, contact or activity ``mains_rows``, ``impact_v``, ``evidence``,
@@ -215,7 +210,7 @@ def _settings_of(config: ChainConfig) -> NDArray[np.void]:
     return np.array([tuple(settings.values())], SETTINGS)
 
 
-def aligned(shape: tuple[int, ...], new: Callable[[int], Floats] = np.zeros) -> Floats:
+def aligned(shape: tuple[int, ...]) -> Floats:
     """Return zeros that begin where a cache line does, where vectors are loaded in half the time.
 
     Examples
@@ -224,7 +219,7 @@ def aligned(shape: tuple[int, ...], new: Callable[[int], Floats] = np.zeros) -> 
     0
     """
     size = int(np.prod(shape))
-    values = new(size + 8)
+    values = np.zeros(size + 8)
     skip = -(values.ctypes.data // values.itemsize) % 8
     return values[skip : skip + size].reshape(shape)
 
@@ -248,21 +243,6 @@ def _write_flags(decisions, flags, start, rows):
             row = row + row
 
 
-@compiled_in_place
-def _columns(kept, first, width):
-    """Return a tile's first columns in envelope, level, floor and excess; -1 if not wanted.
-
-    ``first`` is the tile's first column within a signal, ``width`` the number of columns of one.
-    """
-    envelope, level, floor = kept & 1, kept >> 1 & 1, kept >> 2 & 1
-    return (
-        first if envelope else -1,
-        first + width * envelope if level else -1,
-        first + width * (envelope + level) if floor else -1,
-        first + width * (envelope + level + floor) if kept & KEEP_EXCESS else -1,
-    )
-
-
 @compiled_within
 def _run_tile(volts, chunk, end, t, settings, checked, part, tiles, plan, signals, kept):
     """Run the rows of a chunk through one tile, up to the ON and valid bits of its channels.
@@ -273,7 +253,8 @@ def _run_tile(volts, chunk, end, t, settings, checked, part, tiles, plan, signal
     several, tile = plan.blocks.shape[0] > 1, tiles[t]
     b, limits, evidence = t if several else 0, plan.limits[t], settings.evidence != 0
     block, low, low_sections = plan.blocks[b], plan.low[b], plan.low_sections
-    columns, past_caches = _columns(kept, t * LANES, volts.shape[1]), kept & PAST_CACHES != 0
+    first = t * LANES
+    columns = (first + kept[0], first + kept[1], first + kept[2], first + kept[3])
     comb = stages.DELAYS + 2 * plan.sections.shape[0]
     envelopes = comb + settings.mains_rows + 1
     levels = envelopes + settings.envelope_rows + 3
@@ -297,7 +278,7 @@ def _run_tile(volts, chunk, end, t, settings, checked, part, tiles, plan, signal
             # Evidence takes the squares of the envelope and keeps that itself.
             stages.window_means(
                 block, rows, settings.envelope_rows, tile, envelopes, not evidence, signals, start,
-                -1 if evidence else columns[0], past_caches,
+                -1 if evidence else columns[0],
             )  # fmt: skip
             if several:
                 continue
@@ -305,14 +286,12 @@ def _run_tile(volts, chunk, end, t, settings, checked, part, tiles, plan, signal
                 plan.contact[0] = votes.rows_of_contact(rows, at[0], settings, plan, tiles)
         if evidence:
             stages.sum_evidence(
-                block, low, rows, at, limits, settings, tile, plan, signals, start, columns,
-                past_caches,
-            )  # fmt: skip
+                block, low, rows, at, limits, settings, tile, plan, signals, start, columns
+            )
         else:
             stages.window_means(
-                block, rows, settings.level_rows, tile, levels, False, signals, start, columns[1],
-                past_caches,
-            )  # fmt: skip
+                block, rows, settings.level_rows, tile, levels, False, signals, start, columns[1]
+            )
         stages.rows_above(block, rows, settings.threshold, plan.on, at)
         if settings.vote == VOTE_MEAN or plan.votes.size:
             votes.gather_levels(block, rows, plan.valid, at, plan.by_channel)
@@ -338,7 +317,7 @@ def run(volts, flags, signals, tiles, plan, kept):
     plan
         A :class:`Plan`.
     kept
-        The bits of the signals that are wanted.
+        The first columns in ``signals`` of envelope, level, floor and excess, or ``NOT_KEPT``.
     """
     settings, chunk_rows = plan.settings[0], plan.held.size * WORD_ROWS
     parts = 2 if plan.blocks.shape[0] > 1 else 1
@@ -369,7 +348,7 @@ def run(volts, flags, signals, tiles, plan, kept):
             rows, w = min(WORD_ROWS, end - start), (start - chunk) // WORD_ROWS
             votes.decide(rows, w, settings, plan)
             _write_flags(plan.decisions, flags, start, rows)
-            if kept & KEEP_EXCESS:
+            if kept[3] >= 0:
                 held = plan.held[w]
                 for k in range(start, start + rows):
                     signals[k, column - 1] = 1.0 if held & FIRST_ROW else 0.0
@@ -391,4 +370,4 @@ def compiled_run():
     """
     plan = plan_of(ChainConfig(), np.zeros((1, 6)), np.zeros((0, 6)), ())
     rows = np.zeros((0, LANES))
-    return compiled_for(run, rows, rows != 0.0, rows, np.zeros((1, 1, LANES)), plan, 0)
+    return compiled_for(run, rows, rows != 0.0, rows, np.zeros((1, 1, LANES)), plan, (0,) * 4)

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from slip_detector.chain.filters import evidence_falls_s, settling_rows
 from slip_detector.chain.slip_chain import SlipChain, SlipResult
 from slip_detector.chain.stages import CONTACT_ROWS, FLOOR, HOLD_ROWS
+from slip_detector.parameters.changes import WAIT_S
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.fields import names_that_affect
 
@@ -37,8 +38,9 @@ DECISION_PARAMETERS = names_that_affect(ChainConfig, 'decision')
 #: What parts of the state depend on: a decision that needs others cannot change at once.
 PARTS = {'low_band_hz', 'impact_rows'}
 
-#: A chain is built when no other change has followed for this time.
-GATHER_S = 0.1
+#: A chain is built when no other change has followed for this time: parameters that come one by
+#: one are complete then.
+GATHER_S = WAIT_S
 
 #: Parameters after whose change the kept rows cannot be used; some are the detector's: another
 #: field of a message is another signal.
@@ -92,8 +94,8 @@ class LiveChain:
         # The history when slip last came ON, if it had none until then, and the rows since slip.
         self._rest: list[NDArray[np.float64]] = []
         self._rows_at_rest = 0
-        # The configuration to build a chain for.
-        self._ordered: ChainConfig | None = None
+        # Waits for other changes, then builds the chain that was ordered last.
+        self._builder: threading.Thread | None = None
         # A configuration that can be taken, with a new chain if it is for the chain, and the rows
         # in which that settles.
         self._ready: tuple[ChainConfig, SlipChain | None, int] | None = None
@@ -137,15 +139,15 @@ class LiveChain:
         If not, a chain is built first. An order replaces an earlier one that has not been swapped
         in yet.
         """
+        builder = threading.Timer(GATHER_S, self._build, [config])
+        builder.daemon = True
         with self._lock:
             differ = self._differ(config)
             at_once = differ <= DECISION_PARAMETERS
             self._ready = (config, SlipChain(config) if differ else None, 0) if at_once else None
-            self._ordered = None if at_once else config
+            self._builder = None if at_once else builder
         if not at_once:
-            timer = threading.Timer(GATHER_S, self._build, [config])
-            timer.daemon = True
-            timer.start()
+            builder.start()
         return at_once
 
     def swap(self) -> bool:
@@ -198,8 +200,8 @@ class LiveChain:
         }
 
     def _build(self, config: ChainConfig) -> None:
-        """Build a chain, unless another was ordered meanwhile."""
-        if config is not self._ordered:
+        """Build a chain, unless it was ordered again, or another was, meanwhile."""
+        if self._builder is not threading.current_thread():
             return
         chain = SlipChain(config)
         settling = min(settling_rows(config), config.samples(HISTORY_S))
@@ -210,9 +212,8 @@ class LiveChain:
         if config.decision == 'evidence' and rest and not other_input:
             chain.take_floors(self._chain, np.concatenate(rest))
         with self._lock:
-            if config is not self._ordered:
-                return
-            self._ordered, self._ready = None, (config, chain, settling)
+            if self._builder is threading.current_thread():
+                self._builder, self._ready = None, (config, chain, settling)
 
     def _forget(self) -> None:
         self._history.clear()

@@ -19,6 +19,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+#: The arrays of all rooms; stamps are in nanoseconds.
+Floats = NDArray[np.float64]
+Bools = NDArray[np.bool_]
+Ints = NDArray[np.int64]
+Stamps = NDArray[np.int64]
+
 
 class Samples(NamedTuple):
     """Consecutive samples, oldest first: the one container for rows of volts in all rooms.
@@ -56,13 +62,13 @@ class Samples(NamedTuple):
     [0, 10, 20]
     """
 
-    volts: NDArray[np.float64]
-    stamps_ns: NDArray[np.int64]
-    truth: NDArray[np.bool_] | None = None
-    position_m: NDArray[np.float64] | None = None
-    moving: NDArray[np.bool_] | None = None
-    certain: NDArray[np.bool_] | None = None
-    row_numbers: NDArray[np.int64] | None = None
+    volts: Floats
+    stamps_ns: Stamps
+    truth: Bools | None = None
+    position_m: Floats | None = None
+    moving: Bools | None = None
+    certain: Bools | None = None
+    row_numbers: Ints | None = None
     new_stretch: bool = False
     accuracy_s: float = 0.0
 

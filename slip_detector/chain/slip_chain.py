@@ -15,21 +15,21 @@
 """The slip chain (the paper's Section 2): from rows of volts to ON/OFF slip."""
 
 import os
-import warnings
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from slip_detector.chain import kernel, stages
-from slip_detector.chain.compiled import COMPILED, LANES
 from slip_detector.chain.filters import design, design_low
+from slip_detector.chain.samples import Bools, Floats
 from slip_detector.chain.stages import DELAYS, FLOOR
 from slip_detector.chain.stamps import StampGrid
+from slip_detector.compiled import LANES
 from slip_detector.parameters.detector import ChainConfig
 
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
+#: What a result may have beside decisions, in the order of the kernel.
+SIGNALS = ('envelope', 'level', 'floor', 'excess')
 
 #: A constant, as the look-up takes longer than making an array.
 BOOL_TYPE = np.dtype(np.bool_)
@@ -57,9 +57,9 @@ class SlipResult:
     __slots__ = ('_kept', '_shape', '_signals', 'flags')
 
     def __init__(
-        self, flags: Bools, signals: Floats, shape: tuple[int, int, int], kept: int
+        self, flags: Bools, signals: Floats, shape: tuple[int, int, int], kept: tuple[int, ...]
     ) -> None:
-        # The shape: numbers of groups, channels and votes.
+        # The shape: numbers of groups, channels and votes; the first columns of the signals.
         self.flags, self._signals, self._shape, self._kept = flags, signals, shape, kept
 
     @property
@@ -94,7 +94,7 @@ class SlipResult:
     @property
     def envelope(self) -> Floats:
         """RMS envelope (Eq. 6-8); shape (n, c)."""
-        return self._columns('envelope', kernel.KEEP_ENVELOPE)
+        return self._columns('envelope')
 
     @property
     def level(self) -> Floats:
@@ -102,7 +102,7 @@ class SlipResult:
 
         It is the mean of the envelope, or the evidence in dB s.
         """
-        return self._columns('level', kernel.KEEP_LEVEL)
+        return self._columns('level')
 
     @property
     def floor(self) -> Floats:
@@ -110,7 +110,7 @@ class SlipResult:
 
         It is the noise floor itself while the channel is not valid, and out of contact.
         """
-        return self._columns('floor', kernel.KEEP_FLOOR)
+        return self._columns('floor')
 
     @property
     def excess(self) -> Floats:
@@ -119,12 +119,12 @@ class SlipResult:
         It is 0 before the windows are full, while the channel is not valid, out of contact, and
         for ``impact_hold_s`` from an impact on.
         """
-        return self._columns('excess', kernel.KEEP_EXCESS)
+        return self._columns('excess')
 
     @property
     def after_impact(self) -> Bools:
         """Whether excess is held at 0 after an impact; kept if excess is; shape (n,)."""
-        self._columns('excess', kernel.KEEP_EXCESS)
+        self._columns('excess')
         held: Bools = self._signals[:, -1 - self._shape[2]] != 0.0
         return held
 
@@ -140,12 +140,10 @@ class SlipResult:
         """
         return self._signals[:, self._signals.shape[1] - self._shape[2] :]
 
-    def _columns(self, name: str, signal: int) -> Floats:
-        """Return the columns of a signal, given by its name and its bit."""
-        if not self._kept & signal:
+    def _columns(self, name: str) -> Floats:
+        first = self._kept[SIGNALS.index(name)]
+        if first < 0:
             raise ValueError(f'{name} was not kept: call update with {name}=True')
-        width = -(-self._shape[1] // LANES) * LANES
-        first = (self._kept & (signal - 1)).bit_count() * width
         return self._signals[:, first : first + self._shape[1]]
 
 
@@ -176,18 +174,12 @@ class SlipChain:
     """
 
     def __init__(self, config: ChainConfig | None = None) -> None:
-        if not COMPILED:
-            warnings.warn(
-                'Numba is not installed: the slip chain runs interpreted, slower, with the same '
-                'decisions',
-                RuntimeWarning,
-                stacklevel=2,
-            )
         self.config = config = config or ChainConfig()
         self._sections, self._low_sections = design(config), design_low(config)
         self._evidence = config.decision == 'evidence'
         check_memory(config)
         self._votes: tuple[str | int, ...] = ()
+        self._wanted: tuple[bool, ...] = ()
         self._plan = self._planned(())
         self._channels, self._groups = config.channels, len(config.groups)
         self._columns = kernel.tiles_of(config) * LANES
@@ -317,21 +309,25 @@ class SlipChain:
             padded = np.zeros((n, columns))
             padded[:, :channels] = rows
             rows = padded
-        kept = envelope | level << 1  # KEEP_ENVELOPE and KEEP_LEVEL
-        signal_columns = columns * (envelope + level) + many
-        if floor or excess:
-            if not self._evidence:
+        wanted = envelope, level, floor, excess
+        if wanted != self._wanted:
+            if (floor or excess) and not self._evidence:
                 raise ValueError('floor and excess are not kept, allowed: with decision: evidence')
-            kept += kernel.KEEP_FLOOR * floor + kernel.KEEP_EXCESS * excess
-            signal_columns += columns * (floor + excess) + excess
+            self._kept, self._kept_columns = _places(columns, wanted)
+            self._wanted = wanted
         flags = np.empty((n, self._width), BOOL_TYPE)
-        shape = n, signal_columns
-        if n * signal_columns > kernel.CACHED_VALUES and signal_columns % 8 == 0:
-            signals, kept = kernel.aligned(shape, self._new_signals), kept | kernel.PAST_CACHES
-        else:
-            signals = self._new_signals(shape)
-        kernel.compiled_run()(rows, flags, signals, self.state, self._plan, kept)
-        return SlipResult(flags, signals, (self._groups, channels, many), kept)
+        signals = self._new_signals((n, self._kept_columns + many))
+        kernel.compiled_run()(rows, flags, signals, self.state, self._plan, self._kept)
+        return SlipResult(flags, signals, (self._groups, channels, many), self._kept)
+
+
+def _places(columns: int, wanted: tuple[bool, ...]) -> tuple[tuple[int, ...], int]:
+    """Return the first column of each signal, and the number of columns of all."""
+    first, end = [], 0
+    for is_wanted in wanted:
+        first.append(end if is_wanted else kernel.NOT_KEPT)
+        end += columns * is_wanted
+    return tuple(first), end + wanted[-1]  # One more, with excess: whether it is held.
 
 
 def _rest_db(config: ChainConfig, rows: ArrayLike) -> Floats:

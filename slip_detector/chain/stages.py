@@ -27,7 +27,7 @@ CUSUM). docs/method.md has the equations.
 
 import numpy as np
 
-from slip_detector.chain.compiled import (
+from slip_detector.compiled import (
     absolute,
     compiled_in_place,
     compiled_within,
@@ -38,7 +38,6 @@ from slip_detector.chain.compiled import (
     spread,
     square_root,
     store,
-    store_past_caches,
     words_of,
 )
 
@@ -178,18 +177,7 @@ def rectified_power(block, rows, full_wave, exponent):
 
 
 @compiled_in_place
-def keep(values, signals, at, past_caches):
-    """Write the values of a tile's row to the result; past the caches pays for large results."""
-    if past_caches:
-        store_past_caches(values, signals, at)
-    else:
-        store(values, signals, at)
-
-
-@compiled_in_place
-def window_means(
-    block, rows, window, tile, slot, take_root, signals, start, column, past_caches
-):  # fmt: skip
+def window_means(block, rows, window, tile, slot, take_root, signals, start, column):
     """Replace each value by the mean of the last ``window`` values, zeros before the first row.
 
     Time is cut into stretches of ``window`` rows. A window is the head of the current stretch plus
@@ -211,7 +199,7 @@ def window_means(
         mean = square_root(mean) if take_root else mean
         store(mean, block, (k, 0))
         if column >= 0:
-            keep(mean, signals, (start + k, column), past_caches)
+            store(mean, signals, (start + k, column))
         position += 1
         if position == window:
             position, head, total = 0, spread(0.0), spread(0.0)
@@ -350,9 +338,7 @@ def decibels_of_activity(low, rows, factor, shift_db):
 
 
 @compiled_within
-def sum_evidence(
-    block, low, rows, at, limits, settings, tile, plan, signals, start, columns, past_caches
-):
+def sum_evidence(block, low, rows, at, limits, settings, tile, plan, signals, start, columns):
     """Replace squares of the envelope by the number that makes a channel ON above the threshold.
 
     An invalid channel keeps its floor and its evidence. A channel comes ON when its evidence
@@ -407,9 +393,9 @@ def sum_evidence(
         number = select(number > evidence, number, evidence)
         store(number, block, (k, 0))
         if columns[0] >= 0:
-            keep(square_root(square), signals, (start + k, columns[0]), past_caches)
+            store(square_root(square), signals, (start + k, columns[0]))
         if columns[1] >= 0:
-            keep(evidence, signals, (start + k, columns[1]), past_caches)
+            store(evidence, signals, (start + k, columns[1]))
         if columns[2] >= 0:
             shown = select(is_number(floor), select(counts, effective, floor), least_db)
             store(shown, signals, (start + k, columns[2]))

@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain.compiled import compiled_in_place
+from slip_detector.compiled import compiled_in_place
 
 #: Number of samples whose stamps the line of the grid is fitted to, after a start and later. A
 #: long memory averages jitter and still follows a drift.

@@ -38,7 +38,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain import stages
-from slip_detector.chain.compiled import (
+from slip_detector.chain.stages import FIRST_ROW, NO_ROW, WORD_ROWS
+from slip_detector.compiled import (
     LANES,
     compiled,
     compiled_in_place,
@@ -50,7 +51,6 @@ from slip_detector.chain.compiled import (
     spread,
     store,
 )
-from slip_detector.chain.stages import FIRST_ROW, NO_ROW, WORD_ROWS
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.fields import converted
 
@@ -164,28 +164,15 @@ def _all_valid(rows, members, tiles, valid):
 
 @compiled_in_place
 def _medians(volts, start, rows, members, tiles, deviations, common_v):
-    """Write the medians of rows in which all channels are valid.
-
-    Sorting one row takes an unpredictable branch for each pair; exchanging values in sixteen rows
-    at once takes none.
-    """
-    channels = members.size
-    for i in range(channels):
-        c = members[i]
+    """Write the medians of rows in which all channels are valid."""
+    for c in members:
         first = tiles[c // LANES, stages.FIRST, c % LANES]
         for k in range(rows):
-            deviations[i, k] = volts[start + k, c] - first
-    # Each pass moves the largest remaining value to the end; the median needs half of the passes.
+            deviations[c, k] = volts[start + k, c] - first
+    below = members.size // 2
     for k in range(0, rows, LANES):
-        for end in range(channels - 1, channels - channels // 2 - 2, -1):
-            most = load(deviations, (0, k))
-            for i in range(end):
-                u = load(deviations, (i + 1, k))
-                more = u > most
-                store(select(more, most, u), deviations, (i, k))
-                most = select(more, u, most)
-            store(most, deviations, (end, k))
-    low, high = deviations[(channels - 1) // 2], deviations[channels // 2]
+        _sort(deviations, members, below + 1, k)
+    low, high = deviations[members[below]], deviations[members[(members.size - 1) // 2]]
     for k in range(rows):
         common_v[k] = 0.5 * (low[k] + high[k])
 
@@ -314,7 +301,11 @@ def _geometric_mean(levels, members, least, most, k):
 
 @compiled_in_place
 def _sort(levels, members, count, k):
-    """Move the ``count`` largest levels of sixteen rows to the front, the largest first."""
+    """Move the ``count`` largest levels of sixteen rows to the front, the largest first.
+
+    Sorting one row takes an unpredictable branch for each pair; exchanging values in sixteen rows
+    at once takes none.
+    """
     last = members.size - 1
     for i in range(min(count, members.size)):
         most = load(levels, (members[last], k))

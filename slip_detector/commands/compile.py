@@ -26,11 +26,10 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from slip_detector.chain.compiled import COMPILED, on_compiling
 from slip_detector.chain.filters import settling_rows
-from slip_detector.chain.samples import Samples
 from slip_detector.chain.slip_chain import compile_chain
 from slip_detector.commands.command_line import Parser, run
+from slip_detector.compiled import COMPILED, LISTENERS
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.driver import DriverConfig
@@ -42,8 +41,8 @@ from slip_detector.tuning.tracks import track_of
 
 NAME = 'slip_compile'
 
-#: Number of rows: enough to fill the windows, with rest and with slip.
-ROWS = 400
+#: More samples than the default scene has: rest and slip.
+WHOLE = 10_000
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -57,7 +56,7 @@ def compile_all() -> str:
     if not COMPILED:
         return 'Nothing to compile: Numba is not installed, and everything runs interpreted.'
     modules: list[str] = []
-    on_compiling(modules.append)
+    LISTENERS.append(modules.append)
     began_s = time.monotonic()
     for what, use in PARTS.items():
         print(f'{what} ...', flush=True)
@@ -73,10 +72,8 @@ def _use_scenes() -> None:
 
 
 def _use_evaluation_and_tuning() -> None:
-    config, truth = ChainConfig(), np.arange(ROWS) >= ROWS // 2
-    tone = truth * np.sin(2 * np.pi * 20.0 * np.arange(ROWS) / config.sample_rate_hz)
-    volts = np.outer(tone, np.ones(config.channels))
-    samples = Samples.evenly(volts, config.sample_rate_hz, truth)
+    config = ChainConfig()
+    samples = open_source(DriverConfig(source='scene')).read(WHOLE)
     Replay(config).run([samples])
     track = track_of('compiled', [samples], config.sample_rate_hz)
     limits, rows = np.array([0.5, 1.0]), settling_rows(config)

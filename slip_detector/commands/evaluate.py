@@ -57,7 +57,6 @@ from slip_detector.commands.workers import (
     add_options,
     check_apart,
     paths_for_workers,
-    paths_read,
     progress_bar,
     sets_of_parameters,
     workers,
@@ -219,11 +218,11 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
 
 def _of_recordings(options: argparse.Namespace) -> tuple[dict[str, Any], Callable[..., str]]:
     """Return the figures of the recordings, and the function that prints them as tables."""
-    file, page = options.config, options.report
+    page = options.report
     kinds = ChainConfig, RecordingConfig, EvaluationConfig
     loader = RecordingLoader(*sets_of_parameters(options, *kinds))
     # An error is reported before an hour of recordings is read.
-    check_apart({'--report': page}, [*paths_read(options), *([file] if file else [])])
+    check_apart({'--report': page}, options.config, options.labels)
     paths = paths_for_workers(options, options.recordings)
     with workers(options.jobs, options.cluster) as calls:
         sets, left = evaluate(paths, loader, calls, page is not None)

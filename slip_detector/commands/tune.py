@@ -36,7 +36,6 @@ from slip_detector.commands.workers import (
     add_options,
     check_apart,
     paths_for_workers,
-    paths_read,
     progress_bar,
     sets_of_parameters,
     workers,
@@ -262,8 +261,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         )
         written = {'--out': options.out, '--report': options.report}
         where = options.storage or f'{options.out}.study.journal'
-        check_apart(written, [*paths_read(options), where])
-        check_apart({'--report': options.report}, [options.config] if options.config else [])
+        check_apart(written, options.labels, where)
+        check_apart({'--report': options.report}, options.config)
         paths = [path for path in written.values() if path is not None]
         of, rate = (parameters.chain, parameters.loader), options.false_alarms_per_hour
         if options.quiet is not None:

@@ -23,7 +23,6 @@ import logging
 import multiprocessing
 import os
 import signal
-import sys
 import tempfile
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -35,8 +34,8 @@ from tqdm import tqdm
 
 from slip_detector.commands.command_line import whole_number
 from slip_detector.parameters.driver import RecordingConfig
-from slip_detector.parameters.files import write_errors_of
-from slip_detector.recordings import ENDINGS, recording_sets
+from slip_detector.parameters.files import file_errors_of
+from slip_detector.recordings import ENDINGS, is_recording
 
 #: Longest time, in seconds, in which a scheduler may answer.
 ANSWER_S = 5.0
@@ -140,27 +139,6 @@ def paths_for_workers(options: argparse.Namespace, paths: Iterable[str]) -> list
     return [os.path.abspath(path) for path in paths] if options.cluster else list(paths)
 
 
-def paths_read(options: argparse.Namespace) -> list[Path]:
-    """Return the recordings, and the file of labels, that a command reads.
-
-    Raises
-    ------
-    ValueError
-        For a folder without recordings.
-
-    Examples
-    --------
-    >>> options = argparse.Namespace(recordings=['a.npz'], quiet='rest.npz', labels=None)
-    >>> [path.name for path in paths_read(options)]
-    ['a.npz', 'rest.npz']
-    """
-    given = [getattr(options, name, None) or [] for name in ('recordings', 'held_out')]
-    given += [[path] for name in ('quiet', 'taps') if (path := getattr(options, name, None))]
-    sets = [files for paths in given for files in recording_sets(paths).values()]
-    labels = [Path(options.labels)] if options.labels else []
-    return [*(file for files in sets for file in files), *labels]
-
-
 def check_writable(path: Path) -> None:
     """Raise an error if a file cannot be written, so that long work is not done in vain.
 
@@ -175,7 +153,7 @@ def check_writable(path: Path) -> None:
     Traceback (most recent call last):
     ValueError: no such folder/tuned.yaml: cannot be written (No such file or directory)
     """
-    with write_errors_of(path):
+    with file_errors_of(path):
         if path.exists():
             if not path.is_file():  # Writing would replace a device by a file.
                 raise OSError(0, 'is no file')
@@ -186,15 +164,17 @@ def check_writable(path: Path) -> None:
             pass
 
 
-def check_apart(written: Mapping[str, Path | None], read: Sequence[str | Path] = ()) -> None:
+def check_apart(written: Mapping[str, Path | None], *read: str | Path | None) -> None:
     """Raise an error if a file to write is also read or written, or cannot be written.
+
+    No recording is overwritten.
 
     Parameters
     ----------
     written
         Files to write, by the option that names each; None: the option is not given.
     read
-        Files that are read.
+        Files that are read beside recordings, or None.
 
     Raises
     ------
@@ -207,12 +187,13 @@ def check_apart(written: Mapping[str, Path | None], read: Sequence[str | Path] =
     Traceback (most recent call last):
     ValueError: --report tuned.yaml: is written by --out too, allowed: a file of its own
     """
-    uses = {Path(path).resolve(): 'is read' for path in read}
+    uses = {Path(path).resolve(): 'is read too' for path in read if path}
     for option, path in written.items():
         if path is not None:
-            use = uses.setdefault(path.resolve(), f'is written by {option}')
-            if use != f'is written by {option}':
-                raise ValueError(f'{option} {path}: {use} too, allowed: a file of its own')
+            file, own = path.resolve(), f'is written by {option} too'
+            use = 'is a recording' if is_recording(file) else uses.setdefault(file, own)
+            if use != own:
+                raise ValueError(f'{option} {path}: {use}, allowed: a file of its own')
             check_writable(path)
 
 
@@ -225,8 +206,7 @@ def progress_bar(total: int, unit: str) -> 'tqdm[Any]':
     ...     bar.total
     200
     """
-    shown: Any = {'dynamic_ncols': True, 'mininterval': 0.0, 'file': sys.stderr}
-    return tqdm(total=total, unit=unit, disable=not sys.stderr.isatty(), **shown)
+    return tqdm(total=total, unit=unit, disable=None, dynamic_ncols=True, mininterval=0.0)
 
 
 @contextlib.contextmanager

@@ -28,9 +28,9 @@ a row, as an alarm may rise anywhere within its row.
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Floats = NDArray[np.float64]
+from slip_detector.chain.samples import Floats
 
 #: Least ``sooner_than_chance`` with which the median latency of all slips is defined.
 HALF = 0.5

@@ -19,7 +19,6 @@ from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from slip_detector.evaluation.chance import slip_figures
 from slip_detector.evaluation.matching import beyond_accuracy
@@ -248,33 +247,6 @@ def _mean_stages(slips: Sequence[TrueSlip], prefix: str) -> dict[str, float | No
     parts = [slip.stages_s for slip in slips if slip.stages_s is not None]
     means = {stage: mean_and_sd(part[stage] * 1e3 for part in parts)[0] for stage in STAGES}
     return {f'{prefix}{stage}_ms': mean_ms for stage, mean_ms in means.items()}
-
-
-def first_on_delay_s(on: ArrayLike, time_s: ArrayLike, start_s: float) -> float | None:
-    """Return the time from the start of slip to the first ON at or after it.
-
-    Parameters
-    ----------
-    on : array_like of bool, shape (n,)
-        Decisions of a channel or group, or the global ones.
-    time_s : array_like, shape (n,)
-        Time of each row, rising.
-    start_s : float
-        When slip begins.
-
-    Returns
-    -------
-    float or None
-        Seconds; None where there is no such ON.
-
-    Examples
-    --------
-    >>> first_on_delay_s([True, False, True], time_s=[0.0, 1.0, 2.0], start_s=0.5)
-    1.5
-    """
-    times = np.asarray(time_s, dtype=np.float64)
-    after = np.flatnonzero(np.asarray(on, dtype=bool) & (times >= start_s))
-    return float(times[after[0]]) - start_s if after.size else None
 
 
 def mean_and_sd(delays: Iterable[float | None]) -> tuple[float | None, float | None]:

@@ -18,13 +18,11 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from slip_detector.evaluation.figures import first_on_delay_s, mean_and_sd, percent
+from slip_detector.chain.samples import Bools, Floats
+from slip_detector.evaluation.figures import mean_and_sd, percent
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.recordings.labels import states_at
-
-Floats = NDArray[np.float64]
 
 
 class Heard(NamedTuple):
@@ -40,7 +38,7 @@ class Heard(NamedTuple):
     position_stamps_s: Floats
     positions_m: Floats
     latencies_s: Floats
-    changes: Mapping[str, tuple[Floats, NDArray[np.bool_]]]
+    changes: Mapping[str, tuple[Floats, Bools]]
 
     @property
     def motion_s(self) -> tuple[float, float] | None:
@@ -63,8 +61,8 @@ def demo_figures(heard: Heard, config: ChainConfig) -> dict[str, Any]:
 
     def delay_ms(topic: str) -> float | None:
         at_s, states = heard.changes[topic]
-        delay_s = first_on_delay_s(states, at_s, start_s)
-        return None if delay_s is None else delay_s * 1e3
+        on_s = at_s[states & (at_s >= start_s)]
+        return (float(on_s[0]) - start_s) * 1e3 if on_s.size else None
 
     slip = states_at(*heard.changes['slip'], times_s)
     rest = (times_s < start_s) | (times_s > end_s)

@@ -28,14 +28,12 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from slip_detector.chain.compiled import compiled
+from slip_detector.chain.samples import Bools, Floats, Ints
+from slip_detector.compiled import compiled
 from slip_detector.parameters.evaluation import EvaluationConfig
 
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Rows = Sequence[int] | Ints
 
 #: Takes the place of the number of an alarm or a slip where there is none.
@@ -75,7 +73,7 @@ class OnIntervals:
         """Whether the signal was ON in the last row."""
         return len(self.edges) % 2 == 1
 
-    def add(self, on: NDArray[np.bool_], first_row: int) -> None:
+    def add(self, on: Bools, first_row: int) -> None:
         """Take the next rows.
 
         Parameters
@@ -166,15 +164,6 @@ def give_alarm(alarm, row, slip, lows, alarm_of, threshold):
             if belongs == NONE:
                 belongs = s
     return belongs
-
-
-@compiled
-def _match(rises, settling, lows, highs, alarm_of, slip_of):
-    slip = 0
-    for alarm in range(rises.size):
-        if not settling[alarm]:
-            slip = slip_not_over(rises[alarm], slip, highs)
-            slip_of[alarm] = give_alarm(alarm, rises[alarm], slip, lows, alarm_of, 0)
 
 
 class ScoredRows:
@@ -320,7 +309,10 @@ class ScoredRows:
         alarm_of = np.full((len(self.lows), 1), NONE, np.int64)
         slip_of = np.full(len(rises), NONE, np.int64)
         rows = np.array(rises, np.int64)
-        _match(rows, self.settling(rises), self.lows, self.highs, alarm_of, slip_of)
+        slip = 0
+        for alarm in np.flatnonzero(~self.settling(rises)):
+            slip = slip_not_over(rows[alarm], slip, self.highs)
+            slip_of[alarm] = give_alarm(alarm, rows[alarm], slip, self.lows, alarm_of, 0)
         alarm_of[~self.scored] = NONE
         return _or_none(alarm_of[:, 0]), _or_none(slip_of)
 

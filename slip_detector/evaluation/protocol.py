@@ -61,18 +61,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from slip_detector.chain.samples import Samples
+from slip_detector.chain.samples import Bools, Floats, Samples
 from slip_detector.evaluation.figures import Bound, ReplayOutcome, paper_figures, trial_delays_ms
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.recordings import rates_differ
 from slip_detector.scenes import find_scene, load_scene
-
-Bools = NDArray[np.bool_]
-
-Floats = NDArray[np.float64]
 
 #: The scenes of the plates, by the spatial period in micrometres (Section 3).
 SCENES = {'400': 'plate_400um', '440': 'plate_440um', '480': 'plate_480um'}

@@ -23,10 +23,9 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slip_detector.chain.filters import settling_rows
-from slip_detector.chain.samples import Samples
+from slip_detector.chain.samples import Bools, Floats, Ints, Samples
 from slip_detector.chain.slip_chain import SlipChain, SlipResult
 from slip_detector.chain.stamps import missing_rows
 from slip_detector.evaluation.figures import (
@@ -45,9 +44,6 @@ from slip_detector.evaluation.matching import OnIntervals, RowInterval, ScoredRo
 from slip_detector.evaluation.scores import Kinds, ScoreTally, kinds_of
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
-
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
 
 #: Number of values that the chain is given at a time, so that its results stay in the cache.
 BLOCK_VALUES = 131072
@@ -145,11 +141,11 @@ class _Slip:
 
     start: int
     on_at_start: bool
-    first: NDArray[np.int64]
+    first: Ints
     stages: dict[str, int] | None = None
 
 
-def _note_first(first: NDArray[np.int64], on: Bools, row: int) -> None:
+def _note_first(first: Ints, on: Bools, row: int) -> None:
     """Note the first row, from ``row`` on, in which each channel is ON; shapes (c,), (n, c)."""
     new = on.any(axis=0) & (first == NEVER)
     first[new] = row + on.argmax(axis=0)[new]

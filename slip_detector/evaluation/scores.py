@@ -20,11 +20,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slip_detector.chain.compiled import compiled
+from slip_detector.chain.samples import Bools, Floats, Ints
+from slip_detector.compiled import compiled
 
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Kinds = NDArray[np.int8]
 
 #: Kinds of rows: the robot rests, or its motion is not known; the robot moves; there is slip; the

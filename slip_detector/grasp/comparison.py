@@ -20,8 +20,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from slip_detector.chain.samples import Floats
 from slip_detector.evaluation.figures import Bound
-from slip_detector.grasp.loop import Floats, GraspTrial
+from slip_detector.grasp.loop import GraspTrial
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.grasp import GraspConfig
 

@@ -26,8 +26,8 @@ from collections import deque
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slip_detector.chain.samples import Bools, Floats
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.grasp.law import GraspLaw
 from slip_detector.parameters.detector import ChainConfig
@@ -35,8 +35,6 @@ from slip_detector.parameters.files import read_yaml
 from slip_detector.parameters.grasp import GraspConfig
 from slip_detector.scenes import Scene, find_scene
 from slip_detector.scenes.surface import FINGERS, STANDARD_GRAVITY_M_S2
-
-Floats = NDArray[np.float64]
 
 #: Time from sample to command: somewhat more than the nodes take.
 TRANSPORT_S = 5e-3
@@ -121,8 +119,8 @@ class GraspTrial(NamedTuple):
     time_s: Floats
     command_n: Floats
     force_n: Floats
-    slip: NDArray[np.bool_]
-    sliding: NDArray[np.bool_]
+    slip: Bools
+    sliding: Bools
     position_m: Floats
     needed_n: Floats
     length_m: float

@@ -38,6 +38,7 @@ from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
+from slip_detector.chain.samples import Floats
 from slip_detector.commands.command_line import one_line
 from slip_detector.evaluation.heard import Heard, demo_figures
 from slip_detector.nodes.finger_topics import PolledTopics
@@ -61,8 +62,6 @@ DRAIN_S = 0.5
 
 #: Timeout of the detector's input: from the end of the driver to its own it does not miss samples.
 TIMEOUT_S = 10.0
-
-Floats = NDArray[np.float64]
 
 
 class NodeProcesses:

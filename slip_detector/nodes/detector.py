@@ -22,7 +22,6 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 from rclpy.clock import Clock, ClockType
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
@@ -64,7 +63,6 @@ NAMES = 4
 
 SUCCESS, FAILED = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.ERROR
 
-Receive = Callable[[bytes, dict[str, int | None]], None]
 Transition = Callable[['Detector', LifecycleState], TransitionCallbackReturn]
 
 
@@ -143,7 +141,9 @@ class Detector(LifecycleNode):
         self._start_timers()
         # The heartbeat of another detector that publishes on the same topics.
         self._detectors = Senders(max(SEVERAL_S, 3 / self._active.heartbeat_hz))
-        self._heartbeats = self._subscription(Bool, 'slip_valid', self._on_slip_valid)
+        self._heartbeats = self.create_subscription(
+            Bool, 'slip_valid', self._on_slip_valid, sensor_qos(), raw=True
+        )
         return SUCCESS
 
     def destroy_node(self) -> None:
@@ -291,19 +291,6 @@ class Detector(LifecycleNode):
 
     # The input.
 
-    def _subscription(self, message_class: type, topic: str, call: Receive) -> Subscription:
-        """Subscribe with the quality of service of samples to serialised messages."""
-        return self.create_subscription(
-            message_class,
-            topic,
-            call,
-            sensor_qos(),
-            # Without this, each sample wakes a wait for events, of which there are none: this
-            # quality of service is compatible with that of any publisher.
-            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False),
-            raw=True,
-        )
-
     def _listen(self) -> None:
         """Subscribe to the input; if that fails, try again later.
 
@@ -314,8 +301,8 @@ class Detector(LifecycleNode):
         self._input = Input(config)
         self._senders = Senders(max(SEVERAL_S, config.input_timeout_s))
         try:
-            self._samples = self._subscription(
-                self._input.message_class, 'voltages', self._on_voltages
+            self._samples = self.create_subscription(
+                self._input.message_class, 'voltages', self._on_voltages, sensor_qos(), raw=True
             )
         except ROS_ERROR:
             self._note('listen', f'this process has voltages that are no {config.input_type}')

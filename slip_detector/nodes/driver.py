@@ -33,7 +33,7 @@ from std_msgs.msg import Bool, Float32MultiArray, MultiArrayDimension
 
 from slip_detector.chain.samples import Samples
 from slip_detector.nodes.health import ERROR, WARN, Diagnostics, status
-from slip_detector.nodes.messages import create_publisher, sensor_qos, state_qos
+from slip_detector.nodes.messages import sensor_qos, state_qos
 from slip_detector.nodes.parameters import declare
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.recordings.messages import BATCH_LABELS, JointStateWriter
@@ -90,7 +90,7 @@ class Driver(Node):
             config, now_ns=lambda: self.get_clock().now().nanoseconds
         )
         message_type = JointState if config.samples_per_message == 1 else Float32MultiArray
-        self._voltages = create_publisher(self, message_type, 'voltages', sensor_qos())
+        self._voltages = self.create_publisher(message_type, 'voltages', sensor_qos())
         self._writer = JointStateWriter(config.frame_id, source.channel_names)
         # Samples that wait for their batch.
         self._rows: list[NDArray[np.float64]] = []

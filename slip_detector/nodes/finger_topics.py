@@ -21,10 +21,9 @@ from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable
 from operator import itemgetter
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
@@ -68,11 +67,7 @@ class PolledTopics:
         self, kind: Any, topic: str, qos: QoSProfile, call: Callable[..., None], raw: bool = False
     ) -> None:
         """Subscribe; the callback gets each message and, as a second argument, its info."""
-        # Events are not needed, and would only cost time.
-        events = SubscriptionEventCallbacks(use_default_callbacks=False)
-        subscription = self._node.create_subscription(
-            kind, topic, call, qos, event_callbacks=events, raw=raw
-        )
+        subscription = self._node.create_subscription(kind, topic, call, qos, raw=raw)
         self._receivers[subscription] = receiver(subscription, AT_MOST)
 
     def poll(self) -> None:
@@ -85,16 +80,6 @@ class PolledTopics:
         for subscription in self._receivers:
             self._node.destroy_subscription(subscription)
         self._receivers = {}
-
-
-class Topics(NamedTuple):
-    """Full names of topics; no voltages while the detector has no input."""
-
-    #: Namespace of the decisions, without a slash at the end.
-    namespace: str
-    voltages: str
-    truth: str
-    envelope: str
 
 
 #: Latest states of a topic, each with the time at which it was published.
@@ -121,7 +106,7 @@ def state_at(states: States, published_ns: int) -> bool:
 class FingerTopics:
     """Subscribes to the topics of a finger, and keeps the finger up to date."""
 
-    def __init__(self, node: Node, finger: Finger, names: Topics) -> None:
+    def __init__(self, node: Node, finger: Finger, voltages: str) -> None:
         self.finger = finger
         self._topics = PolledTopics(node)
         # What came since the last poll, with the time at which it was published.
@@ -134,31 +119,33 @@ class FingerTopics:
         #: The last of its detector and of these nodes on ``/diagnostics``, and when, by label.
         self.health: dict[str, tuple[float, Diagnosis]] = {}
         finger.heard_s, finger.sample_s = time.monotonic(), float('-inf')
-        self.subscribe(names)
+        self.subscribe(voltages)
 
-    def subscribe(self, names: Topics) -> None:
-        """Replace all subscriptions by those to these topics."""
+    def subscribe(self, voltages: str) -> None:
+        """Replace all subscriptions; ``voltages`` is the topic of the input, empty without one."""
         self._topics.close()
-        self.names, self._config = names, self.finger.config
+        self.voltages, self._config = voltages, self.finger.config
         config, topics, states = self._config, self._topics, state_qos(depth=STATES)
-        if names.voltages:
-            self._subscribe_to_samples(names)
-        topics.add(JointState, names.envelope, sensor_qos(), self._on_envelope, raw=True)
-        slip = f'{names.namespace}/slip'
+        if voltages:
+            self._subscribe_to_samples(voltages)
+        envelope = f'{self.finger.name}/envelope'
+        topics.add(JointState, envelope, sensor_qos(), self._on_envelope, raw=True)
+        slip = f'{self.finger.name.rpartition("/")[0]}/slip'
         topics.add(Bool, slip, states, self._on_slip)
         topics.add(Bool, f'{slip}_valid', states, self._on_slip_valid)
         for g, name in enumerate(config.groups if config.publish_groups else ()):
             topics.add(Bool, f'{slip}/group/{name}', states, functools.partial(self._on_group, g))
         self.finger.groups[:] = False  # Their last states come again, if they are published.
 
-    def _subscribe_to_samples(self, names: Topics) -> None:
+    def _subscribe_to_samples(self, voltages: str) -> None:
         """Subscribe to the input; if that fails, the finger is shown without volts."""
         kind, self.finger.no_volts = self._config.input_type, ''
         try:
             source = Input(self._config)
             call = functools.partial(self._on_voltages, source)
-            self._topics.add(source.message_class, names.voltages, sensor_qos(), call, raw=True)
-            self._topics.add(Bool, names.truth, state_qos(depth=STATES), self._on_truth)
+            self._topics.add(source.message_class, voltages, sensor_qos(), call, raw=True)
+            truth = f'{voltages.rpartition("/")[0]}/slip_truth'
+            self._topics.add(Bool, truth, state_qos(depth=STATES), self._on_truth)
         except (ValueError, ROS_ERROR):
             # A process can use a topic with one type only.
             self.finger.no_volts = (
@@ -173,7 +160,7 @@ class FingerTopics:
         """Process received messages; subscribe again if the detector's parameters require it."""
         before, self._config = self._config, self.finger.config
         if any(getattr(self._config, name) != getattr(before, name) for name in OF_TOPICS):
-            self.subscribe(self.names)
+            self.subscribe(self.voltages)
         self._topics.poll()
         if self._samples:
             self._append_samples()

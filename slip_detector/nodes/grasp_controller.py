@@ -25,7 +25,7 @@ from std_msgs.msg import Bool, Float64MultiArray
 
 from slip_detector.grasp.law import GraspLaw
 from slip_detector.nodes.inputs import publishing_nodes
-from slip_detector.nodes.messages import create_publisher, state_qos
+from slip_detector.nodes.messages import state_qos
 from slip_detector.nodes.parameters import declare
 from slip_detector.parameters.fields import name_list
 from slip_detector.parameters.grasp import JOINT_STATE, GraspConfig
@@ -74,7 +74,7 @@ class GraspController(Node):
         self._heard = self._trusted = False
         self._commanded_s = time.monotonic()
         message_type = JointState if config.command_type == JOINT_STATE else Float64MultiArray
-        self._command = create_publisher(self, message_type, config.command_topic, state_qos())
+        self._command = self.create_publisher(message_type, config.command_topic, state_qos())
         for topic in self._states:
             on_message = functools.partial(self._on_message, topic)
             self.create_subscription(Bool, topic, on_message, state_qos(DEPTH, config.deadline_s))

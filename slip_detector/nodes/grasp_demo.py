@@ -47,11 +47,11 @@ from typing import Any
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
+from slip_detector.chain.samples import Floats
 from slip_detector.commands.command_line import whole_number
 from slip_detector.grasp.comparison import (
     CONTROLLER,
@@ -82,8 +82,6 @@ TOPICS: dict[str, tuple[Any, QoSProfile]] = {
 
 #: Index of the object that is drawn, if there are as many; the default one slips five times.
 SHOWN = 2
-
-Floats = NDArray[np.float64]
 
 
 def _play_live(recorder: Recorder, seed: int, config: Path, folder: Path) -> LiveGraspTrial:

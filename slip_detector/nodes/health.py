@@ -24,7 +24,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from numpy.typing import NDArray
 from rclpy.node import Node
 
-from slip_detector.nodes.messages import create_publisher, event_qos
+from slip_detector.nodes.messages import event_qos
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.fields import name_list
 
@@ -315,7 +315,7 @@ class Diagnostics:
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._publisher = create_publisher(node, DiagnosticArray, '/diagnostics', event_qos())
+        self._publisher = node.create_publisher(DiagnosticArray, '/diagnostics', event_qos())
         self._name = node.get_fully_qualified_name().lstrip('/')
 
     def destroy(self) -> None:

@@ -19,10 +19,10 @@ import time
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from rclpy.node import Node
 from visualization_msgs.msg import Marker, MarkerArray
 
+from slip_detector.chain.samples import Floats
 from slip_detector.nodes.messages import event_qos
 from slip_detector.view.detectors import Finger, drawn_positions, least_distance_m
 from slip_detector.view.server import Server
@@ -59,8 +59,6 @@ ON, NOT_VALID, DISABLED = (
 
 #: Largest share of the time that is spent on markers, so that the pages are not held up.
 SHARE = 0.2
-
-Floats = NDArray[np.float64]
 
 
 def finger_markers(finger: Finger) -> list[Marker]:

@@ -12,26 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Publishers and quality-of-service profiles of the nodes' topics, and conversion of stamps."""
-
-from typing import Any
+"""Quality-of-service profiles of the nodes' topics, and conversion of stamps."""
 
 from builtin_interfaces.msg import Time
 from rclpy.duration import Duration
-from rclpy.event_handler import PublisherEventCallbacks
-from rclpy.node import Node
-from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
-
-
-def create_publisher(node: Node, message_type: Any, topic: str, qos: QoSProfile) -> Publisher:
-    """Create a publisher without a callback for subscribers with an incompatible qos.
-
-    rclpy would check for such events each time the executor waits, which for 24 publishers costs
-    more than everything else together. Such a subscriber logs a warning anyway.
-    """
-    events = PublisherEventCallbacks(use_default_callbacks=False)
-    return node.create_publisher(message_type, topic, qos, event_callbacks=events)
 
 
 def stamp_ns(stamp: Time) -> int:

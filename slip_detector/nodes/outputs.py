@@ -28,7 +28,6 @@ from std_msgs.msg import Bool, Header
 
 from slip_detector.chain.slip_chain import SlipResult
 from slip_detector.nodes.messages import (
-    create_publisher,
     event_qos,
     heartbeat_qos,
     sensor_qos,
@@ -103,7 +102,7 @@ class Outputs:
             key = topic, qos.deadline.nanoseconds
             found = before.pop(key, None)
             if found is None:
-                found = create_publisher(self._node, message_type, topic, qos)
+                found = self._node.create_publisher(message_type, topic, qos)
                 new.append(found)
             self._publishers[key] = found
             return found

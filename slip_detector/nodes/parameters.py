@@ -32,7 +32,7 @@ from rclpy.parameter import Parameter
 
 from slip_detector.nodes.rclpy_internals import answer_with, given_parameters
 from slip_detector.parameters.changes import Judge, changed
-from slip_detector.parameters.fields import allowed, default_of
+from slip_detector.parameters.fields import allowed
 from slip_detector.parameters.sections import OF_RCLPY, names_given_to, sections_for_others
 from slip_detector.parameters.sets import ConfigType, ParameterSet
 
@@ -165,6 +165,8 @@ def follow_changes(
         taken, refusals = judge.judged(current(), given, time.monotonic())
         if taken:
             set_all([Parameter(name, value=value) for name, value in taken.items()])
+        else:  # What waits for others belongs to the changes that are being gathered.
+            apply(current())
         answers = (SetParametersResult(successful=not text, reason=text) for text in refusals)
         for each in parameters:
             answer = next(answers) if each in its else node.set_parameters_atomically([each])
@@ -192,7 +194,7 @@ def _descriptor(
         # An empty list has no type, and a vote is a number or a word.
         dynamic_typing=isinstance(value, list) or field.name == 'vote',
     )
-    low, kind = field.metadata['low'], type(default_of(field))
+    low, kind = field.metadata['low'], type(field.metadata['default'])
     if low is not None and kind in RANGES:
         name_of_range, make, most = RANGES[kind]
         high = most if field.metadata['high'] is None else field.metadata['high']

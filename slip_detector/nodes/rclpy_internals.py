@@ -62,7 +62,8 @@ class SampleExecutor(SingleThreadedExecutor):
     dozen services), makes a task, a coroutine and a wait set, and wakes itself twice, which costs
     several times as much as the message. Here the wait is for messages only, until the next timer
     is due, and the callbacks are called directly. Requests of services are looked for every
-    ``LOOK_NS``.
+    ``LOOK_NS``, events of the middleware (a subscriber with an incompatible quality of service)
+    never.
 
     Relies on the ``WaitSet`` of ``rclpy_implementation``, which takes the numbers of
     subscriptions, guard conditions, timers, clients, services and events, and the context; on the

@@ -227,11 +227,11 @@ def _maker(executable: str) -> Callable[[list[list[str] | None]], list[Any]]:
         return lambda of_each: [GraspController(arguments) for arguments in of_each]
     from rclpy.logging import get_logger
 
-    from slip_detector.chain.compiled import on_compiling
+    from slip_detector.compiled import LISTENERS
 
     text = 'compiling, kept for the next start (slip_compile does it beforehand)'
     logger = get_logger(executable)
-    on_compiling(lambda module: logger.info(text, once=True))
+    LISTENERS.append(lambda module: logger.info(text, once=True))
     if executable == 'slip_driver':
         from slip_detector.nodes.driver import drivers
 

@@ -36,7 +36,7 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.parameter import Parameter, parameter_value_to_python
 
-from slip_detector.nodes.finger_topics import FingerTopics, PolledTopics, Topics
+from slip_detector.nodes.finger_topics import FingerTopics, PolledTopics
 from slip_detector.nodes.inputs import publishing_nodes
 from slip_detector.nodes.messages import event_qos
 from slip_detector.nodes.rclpy_internals import send_request, take_answer
@@ -189,7 +189,7 @@ class RosDetectors(Detectors):
             self._watched.pop(name).close()
         for name in wanted - set(self._watched):
             finger = self.fingers[name]
-            self._watched[name] = FingerTopics(self._node, finger, self._topics_of(finger))
+            self._watched[name] = FingerTopics(self._node, finger, self._input_of(finger))
             # Its parameters may have changed while it was not watched.
             self._remotes[name].changed.set()
         if self._watched and not self._shared:
@@ -249,10 +249,10 @@ class RosDetectors(Detectors):
             remote.publishers = publishers
         since_s = time.monotonic() - DIAGNOSIS_S
         for topics in self._watched.values():
-            names = self._topics_of(topics.finger)
-            if names != topics.names:
-                topics.subscribe(names)
-            topics.senders = publishing_nodes(self._node, names.voltages) if names.voltages else []
+            voltages = self._input_of(topics.finger)
+            if voltages != topics.voltages:
+                topics.subscribe(voltages)
+            topics.senders = publishing_nodes(self._node, voltages) if voltages else []
             recent = tuple(each for at_s, each in topics.health.values() if at_s > since_s)
             topics.finger.diagnostics = recent
 
@@ -261,16 +261,14 @@ class RosDetectors(Detectors):
         if name in self.fingers:
             self.gone[name] = self.fingers.pop(name)
 
-    def _topics_of(self, finger: Finger) -> Topics:
-        """Return the topics of a detector from the ROS graph, as they may be remapped."""
+    def _input_of(self, finger: Finger) -> str:
+        """Return the topic of a detector's input, which may be remapped; empty without one."""
         namespace, _, node = finger.name.rpartition('/')
         subscribed = []
         with contextlib.suppress(NodeNameNonExistentError):  # It has just ended.
             subscribed = self._node.get_subscriber_names_and_types_by_node(node, namespace or '/')
         wanted = finger.config.input_type.replace('/msg/', '/').replace('/', '/msg/')
-        voltages = next((topic for topic, types in subscribed if wanted in types), '')
-        truth = f'{voltages.rpartition("/")[0]}/slip_truth'
-        return Topics(namespace, voltages, truth, f'{finger.name}/envelope')
+        return next((topic for topic, types in subscribed if wanted in types), '')
 
     # Their parameters.
 

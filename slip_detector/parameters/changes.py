@@ -22,7 +22,8 @@ from slip_detector.parameters.fields import converted
 from slip_detector.parameters.sets import ConfigType, ParameterSet
 
 #: Time, in seconds, for which parameters that do not fit yet wait for those that they need. A
-#: running node looks for requests every tenth of a second.
+#: running node looks for requests every tenth of a second; on a busy machine the next one of the
+#: same client came after up to a quarter.
 WAIT_S = 0.5
 
 
@@ -92,7 +93,7 @@ class Judge:
         >>> judge, config = Judge(lambda config: None), ChainConfig()
         >>> judge.judged(config, [('decision', 'evidence'), ('gain', 0.0)], now_s=5.0)[1]
         ['parameter noise_floor has 0 numbers, allowed: one number, or 16, one for each channel \
-(waits 0.5 s for others)', 'parameter gain is 0, allowed: 1e-06 to 1e+06']
+(not yet: it waits 0.5 s for others)', 'parameter gain is 0, allowed: 1e-06 to 1e+06']
         >>> judge.judged(config, [('noise_floor', [0.1])], now_s=5.2)
         ({'decision': 'evidence', 'noise_floor': [0.1]}, [''])
         """
@@ -110,10 +111,9 @@ class Judge:
                     self._check(changed(config, whole))
                 except ValueError as error:
                     if whole == together:
-                        refusal = f'{error} (waits {WAIT_S:g} s for others)'
+                        refusal = f'{error} (not yet: it waits {WAIT_S:g} s for others)'
                 else:
-                    left = waited.keys() - whole.keys()
-                    self._waiting = {name: waited[name] for name in left}
+                    self._waiting = {n: value for n, value in waited.items() if n not in whole}
                     return whole, refusals
         return {}, [alone or refusal for alone in refusals]
 

@@ -398,8 +398,6 @@ class DetectorConfig(ChainConfig):
     (10.0, 0.5)
     """
 
-    NODE = 'slip_detector'
-
     input_type: str = parameter(
         'sensor_msgs/msg/JointState',
         'Message type of the topic voltages.',

@@ -69,8 +69,6 @@ class DriverConfig(RecordingConfig):
     47380
     """
 
-    NODE = 'slip_driver'
-
     source: str = parameter(
         '',
         'Where the samples come from; no default: a simulation must not pass for a sensor.',

@@ -85,7 +85,7 @@ def parameter(
     """
     low, high, unit = (*within, '')[:3]
     metadata = {
-        **{'meaning': meaning, 'low': low, 'high': high, 'unit': unit},
+        **{'default': default, 'meaning': meaning, 'low': low, 'high': high, 'unit': unit},
         **{'choices': choices, 'allows': allows, 'heading': heading},
         **{'affects': affects.split(), 'searched_with': searched_with, 'rising': rising},
     }
@@ -105,11 +105,6 @@ def names_that_affect(config_class: type[Any], part: str) -> frozenset[str]:
     """
     fields = dataclasses.fields(config_class)
     return frozenset(field.name for field in fields if part in field.metadata['affects'])
-
-
-def default_of(field: Field) -> Any:
-    """Return the default of a field of a parameter set; only one is a dictionary, of groups."""
-    return {} if field.default is dataclasses.MISSING else field.default
 
 
 def allowed(field: Field) -> str:

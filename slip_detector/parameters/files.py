@@ -24,7 +24,7 @@ from typing import Any, NoReturn
 
 import yaml
 
-from slip_detector.parameters.fields import shortened
+from slip_detector.parameters.fields import refuse, shortened
 
 #: Prefix of the temporary folder in which a file is written before it is moved to its place.
 UNFINISHED = '.unfinished_'
@@ -70,13 +70,11 @@ def find_parameter_file(name: str) -> Path:
     'config'
     """
     own = shared_folder() / 'config'
-    for path in (Path(name), own / name):
-        if path.is_file():
-            return path
+    found = [path for path in (Path(name), own / name) if path.is_file()]
     names = ', '.join(sorted(path.name for path in own.glob('*.yaml')))
-    raise ValueError(
-        f'config is {name!r}, allowed: the path of a parameter file, or one of {names}'
-    )
+    if not found:
+        refuse(f'config is {name!r}', f'the path of a parameter file, or one of {names}')
+    return found[0]
 
 
 @contextlib.contextmanager
@@ -113,7 +111,7 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     # --symlink-install the configurations are links.
     place = Path(os.path.realpath(path))
     with (
-        write_errors_of(path),
+        file_errors_of(path),
         tempfile.TemporaryDirectory(dir=place.parent, prefix=UNFINISHED) as folder,
     ):
         new = Path(folder) / place.name
@@ -135,7 +133,7 @@ def _bring_to_disk(path: Path) -> None:
 
 
 @contextlib.contextmanager
-def write_errors_of(path: str | Path, done: str = 'written') -> Iterator[None]:
+def file_errors_of(path: str | Path, done: str = 'written') -> Iterator[None]:
     """Within a block, turn an error of the file system into a ValueError of one line."""
     try:
         yield
@@ -145,7 +143,7 @@ def write_errors_of(path: str | Path, done: str = 'written') -> Iterator[None]:
 
 def writable_folder(folder: Path) -> Path:
     """Return a folder, which is made if it does not exist; a ValueError if it cannot be made."""
-    with write_errors_of(folder):
+    with file_errors_of(folder):
         folder.mkdir(parents=True, exist_ok=True)
     return folder
 
@@ -205,11 +203,8 @@ def read_yaml(path: str | Path) -> dict[str, Any]:
     >>> list(read_yaml(shared_folder() / 'config' / 'slip_detector.yaml'))
     ['/**/slip_detector', '/**/slip_driver']
     """
-    try:
-        with open(path, 'rb') as file:
-            content = file.read(MOST_BYTES + 1)  # A device may never end.
-    except OSError as error:
-        raise ValueError(f'{path}: cannot be read ({error.strerror})') from None
+    with file_errors_of(path, 'read'), open(path, 'rb') as file:
+        content = file.read(MOST_BYTES + 1)  # A device may never end.
     if len(content) > MOST_BYTES:
         raise ValueError(f'{path}: has more than {MOST_BYTES} bytes, allowed: fewer')
     try:
@@ -240,10 +235,6 @@ def write_yaml(path: Path, document: Mapping[str, Any], comments: Iterable[str] 
     # Tuned.
     """
     lines = ''.join(f'# {line}'.rstrip() + '\n' for line in comments)
+    text = yaml.dump(document, Dumper=_Dumper, sort_keys=False, default_flow_style=None)
     with whole_file(path) as new:
-        new.write_text(lines + yaml_text(document), encoding='utf-8')
-
-
-def yaml_text(document: Mapping[str, Any]) -> str:
-    """Return a document as YAML."""
-    return yaml.dump(document, Dumper=_Dumper, sort_keys=False, default_flow_style=None)
+        new.write_text(lines + text, encoding='utf-8')

@@ -19,11 +19,12 @@ from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from slip_detector.parameters.fields import refuse
 from slip_detector.parameters.files import read_yaml
 
 #: The parameter set of each section of a parameter file, by the name of its node or command. The
-#: definition of a set's class enters it here, in place of a base class with the same node, as
-#: ``DetectorConfig`` replaces ``ChainConfig``.
+#: definition of a set's class enters it here, in place of its base class, as ``DetectorConfig``
+#: replaces ``ChainConfig``.
 SECTIONS: dict[str, Any] = {}
 
 
@@ -112,7 +113,7 @@ def our_sections(path: str | Path) -> list[Section]:
     every = sections_of(read_yaml(path), path)
     ours = [section for section in every if node_of(section[0]) in (*SECTIONS, *ALL)]
     if not ours:
-        raise ValueError(f'{path}: has no section of this package, allowed: {", ".join(SECTIONS)}')
+        refuse(f'{path}: has no section of this package', ', '.join(SECTIONS))
     return ours
 
 
@@ -153,9 +154,7 @@ def parameters_for(path: str | Path, node: str) -> tuple[dict[str, Any], set[str
         sections = [each for each in our_sections(path) if node_of(each[0]) in (node, *ALL)]
         named = [name for name, _ in sections if '*' not in name]
         if len(named) > 1:
-            raise ValueError(
-                f'{path}: has sections for {", ".join(named)}, allowed: one namespace'
-            )
+            refuse(f'{path}: has sections for {", ".join(named)}', 'one namespace')
     values: dict[str, Any] = {}
     own: set[str] = set()
     for name, parameters in sections:
@@ -179,10 +178,8 @@ def names_given_to(path: str | Path, executable: str, node: str) -> set[str]:
     _, own = parameters_for(path, node)
     ours = [] if own else [name for name, _ in our_sections(path) if node_of(name) == executable]
     if ours and not any(matches(name, node) for name in ours):
-        raise ValueError(
-            f'{path}: has sections for {", ".join(ours)}, none for this node, {node}, allowed: '
-            f'{node} or /**/{node_of(node)}'
-        )
+        what = f'{path}: has sections for {", ".join(ours)}, none for this node, {node}'
+        refuse(what, f'{node} or /**/{node_of(node)}')
     return own
 
 

@@ -28,7 +28,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from slip_detector.parameters.fields import Field, converted, refuse, shown, shown_name
-from slip_detector.parameters.files import yaml_text
 from slip_detector.parameters.sections import (
     SECTIONS,
     flattened,
@@ -65,8 +64,8 @@ class ParameterSet:
     >>> GraspConfig.from_parameters({'grip': 2.0})
     Traceback (most recent call last):
     ValueError: unknown parameter grip = 2.0; did you mean grip_n?
-    >>> GraspConfig().to_yaml().splitlines()[0]
-    '/**/grasp_controller:'
+    >>> list(GraspConfig().to_document())
+    ['/**/grasp_controller']
     """
 
     #: Name of the node or command whose section of a parameter file has these parameters.
@@ -77,7 +76,7 @@ class ParameterSet:
     def __init_subclass__(cls) -> None:
         """Make this class a dataclass, and the set of its node's section if it has ``NODE``."""
         dataclasses.dataclass(frozen=True)(cls)
-        if 'NODE' in cls.__dict__:
+        if cls.NODE:
             SECTIONS[cls.NODE] = cls
 
     def __post_init__(self) -> None:
@@ -203,12 +202,8 @@ class ParameterSet:
         """Return names and values in the form that ROS uses: flat lists, ``groups.TP``."""
         return flattened(self._as_in_yaml())
 
-    def to_yaml(self) -> str:
-        """Return the text of a ROS parameter file that :meth:`from_yaml` and the node read."""
-        return yaml_text(self.to_document())
-
     def to_document(self) -> dict[str, Any]:
-        """Return the content of a ROS parameter file, with the section of the node."""
+        """Return the content of a ROS parameter file that :meth:`from_yaml` and the node read."""
         return {f'/**/{self.NODE}': {'ros__parameters': self._as_in_yaml()}}
 
     def _as_in_yaml(self) -> dict[str, Any]:

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain.samples import Samples
+from slip_detector.chain.samples import Floats, Samples, Stamps
 from slip_detector.chain.stamps import GAP_PERIODS
 from slip_detector.parameters.detector import default_channel_names
 from slip_detector.parameters.driver import RecordingConfig
@@ -39,10 +39,6 @@ from slip_detector.recordings.labels import (
 from slip_detector.recordings.messages import JOINT_FIELDS, FieldReader, joint_state_table
 from slip_detector.recordings.rates import checked_rate, rate_of
 from slip_detector.recordings.recording import PIECE_ROWS, Recording
-
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
-Stamps = NDArray[np.int64]
 
 JOINT_STATE = 'sensor_msgs/msg/JointState'
 BOOL = 'std_msgs/msg/Bool'

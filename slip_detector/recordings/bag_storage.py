@@ -35,9 +35,6 @@ METADATA = 'metadata.yaml'
 #: Endings of the files of a bag; the last is that of ROS 1.
 BAG_ENDINGS = ('.mcap', '.db3', '.bag')
 
-#: What stands before each of several definitions in one text.
-_RULE = re.compile('={80}\n.*\n')
-
 _HEADER = 'std_msgs/msg/Header'
 
 #: The first bytes of an MCAP.
@@ -214,7 +211,7 @@ def typestore_of(topic: Topic) -> Any:
     ValueError
         When ROS does not have the type either.
     """
-    from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     try:
         types: dict[str, Any] = {}
@@ -223,8 +220,6 @@ def typestore_of(topic: Topic) -> Any:
         if _HEADER in types:  # rosbags skips the number that only ROS 1 has
             constants, fields = types[_HEADER]
             types[_HEADER] = (constants, [field for field in fields if field[0] != 'seq'])
-        for text in filter(None, _RULE.split(topic.definition) if topic.encoding == 'IDL' else ()):
-            types.update(get_types_from_idl(text))
         store = get_typestore(Stores.EMPTY)
         store.register(types)
         store.get_msgdef(topic.msgtype)

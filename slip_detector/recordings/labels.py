@@ -21,13 +21,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain.samples import Samples
+from slip_detector.chain.samples import Bools, Floats, Samples, Stamps
 from slip_detector.parameters.fields import shortened
 from slip_detector.parameters.files import read_yaml
-
-Floats = NDArray[np.float64]
-Stamps = NDArray[np.int64]
-Bools = NDArray[np.bool_]
 
 #: Ending of a file of labels beside its recording: ``trial.labels.yaml`` for ``trial.mcap``.
 ENDING = '.labels.yaml'
@@ -290,7 +286,7 @@ def snapped(samples: Samples, edges_s: Floats, rate_hz: float, within_s: float) 
     return np.reshape(moved_s, (-1, 2))
 
 
-def as_truth(label: NDArray[Any], key: str) -> NDArray[np.bool_]:
+def as_truth(label: NDArray[Any], key: str) -> Bools:
     """Convert labels to bool, shape (n,).
 
     Parameters

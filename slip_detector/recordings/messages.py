@@ -32,10 +32,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from slip_detector.chain.samples import Floats, Stamps
 from slip_detector.parameters.fields import name_list
-
-Floats = NDArray[np.float64]
-Stamps = NDArray[np.int64]
 
 #: Labels of the two dimensions of a ``*MultiArray`` that carries several samples.
 BATCH_LABELS = ['sample', 'channel']

@@ -17,14 +17,11 @@
 import fractions
 
 import numpy as np
-from numpy.typing import NDArray
 
-from slip_detector.chain.samples import Samples
+from slip_detector.chain.samples import Bools, Floats, Samples, Stamps
 from slip_detector.chain.stamps import BUNCHED, GAP_PERIODS
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.fields import allowed
-
-Floats = NDArray[np.float64]
 
 #: Largest difference between the rates of a recording and of the chain, as a share. With a larger
 #: one, bands and windows would differ noticeably from the configured ones.
@@ -68,7 +65,7 @@ def checked_rate(rate_hz: float) -> float:
     return rate_hz
 
 
-def rate_of(stamps_ns: NDArray[np.int64], what: str) -> float:
+def rate_of(stamps_ns: Stamps, what: str) -> float:
     """Return the rate at which rows were taken, in Hz.
 
     It is the inverse of the mean step between rows, which averages jitter; gaps and steps
@@ -144,7 +141,7 @@ def resampled(stretch: Samples, from_hz: float, to_hz: float) -> Samples:
     return rows._replace(volts=volts, stamps_ns=rows.stamps_ns + after_ns)
 
 
-def forward_filled(volts: Floats, bad: NDArray[np.bool_]) -> Floats:
+def forward_filled(volts: Floats, bad: Bools) -> Floats:
     """Return the volts with each bad value replaced by the last good value of its channel.
 
     Before the first good value it is replaced by that value, or by 0 if there is none.

@@ -27,7 +27,7 @@ from typing import Any
 import numpy as np
 
 from slip_detector.chain.samples import Samples
-from slip_detector.parameters.files import whole_file, write_errors_of
+from slip_detector.parameters.files import file_errors_of, whole_file
 from slip_detector.recordings.bag_storage import load_rosbags, write_checksums
 from slip_detector.recordings.labels import ACCURACY
 from slip_detector.recordings.messages import JointStateWriter
@@ -100,7 +100,7 @@ def write_recording(
         )
     if path.exists():
         raise ValueError(f'{path}: already exists, allowed: a new path')
-    with write_errors_of(path):
+    with file_errors_of(path):
         path.parent.mkdir(parents=True, exist_ok=True)
     with whole_file(path) as new:
         if path.suffix == '.npz':

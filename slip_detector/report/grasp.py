@@ -21,14 +21,13 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from slip_detector.chain.samples import Floats
 from slip_detector.grasp.comparison import CONTROLLER, PAPER, UNCONTROLLED
 from slip_detector.grasp.loop import GraspTrial
 from slip_detector.report.pictures import COLORS, draw_decision, save_picture
 from slip_detector.report.tables import heading, number_text, text_table, verdict_cells
 
-Floats = NDArray[np.float64]
 Figures = Mapping[str, Mapping[str, Any]]
 
 #: The figures in the table of conditions.

@@ -20,12 +20,12 @@ rows themselves, as far as there is room.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain.samples import Samples
+from slip_detector.chain.samples import Bools, Floats, Ints, Samples
 from slip_detector.chain.slip_chain import SlipResult
 from slip_detector.chain.stages import LEAST_EXCESS_DB
 from slip_detector.evaluation.figures import FALSE, ReplayOutcome
@@ -33,7 +33,6 @@ from slip_detector.evaluation.matching import OnIntervals
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 
-Floats = NDArray[np.float64]
 Volts = NDArray[np.float32]
 Codes = NDArray[np.uint8]
 
@@ -234,7 +233,9 @@ class Overview:
         self.events: Sequence[Event] = ()
         self.snippets: list[Snippet] = []
         # The numbers of rows, their volts and their codes, so far.
-        self._pieces: list[tuple[NDArray[np.int64], Volts, Codes]] = []
+        signals = len(signal_ranges(config)) * config.channels
+        no_rows = np.empty((0, config.channels), np.float32), np.empty((0, signals), np.uint8)
+        self._pieces: list[tuple[Ints, Volts, Codes]] = [(np.empty(0, np.int64), *no_rows)]
 
     def replay(self, replay: Replay, rows: Iterable[Samples]) -> ReplayOutcome:
         """Replay the whole recording, and finish the overview with its events."""
@@ -242,7 +243,7 @@ class Overview:
         self.finish(events_of(outcome))
         return outcome
 
-    def add(self, volts: Floats, result: SlipResult, truth: NDArray[np.bool_]) -> None:
+    def add(self, volts: Floats, result: SlipResult, truth: Bools) -> None:
         """Take the next rows.
 
         Parameters
@@ -275,31 +276,20 @@ class Overview:
         """Merge the rows to bins, and keep only those about the events; see :func:`events_of`."""
         self._close_intervals()
         self.events = events
-        channels = self.config.channels
-        bins = max(round(self.share * MOST_CELLS) // channels, 64)
+        bins = max(round(self.share * MOST_CELLS) // self.config.channels, 64)
         self.bin_rows = 1 << (max(self.rows - 1, 0) // bins).bit_length()
-        n, signals = -(-self.rows // self.bin_rows), len(signal_ranges(self.config))
-        self.low = np.full((n, channels), np.nan, np.float32)
-        self.high, self.codes = self.low.copy(), np.zeros((n, signals * channels), np.uint8)
-        if self.rows:
-            numbers, volts, codes = map(np.concatenate, zip(*self._pieces, strict=True))
-            self._pieces = []
-            filled, firsts = np.unique(numbers // self.bin_rows, return_index=True)
-            self.low[filled] = np.fmin.reduceat(volts, firsts)
-            self.high[filled] = np.fmax.reduceat(volts, firsts)
-            self.codes[filled] = np.maximum.reduceat(codes, firsts)
-        if self.bin_rows > 1:
-            for start, stop in self._spans_about_events():
-                a, b = np.searchsorted(numbers, [start, stop])
-                # Rows in gaps have no sample.
-                snippet = Snippet(
-                    start,
-                    np.full((stop - start, channels), np.nan, np.float32),
-                    np.zeros((stop - start, signals * channels), np.uint8),
-                )
-                snippet.volts[numbers[a:b] - start] = volts[a:b]
-                snippet.codes[numbers[a:b] - start] = codes[a:b]
-                self.snippets.append(snippet)
+        numbers, volts, codes = map(np.concatenate, zip(*self._pieces, strict=True))
+        self._pieces = []
+        filled, firsts = np.unique(numbers // self.bin_rows, return_index=True)
+        n = -(-self.rows // self.bin_rows)
+        self.low = _spread(np.fmin.reduceat(volts, firsts), filled, n, np.nan)
+        self.high = _spread(np.fmax.reduceat(volts, firsts), filled, n, np.nan)
+        self.codes = _spread(np.maximum.reduceat(codes, firsts), filled, n, 0)
+        for start, stop in self._spans_about_events() if self.bin_rows > 1 else ():
+            a, b = np.searchsorted(numbers, [start, stop])
+            places, n = numbers[a:b] - start, stop - start
+            rows = _spread(volts[a:b], places, n, np.nan), _spread(codes[a:b], places, n, 0)
+            self.snippets.append(Snippet(start, *rows))
 
     def _close_intervals(self) -> None:
         for intervals in (self.slip, self.after_impact, *self.groups.values(), self.truth):
@@ -327,3 +317,10 @@ class Overview:
             else:
                 merged.append([start, stop])
         return merged
+
+
+def _spread(values: NDArray[Any], places: Ints, n: int, empty: float) -> NDArray[Any]:
+    """Return ``n`` rows with values at some places; the others, in gaps, are empty."""
+    rows = np.full((n, values.shape[1]), empty, values.dtype)
+    rows[places] = values
+    return rows

@@ -20,16 +20,12 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from slip_detector.chain.samples import Bools, Floats
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.files import whole_file
-
-Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 #: Colours that colour-blind readers can distinguish (Okabe and Ito): blue, vermilion, green,
 #: purple, orange, sky blue, black.

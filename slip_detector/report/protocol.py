@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
+from slip_detector.chain.samples import Bools, Floats
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation.protocol import (
     PAPER_DELAY_MS,
@@ -34,9 +34,6 @@ from slip_detector.evaluation.replay import of_filters
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report.pictures import COLORS, draw_decision, draw_trial, save_picture
 from slip_detector.report.tables import number_text, text_table, verdict_cells
-
-Bools = NDArray[np.bool_]
-Floats = NDArray[np.float64]
 
 #: The time about the start of the motion that is shown enlarged.
 ENLARGED_S = (-0.04, 0.16)

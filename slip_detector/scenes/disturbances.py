@@ -17,14 +17,11 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from slip_detector.chain.compiled import compiled
+from slip_detector.chain.samples import Floats
+from slip_detector.compiled import CompiledSet, compiled
 from slip_detector.parameters.fields import parameter
 from slip_detector.parameters.sets import ParameterSet
-from slip_detector.scenes.compiled_set import CompiledSet
-
-Floats = NDArray[np.float64]
 
 #: A sum of no sines. One of k sines has the shape (3, k); its rows are the amplitudes in the unit
 #: of the sum, the angular rates in rad/s and the phases in rad.

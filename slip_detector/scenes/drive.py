@@ -19,9 +19,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from slip_detector.chain.compiled import compiled
+from slip_detector.chain.samples import Floats
+from slip_detector.compiled import compiled
 from slip_detector.scenes import disturbances, motion, surface
-from slip_detector.scenes.disturbances import NO_SINES, TREMOR_PEAK, Floats, sines_at
+from slip_detector.scenes.disturbances import NO_SINES, TREMOR_PEAK, sines_at
 
 
 class DriveNumbers(NamedTuple):

@@ -19,15 +19,12 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slip_detector.chain.samples import Bools, Floats
 from slip_detector.parameters.detector import PAPER_CHANNELS, PAPER_GROUPS
 from slip_detector.parameters.fields import parameter
 from slip_detector.parameters.sets import ParameterSet
 from slip_detector.scenes.disturbances import NO_SINES, sines_at
-
-Floats = NDArray[np.float64]
-
 
 #: Distance between the centres of two neighbouring sensors: 16 units on 22.3 mm2 (the density
 #: published for this fingertip) are four sensors in cells of 2.36 mm x 2.36 mm.
@@ -72,7 +69,7 @@ class Electronics(ParameterSet):
     """The electronics of one fingertip; a seed determines the differences between the channels."""
 
     fingertip_seed: int = parameter(
-        1, 'Seed of the differences between channels: one seed is one fingertip.', (0, None)
+        1, 'Seed of the differences between channels: one seed is one fingertip.', (0, 2**31 - 1)
     )
     baseline_v: tuple[float, float] = parameter(
         (4.3, 4.35), 'Range of the voltages without contact.', (-100.0, 100.0, 'V')
@@ -264,7 +261,7 @@ class Frontend:
             volts[np.ix_(failed, flat)] = self._flat_v
         return volts
 
-    def arrived(self, n: int) -> NDArray[np.bool_]:
+    def arrived(self, n: int) -> Bools:
         """Return which of the next ``n`` samples arrive: Gilbert's Markov chain of two states."""
         arrived = np.ones(n, dtype=np.bool_)
         if self._drops.share:

@@ -37,9 +37,8 @@ from typing import Any
 
 import numpy as np
 
-from slip_detector.chain.compiled import compiled
+from slip_detector.compiled import CompiledSet, compiled
 from slip_detector.parameters.fields import parameter
-from slip_detector.scenes.compiled_set import CompiledSet
 
 
 class Skin(CompiledSet):
@@ -130,19 +129,12 @@ class Friction(CompiledSet):
 
 
 @compiled
-def _drop(ratio):
-    """Return exp(-ratio^2); the exponential is skipped where it rounds to 1, to save time."""
-    squared = ratio * ratio
-    return np.exp(-squared) if squared > 1e-17 else 1.0
-
-
-@compiled
 def _bristle_stage(w, z, load, step, law):
     """Return force, deflection after an implicit step at constant w, and their slopes in w."""
     sigma0, sigma1 = law.bristle_stiffness_n_m, law.bristle_damping_n_s_m
     kinetic, static = law.kinetic_coefficient, law.static_coefficient
     ratio = w / law.stribeck_velocity_m_s
-    drop = load * (static - kinetic) * _drop(ratio)
+    drop = load * (static - kinetic) * np.exp(-ratio * ratio)
     level = load * kinetic + drop
     level_slope = -2.0 * drop * ratio / law.stribeck_velocity_m_s
     sign = 1.0 if w >= 0.0 else -1.0
@@ -174,7 +166,8 @@ def _guess(available, impedance, w, z, load, step, law):
     """Solve the stage with g and sigma1 fixed at a given w: a quadratic equation in w >= 0."""
     sigma0, sigma1 = law.bristle_stiffness_n_m, law.bristle_damping_n_s_m
     kinetic, static = law.kinetic_coefficient, law.static_coefficient
-    drop = (static - kinetic) * _drop(w / law.stribeck_velocity_m_s)
+    ratio = w / law.stribeck_velocity_m_s
+    drop = (static - kinetic) * np.exp(-ratio * ratio)
     per_level = 1.0 / (load * (kinetic + drop))
     damping = sigma1 / (1.0 + sigma1 * w * per_level)
     per = step * sigma0 * per_level

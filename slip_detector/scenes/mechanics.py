@@ -26,11 +26,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from slip_detector.chain.compiled import compiled
+from slip_detector.chain.samples import Floats
+from slip_detector.compiled import compiled
 from slip_detector.scenes.friction import LIGHTEST_LOAD_N, MOST_ITERATIONS, skin_stage
 from slip_detector.scenes.surface import (
     FINGERS,
-    Floats,
     RidgeNumbers,
     RoughNumbers,
     ridges_between,

@@ -23,7 +23,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain.compiled import compiled
+from slip_detector.chain.samples import Floats
+from slip_detector.compiled import compiled
 from slip_detector.parameters.fields import parameter, refuse, shown
 from slip_detector.parameters.sets import ParameterSet
 
@@ -50,8 +51,6 @@ def read_steps(entries: Any) -> list[Step]:
         refuse(f'steps is {shown(entries)}', 'a list of at least one step, each names and values')
     return [Step.from_parameters(entry, f'steps: step {k}') for k, entry in enumerate(entries, 1)]
 
-
-Floats = NDArray[np.float64]
 
 #: Smallest distance of a damping ratio from 1; a closer ratio is replaced by 1 plus this. The
 #: closed form of the ringing divides by the difference of two roots, which is 0 at a ratio of 1.

@@ -20,9 +20,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from slip_detector.chain.samples import Samples
+from slip_detector.chain.samples import Bools, Floats, Samples
 from slip_detector.parameters.detector import PAPER_CHANNELS, default_channel_names
 from slip_detector.parameters.fields import refuse, shown
 from slip_detector.parameters.files import read_yaml, shared_folder
@@ -33,8 +32,6 @@ from slip_detector.scenes.mechanics import STAGE_TIMES, SceneConstants, State, a
 from slip_detector.scenes.motion import held_force, plate_at, read_steps
 from slip_detector.scenes.parts import PARTS, check_grip, check_parts, read_parts, read_sampling
 from slip_detector.scenes.surface import NO_RIDGES, NO_ROUGHNESS, FreeObject
-
-Floats = NDArray[np.float64]
 
 #: Longest step of the integrator, as a phase angle of the skin's own oscillation.
 RINGING_RAD = 0.4
@@ -229,7 +226,7 @@ class Scene:
             if len(samples.volts) or not len(time_s):
                 return samples
 
-    def _truth(self, time_s: Floats, sliding: Floats) -> NDArray[np.bool_]:
+    def _truth(self, time_s: Floats, sliding: Floats) -> Bools:
         """Return whether there is slip."""
         if 'object' in self.parts:
             # An object slips when more than half of the load that holds it slides.

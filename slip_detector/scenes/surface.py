@@ -17,14 +17,11 @@
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from slip_detector.chain.compiled import compiled
+from slip_detector.chain.samples import Floats
+from slip_detector.compiled import CompiledSet, compiled
 from slip_detector.parameters.fields import parameter
 from slip_detector.parameters.sets import ParameterSet
-from slip_detector.scenes.compiled_set import CompiledSet
-
-Floats = NDArray[np.float64]
 
 STANDARD_GRAVITY_M_S2 = 9.80665
 
@@ -184,7 +181,7 @@ class Roughness(ParameterSet):
         670e-6, 'Height that doubles the load of the taxel on it.', (1e-9, 1.0, 'm')
     )
     surface_seed: int = parameter(
-        1, 'Seed of the profile; each seed is another surface.', (0, None)
+        1, 'Seed of the profile; each seed is another surface.', (0, 2**31 - 1)
     )
 
     def profile(self) -> RoughNumbers:
@@ -203,33 +200,33 @@ class Roughness(ParameterSet):
 
 
 @compiled
-def _cell(place, heights):
-    """Return the four heights around a place, and its distance from the second, in points."""
+def _cubic(place, heights):
+    """Return the Catmull-Rom cubic of the four points around a place.
+
+    These are the number of the point below it, the height there, twice the factors of t, t^2 and
+    t^3 in it, and t, the distance of the place from that point.
+    """
     n = heights.size
     below = np.floor(place)
     j = int(below) % n
-    return heights[j - 1], heights[j], heights[(j + 1) % n], heights[(j + 2) % n], place - below
+    a, b, c, d = heights[j - 1], heights[j], heights[(j + 1) % n], heights[(j + 2) % n]
+    return j, b, c - a, 2.0 * a - 5.0 * b + 4.0 * c - d, 3.0 * (b - c) + d - a, place - below
 
 
 @compiled
 def _height(place, rough):
-    """Return the height at a place, by Catmull-Rom interpolation of the points."""
-    a, b, c, d, t = _cell(place, rough.heights)
-    slope = c - a
-    bend = 2.0 * a - 5.0 * b + 4.0 * c - d
-    return b + 0.5 * t * (slope + t * (bend + t * (3.0 * (b - c) + d - a)))
+    """Return the height at a place."""
+    _, height, slope, bend, twist, t = _cubic(place, rough.heights)
+    return height + 0.5 * t * (slope + t * (bend + t * twist))
 
 
 @compiled
 def _area(place, rough):
     """Return the integral of the height from point 0 to a place."""
-    a, b, c, d, t = _cell(place, rough.heights)
-    slope = c - a
-    bend = 2.0 * a - 5.0 * b + 4.0 * c - d
-    within = t * (b + t * (slope / 4.0 + t * (bend / 6.0 + t * (3.0 * (b - c) + d - a) / 8.0)))
-    n = rough.heights.size
+    j, height, slope, bend, twist, t = _cubic(place, rough.heights)
+    within = t * (height + t * (slope / 4.0 + t * (bend / 6.0 + t * twist / 8.0)))
     # The mean of the profile is zero, so whole repetitions of it add nothing.
-    return rough.integral[int(np.floor(place)) % n] + within
+    return rough.integral[j] + within
 
 
 @compiled

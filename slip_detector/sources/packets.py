@@ -12,19 +12,18 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Decodes the packets of a sensor, which docs/packets.md describes, and encodes them.
+"""Decodes the packets of a sensor, which docs/packets.md describes.
 
 Nothing here reads a port or a clock. The decoder takes bytes in pieces of any length and returns
 samples; bytes that are not part of a sample are dropped and counted.
 """
 
-import re
 import struct
 import zlib
 from collections import Counter
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from slip_detector.chain.samples import Samples
 from slip_detector.sources.text_lines import ByteSplitter
@@ -85,7 +84,8 @@ class PacketDecoder:
     Examples
     --------
     >>> decoder = PacketDecoder(channels=2, values='int16', scale_v=0.001, offset_v=0.0)
-    >>> packet = encode([[4310, 4290]], 'int16', sequence=0, time_us=0)
+    >>> packet = bytes.fromhex('1202010000000000 0000000000000000 d610c210')
+    >>> packet += zlib.crc32(packet).to_bytes(4, 'little')
     >>> decoder.decode(packet).volts.tolist()
     [[4.3100000000000005, 4.29]]
     >>> decoder.decode(packet[:-1]) is None, decoder.counts['checksum']
@@ -199,70 +199,10 @@ class PacketDecoder:
         return padded.view('<u4' if self._kind & 8 else '<i4')[:, 0] >> 8 * unused
 
 
-def encode(
-    integers: ArrayLike, values: str, sequence: int, time_us: int, period_ns: int = 0
-) -> bytes:
-    """Return a packet as it is sent in a datagram.
-
-    On a serial line it is sent as ``cobs_encode(packet)`` and a zero byte.
-
-    Parameters
-    ----------
-    integers : array_like of int, shape (n, c)
-        The samples, oldest first.
-    values
-        Type of a value, a key of :data:`PACKET_KINDS`.
-    sequence
-        Number of the packet, one more than that of the packet before; wraps at 2**32.
-    time_us
-        When the first sample was taken; wraps at 2**32.
-    period_ns
-        Time from sample to sample; 0 is allowed for a single sample.
-
-    Raises
-    ------
-    ValueError
-        When an integer is out of range for ``values``, or the packet is too long.
-
-    Examples
-    --------
-    >>> encode([[1, -1]], 'int16', sequence=7, time_us=0).hex(' ', 4)
-    '12020100 07000000 00000000 00000000 0100ffff db7b5845'
-    """
-    rows = np.asarray(integers, dtype=np.int64)
-    kind = PACKET_KINDS[values]
-    bits = 8 * (kind & 7)
-    low, high = (0, 2**bits - 1) if kind & 8 else (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
-    n, channels = rows.shape
-    longest = (LONGEST_BYTES - HEADER.size - CHECKSUM.size) // (channels * (kind & 7))
-    if rows.min() < low or rows.max() > high or n > longest or channels > 255:
-        raise ValueError(
-            f'integers has {rows.min()} to {rows.max()} in {n} rows of {channels}, allowed: '
-            f'{low} to {high} for {values}, {longest} rows, 255 channels'
-        )
-    data = rows.astype('<i8').view(np.uint8).reshape(-1, 8)[:, : kind & 7].tobytes()
-    packet = HEADER.pack(kind, channels, n, sequence % _WRAP, time_us % _WRAP, period_ns) + data
-    return packet + CHECKSUM.pack(zlib.crc32(packet))
-
-
-def cobs_encode(data: bytes) -> bytes:
-    """Stuff bytes so that none of them is zero.
-
-    Each zero is replaced by a code, the distance to the next zero; a code is inserted after each
-    254 bytes without a zero.
-
-    Examples
-    --------
-    >>> cobs_encode(bytes([0x11, 0x22, 0x00, 0x33])).hex(' ')
-    '03 11 22 02 33'
-    """
-    # The end counts as a zero, but needs no code of its own after 254 bytes.
-    runs = re.findall(rb'[^\0]{254}(?:\0\Z)?|[^\0]*\0', data + b'\0')
-    return b''.join(bytes([len(run) + 1]) + run for run in (one.rstrip(b'\0') for one in runs))
-
-
 def cobs_decode(stuffed: bytes) -> bytes | None:
-    r"""Undo :func:`cobs_encode`.
+    r"""Undo Consistent Overhead Byte Stuffing: before each run of bytes stands its length, plus 1.
+
+    Between two runs was a zero, unless the first one has 254 bytes.
 
     Returns
     -------

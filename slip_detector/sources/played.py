@@ -55,8 +55,8 @@ class RecordingSource(Source):
         recording = open_recording(config.recording, config)
         super().__init__(config.recording, recording.channel_names, recording.sample_rate_hz)
         self._recording, self._pieces = recording, recording.rows()
-        self._next: Samples | None = None
-        self._first_ns = 0
+        self._next = next(self._pieces)
+        self._first_ns = int(self._next.stamps_ns[0])
 
     @property
     def damage(self) -> str:
@@ -67,14 +67,8 @@ class RecordingSource(Source):
     def read(self, n: int) -> Samples:
         """Return the next ``n`` samples; fewer only at the end."""
         samples = self._next
-        while samples is None or len(samples.volts) < n:
-            piece = next(self._pieces, None)
-            if piece is None:
-                break
-            if samples is None:
-                self._first_ns = int(piece.stamps_ns[0])
-            samples = piece if samples is None else samples.then(piece)
-        assert samples is not None  # A recording has at least one row, or reading it fails.
+        while len(samples.volts) < n and (piece := next(self._pieces, None)) is not None:
+            samples = samples.then(piece)
         self._next = samples.take(slice(n, None))
         now = samples.take(slice(n))
         return now._replace(stamps_ns=now.stamps_ns - self._first_ns)

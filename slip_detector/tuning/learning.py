@@ -23,9 +23,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slip_detector.chain.filters import settling_rows
+from slip_detector.chain.samples import Floats
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.evaluation.scores import MOTION, REST
@@ -34,8 +34,6 @@ from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.recordings.rates import forward_filled
 from slip_detector.tuning.sweep import sweep_thresholds, thresholds, vote_statistics
 from slip_detector.tuning.tracks import Track, load_track, load_tracks
-
-Floats = NDArray[np.float64]
 
 #: Confidence of the bounds of a rate.
 CONFIDENCE = 0.95

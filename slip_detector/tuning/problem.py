@@ -23,9 +23,9 @@ from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slip_detector.chain.filters import settling_rows
+from slip_detector.chain.samples import Floats
 from slip_detector.evaluation.chance import HALF, saved_by_chance_s, sooner_than_chance
 from slip_detector.evaluation.scores import MOTION, REST, ScoreTally
 from slip_detector.parameters.detector import ChainConfig
@@ -40,8 +40,6 @@ from slip_detector.tuning.sweep import (
     votes_of,
 )
 from slip_detector.tuning.tracks import Track
-
-Floats = NDArray[np.float64]
 
 #: Figures by name, None where one is not defined: ``coverage`` and those of :func:`.slip_figures`;
 #: ``false_alarms_per_minute_off``, the false alarms per minute of rest in which the decision is

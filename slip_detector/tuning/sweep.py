@@ -25,10 +25,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from slip_detector.chain.compiled import compiled
+from slip_detector.chain.samples import Bools, Floats, Ints
 from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.compiled import compiled
 from slip_detector.evaluation.chance import slip_figures
 from slip_detector.evaluation.matching import (
     NONE,
@@ -42,7 +42,6 @@ from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.tuning.tracks import Track
 
-Floats = NDArray[np.float64]
 Vote = str | int
 
 #: Number of rows that the chain is given at a time, so that its results stay in the cache.
@@ -257,10 +256,10 @@ class ThresholdSweep(NamedTuple):
     """
 
     latencies_ms: Floats
-    scored: NDArray[np.bool_]
+    scored: Bools
     leads_s: Floats
     windows_s: Floats
-    false_alarms: NDArray[np.int64]
+    false_alarms: Ints
     rest_s: float
     on_rest_s: Floats
     coverage: Floats

@@ -22,14 +22,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain.samples import Samples
+from slip_detector.chain.samples import Floats, Samples
 from slip_detector.chain.stamps import missing_rows
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.evaluation.matching import OnIntervals, RowInterval
 from slip_detector.evaluation.scores import kinds_of
 from slip_detector.recordings import RecordingCounts, recording_sets
-
-Floats = NDArray[np.float64]
 
 
 class Stretch(NamedTuple):

@@ -15,66 +15,29 @@
 
 """The connections of the live page: how many there are at most, before anything is read."""
 
-import asyncio
-import resource
-import socket
-from collections import deque
-from collections.abc import Callable, Sequence
 from typing import Any
 
+from tornado.httpserver import HTTPServer
 from tornado.iostream import IOStream
 
 #: Most connections that are no open page: with another one, the oldest is closed.
 MOST_STRANGERS = 64
 
-#: So many file descriptors are left for all else, such as recordings.
-KEPT_DESCRIPTORS = 32
 
-#: Time, in seconds, for which nothing is accepted when a connection cannot be.
-PAUSE_S = 1.0
+class Connections(HTTPServer):
+    """A server of HTTP of which connections that ask for nothing take few descriptors."""
 
-
-class Connections:
-    """Accepts connections on sockets that listen, and gives them to a server."""
-
-    def __init__(
-        self, sockets: Sequence[socket.socket], serve: Callable[[IOStream, Any], None]
-    ) -> None:
-        self._sockets, self._serve = sockets, serve
+    def initialize(self, *args: Any, **kwargs: Any) -> None:
+        """Begin without connections."""
+        super().initialize(*args, **kwargs)
         #: Those that are no open page, the oldest first; some may be closed.
-        self.strangers: deque[IOStream] = deque()
-        for each in sockets:
-            self._watch(each)
+        self.strangers: dict[Any, None] = {}
 
-    def close(self) -> None:
-        """Stop listening."""
-        for each in self._sockets:
-            asyncio.get_running_loop().remove_reader(each)
-            each.close()
-
-    def admit(self, stream: Any) -> None:
-        """Note that a connection is an open page."""
-        if stream in self.strangers:
-            self.strangers.remove(stream)
-
-    def _watch(self, listening: socket.socket) -> None:
-        if listening.fileno() >= 0:  # It is open.
-            asyncio.get_running_loop().add_reader(listening, self._accept, listening)
-
-    def _accept(self, listening: socket.socket) -> None:
-        try:
-            connection, address = listening.accept()
-        except OSError:
-            # Without a descriptor the connection waits, and would be told again at once.
-            loop = asyncio.get_running_loop()
-            loop.remove_reader(listening)
-            loop.call_later(PAUSE_S, self._watch, listening)
-            return
-        # A new descriptor is the lowest free one.
-        if connection.fileno() + KEPT_DESCRIPTORS >= resource.getrlimit(resource.RLIMIT_NOFILE)[0]:
-            connection.close()
-            return
+    def handle_stream(self, stream: IOStream, address: Any) -> None:
+        """Serve a new connection."""
         if len(self.strangers) >= MOST_STRANGERS:
-            self.strangers.popleft().close()
-        self.strangers.append(stream := IOStream(connection))
-        self._serve(stream, address)
+            oldest = next(iter(self.strangers))
+            del self.strangers[oldest]
+            oldest.close()
+        self.strangers[stream] = None
+        super().handle_stream(stream, address)

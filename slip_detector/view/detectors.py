@@ -24,9 +24,9 @@ from dataclasses import dataclass, field, fields
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from slip_detector.chain.samples import Bools, Floats
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.view.track import LiveTrack, Spectrum, spectrum
 
@@ -59,8 +59,6 @@ GRID_PITCH_M = 2.5e-3
 #: radius is this share of the least distance between two positions.
 CIRCLE_SHARE = 0.25
 
-Floats = NDArray[np.float64]
-
 
 class Diagnosis(NamedTuple):
     """One line of a detector's diagnostics; level 0 is OK, 1 a warning, 2 an error."""
@@ -86,8 +84,6 @@ class Finger:
     #: Full name of the detector's node.
     name: str
     config: DetectorConfig
-    #: Number of starts of the detector that this process has noticed.
-    starts: int = 1
     slip: bool = False
     valid: bool = False
     #: Time of the last onset; None before the first.
@@ -105,7 +101,7 @@ class Finger:
     no_volts: str = ''
 
     def __post_init__(self) -> None:
-        self.groups: NDArray[np.bool_] = np.zeros(len(self.config.groups), np.bool_)
+        self.groups: Bools = np.zeros(len(self.config.groups), np.bool_)
         self.track = LiveTrack(self.config)
         self._restarted_s = float('-inf')  # since 1970
 
@@ -132,16 +128,13 @@ class Finger:
         """
         before, self.config = self.config, config
         if (config.channels, config.sample_rate_hz) != (before.channels, before.sample_rate_hz):
-            beginnings = self.track.beginnings
-            self.track = LiveTrack(config)
-            self.track.beginnings = beginnings + 1
+            self.track = LiveTrack(config, self.track.beginnings + 1)
             self.rest = None
         if list(config.groups) != list(before.groups):
             self.groups = np.zeros(len(config.groups), np.bool_)
 
     def started_again(self, config: DetectorConfig) -> None:
         """Note that the detector was started again, with these parameters."""
-        self.starts += 1
         self._restarted_s = time.time()
         self.update_config(config)
         self.slip = self.valid = False
@@ -177,7 +170,6 @@ class Finger:
         return {
             'name': self.name,
             'label': self.label,
-            'starts': self.starts,
             'notice': '; '.join(notices),
             'channels': config.names,
             'positions_m': drawn_positions(config).tolist(),
@@ -316,8 +308,8 @@ class ParameterPanel:
         #: Changes that can be undone, and the latest changes, undone or not; the newest last.
         self.history: deque[Change] = deque(maxlen=MOST_CHANGES)
         self.changes: deque[Change] = deque(maxlen=LISTED_CHANGES)
-        #: Number of changes so far; and a number that increases with all that a page shows.
-        self.count = self.version = 0
+        #: Number of changes so far.
+        self.count = 0
 
     def read(self, reading: Reading, by: str = RESTART) -> None:
         """Update everything from the detector's answer.
@@ -325,7 +317,6 @@ class ParameterPanel:
         A detector that was started again has the values of its file. This counts as a change:
         undoing it restores what had been set before the restart.
         """
-        self.version += 1
         self.read_only, self.meanings = reading.read_only, reading.meanings
         if self.values:
             gone = dict.fromkeys(self.values.keys() - reading.values.keys())
@@ -343,7 +334,6 @@ class ParameterPanel:
         before = {name: self.values.get(name) for name in after}
         self.changes.append(Change(before, after, by))
         self.count += 1
-        self.version += 1
         merged = {**self.values, **after}
         self.values = {name: value for name, value in merged.items() if value is not None}
         before, after = self._settable(before), self._settable(after)

@@ -32,7 +32,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
-from slip_detector.parameters.fields import allowed, default_of, shortened, shown, under_headings
+from slip_detector.parameters.fields import allowed, shortened, shown, under_headings
 from slip_detector.parameters.files import read_yaml, shared_folder, writable_folder, write_yaml
 from slip_detector.parameters.sections import (
     ALL,
@@ -81,7 +81,8 @@ class ParameterRequests:
 
     def __init__(self, server: Server, folder: Path, files: Sequence[Path] = ()) -> None:
         self._server, self._folder, self._files = server, folder.resolve(), files
-        self._versions: dict[str, tuple[int, bool]] = {}
+        #: By detector, what changes with all that a page shows of it.
+        self._shown: dict[str, tuple[Any, ...]] = {}
         server.each_tick.append(self._broadcast)
         for kind, values_of in {
             'set': self._typed,
@@ -96,14 +97,14 @@ class ParameterRequests:
         """Send the pages the parameters if something has changed."""
         detectors = self._server.detectors
         panels = detectors.panels.items()
-        versions = {name: (panel.version, name in detectors.fingers) for name, panel in panels}
-        if versions == self._versions:
+        shown = {n: (each.count, each.file_values, n in detectors.fingers) for n, each in panels}
+        if shown == self._shown:
             return
-        for name in versions.keys() - self._versions.keys():
+        for name in shown.keys() - self._shown.keys():
             # What cannot be read is reported when the file is needed.
             with contextlib.suppress(ValueError):
                 self._read_file(name)
-        self._versions = versions
+        self._shown = shown
         described = {name: self._described(name, panel) for name, panel in panels}
         self._server.broadcast('parameters', {'folder': str(self._folder), 'fingers': described})
 
@@ -132,7 +133,6 @@ class ParameterRequests:
         if file := self._file_of(name):
             config, panel = DetectorConfig.from_yaml(file, name), self._panel(name)
             panel.file_values = config.to_parameters()
-            panel.version += 1
 
     def _panel(self, name: object) -> ParameterPanel:
         panel = self._server.detectors.panels.get(name) if isinstance(name, str) else None
@@ -288,7 +288,7 @@ def typed(name: str, text: str) -> Any:
     """
     text = text.strip()
     field = _FIELDS.get(name.partition('.')[0])
-    default = default_of(field) if field else None
+    default = field.metadata['default'] if field else None
     if field and isinstance(default, (tuple, dict)):
         items = re.sub(r'[\[\]()]', ' ', text).split(',') if text.strip('[] ') else []
         is_text = isinstance(default, tuple) and str in get_args(field.type)

@@ -26,11 +26,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from slip_detector.chain.samples import Samples
 from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.matching import OnIntervals
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.parameters.files import write_errors_of, write_yaml
+from slip_detector.parameters.files import file_errors_of, write_yaml
 from slip_detector.recordings import open_recording
 from slip_detector.recordings.labels import (
     ACCURACY,
@@ -141,7 +142,7 @@ class RecordedFolder:
             When no recording has this name, or it cannot be deleted.
         """
         path = self.path_of(name)
-        with write_errors_of(path, 'deleted'):
+        with file_errors_of(path, 'deleted'):
             shutil.rmtree(path)
             (path.parent / labels_name(path)).unlink(missing_ok=True)
         del self.recordings[path.name]
@@ -276,13 +277,13 @@ class Recorder:
         #: Whether the rows from now on are labelled as slip.
         self.slipping = False
         self._rate_hz = finger.config.sample_rate_hz
-        #: Rows in the recording, and rows that the track no longer had.
-        self.rows = self.missing_rows = 0
+        #: Rows in the recording.
+        self.rows = 0
         #: Whether some rows are labelled: a recording has one slip at most.
         self.has_slip = False
         #: Why no more can be written; empty if it can.
         self.failure = ''
-        with write_errors_of(path):
+        with file_errors_of(path):
             path.parent.mkdir(parents=True, exist_ok=True)
             frame = finger.frame_id or 'fingertip'
             accuracy_s = BY_HAND_S if self.kind == 'slip' else 0.0
@@ -305,26 +306,24 @@ class Recorder:
             return f'was cut off: {self.failure}'
         if self.kind == 'slip' and not self.has_slip:
             return f'{NO_SLIP}: no sample came while the key was held'
-        lacks = f'lacks {self.missing_rows} rows: this computer was too slow'
-        return lacks if self.missing_rows else ''
+        return ''
 
     def write(self) -> None:
         """Write the rows that have arrived, with the present label."""
-        track = self.finger.track
-        samples = track.samples_since(self._next_row)
-        n = len(samples.volts)
+        rows = self.finger.track.samples
+        volts, stamps_ns = rows.field('volts', self._next_row), rows.stamps_ns(self._next_row)
+        n = len(volts)
         if self.interrupted or self.failure or not n:
             return
         try:
-            with write_errors_of(self.path):
-                self._bag.write(samples._replace(truth=np.full(n, self.slipping)))
+            with file_errors_of(self.path):
+                self._bag.write(Samples(volts, stamps_ns, np.full(n, self.slipping)))
                 self._bag.flush()
                 self._bag.path.stat()  # Another program may have removed it.
         except ValueError as error:
             self.failure = str(error)
             return
-        self.missing_rows += track.samples.appended - self._next_row - n
-        self._next_row = track.samples.appended
+        self._next_row = rows.appended
         self.rows += n
         self.has_slip |= self.slipping
 
@@ -337,7 +336,7 @@ class Recorder:
         """End the recording; one without rows is removed."""
         self.write()
         try:
-            with write_errors_of(self.path):
+            with file_errors_of(self.path):
                 if self.rows and not self.failure:
                     self._bag.close()
         except ValueError as error:

@@ -23,20 +23,19 @@ import json
 import logging
 import socket
 import time
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
 from tornado import web, websocket
-from tornado.httpserver import HTTPServer
 from tornado.httputil import split_host_and_port
 from tornado.netutil import bind_sockets, is_valid_ip
 
 from slip_detector.commands.command_line import one_line
 from slip_detector.view.connections import Connections
-from slip_detector.view.detectors import Detectors, Finger
+from slip_detector.view.detectors import Detectors
 from slip_detector.view.track import LiveTrack
 from slip_detector.view.view_request import ViewRequest
 
@@ -59,7 +58,7 @@ MOST_BYTES = 1 << 20
 MOST_PAGES = 32
 
 #: Most pages that keep a copy of a finger's last minute (64 MB with 900 channels) while they are
-#: paused. A page keeps what it has drawn, without a copy too.
+#: paused. Those paused later keep what they have drawn.
 MOST_PAUSED = 4
 
 #: Where the files of the page are, and those that it shares with the report.
@@ -180,15 +179,24 @@ class Server:
         #: Awaited before the pages are closed.
         self.at_end: list[Callable[[], Awaitable[None]]] = []
         self.pages: set[LivePage] = set()
-        #: By paused page the finger, and a copy of its last minute; the latest pause is last.
-        self.pasts: dict[LivePage, tuple[Finger, LiveTrack]] = {}
         #: By kind of request its answer, and whether it changes the robot or a file.
         self.requests: dict[str, tuple[Answer, bool]] = {}
         # Keeping a spectrum changes nothing on the robot.
         self.on_request('keep_rest', self._keep_rest)
         #: The present content of each kind, for a page that is opened later.
         self.news: dict[str, str] = {}
-        self._http: HTTPServer | None = None
+        application = web.Application(
+            [
+                ('/live', LivePage),
+                ('/()', File, {'path': FOLDERS['page'], 'default_filename': 'index.html'}),
+                *((f'/{name}/(.*)', File, {'path': path}) for name, path in FOLDERS.items()),
+            ],
+            server=self,
+            websocket_ping_interval=PING_S,
+            websocket_ping_timeout=PING_S,  # Older versions of tornado wait three times as long.
+            websocket_max_message_size=MOST_BYTES,
+        )
+        self.connections = Connections(application, max_body_size=MOST_BYTES)
 
     def on_request(self, kind: str, answer: Answer, *, changes: bool = False) -> None:
         """Let a function answer the requests of one kind."""
@@ -213,23 +221,11 @@ class Server:
         OSError
             When the port is not available.
         """
-        application = web.Application(
-            [
-                ('/live', LivePage),
-                ('/()', File, {'path': FOLDERS['page'], 'default_filename': 'index.html'}),
-                *((f'/{name}/(.*)', File, {'path': path}) for name, path in FOLDERS.items()),
-            ],
-            server=self,
-            websocket_ping_interval=PING_S,
-            websocket_ping_timeout=PING_S,  # Older versions of tornado wait three times as long.
-            websocket_max_message_size=MOST_BYTES,
-        )
         # A malformed request is answered with its error; it need not be in a robot's log.
         for name in ('tornado.access', 'tornado.general'):
             logging.getLogger(name).setLevel(logging.ERROR)
         sockets = bind_sockets(port, self.access.host)
-        self._http = HTTPServer(application, max_body_size=MOST_BYTES)
-        self.connections = Connections(sockets, self._http.handle_stream)
+        self.connections.add_sockets(sockets)
         return int(sockets[0].getsockname()[1])
 
     async def run(self, stop: asyncio.Event) -> None:
@@ -247,7 +243,7 @@ class Server:
 
     def tick(self) -> None:
         """Poll the detectors, and send each page what is new to it."""
-        viewed = {name for page in self.pages if page.view for name in page.view.names}
+        viewed = {name for page in self.pages if page.view for name in page.view.fingers}
         self.detectors.watch(viewed.union(*self.wanted.values()))
         self.detectors.poll()
         for call in self.each_tick:
@@ -275,16 +271,14 @@ class Server:
         """Stop listening, and close the connections."""
         for end in self.at_end:
             await end()
-        if self._http is not None:
-            self.connections.close()
-            for page in list(self.pages):
-                page.close(1001, 'slip_view was stopped')
-            # One that sends something into a closed connection does not hear why it was closed.
-            until_s = time.monotonic() + GOODBYE_S
-            while self.pages and time.monotonic() < until_s:
-                await asyncio.sleep(0.01)
-            await self._http.close_all_connections()
-            self._http = None
+        self.connections.stop()
+        for page in list(self.pages):
+            page.close(1001, 'slip_view was stopped')
+        # One that sends something into a closed connection does not hear why it was closed.
+        until_s = time.monotonic() + GOODBYE_S
+        while self.pages and time.monotonic() < until_s:
+            await asyncio.sleep(0.01)
+        await self.connections.close_all_connections()
 
     async def answer(self, message: Message) -> dict[str, Any]:
         """Answer a request of a page."""
@@ -349,6 +343,8 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
     def initialize(self) -> None:
         """Begin without a view."""
         self.view: ViewRequest | None = None
+        #: While the page is paused, a copy of what its finger's track was then.
+        self.past: LiveTrack | None = None
         self.news: dict[str, str] = {}
         self._draws = False
         self._sending: asyncio.Future[None] | None = None
@@ -363,12 +359,12 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         self.set_nodelay(True)
         self.news = dict(self.server.news)
         self.server.pages.add(self)
-        self.server.connections.admit(getattr(self.ws_connection, 'stream', None))
+        self.server.connections.strangers.pop(getattr(self.ws_connection, 'stream', None), None)
 
     def on_close(self) -> None:
         """Forget the page."""
         self.server.pages.discard(self)
-        self.server.pasts.pop(self, None)
+        self.past = None
 
     def on_message(self, message: str | bytes) -> None:
         """Handle a message of the page."""
@@ -389,47 +385,35 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
 
     def _change_view(self, content: Message) -> None:
         try:
-            wanted = content.get('fingers') or content.get('finger')
-            self.view = ViewRequest(content) if wanted else None
+            self.view = ViewRequest(content) if content.get('fingers') else None
         except ValueError as error:
-            self.news['refused'] = json.dumps({'type': 'refused', 'why': str(error)})
+            self.close(1003, str(error)[:30])  # A reason has at most 123 bytes.
             return
         # A pause may last longer than the track: keep what the page shows.
-        pasts = self.server.pasts
-        past = pasts.pop(self, None)
+        paused = sum(page.past is not None for page in self.server.pages)
         if self.view is None or self.view.until_ns is None:
-            return
-        if finger := self.server.detectors.fingers.get(self.view.finger):
-            if past is None or past[0] is not finger:
-                past = finger, copy.deepcopy(finger.track)
-            pasts[self] = past
-            if len(pasts) > MOST_PAUSED:
-                del pasts[next(iter(pasts))]
+            self.past = None
+        elif self.past is None and paused < MOST_PAUSED:
+            finger = self.server.detectors.fingers.get(self.view.finger)
+            self.past = copy.deepcopy(finger.track) if finger else None
 
     async def _answer(self, content: Message) -> None:
-        answer = await self.server.answer(content)
-        # The page may have closed meanwhile, which is no error.
-        with contextlib.suppress(websocket.WebSocketClosedError):
-            await self.write_message(json.dumps(answer, allow_nan=False))
+        await self._send([json.dumps(await self.server.answer(content), allow_nan=False)])
 
     def send_news(self) -> None:
-        """Send what is new, unless the last message is still being sent."""
+        """Send what is new, unless something is still being sent."""
         if self._sending is not None and not self._sending.done():
             return
-        for text in self.news.values():
-            self._send(text)
+        content: list[str | bytes] = [*self.news.values()]
         self.news = {}
         # The page has to draw a frame before it gets the next one.
         if self.view is not None and not self._draws:
             self._draws = True
-            _, past = self.server.pasts.get(self, (None, None))
-            self._send(self.view.frame(self.server.detectors, past))
+            content.append(self.view.frame(self.server.detectors, self.past))
+        self._sending = asyncio.ensure_future(self._send(content))
 
-    def _send(self, content: str | bytes) -> None:
-        # Neither side may have begun to close the connection.
-        if self.ws_connection is not None and not self.ws_connection.is_closing():
-            self._sending = asyncio.ensure_future(
-                self.write_message(content, binary=isinstance(content, bytes))
-            )
-            # The page may close meanwhile, which is no error.
-            self._sending.add_done_callback(lambda sent: sent.cancelled() or sent.exception())
+    async def _send(self, content: Sequence[str | bytes]) -> None:
+        # The page may close meanwhile, which is no error.
+        with contextlib.suppress(websocket.WebSocketClosedError):
+            for each in content:
+                await self.write_message(each, binary=isinstance(each, bytes))

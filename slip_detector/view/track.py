@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from slip_detector.chain.samples import Samples
+from slip_detector.chain.samples import Floats, Samples, Stamps
 from slip_detector.parameters.detector import ChainConfig
 
 #: Seconds of the past that are kept, unless they need more than this memory.
@@ -44,7 +44,7 @@ FEWEST_ROWS = 32
 #: Least density, in V^2/Hz: a channel that repeats one value has a density of zero.
 LEAST_V2_HZ = 1e-30
 
-Stamps = NDArray[np.int64]
+Values = NDArray[np.generic]
 
 
 class Rows:
@@ -145,11 +145,11 @@ class LiveTrack:
     --------
     >>> track = LiveTrack(ChainConfig(channels=2))
     >>> track.add_samples(Samples(np.full((2, 2), 4.3), np.array([5, 9]), np.array([0, 1]) > 0))
-    >>> track.samples_since(1).truth.tolist()
-    [True]
+    >>> track.samples.field('truth', since=1).tolist()
+    [[True]]
     """
 
-    def __init__(self, config: ChainConfig) -> None:
+    def __init__(self, config: ChainConfig, beginnings: int = 0) -> None:
         self.channels = channels = config.channels
         # Bytes of a channel: 8 of volts, 4 of level, 1 of ON; there is room for twice the rows.
         kept = min(config.samples(KEPT_S), MOST_BYTES // (2 * 13 * channels + 64))
@@ -159,7 +159,7 @@ class LiveTrack:
             kept, level=(np.float32, channels), on=(np.bool_, channels), slip=(np.bool_, 1)
         )
         #: How often the track was begun again, as when the clock of the samples is set back.
-        self.beginnings = 0
+        self.beginnings = beginnings
         #: Number of the row at which the last recorded slip ended: the rest before the next one
         #: cannot begin earlier.
         self.slip_ended = 0
@@ -170,19 +170,7 @@ class LiveTrack:
         truth = np.zeros(len(samples.volts)) if samples.truth is None else samples.truth
         self.samples.append(samples.stamps_ns, volts=samples.volts, truth=truth[:, np.newaxis])
 
-    def samples_since(self, row: int) -> Samples:
-        """Return the samples that are kept, from this number ever appended on."""
-        rows = self.samples
-        volts, truth = rows.field('volts', row), rows.field('truth', row)[:, 0]
-        return Samples(volts, rows.stamps_ns(row), truth)
-
-    def add_levels(
-        self,
-        stamps_ns: Stamps,
-        level: NDArray[np.floating],
-        on: NDArray[np.generic],
-        slip: NDArray[np.generic],
-    ) -> None:
+    def add_levels(self, stamps_ns: Stamps, level: Values, on: Values, slip: Values) -> None:
         """Append the detector's output: level and on, shape (n, channels), slip, shape (n,)."""
         self._begin_again_if_set_back(self.levels, stamps_ns)
         self.levels.append(stamps_ns, level=level, on=on, slip=slip[:, np.newaxis])
@@ -209,7 +197,7 @@ class Spectrum(NamedTuple):
     density_db: NDArray[np.float32]
 
 
-def spectrum(volts: NDArray[np.float64], sample_rate_hz: float) -> Spectrum | None:
+def spectrum(volts: Floats, sample_rate_hz: float) -> Spectrum | None:
     """Return the spectrum of the last seconds, or None if there are too few rows.
 
     It is the mean of several short spectra (Welch, 1967). A value that is not finite is replaced

@@ -47,6 +47,9 @@ HIGHEST_CHANNEL = 1_000_000
 #: Time, in seconds, for which the page says that samples come that do not fit.
 UNFIT_SHOWN_S = 1.0
 
+#: By name, what a frame has beside its header.
+Arrays = dict[str, Any]
+
 LENGTH = struct.Struct('<I')
 
 
@@ -69,13 +72,13 @@ class ViewRequest:
     Examples
     --------
     >>> view = ViewRequest({'fingers': ['/thumb/slip_detector'], 'window_s': 5.0})
-    >>> view.names
-    {'/thumb/slip_detector'}
+    >>> view.fingers
+    ('/thumb/slip_detector',)
     """
 
     def __init__(self, message: Mapping[str, Any]) -> None:
         names = _list('fingers', message, 'names', lambda name: isinstance(name, str))
-        #: The fingers that are shown, and the one whose traces are shown, or ''.
+        #: The fingers that are shown, and the one of them whose traces are shown, or ''.
         self.fingers, self.finger = tuple(dict.fromkeys(names)), str(message.get('finger') or '')
         numbers = range(1, HIGHEST_CHANNEL + 1)
         channels = _list(
@@ -92,19 +95,14 @@ class ViewRequest:
         #: The stamp at which the traces end; None: at the newest sample.
         self.until_ns = None if until_ns is None else int(until_ns)
         # By finger, how many rows of levels were shown; by stream of the traces, the next column;
-        # and which start of the detector and beginning of the track these columns belong to.
+        # and which beginning of the track these columns belong to.
         self._shown: dict[str, int] = {}
         self._next: dict[str, int] = {}
-        self._beginning: tuple[int, int] | None = None
-
-    @property
-    def names(self) -> set[str]:
-        """Names of all fingers whose data is needed."""
-        return {*self.fingers, *filter(None, [self.finger])}
+        self._beginning: int | None = None
 
     def frame(self, detectors: Detectors, past: LiveTrack | None = None) -> bytes:
         """Return the next frame; ``past`` is drawn in place of the finger's track."""
-        arrays: dict[str, Any] = {}
+        arrays: Arrays = {}
         now_s = time.monotonic()
         shown = [detectors.fingers[name] for name in self.fingers if name in detectors.fingers]
         states = [self._state(i, finger, now_s, arrays) for i, finger in enumerate(shown)]
@@ -117,9 +115,7 @@ class ViewRequest:
                 header['spectrum'] = self._add_spectrum(finger, self._spectrum, arrays)
         return packed(header, arrays)
 
-    def _state(
-        self, i: int, finger: Finger, now_s: float, arrays: dict[str, Any]
-    ) -> dict[str, Any]:
+    def _state(self, i: int, finger: Finger, now_s: float, arrays: Arrays) -> dict[str, Any]:
         """Return a finger's state, and add each channel's highest level since the last frame."""
         levels, n = finger.track.levels, finger.config.channels
         # Without a new row, the last one once more.
@@ -144,15 +140,14 @@ class ViewRequest:
             'silent': silent,
         }
 
-    def _traces(self, finger: Finger, track: LiveTrack, arrays: dict[str, Any]) -> dict[str, Any]:
+    def _traces(self, finger: Finger, track: LiveTrack, arrays: Arrays) -> dict[str, Any]:
         """Add the columns of volts, levels, slip and truth completed since the last frame."""
         channels = self.channels[self.channels < track.channels]
-        beginning = finger.starts, track.beginnings
-        if beginning != self._beginning:
-            self._next, self._beginning = {}, beginning
+        if track.beginnings != self._beginning:
+            self._next, self._beginning = {}, track.beginnings
         header: dict[str, Any] = {
             'name': finger.name,
-            'beginning': list(beginning),
+            'beginning': track.beginnings,
             'width_ns': self._width_ns,
             'until_ns': self.until_ns,
             'channels': (channels + 1).tolist(),
@@ -179,9 +174,7 @@ class ViewRequest:
             arrays[state] = rows.columns(state, *columns, only)[1][0] > 0.0
         return header
 
-    def _add_spectrum(
-        self, finger: Finger, channel: int, arrays: dict[str, Any]
-    ) -> dict[str, Any]:
+    def _add_spectrum(self, finger: Finger, channel: int, arrays: Arrays) -> dict[str, Any]:
         """Add the spectrum of a channel, and its spectrum at rest if one is kept."""
         header: dict[str, Any] = {'name': finger.name, 'channel': channel}
         if channel > finger.track.channels:

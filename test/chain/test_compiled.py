@@ -28,8 +28,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from slip_detector.chain import compiled
-from slip_detector.chain.compiled import (
+from slip_detector import compiled
+from slip_detector.compiled import (
     LANES,
     absolute,
     floor,
@@ -42,7 +42,7 @@ from slip_detector.chain.compiled import (
 )
 from support.full_disk import full_disk
 
-PACKAGE = Path(compiled.__file__).parents[1]
+PACKAGE = Path(compiled.__file__).parent
 
 needs_numba = pytest.mark.skipif(not compiled.COMPILED, reason='without Numba nothing is compiled')
 
@@ -52,8 +52,8 @@ needs_numba = pytest.mark.skipif(not compiled.COMPILED, reason='without Numba no
 
 OUTER = """
 import numpy as np
-from slip_detector.chain.compiled import LANES, compiled, load, store
-from slip_detector.chain.inner import value
+from slip_detector.compiled import LANES, compiled, load, store
+from slip_detector.inner import value
 
 @compiled
 def outer(values):
@@ -66,7 +66,7 @@ if __name__ == '__main__':
 """
 
 INNER = """
-from slip_detector.chain.compiled import compiled
+from slip_detector.compiled import compiled
 
 @compiled
 def value():
@@ -76,18 +76,16 @@ def value():
 
 @needs_numba
 def test_a_change_in_another_file_is_compiled_into_what_calls_it(tmp_path):
-    chain = tmp_path / 'slip_detector' / 'chain'
-    chain.mkdir(parents=True)
-    for folder in (chain.parent, chain):
-        (folder / '__init__.py').touch()
-    path = Path(shutil.copy(compiled.__file__, chain))
-    shutil.copytree(PACKAGE / 'parameters', chain.parent / 'parameters')
-    (chain / 'outer.py').write_text(OUTER)
+    package = tmp_path / 'slip_detector'
+    shutil.copytree(PACKAGE / 'parameters', package / 'parameters')
+    (package / '__init__.py').touch()
+    path = Path(shutil.copy(compiled.__file__, package))
+    (package / 'outer.py').write_text(OUTER)
 
     def run(inner):
-        (chain / 'inner.py').write_text(INNER.format(inner))
+        (package / 'inner.py').write_text(INNER.format(inner))
         # Python's own cache tells files apart by size and by second: a test is too quick for it.
-        command = [sys.executable, '-B', '-m', 'slip_detector.chain.outer']
+        command = [sys.executable, '-B', '-m', 'slip_detector.outer']
         done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
         return done.stdout.split()
 
@@ -100,7 +98,7 @@ def test_a_change_in_another_file_is_compiled_into_what_calls_it(tmp_path):
 
 
 ONE = """
-from slip_detector.chain.compiled import compiled
+from slip_detector.compiled import compiled
 
 @compiled
 def one():

@@ -19,9 +19,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from slip_detector.chain.compiled import compiled, load, store
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.chain.stages import LEAST_EXCESS_DB, floor_steps_db, root_decibels
+from slip_detector.compiled import compiled, load, store
 from support.chain_cases import bits, noise, quick_evidence, tone
 
 SIGNALS = ('envelope', 'level', 'floor', 'excess')

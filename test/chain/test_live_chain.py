@@ -155,6 +155,10 @@ def test_what_is_changed_within_a_short_time_is_built_once(monkeypatch):
     for values in ({'gain': 10.0}, {'threshold': 2.0}, {'passband_hz': (20.0, 100.0)}):
         config = dataclasses.replace(config, **values)
         assert not bed.chain.change(config)
+    # Ordered once more, it waits from then on.
+    time.sleep(0.3)
+    assert not bed.chain.change(config)
+    assert not bed.swapped(0.3)
     assert bed.swapped()
     assert built == [config]
     assert bed.chain.config == config

@@ -23,8 +23,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slip_detector.chain import slip_chain, stages
-from slip_detector.chain.compiled import COMPILED
-from slip_detector.chain.kernel import CACHED_VALUES
 from slip_detector.chain.slip_chain import SlipChain, check_memory
 from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
 from support.chain_cases import QUICK_EVIDENCE, bits, noise
@@ -92,21 +90,6 @@ def test_flags_hold_all_decisions_side_by_side():
     assert all(part.dtype == np.bool_ for part in parts)
     assert np.array_equal(result.flags, np.hstack(parts))
     assert np.array_equal(result.channels, result.level > config.threshold)
-
-
-@pytest.mark.skipif(not COMPILED, reason='interpreted there is one way to write')
-@pytest.mark.parametrize('channels', [3, 16, 33])
-@pytest.mark.parametrize('votes', [(), ['all']])
-def test_results_larger_than_the_caches_are_those_of_small_calls(channels, votes):
-    rows = CACHED_VALUES // channels + 100
-    volts = noise(35, rows, channels)
-    config = ChainConfig(channels=channels, threshold=0.01)
-    whole, chain = SlipChain(config).update(volts, votes=votes), SlipChain(config)
-    for piece in np.array_split(np.arange(rows), 9):
-        part = chain.update(volts[piece], votes=votes)
-        for name in ('flags', 'envelope', 'level', 'vote_statistic'):
-            assert np.array_equal(getattr(part, name), getattr(whole, name)[piece]), name
-    assert 0 < whole.slip.mean() < 1
 
 
 @pytest.mark.parametrize('common_mode', COMMON_MODES)

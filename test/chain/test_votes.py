@@ -22,9 +22,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.chain.compiled import LANES
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.chain.votes import NO_VOTE, find_statistics, vote_numbers
+from slip_detector.compiled import LANES
 from slip_detector.parameters.detector import ChainConfig
 from support.chain_cases import noise
 

@@ -15,11 +15,8 @@
 """``slip_evaluate`` and ``slip_tune`` on a Dask cluster: workers die, and Ctrl-C is pressed."""
 
 import contextlib
-import json
 import os
 import signal
-import subprocess
-import sys
 import threading
 from pathlib import Path
 
@@ -27,81 +24,47 @@ import pytest
 
 from slip_detector.commands import evaluate, tune
 from support.evaluation_cases import write
-from support.interrupts import DEADLINE_S, check_interrupted_search, wait_for
+from support.interrupts import check_interrupted_search, wait_for
 from support.tuning_cases import journal, trials_of
 
 distributed = pytest.importorskip('distributed', reason='needs distributed')
 
-ROOT = Path(__file__).parents[2]
-
-
-class Cluster:
-    """A scheduler, and workers that can be killed at work."""
-
-    def __init__(self, folder):
-        self._folder, self.processes = folder, []
-        told = folder / 'scheduler.json'
-        self._start('scheduler', '--host', '127.0.0.1', '--port', 0, '--no-dashboard',
-                    '--scheduler-file', told)  # fmt: skip
-        wait_for(lambda: told.exists() and told.read_text())
-        self.address = json.loads(told.read_text())['address']
-
-    def worker(self):
-        """Return a worker that runs; it is started where there is none."""
-        running = [process for process in self.processes[1:] if process.poll() is None]
-        return running[-1] if running else self.start_worker()
-
-    def start_worker(self):
-        return self._start('worker', self.address, '--nthreads', 1, '--no-nanny', '--no-dashboard')
-
-    @contextlib.contextmanager
-    def dying(self, worker):
-        """Kill a worker once it has calls to make; see that it did."""
-        with distributed.Client(self.address) as client:
-            client.wait_for_workers(2, timeout=DEADLINE_S)
-            its = client.run(os.getpid)
-            (address,) = (where for where, pid in its.items() if pid == worker.pid)
-            worker.send_signal(signal.SIGSTOP)  # so that none of them has ended before
-
-            def kill():
-                wait_for(lambda: client.processing()[address])
-                worker.kill()
-
-            killer = threading.Thread(target=kill)
-            killer.start()
-            try:
-                yield
-            finally:
-                killer.join()
-            assert worker.wait() == -signal.SIGKILL
-
-    def _start(self, *words):
-        log = self._folder / f'{len(self.processes)}.log'
-        with open(log, 'w', encoding='utf-8') as output:
-            process = subprocess.Popen(
-                [sys.executable, '-m', 'dask', *map(str, words)],
-                stdout=output, stderr=output, cwd=self._folder,
-                env={**os.environ, 'PYTHONPATH': str(ROOT)},
-            )  # fmt: skip
-        self.processes.append(process)
-        return process
-
 
 @pytest.fixture(scope='module')
-def cluster(tmp_path_factory):
-    running = Cluster(tmp_path_factory.mktemp('cluster'))
-    yield running
-    for process in running.processes[::-1]:
-        process.kill()
-        process.wait()
+def client(tmp_path_factory):
+    """Return a client of a scheduler whose two workers run in a folder of their own."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(tmp_path_factory.mktemp('cluster'))
+        cluster = distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, dashboard_address=None
+        )
+    with cluster, cluster.get_client() as client:
+        yield client
+
+
+@contextlib.contextmanager
+def dying_worker(client):
+    """Kill a worker once it has calls to make."""
+    address, process = next(iter(client.run(os.getpid).items()))
+    os.kill(process, signal.SIGSTOP)  # so that none of them has ended before
+
+    def kill():
+        wait_for(lambda: client.processing()[address])
+        os.kill(process, signal.SIGKILL)
+
+    killer = threading.Thread(target=kill)
+    killer.start()
+    yield
+    killer.join()
 
 
 def test_a_cluster_finds_the_same_to_the_bit_though_a_worker_dies(
-    cluster, case, capsys, monkeypatch
+    client, case, capsys, monkeypatch
 ):
     folder, words = case
     monkeypatch.chdir(folder)  # the workers are elsewhere
     recordings = [str(write(Path('set') / f'{name}.npz', k)) for k, name in enumerate('abcde')]
+    there = ['--cluster', client.scheduler.address]
 
     def evaluated(*more):
         assert evaluate.main([*recordings, '--json', *more]) == 0
@@ -114,18 +77,17 @@ def test_a_cluster_finds_the_same_to_the_bit_though_a_worker_dies(
         found = trials_of(journal(f'{out}.study.journal'))
         return [(trial.params, trial.values, trial.user_attrs['found']) for trial in found]
 
-    first, _ = cluster.worker(), cluster.start_worker()
-    with cluster.dying(first):
-        figures = evaluated('--cluster', cluster.address)
+    with dying_worker(client):
+        figures = evaluated(*there)
     assert figures == evaluated()
-    trials = tuned('there.yaml', '--cluster', cluster.address)
+    trials = tuned('there.yaml', *there)
     assert len(trials) == 12
     assert trials == tuned('here.yaml')
 
 
-def test_an_interrupt_leaves_what_a_cluster_found_and_the_cluster_as_it_was(cluster, case):
-    worker = cluster.worker()
-    check_interrupted_search(case, '--cluster', cluster.address)
-    assert worker.poll() is None
-    with distributed.Client(cluster.address) as client:
-        wait_for(lambda: not any(client.processing().values()))
+def test_an_interrupt_leaves_what_a_cluster_found_and_the_cluster_as_it_was(client, case):
+    client.wait_for_workers(2)
+    before = client.run(os.getpid)
+    check_interrupted_search(case, '--cluster', client.scheduler.address)
+    assert client.run(os.getpid) == before
+    wait_for(lambda: not any(client.processing().values()))

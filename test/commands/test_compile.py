@@ -17,10 +17,10 @@
 import numpy as np
 import pytest
 
-from slip_detector.chain.compiled import COMPILED
 from slip_detector.commands import compile as command
 from slip_detector.commands.evaluate import main as evaluate
 from slip_detector.commands.tune import main as tune
+from slip_detector.compiled import COMPILED
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.sources import open_source
 from support.compiled_signatures import compiled_signatures
@@ -54,7 +54,7 @@ def test_nothing_is_left_to_be_compiled_when_other_commands_run(tmp_path, capsys
 
 def test_it_says_how_many_functions_it_has_compiled(monkeypatch, capsys):
     say = []
-    monkeypatch.setattr(command, 'on_compiling', say.append)
+    monkeypatch.setattr(command, 'LISTENERS', say)
     for compiled, use, said in (
         (True, lambda: say[-1]('slip_detector.chain'), 'chain ...\nCompiled 1 functions in '),
         (True, lambda: None, 'chain ...\nAll was compiled already.\n'),

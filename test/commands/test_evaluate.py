@@ -87,7 +87,7 @@ def test_a_report_that_cannot_be_written_is_refused_before_anything_is_read(caps
     line = complaint(capsys, tmp_path / 'not there.npz', '--report', tmp_path)
     assert line == f'{tmp_path}: cannot be written (is no file)'
     line = complaint(capsys, path.parent, '--report', path)
-    assert line == f'--report {path}: is read too, allowed: a file of its own'
+    assert line == f'--report {path}: is a recording, allowed: a file of its own'
     page = tmp_path / 'page.html'
     page.write_bytes(b'of yesterday')
     with full_disk(left_bytes=20_000):

@@ -18,19 +18,7 @@ import pytest
 
 from slip_detector.commands.evaluate import main
 from slip_detector.recordings.writing import BagWriter
-from support.evaluation_cases import bag, report_of
-
-
-@pytest.mark.parametrize('name', ['a.mcap', 'a'])
-def test_a_bag_and_an_npz_of_the_same_rows_have_the_same_figures(capsys, tmp_path, name):
-    source = bag(tmp_path / 'bags' / name)
-    expected = report_of(capsys, source)['source']
-    # A folder of bags is a set, one that is a bag is a recording.
-    for given_path in (tmp_path / 'bags', tmp_path / 'bags' / name):
-        found = report_of(capsys, given_path)['bags']
-        assert list(found['recordings']) == [name]
-        for figure in ('rows', 'slips', 'alarms', 'auc_all', 'mean_delay_ms', 'long_gaps'):
-            assert found[figure] == expected[figure]
+from support.evaluation_cases import report_of
 
 
 def test_a_bag_that_was_cut_off_is_evaluated_and_says_so(capsys, tmp_path):

@@ -31,12 +31,12 @@ from slip_detector.commands.workers import (
     check_apart,
     check_writable,
     paths_for_workers,
-    paths_read,
     progress_bar,
     sets_of_parameters,
     workers,
 )
 from slip_detector.parameters.driver import RecordingConfig
+from slip_detector.parameters.files import write_yaml
 from support.config_cases import message_of
 from support.worker_calls import die, process_of, refuse
 
@@ -135,7 +135,7 @@ def test_options_replace_parameters_of_recordings_and_a_cluster_gets_whole_paths
 ):
     monkeypatch.chdir(tmp_path)
     given = RecordingConfig(recording_topic='/mine', recording_labels='by_hand')
-    (tmp_path / 'c.yaml').write_text(given.to_yaml())
+    write_yaml(tmp_path / 'c.yaml', given.to_document())
 
     def recording_config(*words):
         return sets_of_parameters(options_of('--config', 'c.yaml', *words), RecordingConfig)[0]
@@ -151,16 +151,6 @@ def test_options_replace_parameters_of_recordings_and_a_cluster_gets_whole_paths
     assert paths_for_workers(options_of('--jobs', '2'), ['a.npz']) == ['a.npz']
 
 
-def test_each_recording_of_the_folders_and_the_labels_are_read(tmp_path):
-    for name in ('a.npz', 'b.csv', 'c.txt'):
-        (tmp_path / name).touch()
-    options = argparse.Namespace(
-        recordings=[str(tmp_path)], held_out=['h.mcap'], quiet=None, taps='t.npz', labels='l.yaml'
-    )
-    names = [path.name for path in paths_read(options)]
-    assert names == ['a.npz', 'b.csv', 'h.mcap', 't.npz', 'l.yaml']
-
-
 def test_what_cannot_be_written_is_refused_and_nothing_is_changed(tmp_path):
     for path in (tmp_path / 'no' / 'a', tmp_path):
         assert message_of(check_writable, path).startswith(f'{path}: cannot be written (')
@@ -174,13 +164,15 @@ def test_what_cannot_be_written_is_refused_and_nothing_is_changed(tmp_path):
 
 
 def test_a_file_is_not_written_twice_nor_over_what_is_read(tmp_path):
-    out, link = tmp_path / 'a.yaml', tmp_path / 'link.yaml'
+    out, link, recording = tmp_path / 'a.yaml', tmp_path / 'link.yaml', tmp_path / 'b.npz'
     link.symlink_to(out)
-    check_apart({'--out': out, '--report': None}, [tmp_path / 'b.npz'])
-    message = message_of(check_apart, {'--out': out, '--report': link})
-    assert message == f'--report {link}: is written by --out too, allowed: a file of its own'
-    message = message_of(check_apart, {'--out': out}, [str(link)])
-    assert message == f'--out {out}: is read too, allowed: a file of its own'
+    check_apart({'--out': out, '--report': None}, None, 'labels.yaml')
+    for written, read, said in (
+        ({'--out': out, '--report': link}, None, f'--report {link}: is written by --out too'),
+        ({'--out': out}, str(link), f'--out {out}: is read too'),
+        ({'--out': recording}, None, f'--out {recording}: is a recording'),
+    ):
+        assert message_of(check_apart, written, read) == f'{said}, allowed: a file of its own'
 
 
 def test_a_terminal_alone_shows_the_bar(monkeypatch):

@@ -20,14 +20,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from slip_detector.chain.samples import Samples
 from slip_detector.evaluation.evaluator import (
     RecordingLoader,
     evaluate_recording,
     recording_figures,
 )
-from slip_detector.evaluation.figures import figures_of_merit
-from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
@@ -114,14 +111,6 @@ def test_velocities_that_do_not_suit_are_refused(tmp_path, changes, message):
     write(path, rows=40, **{name: one for name, one in arrays.items() if one is not None})
     with pytest.raises(ValueError, match=f'^{path}: {message}'):
         whole(loader(motion_key='v', motion_columns=('x', 'z')).open(path))
-
-
-def test_an_evaluation_is_the_replay_of_the_rows_of_the_file(tmp_path):
-    evaluated = evaluate_recording(loader(), write(tmp_path / 'a.npz'))
-    volts, slip = arrays(0)
-    outcome = Replay(CHAIN).run([Samples.evenly(volts, RATE_HZ, slip)], RATE_HZ)
-    assert figures_of_merit([evaluated.outcome]) == figures_of_merit([outcome])
-    assert evaluated.outcome.slips == outcome.slips
 
 
 def test_figures_of_several_recordings_count_the_faults_of_all(tmp_path):

@@ -31,7 +31,6 @@ from slip_detector.evaluation.figures import (
     TrueSlip,
     event_figures,
     figures_of_merit,
-    first_on_delay_s,
     mean_and_sd,
     paper_figures,
 )
@@ -113,15 +112,6 @@ def test_an_undefined_figure_is_none():
     assert missed['latency_median_ms'] is None
     quiet = event_figures([outcome(kinds=[FALSE], rest_rows=600)])
     assert (quiet['recall'], quiet['precision']) == (None, 0.0)
-
-
-def test_the_delay_is_from_the_start_of_slip_to_the_first_on_after_it():
-    on = [True, False, False, True, True]
-    time_s = [0.0, 0.5, 1.0, 1.5, 2.0]
-    starts_s = (0.25, 1.5, 0.0, 2.1)  # an ON at the start counts
-    delays_s = [first_on_delay_s(on, time_s, start_s) for start_s in starts_s]
-    assert delays_s == [1.25, 0.0, 0.0, None]
-    assert first_on_delay_s([], [], 0.0) is None
 
 
 def test_the_figures_of_the_paper_by_hand():

@@ -40,20 +40,6 @@ RATE_HZ = 100.0
 CHAIN = ChainConfig(sample_rate_hz=RATE_HZ, channels=2, passband_hz=(7.0, 40.0), stopbands_hz=())
 
 
-@pytest.fixture(scope='module')
-def plates():
-    """Ten simulated trials on each plate."""
-    return {
-        plate: simulate_trials(scene, range(protocol.TRIALS)) for plate, scene in SCENES.items()
-    }
-
-
-def moving_trial(rows=20, start=5, end=12):
-    """Make a trial whose plate moves from row ``start`` to row ``end``."""
-    position_m = np.clip(np.arange(rows) - start, 0, end - start) * 1e-3
-    return PlateTrial(np.zeros((rows, 2)), position_m, RATE_HZ)
-
-
 def test_a_trial_lasts_from_the_last_row_at_rest_to_the_first_at_rest_again():
     # A pause between two motions is part of the slip, as the paper has one slip in a trial.
     for position_m, motion_s in (
@@ -86,9 +72,10 @@ def test_the_figures_of_a_plate_are_those_of_the_paper_and_of_each_trial():
 
 
 def test_a_trial_that_does_not_suit_the_chain_is_refused_with_its_plate():
+    trial = PlateTrial(np.zeros((3, 2)), np.array([0.0, 1.0, 1.0]), RATE_HZ)
     for changes in ({'channels': 1, 'groups': {'a': (1,)}}, {'sample_rate_hz': 200.0}):
         with pytest.raises(ValueError, match=r'^plate 400 has 2 channels at 100 Hz, '):
-            evaluate_plates({'400': [moving_trial()]}, dataclasses.replace(CHAIN, **changes))
+            evaluate_plates({'400': [trial]}, dataclasses.replace(CHAIN, **changes))
 
 
 def test_a_high_pass_keeps_all_stop_bands_and_a_band_pass_those_below_its_upper_edge():
@@ -99,7 +86,7 @@ def test_a_high_pass_keeps_all_stop_bands_and_a_band_pass_those_below_its_upper_
         assert (other.passband_hz, other.stopbands_hz, other.vote) == ((10.0, 150.0), kept, 2)
 
 
-def test_the_papers_results_are_reproduced_and_each_variant_has_the_figures_of_its_chain(plates):
+def test_the_papers_results_are_reproduced_and_each_variant_has_the_figures_of_its_chain():
     result = run_protocol(ChainConfig())
     assert (result['all']['detected'], result['all']['trials']) == (30, 30)
     assert len(result['wanted']) == 10
@@ -107,6 +94,8 @@ def test_the_papers_results_are_reproduced_and_each_variant_has_the_figures_of_i
     assert result['wanted']['mean_delay_ms.440']['bound'] == '31.00 to 52.56'
     # The paper's own windows are the default.
     assert result['windows']['40'] == {key: result[key] for key in ('plates', 'all')}
+    seeds = range(protocol.TRIALS)
+    plates = {plate: simulate_trials(scene, seeds) for plate, scene in SCENES.items()}
     short = ChainConfig(envelope_window_s=0.02, decision_window_s=0.02)
     wide = ChainConfig(passband_hz=(10.0, 150.0), stopbands_hz=((0.5, 7.0),))
     assert result['windows']['20'] == evaluate_plates(plates, short)

@@ -23,7 +23,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slip_detector.chain.filters import settling_rows
-from slip_detector.chain.slip_chain import COMPILED, SlipChain
+from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.compiled import COMPILED
 from slip_detector.evaluation import replay as replay_module
 from slip_detector.evaluation.figures import ALREADY_ON, STAGES, figures_of_merit
 from slip_detector.evaluation.replay import Replay

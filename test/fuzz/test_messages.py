@@ -55,12 +55,7 @@ def batch(dims, data):
 SOUND = {
     'sensor_msgs/msg/JointState': [
         serialize_message(message)
-        for message in (
-            joint_state(),
-            joint_state([0.0, 0.0], frame_id=''),
-            joint_state([], []),
-            joint_state(sec=-1),
-        )
+        for message in (joint_state(), joint_state(frame_id=''), joint_state([], []))
     ],
     'std_msgs/msg/Float32MultiArray': [
         serialize_message(batch(dims, [1.0, 2.0, 3.0, 4.0]))
@@ -96,7 +91,7 @@ def check(case):
         assert sample.stamp_ns == (stamp_ns(message.header.stamp) or INFO['source_timestamp'])
 
 
-SIGNALLING = b'\x00\x00\x81\x7f'
+SIGNALLING_NAN = b'\x00\x00\x81\x7f'
 
 
 @st.composite
@@ -105,24 +100,12 @@ def sequences(draw):
     return kind, draw(st.lists(mutated_bytes(SOUND[kind], most=2), min_size=1, max_size=3))
 
 
-def padded(*position):
-    """Make a message whose frame ends in more than one zero, as some middlewares write it."""
-    # A frame that is as long, then with zeros in place of its end.
-    raw = serialize_message(joint_state(position, ['a', 'b'], 'tip' + 8 * 'x'))
-    return raw.replace(8 * b'x', bytes(8))
-
-
 def test_any_messages_are_read_as_rclpy_reads_them_or_refused():
-    kind = 'sensor_msgs/msg/JointState'
-    one = serialize_message(joint_state())
+    kind, batches, _ = SOUND
+    one = SOUND[kind][0]
     corpus = [
         (kind, [b'']),
         (kind, [one[:-1], one]),
-        (kind, [padded(0.0, 0.0), padded(3.0, 4.0), padded(0.0, 0.0)]),
-        # A NaN of the signalling kind.
-        (
-            'std_msgs/msg/Float32MultiArray',
-            [serialize_message(batch([], [1.0]))[:-4] + SIGNALLING],
-        ),
+        (batches, [SOUND[batches][0][:-4] + SIGNALLING_NAN]),
     ]
     fuzz(sequences(), check, corpus=corpus, few=100)

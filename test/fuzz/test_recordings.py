@@ -46,9 +46,7 @@ def sound(folder):
     for ending in ENDINGS:
         path = folder / f'sound{ending}'
         write_recording(path, [rows(60)], 380.0, names)
-        # A path that was written as a bag may be a folder with the file in it.
-        file = next(path.glob(f'*{ending}')) if path.is_dir() else path
-        found[ending] = file.read_bytes()
+        found[ending] = path.read_bytes()
     write_recording(folder / 'some', [rows(60)], 380.0, names)
     found[METADATA] = (folder / f'some{METADATA}').read_bytes()
     return found
@@ -79,9 +77,6 @@ def corpus(found):
     yield '.npz', npz(volts=declared((1, 10**9)), sample_rate_hz=380.0)
     yield '.npz', npz(volts=declared((10**9, 3), bytes(10**7)), sample_rate_hz=380.0)
     yield '.npz', npz(volts=declared((4, 2), bytes(3 * 10**7)), sample_rate_hz=380.0)
-    yield '.npz', npz(volts=volts, sample_rate_hz=1e-300)
-    yield '.npz', npz(volts=volts, sample_rate_hz=np.nan)
-    yield '.npz', npz(volts=volts, sample_rate_hz=380.0, stamp_ns=np.arange(50))
     yield '.npz', npz(volts=declared((-1, -1)), sample_rate_hz=380.0)
     yield '.npz', npz(volts=volts, sample_rate_hz=declared((10**9,)))
     yield '.npz', npz(volts=volts, slip=declared((50, 10**9)), sample_rate_hz=380.0)
@@ -94,8 +89,6 @@ def corpus(found):
     yield METADATA, b'a: &a [*a]'
     yield '.csv', b'time_s,a,b\n0,1,2\n1e999999999999999999,1,2\n'
     yield '.csv', b'"time_s\r",a\n0,1\n1,1\n'
-    yield '.csv', b'time_s,a,b\n0,1,2\n1e-99999999999999999999,1,2\n'
-    yield '.csv', b'time_s,a,b\n0,1,2\n1e99999999999999999999,1,2\n'
     yield '.csv', b'time_s,' + b','.join(b'c%d' % k for k in range(100_000)) + b'\n'
     yield '.csv', b'time_s,a,b\n' + bytes(20_000)
     yield '.csv', b'time_s,a,b\n1e' + b'9' * 20_000 + b',1,2\n'
@@ -124,10 +117,4 @@ def test_any_bytes_are_read_or_refused_in_one_line_and_never_take_much_memory(tm
     cases = st.sampled_from(list(found)).flatmap(
         lambda ending: st.tuples(st.just(ending), mutated_bytes(originals[ending], most=6))
     )
-    fuzz(
-        cases,
-        check,
-        corpus=list(corpus(found)),
-        few=40,
-        refusal='some[.:]',
-    )
+    fuzz(cases, check, corpus=list(corpus(found)), few=40, refusal='some[.:]')

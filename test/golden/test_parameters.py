@@ -30,7 +30,7 @@ from slip_detector.parameters import (
     RecordingConfig,
     TuneConfig,
 )
-from slip_detector.parameters.fields import allowed, default_of
+from slip_detector.parameters.fields import allowed
 
 GOLDEN = Path(__file__).parent / 'parameters.json'
 SETS = (
@@ -43,7 +43,7 @@ def described(kind):
     return {
         field.name: {
             'type': str(field.type),
-            'default': repr(default_of(field)),
+            'default': repr(field.metadata['default']),
             'allowed': allowed(field),
             **{key: field.metadata[key] for key in ('unit', 'low', 'high', 'heading')},
             'choices': list(field.metadata['choices']),

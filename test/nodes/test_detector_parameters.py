@@ -113,6 +113,29 @@ def test_files_are_loaded_whole_as_ros2_param_load_sends_them(bench):
     assert 'decision failed' not in process.log()
 
 
+def test_what_comes_one_by_one_is_used_as_a_whole_even_what_has_to_wait(bench):
+    process = bench.start('slip_detector')
+
+    def changes():
+        return process.log().count('the new filters have taken over')
+
+    # The first change takes longer, as it loads SciPy.
+    assert set_all(bench, gain=10.0).successful
+    bench.wait_for(lambda: changes() == 1, 'the first filters')
+    reasons = []
+    for name, value in [
+        ('gain', 1.0), *6 * [('decision', 'evidence')], ('noise_floor', [0.001]),
+    ]:  # fmt: skip
+        parameters = [Parameter(name, value=value).to_parameter_msg()]
+        request = SetParameters.Request(parameters=parameters)
+        (result,) = ask(bench, SetParameters, 'set_parameters', request).results
+        reasons.append(result.reason.partition(' (')[2])
+        assert changes() == 1
+    assert reasons == ['', *6 * ['not yet: it waits 0.5 s for others)'], '']
+    bench.wait_for(lambda: changes() == 2, 'the new filters')
+    assert value_of(bench, 'decision') == 'evidence'
+
+
 #: Each is allowed whatever the others still are.
 OTHERS = {
     'gain': 50.0,

@@ -27,17 +27,11 @@ from std_msgs.msg import Bool, Float32MultiArray
 from slip_detector.nodes.driver import GOOD
 from slip_detector.nodes.health import ERROR, OK, WARN
 from slip_detector.nodes.messages import stamp_ns, state_qos
-from slip_detector.sources.packets import PacketDecoder, encode
+from slip_detector.sources.packets import PacketDecoder
+from support import reference_packets
 from support.harness import ended_quietly, reliable_qos
-from support.sensors import (
-    SCALE_V,
-    Sender,
-    free_udp_port,
-    make_packets,
-    on_the_line,
-    sending,
-    vibration,
-)
+from support.reference_packets import on_the_line
+from support.sensors import SCALE_V, Sender, free_udp_port, make_packets, sending, vibration
 
 RATE_HZ = 1000.0
 
@@ -114,9 +108,13 @@ def spoilt_packets(rng):
         elif fault == 4:
             came.append(packet[: rng.randrange(len(packet))])
         elif fault == 5:
-            came.append(encode(INTEGERS[:1, : rng.choice([1, 15])], 'int16', k + 1, 1000 * k))
+            came.append(
+                reference_packets.packet(
+                    INTEGERS[:1, : rng.choice([1, 15])], 'int16', k + 1, 1000 * k
+                )
+            )
         elif fault == 6:
-            came.append(encode(INTEGERS[:1], 'int32', k + 1, 1000 * k))
+            came.append(reference_packets.packet(INTEGERS[:1], 'int32', k + 1, 1000 * k))
         elif fault == 7:
             came.append(rng.randbytes(rng.randint(1, 300)))
     # Some are overtaken by the next one, some are lost.

@@ -32,6 +32,7 @@ from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 from std_msgs.msg import Bool, Header
 
+from slip_detector.chain.live_chain import GATHER_S
 from slip_detector.nodes.messages import event_qos, state_qos
 from support.slipping_sensor import PERIOD_S, SLACK_S, TIMEOUT_S, Sensor
 
@@ -290,8 +291,8 @@ def test_a_parameter_changed_in_the_middle_of_a_slip(bench):
         sensor.slips()
         del onsets[:]
         change(sensor, client, values)
-        end_s = time.monotonic() + 0.5
-        sensor.play(lambda end_s=end_s: time.monotonic() > end_s, 'half a second')
+        end_s = time.monotonic() + 2 * GATHER_S
+        sensor.play(lambda end_s=end_s: time.monotonic() > end_s, 'what is changed to be used')
         # Neither an OFF in between, nor a gap, nor another onset.
         for heard, before in zip((sensor.slip, sensor.valid), known, strict=True):
             assert all(on for _, on in heard[before:]), values

@@ -27,7 +27,7 @@ from rclpy.node import Node  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
 from std_msgs.msg import Bool, Float32MultiArray, MultiArrayDimension  # noqa: E402
 
-from slip_detector.nodes.finger_topics import FingerTopics, Topics  # noqa: E402
+from slip_detector.nodes.finger_topics import FingerTopics  # noqa: E402
 from slip_detector.nodes.messages import (  # noqa: E402
     sensor_qos,
     state_qos,
@@ -37,7 +37,6 @@ from slip_detector.parameters.detector import DetectorConfig  # noqa: E402
 from slip_detector.view.detectors import Finger  # noqa: E402
 
 TWO = DetectorConfig(channels=2, groups={'pair': (1, 2)}, passband_hz=(7, 50), stopbands_hz=[])
-NAMES = Topics('/f', '/f/voltages', '/f/slip_truth', '/f/slip_detector/envelope')
 AT_NS = 10**18
 
 
@@ -49,15 +48,15 @@ class Sensor:
         make = bench.node.create_publisher
         batches = config.input_type != 'sensor_msgs/msg/JointState'
         kind = Float32MultiArray if batches else JointState
-        self.voltages = make(kind, NAMES.voltages, sensor_qos())
-        self.truth = make(Bool, NAMES.truth, state_qos())
-        self.envelope = make(JointState, NAMES.envelope, sensor_qos())
+        self.voltages = make(kind, '/f/voltages', sensor_qos())
+        self.truth = make(Bool, '/f/slip_truth', state_qos())
+        self.envelope = make(JointState, '/f/slip_detector/envelope', sensor_qos())
         self.slip = make(Bool, '/f/slip', state_qos())
         self.valid = make(Bool, '/f/slip_valid', state_qos())
         self.group = make(Bool, '/f/slip/group/pair', state_qos())
         self.finger = Finger('/f/slip_detector', config)
         self.node = Node('page', context=bench.context)
-        self.topics = FingerTopics(self.node, self.finger, NAMES)
+        self.topics = FingerTopics(self.node, self.finger, '/f/voltages')
         self.connect()
 
     def connect(self):

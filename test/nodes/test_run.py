@@ -25,7 +25,7 @@ pytest.importorskip('rclpy', reason='needs rclpy')
 
 from std_msgs.msg import Bool
 
-from slip_detector.chain.compiled import COMPILED
+from slip_detector.compiled import COMPILED
 from slip_detector.nodes.messages import state_qos
 from slip_detector.nodes.run import EXECUTABLES, _arguments_of_each, transport_environment
 from support.harness import ROOT, compile_nodes

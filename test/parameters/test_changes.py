@@ -38,13 +38,9 @@ def judge():
     return Judge(lambda config: None)
 
 
-def test_groups_can_be_added_and_deleted_and_nothing_else_can():
-    config = DetectorConfig()
-    old = {f'groups.{name}': None for name in config.groups}
-    with_front = changed(config, {'groups.front': list(range(1, 17)), **old})
-    assert dict(with_front.groups) == {'front': tuple(range(1, 17))}
+def test_only_groups_can_be_deleted():
     said = 'parameter threshold cannot be deleted, allowed: groups.<name>'
-    assert message_of(changed, config, {'threshold': None}) == said
+    assert message_of(changed, DetectorConfig(), {'threshold': None}) == said
 
 
 @pytest.mark.parametrize('order', ORDERS)
@@ -57,7 +53,7 @@ def test_each_file_is_loaded_onto_each_other_as_a_whole_or_not_at_all(old, new, 
     # The file says nothing of what another sensor needed: it stays as it was, and does not fit.
     if (old, new) != ('xela_uskin', 'xela_uskin') and old == 'xela_uskin':
         assert (taken, {*refusals}) == ({}, {refusals[0]})
-        assert 'waits' in refusals[0]
+        assert 'not yet' in refusals[0]
         return
     assert not any(refusals)
     loaded = DetectorConfig.from_yaml(FILES[new])
@@ -90,7 +86,7 @@ def test_what_does_not_fit_is_told_and_waits_for_a_while_only(later_s, together)
     config, one = DetectorConfig(), judge()
     (refusal,) = one.judged(config, [('decision', 'evidence')], 0.0)[1]
     assert refusal.startswith('parameter noise_floor has 0 numbers, allowed: one number, or 16')
-    assert refusal.endswith(' (waits 0.5 s for others)')
+    assert refusal.endswith(' (not yet: it waits 0.5 s for others)')
     # What has nothing to do with it is taken meanwhile.
     assert one.judged(config, [('gain', 2.0)], 0.4) == ({'gain': 2.0}, [''])
     assert one.judged(config, [('noise_floor', 1.0)], 0.4 + later_s * WAIT_S) == (together, [''])

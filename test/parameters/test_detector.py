@@ -31,11 +31,6 @@ from slip_detector.parameters.detector import (
 from support.config_cases import message_of
 
 
-def test_names_are_ch1_and_on_unless_given():
-    assert ChainConfig(channels=3).names == ('ch1', 'ch2', 'ch3')
-    assert ChainConfig(channels=2, channel_names=('left', 'right')).names == ('left', 'right')
-
-
 def test_groups_are_table_1_or_one_for_all_without_disabled_channels_and_emptied_groups():
     assert ChainConfig().groups == PAPER_GROUPS
     config = ChainConfig(disabled_channels=(14, 1, 3, 8, 6))

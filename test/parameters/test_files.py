@@ -15,9 +15,6 @@
 """Files that are written whole or not at all, and YAML files that are read as they look."""
 
 import os
-import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -27,7 +24,6 @@ from slip_detector.parameters import files
 from slip_detector.parameters.fields import LONGEST_SHOWN
 from slip_detector.parameters.files import (
     MOST_BYTES,
-    UNFINISHED,
     read_yaml,
     shared_folder,
     whole_file,
@@ -36,16 +32,6 @@ from slip_detector.parameters.files import (
 )
 from support.config_cases import message_of
 from support.full_disk import full_disk
-
-#: Writes half a file, says so, and waits to be killed.
-HALF = """
-import sys, time
-from slip_detector.parameters.files import whole_file
-with whole_file(sys.argv[1]) as new:
-    new.write_text('half')
-    print('half', flush=True)
-    time.sleep(600)
-"""
 
 
 def test_a_full_disk_leaves_the_old_file_as_it_was(tmp_path):
@@ -56,19 +42,6 @@ def test_a_full_disk_leaves_the_old_file_as_it_was(tmp_path):
         new.write_text('x' * 5000)
     assert path.read_text() == 'old'
     assert list(tmp_path.iterdir()) == [path]
-
-
-def test_a_process_that_is_killed_leaves_the_old_file_as_it_was(tmp_path):
-    path = tmp_path / 'report.html'
-    path.write_text('old')
-    command = [sys.executable, '-c', HALF, str(path)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout.readline() == 'half\n'
-        process.send_signal(signal.SIGKILL)
-        process.wait()
-    assert path.read_text() == 'old'
-    (left,) = set(tmp_path.iterdir()) - {path}
-    assert left.name.startswith(UNFINISHED)
 
 
 def test_a_folder_appears_whole_too_and_all_in_it_is_brought_to_the_disk(tmp_path, monkeypatch):
@@ -92,6 +65,9 @@ def test_a_file_that_cannot_be_written_is_named_and_nothing_is_left(tmp_path):
     for path in (tmp_path / 'no' / 'a.yaml', tmp_path):
         assert message_of(write_yaml, path, {}).startswith(f'{path}: cannot be written (')
     assert list(tmp_path.iterdir()) == []
+    (tmp_path / 'file').touch()
+    with pytest.raises(ValueError, match='file: cannot be written'):
+        writable_folder(tmp_path / 'file')
 
 
 @pytest.mark.parametrize('exists', [True, False])
@@ -106,13 +82,6 @@ def test_of_a_symbolic_link_the_file_is_written_and_the_link_stays(tmp_path, exi
     assert link.is_symlink()
     assert file.read_text() == 'new'
     assert [path.name for path in file.parent.iterdir()] == ['a.yaml']
-
-
-def test_a_folder_is_made_unless_a_file_stands_there(tmp_path):
-    assert writable_folder(tmp_path / 'a' / 'b').is_dir()
-    (tmp_path / 'file').write_text('')
-    with pytest.raises(ValueError, match='file: cannot be written'):
-        writable_folder(tmp_path / 'file')
 
 
 def test_a_package_without_its_folder_says_so(monkeypatch, tmp_path):

@@ -34,20 +34,6 @@ from slip_detector.recordings.writing import BagWriter
 from support.bags import JOINT_STATE, NAMES, PLUGINS, Bag, check_same, gathered, rows
 
 
-def write_bag(path, plugin, mode=CompressionMode.NONE, n=200):
-    written = rows(n, channels=3)
-    bag = Bag(path, plugin)
-    bag.writer.set_compression(mode, CompressionFormat.ZSTD)
-    with bag:
-        for k, (stamp_ns, row) in enumerate(zip(written.stamps_ns, written.volts, strict=True)):
-            if k == 0 or written.truth[k] != written.truth[k - 1]:
-                slip = bag.make('std_msgs/msg/Bool', data=bool(written.truth[k]))
-                bag.write('/slip_truth', slip, stamp_ns)
-            bag.write('/voltages', bag.joints(stamp_ns, row), stamp_ns)
-    (file,) = [file for file in path.iterdir() if file.name != 'metadata.yaml']
-    return written, file
-
-
 def read_of(path):
     """Return the readable rows, and the one-line message about the rest."""
     recording = open_recording(path)
@@ -63,7 +49,10 @@ def read_of(path):
 def test_bags_that_the_recorder_compressed_are_read(tmp_path, plugin, mode):
     if (plugin, mode) == (StoragePlugin.SQLITE3, CompressionMode.STORAGE):
         pytest.skip('a database has no such compression')
-    written, _ = write_bag(tmp_path / 'a', plugin, mode)
+    written, bag = rows(200), Bag(tmp_path / 'a', plugin)
+    bag.writer.set_compression(mode, CompressionFormat.ZSTD)
+    with bag:
+        bag.write_rows(written)
     check_same(gathered(open_recording(tmp_path / 'a')), written)
 
 
@@ -173,8 +162,9 @@ def test_an_mcap_is_read_up_to_a_damaged_chunk(tmp_path, whole):
 
 
 def test_a_bag_without_checksums_is_read_with_a_warning(tmp_path):
-    _, file = write_bag(tmp_path / 'b', StoragePlugin.MCAP)
-    recording = open_recording(file)
+    with Bag(tmp_path / 'b') as bag:
+        bag.write_rows(rows(20))
+    recording = open_recording(tmp_path / 'b' / 'b.mcap')
     gathered(recording)
     assert recording.counts.warnings == 'b.mcap has no checksums, so that damage may go unseen'
 

@@ -14,8 +14,6 @@
 
 """Recordings in npz files: what comes in comes out, and what is wrong is said in one line."""
 
-import io
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -24,15 +22,6 @@ from hypothesis.extra import numpy as hnp
 
 from slip_detector.recordings import open_recording
 from support.recorded import VOLTS, complaint, read_recording, save_npz
-
-
-def test_npz_gives_rows_rate_label_and_all_arrays(tmp_path):
-    recording = read_recording(save_npz(tmp_path / 'a.npz', marker=[7, 8, 9]))
-    np.testing.assert_array_equal(recording.volts, VOLTS)
-    assert recording.sample_rate_hz == 380.0
-    assert recording.channel_names == ('ch1', 'ch2')
-    np.testing.assert_array_equal(recording.truth, [False, True, True])
-    np.testing.assert_array_equal(recording.arrays['marker'], [7, 8, 9])
 
 
 @given(
@@ -59,50 +48,26 @@ def test_npz_of_any_number_type_keeps_every_value(tmp_path_factory, volts, rate_
         ({'volts': [1.0, 2.0]}, ': volts has the shape (2,) and type float64, allowed: numbers'),
         ({'volts': [['a']]}, ': volts has the shape (1, 1) and type <U1, allowed: numbers'),
         ({'volts': np.empty((0, 2))}, ': volts has the shape (0, 2) and type'),
-        ({'sample_rate_hz': 0.0}, ': has 0 Hz, allowed: 1 to 1e+06 Hz'),
         ({'sample_rate_hz': np.nan}, ': has nan Hz, allowed: 1 to 1e+06 Hz'),
         ({'sample_rate_hz': [60, 60]}, ': sample_rate_hz is [60 60], allowed: a rate in Hz'),
         ({'slip': [0, 1]}, ': slip has the shape (2,), allowed: (3,)'),
         ({'slip': [0, np.nan, 1]}, ': slip has nan, allowed: 0 and 1'),
         ({'slip': ['False'] * 3}, ": slip has 'False', allowed: 0 and 1"),
-        (
-            {'volts': np.array([[None]])},
-            ': Object arrays cannot be loaded when allow_pickle=False',
-        ),
+        ({'volts': [[None]]}, ': Object arrays cannot be loaded when allow_pickle=False'),
     ],
 )
 def test_npz_that_lacks_something_is_named_with_what_it_lacks(tmp_path, arrays, said):
     assert complaint(save_npz(tmp_path / 'a.npz', **arrays)).startswith(said)
 
 
-@pytest.mark.parametrize('save', [np.savez, np.savez_compressed])
-def test_an_npz_that_is_damaged_anywhere_is_refused_or_read_but_never_crashes(tmp_path, save):
-    buffer = io.BytesIO()
-    volts = np.random.default_rng(0).normal(size=(6, 2))
-    save(buffer, volts=volts, sample_rate_hz=60.0)
-    content = buffer.getvalue()
-    damaged = [content[:n] for n in range(0, len(content), 7)]
-    for i in range(len(content)):
-        damaged.append(content[:i] + bytes([content[i] ^ (1 + 37 * i % 255)]) + content[i + 1 :])
-    path = tmp_path / 'a.npz'
-    judged = 0
-    for broken in damaged:
-        path.write_bytes(broken)
-        try:
-            read = read_recording(path).volts
-        except ValueError as error:
-            judged += str(error).startswith(f'{path}: ') and '\n' not in str(error)
-        else:
-            # The checksums of npz guard the content: what is read is what was written.
-            np.testing.assert_array_equal(read, volts)
-            judged += 1
-    assert judged == len(damaged)
-
-
-def test_other_arrays_of_a_file_are_given_by_name(tmp_path):
-    path = save_npz(tmp_path / 'a.npz', slip=None, velocity=np.arange(5), names=['a', 'b'])
+def test_a_file_gives_rows_names_and_truth_and_all_its_arrays_by_name(tmp_path):
+    path = save_npz(tmp_path / 'a.npz', velocity=np.arange(5), names=['a', 'b'])
     recording = open_recording(path)
+    (rows,) = recording.rows()
+    np.testing.assert_array_equal(rows.volts, VOLTS)
+    np.testing.assert_array_equal(rows.truth, [False, True, True])
+    assert recording.channel_names == ('ch1', 'ch2')
     np.testing.assert_array_equal(recording.array('velocity'), np.arange(5))
     assert recording.array('names').tolist() == ['a', 'b']
     assert recording.array('nothing') is None
-    assert recording.array_names() == ['names', 'sample_rate_hz', 'velocity', 'volts']
+    assert recording.array_names() == ['names', 'sample_rate_hz', 'slip', 'velocity', 'volts']

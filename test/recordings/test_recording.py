@@ -19,7 +19,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.chain.stamps import DROPPED, LAST, NEW_STRETCH, StampGrid
+from slip_detector.chain.stamps import StampGrid
 from slip_detector.recordings import (
     array_recordings,
     open_recording,
@@ -28,30 +28,6 @@ from slip_detector.recordings.recording import RecordingCounts
 from support.recorded import RATE_HZ, save_rows, stretches_of
 
 PERIOD_NS = 10_000_000
-
-
-def as_the_node_does(volts, stamps_ns, truth, max_gap_s):
-    """Feed the rows one by one to a grid, as nodes/detector.py does."""
-    grid, counts = StampGrid(1 / RATE_HZ, max_gap_s), RecordingCounts(rows=0)
-    stretches, last = [[]], None
-    for i, stamp_ns in enumerate(stamps_ns.tolist()):
-        missing = grid.arrive(stamp_ns)
-        if missing == DROPPED:
-            counts.dropped += 1
-            continue
-        if missing == NEW_STRETCH:
-            stretches.append([])
-        place_ns = int(grid._stamps[LAST])  # in time, if the stamp is too late
-        for k in range(missing):
-            at_ns = place_ns - round(missing * PERIOD_NS) + round(k * PERIOD_NS)
-            stretches[-1].append((volts[last], at_ns, truth[last], last))
-        counts.gaps += missing > 0
-        counts.bridged_rows += max(missing, 0)
-        stretches[-1].append((volts[i], place_ns, truth[i], i))
-        last = i
-    counts.rows = sum(map(len, stretches))
-    counts.stretches = len(stretches)
-    return [[np.array(column) for column in zip(*s, strict=True)] for s in stretches], counts
 
 
 @given(
@@ -63,7 +39,7 @@ def as_the_node_does(volts, stamps_ns, truth, max_gap_s):
     piece_rows=st.integers(1, 12),
     max_gap_s=st.sampled_from([0.0, 0.05, 0.1]),
 )
-def test_any_stamps_are_treated_as_the_node_treats_them(
+def test_however_it_is_cut_a_recording_is_mended_as_its_stamps_are(
     tmp_path_factory, steps, piece_rows, max_gap_s
 ):
     stamps_ns = np.cumsum([5e9, *(step * PERIOD_NS for step in steps)]).astype(np.int64)
@@ -75,12 +51,16 @@ def test_any_stamps_are_treated_as_the_node_treats_them(
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(array_recordings, 'PIECE_ROWS', piece_rows)
         stretches = stretches_of(recording.pieces(RATE_HZ, max_gap_s))
-    wanted, counts = as_the_node_does(volts, stamps_ns, truth, max_gap_s)
-    assert recording.counts == counts
-    assert len(stretches) == len(wanted)
-    for mine, theirs in zip(stretches, wanted, strict=True):
-        for column, other in zip(mine, theirs, strict=True):
+    mended = StampGrid(1 / RATE_HZ, max_gap_s).mend(stamps_ns)
+    for mine, of_stretch in zip(stretches, mended.stretches, strict=True):
+        places = mended.places[of_stretch]
+        wanted = volts[places], mended.stamps_ns[of_stretch], truth[places], places
+        for column, other in zip(mine, wanted, strict=True):
             np.testing.assert_array_equal(column, other)
+    found = recording.counts
+    assert (found.rows, found.stretches) == (mended.places.size, len(stretches))
+    judged = mended.gaps, mended.bridged, mended.dropped
+    assert (found.gaps, found.bridged_rows, found.dropped) == judged
 
 
 def test_a_second_reading_counts_from_zero(tmp_path):

@@ -108,33 +108,16 @@ def test_on_a_full_disk_no_half_recording_stays(tmp_path, ending):
     assert len(gathered(open_recording(path)).volts) == 5000
 
 
-N = 300
-
-
-def numbered(first, n=N):
-    """Rows that tell their number, with slip in each odd hundred."""
-    number = np.arange(first, first + n)
-    volts = np.stack([number, -number], axis=1).astype(float)
-    return Samples(volts, number * 1_000_000, (number // 100) % 2 == 1)
-
-
-def read(path):
-    """Return the rows of a recording, its truth, and what of it is lost."""
-    recording = open_recording(path)
-    pieces = [*recording.pieces()]
-    volts = np.concatenate([piece.volts for piece in pieces])
-    return volts, np.concatenate([piece.truth for piece in pieces]), recording.counts.damage
-
-
 def test_a_writer_that_is_killed_loses_nothing_that_was_flushed(tmp_path):
     program = (
         'import sys, time\n'
         'from pathlib import Path\n'
-        'from recordings.test_writing import BagWriter, numbered\n'
-        "bag = BagWriter(Path(sys.argv[1]), ['a', 'b'])\n"
-        'bag.write(numbered(0))\n'
+        'from slip_detector.recordings.writing import BagWriter\n'
+        'from support.bags import NAMES, rows\n'
+        'bag = BagWriter(Path(sys.argv[1]), NAMES)\n'
+        'bag.write(rows(300))\n'
         'bag.flush()\n'
-        'bag.write(numbered(300, 5))\n'
+        'bag.write(rows(5))\n'
         "print('flushed', flush=True)\n"
         'time.sleep(600)\n'
     )
@@ -147,10 +130,9 @@ def test_a_writer_that_is_killed_loses_nothing_that_was_flushed(tmp_path):
     with writer:
         assert writer.stdout.readline() == 'flushed\n'
         writer.send_signal(signal.SIGKILL)
-    volts, truth, damage = read(tmp_path / 'trial')
-    assert len(volts) == N
-    np.testing.assert_array_equal(truth, numbered(0).truth)
-    assert 'cut off' in damage
+    recording = open_recording(tmp_path / 'trial')
+    check_same(gathered(recording), rows(300))
+    assert 'cut off' in recording.counts.damage
 
 
 def test_a_folder_of_somebody_else_is_left_as_it_is(tmp_path):
@@ -162,12 +144,12 @@ def test_a_folder_of_somebody_else_is_left_as_it_is(tmp_path):
 
 
 def test_a_negative_stamp_is_refused_where_there_is_no_room_for_it(tmp_path):
-    before_1970 = numbered(0)._replace(stamps_ns=numbered(-1).stamps_ns)
-    bag = BagWriter(tmp_path / 'trial', ['a', 'b'])
+    before_1970 = rows(2)._replace(stamps_ns=np.array([-10_000_000, 0]))
+    bag = BagWriter(tmp_path / 'trial', NAMES)
     with pytest.raises(OSError, match='a stamp is negative'):
         bag.write(before_1970)
     bag.abort()
-    bag = BagWriter(tmp_path / 'old', ['a', 'b'], ending='.db3')
+    bag = BagWriter(tmp_path / 'old', NAMES, ending='.db3')
     bag.write(before_1970)
     bag.close()
-    assert next(open_recording(tmp_path / 'old').rows()).stamps_ns[0] == -1_000_000
+    assert next(open_recording(tmp_path / 'old').rows()).stamps_ns[0] == -10_000_000

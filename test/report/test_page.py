@@ -74,14 +74,7 @@ def test_a_page_fetches_nothing_and_is_the_same_bytes_again(tmp_path, variants):
     assert events[3] == [2, 15.0, 16.0, 0.4, {'filter': 0.012, 'vote': 0.388}, '']
 
 
-HARD = (
-    '</script>',
-    '<img src=x onerror=alert(1)>',
-    '$title',
-    '&lt;',
-    '\'"`${1}',
-    '\ud800',
-)
+HARD = ('</script>', '<img src=x onerror=alert(1)>', '$title', '&lt;', '\'"`${1}', '\ud800')
 
 
 def test_any_text_is_shown_as_it_is(tmp_path):
@@ -183,12 +176,11 @@ def test_the_report_of_a_search_has_both_chains_on_all_recordings_and_its_trials
     figures = given.figures['all tuned on']
     assert figures == given.figures['seed 1 (tuned on)'] != given.figures['all held out']
     assert set(figures) == set(figures_of_merit([]))
-    study = SimpleNamespace(
-        trials=[
-            SimpleNamespace(number=k, user_attrs={'found': found})
-            for k, found in enumerate([[{'parameters': {'gain': 2.0}, 'figures': figures}], []])
-        ]
-    )
+    found = [{'parameters': {'gain': 2.0}, 'figures': figures}]
+    trials = [
+        SimpleNamespace(number=k, user_attrs={'found': one}) for k, one in ((0, found), (1, []))
+    ]
+    study = SimpleNamespace(trials=trials)
     path = tmp_path / 'page.html'
     tuned = given._replace(name='tuned')
     report.write_tuning_report(path, given, tuned, study, ['A note.'])

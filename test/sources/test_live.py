@@ -24,7 +24,8 @@ from slip_detector.chain.samples import Samples
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.sources import live, open_source
 from slip_detector.sources.live import SENDER_SILENT_S
-from support.sensors import SCALE_V, Sender, free_udp_port, make_packets, on_the_line
+from support.reference_packets import on_the_line
+from support.sensors import SCALE_V, Sender, free_udp_port, make_packets
 
 DEADLINE_S = 60.0
 

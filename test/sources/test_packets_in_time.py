@@ -20,8 +20,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.sources.packets import MOST_BEHIND, cobs_encode, encode
+from slip_detector.sources.packets import MOST_BEHIND
 from support.packet_cases import PERIOD_US, decoder, integers, packets, sent_by
+from support.reference_packets import on_the_line, packet
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 8))
@@ -31,7 +32,7 @@ def test_numbers_and_times_may_wrap(first, n):
     for k in range(n):
         # Both counters wrap somewhere near, at different packets.
         sequence, time_us = (first + k) % 2**32, (2**32 - 2500 + k * PERIOD_US) % 2**32
-        received += receiver.feed(cobs_encode(encode([[k]], 'int16', sequence, time_us)) + b'\0')
+        received += receiver.feed(on_the_line(packet([[k]], 'int16', sequence, time_us)))
     times_ns = [r.stamps_ns[0] for r in received]
     assert np.diff(times_ns).tolist() == [PERIOD_US * 1000] * (n - 1)
     assert [r.new_stretch for r in received] == [True] + [False] * (n - 1)
@@ -79,7 +80,7 @@ def test_times_rise_strictly_though_packets_overlap_in_time(sent):
         time_us += step_us
         first_ns = 1000 * (time_us - sent[0][0])
         last_ns = first_ns + (n - 1) * period_ns
-        got = receiver.decode(encode(np.ones((n, 1)), 'int16', sequence, time_us, period_ns))
+        got = receiver.decode(packet(np.ones((n, 1)), 'int16', sequence, time_us, period_ns))
         if last_ns - before_ns < n:
             counts['no_time'] += 1
             assert got is None

@@ -16,7 +16,7 @@
 
 import numpy as np
 from rosbags.rosbag2 import StoragePlugin, Writer
-from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from slip_detector.chain.samples import Samples
 
@@ -60,8 +60,7 @@ class Bag:
     def __init__(self, path, plugin=StoragePlugin.MCAP, definitions=()):
         self.store = get_typestore(Stores.ROS2_JAZZY) if definitions else STORE
         for name, text in definitions:
-            parse = get_types_from_idl if 'module' in text else get_types_from_msg
-            self.store.register(parse(text) if 'module' in text else parse(text, name))
+            self.store.register(get_types_from_msg(text, name))
         self.path = path
         self.writer = Writer(path, version=9, storage_plugin=plugin)
         self._connections = {}
@@ -91,6 +90,14 @@ class Bag:
             velocity=nothing,
             effort=nothing,
         )
+
+    def write_rows(self, written, namespace=''):
+        """Write volts, and the truth where it changes, received at their stamps."""
+        for k, (stamp_ns, row) in enumerate(zip(written.stamps_ns, written.volts, strict=True)):
+            if k == 0 or written.truth[k] != written.truth[k - 1]:
+                slip = self.make('std_msgs/msg/Bool', data=bool(written.truth[k]))
+                self.write(f'{namespace}/slip_truth', slip, stamp_ns)
+            self.write(f'{namespace}/voltages', self.joints(stamp_ns, row), stamp_ns)
 
     def write(self, topic, message, received_ns):
         msgtype = message.__msgtype__

@@ -17,14 +17,11 @@
 import json
 
 import numpy as np
-import pytest
 import yaml
 
-from slip_detector.chain.samples import Samples
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.commands.evaluate import main
 from slip_detector.evaluation.scores import REST, SLIP, ScoreTally
-from slip_detector.recordings import write_recording
 
 RATE_HZ = 380.0
 
@@ -89,17 +86,3 @@ def expected_scores(path):
     with np.load(path) as file:
         result = SlipChain().update(file['volts'], votes=('all',))
         return result.vote_statistic[:, 0], file['slip']
-
-
-def bag(path, truth=True):
-    """Write the recording of :func:`write` as a bag."""
-    pytest.importorskip('rosbags', reason='needs rosbags')
-    source = write(path.parents[1] / 'source' / 'a.npz')
-    with np.load(source) as file:
-        rows = Samples(
-            file['volts'],
-            np.rint(np.arange(600) * 1e9 / RATE_HZ).astype(np.int64),
-            file['slip'] if truth else None,
-        )
-    write_recording(path, [rows], RATE_HZ, [f'ch{i + 1}' for i in range(16)])
-    return source

@@ -16,9 +16,6 @@
 
 import numpy as np
 
-from slip_detector.view import server
-from support.simulated_detectors import SimulatedDetectors
-
 RATE_HZ = 380.0
 
 
@@ -31,45 +28,14 @@ def slip_rows(rows=380):
     return rest_rows(rows) + 0.2 * np.sin(2 * np.pi * 20.0 * seconds)[:, np.newaxis]
 
 
-class QuietDetectors(SimulatedDetectors):
-    """Nothing comes but what a test plays; ``heard`` False: no detector is heard."""
-
-    heard = True
-
-    def __init__(self, labels=('index',), **how):
-        super().__init__(labels, real_time=False, **how)
-
-    def poll(self):
-        if self.heard:
-            super().poll()
-
-    def play(self, label, rows):
-        """Send rows to a finger, unless it is gone."""
-        simulated = self.simulated.get(f'/{label}/slip_detector')
-        if simulated is not None:
-            simulated.send(rows, np.zeros(len(rows), bool))
-
-
-class Player:
-    """Plays the same rows to a finger again and again, with each tick of the server."""
-
-    def __init__(self, detectors, label, rows):
-        self.detectors, self.label, self.rows, self.at = detectors, label, rows, 0
-
-    def __call__(self):
-        n = round(RATE_HZ * server.FRAME_S)
-        self.detectors.play(self.label, self.rows[self.at : self.at + n])
-        self.at = (self.at + n) % (len(self.rows) - n)
-
-
 def dead_rows():
     rows = rest_rows()
     rows[:, 6] = np.nan
     return rows
 
 
-#: By state the rows that bring a finger into it; None: no row comes.
+#: By state the rows that bring a finger into it.
 STATES = {
-    'rest': rest_rows(), 'slip': slip_rows(), 'dead': dead_rows(), 'none': None,
+    'rest': rest_rows(), 'slip': slip_rows(), 'dead': dead_rows(), 'none': np.empty((0, 16)),
     'invalid': np.full((380, 16), np.nan),
 }  # fmt: skip

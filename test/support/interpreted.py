@@ -16,31 +16,26 @@
 
 import importlib
 import sys
-import warnings
 from functools import cache
+from unittest import mock
 
-ROOM = 'slip_detector.chain'
+import slip_detector.chain.slip_chain
 
 
 @cache
 def _interpreted_module():
     """Import the chain once more, with no Numba to be found, and leave the first one in place."""
-    mine = {
-        name: sys.modules.pop(name) for name in list(sys.modules) if name.startswith(f'{ROOM}.')
-    }
-    numba = {name: sys.modules.pop(name) for name in list(sys.modules) if name == 'numba'}
-    sys.modules['numba'] = None
-    try:
-        return importlib.import_module(f'{ROOM}.slip_chain')
-    finally:
-        for name in [name for name in sys.modules if name.startswith(f'{ROOM}.')]:
+    again = ('slip_detector.chain', 'slip_detector.compiled')
+    with (
+        mock.patch.dict(sys.modules, {'numba': None}),
+        mock.patch.multiple(slip_detector, chain=None, compiled=None),
+    ):
+        for name in [name for name in sys.modules if name.startswith(again)]:
             del sys.modules[name]
-        del sys.modules['numba']
-        sys.modules.update(numba | mine)
+        assert not importlib.import_module('slip_detector.compiled').COMPILED
+        return importlib.import_module('slip_detector.chain.slip_chain')
 
 
 def interpreted_chain(config):
     """Return a SlipChain of which nothing is compiled."""
-    with warnings.catch_warnings():
-        warnings.simplefilter('ignore', RuntimeWarning)
-        return _interpreted_module().SlipChain(config)
+    return _interpreted_module().SlipChain(config)

@@ -19,8 +19,6 @@ import math
 
 from hypothesis import strategies as st
 
-from slip_detector.parameters.fields import default_of
-
 #: Values that hardly any parameter takes.
 STRANGE = st.one_of(
     *(st.none(), st.booleans(), st.integers(), st.floats(), st.text(max_size=5)),
@@ -32,7 +30,7 @@ STRANGE = st.one_of(
 
 def near(field):
     """Draw values about which a parameter is taken or refused."""
-    default = default_of(field)
+    default = field.metadata['default']
     low, high = field.metadata['low'], field.metadata['high']
     bounds = [bound for bound in (low, high) if bound is not None]
     values = [default, *bounds, *(bound + 1 for bound in bounds), *(-bound for bound in bounds)]

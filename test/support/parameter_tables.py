@@ -24,7 +24,7 @@ from pathlib import Path
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.driver import DriverConfig, RecordingConfig
 from slip_detector.parameters.evaluation import EvaluationConfig, TuneConfig
-from slip_detector.parameters.fields import allowed, default_of, under_headings
+from slip_detector.parameters.fields import allowed, under_headings
 from slip_detector.parameters.grasp import GraspConfig
 from slip_detector.scenes.motion import Step
 from slip_detector.scenes.parts import PARTS, Sampling
@@ -76,7 +76,7 @@ def table(sections):
         name, _, about = heading.partition(': ')
         lines += [f'| **{name}** | | | | {about} |'] if heading else []
         for field in fields:
-            default = shown(default_of(field))
+            default = shown(field.metadata['default'])
             unit = field.metadata['unit']
             limits = allowed(field).removesuffix(f' {unit}')
             meaning = field.metadata['meaning']

@@ -19,8 +19,8 @@ import dataclasses
 import numpy as np
 from hypothesis import strategies as st
 
-from slip_detector.chain.compiled import LANES
-from slip_detector.chain.slip_chain import COMPILED, SlipChain
+from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.compiled import COMPILED, LANES
 from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
 from support.reference import reference
 

@@ -81,39 +81,28 @@ def tapped(seed=0):
     return volts, truth
 
 
-def overview(name, config, volts, truth, events=(), **settings):
-    made, chain = Overview(name, config, **settings), SlipChain(config)
-    evidence = config.decision == 'evidence'
-    for a in range(0, len(volts), 1000):
-        piece = volts[a : a + 1000]
-        result = chain.update(piece, floor=evidence, excess=evidence)
-        made.add(piece, result, truth[a : a + 1000])
+def overview(name, config, volts, truth, events=()):
+    made, evidence = Overview(name, config), config.decision == 'evidence'
+    made.add(volts, SlipChain(config).update(volts, floor=evidence, excess=evidence), truth)
     made.finish(events)
     return made
 
 
-def variants(names=('a.npz', 'b.npz'), **settings):
+def variants(names=('a.npz', 'b.npz')):
     """Return the two variants of a report of some recordings, the given and the tuned."""
-    return [
-        Variant(
-            name,
-            config,
-            [
-                overview(file, config, *volts_and_truth(seed=i), EVENTS[name], **settings)
-                for i, file in enumerate(names)
-            ],
-            {
-                row: {
-                    'slips': 3,
-                    'missed': 1 if name == 'given' else 0,
-                    'latency_median_ms': 34.5678 if name == 'given' else None,
-                    'vote_ms': 12.0,
-                }
-                for row in (*names, 'all recordings')
-            },
-        )
-        for name, config in (('given', GIVEN), ('tuned', TUNED))
-    ]
+    found = []
+    for name, config, missed, median_ms in (
+        ('given', GIVEN, 1, 34.5678),
+        ('tuned', TUNED, 0, None),
+    ):
+        seen = [
+            overview(file, config, *volts_and_truth(seed=i), EVENTS[name])
+            for i, file in enumerate(names)
+        ]
+        figures = {'slips': 3, 'missed': missed, 'latency_median_ms': median_ms, 'vote_ms': 12.0}
+        rows = dict.fromkeys((*names, 'all recordings'), figures)
+        found.append(Variant(name, config, seen, rows))
+    return found
 
 
 def trial(name, *costs, marked=False, **parameters):

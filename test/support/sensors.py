@@ -25,7 +25,7 @@ import time
 
 import numpy as np
 
-from slip_detector.sources.packets import cobs_encode, encode
+from support.reference_packets import packet
 
 #: Volts of one unit unless a test sets it (the driver's default).
 SCALE_V = 1e-3
@@ -85,23 +85,13 @@ def free_udp_port():
         return probe.getsockname()[1]
 
 
-def on_the_line(packet):
-    """Return a packet as it stands on a serial line."""
-    return cobs_encode(packet) + b'\0'
-
-
 def make_packets(integers, rate_hz, samples=1, first=0):
     """Cut rows of integers into packets of a number of samples."""
     period_ns = round(1e9 / rate_hz)
     return [
-        encode(
-            integers[k : k + samples],
-            'int16',
-            first + k // samples,
-            k * period_ns // 1000,
-            period_ns,
-        )
+        packet(integers[k : k + samples], 'int16', first + k // samples, at_ns // 1000, period_ns)
         for k in range(0, len(integers), samples)
+        for at_ns in [k * period_ns]
     ]
 
 

@@ -20,7 +20,7 @@ import contextlib
 from tornado.httpclient import AsyncHTTPClient, HTTPClientError, HTTPRequest
 
 from support.live_client import LiveClient
-from support.simulated_detectors import ServedPages, SimulatedDetectors
+from support.simulated_detectors import SimulatedDetectors, served_pages
 
 #: Headers that ask for a connection.
 UPGRADE = {
@@ -34,7 +34,7 @@ UPGRADE = {
 @contextlib.asynccontextmanager
 async def served(detectors=None, **how):
     """Serve detectors, and open one page; gives what is served, and the page."""
-    async with ServedPages(detectors or SimulatedDetectors(), **how) as it:
+    async with served_pages(detectors or SimulatedDetectors(), **how) as it:
         page = await LiveClient.open(it.url)
         try:
             yield it, page

@@ -20,6 +20,7 @@ import functools
 import queue
 import threading
 import time
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -60,8 +61,7 @@ class SimulatedFinger:
 
     def play(self, seconds):
         """Let time pass; what was played to its end begins again."""
-        config = self.finger.config
-        n = round(seconds * config.sample_rate_hz)
+        n = round(seconds * self.finger.config.sample_rate_hz) if len(self.rows) else 0
         which = np.arange(self.played, self.played + n) % len(self.rows)
         self.played += n
         self.send(self.rows[which], self.truth[which])
@@ -157,28 +157,19 @@ class SimulatedDetectors(Detectors):
         self.simulated.clear()
 
 
-class ServedPages:
-    """A server for detectors, in the thread of the test's event loop.
-
-    ``async with ServedPages(detectors) as served:`` then ``served.url`` is its address.
-    """
-
-    def __init__(self, detectors, access=None, prepare=lambda server: None, port=0):
-        self.detectors, self._port = detectors, port
-        self.server = Server(detectors, access or Access())
-        prepare(self.server)
-        self._stop = asyncio.Event()
-
-    async def __aenter__(self):
-        port = self._port = self.server.listen(self._port)
-        token = self.server.access.token
-        self.url = f'http://127.0.0.1:{port}/' + (f'?token={token}' if token else '')
-        self._running = asyncio.create_task(self.server.run(self._stop))
-        return self
-
-    async def __aexit__(self, *_):
-        self._stop.set()
-        await self._running
+@contextlib.asynccontextmanager
+async def served_pages(detectors, access=None, prepare=lambda server: None, port=0):
+    """Serve detectors in the test's event loop; gives the server and the address of its page."""
+    it = Server(detectors, access or Access())
+    prepare(it)
+    token, stop = it.access.token, asyncio.Event()
+    url = f'http://127.0.0.1:{it.listen(port)}/' + (f'?token={token}' if token else '')
+    running = asyncio.create_task(it.run(stop))
+    try:
+        yield SimpleNamespace(server=it, detectors=detectors, url=url)
+    finally:
+        stop.set()
+        await running
 
 
 @contextlib.contextmanager
@@ -193,7 +184,7 @@ def served_beside(detectors, **how):
     async def serve():
         end = asyncio.Event()
         try:
-            async with ServedPages(detectors, **how) as served:
+            async with served_pages(detectors, **how) as served:
                 begun.put((served, asyncio.get_running_loop(), end))
                 await end.wait()
         except Exception as error:

@@ -40,15 +40,8 @@ from slip_detector.tuning.tracks import track_of
 from support.tuning_cases import CHAIN, RATE_HZ, slips, track
 
 PIEZO_HZ = 312.5
-PIEZO = ChainConfig(
-    sample_rate_hz=PIEZO_HZ,
-    channels=4,
-    passband_hz=(60.0, 0.0),
-    passband_degree=2,
-    stopbands_hz=(),
-    exponent=1,
-    gain=1.0,
-)
+HIGH = {'passband_hz': (60.0, 0.0), 'passband_degree': 2, 'stopbands_hz': (), 'exponent': 1}
+PIEZO = ChainConfig(sample_rate_hz=PIEZO_HZ, channels=4, gain=1.0, **HIGH)
 NOISE_V = np.array([0.01, 0.03, 0.1, 0.02])
 
 
@@ -186,17 +179,8 @@ def test_knocks_like_slips_are_refused_with_the_numbers():
             impact_step(CHAIN, knocks, [of_slips])
 
 
-EVIDENCE = dataclasses.replace(
-    CHAIN,
-    decision='evidence',
-    passband_hz=(60.0, 0.0),
-    passband_degree=2,
-    stopbands_hz=(),
-    exponent=1,
-    noise_floor=(0.01,),
-    evidence_offset_db=4.0,
-    vote=1,
-)
+BY_EVIDENCE = {'decision': 'evidence', 'noise_floor': (0.01,), 'evidence_offset_db': 4.0}
+EVIDENCE = dataclasses.replace(CHAIN, vote=1, **HIGH, **BY_EVIDENCE)
 
 
 def alarms_at(chain, recording):
@@ -244,13 +228,12 @@ def test_where_rest_makes_no_evidence_the_given_threshold_stays():
 GIVEN = dataclasses.replace(CHAIN, exponent=1, decision='evidence', noise_floor=(0.001,))
 
 
-def recording(path, seconds=60.0, hum=0.0, hum_hz=60.0, knock=0.0, rate_hz=RATE_HZ):
-    """Write a recording at rest, with hum or knocks."""
+def recording(path, seconds=60.0, humming=0.0, hum_hz=60.0, rate_hz=RATE_HZ):
+    """Write a recording at rest, with hum."""
     volts, _ = slips(1, duration_s=seconds, slips=False)
-    row = np.arange(len(volts))[:, np.newaxis]
-    volts += hum * np.sin(2 * np.pi * hum_hz * row / rate_hz) + knock * (row % 760 == 380)
+    volts += hum(hum_hz, len(volts), rate_hz, {1: humming})
     np.savez(path, volts=volts, sample_rate_hz=rate_hz)
-    return str(path), volts
+    return str(path)
 
 
 def learn(path, chain=GIVEN):
@@ -260,7 +243,7 @@ def learn(path, chain=GIVEN):
 
 
 def test_quiet_learns_a_floor_for_each_channel_and_nothing_else(tmp_path):
-    parameters, lines = learn(recording(tmp_path / 'rest.npz')[0])
+    parameters, lines = learn(recording(tmp_path / 'rest.npz'))
     assert parameters == {
         'noise_floor': list(learnt_floors(GIVEN, [track(1, duration_s=60.0, slips=False)])),
         'noise_floor_learnt': True,
@@ -270,10 +253,10 @@ def test_quiet_learns_a_floor_for_each_channel_and_nothing_else(tmp_path):
 
 
 def test_quiet_removes_the_hum_before_it_learns_the_floors(tmp_path):
-    humming, lines = learn(recording(tmp_path / 'hum.npz', hum=0.5)[0])
+    humming, lines = learn(recording(tmp_path / 'hum.npz', humming=0.5))
     assert humming['mains_hz'] == 60.0
     assert 'mains of 60 Hz: lines of 60 Hz (' in lines
-    quiet, _ = learn(recording(tmp_path / 'rest.npz')[0])
+    quiet, _ = learn(recording(tmp_path / 'rest.npz'))
     # The comb makes noise louder by 3 dB; the hum was louder by 20.
     ratios = np.array(humming['noise_floor']) / quiet['noise_floor']
     np.testing.assert_allclose(20.0 * np.log10(ratios), 3.0, atol=0.7)
@@ -281,13 +264,13 @@ def test_quiet_removes_the_hum_before_it_learns_the_floors(tmp_path):
 
 def test_hum_without_whole_periods_is_reported_and_not_removed(tmp_path):
     other = dataclasses.replace(GIVEN, sample_rate_hz=377.7)
-    path, _ = recording(tmp_path / 'hum.npz', hum=1.0, hum_hz=50.0, rate_hz=377.7)
+    path = recording(tmp_path / 'hum.npz', humming=1.0, hum_hz=50.0, rate_hz=377.7)
     parameters, lines = learn(path, other)
     assert 'mains_hz cannot remove it' in lines
     assert 'mains_hz' not in parameters
 
 
 def test_floors_need_five_seconds_of_rest(tmp_path):
-    path, _ = recording(tmp_path / 'short.npz', seconds=4.0)
+    path = recording(tmp_path / 'short.npz', seconds=4.0)
     with pytest.raises(ValueError, match=r'short\.npz: lasts 4 s, allowed: at least 5 s at rest'):
         learn(path)

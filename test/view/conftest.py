@@ -20,12 +20,12 @@ import inspect
 
 import pytest
 
+from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.view import server
 from slip_detector.view.parameters import ParameterRequests
 from slip_detector.view.teaching import Teaching
 from support.browsers import complaints_of
-from support.finger_states import Player, QuietDetectors
-from support.simulated_detectors import served_beside
+from support.simulated_detectors import SimulatedDetectors, served_beside
 
 #: Longest time of a coroutine, in seconds.
 DEADLINE_S = 180.0
@@ -89,16 +89,14 @@ def serve(tmp_path):
 
 @pytest.fixture
 def played(serve, open_page):
-    """Return what opens a page on fingers that play rows: by label the rows, None for none."""
+    """Return what opens a page on fingers that play rows: by label the rows."""
 
-    def open_(rows_of, prepare=lambda detectors: None, access=None, width=1366, **how):
-        detectors = QuietDetectors(tuple(rows_of), **how)
+    def open_(rows_of, prepare=lambda detectors: None, width=1366, config=None):
+        detectors = SimulatedDetectors(())
+        for label, rows in rows_of.items():
+            detectors.add(label, config or DetectorConfig(), rows=rows)
         prepare(detectors)
-        served = serve(detectors, access=access)
-        players = [
-            Player(detectors, label, rows) for label, rows in rows_of.items() if rows is not None
-        ]
-        served.call(served.server.each_tick.extend, players)
+        served = serve(detectors)
         return served, open_page(served, width=width)
 
     return open_

@@ -26,7 +26,7 @@ from slip_detector.view.detectors import Diagnosis
 from slip_detector.view.server import NO_TOKEN, Access
 from support import page_parts as parts
 from support.browsers import PATIENCE_MS, expect
-from support.finger_states import STATES, Player, rest_rows, slip_rows
+from support.finger_states import STATES, rest_rows, slip_rows
 from support.simulated_detectors import SimulatedDetectors, served_beside
 from support.training import write_recordings
 
@@ -182,10 +182,10 @@ def test_changes_are_announced_politely_a_short_slip_too(played):
     keep_texts(page, '#news')
     wait_until_shown(page, 'index: rest')
     # A slip that is over before it is announced.
-    player = next(call for call in served.server.each_tick if isinstance(call, Player))
-    served.call(setattr, player, 'rows', slip_rows())
+    index = served.detectors.simulated[parts.NAME]
+    served.call(setattr, index, 'rows', slip_rows())
     expect(parts.card(page)).to_contain_text('SLIP')
-    served.call(setattr, player, 'rows', rest_rows())
+    served.call(setattr, index, 'rows', rest_rows())
     wait_until_shown(page, 'index: SLIP')
     wait_until_shown(page, 'index: rest')
     served.call(served.detectors.remove, 'index')

@@ -88,8 +88,8 @@ def test_parameters_are_set_together_refused_undone_and_saved(serve, open_page, 
     set_values(page, **{'groups.T': '14, 16, 11, 9'})
     expect(parts.changes(page)).to_contain_text('groups.TP from 14, 16, 11, 9')
     assert list(parts.config_of(served).groups) == ['TD', 'LR', 'LU', 'T']
-    name, saved = page.get_by_label('File', exact=True), page.locator('#tools .saved')
-    expect(name).to_have_value('index')
+    saved = page.locator('#tools .saved')
+    expect(page.get_by_label('File', exact=True)).to_have_value('index')
     parts.tool(page, 'Save').click()
     expect(saved).to_contain_text(f'config:={tmp_path}/index.yaml')
     assert DetectorConfig.from_yaml(tmp_path / 'index.yaml') == parts.config_of(served)
@@ -98,9 +98,6 @@ def test_parameters_are_set_together_refused_undone_and_saved(serve, open_page, 
     page.locator('#tools .saving select').select_option('all')
     parts.tool(page, 'Replace the file').click()
     expect(saved).to_contain_text(f'fingers:=index,thumb config:={tmp_path}/index.yaml')
-    name.fill('../index')
-    parts.tool(page, 'Save').click()
-    expect(saved).to_contain_text("Not saved: name is '../index', allowed: ")
 
 
 def test_rest_and_slips_are_recorded_listed_tuned_on_and_deleted(played, tmp_path):

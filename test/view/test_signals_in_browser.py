@@ -15,6 +15,7 @@
 
 """The tabs of the signals in a real browser: traces and the threshold, the spectrum and bands."""
 
+import io
 import re
 from dataclasses import replace
 
@@ -154,22 +155,15 @@ def test_traces_are_chosen_paused_read_and_the_threshold_is_moved(serve, open_pa
     expect(page.locator('#trace-span')).to_have_text('10 s')
 
 
-#: The share of the height of the first channel's lane over which its line, which is blue, reaches.
-REACH_OF_LINE = """([names, margin]) => {
-  const canvas = document.querySelector('#timeline canvas');
-  const {style} = document.querySelector('.lane-name.channel');
-  const [top, height] = [style.top, style.height].map(parseFloat);
-  const width = canvas.width - names - margin;
-  // Of a copy: read again and again, the drawing itself would be slower, and the browser says so.
-  const copy = Object.assign(document.createElement('canvas'), {width, height}).getContext('2d');
-  copy.drawImage(canvas, names, top, width, height, 0, 0, width, height);
-  const {data} = copy.getImageData(0, 0, width, height);
-  const rows = new Set();
-  for (let i = 0; i < data.length; i += 4) {
-    if (data[i + 2] - data[i] > 100) rows.add(Math.floor(i / 4 / width));
-  }
-  return rows.size / height;
-}"""
+def reach_of_line(page):
+    """Return over which share of the first channel's lane its line, which is blue, reaches."""
+    image = pytest.importorskip('PIL.Image')
+    plot = page.locator('#timeline').bounding_box()
+    lane = page.locator('.lane-name.channel').first.bounding_box()
+    left, width = plot['x'] + NAMES_WIDTH, plot['width'] - NAMES_WIDTH - RIGHT_MARGIN
+    seen = page.screenshot(clip={**lane, 'x': left, 'width': width})
+    pixels = np.asarray(image.open(io.BytesIO(seen)).convert('RGB'), int)
+    return (pixels[:, :, 2] - pixels[:, :, 0] > 100).any(axis=1).mean()
 
 
 def test_a_gap_and_values_that_are_no_numbers_leave_traces_their_height(serve, open_page):
@@ -177,8 +171,7 @@ def test_a_gap_and_values_that_are_no_numbers_leave_traces_their_height(serve, o
     page, simulated = open_page(served), served.detectors.simulated[parts.NAME]
     served.call(simulated.play, 2.0)
     until(page, 'data.toS > 41.9')
-    margins = [NAMES_WIDTH, RIGHT_MARGIN]
-    before = page.evaluate(REACH_OF_LINE, margins)
+    before = reach_of_line(page)
     assert before > 0.5
 
     def lose_a_second_and_break_a_value():
@@ -188,7 +181,7 @@ def test_a_gap_and_values_that_are_no_numbers_leave_traces_their_height(serve, o
 
     served.call(lose_a_second_and_break_a_value)
     until(page, 'data.toS > 44.9')
-    assert page.evaluate(REACH_OF_LINE, margins) > 0.8 * before
+    assert reach_of_line(page) > 0.8 * before
 
 
 def rows_with_lines(*frequencies_hz):

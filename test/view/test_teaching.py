@@ -33,7 +33,6 @@ from slip_detector.view.parameters import ParameterRequests
 from slip_detector.view.recordings import NO_SLIP
 from slip_detector.view.server import READ_ONLY, Access, Server
 from slip_detector.view.teaching import AFTER_S, BEFORE_S, GONE, Teaching
-from slip_detector.view.track import LiveTrack
 from support.full_disk import full_disk
 from support.simulated_detectors import SimulatedDetectors
 from support.training import write_recordings
@@ -220,18 +219,6 @@ def test_what_cannot_be_written_is_said_and_the_next_recording_is_as_any_other(t
     taught.play(1.0)
     taught.teaching.stop()
     assert [*taught.listed()] == ['rest_1', 'rest_2']
-
-
-def test_rows_that_came_faster_than_they_were_written_are_said_to_be_missing(taught, monkeypatch):
-    monkeypatch.setattr('slip_detector.view.track.KEPT_S', 1.0)
-    taught.finger.track = LiveTrack(taught.finger.config)
-    taught.teaching.start(FINGER, 'rest')
-    for _ in range(4):
-        taught.detectors.simulated[FINGER].play(1.0)
-    taught.teaching.stop()
-    lacks = 'lacks 760 rows: this computer was too slow'
-    assert taught.teaching.words == f'rest_1 has 2.0 s. It {lacks}'
-    assert taught.listed()['rest_1']['note'] == lacks
 
 
 def test_another_server_finds_what_was_recorded_and_what_was_cut_off(taught):

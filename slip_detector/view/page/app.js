@@ -49,7 +49,7 @@ function show(name) {
   // Changes of the finger that was shown end before.
   for (const line of [traces.line, ...spectrum.lines.values()]) line.settle();
   chosen = name;
-  connection.changeView({finger: name ?? ''});
+  connection.changeView({finger: name ?? '', until_ns: null});
   for (const tool of [parameters, teach, drawings]) tool.choose(name);
   showChosen();
 }
@@ -105,9 +105,6 @@ connection.on('fingers', ({fingers, gone: labels}) => {
   if (next !== chosen) show(next);
   else showChosen();
 });
-
-// The server cannot show what the page has asked for.
-connection.on('refused', ({why}) => drawings.refuse(why));
 
 connection.on('diagnostics', ({fingers}) => {
   for (const [name, lines] of Object.entries(fingers)) cards.get(name)?.showDiagnostics(lines);

@@ -46,9 +46,6 @@ export class FingerCard {
 
   // Show the server's description of the finger, which changes with the detector's parameters.
   describe(finger) {
-    const described = JSON.stringify(finger);
-    if (described === this.described) return;
-    this.described = described;
     this.finger = finger;
     this.root.dataset.finger = finger.name;
     write(this.title, finger.label);
@@ -257,18 +254,13 @@ function paintTaxel(context, colors, {x, y, side}, {fill, on, valid, disabled}, 
     context.stroke(shape);
   }
   if (side < 17) return;
-  Object.assign(context, {textAlign: 'center', textBaseline: 'middle'});
-  const letters = (words, weight, size, color) => {
+  const letters = (words, weight, size, color, outlined) => {
     Object.assign(context, {font: `${weight} ${size}px system-ui, 'DejaVu Sans', sans-serif`, fillStyle: color});
+    if (outlined) context.strokeText(words, x, y);
     context.fillText(words, x, y);
   };
-  if (!disabled && !valid) letters('\u2715', 700, side, colors.fault);
-  const size = Math.min(13, side / 2);
+  Object.assign(context, {textAlign: 'center', textBaseline: 'middle', strokeStyle: colors.ground, lineWidth: 3, lineJoin: 'round'});
+  if (!disabled && !valid) letters('\u2715', 700, side, colors.fault, false);
   // Letters with an outline are legible on any fill; on the colour of ON they need none.
-  if (!on) {
-    context.font = `500 ${size}px system-ui, 'DejaVu Sans', sans-serif`;
-    Object.assign(context, {strokeStyle: colors.ground, lineWidth: 3, lineJoin: 'round'});
-    context.strokeText(number, x, y);
-  }
-  letters(number, on ? 700 : 500, size, disabled ? colors.soft : on ? '#000' : colors.loud);
+  letters(number, on ? 700 : 500, Math.min(13, side / 2), disabled ? colors.soft : on ? '#000' : colors.loud, !on);
 }

@@ -84,7 +84,7 @@ export class Traces {
     const key = JSON.stringify([beginning, width_ns, channels, until_ns]);
     if (key !== this.key || !this.columns) {
       // Paused traces show the track as it was, even if it was begun again since.
-      const goesOn = this.columns && (!this.stretch.live || String(beginning) === String(this.beginning));
+      const goesOn = this.columns && (!this.stretch.live || beginning === this.beginning);
       const kept = Math.ceil(this.stretch.window_s * 1e9 / width_ns) + 4;
       this.columns = this.stretch.columns = new Columns(traces, kept, goesOn ? this.columns.begun_s : null);
       [this.key, this.beginning] = [key, beginning];

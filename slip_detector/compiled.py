@@ -14,7 +14,8 @@
 
 """Functions that Numba compiles where it is installed, and vectors of sixteen values for them.
 
-Without Numba the same functions run interpreted, and a vector is a small NumPy array.
+Without Numba the same functions run interpreted, and a vector is a small NumPy array. Compiled
+functions take the values of a :class:`CompiledSet`.
 
 An inner loop over so few values takes longer to enter than to run, and the compiler does not keep
 its values in registers from one row to the next. Therefore compiled functions use vectors
@@ -36,13 +37,17 @@ import logging
 import operator
 import pickle
 import zlib
+from collections import namedtuple
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from slip_detector.parameters.files import whole_file
+from slip_detector.parameters.sets import ParameterSet
+
+LOG = logging.getLogger(__name__)
 
 try:
     from numba import __version__ as numba_version
@@ -54,6 +59,7 @@ try:
 except ImportError:  # not every robot has Numba
     numba_version = ''
     COMPILED = False
+    LOG.warning('Numba is not installed: all runs interpreted, slower, with the same decisions')
 
 #: Values in a vector: twice as many as the widest registers hold, so that the processor computes
 #: one half while it waits for the result of the other.
@@ -63,7 +69,7 @@ LANES = 16
 def _fingerprint() -> str:
     """Return a checksum of Numba's version and of all files that have compiled functions."""
     number = zlib.crc32(numba_version.encode())
-    for path in sorted(Path(__file__).parents[1].rglob('*.py')):
+    for path in sorted(Path(__file__).parent.rglob('*.py')):
         source = path.read_bytes()
         if b'@compiled' in source or b'@intrinsic' in source:
             number = zlib.crc32(source, number)
@@ -72,7 +78,8 @@ def _fingerprint() -> str:
 
 FINGERPRINT = _fingerprint()
 
-#: Called before a function is compiled, with the name of its module.
+#: Called before Numba compiles a function of this package, in the same thread, with the name of
+#: the function's module.
 LISTENERS: list[Callable[[str], None]] = []
 
 
@@ -115,7 +122,7 @@ if COMPILED:
 @functools.cache
 def _say_not_kept(why: str) -> None:
     """Say once that compiled code is not on disk, so that the next process compiles again."""
-    logging.getLogger(__name__).warning('compiled code is not kept (%s): each start compiles', why)
+    LOG.warning('compiled code is not kept (%s): each start compiles', why)
 
 
 def compiled(function: Callable[..., Any], **options: bool) -> Callable[..., Any]:
@@ -139,18 +146,13 @@ def compiled(function: Callable[..., Any], **options: bool) -> Callable[..., Any
     return dispatcher  # type: ignore[no-any-return]
 
 
-def compiled_in_place(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a function that makes no array and no list, so that a call costs little.
+#: Compiles a function that makes no array and no list, so that a call costs little: Numba counts
+#: no references in it. It refuses to compile one that makes an array; to Python it may return
+#: numbers, but no arrays.
+compiled_in_place = functools.partial(compiled, _nrt=False)
 
-    Numba counts no references in such a function. It refuses to compile one that makes an array;
-    to Python it may return numbers, but no arrays.
-    """
-    return compiled(function, _nrt=False)
-
-
-def compiled_within(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a function in place, whose code becomes part of the functions that call it."""
-    return compiled(function, _nrt=False, forceinline=True)
+#: Compiles a function in place, whose code becomes part of the functions that call it.
+compiled_within = functools.partial(compiled, _nrt=False, forceinline=True)
 
 
 def compiled_for(function: Callable[..., Any], *arguments: Any) -> Callable[..., Any]:
@@ -168,20 +170,22 @@ def compiled_for(function: Callable[..., Any], *arguments: Any) -> Callable[...,
     return entry
 
 
-def on_compiling(say: Callable[[str], None]) -> None:
-    """Call a function each time that Numba compiles a function of this package.
+class CompiledSet(ParameterSet):
+    """A set whose values compiled code takes, as a named tuple, which Numba can take."""
 
-    Parameters
-    ----------
-    say
-        Called before the compilation, in the same thread, with the name of the function's module.
+    Numbers: ClassVar[Any]
 
-    Examples
-    --------
-    >>> modules = []
-    >>> on_compiling(modules.append)
-    """
-    LISTENERS.append(say)
+    def __init_subclass__(cls) -> None:
+        """Make the class of the named tuple."""
+        super().__init_subclass__()
+        numbers: Any = namedtuple('Numbers', [*cls.__annotations__], module=cls.__module__)  # type: ignore[misc]
+        cls.Numbers = numbers
+        # By this name Numba finds the tuple of a function that it has compiled in another process.
+        cls.Numbers.__qualname__ = f'{cls.__qualname__}.Numbers'
+
+    def numbers(self) -> Any:
+        """Return the named tuple of the values."""
+        return self.Numbers(*(getattr(self, name) for name in self.Numbers._fields))
 
 
 if not COMPILED:
@@ -197,8 +201,6 @@ if not COMPILED:
     def store(values, array, at):
         """Write a vector to an array from the index ``at`` on."""
         array[_lanes_from(at)] = values
-
-    store_past_caches = store
 
     def spread(value):
         """Return a number in all lanes."""
@@ -306,32 +308,19 @@ else:
 
         return kind(array, at), codegen
 
-    def _store(past_caches):
-        """Return a function that writes a vector to an array from an index on.
+    @intrinsic
+    def store(typing, values, array, at):
+        """Write a vector to an array from the index ``at`` on; a bool takes one byte."""
 
-        A bool takes one byte. Past the caches a vector of float64 is written to where a cache line
-        begins, without fetching that first.
-        """
+        def codegen(context, builder, signature, args):
+            value, align = args[0], 8
+            if values == BOOLS:
+                value, align = builder.zext(value, ir.VectorType(ir.IntType(8), LANES)), 1
+            pointer = _pointer(context, builder, value.type, *signature.args[1:], *args[1:])
+            builder.store(value, pointer, align=align)
+            return context.get_dummy_value()
 
-        @intrinsic
-        def write(typing, values, array, at):
-            def codegen(context, builder, signature, args):
-                value, align = args[0], 64 if past_caches else 8
-                if values == BOOLS:
-                    value, align = builder.zext(value, ir.VectorType(ir.IntType(8), LANES)), 1
-                types_of_place = signature.args[1:]
-                pointer = _pointer(context, builder, value.type, *types_of_place, *args[1:])
-                written = builder.store(value, pointer, align=align)
-                if past_caches:
-                    mark = builder.module.add_metadata([ir.IntType(32)(1)])
-                    written.set_metadata('nontemporal', mark)
-                return context.get_dummy_value()
-
-            return types.void(values, array, at), codegen
-
-        return write
-
-    store, store_past_caches = _store(False), _store(True)
+        return types.void(values, array, at), codegen
 
     @intrinsic
     def spread(typing, value):
