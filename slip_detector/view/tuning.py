@@ -34,7 +34,7 @@ from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.files import writable_folder, write_yaml
-from slip_detector.report.tables import MAIN_FIGURES, figure_text, heading
+from slip_detector.report.tables import IF_DEFINED, MAIN_FIGURES, figure_text, heading
 from slip_detector.tuning.learning import learn_from_quiet, learn_from_taps
 from slip_detector.tuning.problem import Candidate, searched
 from slip_detector.tuning.search import TuningParameters, tune
@@ -46,7 +46,7 @@ from slip_detector.view.recordings import RecordedFolder
 TRIALS = 200
 
 #: Figures of which larger is better; of all others, smaller is better.
-LARGER_IS_BETTER = ('recall', 'sooner_than_chance', 'precision', 'auc_all')
+LARGER_IS_BETTER = ('recall', 'coverage', 'sooner_than_chance', 'precision', 'auc_all')
 
 #: Where the search for an unknown sensor begins: see docs/your_sensor.md.
 NEW_SENSOR: dict[str, Any] = {
@@ -302,7 +302,9 @@ def compared(
     [('recall', '0.800', '0.950', 'better')]
     """
     rows = []
-    for name in MAIN_FIGURES[:-1]:  # The last is of the robot's motion, which no bag here has.
+    for name in MAIN_FIGURES + IF_DEFINED:
+        if name in IF_DEFINED and before.get(name) is None:
+            continue
         was, now, change = before[name], after[name], ''
         known = was is not None and now is not None and was != now and name != 'slips'
         # A negative latency, ON before the slip, is neither better nor worse.
