@@ -154,7 +154,8 @@ def paths_read(options: argparse.Namespace) -> list[Path]:
     >>> [path.name for path in paths_read(options)]
     ['a.npz', 'rest.npz']
     """
-    given = [getattr(options, name, None) or [] for name in ('recordings', 'held_out')]
+    several = 'recordings', 'held_out', 'press', 'roll', 'idle'
+    given = [getattr(options, name, None) or [] for name in several]
     given += [[path] for name in ('quiet', 'taps') if (path := getattr(options, name, None))]
     sets = [files for paths in given for files in recording_sets(paths).values()]
     labels = [Path(options.labels)] if options.labels else []

@@ -216,12 +216,17 @@ def _tune(job: TuneJob, report: Callable[..., None]) -> None:
             step=f'searching: {count} of {job.trials} chains tried, {words}',
         )
 
+    def doubt(sentences: list[str]) -> None:
+        lines.extend(sentences)
+        report(lines=lines)
+
     report(step='searching')
     to_tune_on = job.paths(itertools.chain(*job.to_tune_on.values()))
     files = TrainingFiles(to_tune_on, parameters.loader, job.paths(job.held_out))
     with contextlib.redirect_stderr(io.StringIO()):  # It says how to go on in a terminal.
         journal = str(folder / 'tuned.yaml.study.journal')
-        result = tune(files, parameters, job.trials, storage=journal, progress=progress)
+        tuning = functools.partial(tune, storage=journal, progress=progress, doubt=doubt)
+        result = tuning(files, parameters, job.trials)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     report(step='comparing on what was held out')
     verdict = result.verdict
