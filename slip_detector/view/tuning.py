@@ -204,7 +204,7 @@ def _obey(connection: Connection) -> None:
 def _tune(job: TuneJob, report: Callable[..., None]) -> None:
     """Learn, search and compare."""
     folder = writable_folder(job.folder / 'tuning')
-    begin = learnt(job, beginning(DetectorConfig.from_parameters(job.running)), report)
+    begin, lines = learnt(job, beginning(DetectorConfig.from_parameters(job.running)), report)
     _write(folder / 'begin.yaml', begin)
     running = _parameters(job.running).chain
     parameters = _parameters(begin)._replace(running=running)
@@ -216,17 +216,13 @@ def _tune(job: TuneJob, report: Callable[..., None]) -> None:
             step=f'searching: {count} of {job.trials} chains tried, {words}',
         )
 
-    def doubt(sentences: list[str]) -> None:
-        lines.extend(sentences)
-        report(lines=lines)
-
     report(step='searching')
     to_tune_on = job.paths(itertools.chain(*job.to_tune_on.values()))
     files = TrainingFiles(to_tune_on, parameters.loader, job.paths(job.held_out))
     with contextlib.redirect_stderr(io.StringIO()):  # It says how to go on in a terminal.
         journal = str(folder / 'tuned.yaml.study.journal')
-        tuning = functools.partial(tune, storage=journal, progress=progress, doubt=doubt)
-        result = tuning(files, parameters, job.trials)
+        calls: Any = {'progress': progress, 'doubt': lambda said: report(lines=lines + said)}
+        result = tune(files, parameters, job.trials, storage=journal, **calls)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     report(step='comparing on what was held out')
     verdict = result.verdict
@@ -259,8 +255,8 @@ def beginning(config: DetectorConfig) -> Values:
     return {**config.to_parameters(), **NEW_SENSOR, 'passband_hz': [low_hz, 0.0], 'vote': vote}
 
 
-def learnt(job: TuneJob, begin: Values, report: Callable[..., None]) -> Values:
-    """Learn noise and impacts if there are recordings of them; return parameters."""
+def learnt(job: TuneJob, begin: Values, report: Callable[..., None]) -> tuple[Values, list[str]]:
+    """Learn noise and impacts if there are recordings of them; return parameters and lines."""
     slips = job.paths(job.to_tune_on['slip'])
     steps: list[tuple[str, str, Callable[..., tuple[Values, list[str]]]]] = [
         ('noise', 'rest', learn_from_quiet),
@@ -282,7 +278,7 @@ def learnt(job: TuneJob, begin: Values, report: Callable[..., None]) -> Values:
         except ValueError as error:  # Taps may look like slips: what was learnt before is kept.
             lines = [*lines, str(error)]
     report(lines=lines)
-    return begin
+    return begin, lines
 
 
 def _parameters(values: Values) -> TuningParameters:
