@@ -27,6 +27,7 @@ no slip; ``recall``, the least.
 """
 
 import asyncio
+import itertools
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -126,8 +127,10 @@ def taught(session: Session, random: np.random.Generator) -> Iterator[Samples]:
         if k == MISTAKEN:
             presses_s.append((end_s + 1.2, end_s + 1.9))
     last_s = 0.0
-    for press in presses_s:
-        yield session.between(max(press[0] - BEFORE_S, last_s), press[1] + AFTER_S, press)
+    for press, following in itertools.zip_longest(presses_s, presses_s[1:]):
+        # The next press ends the rest after a slip.
+        end_s = min(press[1] + AFTER_S, following[0] if following else np.inf)
+        yield session.between(max(press[0] - BEFORE_S, last_s), end_s, press)
         last_s = press[1]
 
 
@@ -147,7 +150,8 @@ def lesson(name: str, parts: Mapping[str, Any], slips: int, seed: int) -> dict[s
         recordings.append(('taps', taps.between(2.0, BEGIN_S + TAPS_S)))
         for kind, rows in recordings:
             accuracy_s = BY_HAND_S if kind == 'slip' else 0.0
-            bag = BagWriter(recorded.new_path(kind), running.names, accuracy_s=accuracy_s)
+            path, of_kind = recorded.new_path(kind), '' if kind == 'slip' else kind
+            bag = BagWriter(path, running.names, accuracy_s=accuracy_s, kind=of_kind)
             bag.write(rows)
             bag.close()
         said, found = asyncio.run(_tuned(recorded, running))

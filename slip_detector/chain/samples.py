@@ -51,6 +51,8 @@ class Samples(NamedTuple):
         Whether the chain must be reset before these rows, as after a long gap.
     accuracy_s : float
         How exact the times of the label's changes are; 0: exact.
+    kind : str
+        The kind of a recording in which nothing slides, see :mod:`.recordings.labels`.
 
     Examples
     --------
@@ -71,6 +73,7 @@ class Samples(NamedTuple):
     row_numbers: Ints | None = None
     new_stretch: bool = False
     accuracy_s: float = 0.0
+    kind: str = ''
 
     @classmethod
     def evenly(

@@ -54,7 +54,14 @@ NAME = 'slip_tune'
 TRIALS = 200
 
 #: Options that only a search has.
-OF_SEARCH = ('held_out', 'report', 'storage', 'jobs', 'cluster')
+OF_SEARCH = ('held_out', 'report', 'storage', 'jobs', 'cluster', 'press', 'roll', 'idle')
+
+#: Options for recordings in which nothing slides, and what happens in these.
+OF_KINDS = {
+    'press': 'pressed, squeezed and let go',
+    'roll': 'rolled',
+    'idle': 'not touched by anything',
+}
 
 #: Number of lines on the progress of a search where no bar can be shown.
 LINES = 10
@@ -85,6 +92,12 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         '--held-out', action='append', default=[], metavar='RECORDING', help='hold out this '
         'recording, or a folder of them, and tune on all other RECORDINGs; repeatable',
     )  # fmt: skip
+    add = parser.add_argument_group(
+        'more to tune on, without labels, as nothing slides'
+    ).add_argument
+    for kind, happens in OF_KINDS.items():
+        text = f'a recording of a finger that is {happens}, or a folder of them; repeatable'
+        add(f'--{kind}', action='append', default=[], metavar='RECORDING', help=text)
     add = parser.add_argument_group('learn from a recording, without a search').add_argument
     add(
         '--quiet', metavar='RECORDING', help='a recording without slip, in which mains hum is '
@@ -168,12 +181,18 @@ def _search(
         parameters.loader,
         paths_for_workers(options, options.held_out),
         options.hold_out,
+        [
+            (kind, path)
+            for kind in OF_KINDS
+            for path in paths_for_workers(options, getattr(options, kind))
+        ],
     )
     with (
         workers(options.jobs, options.cluster) as calls,
         progress_bar(options.trials, 'trial') as bar,
     ):
         more: Any = {'seed': options.seed, 'storage': where, 'progress': _progress(bar)}
+        more['doubt'] = lambda sentences: bar.write('\n'.join(sentences), file=sys.stderr)
         result = tune(files, parameters, options.trials, calls=calls, **more)
     # It takes a while to load.
     from slip_detector.report.page import replay_variant, write_tuning_report

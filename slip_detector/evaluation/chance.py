@@ -25,12 +25,13 @@ rise. Its *lead* is the time from the beginning of this window to the start of t
 a row, as an alarm may rise anywhere within its row.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from slip_detector.chain.samples import Floats
+from slip_detector.recordings.labels import KINDS
 
 #: Least ``sooner_than_chance`` with which the median latency of all slips is defined.
 HALF = 0.5
@@ -192,3 +193,32 @@ def slip_figures(
         'latency_p90_ms': float(np.percentile(reported, 90)) if reported.size else None,
         'latency_worst_ms': float(reported.max()) if reported.size else None,
     }
+
+
+def kind_figures(of_kinds: Mapping[str, tuple[float, float, float]]) -> dict[str, float | None]:
+    """Return the figures of each kind of recordings in which nothing slides.
+
+    Parameters
+    ----------
+    of_kinds
+        By the kind: time of its rest, number of alarms in it, and how much of it the global
+        decision is ON.
+
+    Returns
+    -------
+    dict
+        ``<kind>_on_percent`` and ``<kind>_alarms_per_minute`` for each of :data:`.labels.KINDS`;
+        None where nothing of the kind was recorded.
+
+    Examples
+    --------
+    >>> figures = kind_figures({'press': (30.0, 2, 0.3)})
+    >>> figures['press_on_percent'], figures['press_alarms_per_minute'], figures['rest_on_percent']
+    (1.0, 4.0, None)
+    """
+    found: dict[str, float | None] = {}
+    for kind in KINDS:
+        rest_s, alarms, on_s = of_kinds.get(kind, (0.0, 0, 0.0))
+        found[f'{kind}_on_percent'] = 100.0 * (on_s / rest_s) if rest_s else None
+        found[f'{kind}_alarms_per_minute'] = 60.0 * alarms / rest_s if rest_s else None
+    return found

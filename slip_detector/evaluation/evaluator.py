@@ -119,7 +119,7 @@ class RecordingLoader(NamedTuple):
                 f'{path}: has the channels {", ".join(names)}, allowed: '
                 f'{", ".join(config.channel_names)}, the parameter channel_names'
             )
-        if require_truth and not recording.has_truth:
+        if require_truth and not (recording.has_truth or recording.kind):
             reading, arrays = self.recording_config, ', '.join(recording.array_names())
             topics = f'{reading.recording_truth_topic} or {reading.recording_position_topic}'
             label = f'label {reading.recording_truth_key}, there are: {arrays}'

@@ -20,9 +20,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from slip_detector.evaluation.chance import slip_figures
+from slip_detector.evaluation.chance import kind_figures, slip_figures
 from slip_detector.evaluation.matching import beyond_accuracy
 from slip_detector.evaluation.scores import MOTION, ScoreCounts
+from slip_detector.recordings.labels import KINDS
 
 
 class Bound(NamedTuple):
@@ -197,12 +198,12 @@ def event_figures(outcomes: Sequence['ReplayOutcome']) -> dict[str, Any]:
         latencies are what is certain of them, 0 within this accuracy; ``<stage>_ms``: mean time
         that the latency of the matched slips spends in the stage; ``late_<stage>_ms``: the same
         for the late slips;
-        ``missed_at_<stage>`` and ``missed_already_on``: how many slips were lost there.
+        ``missed_at_<stage>`` and ``missed_already_on``: how many slips were lost there; and, in
+        recordings of each kind, the figures of :func:`.kind_figures`.
     """
     slips = [slip for one in outcomes for slip in one.slips]
     kinds = [alarm.kind for one in outcomes for alarm in one.alarms]
-    rest_s = sum(one.rest_rows / one.sample_rate_hz for one in outcomes)
-    on_rest_s = sum(one.on_rest_rows / one.sample_rate_hz for one in outcomes)
+    rest_s, _, on_rest_s = _rest(outcomes)
     scored = [slip for slip in slips if not slip.settling]
     late = [slip for slip in scored if slip.late]
     lost = [slip.lost_at for slip in scored if slip.latency_s is None]
@@ -240,7 +241,22 @@ def event_figures(outcomes: Sequence['ReplayOutcome']) -> dict[str, Any]:
         **_mean_stages(late, 'late_'),
         **{f'missed_at_{stage}': lost.count(stage) for stage in STAGES},
         f'missed_{ALREADY_ON}': lost.count(ALREADY_ON),
+        **kind_figures({kind: _rest(o for o in outcomes if o.kind == kind) for kind in KINDS}),
     }
+
+
+def _rest(outcomes: Iterable['ReplayOutcome']) -> tuple[float, float, float]:
+    """Return the time of the rest, the number of alarms in it and how much of it is ON."""
+    of_each = [
+        (
+            one.rest_rows / one.sample_rate_hz,
+            sum(alarm.kind == FALSE for alarm in one.alarms),
+            one.on_rest_rows / one.sample_rate_hz,
+        )
+        for one in outcomes
+    ]
+    rest_s, alarms, on_s = map(sum, zip(*of_each, strict=True)) if of_each else (0.0, 0, 0.0)
+    return rest_s, alarms, on_s
 
 
 def _mean_stages(slips: Sequence[TrueSlip], prefix: str) -> dict[str, float | None]:
@@ -338,6 +354,8 @@ class ReplayOutcome:
     alarms : tuple of Alarm
     scores : ScoreCounts
         Scores of the decision statistic.
+    kind : str
+        The kind of the recording, see :mod:`slip_detector.recordings.labels`.
 
     Examples
     --------
@@ -364,6 +382,7 @@ class ReplayOutcome:
     slips: tuple[TrueSlip, ...]
     alarms: tuple[Alarm, ...]
     scores: ScoreCounts
+    kind: str = ''
 
 
 def figures_of_merit(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:

@@ -156,7 +156,7 @@ class _Run:
 
     def __init__(self, replay: Replay, rate_hz: float, observer: Any) -> None:
         self._replay, self._rate_hz, self._observer = replay, rate_hz, observer
-        self._accuracy_s = 0.0
+        self._accuracy_s, self._kind = 0.0, ''
         self._chain, self._config = replay.chain, replay.chain.config
         self._row = 0  # Number of the next row; rows that are missing in gaps count.
         self._moving_rows: int | None = None
@@ -167,7 +167,7 @@ class _Run:
 
     def add(self, piece: Samples) -> None:
         volts, truth = np.asarray(piece.volts, np.float64), np.asarray(piece.truth, np.bool_)
-        n, self._accuracy_s = len(volts), piece.accuracy_s
+        n, self._accuracy_s, self._kind = len(volts), piece.accuracy_s, piece.kind
         if not n:
             return
         if piece.new_stretch and self._row:
@@ -315,6 +315,7 @@ class _Run:
             slips=tuple(slips),
             alarms=tuple(found),
             scores=self._replay.tally.collect(),
+            kind=self._kind,
         )
 
     def _lost_at(self, slip: _Slip) -> str:

@@ -195,7 +195,7 @@ class ChainConfig(ParameterSet):
         (0.0, 1e12, 'V'),
         heading='Impacts',
     )
-    impact_s: float = decision_parameter(
+    impact_s: float = of_evidence(
         0.0, 'An impact is a step over this time; 0: from one sample to the next.', (0.0, 1.0, 's')
     )
     impact_channels: int = of_evidence(
@@ -207,32 +207,32 @@ class ChainConfig(ParameterSet):
     impact_hold_s: float = of_evidence(
         0.3, 'For this time after an impact no channel is above its floor.', (0.0, 60.0, 's')
     )
-    contact_level_v: float = decision_parameter(
+    contact_level_v: float = of_evidence(
         0.0,
         'RMS in activity_band_hz from which a channel touches; no evidence without; 0: no check.',
         (0.0, 1e12, 'V'),
         heading='Contact and activity',
     )
-    contact_channels: int = decision_parameter(
+    contact_channels: int = of_evidence(
         4,
         'Number of channels that must touch.',
         (1, 1_000_000),
         allows='1 to the number of enabled channels',
     )
-    contact_hold_s: float = decision_parameter(
+    contact_hold_s: float = of_evidence(
         1.0, 'Contact goes on for this time after the last touch.', (0.0, 60.0, 's')
     )
-    activity_band_hz: tuple[float, ...] = decision_parameter(
+    activity_band_hz: tuple[float, ...] = of_evidence(
         (8.0, 20.0),
         'Band of low activity, below passband_hz; []: neither contact nor activity are looked at.',
         (None, None, 'Hz'),
         allows='two edges, as passband_hz; or []',
         rising=True,
     )
-    activity_range_db: float = decision_parameter(
+    activity_range_db: float = of_evidence(
         15.0, 'The floor follows the activity this far below.', (-100.0, 100.0, 'dB')
     )
-    activity_cap_db: float = decision_parameter(
+    activity_cap_db: float = of_evidence(
         0.0, 'How far activity may lift the floor; 0: it does not.', (0.0, 300.0, 'dB')
     )
     threshold: float = searched_decision(

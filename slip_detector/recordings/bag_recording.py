@@ -30,9 +30,11 @@ from slip_detector.parameters.fields import name_list
 from slip_detector.recordings.bag_storage import BagStorage, Message, Topic, typestore_of
 from slip_detector.recordings.labels import (
     ACCURACY,
+    KIND,
     Labels,
     certain_at,
     checked_accuracy,
+    checked_kind,
     moving_at,
     states_at,
 )
@@ -158,6 +160,8 @@ class BagRecording(Recording):
         self.has_truth |= bool(self._truth_topic or self._position_topic)
         if labels is None and self._truth_topic:
             self.accuracy_s = checked_accuracy(self._storage.custom_data.get(ACCURACY, 0.0))
+        if labels is None:
+            self.kind = checked_kind(self._storage.custom_data.get(KIND, ''))
         decoder = _Decoder(self._topic, self._field)
         first = next((rows for rows, _, _ in self._rows(self._topic, decoder)), None)
         if first is None or not len(first.volts):

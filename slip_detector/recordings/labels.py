@@ -28,8 +28,12 @@ from slip_detector.parameters.files import read_yaml
 #: Ending of a file of labels beside its recording: ``trial.labels.yaml`` for ``trial.mcap``.
 ENDING = '.labels.yaml'
 
-#: Names in a file of labels: of the list of intervals, and of how exact their ends are.
-KEY, ACCURACY = 'slip_s', 'accuracy_s'
+#: Names in a file of labels: of the intervals, of how exact their ends are, and of the kind.
+KEY, ACCURACY, KIND = 'slip_s', 'accuracy_s', 'kind'
+
+#: Kinds of recordings in which nothing slides: an object held still; knocks; pressed, squeezed and
+#: let go; rolled; a finger that touches nothing. Other recordings have none.
+KINDS = ('rest', 'taps', 'press', 'roll', 'idle')
 
 #: How exact a label is whose ends were given by a key or a button as a finger slid, in seconds:
 #: people press 0.12 to 0.35 s late, and let go 0.08 to 0.3 s late.
@@ -58,6 +62,8 @@ class Labels(NamedTuple):
         Start and end of each, in order of time, without overlap; seconds from the first sample.
     accuracy_s : float
         How far each of them may be from the true one; 0: exact.
+    kind : str
+        One of :data:`KINDS`; '': none of them.
 
     Examples
     --------
@@ -69,6 +75,7 @@ class Labels(NamedTuple):
     path: Path
     edges_s: Floats
     accuracy_s: float = 0.0
+    kind: str = ''
 
     def at(self, after_ns: Stamps) -> Bools:
         """Return whether there is slip at each time; an interval excludes its end.
@@ -140,14 +147,15 @@ def read_labels(path: Path) -> Labels:
     ----------
     path
         A YAML file with a list ``slip_s`` of pairs of seconds from the first sample, and perhaps
-        ``accuracy_s``, how far they may be from the true ones.
+        ``accuracy_s``, how far they may be from the true ones; or with a ``kind``, one of
+        :data:`KINDS`, that has no slip.
 
     Raises
     ------
     ValueError
-        When the file cannot be read or has no such list or more, the accuracy is not allowed, or
-        an interval is empty, begins before the recording or overlaps another; names the file and
-        the interval.
+        When the file cannot be read or has no such list or more, accuracy or kind are not
+        allowed, or an interval is empty, begins before the recording or overlaps another; names
+        the file and the interval.
 
     Examples
     --------
@@ -168,14 +176,19 @@ def read_labels(path: Path) -> Labels:
 def labels_from(path: Path, document: dict[str, Any]) -> Labels:
     """Return the labels of a document that is, or will be, in a file; see :func:`read_labels`."""
     accuracy_s = checked_accuracy(document.pop(ACCURACY, 0.0), f'{path}: ')
+    kind = checked_kind(document.pop(KIND, ''), f'{path}: ')
     try:
-        edges_s = np.array(document.pop(KEY), np.float64).reshape(-1, 2)
+        listed = document.pop(KEY, []) if kind else document.pop(KEY)
+        edges_s = np.array(listed, np.float64).reshape(-1, 2)
     except (KeyError, TypeError, ValueError, ArithmeticError):
         document = {'no': KEY}
     if document:
         raise ValueError(
-            f'{path}: has more or less than {KEY}: [[start, end]] and {ACCURACY}, all in seconds'
+            f'{path}: has more or less than {KEY}: [[start, end]] and {ACCURACY}, all in seconds, '
+            f'or {KIND}'
         )
+    if kind and edges_s.size:
+        raise ValueError(f'{path}: has slips, allowed: none in a recording of the kind {kind}')
     edges_s = edges_s[np.argsort(edges_s[:, 0])]
     steps_s = np.diff(edges_s.ravel(), prepend=0.0).reshape(-1, 2)
     wrong = ~((steps_s[:, 0] >= 0.0) & (steps_s[:, 1] > 0.0))
@@ -185,7 +198,7 @@ def labels_from(path: Path, document: dict[str, Any]) -> Labels:
             f'{path}: the slip [{start_s:g}, {end_s:g}] s is not allowed: it begins before 0 s '
             'or the end of another, or ends before it begins'
         )
-    return Labels(path, edges_s, accuracy_s)
+    return Labels(path, edges_s, accuracy_s, kind)
 
 
 def checked_accuracy(value: Any, where: str = '') -> float:
@@ -200,6 +213,14 @@ def checked_accuracy(value: Any, where: str = '') -> float:
         if 0.0 <= (accuracy_s := float(value)) <= MOST_S:
             return accuracy_s
     raise ValueError(f'{where}{ACCURACY} is {shortened(repr(value))}, allowed: 0 to {MOST_S:g} s')
+
+
+def checked_kind(value: Any, where: str = '') -> str:
+    """Return the kind of a recording; a ValueError if it is neither of :data:`KINDS` nor ''."""
+    if value not in ('', *KINDS):
+        allowed = ', '.join(KINDS)
+        raise ValueError(f'{where}{KIND} is {shortened(repr(value))}, allowed: {allowed}')
+    return str(value)
 
 
 def certain_at(at_ns: Stamps, edges_ns: Stamps, accuracy_s: float) -> 'Bools | None':

@@ -117,6 +117,8 @@ class Recording:
         Whether the true slip is known.
     accuracy_s : float
         How exact the label is; 0: exact.
+    kind : str
+        One of :data:`.labels.KINDS`, in which nothing slides; '': none of them.
     counts : RecordingCounts
         Counts of the last reading.
     """
@@ -131,6 +133,7 @@ class Recording:
         self.counts = RecordingCounts()
         self._labels, self._resample = labels, config.recording_resample
         self.has_truth, self.accuracy_s = labels is not None, labels.accuracy_s if labels else 0.0
+        self.kind = labels.kind if labels else ''
 
     def read(self) -> Iterator[Samples]:
         """Yield the rows of the file, some thousands at a time."""
@@ -181,7 +184,7 @@ class Recording:
                     after_ns = rows.stamps_ns - first_ns
                     certain = certain_at(after_ns, labels.edges_ns, labels.accuracy_s)
                     label = {'truth': labels.at(after_ns), 'certain': certain}
-                yield rows._replace(accuracy_s=self.accuracy_s, **label)
+                yield rows._replace(accuracy_s=self.accuracy_s, kind=self.kind, **label)
             damage = self.counts.damage
             if first_ns is None or last_ns is None:
                 raise ValueError(f'has no samples{f" ({damage})" if damage else ""}')

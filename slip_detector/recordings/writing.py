@@ -29,7 +29,7 @@ import numpy as np
 from slip_detector.chain.samples import Samples
 from slip_detector.parameters.files import file_errors_of, whole_file
 from slip_detector.recordings.bag_storage import load_rosbags, write_checksums
-from slip_detector.recordings.labels import ACCURACY
+from slip_detector.recordings.labels import ACCURACY, KIND
 from slip_detector.recordings.messages import JointStateWriter
 
 #: Version of the bag metadata for ROS 2 Jazzy and later.
@@ -167,6 +167,8 @@ class BagWriter:
         .mcap or .db3.
     accuracy_s
         How exact the truth is, which is noted in ``metadata.yaml``.
+    kind
+        One of :data:`.labels.KINDS`, which is noted there too; '': none of them.
 
     Raises
     ------
@@ -199,6 +201,7 @@ class BagWriter:
         frame_id: str = 'fingertip',
         ending: str = '.mcap',
         accuracy_s: float = 0.0,
+        kind: str = '',
     ) -> None:
         rosbag2 = load_rosbags()
         from rosbags.typesys import Stores, get_typestore
@@ -212,6 +215,7 @@ class BagWriter:
         try:
             self._writer = rosbag2.Writer(folder, version=BAG_VERSION, storage_plugin=plugin)
             self._writer.set_custom_data(ACCURACY, f'{accuracy_s:g}')
+            self._writer.set_custom_data(KIND, kind)
             self._writer.open()
         except rosbag2.WriterError:
             raise FileExistsError(errno.EEXIST, 'already exists') from None

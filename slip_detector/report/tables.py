@@ -19,6 +19,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from slip_detector.evaluation.figures import ALREADY_ON, STAGES
+from slip_detector.recordings.labels import KINDS
 
 #: The text of a figure that is not defined.
 UNDEFINED = '-'
@@ -57,6 +58,7 @@ TABLES: dict[str, Sequence[str]] = {
     'rest': (
         'rest_s', 'false_alarms_per_minute', 'false_time_percent', 'false_time_s_per_hour',
     ),
+    'kinds': [f'{kind}_{what}' for kind in KINDS for what in ('on_percent', 'alarms_per_minute')],
     'mean latency, by stage': [f'{stage}_ms' for stage in STAGES],
     'of the late ones': [f'late_{stage}_ms' for stage in STAGES],
     'missed slips, lost at': [*(f'missed_at_{stage}' for stage in STAGES), f'missed_{ALREADY_ON}'],
@@ -72,8 +74,11 @@ LEGEND = f'{UNDEFINED}: not defined (no such rows or events, or the motion is no
 MAIN_FIGURES = (
     'slips', 'missed', 'late', 'recall', 'coverage', 'sooner_than_chance', 'precision',
     'false_alarms', 'false_alarms_per_minute', 'false_time_percent', 'latency_median_all_ms',
-    'latency_median_ms', 'latency_p90_ms', 'latency_worst_ms', 'auc_all', 'auc_moving',
+    'latency_median_ms', 'latency_p90_ms', 'latency_worst_ms', 'auc_all',
 )  # fmt: skip
+
+#: Those that are shown only where they are defined.
+IF_DEFINED = ('auc_moving', *TABLES['kinds'])
 
 
 def text_table(rows: Sequence[Sequence[str]], alignment: str = '<>', indent: int = 2) -> str:
@@ -208,8 +213,9 @@ def _tables(name: str, rows: Mapping[str, Mapping[str, Any]]) -> list[list[list[
     width = max(map(len, [name, *rows, *TABLES]))
     *_, whole = rows.values()
     tables = []
-    for title, figures in TABLES.items():
-        if title in OPTIONAL and not any(whole[figure] for figure in figures):
+    for title, every in TABLES.items():
+        figures = [one for one in every if title != 'kinds' or whole.get(one) is not None]
+        if not figures or (title in OPTIONAL and not any(whole[figure] for figure in figures)):
             continue
         heads = (heading(figure).removeprefix(f'{title} ') for figure in figures)
         tables.append([[(title or name).ljust(width), *heads]])
@@ -234,8 +240,8 @@ def comparison_table(given: Mapping[str, Any], tuned: Mapping[str, Any]) -> str:
       recall                   0.800  0.950
     """
     rows = [['', 'given', 'tuned']]
-    for name in MAIN_FIGURES:
-        if name != 'auc_moving' or given[name] is not None:
+    for name in MAIN_FIGURES + IF_DEFINED:
+        if name in MAIN_FIGURES or given.get(name) is not None:
             rows.append([heading(name), *(figure_text(name, one) for one in (given, tuned))])
     return text_table(rows)
 

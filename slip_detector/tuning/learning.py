@@ -228,20 +228,14 @@ def learnt_floors(chain: ChainConfig, tracks: Sequence[Track]) -> tuple[float, .
     >>> 3.5 < floors[1] / floors[0] < 4.5
     True
     """
-    plain = dataclasses.replace(chain, decision='mean')
-    settling, runner, envelopes = settling_rows(plain), SlipChain(plain), []
+    plain, tracks = dataclasses.replace(chain, decision='mean'), at_rest(tracks)
+    settling, every = settling_rows(plain), []
     used = [REST] if any((track.kinds == REST).any() for track in tracks) else [MOTION]
     for track in tracks:
-        left = settling + max(MOST_ROWS // len(tracks), round(LEAST_S * track.sample_rate_hz))
-        for begin, end, _ in track.stretches:
-            rows = slice(begin, min(end, begin + left))
-            runner.reset()
-            result = runner.update(track.volts[rows], envelope=True, level=False)
-            counts = np.isin(track.kinds[rows], used)
-            counts[:settling] = False
-            envelopes.append(np.where(result.valid, result.envelope, np.nan)[counts])
-            left -= counts.size
-    columns = [column[np.isfinite(column)] for column in np.concatenate(envelopes).T]
+        most = settling + max(MOST_ROWS // len(tracks), round(LEAST_S * track.sample_rate_hz))
+        its = envelopes(plain, track, most)
+        every.append(its[np.isin(track.kinds[: len(its)], used)])
+    columns = [column[np.isfinite(column)] for column in np.concatenate(every).T]
     found = np.array([np.quantile(one, BELOW_FLOOR) if one.size else 0.0 for one in columns])
     if not found.any():
         raise ValueError(
@@ -250,6 +244,28 @@ def learnt_floors(chain: ChainConfig, tracks: Sequence[Track]) -> tuple[float, .
         )
     found[found == 0.0] = np.median(found[found > 0.0])
     return tuple(float(f'{floor:.4g}') for floor in found)
+
+
+def at_rest(tracks: Sequence[Track]) -> Sequence[Track]:
+    """Return the recordings whose rows without slip are rest; all where there are none."""
+    return [track for track in tracks if track.kind in ('', 'rest')] or tracks
+
+
+def envelopes(chain: ChainConfig, track: Track, most_rows: int | None = None) -> Floats:
+    """Return the envelope of the first rows of a recording, or of all; shape (n, c).
+
+    It is NaN where a channel is not valid, and while the chain settles.
+    """
+    settling, runner = settling_rows(chain), SlipChain(chain)
+    found = np.full(track.volts[:most_rows].shape, np.nan)
+    for begin, end, _ in track.stretches:
+        runner.reset()
+        result = runner.update(track.volts[begin:end][: len(found) - begin], level=False)
+        part = found[begin:end]
+        part[settling:] = np.where(result.valid, result.envelope, np.nan)[settling:]
+        if end >= len(found):
+            break
+    return found
 
 
 def find_mains(chain: ChainConfig, track: Track) -> tuple[float, str]:
@@ -349,8 +365,8 @@ def learn_from_taps(
     return {'impact_v': impact_v}, [*lines, *more_lines, f'{knocks.name}: {line}']
 
 
-def steps_v(chain: ChainConfig, track: Track) -> Floats:
-    """Return for each row the largest steps that 1, 2, ... channels reach at once.
+def steps_v(chain: ChainConfig, track: Track, rows: int = 1) -> Floats:
+    """Return the largest steps over some rows that 1, 2, ... channels reach at once, in each row.
 
     Examples
     --------
@@ -368,17 +384,23 @@ def steps_v(chain: ChainConfig, track: Track) -> Floats:
     for begin, end, _ in track.stretches:
         part = volts[begin:end]
         good = (part >= low) & (part <= high) & np.isfinite(part)
-        steps = np.abs(np.diff(forward_filled(part, ~good), axis=0))
-        found[begin + 1 : end] = np.sort(steps, axis=1)[:, ::-1]
+        filled = forward_filled(part, ~good)
+        steps = np.abs(filled[rows:] - filled[:-rows])
+        found[begin + rows : end] = np.sort(steps, axis=1)[:, ::-1]
     return found
 
 
-def slip_steps_v(chain: ChainConfig, tracks: Sequence[Track]) -> Floats:
+def impact_rows(chain: ChainConfig, impact_s: float) -> int:
+    """Return the number of rows over which a step is an impact."""
+    return chain.samples(impact_s) if impact_s else 1
+
+
+def slip_steps_v(chain: ChainConfig, tracks: Sequence[Track], rows: int = 1) -> Floats:
     """Return the largest of :func:`steps_v` in rows with slip; shape (enabled channels,)."""
     # Also where the label is not certain, as the first rows of a slip may be its largest.
     slips = [np.asarray(track.samples.truth) for track in tracks]
     steps = [
-        steps_v(chain, track)[slip].max(axis=0, initial=0.0)
+        steps_v(chain, track, rows)[slip].max(axis=0, initial=0.0)
         for track, slip in zip(tracks, slips, strict=True)
     ]
     return np.asarray(np.max(steps, axis=0))
@@ -390,7 +412,7 @@ def knocks_v(chain: ChainConfig, track: Track) -> Floats:
     A knock begins with a step above :data:`KNOCK` times the noise. Further such steps that follow
     within :data:`KNOCK_S` of each other belong to it.
     """
-    every = steps_v(chain, track)
+    every = steps_v(chain, track, impact_rows(chain, chain.impact_s))
     steps = every[:, min(chain.impact_channels, every.shape[1]) - 1]
     # Where the samples seldom change, the noise is the smallest step of the converter.
     least_v = steps[steps > 0.0].min(initial=np.inf)
@@ -417,7 +439,8 @@ def impact_step(chain: ChainConfig, knocks: Track, tracks: Sequence[Track]) -> t
     >>> 0.05 < impact_v < 1.0, '90 % of 4 knocks have a step above 0.9' in line
     (True, True)
     """
-    of_knocks, of_slips = knocks_v(chain, knocks), slip_steps_v(chain, tracks)
+    rows = impact_rows(chain, chain.impact_s)
+    of_knocks, of_slips = knocks_v(chain, knocks), slip_steps_v(chain, tracks, rows)
     slip_v = float(of_slips[min(chain.impact_channels, of_slips.size) - 1])
     knock_v = float(np.quantile(of_knocks, 1.0 - KNOCK_SHARE)) if of_knocks.size else 0.0
     numbers = (

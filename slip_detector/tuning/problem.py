@@ -31,6 +31,7 @@ from slip_detector.evaluation.scores import MOTION, REST, ScoreTally
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig, TuneConfig
 from slip_detector.parameters.fields import name_list
+from slip_detector.recordings.labels import KINDS
 from slip_detector.tuning.space import SearchSpace
 from slip_detector.tuning.sweep import (
     ThresholdSweep,
@@ -62,6 +63,9 @@ AUC_STEP = 1e-3
 #: Other figures that differ by less than this count as equal, and coverages by less than this.
 EQUAL, COVERAGE_STEP = 1e-9, 5e-3
 
+#: Times ON in recordings of a kind that differ by less than this count as equal, in per cent.
+ON_STEP = 0.5
+
 #: Factor on the cost of the amount by which a figure is worse than that of the given chain.
 WORSE_COUNTS = 10.0
 
@@ -74,6 +78,7 @@ COMPARED = {
     'sooner_than_chance': ('sooner than chance', '', True, EQUAL),
     'coverage': ('time of slips that is ON', '', True, COVERAGE_STEP),
     'auc': ('area under the ROC curve', '', True, AUC_STEP),
+    **{f'{kind}_on_percent': (f'time ON in {kind}', ' %', False, ON_STEP) for kind in KINDS},
 }
 
 
@@ -200,6 +205,7 @@ class Problem:
         for track in self.tracks:
             digest.update(np.ascontiguousarray(track.volts).data)
             digest.update(track.kinds.data)
+            digest.update(track.kind.encode())
         return f'{self.config.NODE}-{digest.hexdigest()[:16]}'
 
     @functools.cached_property
@@ -296,13 +302,17 @@ class Problem:
         rates_hz = sweep.false_alarms / sweep.rest_s
         per_minute = 60.0 * sweep.false_alarms / sweep.rest_s
         percent = 100.0 * (sweep.on_rest_s / sweep.rest_s)
+        # Each kind of recordings counts as much as another, however long it was recorded.
+        kinds = [one for one in sweep.of_kinds.values() if one[0]]
+        mean_per_minute = sum(60.0 * alarms / rest_s for rest_s, alarms, _ in kinds) / len(kinds)
+        mean_percent = sum(100.0 * (on_s / rest_s) for rest_s, _, on_s in kinds) / len(kinds)
         # Labels that are not exact may leave no row that certainly slips.
         missed_percent = 100.0 * (1.0 - np.nan_to_num(sweep.coverage, nan=1.0))
         costs = (
             late_ms.mean(axis=0)
             + 1e3 * saved_by_chance_s(leads_s, windows_s, rates_hz, missed_costs / 1e3)
-            + false_costs * per_minute
-            + config.false_time_costs_ms * percent
+            + false_costs * mean_per_minute
+            + config.false_time_costs_ms * mean_percent
             + config.missed_time_costs_ms * missed_percent
         )
         if given is not None and better_than_chance(given):
@@ -323,6 +333,10 @@ class Problem:
                 + config.missed_time_costs_ms
                 * np.fmax(missed_percent - 100.0 * (1.0 - limit['coverage']), 0.0)
             )
+            for kind, (rest_s, _, on_s) in sweep.of_kinds.items():
+                most = limit.get(f'{kind}_on_percent', np.nan) + ON_STEP
+                more = np.fmax(100.0 * (on_s / rest_s) - most, 0.0) if rest_s else 0.0
+                worse += config.false_time_costs_ms * more
             costs += WORSE_COUNTS * worse
         return np.asarray(costs)
 

@@ -41,6 +41,7 @@ from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.parameters.evaluation import EvaluationConfig, TuneConfig
+from slip_detector.tuning.kinds import contradictions
 from slip_detector.tuning.problem import Candidate, Problem, Verdict, judge
 from slip_detector.tuning.tracks import Track, TrainingFiles
 
@@ -120,6 +121,7 @@ def tune(
     seed: int = 0,
     storage: str | None = None,
     progress: Callable[[int, Candidate | None], None] = lambda count, best: None,
+    doubt: Callable[[list[str]], None] = lambda sentences: None,
     calls: Calls | None = None,
 ) -> TuningResult:
     """Search for a better chain, and judge the best one on the held-out recordings.
@@ -141,6 +143,9 @@ def tune(
     progress
         Called with the number of trials so far and the chain that would be judged if the search
         ended now, before the first trial, and after each trial and each batch.
+    doubt
+        Called before the search with a sentence on each recording that contradicts its kind, if
+        there are any; see :func:`.kinds.contradictions`.
     calls
         Makes the calls for the points of a batch. None: they are made in this process.
 
@@ -153,6 +158,9 @@ def tune(
     if importlib.util.find_spec('optuna') is None:
         raise ValueError(NEEDS_OPTUNA)
     training, held, notes = files.load()
+    if sentences := contradictions(parameters.chain, training + held):
+        doubt(sentences)
+        notes += sentences
     with _first_interrupt_noted() as stop:
         problem = parameters.problem(training)
         name = problem.study_name()

@@ -22,12 +22,20 @@ values for the noise floors, a point has the way in which they are learnt from t
 import dataclasses
 import functools
 import math
+import operator
 from collections.abc import Sequence
 from typing import Any
 
 from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
 from slip_detector.parameters.files import shared_folder
-from slip_detector.tuning.learning import LEAST_RATIO, MAINS_HZ, learnt_floors, slip_steps_v
+from slip_detector.tuning.kinds import activity_range_db, contact_level_v
+from slip_detector.tuning.learning import (
+    LEAST_RATIO,
+    MAINS_HZ,
+    impact_rows,
+    learnt_floors,
+    slip_steps_v,
+)
 from slip_detector.tuning.sweep import rounded
 from slip_detector.tuning.tracks import Track
 
@@ -54,8 +62,12 @@ LEAST_SHARING = 3
 #: How the names of the parameters of a point begin that only one decision has.
 OF_DECISIONS = {
     'mean': ('decision_window',),
-    'evidence': ('floor', 'evidence', 'cap', 'impact'),
+    'evidence': ('floor', 'evidence', 'cap', 'impact', 'contact', 'activity'),
 }
+
+#: Times over which a step may be an impact, and that and the cap of activity to begin with.
+IMPACTS_S = (0.0, 0.005, 0.01, 0.02, 0.05)
+IMPACT_S, ACTIVITY_CAP_DB = 0.01, 8.7
 
 
 @functools.cache
@@ -94,6 +106,7 @@ class SearchSpace:
 
     def __init__(self, given: ChainConfig, tracks: Sequence[Track] = ()) -> None:
         self._given, self._tracks = given, tracks
+        self._steps_v: dict[int, Any] = {}
         self._highest_hz = HIGHEST * given.sample_rate_hz
         self._least_window_s = max(SHORTEST_WINDOW_S, 1.0 / given.sample_rate_hz)
 
@@ -111,7 +124,19 @@ class SearchSpace:
         given_floors = ('given',) if given.decision == 'evidence' else ()
         given_impact = ('given',) if given.impact_v else ()
         mains_hz = {0.0, given.mains_hz, *filter(self._has_whole_periods, MAINS_HZ)}
-        return {
+        of_kinds: dict[str, Any] = {}
+        kinds = {track.kind for track in self._tracks}
+        # What no recording shows is not searched, and stays as it is given.
+        if kinds & {'taps', 'press', 'roll'}:
+            of_kinds['impact_s'] = OneOf(sorted({given.impact_s, *IMPACTS_S}))
+        if given.activity_band_hz and self._contact_is_learnt:
+            given_contact = ('given',) if given.contact_level_v else ()
+            of_kinds['contact'] = OneOf((*given_contact, 'none', 'learnt'))
+        if given.activity_band_hz and kinds & {'press', 'roll'}:
+            given_activity = ('given',) if given.activity_cap_db else ()
+            of_kinds['activity'] = OneOf((*given_activity, 'none', 'learnt'))
+            of_kinds['activity_cap_db'] = Between(2.0, 20.0)
+        return of_kinds | {
             'decision': OneOf(('mean', 'evidence')),
             'passband_low_hz': Between(LOWEST_LOW * rate, HIGHEST_LOW * rate, log=True),
             'passband_octaves': Between(0.5, WIDEST),
@@ -181,8 +206,47 @@ class SearchSpace:
             'threshold': given.threshold if reached else rounded(0.5 * limit_db_s),
             **self._impacts(point),
         }
-        floors = self._floors(point, dataclasses.replace(given, **{**changes, 'decision': 'mean'}))
-        return dataclasses.replace(given, **changes, noise_floor=floors)
+        mean = dataclasses.replace(given, **{**changes, 'decision': 'mean'})
+        changes |= self._contact(point, mean)
+        return dataclasses.replace(given, **changes, noise_floor=self._floors(point, mean))
+
+    def _contact(self, point: dict[str, Any], chain: ChainConfig) -> dict[str, Any]:
+        """Return the parameters of contact and activity; ``chain`` has others of the point."""
+        given = self._given
+        changes: dict[str, Any] = {}
+        contact, activity = (point.get(name, 'given') for name in ('contact', 'activity'))
+        if activity == 'given':
+            changes['activity_cap_db'] = given.activity_cap_db
+        elif activity == 'none':
+            changes['activity_cap_db'] = 0.0
+        else:
+            low_hz, (begin_hz, end_hz) = chain.passband_hz[0], given.activity_band_hz
+            share = min(low_hz / end_hz, 1.0)
+            changes['activity_band_hz'] = rounded(share * begin_hz), min(low_hz, end_hz)
+            chain = dataclasses.replace(chain, **changes)
+            changes['activity_range_db'] = activity_range_db(chain, self._tracks)
+            changes['activity_cap_db'] = rounded(point['activity_cap_db'])
+        if contact == 'none':
+            changes['contact_level_v'] = 0.0
+        elif contact == 'learnt':
+            chain = self._touching(chain)
+            changes['contact_channels'] = chain.contact_channels
+            changes['contact_level_v'] = contact_level_v(chain, self._tracks)
+        return changes
+
+    def _touching(self, chain: ChainConfig) -> ChainConfig:
+        """Return a chain for which no more channels have to touch than it has."""
+        enabled = chain.channels - len(chain.disabled_channels)
+        most = min(chain.contact_channels, enabled)
+        return dataclasses.replace(chain, contact_channels=most)
+
+    @functools.cached_property
+    def _contact_is_learnt(self) -> bool:
+        """Whether a recording shows a finger that touches nothing."""
+        try:
+            return contact_level_v(self._touching(self._given), self._tracks) > 0.0
+        except ValueError:
+            return False
 
     def _floors(self, point: dict[str, Any], chain: ChainConfig) -> tuple[float, ...]:
         """Return the noise floors at a point; ``chain`` has all other parameters."""
@@ -200,13 +264,17 @@ class SearchSpace:
         given, channels = self._given, point['impact_channels']
         if point['impact'] != 'above slips':
             impact_v = given.impact_v if point['impact'] == 'given' else 0.0
-            return {'impact_v': impact_v, 'impact_channels': given.impact_channels}
-        step_v = float(self._slip_steps_v[channels - 1])
-        return {'impact_v': rounded(LEAST_RATIO * step_v), 'impact_channels': channels}
+            kept = {'impact_s': given.impact_s, 'impact_channels': given.impact_channels}
+            return {'impact_v': impact_v, **kept}
+        impact_s = point.get('impact_s', given.impact_s)
+        step_v = float(self._slip_steps_v(impact_rows(given, impact_s))[channels - 1])
+        impact_v = rounded(LEAST_RATIO * step_v)
+        return {'impact_v': impact_v, 'impact_s': impact_s, 'impact_channels': channels}
 
-    @functools.cached_property
-    def _slip_steps_v(self) -> Any:
-        return slip_steps_v(self._given, self._tracks)
+    def _slip_steps_v(self, rows: int) -> Any:
+        if rows not in self._steps_v:
+            self._steps_v[rows] = slip_steps_v(self._given, self._tracks, rows)
+        return self._steps_v[rows]
 
     def _has_whole_periods(self, mains_hz: float) -> bool:
         """Return whether the mains has whole periods in rows of the given rate."""
@@ -244,6 +312,8 @@ class SearchSpace:
         if given.decision == 'evidence' and chain.noise_floor == given.noise_floor:
             floors = 'given'
         impact = 'above slips' if chain.impact_v else 'none'
+        contact = ('none', 'learnt')[chain.contact_level_v > 0.0]
+        activity = ('none', 'learnt')[chain.activity_cap_db > 0.0]
         values: dict[str, Any] = {
             'passband_low_hz': low_hz,
             'passband_octaves': math.log2(high_hz / low_hz) if high_hz else WIDEST,
@@ -255,6 +325,9 @@ class SearchSpace:
             'floor_rate_db_s': chain.noise_floor_rate_db_s,
             'cap_above_db': chain.evidence_cap_db - chain.evidence_offset_db,
             'impact': 'given' if impact != 'none' and chain.impact_v == given.impact_v else impact,
+            'contact': 'given' if contact != 'none' and chain == given else contact,
+            'activity': 'given' if activity != 'none' and chain == given else activity,
+            'activity_cap_db': chain.activity_cap_db or ACTIVITY_CAP_DB,
         }
         # All others have the names of the chain's parameters.
         return {
@@ -287,7 +360,8 @@ class SearchSpace:
         """Return the points where a search begins: the given chain, the paper's, the presets.
 
         The given chain is among them with each mains frequency and with none, as subtracting the
-        row whole mains periods ago removes a steady slide at multiples of 1 / that time, too.
+        row whole mains periods ago removes a steady slide at multiples of 1 / that time, too. What
+        recordings of kinds teach is there as well, alone and together.
 
         A preset gives bands, windows and the parameters of evidence; noise floors and the steps
         of impacts are learnt from the sensor that is tuned.
@@ -295,7 +369,21 @@ class SearchSpace:
         points: list[dict[str, Any]] = []
         given = self.point(self._given)
         combs = [{**given, 'mains_hz': hz} for hz in self.distributions['mains_hz'].choices]
-        for point in (given, *combs, *map(self.point, presets())):
+        every = [given, *combs, *map(self.point, presets())]
+        evidence = next(point for point in every if point['decision'] == 'evidence')
+        more = [
+            {name: value}
+            for name, value in (
+                ('contact', 'learnt'),
+                ('activity', 'learnt'),
+                ('impact_s', IMPACT_S),
+            )
+            if name in self.distributions
+        ]
+        for change in (*more, *([functools.reduce(operator.or_, more)] if len(more) > 1 else ())):
+            impact = {'impact': 'above slips'} if 'impact_s' in change else {}
+            every.append({**evidence, **change, **impact})
+        for point in every:
             points += [] if point in points else [point]
         return points
 

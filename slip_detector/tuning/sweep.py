@@ -22,14 +22,14 @@ filters run once, and a row takes time only for the thresholds that the number c
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from slip_detector.chain.samples import Bools, Floats, Ints
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.compiled import compiled
-from slip_detector.evaluation.chance import slip_figures
+from slip_detector.evaluation.chance import kind_figures, slip_figures
 from slip_detector.evaluation.matching import (
     NONE,
     ScoredRows,
@@ -253,6 +253,8 @@ class ThresholdSweep(NamedTuple):
         Time of the rest that is ON.
     coverage : ndarray, shape (T,)
         Share of the time that certainly slips in which the decision is ON; NaN without any.
+    of_kinds : dict
+        ``rest_s``, ``false_alarms`` and ``on_rest_s`` of each kind of recordings.
     """
 
     latencies_ms: Floats
@@ -263,18 +265,28 @@ class ThresholdSweep(NamedTuple):
     rest_s: float
     on_rest_s: Floats
     coverage: Floats
+    of_kinds: dict[str, tuple[float, Ints, Floats]]
 
     def figures(self, at: int) -> dict[str, float | None]:
-        """Return the figures at one threshold: coverage and those of :func:`.slip_figures`."""
+        """Return coverage and those of :func:`.slip_figures` and :func:`.kind_figures`."""
         coverage = float(self.coverage[at])
-        return {'coverage': None if math.isnan(coverage) else coverage} | slip_figures(
-            self.latencies_ms[self.scored, at],
-            self.leads_s[self.scored],
-            self.windows_s[self.scored],
-            int(self.false_alarms[at]),
-            self.rest_s,
-            float(self.on_rest_s[at]),
-        )
+        return {
+            'coverage': None if math.isnan(coverage) else coverage,
+            **slip_figures(
+                self.latencies_ms[self.scored, at],
+                self.leads_s[self.scored],
+                self.windows_s[self.scored],
+                int(self.false_alarms[at]),
+                self.rest_s,
+                float(self.on_rest_s[at]),
+            ),
+            **kind_figures(
+                {
+                    kind: (rest_s, int(alarms[at]), float(on_s[at]))
+                    for kind, (rest_s, alarms, on_s) in self.of_kinds.items()
+                }
+            ),
+        }
 
 
 def sweep_thresholds(
@@ -311,7 +323,8 @@ def sweep_thresholds(
     >>> sweep.latencies_ms, sweep.false_alarms, sweep.on_rest_s
     (array([[nan, 10., nan]]), array([1, 0, 0]), array([0.01, 0.  , 0.  ]))
     """
-    false_alarms, rest_s, none = np.zeros(limits.size, np.int64), 0.0, np.zeros(0)
+    of_kinds: dict[str, Any] = {}
+    none = np.zeros(0)
     # Times of the kinds 1, rest, and 2, certain slip: in all, then ON at each threshold.
     on_s = np.zeros((limits.size + 1, 3))
     # For each track: latencies_ms, scored, leads_s and windows_s of its slips.
@@ -322,6 +335,7 @@ def sweep_thresholds(
         accuracy_s = track.samples.accuracy_s
         rows = ScoredRows(track.slips, stretches, settling_rows, config, rate_hz, accuracy_s)
         rises = np.full((len(track.slips), limits.size), NONE, np.int64)
+        false_alarms = np.zeros(limits.size, np.int64)
         rows_below = np.zeros((limits.size + 1, 3), np.int64)
         rest = np.stack(np.broadcast_arrays(rows.rest_starts, rows.rest_ends, 1), axis=1)
         slip = np.stack(np.broadcast_arrays(rows.certain_starts, rows.certain_ends, 2), axis=1)
@@ -336,10 +350,15 @@ def sweep_thresholds(
         late_s = beyond_accuracy((rises - starts) / rate_hz, accuracy_s)
         latencies_ms: Floats = np.where(found, late_s * 1e3, np.nan)
         of_tracks.append((latencies_ms, rows.scored, rows.leads_s, rows.windows_s))
-        rest_s += rows.rest_rows / rate_hz
         # A row is ON at threshold k where more than k thresholds are below its value.
-        on_s += np.cumsum(rows_below[::-1], axis=0)[::-1] / rate_hz
+        its_s = np.cumsum(rows_below[::-1], axis=0)[::-1] / rate_hz
+        on_s += its_s
+        its_rest = rows.rest_rows / rate_hz, false_alarms, its_s[1:, 1]
+        before = of_kinds.get(track.kind, (0.0, 0, 0.0))
+        of_kinds[track.kind] = tuple(a + b for a, b in zip(before, its_rest, strict=True))
     coverage = on_s[1:, 2] / on_s[0, 2] if on_s[0, 2] else np.full(limits.size, np.nan)
     latencies, scored, leads_s, windows_s = map(np.concatenate, zip(*of_tracks, strict=True))
-    found = false_alarms, rest_s, on_s[1:, 1], coverage
+    alarms = sum((one[1] for one in of_kinds.values()), np.zeros(limits.size, np.int64))
+    rest_s = sum(one[0] for one in of_kinds.values())
+    found = alarms, rest_s, on_s[1:, 1], coverage, of_kinds
     return ThresholdSweep(latencies, scored, leads_s, windows_s, *found)

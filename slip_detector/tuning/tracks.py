@@ -102,6 +102,11 @@ class Track:
         return tuple(labels.closed())
 
     @property
+    def kind(self) -> str:
+        """The kind of a recording in which nothing slides; '': none of them."""
+        return self.samples.kind
+
+    @property
     def volts(self) -> Floats:
         """Its rows of volts; shape (n, c)."""
         return self.samples.volts
@@ -160,9 +165,9 @@ def track_of(name: str, pieces: Iterable[Samples], sample_rate_hz: float) -> Tra
 def held_out(tracks: Sequence[Track], share: float) -> tuple[list[Track], list[Track]]:
     """Divide recordings into those that are tuned on and those that are held out.
 
-    Of several recordings with slip a share is held out, and likewise of those without slip; see
-    :func:`hold_out_evenly`. A single one with slip is cut in two between two slips, as near to the
-    share as possible.
+    Of several recordings with slip a share is held out, and likewise of each kind of those without
+    slip; see :func:`hold_out_evenly`. A single one with slip is cut in two between two slips, as
+    near to the share as possible.
 
     Parameters
     ----------
@@ -181,8 +186,11 @@ def held_out(tracks: Sequence[Track], share: float) -> tuple[list[Track], list[T
     with_slip = [track for track in tracks if track.slips]
     divide = _cut_in_two if len(with_slip) == 1 else hold_out_evenly
     training, held = divide(with_slip, share)
-    quiet, quiet_held = hold_out_evenly([track for track in tracks if not track.slips], share)
-    return training + quiet, held + quiet_held
+    quiet = [track for track in tracks if not track.slips]
+    for kind in dict.fromkeys(track.kind for track in quiet):
+        parts = hold_out_evenly([track for track in quiet if track.kind == kind], share)
+        training, held = training + parts[0], held + parts[1]
+    return training, held
 
 
 def hold_out_evenly(items: Sequence[Any], share: float) -> tuple[list[Any], list[Any]]:
@@ -223,6 +231,7 @@ def load_tracks(
     loader: RecordingLoader,
     labelled: bool = True,
     left_out: Sequence[str] = (),
+    kind: str = '',
 ) -> tuple[list[Track], list[str]]:
     """Read recordings into memory.
 
@@ -236,6 +245,8 @@ def load_tracks(
         Whether they must have labels.
     left_out
         Recordings and folders of recordings to leave out.
+    kind
+        The kind of all of them; '': what each says itself.
 
     Returns
     -------
@@ -246,7 +257,8 @@ def load_tracks(
     Raises
     ------
     ValueError
-        When a recording cannot be read or does not suit the chain; names it.
+        When a recording cannot be read, does not suit the chain, or has slips that recordings of
+        its kind do not have; names it.
 
     Examples
     --------
@@ -268,7 +280,11 @@ def load_tracks(
                 continue
             opened = loader.open(file, labelled)
             shown = f'{name}/{file.name}' if len(sets) > 1 else file.name
-            tracks.append(track_of(shown, opened.rows, opened.sample_rate_hz))
+            rows = (one._replace(kind=kind or one.kind) for one in opened.rows)
+            tracks.append(track := track_of(shown, rows, opened.sample_rate_hz))
+            if track.kind and track.slips:
+                of_kind = f'allowed: none in a recording of the kind {track.kind}'
+                raise ValueError(f'{file}: has slips, {of_kind}')
             faults = _faults(opened.recording.counts)
             notes += [f'{shown}: {faults}'] if faults else []
     return tracks, notes
@@ -307,12 +323,15 @@ class TrainingFiles(NamedTuple):
         Recordings and folders of recordings that are held out by name.
     share : float
         Share of the recordings to hold out where none are held out by name.
+    of_kinds : sequence of (str, str)
+        Kind and path of more recordings, which need no labels.
     """
 
     paths: Sequence[str]
     loader: RecordingLoader
     left_out: Sequence[str] = ()
     share: float = 1 / 3
+    of_kinds: Sequence[tuple[str, str]] = ()
 
     def load(self) -> tuple[list[Track], list[Track], list[str]]:
         """Read the files.
@@ -330,6 +349,9 @@ class TrainingFiles(NamedTuple):
             When a recording cannot be read, or there are too few slips; names the recordings.
         """
         training, notes = load_tracks(self.paths, self.loader, left_out=self.left_out)
+        for kind, path in self.of_kinds:
+            more, their_notes = load_tracks([path], self.loader, labelled=False, kind=kind)
+            training, notes = training + more, notes + their_notes
         held, more_notes = load_tracks(self.left_out, self.loader)
         if not self.left_out:
             training, held = held_out(training, self.share)

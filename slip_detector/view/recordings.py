@@ -48,7 +48,7 @@ from slip_detector.tuning.tracks import hold_out_evenly, track_of
 from slip_detector.view.detectors import Finger
 
 #: Kinds of recordings.
-KINDS = ('rest', 'slip', 'taps')
+KINDS = ('rest', 'slip', 'taps', 'press')
 _NAME = re.compile(rf'({"|".join(KINDS)})_([1-9][0-9]{{0,8}})')
 
 #: Note on a recording of kind ``slip`` that contains none.
@@ -287,7 +287,10 @@ class Recorder:
             path.parent.mkdir(parents=True, exist_ok=True)
             frame = finger.frame_id or 'fingertip'
             accuracy_s = BY_HAND_S if self.kind == 'slip' else 0.0
-            self._bag = BagWriter(path, finger.config.names, frame, accuracy_s=accuracy_s)
+            kind = '' if self.kind == 'slip' else self.kind
+            self._bag = BagWriter(
+                path, finger.config.names, frame, accuracy_s=accuracy_s, kind=kind
+            )
 
     @property
     def duration_s(self) -> float:

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Records rest, slips and taps of the fingers, and tunes on them, as a page requests."""
+"""Records rest, slips, taps and presses of the fingers, and tunes on them, as a page requests."""
 
 import asyncio
 import functools
@@ -31,7 +31,7 @@ from slip_detector.view.tuning import TuneRun
 
 #: Seconds of rest in the recording of a slip, before the key is pressed and after it is released.
 #: If the chain has not settled in the rest before a slip, the slip is not scored.
-BEFORE_S, AFTER_S = 2.0, 1.0
+BEFORE_S, AFTER_S = 2.0, 2.0
 
 #: While the key is pressed, the page keeps reporting it. After so many seconds without a report
 #: the page counts as gone, and the slip ends.
@@ -106,9 +106,9 @@ class Teaching:
         return self._folders.setdefault(finger.name, RecordedFolder(self._folder / finger.label))
 
     def start(self, name: object, kind: object) -> None:
-        """Begin to record a finger at rest, or being tapped, until :meth:`stop`."""
-        if kind not in ('rest', 'taps'):
-            raise ValueError(f'{str(kind)[:40]} is not recorded so, allowed: rest, taps')
+        """Begin to record a finger at rest, being tapped or pressed, until :meth:`stop`."""
+        if kind not in ('rest', 'taps', 'press'):
+            raise ValueError(f'{str(kind)[:40]} is not recorded so, allowed: rest, taps, press')
         finger = self._free(name)
         self._begin(finger, str(kind), finger.track.samples.appended)
 

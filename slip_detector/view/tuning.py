@@ -34,7 +34,7 @@ from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.files import writable_folder, write_yaml
-from slip_detector.report.tables import MAIN_FIGURES, figure_text, heading
+from slip_detector.report.tables import IF_DEFINED, MAIN_FIGURES, figure_text, heading
 from slip_detector.tuning.learning import learn_from_quiet, learn_from_taps
 from slip_detector.tuning.problem import Candidate, searched
 from slip_detector.tuning.search import TuningParameters, tune
@@ -46,7 +46,7 @@ from slip_detector.view.recordings import RecordedFolder
 TRIALS = 200
 
 #: Figures of which larger is better; of all others, smaller is better.
-LARGER_IS_BETTER = ('recall', 'sooner_than_chance', 'precision', 'auc_all')
+LARGER_IS_BETTER = ('recall', 'coverage', 'sooner_than_chance', 'precision', 'auc_all')
 
 #: Where the search for an unknown sensor begins: see docs/your_sensor.md.
 NEW_SENSOR: dict[str, Any] = {
@@ -204,7 +204,7 @@ def _obey(connection: Connection) -> None:
 def _tune(job: TuneJob, report: Callable[..., None]) -> None:
     """Learn, search and compare."""
     folder = writable_folder(job.folder / 'tuning')
-    begin = learnt(job, beginning(DetectorConfig.from_parameters(job.running)), report)
+    begin, lines = learnt(job, beginning(DetectorConfig.from_parameters(job.running)), report)
     _write(folder / 'begin.yaml', begin)
     running = _parameters(job.running).chain
     parameters = _parameters(begin)._replace(running=running)
@@ -221,7 +221,8 @@ def _tune(job: TuneJob, report: Callable[..., None]) -> None:
     files = TrainingFiles(to_tune_on, parameters.loader, job.paths(job.held_out))
     with contextlib.redirect_stderr(io.StringIO()):  # It says how to go on in a terminal.
         journal = str(folder / 'tuned.yaml.study.journal')
-        result = tune(files, parameters, job.trials, storage=journal, progress=progress)
+        calls: Any = {'progress': progress, 'doubt': lambda said: report(lines=lines + said)}
+        result = tune(files, parameters, job.trials, storage=journal, **calls)
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     report(step='comparing on what was held out')
     verdict = result.verdict
@@ -254,8 +255,8 @@ def beginning(config: DetectorConfig) -> Values:
     return {**config.to_parameters(), **NEW_SENSOR, 'passband_hz': [low_hz, 0.0], 'vote': vote}
 
 
-def learnt(job: TuneJob, begin: Values, report: Callable[..., None]) -> Values:
-    """Learn noise and impacts if there are recordings of them; return parameters."""
+def learnt(job: TuneJob, begin: Values, report: Callable[..., None]) -> tuple[Values, list[str]]:
+    """Learn noise and impacts if there are recordings of them; return parameters and lines."""
     slips = job.paths(job.to_tune_on['slip'])
     steps: list[tuple[str, str, Callable[..., tuple[Values, list[str]]]]] = [
         ('noise', 'rest', learn_from_quiet),
@@ -277,7 +278,7 @@ def learnt(job: TuneJob, begin: Values, report: Callable[..., None]) -> Values:
         except ValueError as error:  # Taps may look like slips: what was learnt before is kept.
             lines = [*lines, str(error)]
     report(lines=lines)
-    return begin
+    return begin, lines
 
 
 def _parameters(values: Values) -> TuningParameters:
@@ -302,7 +303,9 @@ def compared(
     [('recall', '0.800', '0.950', 'better')]
     """
     rows = []
-    for name in MAIN_FIGURES[:-1]:  # The last is of the robot's motion, which no bag here has.
+    for name in MAIN_FIGURES + IF_DEFINED:
+        if name in IF_DEFINED and before.get(name) is None:
+            continue
         was, now, change = before[name], after[name], ''
         known = was is not None and now is not None and was != now and name != 'slips'
         # A negative latency, ON before the slip, is neither better nor worse.

@@ -134,6 +134,12 @@ REFUSED = [
     ('a.npz --quiet still.npz --out o.yaml', 'no RECORDING with it', 2),
     ('--quiet still.npz --false-alarms-per-hour 0 --out o.yaml', 'allowed: a number above 0', 2),
     ('a.npz --hold-out 1 --out o.yaml', 'between 0 and 1', 2),
+    ('a.npz --press a.npz --out o.yaml', 'a.npz: has slips, allowed: none in a recording of', 1),
+    (
+        '--quiet still.npz --press still.npz --out o.yaml',
+        'searches nothing, allowed: no --press',
+        2,
+    ),
 ]
 
 

@@ -36,6 +36,7 @@ from slip_detector.evaluation.figures import (
 )
 from slip_detector.evaluation.replay import Replay
 from slip_detector.evaluation.scores import ScoreCounts
+from slip_detector.recordings.labels import KINDS
 from support.replay_cases import CONFIG, RATE_HZ, ridges
 
 SLIP = TrueSlip(
@@ -49,7 +50,9 @@ MISSED = dataclasses.replace(
 )
 
 
-def outcome(slips=(), kinds=(), rest_rows=0, on_rest_rows=0, rows=0, on_rows=0, certain=(0, 0)):
+def outcome(
+    slips=(), kinds=(), rest_rows=0, on_rest_rows=0, rows=0, on_rows=0, certain=(0, 0), kind=''
+):
     """Return the outcome of a recording with 10 rows a second, none of them called slip."""
     return ReplayOutcome(
         rows=rows, slip_rows=0, moving_rows=None, on_rows=on_rows, settling_rows=0,
@@ -57,7 +60,7 @@ def outcome(slips=(), kinds=(), rest_rows=0, on_rest_rows=0, rows=0, on_rows=0, 
         on_rest_rows=on_rest_rows,
         sample_rate_hz=10.0, slips=tuple(slips),
         alarms=tuple(Alarm(1.0, 1.5, kind, None) for kind in kinds),
-        scores=ScoreCounts.pooled([]),
+        scores=ScoreCounts.pooled([]), kind=kind,
     )  # fmt: skip
 
 
@@ -73,8 +76,8 @@ def test_figures_of_events_by_hand():
     already_on = dataclasses.replace(MISSED, lost_at='already_on')
     slips = [SLIP, late, MISSED, already_on, early, begun]
     kinds = (TRUE, TRUE, TRUE, REPEAT, FALSE, SETTLING)
-    first = outcome(slips[:2], kinds[:1], 100, 6, certain=(30, 25))
-    outcomes = [first, outcome(slips[2:], kinds[1:], 200, certain=(10, 5))]
+    first = outcome(slips[:2], kinds[:1], 100, 6, certain=(30, 25), kind='rest')
+    outcomes = [first, outcome(slips[2:], kinds[1:], 200, certain=(10, 5), kind='press')]
     assert event_figures(outcomes) == pytest.approx(
         {
             'slips': 6, 'settling_slips': 1, 'matched': 3, 'late': 1, 'missed': 2,
@@ -93,6 +96,11 @@ def test_figures_of_events_by_hand():
             'late_vote_ms': 10.0,
             'missed_at_filter': 0, 'missed_at_envelope': 1, 'missed_at_decision': 0,
             'missed_at_vote': 0, 'missed_already_on': 1,
+            # The one false alarm is in the 20 s of the second.
+            'rest_on_percent': 6.0, 'rest_alarms_per_minute': 0.0,
+            'press_on_percent': 0.0, 'press_alarms_per_minute': 3.0,
+            **{f'{kind}_{what}': None for kind in ('taps', 'roll', 'idle')
+               for what in ('on_percent', 'alarms_per_minute')},
         }
     )  # fmt: skip
 
@@ -105,6 +113,7 @@ def test_an_undefined_figure_is_none():
         'coverage', 'false_alarms_per_minute', 'false_time_percent', 'false_time_s_per_hour',
         'latency_median_all_ms', 'latency_median_ms', 'latency_p90_ms', 'latency_worst_ms',
         *(f'{lead}{stage}_ms' for lead in ('', 'late_') for stage in STAGES),
+        *(f'{kind}_{what}' for kind in KINDS for what in ('on_percent', 'alarms_per_minute')),
     }  # fmt: skip
     missed = event_figures([outcome([MISSED], rest_rows=100)])
     assert (missed['recall'], missed['precision']) == (0.0, None)

@@ -30,6 +30,7 @@ from slip_detector.recordings.labels import (
     snapped,
     states_at,
 )
+from slip_detector.recordings.writing import BagWriter
 
 RATE_HZ = 100.0
 N_ROWS = 1000
@@ -92,6 +93,22 @@ def test_a_file_beside_the_recording_or_in_a_folder_goes_before_what_the_recordi
         open_recording(tmp_path / 'other.mcap', RecordingConfig(recording_labels=str(folder)))
 
 
+def test_a_recording_of_a_kind_needs_no_other_label_and_says_so(tmp_path):
+    np.savez(tmp_path / 'trial.npz', volts=np.ones((N_ROWS, 2)), sample_rate_hz=RATE_HZ)
+    (tmp_path / 'trial.labels.yaml').write_text('kind: press')
+    (tmp_path / 'bag').mkdir()
+    bag = BagWriter(tmp_path / 'bag' / 'trial', ['a', 'b'], kind='idle')
+    bag.write(Samples.evenly(np.ones((N_ROWS, 2)), RATE_HZ, np.zeros(N_ROWS)))
+    bag.close()
+    for path, kind in ((tmp_path / 'trial.npz', 'press'), (bag.path.parent, 'idle')):
+        pieces = list(open_recording(path).pieces())
+        assert {piece.kind for piece in pieces} == {kind}
+        assert not any(piece.truth.any() for piece in pieces)
+    # What a person writes goes before what the bag says.
+    (tmp_path / 'bag' / 'trial.labels.yaml').write_text('slip_s: [[1, 2]]')
+    assert {piece.kind for piece in open_recording(bag.path.parent).pieces()} == {''}
+
+
 WRONG = ': has more or less than slip_s: [[start, end]] and accuracy_s, all in seconds'
 
 
@@ -109,6 +126,12 @@ WRONG = ': has more or less than slip_s: [[start, end]] and accuracy_s, all in s
         ('slips:\n- [1, 2]', WRONG),
         ('slip_s: []\nunit: ms', WRONG),
         ('slip_s: 3', WRONG),
+        ('kind: pressed', ": kind is 'pressed', allowed: rest, taps, press, roll, idle"),
+        ('kind: [press]\nslip_s: []', ": kind is ['press'], allowed: rest, taps"),
+        (
+            'kind: press\nslip_s: [[1, 2]]',
+            ': has slips, allowed: none in a recording of the kind press',
+        ),
         ('slip_s:\n- [1, two]', WRONG),
         ('slip_s:\n- {start: 1, end: 2}', WRONG),
         ('slip_s:\n- [1, [2]]', WRONG),

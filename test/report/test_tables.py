@@ -14,6 +14,7 @@
 
 """Tables of text, and the texts of figures."""
 
+from slip_detector.evaluation.chance import kind_figures
 from slip_detector.grasp.comparison import (
     CONTROLLER,
     HARDER,
@@ -58,6 +59,18 @@ def test_tables_of_missed_slips_and_faults_are_left_out_where_there_are_none():
     assert text.endswith('x: no bad samples, no gaps, no rows dropped')
     report['sets']['x']['missed_at_vote'] = 1
     assert 'missed slips, lost at' in evaluation_tables(report)
+
+
+def test_kinds_are_shown_where_they_were_recorded():
+    one = {**evaluated(0), **kind_figures({'press': (30.0, 0, 0.0)})}
+    report = {'sets': {'x': {**one, 'recordings': {'a': {**one, 'lost': '', 'doubts': ''}}}}}
+    lines = evaluation_tables({**report, 'all': one}).splitlines()
+    at = next(k for k, line in enumerate(lines) if line.startswith('kinds'))
+    assert ' '.join(lines[at].split()) == 'kinds press on [%] press alarms per minute'
+    assert lines[at + 1].split() == ['a', '0.00', '0.00']
+    given_ = dict.fromkeys(MAIN_FIGURES, 1) | {'press_on_percent': 30.0, 'rest_on_percent': None}
+    text = comparison_table(given_, {**given_, 'press_on_percent': 2.0})
+    assert ' '.join(text.splitlines()[-1].split()) == 'press on [%] 30.00 2.00'
 
 
 def test_given_and_tuned_are_beside_each_other():

@@ -147,6 +147,16 @@ def test_a_step_is_one_that_so_many_channels_exceed(channels, seed):
     np.testing.assert_allclose(steps_v(chain, recorded(volts)), expected)
 
 
+@given(rows=st.integers(1, 9))
+def test_a_step_may_take_several_rows(rows):
+    volts = np.cumsum(np.random.default_rng(rows).standard_normal((40, 2)), axis=0)
+    expected = np.zeros((40, 2))
+    for k in range(rows, 40):
+        expected[k] = np.sort(np.abs(volts[k] - volts[k - rows]))[::-1]
+    found = steps_v(ChainConfig(channels=2), recorded(volts), rows)
+    np.testing.assert_allclose(found, expected)
+
+
 def test_each_knock_counts_once_however_long_it_rings():
     steps_v = knocks_v(CHAIN, with_knocks(20.0))
     assert steps_v.size == 20

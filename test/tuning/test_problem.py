@@ -86,6 +86,37 @@ def test_costs_are_latency_and_what_misses_false_alarms_and_wrong_time_count_for
         assert more.cost_ms - found.cost_ms == pytest.approx(figure, abs=1e-9)
 
 
+def compared(*values):
+    """Return figures of a chain, those of kinds undefined."""
+    return dict.fromkeys(COMPARED) | dict(zip(COMPARED, values, strict=False))
+
+
+def test_each_kind_of_recordings_counts_as_much_as_another_and_may_not_get_worse():
+    often = dataclasses.replace(CHAIN, threshold=2e-4, vote=1)
+    weights = TuneConfig(auc_costs_ms=0.0)
+    slips_, still = track(1), track(2, slips=False, duration_s=6.0)
+    press = dataclasses.replace(still, samples=still.samples._replace(kind='press'))
+    pooled, apart = (Problem([slips_, one], config=weights) for one in (still, press))
+    figures = apart.as_it_is(often).figures
+    rest_s = {'': 12.0 - 4 * 0.8 - 0.4, 'press': 6.0 - 0.4}
+    share = rest_s['press'] / sum(rest_s.values())
+    # Half of the cost is that of the press, whose time is about a third.
+    on_percent, press_percent = figures['false_time_percent'], figures['press_on_percent']
+    other_percent = (on_percent - share * press_percent) / (1.0 - share)
+    less = TuneConfig(auc_costs_ms=0.0, false_time_costs_ms=0.0)
+    for problem_, percent in (
+        (pooled, on_percent), (apart, (press_percent + other_percent) / 2),
+    ):  # fmt: skip
+        free = dataclasses.replace(problem_, config=less).as_it_is(often)
+        cost_ms = problem_.as_it_is(often).cost_ms - free.cost_ms
+        assert cost_ms == pytest.approx(10.0 * percent, rel=0.02)
+    surer = {**figures, 'press_on_percent': press_percent - 1.5}
+    costs_ms = [
+        Problem([slips_, press], figures=one).as_it_is(often).cost_ms for one in (figures, surer)
+    ]
+    assert costs_ms[1] - costs_ms[0] == pytest.approx(10.0 * 10.0 * (1.5 - 0.5))
+
+
 def test_a_figure_that_gets_worse_than_given_counts_tenfold():
     tracks = [track(1)]
     alone = Problem(tracks).as_it_is(QUICK)
@@ -93,15 +124,17 @@ def test_a_figure_that_gets_worse_than_given_counts_tenfold():
     faster = {**alone.figures, 'latency_median_all_ms': latency_ms - 5}
     surer = {**alone.figures, 'auc': auc + 0.01}
     # It finds few slips and is never OFF: no median of all, no alarms in a minute of OFF.
-    few = dict(zip(COMPARED, (None, None, 100.0, 0.2, None, None), strict=True))
+    few = compared(None, None, 100.0, 0.2, None, None)
     for given_figures, more_ms in ((faster, 50.0), (surer, 10.0), (alone.figures, 0.0), (few, 0)):
         cost_ms = Problem(tracks, figures=given_figures).as_it_is(QUICK).cost_ms
         assert cost_ms == pytest.approx(alone.cost_ms + more_ms)
 
 
 def test_each_figure_that_is_worse_than_a_chain_better_than_chance_is_named():
-    good = dict(zip(COMPARED, (20.0, 1.005, 0.5, 1.0, 0.9, 0.99), strict=True))
-    bad = dict(zip(COMPARED, (None, 2.03, 1.5, 0.5, 0.8, 0.9), strict=True))
+    good = compared(20.0, 1.005, 0.5, 1.0, 0.9, 0.99) | {'press_on_percent': 3.0}
+    bad = compared(None, 2.03, 1.5, 0.5, 0.8, 0.9) | {'press_on_percent': 3.6}
+    assert 'time ON in press 3.6 against 3 %' in worse_than(bad, good)
+    good['press_on_percent'] = 3.2  # Not much more.
     assert worse_than(bad, good) == [
         'no median latency defined against 20 ms',
         'false alarms 2.03 against 1.005 in a minute of OFF',

@@ -25,6 +25,7 @@ from hypothesis import strategies as st
 from slip_detector.chain.samples import Samples
 from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters.detector import ChainConfig
+from slip_detector.tuning.kinds import activity_range_db, contact_level_v
 from slip_detector.tuning.learning import learnt_floors, steps_v
 from slip_detector.tuning.space import SearchSpace, presets
 from slip_detector.tuning.tracks import track_of
@@ -146,3 +147,41 @@ def test_a_search_begins_at_each_preset_with_the_floors_of_its_own_sensor():
         if preset.decision == 'evidence':
             assert found.noise_floor == learnt_floors(found, tracks)
             assert found.noise_floor_range_db == preset.noise_floor_range_db
+
+
+def of_kind(seed, kind, factor=1.0):
+    one = track(seed, slips=False)
+    samples = one.samples._replace(kind=kind, volts=4.3 + factor * (one.volts - 4.3))
+    return dataclasses.replace(one, samples=samples)
+
+
+def test_what_no_recording_shows_is_not_searched_and_stays_as_given():
+    given = dataclasses.replace(EVIDENCE, impact_v=1.0, impact_s=0.02, contact_level_v=0.3)
+    space = SearchSpace(given, [track(1), of_kind(2, 'rest')])
+    assert not {'impact_s', 'contact', 'activity'} & set(space.distributions)
+    assert space.chain(space.starts()[0]) == given
+
+
+def test_what_recordings_of_kinds_teach_is_among_the_first_alone_and_together():
+    tracks = [track(1), of_kind(2, 'press', 20.0), of_kind(3, 'idle', 0.1)]
+    given = dataclasses.replace(EVIDENCE, passband_hz=(60.0, 0.0), stopbands_hz=(), mains_hz=0.0)
+    space = SearchSpace(given, tracks)
+    known = [(one.get('contact'), one.get('activity'), one['impact_s']) for one in space.starts()]
+    for start in [
+        ('learnt', 'none', 0.0), ('none', 'learnt', 0.0), ('none', 'none', 0.01),
+        ('learnt', 'learnt', 0.01),
+    ]:  # fmt: skip
+        assert start in known
+    found = space.chain(space.starts()[known.index(('learnt', 'learnt', 0.01))])
+    assert found.contact_level_v == contact_level_v(found, tracks) > 0.0
+    assert found.activity_range_db == activity_range_db(found, tracks)
+    assert found.activity_cap_db == 8.7
+    slip = tracks[0].kinds == SLIP
+    steps = steps_v(found, tracks[0], found.impact_rows)[slip, given.impact_channels - 1]
+    assert (found.impact_rows, found.impact_v) == (4, pytest.approx(1.5 * steps.max(), rel=1e-3))
+    # A band below that of the chain: evidence of what is learnt differs from none.
+    low = space.chain({**space.starts()[0], 'activity': 'learnt', 'passband_low_hz': 10.0})
+    assert low.activity_band_hz == (4.0, 10.0)
+    # From there a search goes on with what was learnt.
+    again = SearchSpace(found, tracks)
+    assert again.chain(again.point(found)) == found

@@ -14,6 +14,8 @@
 
 """Recordings in memory: how they are read, their time, their parts, and what is held out."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -30,6 +32,11 @@ def test_recordings_are_parted_with_slips_on_both_sides():
     assert sorted(one.name for one in training + held) == sorted(one.name for one in tracks)
     assert [len([t for t in part if t.slips]) for part in (training, held)] == [3, 2]
     assert [len([t for t in part if not t.slips]) for part in (training, held)] == [2, 1]
+    pressed = [
+        dataclasses.replace(t, samples=t.samples._replace(kind='press')) for t in tracks[:0:-1][:2]
+    ]
+    training, held = held_out(tracks[:5] + pressed + tracks[5:6], 1 / 3)
+    assert [t.kind for t in held if not t.slips] == ['press']
 
 
 @pytest.mark.parametrize('share', [0.1, 1 / 3, 0.5, 0.9])
@@ -80,6 +87,21 @@ def test_a_share_or_those_named_are_held_out(folder):
     training, held, _ = TrainingFiles([str(folder)], LOADER, [str(link)]).load()
     assert [track.name for track in training] == ['a.npz', 'c.npz']
     assert [track.name for track in held] == [link.name]
+
+
+def test_more_recordings_may_be_of_a_kind_without_labels(folder, tmp_path_factory):
+    presses = tmp_path_factory.mktemp('presses')
+    for seed in (4, 5):
+        write(presses / f'{seed}.npz', seed, label=False, slips=False)
+    of_kinds = [('press', str(presses))]
+    training, held, _ = TrainingFiles([str(folder)], LOADER, of_kinds=of_kinds).load()
+    assert [(one.name, one.kind) for one in training[2:]] == [('4.npz', 'press')]
+    assert [(one.name, one.kind) for one in held[1:]] == [('5.npz', 'press')]
+    assert not any(one.slips for one in training[2:])
+    with pytest.raises(
+        ValueError, match=r'a\.npz: has slips, allowed: none in a recording of the k'
+    ):
+        TrainingFiles([], LOADER, of_kinds=[('idle', str(folder / 'a.npz'))]).load()
 
 
 def test_without_slips_enough_there_is_nothing_to_hold_out(tmp_path):

@@ -22,6 +22,7 @@ import pytest
 from slip_detector.chain.samples import Samples
 from slip_detector.parameters import DetectorConfig
 from slip_detector.recordings import open_recording, write_recording
+from slip_detector.recordings.labels import BY_HAND_S
 from slip_detector.view.detectors import Finger
 from slip_detector.view.recordings import NO_SLIP, RecordedFolder, Recorder, RecordingSummary
 
@@ -61,7 +62,7 @@ def test_a_recording_that_is_broken_or_has_no_slip_is_listed_with_why_and_not_tu
     notes = {name: one.note for name, one in recorded.recordings.items()}
     assert 'slip_1' in notes.pop('slip_1')
     assert notes == {'rest_1': '', 'slip_2': NO_SLIP}
-    assert recorded.divided() == ({'rest': ['rest_1'], 'slip': [], 'taps': []}, [])
+    assert recorded.divided() == ({'rest': ['rest_1'], 'slip': [], 'taps': [], 'press': []}, [])
 
 
 def test_a_new_recording_has_a_number_that_none_had(recorded):
@@ -115,6 +116,7 @@ def test_each_row_from_the_first_on_is_written_once_with_its_label(tmp_path):
     recorder.close()
     assert (recorder.rows, recorder.has_slip) == (len(truth), True)
     recording = open_recording(recorder.path)
+    assert (recording.kind, recording.accuracy_s) == ('', BY_HAND_S)
     assert recording.channel_names == CONFIG.names
     (piece,) = recording.rows()
     assert piece.volts[:, 0].tolist() == [*range(15, 15 + len(truth))]

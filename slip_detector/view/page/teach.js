@@ -1,4 +1,4 @@
-// Teaching: record rest, slips and taps, tune the detector on them, apply and save. The recordings are
+// Teaching: record rest, slips, taps and presses, tune the detector on them, apply and save. The recordings are
 // on the server; this page only shows them, and may be closed at any time.
 
 import {Tool, button, tableRow, write} from './elements.js';
@@ -9,8 +9,8 @@ import {RecordingTrace} from './recording_trace.js';
 const PRESSED_MS = 200;
 
 // What to record of each kind.
-const WANTED = {rest: {recordings: 2, seconds: 60}, slip: {recordings: 20, seconds: 0}, taps: {recordings: 2, seconds: 60}};
-const KIND_OF = {r: 'rest', t: 'taps'};
+const WANTED = {rest: {recordings: 2, seconds: 60}, slip: {recordings: 20, seconds: 0}, taps: {recordings: 2, seconds: 60}, press: {recordings: 2, seconds: 60}};
+const KIND_OF = {r: 'rest', t: 'taps', s: 'press'};
 const LEAST_SLIPS = 2;
 const NOT_BETTER = 'Nothing better was found';
 
@@ -52,7 +52,7 @@ export class Teach extends Tool {
   }
 
   listen() {
-    for (const kind of ['rest', 'taps']) this.buttons[kind].addEventListener('click', () => this.toggle(kind));
+    for (const kind of Object.values(KIND_OF)) this.buttons[kind].addEventListener('click', () => this.toggle(kind));
     for (const [id, type] of [['tune', 'tune'], ['stop-tuning', 'stop_tuning'], ['apply', 'apply_tuning']]) {
       element(id).addEventListener('click', () => {
         const why = id === 'apply' && this.latest.tuning?.kept;

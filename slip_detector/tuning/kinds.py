@@ -1,0 +1,248 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What recordings of several kinds teach: when a finger touches, and how far pressing makes noise.
+
+And which of them contradict their kind.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slip_detector.evaluation.scores import SLIP
+from slip_detector.parameters.detector import ChainConfig
+from slip_detector.tuning.learning import LEAST_RATIO, at_rest, envelopes, learnt_floors
+from slip_detector.tuning.tracks import Track
+
+Floats = NDArray[np.float64]
+
+#: A finger that touches nothing stays below the level of contact for all but this share of time;
+#: one that slides is above it for all but the second share.
+IDLE_SHARE, SLIDE_SHARE = 0.005, 0.1
+
+#: The level of contact is at most this many times that of a finger that touches nothing, so that
+#: contact is noticed as soon as a slide begins.
+MOST_RATIO = 2.0
+
+#: The beginning of a recording shows a finger that touches nothing if the rest of it never is as
+#: quiet, by a factor of :data:`MOST_RATIO`, even in this quietest share.
+BEGINNING_S, QUIETEST = 1.0, 0.1
+
+#: Presses that are above the floor in less than this share of their rows teach nothing.
+LOUD_SHARE = 0.01
+
+#: Length of the blocks in which a recording is compared with its kind.
+BLOCK_S = 0.2
+
+#: The level of a block is the one that a quarter of the channels exceed.
+CHANNELS_BELOW = 0.75
+
+#: The level of a slip is the one that more than a quarter of its blocks exceed, so that neither
+#: the rest that inexact labels include nor a knock matters.
+BLOCKS_BELOW = 0.7
+
+#: Least difference of slips and rest, in dB, with which one can be told from the other.
+LEAST_DB = 6.0
+
+#: Nothing changes in a slip in which the level rises by less than this share of what is usual in
+#: others, and by less than so many dB.
+NO_CHANGE, NO_CHANGE_DB = 0.25, 3.0
+
+#: Power of a channel that gives none.
+LEAST_POWER = 1e-60
+
+#: A recording contradicts that nothing slides if more than this share of it is as loud as slips:
+#: above rest by so much, in dB, of what all but a quarter of the slips are.
+CONTRADICTED, AS_LOUD, QUIET_SLIPS = 0.2, 0.75, 0.25
+
+
+def plain_chain(chain: ChainConfig) -> ChainConfig:
+    """Return a chain whose envelope is the level in the pass-band."""
+    return dataclasses.replace(chain, decision='mean', gain=1.0, exponent=1)
+
+
+def low_chain(chain: ChainConfig) -> ChainConfig:
+    """Return a chain whose envelope is the low level that contact and activity look at.
+
+    Examples
+    --------
+    >>> low_chain(ChainConfig(mains_hz=50.0)).passband_hz
+    (8.0, 20.0)
+    """
+    return dataclasses.replace(
+        plain_chain(chain),
+        passband_hz=(chain.activity_band_hz[0], chain.activity_band_hz[1]),
+        passband_degree=4,
+        stopbands_hz=(),
+        mains_hz=0.0,
+        rectify='full',
+    )
+
+
+def contact_level_v(chain: ChainConfig, tracks: Sequence[Track]) -> float:
+    """Return a ``contact_level_v`` between a finger that touches nothing and one that slides.
+
+    A finger touches nothing in recordings of the kind ``idle``; if there are none, at the
+    beginning of recordings that are never as quiet later.
+
+    Raises
+    ------
+    ValueError
+        When no recording shows that, or touch makes no difference.
+    """
+    low = low_chain(chain)
+    idle, slides = [np.zeros(0)], [np.zeros(0)]
+    idles = any(track.kind == 'idle' for track in tracks)
+    for track in tracks:
+        levels = np.nan_to_num(envelopes(low, track))
+        settled, touching = levels.any(axis=1), np.sort(levels, axis=1)[:, -chain.contact_channels]
+        slides.append(touching[settled & (track.kinds == SLIP)])
+        still = touching[settled & (track.kinds != SLIP)]
+        first, later = np.split(still, [round(BEGINNING_S * track.sample_rate_hz)])
+        if track.kind == 'idle':
+            idle.append(still)
+        elif not idles and later.size:
+            most, least = np.quantile(first, 1.0 - IDLE_SHARE), np.quantile(later, QUIETEST)
+            idle += [first] if MOST_RATIO * most < least else []
+    of_each = (np.concatenate(idle), 1.0 - IDLE_SHARE), (np.concatenate(slides), SLIDE_SHARE)
+    idle_v, slide_v = (
+        float(np.quantile(some, share)) if some.size else 0.0 for some, share in of_each
+    )
+    if not idle_v or slide_v < LEAST_RATIO * idle_v:
+        raise ValueError(
+            f'a finger that touches nothing has a level of {idle_v:.4g}, one that slides of '
+            f'{slide_v:.4g}, allowed: {LEAST_RATIO:g} times as much'
+        )
+    return float(f'{min(MOST_RATIO * idle_v, np.sqrt(idle_v * slide_v)):.4g}')
+
+
+def activity_range_db(chain: ChainConfig, tracks: Sequence[Track]) -> float:
+    """Return how far below its low level a finger is that is pressed or rolled and does not slide.
+
+    It is the median over the rows and channels that are above their floor by the offset of
+    evidence.
+
+    Raises
+    ------
+    ValueError
+        When hardly any are, so that there is nothing to learn.
+    """
+    plain = plain_chain(chain)
+    least = np.array(learnt_floors(plain, tracks)) * 10.0 ** (chain.evidence_offset_db / 20.0)
+    ranges_db, rows = [np.zeros(0)], 0
+    for track in tracks:
+        if track.kind in ('press', 'roll'):
+            high, low = envelopes(plain, track), envelopes(low_chain(chain), track)
+            loud = (high > least) & (low > 0.0)
+            ranges_db.append(20.0 * np.log10(low[loud] / high[loud]))
+            rows += high.size
+    found = np.concatenate(ranges_db)
+    if found.size < LOUD_SHARE * rows or not found.size:
+        raise ValueError('presses are hardly above the noise floors, allowed: louder ones')
+    return float(f'{np.clip(np.median(found), -100.0, 100.0):.4g}')
+
+
+def contradictions(chain: ChainConfig, tracks: Sequence[Track]) -> list[str]:
+    """Return a sentence on each recording that contradicts its kind, by the chain's pass-band.
+
+    Power there, in blocks of :data:`BLOCK_S`, is compared with that of rest and of slips in the
+    other recordings. Where these hardly differ nothing is said, and nothing of recordings in
+    which something else than a slide may be as loud.
+
+    Examples
+    --------
+    >>> from slip_detector.chain.samples import Samples
+    >>> from slip_detector.tuning.tracks import track_of
+    >>> random, slip = np.random.default_rng(0), np.arange(1900) // 380 % 2 == 1
+    >>> volts = random.normal(0.0, np.where(slip, 1.0, 0.1), (16, 1900)).T
+    >>> rows = Samples.evenly(volts, 380.0, truth=slip)
+    >>> wrong = rows._replace(truth=np.zeros(1900, bool), kind='rest')
+    >>> tracks = [track_of('slips', [rows], 380.0), track_of('rest', [wrong], 380.0)]
+    >>> contradictions(ChainConfig(), tracks)
+    ['rest is labelled rest, but the level is as in a slide for 41 % of it']
+    """
+    every = [_Levels(chain, track) for track in tracks]
+    resting, said = at_rest(tracks), []
+    for track, mine in zip(tracks, every, strict=True):
+        others = [one for one in every if one is not mine]
+        known = [one.rest_db for one in others if one.track in resting and len(one.rest_db)]
+        if not known:
+            continue
+        floors_db = np.median(np.concatenate(known), axis=0)
+        slides_db = [db for one in others for _, db, _ in one.slips(floors_db)]
+        usual_db = float(np.median(slides_db)) if slides_db else 0.0
+        if usual_db < LEAST_DB:
+            continue
+        least_db = AS_LOUD * np.quantile(slides_db, QUIET_SLIPS)
+        loud = np.mean(_level_db(mine.rest_db, floors_db) > least_db) if len(mine.rest_db) else 0.0
+        if track.kind in ('rest', 'idle') and loud > CONTRADICTED:
+            said.append(
+                f'{track.name} is labelled {track.kind}, but the level is as in a slide for '
+                f'{100 * loud:.0f} % of it'
+            )
+        most_db = min(NO_CHANGE * usual_db, NO_CHANGE_DB)
+        still = [f'{at:.1f}' for at, _, rises_db in mine.slips(floors_db) if rises_db < most_db]
+        if still:
+            said.append(f'{track.name}: nothing changes at its slips, at {", ".join(still)} s')
+    return said
+
+
+def _level_db(db: Floats, floors_db: Floats) -> Floats:
+    """Return the level of each block above rest; shape (blocks,)."""
+    return np.asarray(np.quantile(db - floors_db, CHANNELS_BELOW, axis=1))
+
+
+class _Levels:
+    """The power of a recording in the pass-band, in dB by block and channel.
+
+    Attributes
+    ----------
+    rest_db : ndarray, shape (blocks, channels)
+        Of blocks that certainly have no slip.
+    """
+
+    def __init__(self, chain: ChainConfig, track: Track) -> None:
+        self.track = track
+        self._rows = rows = max(round(BLOCK_S * track.sample_rate_hz), 1)
+        n = len(track.volts) // rows
+        disabled = [channel - 1 for channel in chain.disabled_channels]
+        found = np.nan_to_num(np.delete(envelopes(plain_chain(chain), track), disabled, axis=1))
+        squares = found[: n * rows].reshape(n, rows, -1) ** 2
+        self._known = np.all(squares.any(axis=2), axis=1)
+        self._db = 10.0 * np.log10(np.maximum(squares.mean(axis=1), LEAST_POWER))
+        no_slip = (track.kinds[: n * rows].reshape(n, rows) < SLIP).all(axis=1)
+        self.rest_db = self._db[self._known & no_slip]
+
+    def slips(self, floors_db: Floats) -> list[tuple[float, float, float]]:
+        """Return when each slip begins, its level, and by how much that is above its own rest."""
+        found, levels_db, track = [], _level_db(self._db, floors_db), self.track
+        rest_db = (
+            float(np.median(_level_db(self.rest_db, floors_db))) if len(self.rest_db) else 0.0
+        )
+        inexact = round(track.samples.accuracy_s * track.sample_rate_hz)
+        truth = np.asarray(track.samples.truth)
+        edges = np.flatnonzero(np.diff(truth, prepend=False, append=False))
+        for start, end in edges.reshape(-1, 2):
+            blocks = slice(
+                max(start - inexact, 0) // self._rows, (end + inexact) // self._rows + 1
+            )
+            its_db = levels_db[blocks][self._known[blocks]]
+            if its_db.size:
+                at_s = start / track.sample_rate_hz
+                level_db = float(np.quantile(its_db, BLOCKS_BELOW))
+                found.append((at_s, level_db, level_db - rest_db))
+        return found

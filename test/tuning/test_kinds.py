@@ -1,0 +1,156 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What recordings of kinds teach, and which of them contradict their kind."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from slip_detector.chain.samples import Samples
+from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.evaluation.scores import SLIP
+from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.files import read_yaml
+from slip_detector.scenes import Scene, find_scene
+from slip_detector.tuning.kinds import activity_range_db, contact_level_v, contradictions
+from slip_detector.tuning.tracks import track_of
+from support.tuning_cases import CHAIN, RATE_HZ, slips
+
+HIGH = dataclasses.replace(
+    CHAIN,
+    decision='evidence',
+    noise_floor=(1e-3,),
+    threshold=0.1,
+    passband_hz=(60.0, 0.0),
+    stopbands_hz=(),
+    exponent=1,
+)
+
+
+def band(n, low_hz, high_hz, seed):
+    """Return noise of an RMS of 1 between two frequencies, on four channels."""
+    spectrum = np.fft.rfft(np.random.default_rng(seed).standard_normal((n, 4)), axis=0)
+    hz = np.fft.rfftfreq(n, 1.0 / RATE_HZ)
+    spectrum[(hz < low_hz) | (hz > high_hz)] = 0.0
+    rows = np.fft.irfft(spectrum, n, axis=0)
+    return rows / rows.std()
+
+
+def of_kind(volts, kind='', truth=None):
+    label = np.zeros(len(volts), bool) if truth is None else truth
+    return track_of(kind or 'slips', [Samples.evenly(volts, RATE_HZ, label, kind=kind)], RATE_HZ)
+
+
+def sliding(seed, untouched_s=0.0):
+    """Return slips at 14 Hz in noise that contact makes, after some time without."""
+    volts, truth = slips(seed, slip_hz=14.0)
+    n = round(untouched_s * RATE_HZ)
+    return np.concatenate([4.3 + (volts[:n] - 4.3) / 20, volts]), np.r_[np.zeros(n, bool), truth]
+
+
+def test_contact_begins_above_a_finger_that_touches_nothing_and_below_one_that_slides():
+    volts, truth = sliding(1)
+    idle = 4.3 + 0.002 * np.random.default_rng(2).standard_normal((4000, 4))
+    of_idle = [of_kind(volts, truth=truth), of_kind(idle, 'idle')]
+    of_beginning = [of_kind(*sliding(1, untouched_s=2.0)[:1], truth=sliding(1, 2.0)[1])]
+    for tracks in (of_idle, of_beginning):
+        level_v = contact_level_v(HIGH, tracks)
+        gated = SlipChain(dataclasses.replace(HIGH, contact_level_v=level_v))
+        assert not gated.update(idle, excess=True).excess.any()
+        gated.reset()
+        assert gated.update(volts, excess=True).excess[truth].any(axis=1).mean() > 0.8
+
+
+def test_where_a_finger_always_touches_there_is_no_level_of_contact():
+    volts, truth = sliding(1)
+    for more in ([], [of_kind(volts, 'idle')]):
+        with pytest.raises(ValueError, match=r'touches nothing has a level of .* allowed: 1\.5 t'):
+            contact_level_v(HIGH, [of_kind(volts, truth=truth), *more])
+
+
+@settings(deadline=None, max_examples=10)
+@given(range_db=st.floats(5.0, 25.0), level_v=st.floats(0.5, 50.0), seed=st.integers(0, 99))
+def test_the_range_of_activity_is_how_far_noise_in_the_pass_band_is_below_the_low_band(
+    range_db, level_v, seed
+):
+    quiet = 1e-3 * np.random.default_rng(seed).standard_normal((6000, 4))
+    low, high = band(6000, 9.0, 18.0, seed), band(6000, 80.0, 170.0, seed + 1)
+    press = of_kind(level_v * (low + 10 ** (-range_db / 20) * high) + quiet, 'press')
+    # Over a long window, so that noise in the narrow low band has about its mean power.
+    long = dataclasses.replace(HIGH, envelope_window_s=0.5)
+    assert activity_range_db(long, [of_kind(quiet), press]) == pytest.approx(range_db, abs=1.5)
+    with pytest.raises(ValueError, match='presses are hardly above the noise floors'):
+        activity_range_db(HIGH, [of_kind(quiet), of_kind(quiet, 'press')])
+
+
+def families():
+    """Return scenes of the families of the benchmarks, by name."""
+    tremor_hum, taps = (read_yaml(find_scene(name)) for name in ('tremor_hum', 'taps'))
+    trembling = {name: tremor_hum[name] for name in ('tremor', 'hum')}
+    tapping = {'taps': {**taps['taps'], 'times_s': [2.0, 2.6, 7.3, 8.0]}}
+    drifting = {'electronics': {'drift_v': 0.01}}
+    return {
+        'plates': {},
+        'tremor and hum': trembling,
+        'taps': tapping,
+        'all': {**trembling, **tapping, **drifting},
+    }
+
+
+def played(parts, seed, name='plate_400um', kind='', accuracy_s=0.0):
+    scene = Scene({**read_yaml(find_scene(name)), **parts}, np.random.default_rng(seed))
+    samples = scene.read(round(60.0 * scene.sample_rate_hz))
+    truth = samples.truth & (not kind)
+    rows = samples._replace(truth=truth, kind=kind, accuracy_s=accuracy_s)
+    return track_of(f'{kind or "slip"} {seed}', [rows], scene.sample_rate_hz)
+
+
+#: As the live page begins with a new sensor.
+PAGE = ChainConfig(passband_hz=(20.0, 0.0), passband_degree=2, stopbands_hz=(), exponent=1)
+
+
+@pytest.mark.parametrize('chain', [ChainConfig(), PAGE], ids=['paper', 'page'])
+@pytest.mark.parametrize('family', families())
+def test_honest_recordings_contradict_nothing_and_others_their_kind(family, chain):
+    parts, plates = families()[family], ('plate_400um', 'plate_440um', 'plate_480um')
+    still = {
+        'steps': [{'duration_s': 1.0}, {'duration_s': 0.8, 'force_n': 0.4}, {'duration_s': 9}]
+    }
+    for seed in range(0, 20, 10):
+        honest = [played(parts, seed + k, name) for k, name in enumerate(plates)]
+        rest = played({**parts, **still}, seed + 5, kind='rest')
+        press = played({**parts, 'rolling': {'start_s': 4.0}, **still}, seed + 6, kind='press')
+        assert contradictions(chain, [*honest, rest, press]) == []
+        # A rest that slides, and slips at times at which nothing slides.
+        slides = played(parts, seed + 7, kind='rest')
+        (said,) = contradictions(chain, [*honest, rest, slides])
+        assert said.startswith(f'rest {seed + 7} is labelled rest, but the level is as in a slide')
+        truth = np.roll(honest[0].samples.truth, -round(1.5 * 380))
+        truth = (honest[0].kinds != SLIP) & truth & (np.cumsum(truth) < 300)
+        nothing = honest[0].samples._replace(truth=truth)
+        missed = track_of('missed', [nothing], 380.0)
+        said = contradictions(chain, [*honest[1:], rest, missed])
+        assert [one.split(',')[0] for one in said] == ['missed: nothing changes at its slips']
+
+
+def test_where_slips_are_no_louder_than_rest_nothing_is_said():
+    volts, truth = slips(3, slip_hz=40.0)
+    tracks = [of_kind(volts, truth=truth), of_kind(volts, 'rest')]
+    deaf = dataclasses.replace(HIGH, passband_hz=(100.0, 0.0))
+    assert contradictions(deaf, tracks) == []
+    assert len(contradictions(CHAIN, tracks)) == 1
