@@ -15,6 +15,7 @@
 """A chain whose parameters change while it runs."""
 
 import dataclasses
+import itertools
 import threading
 import time
 
@@ -162,6 +163,19 @@ def test_what_is_changed_within_a_short_time_is_built_once(monkeypatch):
     assert bed.swapped()
     assert built == [config]
     assert bed.chain.config == config
+
+
+def test_changes_that_never_end_are_used_all_the_same(monkeypatch):
+    monkeypatch.setattr(live_chain, 'GATHER_S', 60.0)
+    monkeypatch.setattr(live_chain, 'GATHER_AT_MOST_S', 0.2)
+    bed, thresholds = Bed(), itertools.count(1.0)
+
+    def used():
+        bed.change(gain=10.0, threshold=next(thresholds))
+        time.sleep(0.05)
+        return bed.chain.swap()
+
+    assert bed.wait_until(used)
 
 
 def test_rows_come_in_one_thread_while_another_changes_the_configuration():
