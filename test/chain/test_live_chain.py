@@ -128,10 +128,13 @@ def test_rows_before_a_reset_are_not_in_the_new_chain():
     np.testing.assert_array_equal(bed.levels(rows[200:]), wanted)
 
 
-@pytest.mark.parametrize('values', [{'sample_rate_hz': 500.0}, {'channels': 3, 'groups': {}}])
+@pytest.mark.parametrize(
+    'values',
+    [{'sample_rate_hz': 500.0}, {'channels': 3, 'groups': {}}, {'input_field': 'velocity'}],
+)
 def test_another_input_starts_from_its_first_row(values):
     rows = noise(300)
-    bed = Bed()
+    bed = Bed(DetectorConfig.from_parameters(CONFIG.to_parameters()))
     bed.levels(rows[:200])
     assert not bed.change(**values)
     assert bed.swapped()
@@ -387,16 +390,6 @@ def test_it_is_told_how_long_slip_may_come_of_the_change(before, values, wanted)
     assert bed.chain.unsettled_rows == 1
     bed.chain.update(noise(5, channels=channels), level=False)
     assert bed.chain.unsettled_rows == 0
-
-
-def test_another_field_of_the_messages_is_another_signal():
-    bed = Bed(DetectorConfig())
-    bed.chain.update(noise(500, channels=16), level=False)
-    assert not bed.change(input_field='velocity')
-    assert bed.swapped()
-    rows = noise(100, channels=16) + 100.0
-    found = bed.chain.update(rows, level=True).level
-    np.testing.assert_array_equal(found, SlipChain(bed.chain.config).update(rows).level)
 
 
 def test_a_change_of_evidence_has_the_time_that_evidence_takes():
