@@ -35,7 +35,7 @@ from slip_detector.nodes.inputs import Input, Senders, publishing_nodes
 from slip_detector.nodes.messages import sensor_qos
 from slip_detector.nodes.outputs import Outputs
 from slip_detector.nodes.parameters import declare, follow_changes
-from slip_detector.nodes.rclpy_internals import ROS_ERROR, destroy_state_machine
+from slip_detector.nodes.rclpy_internals import ROS_ERRORS, destroy_state_machine
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.fields import name_list
 
@@ -135,9 +135,8 @@ class Detector(LifecycleNode):
         # and whether the loss of the input has been noted. The timeout begins with the first one.
         self._heard, self._heard_ns, self._lost = True, 0, False
         self._now_ns = self._moved_ns = 0
-        self._replayed = self.get_clock().ros_time_is_active
         self._listen_s = time.monotonic() + LISTEN_S
-        self._senders = Senders(SEVERAL_S)
+        self._senders = Senders(max(SEVERAL_S, self._active.input_timeout_s))
         self._start_timers()
         # The heartbeat of another detector that publishes on the same topics.
         self._detectors = Senders(max(SEVERAL_S, 3 / self._active.heartbeat_hz))
@@ -299,12 +298,11 @@ class Detector(LifecycleNode):
         """
         config = self._active
         self._input = Input(config)
-        self._senders = Senders(max(SEVERAL_S, config.input_timeout_s))
         try:
             self._samples = self.create_subscription(
                 self._input.message_class, 'voltages', self._on_voltages, sensor_qos(), raw=True
             )
-        except ROS_ERROR:
+        except ROS_ERRORS:
             self._note('listen', f'this process has voltages that are no {config.input_type}')
 
     def _stop_input(self) -> None:

@@ -33,7 +33,7 @@ from std_msgs.msg import Bool
 from slip_detector.chain.samples import Samples
 from slip_detector.nodes.inputs import Input
 from slip_detector.nodes.messages import sensor_qos, state_qos
-from slip_detector.nodes.rclpy_internals import ROS_ERROR, receiver
+from slip_detector.nodes.rclpy_internals import ROS_ERRORS, receiver
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.fields import names_that_affect
 from slip_detector.recordings.messages import Sample, joint_state_table
@@ -146,7 +146,7 @@ class FingerTopics:
             self._topics.add(source.message_class, voltages, sensor_qos(), call, raw=True)
             truth = f'{voltages.rpartition("/")[0]}/slip_truth'
             self._topics.add(Bool, truth, state_qos(depth=STATES), self._on_truth)
-        except (ValueError, ROS_ERROR):
+        except (ValueError, *ROS_ERRORS):
             # A process can use a topic with one type only.
             self.finger.no_volts = (
                 f'no volts are shown: {kind} is not installed here, or the topic had another type'

@@ -128,12 +128,11 @@ class Outputs:
         }
         self._flags = np.array([flags.get(column, False) for column in self._columns], np.bool_)
         self._can_vote = slice(1 + len(config.groups), 1 + 2 * len(config.groups))
-        for column, each in [(0, self._slip), *self._listeners.items()]:
+        for column, each in self._listeners.items():
             if each in new:
                 each.publish(self._messages[bool(self._flags[column])])
-        if self._slip_valid in new:
-            self._slip_valid.publish(self._messages[self.valid])
-            self._publish_state()
+        if self._slip in new:
+            self.beat()
         for each in before.values():
             self._node.destroy_publisher(each)
 
