@@ -319,25 +319,25 @@ class Detected:
     Samples and decisions are reliable here, as each is compared (see ``reliable_samples``).
     """
 
-    def __init__(self, bench, parameters=None):
+    def __init__(self, bench, parameters=None, message_type=JointState):
         self.bench = bench
         self.envelope = bench.listen(JointState, 'slip_detector/envelope', reliable_qos())
         self.slip = bench.listen(Bool, 'slip', patient_state_qos())
         self.valid = bench.listen(Bool, 'slip_valid', patient_state_qos())
-        self._voltages = bench.node.create_publisher(JointState, 'voltages', reliable_qos())
+        self.voltages = bench.node.create_publisher(message_type, 'voltages', reliable_qos())
         self.process = bench.start('slip_detector', parameters=parameters, reliable_samples=True)
         bench.wait_for(self._connected, 'the detector to connect')
 
     def _connected(self):
         if self.process.ended():
             pytest.fail(f'the detector ended:\n{self.process.log()}')
-        return bool(self._voltages.get_subscription_count() and self.slip and self.valid)
+        return bool(self.voltages.get_subscription_count() and self.slip and self.valid)
 
     def send(self, volts, at_ns, names=()):
         """Publish a sample."""
         message = JointState(position=volts, name=names)
         message.header.stamp = time_message(at_ns)
-        self._voltages.publish(message)
+        self.voltages.publish(message)
 
     def answered(self, at_ns):
         """Return whether the decision on the sample of this stamp has come."""
