@@ -53,15 +53,6 @@ def played(bench, folder, name, description, seed):
     bench.processes.remove(driver)
 
 
-def opened(bench, browser, view):
-    """Open the page of a slip_view, and wait until its finger can be taught."""
-    bench.wait_for(lambda: 'http://' in view.log(), 'the address')
-    page = browser.new_page()
-    page.goto(re.search(r'http://\S+', view.log()).group())
-    expect(record_button(page, 'Rest')).to_be_enabled(timeout=PATIENCE_MS)
-    return page
-
-
 def at_once(description):
     """The same scene, with the object in the grip from the beginning."""
     return {**description, 'steps': [{'duration_s': 0.1, 'force_n': 0.4}, {'duration_s': 600.0}]}
@@ -95,12 +86,12 @@ def press_by_truth(bench, page, truth, slips):
 
 
 def test_rest_slip_taps_tune_apply_and_save(bench, browser, tmp_path):
-    view = bench.start_python(
-        '-m', 'slip_detector.nodes.view', '--port', '0', '--folder', str(tmp_path / 'taught')
-    )
+    _, address = bench.start_view('--folder', str(tmp_path / 'taught'))
     bench.start('slip_detector', '-r', '__ns:=/index')
     truth = bench.listen(Bool, 'index/slip_truth', patient_state_qos())
-    page = opened(bench, browser, view)
+    page = browser.new_page()
+    page.goto(address)
+    expect(record_button(page, 'Rest')).to_be_enabled(timeout=PATIENCE_MS)
     finger = page.locator('.finger')
 
     with played(bench, tmp_path, 'rest', at_once(gripped(600.0)), seed=1):
