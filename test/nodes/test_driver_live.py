@@ -30,15 +30,8 @@ from slip_detector.nodes.health import ERROR, OK, WARN
 from slip_detector.nodes.messages import stamp_ns, state_qos
 from slip_detector.sources.packets import PacketDecoder
 from support.harness import ended_quietly, reliable_qos
-from support.sensors import (
-    SCALE_V,
-    Sender,
-    free_udp_port,
-    make_packets,
-    on_the_line,
-    sending,
-    vibration,
-)
+from support.reference_packets import on_the_line
+from support.sensors import SCALE_V, Sender, free_udp_port, make_packets, sending, vibration
 
 RATE_HZ = 380.0
 
