@@ -29,7 +29,6 @@ from slip_detector.recordings import open_recording
 from slip_detector.sources import open_source
 from support.harness import DEADLINE_S, ROOT
 
-pytest.importorskip('rclpy', reason='needs rclpy')
 pytest.importorskip('rosbags', reason='needs rosbags')
 
 from slip_detector.nodes.demo import NodeProcesses

@@ -22,9 +22,6 @@ from xml.etree import ElementTree
 
 import pytest
 import yaml
-
-pytest.importorskip('rclpy', reason='needs rclpy')
-
 from rclpy.qos import ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool

@@ -20,9 +20,6 @@ import sys
 import time
 
 import pytest
-
-pytest.importorskip('rclpy', reason='needs rclpy')
-
 from std_msgs.msg import Bool
 
 from slip_detector.compiled import COMPILED

@@ -19,9 +19,6 @@ import signal
 import time
 
 import pytest
-
-pytest.importorskip('rclpy', reason='needs rclpy')
-
 from hypothesis import given
 from hypothesis import strategies as st
 from std_msgs.msg import Header

@@ -19,13 +19,10 @@ import re
 import signal
 
 import pytest
+from tornado.httpclient import AsyncHTTPClient
 
-rclpy = pytest.importorskip('rclpy', reason='needs rclpy')
-
-from tornado.httpclient import AsyncHTTPClient  # noqa: E402
-
-from support.harness import DEADLINE_S  # noqa: E402
-from support.live_client import LiveClient  # noqa: E402
+from support.harness import DEADLINE_S
+from support.live_client import LiveClient
 
 
 def with_page(address, test):

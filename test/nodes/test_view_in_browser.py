@@ -20,8 +20,6 @@ import pytest
 
 from support.browsers import PATIENCE_MS, complaints_of, expect
 
-pytest.importorskip('rclpy', reason='needs rclpy')
-
 
 @pytest.fixture
 def page(bench, browser):

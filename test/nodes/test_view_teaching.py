@@ -18,20 +18,15 @@
 import contextlib
 import re
 
-import pytest
 import yaml
+from std_msgs.msg import Bool
 
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.view.parameters import text_of
 from support.browsers import PATIENCE_MS, expect
+from support.harness import patient_state_qos
 from support.page_parts import record_button, recording, tab, tool
 from support.training import gripped, pulled, tapped
-
-rclpy = pytest.importorskip('rclpy', reason='needs rclpy')
-
-from std_msgs.msg import Bool  # noqa: E402
-
-from support.harness import patient_state_qos  # noqa: E402
 
 #: A search takes so long at most where other tests run beside it.
 SEARCH_MS = 300_000
