@@ -20,7 +20,6 @@ import time
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.subscription import Subscription
@@ -28,6 +27,7 @@ from rclpy.timer import Timer
 from std_msgs.msg import Bool
 
 from slip_detector.chain.live_chain import HISTORY_S, INPUT_PARAMETERS, LiveChain
+from slip_detector.chain.samples import Floats
 from slip_detector.chain.slip_chain import check_memory
 from slip_detector.chain.stamps import DROPPED, StampGrid
 from slip_detector.nodes.health import Diagnostics, Health
@@ -316,7 +316,7 @@ class Detector(LifecycleNode):
         self._stamp_grid = StampGrid(1 / config.sample_rate_hz, config.max_gap_s)
         self._names = list(config.channel_names) or None
         self._frame_id = ''
-        self._last_row: NDArray[np.float64] | None = None
+        self._last_row: Floats | None = None
         self._health.forget()
 
     def _on_voltages(self, raw: bytes, info: dict[str, int | None]) -> None:
@@ -373,9 +373,7 @@ class Detector(LifecycleNode):
         spent_s = time.perf_counter() - began_s
         self._health.note_rows(rows, result.valid, at_ns, age_s, spent_s)
 
-    def _misfit(
-        self, rows: NDArray[np.float64], names: list[str] | None
-    ) -> tuple[str, str] | None:
+    def _misfit(self, rows: Floats, names: list[str] | None) -> tuple[str, str] | None:
         """Return the kind and description of channels that are others than before, if they are."""
         channels = self._active.channels
         if rows.shape[1] != channels:
@@ -391,7 +389,7 @@ class Detector(LifecycleNode):
         words = f'the channels of a message are {name_list(names, NAMES) or "without names"}'
         return 'names', f'{words}, allowed: {wanted or "without names"}: dropped'
 
-    def _mend(self, rows: NDArray[np.float64], missing: int) -> NDArray[np.float64]:
+    def _mend(self, rows: Floats, missing: int) -> Floats:
         """Bridge a short gap with the last row, or restart the chain after a long one."""
         if missing > 0 and self._last_row is not None:
             self._note('bridged', f'{missing} samples missing, bridged with the last one', missing)

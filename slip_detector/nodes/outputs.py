@@ -18,7 +18,6 @@ import time
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -26,6 +25,7 @@ from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Header
 
+from slip_detector.chain.samples import Bools
 from slip_detector.chain.slip_chain import SlipResult
 from slip_detector.nodes.messages import (
     event_qos,
@@ -161,9 +161,7 @@ class Outputs:
         """Publish all decisions as OFF and not valid, for late subscribers too."""
         self.announce(np.zeros_like(self._flags), 0, self._frame_id)
 
-    def announce(
-        self, flags: NDArray[np.bool_], at_ns: int, frame_id: str, *, settled: bool = True
-    ) -> None:
+    def announce(self, flags: Bools, at_ns: int, frame_id: str, *, settled: bool = True) -> None:
         """Publish the decisions on a sample that differ from those on the sample before.
 
         Parameters
