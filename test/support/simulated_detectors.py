@@ -152,9 +152,6 @@ class SimulatedDetectors(Detectors):
         now = config.to_parameters()
         self.panel(name).update({name: now.get(name) for name in values}, by)
 
-    def close(self):
-        self.simulated.clear()
-
 
 @contextlib.asynccontextmanager
 async def served_pages(detectors, access=None, prepare=lambda server: None, port=0):
