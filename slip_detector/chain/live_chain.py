@@ -15,6 +15,7 @@
 """A chain whose parameters change while it runs."""
 
 import dataclasses
+import importlib
 import threading
 import time
 from collections import deque
@@ -97,6 +98,9 @@ class LiveChain:
         # A configuration that can be taken, with a new chain if it is for the chain, and the rows
         # in which that settles.
         self._ready: tuple[ChainConfig, SlipChain | None, int] | None = None
+        # Loaded while rows come: the first design of other filters would hold them up for it.
+        load = threading.Thread(target=importlib.import_module, args=['scipy.signal'], daemon=True)
+        load.start()
 
     def update(self, rows: NDArray[np.float64], *, level: bool) -> SlipResult:
         """Process the next rows, shape (n, c), and decide on each."""
