@@ -17,6 +17,7 @@
 import gc
 import os
 import signal
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -43,10 +44,9 @@ settings.load_profile('slip_detector')
 
 
 def pytest_ignore_collect(collection_path, config):
-    """Load nothing of the nodes where all that is marked ``nodes`` is left out."""
-    if config.option.markexpr == 'not nodes' and collection_path in OF_NODES:
-        return True
-    return None
+    """Load nothing of the nodes where rclpy is missing, or all marked ``nodes`` is left out."""
+    wanted = config.option.markexpr != 'not nodes' and find_spec('rclpy')
+    return None if wanted or collection_path not in OF_NODES else True
 
 
 def pytest_collection_modifyitems(items):

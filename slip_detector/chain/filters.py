@@ -176,11 +176,10 @@ def _check(sections: Array, edges_hz: list[float], rate_hz: float, name: str, ga
     lost = not np.all(np.abs(measured - gain) <= EDGE_TOLERANCE * gain)
     if radius > 1 - STABILITY_MARGIN or lost or round_off(sections) > LARGEST_ROUND_OFF:
         edges = ' and '.join(f'{edge:g}' for edge in edges_hz)
-        what = 'unstable' if radius >= 1 else 'lost to round-off'
         raise ValueError(
-            f'parameter {name}: the filter with edges at {edges} Hz is {what} at {rate_hz:g} Hz '
-            f'(largest pole radius {radius:.9f}), allowed: edges further apart and between '
-            f'{1e-3 * rate_hz:g} and {0.49 * rate_hz:g} Hz, or a lower degree'
+            f'parameter {name}: the filter with edges at {edges} Hz is lost to round-off at '
+            f'{rate_hz:g} Hz (largest pole radius {radius:.9f}), allowed: edges further apart and '
+            f'between {1e-3 * rate_hz:g} and {0.49 * rate_hz:g} Hz, or a lower degree'
         )
 
 

@@ -215,10 +215,8 @@ def find_common_mode(volts, start, rows, w, settings, plan, tiles):
         tiles[0, stages.COMMON_V, 0] = common_v[k]
         for t in plan.active:
             sample, first = load(volts, (start + k, t * LANES)), load(tiles, (t, stages.FIRST, 0))
-            low, high = (
-                load(plan.limits, (t, stages.LOW, 0)),
-                load(plan.limits, (t, stages.HIGH, 0)),
-            )
+            limits = plan.limits[t]
+            low, high = load(limits, (stages.LOW, 0)), load(limits, (stages.HIGH, 0))
             good = (sample >= low) & (sample <= high)
             begun = select(is_number(first), first, sample - common_v[k])
             first = select(good, begun, first)

@@ -25,7 +25,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -150,7 +150,7 @@ def run_demonstration(
         rclpy.try_shutdown()
 
 
-class Recorder(Node):
+class Recorder(PolledTopics):
     """Records all messages of some topics with their times of arrival.
 
     These times come from the middleware of this process, so that its work does not count as
@@ -158,12 +158,11 @@ class Recorder(Node):
     """
 
     def __init__(self, namespace: str, topics: Mapping[str, tuple[Any, QoSProfile]]) -> None:
-        super().__init__('recorder', namespace=namespace)
+        super().__init__(Node('recorder', namespace=namespace))
         #: By topic, the messages and their times of arrival in nanoseconds.
         self.messages: dict[str, list[tuple[int, Any]]] = {topic: [] for topic in topics}
-        self._topics = PolledTopics(self)
         for topic, (message_type, qos) in topics.items():
-            self._topics.add(message_type, topic, qos, functools.partial(self._keep, topic))
+            self.add(message_type, topic, qos, functools.partial(self._keep, topic))
 
     def _keep(self, topic: str, message: Any, info: dict[str, int]) -> None:
         self.messages[topic].append((info['received_timestamp'], message))
@@ -171,11 +170,7 @@ class Recorder(Node):
     def receive(self) -> None:
         """Wait for a moment, and receive the messages that have arrived."""
         time.sleep(POLL_S)
-        self._topics.poll()
-
-    def has_heard(self, topics: Iterable[str]) -> bool:
-        """Return whether a message of each of the topics has arrived."""
-        return all(self.messages[topic] for topic in topics)
+        self.poll()
 
     def received_s(self, topic: str) -> Floats:
         """Return when the messages of a topic arrived."""
@@ -202,12 +197,10 @@ def _play(arguments: argparse.Namespace, file: Path, config: DetectorConfig) -> 
     recorder = Recorder(NAMESPACE, topics)
     with NodeProcesses(NAMESPACE, recorder.receive) as nodes:
         nodes.start('slip_detector', file, input_timeout_s=TIMEOUT_S)
-        nodes.wait_until(lambda: recorder.has_heard(decisions))
+        nodes.wait_until(lambda: all(map(recorder.messages.get, decisions)))
         scene = {'scene': arguments.scene, 'seed': arguments.seed, 'loop': 'false'}
         nodes.start('slip_driver', file, source='scene', wait_for_subscribers=2, **scene)
         nodes.wait_for_end('slip_driver')
-    if not recorder.messages[ENVELOPE]:
-        raise RuntimeError('no decision was received')
     begin_s, changes = recorder.stamps_s('voltages')[0], {}
     for topic in decisions:
         states = recorder.values(topic, 'data')

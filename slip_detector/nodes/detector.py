@@ -20,7 +20,6 @@ import time
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.subscription import Subscription
@@ -28,6 +27,7 @@ from rclpy.timer import Timer
 from std_msgs.msg import Bool
 
 from slip_detector.chain.live_chain import HISTORY_S, INPUT_PARAMETERS, LiveChain
+from slip_detector.chain.samples import Floats
 from slip_detector.chain.slip_chain import check_memory
 from slip_detector.chain.stamps import DROPPED, StampGrid
 from slip_detector.nodes.health import Diagnostics, Health
@@ -35,7 +35,7 @@ from slip_detector.nodes.inputs import Input, Senders, publishing_nodes
 from slip_detector.nodes.messages import sensor_qos
 from slip_detector.nodes.outputs import Outputs
 from slip_detector.nodes.parameters import declare, follow_changes
-from slip_detector.nodes.rclpy_internals import ROS_ERROR, destroy_state_machine
+from slip_detector.nodes.rclpy_internals import ROS_ERRORS, destroy_state_machine
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.fields import name_list
 
@@ -135,9 +135,8 @@ class Detector(LifecycleNode):
         # and whether the loss of the input has been noted. The timeout begins with the first one.
         self._heard, self._heard_ns, self._lost = True, 0, False
         self._now_ns = self._moved_ns = 0
-        self._replayed = self.get_clock().ros_time_is_active
         self._listen_s = time.monotonic() + LISTEN_S
-        self._senders = Senders(SEVERAL_S)
+        self._senders = Senders(max(SEVERAL_S, self._active.input_timeout_s))
         self._start_timers()
         # The heartbeat of another detector that publishes on the same topics.
         self._detectors = Senders(max(SEVERAL_S, 3 / self._active.heartbeat_hz))
@@ -299,12 +298,11 @@ class Detector(LifecycleNode):
         """
         config = self._active
         self._input = Input(config)
-        self._senders = Senders(max(SEVERAL_S, config.input_timeout_s))
         try:
             self._samples = self.create_subscription(
                 self._input.message_class, 'voltages', self._on_voltages, sensor_qos(), raw=True
             )
-        except ROS_ERROR:
+        except ROS_ERRORS:
             self._note('listen', f'this process has voltages that are no {config.input_type}')
 
     def _stop_input(self) -> None:
@@ -318,7 +316,7 @@ class Detector(LifecycleNode):
         self._stamp_grid = StampGrid(1 / config.sample_rate_hz, config.max_gap_s)
         self._names = list(config.channel_names) or None
         self._frame_id = ''
-        self._last_row: NDArray[np.float64] | None = None
+        self._last_row: Floats | None = None
         self._health.forget()
 
     def _on_voltages(self, raw: bytes, info: dict[str, int | None]) -> None:
@@ -375,9 +373,7 @@ class Detector(LifecycleNode):
         spent_s = time.perf_counter() - began_s
         self._health.note_rows(rows, result.valid, at_ns, age_s, spent_s)
 
-    def _misfit(
-        self, rows: NDArray[np.float64], names: list[str] | None
-    ) -> tuple[str, str] | None:
+    def _misfit(self, rows: Floats, names: list[str] | None) -> tuple[str, str] | None:
         """Return the kind and description of channels that are others than before, if they are."""
         channels = self._active.channels
         if rows.shape[1] != channels:
@@ -393,7 +389,7 @@ class Detector(LifecycleNode):
         words = f'the channels of a message are {name_list(names, NAMES) or "without names"}'
         return 'names', f'{words}, allowed: {wanted or "without names"}: dropped'
 
-    def _mend(self, rows: NDArray[np.float64], missing: int) -> NDArray[np.float64]:
+    def _mend(self, rows: Floats, missing: int) -> Floats:
         """Bridge a short gap with the last row, or restart the chain after a long one."""
         if missing > 0 and self._last_row is not None:
             self._note('bridged', f'{missing} samples missing, bridged with the last one', missing)

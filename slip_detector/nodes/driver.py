@@ -24,14 +24,13 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, wait
 
 import numpy as np
-from numpy.typing import NDArray
 from rclpy.clock import Clock, ClockType
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float32MultiArray, MultiArrayDimension
 
-from slip_detector.chain.samples import Samples
+from slip_detector.chain.samples import Floats, Samples
 from slip_detector.nodes.health import ERROR, WARN, Diagnostics, status
 from slip_detector.nodes.messages import sensor_qos, state_qos
 from slip_detector.nodes.parameters import declare
@@ -93,7 +92,7 @@ class Driver(Node):
         self._voltages = self.create_publisher(message_type, 'voltages', sensor_qos())
         self._writer = JointStateWriter(config.frame_id, source.channel_names)
         # Samples that wait for their batch.
-        self._rows: list[NDArray[np.float64]] = []
+        self._rows: list[Floats] = []
         self._truth = self.create_publisher(Bool, 'slip_truth', state_qos())
         self._last_truth: bool | None = None
         self._position = self.create_publisher(JointState, 'platform_position', sensor_qos())
@@ -252,7 +251,7 @@ class Driver(Node):
             position_m = samples.position_m[i : i + 1]
             self._position.publish(self._position_writer.written(stamp_ns, position_m))
 
-    def _publish_row(self, stamp_ns: int, volts: NDArray[np.float64]) -> None:
+    def _publish_row(self, stamp_ns: int, volts: Floats) -> None:
         """Publish a sample, or keep it until its batch is complete."""
         if self.config.samples_per_message == 1:
             self._voltages.publish(self._writer.written(stamp_ns, volts))

@@ -33,7 +33,7 @@ from std_msgs.msg import Bool
 from slip_detector.chain.samples import Samples
 from slip_detector.nodes.inputs import Input
 from slip_detector.nodes.messages import sensor_qos, state_qos
-from slip_detector.nodes.rclpy_internals import ROS_ERROR, receiver
+from slip_detector.nodes.rclpy_internals import ROS_ERRORS, receiver
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.fields import names_that_affect
 from slip_detector.recordings.messages import Sample, joint_state_table
@@ -103,12 +103,12 @@ def state_at(states: States, published_ns: int) -> bool:
     return before > 0 and states[before - 1][1]
 
 
-class FingerTopics:
+class FingerTopics(PolledTopics):
     """Subscribes to the topics of a finger, and keeps the finger up to date."""
 
     def __init__(self, node: Node, finger: Finger, voltages: str) -> None:
+        super().__init__(node)
         self.finger = finger
-        self._topics = PolledTopics(node)
         # What came since the last poll, with the time at which it was published.
         self._samples: list[tuple[int, Sample]] = []
         self._levels: list[tuple[int, bytes]] = []
@@ -123,18 +123,18 @@ class FingerTopics:
 
     def subscribe(self, voltages: str) -> None:
         """Replace all subscriptions; ``voltages`` is the topic of the input, empty without one."""
-        self._topics.close()
+        self.close()
         self.voltages, self._config = voltages, self.finger.config
-        config, topics, states = self._config, self._topics, state_qos(depth=STATES)
+        config, states = self._config, state_qos(depth=STATES)
         if voltages:
             self._subscribe_to_samples(voltages)
         envelope = f'{self.finger.name}/envelope'
-        topics.add(JointState, envelope, sensor_qos(), self._on_envelope, raw=True)
+        self.add(JointState, envelope, sensor_qos(), self._on_envelope, raw=True)
         slip = f'{self.finger.name.rpartition("/")[0]}/slip'
-        topics.add(Bool, slip, states, self._on_slip)
-        topics.add(Bool, f'{slip}_valid', states, self._on_slip_valid)
+        self.add(Bool, slip, states, self._on_slip)
+        self.add(Bool, f'{slip}_valid', states, self._on_slip_valid)
         for g, name in enumerate(config.groups if config.publish_groups else ()):
-            topics.add(Bool, f'{slip}/group/{name}', states, functools.partial(self._on_group, g))
+            self.add(Bool, f'{slip}/group/{name}', states, functools.partial(self._on_group, g))
         self.finger.groups[:] = False  # Their last states come again, if they are published.
 
     def _subscribe_to_samples(self, voltages: str) -> None:
@@ -143,25 +143,21 @@ class FingerTopics:
         try:
             source = Input(self._config)
             call = functools.partial(self._on_voltages, source)
-            self._topics.add(source.message_class, voltages, sensor_qos(), call, raw=True)
+            self.add(source.message_class, voltages, sensor_qos(), call, raw=True)
             truth = f'{voltages.rpartition("/")[0]}/slip_truth'
-            self._topics.add(Bool, truth, state_qos(depth=STATES), self._on_truth)
-        except (ValueError, ROS_ERROR):
+            self.add(Bool, truth, state_qos(depth=STATES), self._on_truth)
+        except (ValueError, *ROS_ERRORS):
             # A process can use a topic with one type only.
             self.finger.no_volts = (
                 f'no volts are shown: {kind} is not installed here, or the topic had another type'
             )
-
-    def close(self) -> None:
-        """End the subscriptions."""
-        self._topics.close()
 
     def poll(self) -> None:
         """Process received messages; subscribe again if the detector's parameters require it."""
         before, self._config = self._config, self.finger.config
         if any(getattr(self._config, name) != getattr(before, name) for name in OF_TOPICS):
             self.subscribe(self.voltages)
-        self._topics.poll()
+        super().poll()
         if self._samples:
             self._append_samples()
         if self._levels:

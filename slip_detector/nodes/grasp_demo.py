@@ -87,8 +87,7 @@ SHOWN = 2
 def _play_live(recorder: Recorder, seed: int, config: Path, folder: Path) -> LiveGraspTrial:
     """Play a scene through a driver, a detector and a controller, each a process of its own.
 
-    The scene of the seed is written to the folder. A RuntimeError says that a node has ended
-    before the scene, or that nothing was received.
+    The scene of the seed is written to the folder. A RuntimeError says that a node has failed.
     """
     scene = folder / f'grasp_{seed}.yaml'
     with whole_file(scene) as new:
@@ -101,8 +100,6 @@ def _play_live(recorder: Recorder, seed: int, config: Path, folder: Path) -> Liv
         nodes.start('grasp_controller', config, **commands_of_a_scene())
         nodes.start('slip_driver', config, wait_for_subscribers=2, **played)
         nodes.wait_for_end('slip_driver')
-    if not recorder.has_heard(('voltages', 'platform_position', 'grip_force')):
-        raise RuntimeError('nothing was received of the trial')
     begin_s = recorder.stamps_s('voltages')[0]
 
     def course(topic: str, field: str) -> Floats:

@@ -21,9 +21,9 @@ from collections.abc import Sequence
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from numpy.typing import NDArray
 from rclpy.node import Node
 
+from slip_detector.chain.samples import Bools, Floats
 from slip_detector.nodes.messages import event_qos
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.fields import name_list
@@ -143,16 +143,11 @@ class Health:
         """Forget the rows, as others follow."""
         self._noted_s, self._begun_s = -math.inf, time.monotonic()
         # Rows, whether each value of them is valid, stamp, age, and time spent.
-        self._noted: list[tuple[NDArray[np.float64], NDArray[np.bool_], int, float, float]] = []
+        self._noted: list[tuple[Floats, Bools, int, float, float]] = []
         self.restart()
 
     def note_rows(
-        self,
-        rows: NDArray[np.float64],
-        valid: NDArray[np.bool_],
-        stamp_ns: int,
-        age_s: float,
-        spent_s: float,
+        self, rows: Floats, valid: Bools, stamp_ns: int, age_s: float, spent_s: float
     ) -> None:
         """Note rows that have been through the chain.
 

@@ -18,7 +18,6 @@ import time
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -26,6 +25,7 @@ from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Header
 
+from slip_detector.chain.samples import Bools
 from slip_detector.chain.slip_chain import SlipResult
 from slip_detector.nodes.messages import (
     event_qos,
@@ -128,12 +128,11 @@ class Outputs:
         }
         self._flags = np.array([flags.get(column, False) for column in self._columns], np.bool_)
         self._can_vote = slice(1 + len(config.groups), 1 + 2 * len(config.groups))
-        for column, each in [(0, self._slip), *self._listeners.items()]:
+        for column, each in self._listeners.items():
             if each in new:
                 each.publish(self._messages[bool(self._flags[column])])
-        if self._slip_valid in new:
-            self._slip_valid.publish(self._messages[self.valid])
-            self._publish_state()
+        if self._slip in new:
+            self.beat()
         for each in before.values():
             self._node.destroy_publisher(each)
 
@@ -162,9 +161,7 @@ class Outputs:
         """Publish all decisions as OFF and not valid, for late subscribers too."""
         self.announce(np.zeros_like(self._flags), 0, self._frame_id)
 
-    def announce(
-        self, flags: NDArray[np.bool_], at_ns: int, frame_id: str, *, settled: bool = True
-    ) -> None:
+    def announce(self, flags: Bools, at_ns: int, frame_id: str, *, settled: bool = True) -> None:
         """Publish the decisions on a sample that differ from those on the sample before.
 
         Parameters

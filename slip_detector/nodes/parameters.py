@@ -36,10 +36,10 @@ from slip_detector.parameters.fields import allowed
 from slip_detector.parameters.sections import OF_RCLPY, names_given_to, sections_for_others
 from slip_detector.parameters.sets import ConfigType, ParameterSet
 
-#: How a range is described: field of the descriptor, its type, and the number for no upper limit.
-RANGES: dict[type, tuple[str, Any, float]] = {
-    float: ('floating_point_range', FloatingPointRange, sys.float_info.max),
-    int: ('integer_range', IntegerRange, 2**63 - 1),
+#: The field of a descriptor for a range of numbers, and its type.
+RANGES: dict[type, tuple[str, Any]] = {
+    float: ('floating_point_range', FloatingPointRange),
+    int: ('integer_range', IntegerRange),
 }
 
 
@@ -196,8 +196,7 @@ def _descriptor(
     )
     low, kind = field.metadata['low'], type(field.metadata['default'])
     if low is not None and kind in RANGES:
-        name_of_range, make, most = RANGES[kind]
-        high = most if field.metadata['high'] is None else field.metadata['high']
-        limits = make(from_value=kind(low), to_value=kind(high))
+        name_of_range, make = RANGES[kind]
+        limits = make(from_value=kind(low), to_value=kind(field.metadata['high']))
         setattr(descriptor, name_of_range, [limits])
     return descriptor

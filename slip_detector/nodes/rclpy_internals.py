@@ -51,8 +51,8 @@ LOOK_NS = 100_000_000
 #: one waiting. The default is 5 ms.
 SWITCH_S = 0.5e-3
 
-#: The exception of the library below rclpy, raised for an invalid name, for example.
-ROS_ERROR: type[Exception] = rclpy_implementation.RCLError
+#: The exceptions of the library below rclpy, raised for an invalid name or argument, for example.
+ROS_ERRORS = rclpy_implementation.RCLError, rclpy_implementation.UnknownROSArgsError
 
 
 class SampleExecutor(SingleThreadedExecutor):

@@ -58,12 +58,11 @@ def main(executable: str) -> NoReturn:
     on_signals(lambda *_: os._exit(0))
     import rclpy
     from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-    from rclpy.impl.implementation_singleton import rclpy_implementation
     from rclpy.signals import SignalHandlerOptions
 
     from slip_detector.nodes.parameters import tell_of_other_names
     from slip_detector.nodes.rclpy_internals import (
-        ROS_ERROR,
+        ROS_ERRORS,
         SampleExecutor,
         leave,
         survive_requests,
@@ -92,7 +91,7 @@ def main(executable: str) -> NoReturn:
         executor.spin()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
-    except (ValueError, ROS_ERROR, rclpy_implementation.UnknownROSArgsError) as error:
+    except (ValueError, *ROS_ERRORS) as error:
         print(f'{executable}: {one_line(error)}', file=sys.stderr)
         code = 1
     except Exception:

@@ -19,19 +19,12 @@ import asyncio
 import contextlib
 import math
 import time
-from array import array
 from collections.abc import Collection, Mapping
 from typing import Any
 
-import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces import srv
 from rcl_interfaces.msg import ParameterEvent
-from rcl_interfaces.srv import (
-    DescribeParameters,
-    GetParameters,
-    ListParameters,
-    SetParametersAtomically,
-)
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.parameter import Parameter, parameter_value_to_python
@@ -65,10 +58,10 @@ OF_A_DETECTOR = {'sample_rate_hz', 'channels', 'threshold', 'heartbeat_hz'}
 UNKNOWN = '_NODE_NAME_UNKNOWN_'
 
 SERVICES = {
-    'list_parameters': ListParameters,
-    'describe_parameters': DescribeParameters,
-    'get_parameters': GetParameters,
-    'set_parameters_atomically': SetParametersAtomically,
+    'list_parameters': srv.ListParameters,
+    'describe_parameters': srv.DescribeParameters,
+    'get_parameters': srv.GetParameters,
+    'set_parameters_atomically': srv.SetParametersAtomically,
 }
 
 
@@ -129,7 +122,7 @@ class RemoteDetector:
 
     async def _get(self, names: list[str]) -> dict[str, Any]:
         values = (await self._ask('get_parameters', names=names)).values
-        return {name: _as_python(value) for name, value in zip(names, values, strict=True)}
+        return dict(zip(names, map(parameter_value_to_python, values), strict=True))
 
     async def _ask(self, service: str, again_s: float = ASK_AGAIN_S, **request: Any) -> Any:
         """Return the answer of a service; a question is asked again until it is answered."""
@@ -149,12 +142,6 @@ class RemoteDetector:
                 await asyncio.sleep(POLL_S)
             raise ValueError(f'{self.name} has not answered for {ANSWER_S:g} s')
         raise ValueError(f'{self.name} ended before it answered')
-
-
-def _as_python(value: Any) -> Any:
-    """Return a value of a message as a Python value; None if it is not set."""
-    found = parameter_value_to_python(value)
-    return list(found) if isinstance(found, (array, tuple, np.ndarray)) else found
 
 
 def _message_of(name: str, value: Any) -> Any:

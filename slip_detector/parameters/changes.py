@@ -98,8 +98,7 @@ class Judge:
         ({'decision': 'evidence', 'noise_floor': [0.1]}, [''])
         """
         refusals = [_wrong_alone(config, *each) for each in given]
-        alone = zip(given, refusals, strict=True)
-        together = {name: value for (name, value), refusal in alone if not refusal}
+        together = dict(each for each, refusal in zip(given, refusals, strict=True) if not refusal)
         waited = self._waiting if now_s < self._until_s else {}
         self._waiting, self._until_s = {**waited, **together}, now_s + WAIT_S
         old = {name: None for name in config.to_parameters() if name.startswith('groups.')}

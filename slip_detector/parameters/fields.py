@@ -55,7 +55,7 @@ def parameter(
         One sentence, for the ROS descriptor of the parameter and for docs/parameters.md.
     within
         Inclusive bounds of a number, or of each number of a list, and its SI unit, if it has one:
-        ``(0.0, 60.0, 's')``. A bound may be None.
+        ``(0.0, 60.0, 's')``; None: any number.
     choices
         The allowed values of a text.
     allows
@@ -122,7 +122,7 @@ def allowed(field: Field) -> str:
     unit = f' {metadata["unit"]}' if metadata['unit'] else ''
     low, high = metadata['low'], metadata['high']
     if low is not None:
-        return f'at least {low:g}{unit}' if high is None else f'{low:g} to {high:g}{unit}'
+        return f'{low:g} to {high:g}{unit}'
     return 'true, false' if field.type is bool else ''
 
 
@@ -238,7 +238,7 @@ def _number(value: Any, kind: Any, where: str, field: Field | None = None) -> An
         _refuse_value(value, where, 'a whole number' if kind is int else 'a number')
     if field is not None:
         low, high = field.metadata['low'], field.metadata['high']
-        if (low is not None and number < low) or (high is not None and number > high):
+        if low is not None and not low <= number <= high:
             refuse(f'{where} is {number:g} {field.metadata["unit"]}'.rstrip(), allowed(field))
     return kind(value)
 

@@ -307,9 +307,8 @@ class Recorder:
         """What is wrong with the recording; empty if nothing is."""
         if self.failure:
             return f'was cut off: {self.failure}'
-        if self.kind == 'slip' and not self.has_slip:
-            return f'{NO_SLIP}: no sample came while the key was held'
-        return ''
+        missed = self.kind == 'slip' and not self.has_slip
+        return f'{NO_SLIP}: no sample came while the key was held' if missed else ''
 
     def write(self) -> None:
         """Write the rows that have arrived, with the present label."""

@@ -152,7 +152,6 @@ class ViewRequest:
             'until_ns': self.until_ns,
             'channels': (channels + 1).tolist(),
         }
-        only = np.zeros(1, np.intp)
         for stream, rows, values, state in (
             ('samples', track.samples, 'volts', 'truth'),
             ('levels', track.levels, 'level', 'slip'),
@@ -171,7 +170,7 @@ class ViewRequest:
             columns = first, stop - first, self._width_ns
             low, high = rows.columns(values, *columns, channels)
             arrays[f'{values}/low'], arrays[f'{values}/high'] = low, high
-            arrays[state] = rows.columns(state, *columns, only)[1][0] > 0.0
+            arrays[state] = rows.columns(state, *columns, np.zeros(1, np.intp))[1][0] > 0.0
         return header
 
     def _add_spectrum(self, finger: Finger, channel: int, arrays: Arrays) -> dict[str, Any]:

@@ -151,28 +151,6 @@ def test_without_a_cache_that_can_be_written_it_is_compiled_in_memory_and_said_o
     ]
 
 
-def test_all_files_with_compiled_code_and_numba_s_version_name_the_cache(monkeypatch):
-    files = [
-        path
-        for path in PACKAGE.rglob('*.py')
-        if re.search('^@(compiled|intrinsic)', path.read_text(encoding='utf-8'), re.MULTILINE)
-    ]
-    assert {'kernel', 'stages', 'stamps', 'votes', 'matching'} <= {path.stem for path in files}
-    read, looked_at = Path.read_bytes, []
-
-    def changed(path):
-        looked_at.append(path)
-        return read(path) + b'#' * (path == files[-1])
-
-    monkeypatch.setattr(Path, 'read_bytes', changed)
-    assert compiled._fingerprint() != compiled.FINGERPRINT
-    assert set(files) <= set(looked_at)
-    monkeypatch.setattr(Path, 'read_bytes', read)
-    assert compiled._fingerprint() == compiled.FINGERPRINT
-    monkeypatch.setattr(compiled, 'numba_version', '0.0.1')
-    assert compiled._fingerprint() != compiled.FINGERPRINT
-
-
 ALL_COMPILED = """
 import numpy as np
 from slip_detector.chain.slip_chain import SlipChain, compile_chain

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.chain.stages import LEAST_EXCESS_DB, floor_steps_db, root_decibels
+from slip_detector.chain.stages import LEAST_EXCESS_DB, root_decibels
 from slip_detector.compiled import compiled, load, store
 from support.chain_cases import bits, noise, quick_evidence, tone
 
@@ -144,21 +144,6 @@ def test_activity_is_compared_in_the_unit_of_the_envelope(values):
 
 
 # --- floors and evidence -------------------------------------------------------------------
-
-
-def test_a_floor_rises_slowly_and_falls_nine_times_as_fast_within_its_range():
-    config = quick_evidence(
-        noise_floor_learnt=True, noise_floor_range_db=20.0, noise_floor_rate_db_s=4.0
-    )
-    result = SlipChain(config).update(np.concatenate([tone(1000), tone(400, 1e-6)]), **KEPT)
-    floor = result.floor[:, 0]
-    assert floor[500] - floor[400] == pytest.approx(1.0)
-    assert floor[1030] - floor[1080] == pytest.approx(4.5)
-    up_db, down_db = floor_steps_db(4.0, 400.0)
-    assert (up_db, down_db) == pytest.approx((0.01, 0.09))
-    long = SlipChain(config).update(tone(4000), **KEPT).floor
-    assert long.max() == pytest.approx(-20.0)
-    assert floor[-1] == pytest.approx(-40.0)
 
 
 def test_a_gap_that_restarts_the_chain_keeps_the_floor_alone():

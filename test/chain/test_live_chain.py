@@ -15,6 +15,7 @@
 """A chain whose parameters change while it runs."""
 
 import dataclasses
+import itertools
 import threading
 import time
 
@@ -127,10 +128,13 @@ def test_rows_before_a_reset_are_not_in_the_new_chain():
     np.testing.assert_array_equal(bed.levels(rows[200:]), wanted)
 
 
-@pytest.mark.parametrize('values', [{'sample_rate_hz': 500.0}, {'channels': 3, 'groups': {}}])
+@pytest.mark.parametrize(
+    'values',
+    [{'sample_rate_hz': 500.0}, {'channels': 3, 'groups': {}}, {'input_field': 'velocity'}],
+)
 def test_another_input_starts_from_its_first_row(values):
     rows = noise(300)
-    bed = Bed()
+    bed = Bed(DetectorConfig.from_parameters(CONFIG.to_parameters()))
     bed.levels(rows[:200])
     assert not bed.change(**values)
     assert bed.swapped()
@@ -162,6 +166,19 @@ def test_what_is_changed_within_a_short_time_is_built_once(monkeypatch):
     assert bed.swapped()
     assert built == [config]
     assert bed.chain.config == config
+
+
+def test_changes_that_never_end_are_used_all_the_same(monkeypatch):
+    monkeypatch.setattr(live_chain, 'GATHER_S', 60.0)
+    monkeypatch.setattr(live_chain, 'GATHER_AT_MOST_S', 0.2)
+    bed, thresholds = Bed(), itertools.count(1.0)
+
+    def used():
+        bed.change(gain=10.0, threshold=next(thresholds))
+        time.sleep(0.05)
+        return bed.chain.swap()
+
+    assert bed.wait_until(used)
 
 
 def test_rows_come_in_one_thread_while_another_changes_the_configuration():
@@ -418,16 +435,6 @@ def test_it_is_told_how_long_slip_may_come_of_the_change(before, values, wanted)
     assert bed.chain.unsettled_rows == 1
     bed.chain.update(noise(5, channels=channels), level=False)
     assert bed.chain.unsettled_rows == 0
-
-
-def test_another_field_of_the_messages_is_another_signal():
-    bed = Bed(DetectorConfig())
-    bed.chain.update(noise(500, channels=16), level=False)
-    assert not bed.change(input_field='velocity')
-    assert bed.swapped()
-    rows = noise(100, channels=16) + 100.0
-    found = bed.chain.update(rows, level=True).level
-    np.testing.assert_array_equal(found, SlipChain(bed.chain.config).update(rows).level)
 
 
 def test_a_change_of_evidence_has_the_time_that_evidence_takes():

@@ -15,7 +15,6 @@
 """What the chain takes and gives, the memory of a call, and what a chain takes over of another."""
 
 import dataclasses
-import tracemalloc
 
 import numpy as np
 import pytest
@@ -115,35 +114,6 @@ def test_disabled_channels_show_nothing_and_change_nothing(common_mode, vote):
 
 
 # --- memory --------------------------------------------------------------------------------
-
-
-def overhead_of_one_row(config):
-    """Return by how many bytes the peak of a one-row call exceeds the arrays of its result."""
-    chain = SlipChain(config)
-    row = noise(33, 1, config.channels)
-    for _ in range(4):
-        chain.update(row)
-    tracemalloc.start()
-    try:
-        chain.update(row)
-        tracemalloc.reset_peak()
-        before = tracemalloc.get_traced_memory()[0]
-        result = chain.update(row)
-        peak = tracemalloc.get_traced_memory()[1] - before
-    finally:
-        tracemalloc.stop()
-    return peak - result.flags.nbytes - result.level.nbytes - result.envelope.nbytes
-
-
-def test_a_row_takes_no_memory_beyond_its_result():
-    few, many = (
-        overhead_of_one_row(ChainConfig(channels=n, common_mode='mean', vote='mean'))
-        for n in (16, 8000)
-    )
-    # Array headers and the call's own objects, the same for any number of channels; one temporary
-    # of a byte per channel would be 8 kB more.
-    assert many < few + 2000
-    assert few < 6000
 
 
 def test_windows_beyond_the_memory_are_refused_before_any_is_taken(monkeypatch):

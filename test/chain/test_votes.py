@@ -124,20 +124,6 @@ def test_each_statistic_says_of_any_threshold_where_a_chain_with_that_vote_is_on
         np.testing.assert_array_equal(together[:, v] > threshold, result.slip)
 
 
-def test_the_statistic_is_the_same_however_the_rows_are_cut_and_whatever_else_is_kept():
-    config = ChainConfig(disabled_channels=(3,))
-    volts = volts_of(config, 1)
-    whole = SlipChain(config).update(volts, votes=VOTES)
-    chain = SlipChain(config)
-    parts = [
-        chain.update(piece, envelope=i % 2 == 0, level=i % 3 == 0, votes=VOTES)
-        for i, piece in enumerate(np.split(volts, [1, 1, 2, 9, 70, 134, 250]))
-    ]
-    found = np.concatenate([part.vote_statistic for part in parts])
-    assert found.tobytes() == np.ascontiguousarray(whole.vote_statistic).tobytes()
-    assert np.concatenate([part.flags for part in parts]).tobytes() == whole.flags.tobytes()
-
-
 @pytest.mark.parametrize('vote', ['most', 0, -1, 1.5, True, None])
 def test_a_vote_that_is_none_is_refused(vote):
     with pytest.raises(ValueError, match='allowed: all, mean, or a whole number from 1'):

@@ -15,7 +15,6 @@
 """Calls in this process, in several, and the options that recordings are read with."""
 
 import argparse
-import io
 import os
 import signal
 import socket
@@ -31,7 +30,6 @@ from slip_detector.commands.workers import (
     check_apart,
     check_writable,
     paths_for_workers,
-    progress_bar,
     sets_of_parameters,
     workers,
 )
@@ -173,13 +171,3 @@ def test_a_file_is_not_written_twice_nor_over_what_is_read(tmp_path):
         ({'--out': recording}, None, f'--out {recording}: is a recording'),
     ):
         assert message_of(check_apart, written, read) == f'{said}, allowed: a file of its own'
-
-
-def test_a_terminal_alone_shows_the_bar(monkeypatch):
-    for is_terminal in (True, False):
-        stream = io.StringIO()
-        stream.isatty = lambda shown=is_terminal: shown
-        monkeypatch.setattr(sys, 'stderr', stream)
-        with progress_bar(total=3, unit='recording') as bar:
-            bar.update(2)
-        assert ('2/3' in stream.getvalue()) == is_terminal

@@ -14,10 +14,6 @@
 
 """The arguments that ``ros2 launch --show-args`` shows."""
 
-import pytest
-
-pytest.importorskip('rclpy', reason='needs rclpy')
-
 from support.launching import defaults_of
 
 OF_VIEW = {'namespace', 'configs', 'view', 'view_options', 'transport'}

@@ -19,9 +19,6 @@ import unittest
 from pathlib import Path
 
 import pytest
-
-pytest.importorskip('rclpy', reason='needs rclpy')
-
 from rcl_interfaces.srv import GetParameters
 from std_msgs.msg import Bool
 

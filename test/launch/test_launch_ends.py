@@ -20,9 +20,6 @@ import subprocess
 from pathlib import Path
 
 import pytest
-
-pytest.importorskip('rclpy', reason='needs rclpy')
-
 from std_msgs.msg import Bool
 
 from slip_detector.nodes.messages import state_qos

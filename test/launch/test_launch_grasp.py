@@ -17,9 +17,6 @@
 import unittest
 
 import pytest
-
-pytest.importorskip('rclpy', reason='needs rclpy')
-
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Header
 

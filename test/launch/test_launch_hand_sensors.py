@@ -19,9 +19,6 @@ import unittest
 from pathlib import Path
 
 import pytest
-
-pytest.importorskip('rclpy', reason='needs rclpy')
-
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 

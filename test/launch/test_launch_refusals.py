@@ -18,8 +18,6 @@ import subprocess
 
 import pytest
 
-pytest.importorskip('rclpy', reason='needs rclpy')
-
 from support.launching import launching
 
 

@@ -21,8 +21,6 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip('rclpy', reason='needs rclpy')
-
 from support.harness import DEADLINE_S
 from support.launching import check_ends, launch_testing, launched
 from support.live_client import LiveClient

@@ -29,31 +29,27 @@ from slip_detector.recordings import open_recording
 from slip_detector.sources import open_source
 from support.harness import DEADLINE_S, ROOT
 
-pytest.importorskip('rclpy', reason='needs rclpy')
 pytest.importorskip('rosbags', reason='needs rosbags')
 
 from slip_detector.nodes.demo import NodeProcesses
 
 
-def played(out, *words):
-    """Let a demonstration write to a folder and return what it prints."""
-    command = [sys.executable, '-m', 'slip_detector.nodes.demo', '--out', str(out), *words]
+def run(*words, code):
+    """Run a demonstration as a user does; return what it prints on both streams."""
+    command = [sys.executable, '-m', 'slip_detector.nodes.demo', *map(str, words)]
     done = subprocess.run(
-        command,
-        capture_output=True,
-        text=True,
-        timeout=2 * DEADLINE_S,
-        check=False,
+        command, capture_output=True, text=True, timeout=2 * DEADLINE_S, check=False
     )
-    assert done.returncode == 0, done.stderr
-    assert 'no input any more' not in done.stderr
-    return done.stdout
+    assert done.returncode == code, done.stderr
+    return done.stdout, done.stderr
 
 
 @pytest.fixture(scope='module')
 def finished(tmp_path_factory):
     out = tmp_path_factory.mktemp('demo')
-    return out, played(out, '--record', str(out / 'trial.mcap'))
+    said, told = run('--out', out, '--record', out / 'trial.mcap', code=0)
+    assert 'no input any more' not in told
+    return out, said
 
 
 def test_the_figures_are_those_of_the_decisions_and_of_the_way_to_this_process(finished):
@@ -90,12 +86,8 @@ def test_the_recording_is_the_trial_with_its_labels(finished):
 def test_a_recording_that_is_there_already_is_not_overwritten(tmp_path):
     path = tmp_path / 'a.npz'
     path.write_text('precious')
-    command = [sys.executable, '-m', 'slip_detector.nodes.demo', '--record', str(path)]
-    done = subprocess.run(
-        command, cwd=tmp_path, capture_output=True, text=True, timeout=DEADLINE_S, check=False
-    )
-    assert done.returncode == 1
-    assert done.stderr == f'slip_demo: {path}: already exists, allowed: a new path\n'
+    _, told = run('--out', tmp_path, '--record', path, code=1)
+    assert told == f'slip_demo: {path}: already exists, allowed: a new path\n'
     assert path.read_text() == 'precious'
 
 

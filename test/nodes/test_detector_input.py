@@ -18,47 +18,20 @@ import itertools
 
 import numpy as np
 import pytest
-from sensor_msgs.msg import JointState
 from std_msgs.msg import Float32MultiArray, Float64MultiArray, Header, MultiArrayDimension
 
 from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.nodes.messages import event_qos, stamp_ns, time_message
+from slip_detector.nodes.messages import event_qos, stamp_ns
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.sources import open_source
-from support.harness import PERIOD_NS, START_NS, reliable_qos
-
-
-def started(bench, message_type, **parameters):
-    """Start a detector and return its envelope and a publisher of its input."""
-    envelope = bench.listen(JointState, 'slip_detector/envelope', reliable_qos())
-    voltages = bench.node.create_publisher(message_type, 'voltages', reliable_qos())
-    words = {'input_timeout_s': 60.0, **parameters}
-    process = bench.start('slip_detector', parameters=words, reliable_samples=True)
-    bench.wait_for(voltages.get_subscription_count, 'the detector to connect')
-    return process, envelope, voltages
-
-
-def settled(bench, envelope, voltages, message, at_ns):
-    """Send one message over and over until decisions come; returns the next stamp."""
-    while not envelope:
-        message.header.stamp = time_message(at_ns)
-        voltages.publish(message)
-        at_ns += PERIOD_NS
-        bench.executor.spin_once(timeout_sec=0.01)
-    last_ns = at_ns - PERIOD_NS
-    bench.wait_for(lambda: stamp_ns(envelope[-1].header.stamp) == last_ns, 'the last decision')
-    return at_ns
+from support.harness import PERIOD_NS, START_NS, Detected, reliable_qos
 
 
 def test_without_a_header_the_middlewares_stamp_counts(bench):
-    process, envelope, voltages = started(
-        bench,
-        Float64MultiArray,
-        input_type='std_msgs/msg/Float64MultiArray',
-        input_field='data',
-        channels=2,
-    )
+    given = {'input_type': 'std_msgs/msg/Float64MultiArray', 'input_field': 'data', 'channels': 2}
+    detected = Detected(bench, {'input_timeout_s': 60.0, **given}, Float64MultiArray)
+    envelope, voltages = detected.envelope, detected.voltages
     before_ns = bench.node.get_clock().now().nanoseconds
     while len(envelope) < 5:
         voltages.publish(Float64MultiArray(data=[1.0, 2.0]))
@@ -71,20 +44,15 @@ def test_without_a_header_the_middlewares_stamp_counts(bench):
     # A batch has to say that it is one.
     voltages.publish(Float64MultiArray(data=[1.0, 2.0] * 3))
     said = 'a message has 6 channels, allowed: 2 (a batch needs layout.dim: sample of size 3, '
-    bench.wait_for(lambda: said in process.log(), said)
+    bench.wait_for(lambda: said in detected.process.log(), said)
 
 
 def test_late_batches_are_rows_with_their_own_times_and_a_lost_one_is_bridged(bench):
     onsets = bench.listen(Header, 'slip_onset', event_qos())
-    process, envelope, voltages = started(
-        bench,
-        Float32MultiArray,
-        input_type='std_msgs/msg/Float32MultiArray',
-        input_field='data',
-        channels=4,
-        threshold=1e-3,
-        max_gap_s=60.0,
-    )
+    given = {'input_type': 'std_msgs/msg/Float32MultiArray', 'input_field': 'data', 'channels': 4}
+    given |= {'threshold': 1e-3, 'max_gap_s': 60.0, 'input_timeout_s': 60.0}
+    detected = Detected(bench, given, Float32MultiArray)
+    envelope = detected.envelope
     rows = np.full((400, 4), 2.0, np.float32)
     rows[200:] += np.random.default_rng(0).standard_normal((200, 4)).astype(np.float32)
 
@@ -95,13 +63,9 @@ def test_late_batches_are_rows_with_their_own_times_and_a_lost_one_is_bridged(be
             MultiArrayDimension(label='sample', size=samples, stride=batch.size),
             MultiArrayDimension(label='channel', size=channels, stride=channels),
         ]
-        voltages.publish(message)
+        detected.voltages.publish(message)
 
-    sent = 0
-    while not envelope:
-        send(rows[:1])
-        sent += 1
-        bench.executor.spin_once(timeout_sec=0.01)
+    bench.wait_for(lambda: send(rows[:1]) or envelope, 'a decision')
     # The decision on a step too small for slip is the last of those on single rows.
     step = rows[:1] + np.float32(1e-4)
     send(step)
@@ -115,44 +79,34 @@ def test_late_batches_are_rows_with_their_own_times_and_a_lost_one_is_bridged(be
         levels.append(envelope[-1].position)
     bench.wait_for(lambda: onsets, 'the onset')
     # The batches came slower than the rate, and none was lost.
-    assert 'missing' not in process.log()
-
-    def levels_after(count):
-        chain = SlipChain(DetectorConfig(channels=4))
-        chain.update(np.concatenate([np.repeat(rows[:1], count, axis=0), step]))
-        return chain.update(rows).level
-
-    # Of the single rows those before the detector listened were not heard, and the number of rows
-    # decides where the windows sum up again, which is a last bit.
-    possible = [levels_after(1 + heard) for heard in range(sent)]
-    same = [level for level in possible if np.array_equal(level[49::50], levels)]
-    wanted = (same or possible)[0]
-    np.testing.assert_array_equal(levels, wanted[49::50])
-    assert np.all(wanted[249::50] > 0)
+    assert 'missing' not in detected.process.log()
+    chain = SlipChain(DetectorConfig(channels=4))
+    chain.update(np.concatenate([rows[:1], step]))
+    wanted = chain.update(rows).level
+    np.testing.assert_allclose(levels, wanted[49::50], rtol=1e-9, atol=1e-12)
     onset = int(np.flatnonzero(wanted.min(axis=1) > 1e-3)[0])
     message_of_onset = envelope[-4 + (onset - 200) // 50]
     after_ns = stamp_ns(message_of_onset.header.stamp) - stamp_ns(onsets[0].stamp)
     assert after_ns == pytest.approx((49 - onset % 50) * PERIOD_NS, rel=0.3)
     send(rows[:50, :3])  # With a channel too few, it is lost.
     send(rows[:50])
-    bench.wait_for(lambda: '50 samples missing, bridged' in process.log(), 'the lost batch')
+    said = '50 samples missing, bridged'
+    bench.wait_for(lambda: said in detected.process.log(), 'the lost batch')
 
 
 def test_messages_without_the_field_are_counted_and_the_node_goes_on(bench):
-    process, envelope, voltages = started(bench, JointState, input_field='position[2]', channels=1)
+    given = {'input_field': 'position[2]', 'channels': 1, 'input_timeout_s': 60.0}
+    detected = Detected(bench, given)
     stamps_ns = itertools.count(START_NS, PERIOD_NS)
 
-    def told():
-        # The detector may not have found the publisher yet.
-        message = JointState(position=[1.0, 2.0])
-        message.header.stamp = time_message(next(stamps_ns))
-        voltages.publish(message)
-        return 'no numbers at position[2]' in process.log()
+    def log_after(*position):
+        """Send a message, and return the log: the detector may not have found the publisher."""
+        detected.send(position, next(stamps_ns))
+        return detected.process.log()
 
-    bench.wait_for(told, 'the log')
-    message = JointState(position=[1.0, 2.0, 3.0])
-    settled(bench, envelope, voltages, message, next(stamps_ns))
-    assert len(envelope[-1].position) == 1
+    bench.wait_for(lambda: 'no numbers at position[2]' in log_after(1.0, 2.0), 'the log')
+    bench.wait_for(lambda: log_after(1.0, 2.0, 3.0) and detected.envelope, 'a decision')
+    assert len(detected.envelope[-1].position) == 1
 
 
 def test_the_drivers_batches_carry_the_same_samples(bench):

@@ -20,21 +20,18 @@ import time
 
 import numpy as np
 import pytest
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool, Float32MultiArray, MultiArrayDimension
 
-rclpy = pytest.importorskip('rclpy', reason='needs rclpy')
-
-from rclpy.node import Node  # noqa: E402
-from sensor_msgs.msg import JointState  # noqa: E402
-from std_msgs.msg import Bool, Float32MultiArray, MultiArrayDimension  # noqa: E402
-
-from slip_detector.nodes.finger_topics import FingerTopics  # noqa: E402
-from slip_detector.nodes.messages import (  # noqa: E402
+from slip_detector.nodes.finger_topics import FingerTopics
+from slip_detector.nodes.messages import (
     sensor_qos,
     state_qos,
     time_message,
 )
-from slip_detector.parameters.detector import DetectorConfig  # noqa: E402
-from slip_detector.view.detectors import Finger  # noqa: E402
+from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.view.detectors import Finger
 
 TWO = DetectorConfig(channels=2, groups={'pair': (1, 2)}, passband_hz=(7, 50), stopbands_hz=[])
 AT_NS = 10**18

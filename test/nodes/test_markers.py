@@ -18,9 +18,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-
-pytest.importorskip('rclpy', reason='needs rclpy')
-
 from sensor_msgs.msg import JointState
 from visualization_msgs.msg import Marker, MarkerArray
 

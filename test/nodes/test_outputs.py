@@ -15,10 +15,6 @@
 """What is published of the decisions, and in which order."""
 
 import numpy as np
-import pytest
-
-pytest.importorskip('rclpy', reason='needs rclpy')
-
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Header
 

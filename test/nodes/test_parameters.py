@@ -15,15 +15,13 @@
 """Configurations as parameters of a node, in this process and of each node with a file."""
 
 import pytest
+import rclpy
+from rcl_interfaces.srv import GetParameters
+from rclpy.node import Node
+from rclpy.parameter import parameter_value_to_python
 
-rclpy = pytest.importorskip('rclpy', reason='needs rclpy')
-
-from rcl_interfaces.srv import GetParameters  # noqa: E402
-from rclpy.node import Node  # noqa: E402
-from rclpy.parameter import parameter_value_to_python  # noqa: E402
-
-from slip_detector.nodes.parameters import declare  # noqa: E402
-from slip_detector.parameters.grasp import GraspConfig  # noqa: E402
+from slip_detector.nodes.parameters import declare
+from slip_detector.parameters.grasp import GraspConfig
 
 NODES = ('slip_driver', 'slip_detector', 'grasp_controller')
 

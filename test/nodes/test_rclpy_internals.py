@@ -19,23 +19,21 @@ import subprocess
 import sys
 
 import pytest
+import rclpy
+from builtin_interfaces.msg import Time
+from lifecycle_msgs.msg import State, Transition
+from lifecycle_msgs.srv import ChangeState
+from rcl_interfaces.srv import GetParameters
+from rclpy.clock import Clock, ClockType
+from rclpy.exceptions import InvalidHandle
+from rclpy.executors import ExternalShutdownException
+from rclpy.lifecycle import LifecycleNode
+from rclpy.node import Node
+from rosgraph_msgs.msg import Clock as ClockMessage
+from std_msgs.msg import Bool
 
-rclpy = pytest.importorskip('rclpy', reason='needs rclpy')
-
-from builtin_interfaces.msg import Time  # noqa: E402
-from lifecycle_msgs.msg import State, Transition  # noqa: E402
-from lifecycle_msgs.srv import ChangeState  # noqa: E402
-from rcl_interfaces.srv import GetParameters  # noqa: E402
-from rclpy.clock import Clock, ClockType  # noqa: E402
-from rclpy.exceptions import InvalidHandle  # noqa: E402
-from rclpy.executors import ExternalShutdownException  # noqa: E402
-from rclpy.lifecycle import LifecycleNode  # noqa: E402
-from rclpy.node import Node  # noqa: E402
-from rosgraph_msgs.msg import Clock as ClockMessage  # noqa: E402
-from std_msgs.msg import Bool  # noqa: E402
-
-from slip_detector.nodes.messages import event_qos  # noqa: E402
-from slip_detector.nodes.rclpy_internals import (  # noqa: E402
+from slip_detector.nodes.messages import event_qos
+from slip_detector.nodes.rclpy_internals import (
     SampleExecutor,
     destroy_state_machine,
     given_parameters,

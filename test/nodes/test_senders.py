@@ -19,9 +19,6 @@ import signal
 import time
 
 import pytest
-
-pytest.importorskip('rclpy', reason='needs rclpy')
-
 from hypothesis import given
 from hypothesis import strategies as st
 from std_msgs.msg import Header
@@ -61,7 +58,7 @@ def test_a_publisher_that_was_killed_does_not_keep_the_next_one_out(monkeypatch)
 
 
 @pytest.mark.parametrize('ahead', [2, 50, -2, -50])
-def test_of_two_that_were_started_together_one_message_at_most_is_mistaken(ahead):
+def test_of_two_that_were_started_together_one_message_is_mistaken_and_one_alone_is_taken(ahead):
     senders = Senders(60.0)
     senders.accepts(500, publishers=1)
     taken = [
@@ -69,14 +66,7 @@ def test_of_two_that_were_started_together_one_message_at_most_is_mistaken(ahead
     ]
     assert sum(taken) <= 1
     assert senders.several
-
-
-def test_when_one_of_two_has_ended_the_other_is_taken_at_once():
-    senders = Senders(60.0)
-    for number in (10, 500, 11, 501):
-        senders.accepts(number, publishers=2)
-    assert senders.several
-    assert senders.accepts(12, publishers=1)
+    assert senders.accepts(600, publishers=1)
     assert not senders.several
 
 

@@ -19,32 +19,10 @@ import re
 import signal
 
 import pytest
+from tornado.httpclient import AsyncHTTPClient
 
-rclpy = pytest.importorskip('rclpy', reason='needs rclpy')
-
-from tornado.httpclient import AsyncHTTPClient  # noqa: E402
-
-from support.harness import DEADLINE_S  # noqa: E402
-from support.live_client import LiveClient  # noqa: E402
-
-OPTIONS = ('--port', '0')
-
-
-def start(bench, *words):
-    return bench.start_python('-m', 'slip_detector.nodes.view', *words)
-
-
-def address_of(bench, process):
-    """Wait until the page is served and return its address."""
-
-    def printed():
-        if process.ended():
-            pytest.fail(f'slip_view ended:\n{process.log()}')
-        return 'http://' in process.log()
-
-    bench.wait_for(printed, 'the address')
-    (address,) = re.findall(r'^slip_view: (http://\S+)$', process.log(), re.M)
-    return address
+from support.harness import DEADLINE_S
+from support.live_client import LiveClient
 
 
 def with_page(address, test):
@@ -69,7 +47,7 @@ def subscribed(bench):
 
 def test_with_no_page_open_it_subscribes_to_nothing(bench):
     bench.start('slip_detector', '-r', '__ns:=/index')
-    address = address_of(bench, start(bench, *OPTIONS, '--folder', 'none'))
+    _, address = bench.start_view('--folder', 'none')
 
     async def view(page):
         await page.view()
@@ -86,8 +64,7 @@ def test_with_no_page_open_it_subscribes_to_nothing(bench):
 
 def test_a_scene_is_played_and_all_ends_with_a_signal(bench, tmp_path):
     words = ('--scene', 'plate_400um', '--fingers', 'thumb,index', '--folder', str(tmp_path / 'f'))
-    process = start(bench, *OPTIONS, *words)
-    address = address_of(bench, process)
+    process, address = bench.start_view(*words)
 
     async def see(page):
         content = await page.until('fingers', lambda content: len(content['fingers']) == 2)
@@ -118,7 +95,8 @@ def test_a_scene_is_played_and_all_ends_with_a_signal(bench, tmp_path):
 
 
 def test_when_a_node_of_the_scene_ends_so_does_the_page(bench):
-    process = start(bench, *OPTIONS, '--scene', 'plate_400um', '--fingers', 'thumb,thumb')
+    words = ['--scene', 'plate_400um', '--fingers', 'thumb,thumb']
+    process = bench.start_python('-m', 'slip_detector.nodes.view', '--port', '0', *words)
     assert process.wait() == 1
     last = process.lines()[-1]
     assert re.fullmatch('slip_view: slip_(detector|driver) ended with the exit code 1', last)
@@ -126,8 +104,7 @@ def test_when_a_node_of_the_scene_ends_so_does_the_page(bench):
 
 
 def test_a_signal_ends_it_with_exit_code_0(bench):
-    process = start(bench, *OPTIONS)
-    address = address_of(bench, process)
+    process, address = bench.start_view()
     for _ in range(3):  # ros2 launch sends more than one.
         process.signal(signal.SIGTERM)
     assert process.wait() == 0
@@ -135,7 +112,7 @@ def test_a_signal_ends_it_with_exit_code_0(bench):
 
 
 def test_beyond_loopback_the_printed_address_has_a_token_that_is_needed(bench):
-    address = address_of(bench, start(bench, *OPTIONS, '--host', '0.0.0.0'))
+    _, address = bench.start_view('--host', '0.0.0.0')
     token = address.partition('?token=')[2]
     assert len(token) >= 20
     local = re.sub('//[^:]+', '//127.0.0.1', address)
@@ -157,7 +134,7 @@ def test_beyond_loopback_the_printed_address_has_a_token_that_is_needed(bench):
     ],
 )  # fmt: skip
 def test_what_is_impossible_is_refused_in_one_line(bench, words, code, said):
-    process = start(bench, *words)
+    process = bench.start_python('-m', 'slip_detector.nodes.view', *words)
     assert process.wait() == code
     (line,) = process.lines()
     assert line.startswith('slip_view: ')

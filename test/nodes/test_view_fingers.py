@@ -20,19 +20,16 @@ import time
 from types import SimpleNamespace
 
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from rcl_interfaces.srv import SetParametersAtomically
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from sensor_msgs.msg import JointState
 
-rclpy = pytest.importorskip('rclpy', reason='needs rclpy')
-
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus  # noqa: E402
-from rcl_interfaces.srv import SetParametersAtomically  # noqa: E402
-from rclpy.node import Node  # noqa: E402
-from rclpy.parameter import Parameter  # noqa: E402
-from sensor_msgs.msg import JointState  # noqa: E402
-
-from slip_detector.nodes.messages import event_qos, sensor_qos, time_message  # noqa: E402
-from slip_detector.nodes.view_fingers import RosDetectors  # noqa: E402
-from slip_detector.view.detectors import OUTSIDE, RESTART, Reading  # noqa: E402
-from support.harness import DEADLINE_S  # noqa: E402
+from slip_detector.nodes.messages import event_qos, sensor_qos, time_message
+from slip_detector.nodes.view_fingers import RosDetectors
+from slip_detector.view.detectors import OUTSIDE, RESTART, Reading
+from support.harness import DEADLINE_S
 
 INDEX = '/index/slip_detector'
 

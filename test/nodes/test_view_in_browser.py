@@ -14,22 +14,17 @@
 
 """What happens to real nodes, on the page of a real slip_view, in a real browser."""
 
-import re
 import signal
 
 import pytest
 
 from support.browsers import PATIENCE_MS, complaints_of, expect
 
-pytest.importorskip('rclpy', reason='needs rclpy')
-
 
 @pytest.fixture
 def page(bench, browser):
     """The page of a slip_view; what it complains of, or asks of others, fails the test."""
-    view = bench.start_python('-m', 'slip_detector.nodes.view', '--port', '0')
-    bench.wait_for(lambda: 'http://' in view.log(), 'the address')
-    address = re.search(r'http://\S+', view.log()).group()
+    view, address = bench.start_view()
     page = browser.new_page()
     page.set_default_timeout(PATIENCE_MS)
     complaints = complaints_of(page, address)

@@ -18,20 +18,15 @@
 import contextlib
 import re
 
-import pytest
 import yaml
+from std_msgs.msg import Bool
 
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.view.parameters import text_of
 from support.browsers import PATIENCE_MS, expect
+from support.harness import patient_state_qos
 from support.page_parts import record_button, recording, tab, tool
 from support.training import gripped, pulled, tapped
-
-rclpy = pytest.importorskip('rclpy', reason='needs rclpy')
-
-from std_msgs.msg import Bool  # noqa: E402
-
-from support.harness import patient_state_qos  # noqa: E402
 
 #: A search takes so long at most where other tests run beside it.
 SEARCH_MS = 300_000
@@ -51,15 +46,6 @@ def played(bench, folder, name, description, seed):
     yield
     driver.end()
     bench.processes.remove(driver)
-
-
-def opened(bench, browser, view):
-    """Open the page of a slip_view, and wait until its finger can be taught."""
-    bench.wait_for(lambda: 'http://' in view.log(), 'the address')
-    page = browser.new_page()
-    page.goto(re.search(r'http://\S+', view.log()).group())
-    expect(record_button(page, 'Rest')).to_be_enabled(timeout=PATIENCE_MS)
-    return page
 
 
 def at_once(description):
@@ -95,12 +81,12 @@ def press_by_truth(bench, page, truth, slips):
 
 
 def test_rest_slip_taps_tune_apply_and_save(bench, browser, tmp_path):
-    view = bench.start_python(
-        '-m', 'slip_detector.nodes.view', '--port', '0', '--folder', str(tmp_path / 'taught')
-    )
+    _, address = bench.start_view('--folder', str(tmp_path / 'taught'))
     bench.start('slip_detector', '-r', '__ns:=/index')
     truth = bench.listen(Bool, 'index/slip_truth', patient_state_qos())
-    page = opened(bench, browser, view)
+    page = browser.new_page()
+    page.goto(address)
+    expect(record_button(page, 'Rest')).to_be_enabled(timeout=PATIENCE_MS)
     finger = page.locator('.finger')
 
     with played(bench, tmp_path, 'rest', at_once(gripped(600.0)), seed=1):

@@ -59,16 +59,6 @@ def test_the_index_and_all_shared_files_are_there():
         assert (share / 'slip_detector' / name).is_file()
 
 
-def test_neither_tests_nor_benchmarks_are_installed(tmp_path):
-    # In a process of its own: the tests themselves import the checkout.
-    command = [sys.executable, '-c', 'import slip_detector; print(slip_detector.__file__)']
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
-    folder = Path(done.stdout.strip()).resolve().parents[1]
-    assert folder.is_relative_to(Path(PREFIX).resolve())
-    packages = {path.name for path in folder.iterdir() if path.suffix != '.egg-info'}
-    assert packages - {'__pycache__'} == {'slip_detector'}
-
-
 def test_the_files_of_the_live_page_are_installed(tmp_path):
     code = (
         'import slip_detector.view.server as p\n'

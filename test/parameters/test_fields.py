@@ -81,7 +81,6 @@ REFUSED = [
     (ChainConfig, 'channels', '16', "is '16', allowed: a whole number"),
     (ChainConfig, 'channels', 10**400, f'is {shown(10**400)}, allowed: a whole number'),
     (ChainConfig, 'envelope_window_s', 61, 'is 61 s, allowed: one sample to 60 s'),
-    (DriverConfig, 'seed', 2**31, 'is 2.14748e+09, allowed: 0 to 2.14748e+09'),
     # Texts and switches.
     (ChainConfig, 'decision', 'cusum', "is 'cusum', allowed: mean, evidence"),
     (ChainConfig, 'noise_floor_learnt', 1, 'is 1, allowed: true, false'),
@@ -98,7 +97,6 @@ REFUSED = [
     (ChainConfig, 'stopbands_hz', (0.5, 7, 50), 'has 3 numbers, allowed: pairs [low, high]'),
     (ChainConfig, 'stopbands_hz', (0.5, 7, NAN, 180), 'is nan, allowed: a number'),
     (ChainConfig, 'valid_range_v', (0, INF), 'is inf V, allowed: -1e+12 to 1e+12 V'),
-    (ChainConfig, 'noise_floor', 'loud', "is 'loud', allowed: a number"),
     (DetectorConfig, 'taxel_positions_m', (0, 0, 10.5), 'is 10.5 m, allowed: three numbers a'),
     (EvaluationConfig, 'motion_columns', ['v_x', ''], "has '', allowed: a list of names"),
     (GraspConfig, 'command_joints', 'grip', "is 'grip', allowed: a list"),

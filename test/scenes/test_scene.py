@@ -75,26 +75,6 @@ def peaks_hz(volts, rate_hz):
     return np.fft.rfftfreq(2**16, 1 / rate_hz)[np.argmax(spectrum, axis=0)]
 
 
-# Volts.
-
-
-def test_the_bandwidth_takes_off_what_passes_too_fast():
-    steps = [*SHORT[:3], {'duration_s': 0.5, 'velocity_m_s': 40e-3}]
-    common = {
-        'steps': steps,
-        'motion': {**COMMON['motion'], 'acceleration_m_s2': 2.0},
-        'friction': {},
-        'texture': {**RIDGES, 'spatial_period_m': 400e-6},
-        'sample_rate_hz': 2000.0,
-    }
-    wide, narrow = (
-        np.ptp(play({**common, 'electronics': {**LOAD_ONLY, 'bandwidth_hz': hz}}).volts[1600:], 0)
-        for hz in (0.0, 20.0)
-    )
-    # 100 Hz through a first-order low-pass with its corner at 20 Hz.
-    np.testing.assert_allclose(narrow / wide, 1.0 / np.hypot(1.0, 100.0 / 20.0), rtol=0.05)
-
-
 # Truth.
 
 

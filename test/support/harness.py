@@ -19,6 +19,7 @@ import fcntl
 import functools
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -34,7 +35,7 @@ rclpy = pytest.importorskip('rclpy', reason='needs rclpy')
 
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.node import Node  # noqa: E402
-from rclpy.qos import HistoryPolicy, QoSProfile, ReliabilityPolicy  # noqa: E402
+from rclpy.qos import QoSProfile, ReliabilityPolicy  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
 from std_msgs.msg import Bool  # noqa: E402
 
@@ -139,11 +140,7 @@ class Process:
 
 def patient_qos():
     """Return the profile of samples for a test, which may be held up for longer than a node."""
-    return QoSProfile(
-        history=HistoryPolicy.KEEP_LAST,
-        depth=20_000,
-        reliability=ReliabilityPolicy.BEST_EFFORT,
-    )
+    return QoSProfile(depth=20_000, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 def reliable_qos():
@@ -201,6 +198,13 @@ class Bench:
         process = Process(sys.executable, *words, domain=self.domain, **options)
         self.processes.append(process)
         return process
+
+    def start_view(self, *words):
+        """Start slip_view on a free port; return the process and the address of its page."""
+        view = self.start_python('-m', 'slip_detector.nodes.view', '--port', '0', *words)
+        self.wait_for(lambda: view.ended() or 'http://' in view.log(), 'the address')
+        assert not view.ended(), view.log()
+        return view, re.search(r'^slip_view: (http://\S+)$', view.log(), re.M)[1]
 
     def check_refused(self, name, parameters, words):
         """Check that a node ends at its start with one line, which has all the words in it."""
@@ -319,25 +323,25 @@ class Detected:
     Samples and decisions are reliable here, as each is compared (see ``reliable_samples``).
     """
 
-    def __init__(self, bench, parameters=None):
+    def __init__(self, bench, parameters=None, message_type=JointState):
         self.bench = bench
         self.envelope = bench.listen(JointState, 'slip_detector/envelope', reliable_qos())
         self.slip = bench.listen(Bool, 'slip', patient_state_qos())
         self.valid = bench.listen(Bool, 'slip_valid', patient_state_qos())
-        self._voltages = bench.node.create_publisher(JointState, 'voltages', reliable_qos())
+        self.voltages = bench.node.create_publisher(message_type, 'voltages', reliable_qos())
         self.process = bench.start('slip_detector', parameters=parameters, reliable_samples=True)
         bench.wait_for(self._connected, 'the detector to connect')
 
     def _connected(self):
         if self.process.ended():
             pytest.fail(f'the detector ended:\n{self.process.log()}')
-        return bool(self._voltages.get_subscription_count() and self.slip and self.valid)
+        return bool(self.voltages.get_subscription_count() and self.slip and self.valid)
 
     def send(self, volts, at_ns, names=()):
         """Publish a sample."""
         message = JointState(position=volts, name=names)
         message.header.stamp = time_message(at_ns)
-        self._voltages.publish(message)
+        self.voltages.publish(message)
 
     def answered(self, at_ns):
         """Return whether the decision on the sample of this stamp has come."""

@@ -198,6 +198,7 @@ def cases(draw):
     """Draw a chain of either decision, rows of volts, and what else is kept of its results."""
     config = draw(configs(threshold=0.05))
     volts = draw(recordings(config))
+    kept = {'votes': draw(st.sampled_from([(), ('all', 'mean', 1, 2, 3)]), label='votes')}
     if draw(st.booleans(), label='evidence'):
-        return draw(with_evidence(config, volts)), volts, {'floor': True, 'excess': True}
-    return config, volts, {}
+        return draw(with_evidence(config, volts)), volts, kept | {'floor': True, 'excess': True}
+    return config, volts, kept

@@ -101,18 +101,9 @@ def vibration(n, rate_hz):
     return np.repeat(np.round(wave).astype(int)[:, None], 16, axis=1)
 
 
-#: How many samples a sender may be ahead of what was heard: neither a socket nor the middleware
-#: keeps more than some hundred for a process that a busy machine holds up.
-AHEAD = 100
-
-
 @contextlib.contextmanager
-def sending(send, pieces, rate_hz, heard=(), due=None):
-    """Send pieces of bytes at a rate, in a thread; ends when all are sent or the block ends.
-
-    Where ``due`` says how many samples there should be before each piece, it waits for those who
-    are too far behind with what they have ``heard``.
-    """
+def sending(send, pieces, rate_hz):
+    """Send pieces of bytes at a rate, in a thread; ends when all are sent or the block ends."""
     stop = threading.Event()
 
     def run():
@@ -121,9 +112,6 @@ def sending(send, pieces, rate_hz, heard=(), due=None):
             for k, piece in enumerate(pieces):
                 if stop.wait(max(0.0, begin_s + k / rate_hz - time.monotonic())):
                     return
-                while due is not None and due[k] - len(heard) > AHEAD:
-                    if stop.wait(1e-3):
-                        return
                 send(piece)
 
     thread = threading.Thread(target=run, daemon=True)

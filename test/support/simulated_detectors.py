@@ -17,9 +17,9 @@
 import asyncio
 import contextlib
 import functools
-import queue
 import threading
 import time
+from concurrent.futures import Future
 from types import SimpleNamespace
 
 import numpy as np
@@ -64,13 +64,12 @@ class SimulatedFinger:
         n = round(seconds * self.finger.config.sample_rate_hz) if len(self.rows) else 0
         which = np.arange(self.played, self.played + n) % len(self.rows)
         self.played += n
-        self.send(self.rows[which], self.truth[which])
+        if n:
+            self.send(self.rows[which], self.truth[which])
 
     def send(self, rows, truth):
         """Send rows through the chain, as the detector does."""
         finger, n = self.finger, len(rows)
-        if not n:
-            return
         rows = np.asarray(self.disturb(rows.copy()), float)
         period_ns = round(1e9 / finger.config.sample_rate_hz)
         stamps_ns = self.at_ns + period_ns * np.arange(1, n + 1)
@@ -153,9 +152,6 @@ class SimulatedDetectors(Detectors):
         now = config.to_parameters()
         self.panel(name).update({name: now.get(name) for name in values}, by)
 
-    def close(self):
-        self.simulated.clear()
-
 
 @contextlib.asynccontextmanager
 async def served_pages(detectors, access=None, prepare=lambda server: None, port=0):
@@ -179,24 +175,20 @@ def served_beside(detectors, **how):
     ``call(function)`` runs a function in that thread, as the detectors are only touched there, and
     ``before_end(function)`` is called before the server ends.
     """
-    begun = queue.Queue()
+    begun = Future()
 
     async def serve():
         end = asyncio.Event()
         try:
             async with served_pages(detectors, **how) as served:
-                begun.put((served, asyncio.get_running_loop(), end))
+                begun.set_result((served, asyncio.get_running_loop(), end))
                 await end.wait()
         except Exception as error:
-            begun.put(error)
-            raise
+            begun.set_exception(error)
 
     thread = threading.Thread(target=asyncio.run, args=(serve(),))
     thread.start()
-    first = begun.get()
-    if isinstance(first, Exception):
-        raise first
-    served, loop, end = first
+    served, loop, end = begun.result()
 
     def call(function, *arguments):
         async def called():

@@ -87,19 +87,6 @@ def test_traces_are_chosen_paused_read_and_the_threshold_is_moved(serve, open_pa
     play(served, page, 31.0)  # It slips from 3.8 s on.
     expect(names.get_by_text('truth', exact=True)).to_be_visible()
     assert names.all_inner_texts()[:3] == ['slip', 'truth', 'ch9']
-    parts.button(page, 'LU').click()
-    expect(lanes).to_have_text(['ch2', 'ch4', 'ch13', 'ch15'])
-    for name in ('ch2', 'ch4', 'ch13', 'ch15'):
-        parts.button(page, f'Traces of {name}').click()
-    expect(lanes).to_have_text(['ch15'])  # One stays.
-    # The line moves up once the traces without the others have come.
-    (connection,) = served.server.pages
-    while len(served.call(lambda: connection.view.channels)) > 1:
-        page.wait_for_timeout(20)
-    _, before_s = stretch(page)
-    served.call(served.detectors.simulated[parts.NAME].play, 1.0)
-    until(page, f'data.toS > {before_s}')
-
     # The threshold is set when the line is let go, or with Enter.
     line = parts.threshold_line(page)
     box = line.bounding_box()
@@ -118,6 +105,11 @@ def test_traces_are_chosen_paused_read_and_the_threshold_is_moved(serve, open_pa
     for key in ('ArrowUp', 'Escape', 'ArrowUp', 'Enter'):
         page.keyboard.press(key)
     expect(parts.changes(page)).to_contain_text(f'from {before:g} to {1.05 * before:.3g}')
+    parts.button(page, 'LU').click()
+    expect(lanes).to_have_text(['ch2', 'ch4', 'ch13', 'ch15'])
+    for name in ('ch2', 'ch4', 'ch13', 'ch15'):
+        parts.button(page, f'Traces of {name}').click()
+    expect(lanes).to_have_text(['ch15'])  # One stays.
     page.evaluate('document.activeElement.blur()')
 
     # Paused it stands still, can be zoomed and moved, and stays though the detector starts again.
@@ -129,6 +121,7 @@ def test_traces_are_chosen_paused_read_and_the_threshold_is_moved(serve, open_pa
     page.keyboard.press('ArrowLeft')
     from_s, to_s = stretch(page)
     assert to_s - from_s == pytest.approx((paused[1] - paused[0]) / 2)
+    (connection,) = served.server.pages
     while served.call(lambda: connection.view.until_ns is None):
         page.wait_for_timeout(20)
     finger = served.detectors.fingers[parts.NAME]
