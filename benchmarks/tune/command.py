@@ -25,6 +25,8 @@ Keys of ``python -m benchmarks tune --json``; with ``--part`` only the named one
     The figures of :mod:`benchmarks.tune.new_sensor`.
 ``onset``
     The figures of :mod:`benchmarks.tune.onset`.
+``presses``
+    The figures of :mod:`benchmarks.tune.presses`.
 """
 
 import argparse
@@ -32,7 +34,7 @@ from collections.abc import Callable
 from typing import Any
 
 from benchmarks.measurement import shared_options
-from benchmarks.tune import families, hour, new_sensor, onset
+from benchmarks.tune import families, hour, new_sensor, onset, presses
 from slip_detector.evaluation.figures import Bound
 
 WANTED = {
@@ -90,4 +92,5 @@ MEASURES: dict[str, Callable[[bool], dict[str, Any]]] = {
     'families': _families,
     'sensor': _either(new_sensor.measure_new_sensor, 4, range(6400, 6401), 20.0, 12.0),
     'onset': _either(onset.measure_onset, range(6000, 6001)),
+    'presses': _either(presses.measure_presses, range(7700, 7701)),
 }

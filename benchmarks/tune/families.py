@@ -55,6 +55,9 @@ ROLLING_S = 6.6
 #: Drift of a baseline in a second, in addition to 0.5 mV of noise.
 DRIFT_V = 0.01
 
+#: Steps of a plate that slide, and the hold after; the step of ``press`` that first lifts off.
+SLIDE, LIFT_OFF = slice(3, 6), 7
+
 FIGURES = (
     'slips', 'recall', 'sooner_than_chance', 'false_alarms_per_minute', 'false_time_percent',
     'latency_median_ms', 'latency_median_all_ms',
@@ -63,8 +66,8 @@ FIGURES = (
 
 def disturbances() -> dict[str, dict[str, Any]]:
     """Return the parts that each family adds to a plate, by its name."""
-    tremor_hum, taps, rolling = (
-        read_yaml(find_scene(name)) for name in ('tremor_hum', 'taps', 'rolling')
+    tremor_hum, taps, rolling, press = (
+        read_yaml(find_scene(name)) for name in ('tremor_hum', 'taps', 'rolling', 'press')
     )
     trembling = {name: tremor_hum[name] for name in ('tremor', 'hum')}
     tapping = {'taps': {**taps['taps'], 'times_s': list(TAPS_S)}}
@@ -75,6 +78,7 @@ def disturbances() -> dict[str, dict[str, Any]]:
         'plates, tremor and hum': trembling,
         'taps and rolling between slips': knocking,
         'tremor, hum, taps and drift': {**trembling, **tapping, **drifting},
+        'presses': {name: press[name] for name in ('tremor', 'contact_noise')},
     }
 
 
@@ -82,7 +86,12 @@ def families() -> dict[str, list[dict[str, Any]]]:
     """Return the descriptions of the scenes of each family, by its name."""
     plates = [read_yaml(find_scene(name)) for name in PLATES]
     added = disturbances().items()
-    return {name: [{**plate, **parts} for plate in plates] for name, parts in added}
+    scenes = {name: [{**plate, **parts} for plate in plates] for name, parts in added}
+    # A finger is pressed and squeezed, slides while it is still pressed, is lifted off, and so on.
+    steps, slide = read_yaml(find_scene('press'))['steps'], plates[0]['steps'][SLIDE]
+    for plate in scenes['presses']:
+        plate |= {'taps': {}, 'steps': [*steps[:LIFT_OFF], *slide, *steps[LIFT_OFF:]]}
+    return scenes
 
 
 def play_scenes(descriptions: Sequence[Mapping[str, Any]], seeds: Sequence[int]) -> list[Track]:
