@@ -245,19 +245,15 @@ def workers(jobs: int | None = None, cluster: str | None = None) -> Iterator[Cal
             asyncio.run(asyncio.wait_for(_check_scheduler(cluster), ANSWER_S))
             client = Client(cluster, timeout=ANSWER_S)
         except ImportError:
-            extra = "pip install 'slip_detector[cluster]'"
-            text = f'--cluster needs distributed, which is not installed: {extra}'
-            raise ValueError(text) from None
+            needs = '--cluster needs distributed, which is not installed: '
+            raise ValueError(f"{needs}pip install 'slip_detector[cluster]'") from None
         except Exception as error:  # Another program may answer anything, or nothing.
             why = str(error) or f'no answer of a scheduler within {ANSWER_S:g} s'
             raise ValueError(f'cluster {cluster}: cannot be reached ({why})') from None
-        executor = client.get_executor(pure=False)
-        try:
+        with client:  # When it closes, the scheduler drops its calls.
+            executor = client.get_executor(pure=False)
             # Dask has errors of its own: a call killed its workers, or one lacks this package.
             yield functools.partial(_results, executor, Exception, f'cluster {cluster}: was lost')
-        finally:
-            executor.shutdown(wait=False)
-            client.close()
     elif jobs is not None and jobs > 1:
         pool = ProcessPoolExecutor(jobs, multiprocessing.get_context('spawn'), _end_with_parent)
         died = f'a worker process died, allowed: fewer --jobs than {jobs} where memory is short'

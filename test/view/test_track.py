@@ -31,12 +31,6 @@ from slip_detector.view.track import (
 VALUES = st.floats(-1e3, 1e3, width=32) | st.just(np.nan)
 
 
-def rows_of(stamps_ns, values, kept=100):
-    rows = Rows(kept, volts=(np.float64, 1))
-    rows.append(np.array(stamps_ns, np.int64), volts=np.reshape(values, (-1, 1)))
-    return rows
-
-
 @given(
     cuts=st.lists(st.integers(0, 30), max_size=20),
     kept=st.integers(1, 40),
@@ -69,7 +63,8 @@ def test_the_last_rows_are_kept_in_order_however_they_come(cuts, kept, since):
 def test_a_column_has_the_lowest_and_the_highest_of_its_rows(steps, values, width_ns, cut):
     stamps_ns = np.cumsum(steps)
     volts = values.draw(st.lists(VALUES, min_size=len(steps), max_size=len(steps)))
-    rows = rows_of(stamps_ns, volts)
+    rows = Rows(100, volts=(np.float64, 1))
+    rows.append(stamps_ns, volts=np.reshape(volts, (-1, 1)))
     first, count = cut, 40
     low, high = rows.columns('volts', first, count, width_ns, np.array([0]))
     for k in range(count):
