@@ -73,7 +73,8 @@ class Orders(ParameterSet):
     )
 
 
-#: What a fingertip with the part ``orders`` can be told, and for how long it then does so at most.
+#: What a fingertip with the part ``orders`` can be told, and for how long it then does so at most:
+#: longer than the longest recording of the live page.
 ORDERS, ORDER_S = ('rest', 'slip', 'taps', 'press'), 660.0
 
 
@@ -218,7 +219,8 @@ def with_velocity(plate: Floats, time_s: float, velocity_m_s: float, motion: Mot
     acceleration = (velocity_m_s - before_m_s) / (reached_s - time_s)
     begins = [time_s, acceleration, before_m_s, position_m]
     after = [reached_s, 0.0, velocity_m_s, position_m + way_m]
-    return np.column_stack([plate[:, plate[0] < time_s], begins, after])
+    # In C order, as all plates: for another one the scene would be compiled again.
+    return np.ascontiguousarray(np.column_stack([plate[:, plate[0] < time_s], begins, after]))
 
 
 def load_corners(weight_n: float, steps: Sequence[Step]) -> Floats:

@@ -187,6 +187,8 @@ class Scene:
     def order(self, what: str) -> None:
         """Let the fingertip rest, slip, be tapped or pressed from the next sample on.
 
+        The scene then goes on for 11 minutes, or until the next order.
+
         Raises
         ------
         ValueError
@@ -213,6 +215,7 @@ class Scene:
         if what == 'taps':
             taps = now_s + np.arange(every_s, ORDER_S, every_s)
         velocity_m_s = orders.velocity_m_s if what == 'slip' else 0.0
+        self.length = self._next + round(ORDER_S * self.true_rate_hz)
         self.drive_numbers = numbers._replace(
             force=with_steps(numbers.force, now_s, force_n, steps),
             plate=with_velocity(numbers.plate, now_s, velocity_m_s, self.parts['motion']),
