@@ -63,7 +63,7 @@ out/grasp.json: $(VENV)/installed $(PACKAGE)
 	$(BIN)/slip_grasp --out out > out/grasp.txt
 
 view: $(VENV)/installed
-	@$(BIN)/slip_view --scene plate_400um --folder out/recordings
+	@$(BIN)/slip_view --scene obedient --folder out/recordings
 
 benchmark: $(VENV)/installed
 	@for command in chain scenes extremes tune soak view; do \

@@ -83,14 +83,19 @@ def disturbances() -> dict[str, dict[str, Any]]:
 
 
 def families() -> dict[str, list[dict[str, Any]]]:
-    """Return the descriptions of the scenes of each family, by its name."""
+    """Return the descriptions of the scenes of each family, by its name.
+
+    One in which nothing slides has its ``kind``, which is none of a scene's parts.
+    """
     plates = [read_yaml(find_scene(name)) for name in PLATES]
     added = disturbances().items()
     scenes = {name: [{**plate, **parts} for plate in plates] for name, parts in added}
     # A finger is pressed and squeezed, slides while it is still pressed, is lifted off, and so on.
-    steps, slide = read_yaml(find_scene('press'))['steps'], plates[0]['steps'][SLIDE]
+    press, slide = read_yaml(find_scene('press')), plates[0]['steps'][SLIDE]
     for plate in scenes['presses']:
-        plate |= {'taps': {}, 'steps': [*steps[:LIFT_OFF], *slide, *steps[LIFT_OFF:]]}
+        plate['steps'] = [*press['steps'][:LIFT_OFF], *slide, *press['steps'][LIFT_OFF:]]
+        plate['taps'] = {}
+    scenes['presses'].append({**press, 'kind': 'press'})
     return scenes
 
 
@@ -99,10 +104,12 @@ def play_scenes(descriptions: Sequence[Mapping[str, Any]], seeds: Sequence[int])
     tracks = []
     for i, description in enumerate(descriptions):
         for seed in seeds:
-            scene = Scene(description, np.random.default_rng(seed))
+            parts = {name: part for name, part in description.items() if name != 'kind'}
+            scene = Scene(parts, np.random.default_rng(seed))
             samples = scene.read(round(60.0 * scene.sample_rate_hz))
             assert samples.truth is not None
             rows = Samples.evenly(samples.volts, scene.sample_rate_hz, samples.truth)
+            rows = rows._replace(kind=description.get('kind', ''))
             tracks.append(track_of(f'scene {i}, seed {seed}', [rows], scene.sample_rate_hz))
     return tracks
 

@@ -85,7 +85,7 @@ def recorded(seeds: Sequence[int]) -> list[tuple[NDArray[np.float64], dict[str, 
         found.append((volts, {'press': pressed, 'idle': ~pressed}))
     for volts, time_s, _, _ in played({**read_yaml(find_scene('rolling')), **parts}, seeds):
         found.append((volts, {'roll': (time_s >= ROLL_S[0]) & (time_s < ROLL_S[1])}))
-    for plate in families()['presses']:
+    for plate in families()['presses'][:-1]:
         found += [(volts, {'slide': truth}) for volts, _, truth, _ in played(plate, seeds)]
     for volts, time_s, truth, _ in played(read_yaml(find_scene('grasp_and_release')), seeds):
         kinds = {name: (time_s >= s[0]) & (time_s < s[1]) for name, s in GRASP_S.items()}

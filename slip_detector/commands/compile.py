@@ -68,7 +68,10 @@ def compile_all() -> str:
 
 def _use_scenes() -> None:
     for path in sorted((shared_folder() / 'config' / 'scenes').glob('*.yaml')):
-        open_source(DriverConfig(source='scene', scene=str(path))).read(1)
+        source = open_source(DriverConfig(source='scene', scene=str(path)))
+        source.read(1)
+        if source.takes_orders:
+            source.obey('slip')
 
 
 def _use_evaluation_and_tuning() -> None:

@@ -28,7 +28,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool, Float32MultiArray, MultiArrayDimension
+from std_msgs.msg import Bool, Float32MultiArray, MultiArrayDimension, String
 
 from slip_detector.chain.samples import Floats, Samples
 from slip_detector.nodes.health import ERROR, WARN, Diagnostics, status
@@ -71,8 +71,9 @@ class Driver(Node):
     Sample k is due at start + k / rate, or at its own time if the source gives the times of its
     samples (its clock may be wrong, and samples may be lost).
 
-    A scene with an object takes the grip force from ``grip_force``. Each of its samples is
-    computed only when it is due, so that it depends on all commands up to then.
+    A scene with an object takes the grip force from ``grip_force``, one with the part ``orders``
+    what it is to do from ``scene_order``. Each of its samples is computed only when it is due, so
+    that it depends on all commands up to then.
 
     The samples of a sensor (serial, udp) are published as they arrive.
 
@@ -99,9 +100,12 @@ class Driver(Node):
         self._position_writer = JointStateWriter(
             config.frame_id, ['object' if source.has_object else 'platform']
         )
-        self._grip_n: float | None = None
+        # The grip force or the order that came last.
+        self._command: float | str | None = None
         if source.has_object:
             self.create_subscription(JointState, 'grip_force', self._on_grip_force, state_qos())
+        if source.takes_orders:
+            self.create_subscription(String, 'scene_order', self._on_order, state_qos())
         #: Ends the threads that publish the samples, once they run.
         self.end_playing: Callable[[], object] = lambda: None
         if source.is_live:
@@ -119,9 +123,12 @@ class Driver(Node):
 
     def _on_grip_force(self, message: JointState) -> None:
         if len(message.effort) == 1:
-            self._grip_n = message.effort[0]
+            self._command = message.effort[0]
         else:
             self._ignore(f'grip_force has {len(message.effort)} efforts, allowed: 1')
+
+    def _on_order(self, message: String) -> None:
+        self._command = message.data
 
     def _ignore(self, words: str) -> None:
         self.get_logger().warning(f'{words}; ignored', throttle_duration_sec=LOG_S)
@@ -174,15 +181,15 @@ class Driver(Node):
             yield time.monotonic() + POLL_S
         if self.source.has_object and self.config.wait_for_grip:
             self.get_logger().info('waiting for a grip force')
-            while self._hold(self.source, None) is None:
+            while self._obey(self.source, None) is None:
                 yield time.monotonic() + POLL_S
 
     def play(self) -> Iterator[float]:
         """Play the source, repeatedly with ``loop``; yields when to be resumed."""
         yield from self._wait_for_subscribers()
         source, config = self.source, self.config
-        rows = 1 if source.has_object else READ_ROWS
-        gripped_n = self._hold(source, None)
+        obeys = source.has_object or source.takes_orders
+        rows, obeyed = 1 if obeys else READ_ROWS, self._obey(source, None)
         # The first read opens the file and loads compiled code, so it comes before the start.
         samples = source.read(rows)
         # The samples of all drivers with the same rate are due at the same moments, so that the
@@ -209,11 +216,11 @@ class Driver(Node):
                 if not config.loop:
                     break
                 repetition += 1
-                begin_ns, gripped_n = end_ns, None
+                begin_ns, obeyed = end_ns, None
                 source = open_source(config, repetition)
-            if source.has_object:
+            if obeys:
                 yield from self._wait(start_s + end_ns * 1e-9 / config.rate)
-                gripped_n = self._hold(source, gripped_n)
+                obeyed = self._obey(source, obeyed)
             samples = source.read(rows)
         self._publish_batch()
         self.get_logger().info(f'played all {played} samples')
@@ -228,17 +235,17 @@ class Driver(Node):
             words = f'{late_s * 1e3:.0f} ms late: the pace cannot be kept'
             self.get_logger().warning(words, throttle_duration_sec=LOG_S)
 
-    def _hold(self, source: Source, before_n: float | None) -> float | None:
-        """Hold the object with the grip force that was commanded last; return what holds it."""
-        force_n = self._grip_n
-        if force_n is None or force_n == before_n:
-            return before_n
+    def _obey(self, source: Source, before: float | str | None) -> float | str | None:
+        """Let the scene do what was commanded last, if that is new; return what it does."""
+        command = self._command
+        if command is None or command == before:
+            return before
         try:
-            source.hold_force(force_n)
+            source.obey(command)
         except ValueError as error:
-            self._ignore(f'grip_force: {error}')
-            return before_n
-        return force_n
+            self._ignore(f'{"scene_order" if source.takes_orders else "grip_force"}: {error}')
+            return before
+        return command
 
     def _publish(self, samples: Samples, i: int, stamp_ns: int) -> None:
         """Publish sample ``i`` with its truth and position, if it has them."""

@@ -28,10 +28,11 @@ from rcl_interfaces.msg import ParameterEvent
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.parameter import Parameter, parameter_value_to_python
+from std_msgs.msg import String
 
 from slip_detector.nodes.finger_topics import FingerTopics, PolledTopics
 from slip_detector.nodes.inputs import publishing_nodes
-from slip_detector.nodes.messages import event_qos
+from slip_detector.nodes.messages import event_qos, state_qos
 from slip_detector.nodes.rclpy_internals import send_request, take_answer
 from slip_detector.view.detectors import OUTSIDE, RESTART, Detectors, Diagnosis, Finger, Reading
 
@@ -168,6 +169,8 @@ class RosDetectors(Detectors):
         self._watched: dict[str, FingerTopics] = {}
         self._shared = PolledTopics(node)
         self._searched_s = float('-inf')
+        # By topic, where simulated fingers are told what to do.
+        self._orders: dict[str, Any] = {}
 
     def watch(self, names: Collection[str]) -> None:
         """Receive the data of these fingers, and of no others."""
@@ -204,6 +207,14 @@ class RosDetectors(Detectors):
         async with remote.asking:
             self.panel(name).update(await remote.set(values), by)
         remote.changed.set()
+
+    def order(self, name: str, what: str) -> None:
+        """Tell a simulated finger what to do, where a scene listens."""
+        topic = f'{name.rpartition("/")[0]}/scene_order'
+        if self._node.count_subscribers(topic):
+            if topic not in self._orders:
+                self._orders[topic] = self._node.create_publisher(String, topic, state_qos())
+            self._orders[topic].publish(String(data=what))
 
     def close(self) -> None:
         """Release all resources."""

@@ -57,6 +57,26 @@ def read_steps(entries: Any) -> list[Step]:
 LEAST_FROM_CRITICAL = 1e-6
 
 
+class Orders(ParameterSet):
+    """What the fingertip does when it is told to, from then on and in place of the steps."""
+
+    force_n: float = parameter(0.4, 'Normal force, but when it is pressed.', (0.0, 1000.0, 'N'))
+    velocity_m_s: float = parameter(
+        8e-3, 'Velocity of the plate as it slips.', (-10.0, 10.0, 'm/s')
+    )
+    tapped_every_s: float = parameter(1.5, 'Time from tap to tap.', (0.01, 3600.0, 's'))
+    pressed_n: tuple[float, ...] = parameter(
+        (1.0, 2.5, 0.6, 0.0),
+        'Normal forces as it is pressed, in turn: each is reached in 0.3 s and held for 1 s.',
+        (0.0, 1000.0, 'N'),
+    )
+
+
+#: What a fingertip with the part ``orders`` can be told, and for how long it then does so at most:
+#: longer than the longest recording of the live page.
+ORDERS, ORDER_S = ('rest', 'slip', 'taps', 'press'), 660.0
+
+
 class Motion(ParameterSet):
     """The platform: its acceleration, and the ringing of the contact after a change of load."""
 
@@ -113,7 +133,13 @@ def force_numbers(motion: Motion, steps: Sequence[Step]) -> ForceNumbers:
     roots_1_s = np.array([-omega * (ratio - spread), -omega * (ratio + spread)], complex)
     lag_s = 2 * motion.ringing_damping / omega
     numbers = ForceNumbers(none, none, none, np.zeros((1, 2), complex), roots_1_s, lag_s)
-    time_s = force_n = 0.0
+    return with_steps(numbers, 0.0, 0.0, steps)
+
+
+def with_steps(
+    numbers: ForceNumbers, time_s: float, force_n: float, steps: Sequence[Step]
+) -> ForceNumbers:
+    """Return the force with the command ``force_n`` at ``time_s`` and then that of steps."""
     for step in steps:
         target_n = force_n if step.force_n < 0.0 else step.force_n
         numbers = _with_piece(numbers, time_s, force_n, (target_n - force_n) / step.duration_s)
@@ -181,6 +207,19 @@ def plate_pieces(motion: Motion, steps: Sequence[Step]) -> Floats:
     # After the last step the plate keeps its velocity.
     accelerations = np.append(np.diff(velocities) / lasts_s, 0.0)
     return np.array([corner_times, accelerations, velocities, positions_m])
+
+
+def with_velocity(plate: Floats, time_s: float, velocity_m_s: float, motion: Motion) -> Floats:
+    """Return the motion of the plate with another velocity, from a time on, for ever."""
+    before_m_s, position_m = plate_at(time_s, plate)
+    change_s = abs(velocity_m_s - before_m_s) / motion.acceleration_m_s2
+    reached_s = max(time_s + change_s, np.nextafter(time_s, np.inf))
+    way_m = (reached_s - time_s) * (before_m_s + velocity_m_s) / 2
+    acceleration = (velocity_m_s - before_m_s) / (reached_s - time_s)
+    begins = [time_s, acceleration, before_m_s, position_m]
+    after = [reached_s, 0.0, velocity_m_s, position_m + way_m]
+    # In C order, as all plates: for another one the scene would be compiled again.
+    return np.ascontiguousarray(np.column_stack([plate[:, plate[0] < time_s], begins, after]))
 
 
 def load_corners(weight_n: float, steps: Sequence[Step]) -> Floats:

@@ -24,7 +24,7 @@ from slip_detector.parameters.sets import ParameterSet
 from slip_detector.scenes.disturbances import TREMOR_PEAK, Hum, Rolling, Taps, Tremor
 from slip_detector.scenes.electronics import Clock, ContactNoise, Drops, Electronics, Faults
 from slip_detector.scenes.friction import Friction, Skin
-from slip_detector.scenes.motion import Motion, Step
+from slip_detector.scenes.motion import Motion, Orders, Step
 from slip_detector.scenes.surface import Contact, FreeObject, Roughness, Texture
 
 #: The class of each part. The order must not change: each part draws from the generator that is
@@ -46,6 +46,7 @@ PARTS: dict[str, type[ParameterSet]] = {
     'drops': Drops,
     'clock': Clock,
     'contact_noise': ContactNoise,
+    'orders': Orders,
 }
 
 
@@ -99,6 +100,8 @@ def check_parts(parts: Mapping[str, Any], steps: Sequence[Step], true_rate_hz: f
     """Raise an error for parts of a scene that contradict each other, or its steps."""
     aliases = 'texture' in parts and not parts['electronics'].bandwidth_hz
     fastest_m_s = max(abs(step.velocity_m_s) for step in steps)
+    if 'orders' in parts and 'object' in parts:
+        refuse('orders: the object moves by itself', 'without the part object')
     if 'object' in parts:
         if 'friction' not in parts:
             refuse('object: falls without friction', 'with the part friction')

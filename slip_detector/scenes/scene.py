@@ -29,7 +29,17 @@ from slip_detector.scenes.drive import Drive, drive_at, drive_numbers, normal_fo
 from slip_detector.scenes.electronics import Frontend, taxel_positions
 from slip_detector.scenes.friction import Friction, Skin
 from slip_detector.scenes.mechanics import STAGE_TIMES, SceneConstants, State, advance
-from slip_detector.scenes.motion import held_force, plate_at, read_steps
+from slip_detector.scenes.motion import (
+    ORDER_S,
+    ORDERS,
+    Orders,
+    Step,
+    held_force,
+    plate_at,
+    read_steps,
+    with_steps,
+    with_velocity,
+)
 from slip_detector.scenes.parts import PARTS, check_grip, check_parts, read_parts, read_sampling
 from slip_detector.scenes.surface import NO_RIDGES, NO_ROUGHNESS, FreeObject
 
@@ -170,6 +180,44 @@ class Scene:
             check_grip(self.parts, 2.0 * force_n, f'a grip of {force_n:g} N')
         held = held_force(self.drive_numbers.force, self._next / self.true_rate_hz, force_n)
         self.drive_numbers = self.drive_numbers._replace(force=held)
+
+    def order(self, what: str) -> None:
+        """Let the fingertip rest, slip, be tapped or pressed from the next sample on.
+
+        The scene then goes on for 11 minutes, or until the next order.
+
+        Raises
+        ------
+        ValueError
+            When it is none of these, or the scene has no part ``orders``.
+
+        Examples
+        --------
+        >>> scene = Scene({'steps': [{}], 'friction': {}, 'orders': {}}, np.random.default_rng(0))
+        >>> scene.order('dance')
+        Traceback (most recent call last):
+        ValueError: order is 'dance', allowed: rest, slip, taps, press
+        """
+        orders: Orders | None = self.parts.get('orders')
+        if orders is None or what not in ORDERS:
+            refuse(f'order is {shown(what)}', ', '.join(ORDERS) if orders else 'with that part')
+        now_s, numbers = self._next / self.true_rate_hz, self.drive_numbers
+        force_n = float(numbers.force.command_n[-1])
+        steps = [Step(duration_s=0.3, force_n=orders.force_n)]
+        if what == 'press':
+            cycle = [(step_s, n) for n in orders.pressed_n for step_s in (0.3, 1.0)]
+            turns = round(ORDER_S / (1.3 * len(orders.pressed_n)))
+            steps = [Step(duration_s=step_s, force_n=n) for step_s, n in cycle] * turns
+        every_s, taps = orders.tapped_every_s, np.zeros(0)
+        if what == 'taps':
+            taps = now_s + np.arange(every_s, ORDER_S, every_s)
+        velocity_m_s = orders.velocity_m_s if what == 'slip' else 0.0
+        self.length = self._next + round(ORDER_S * self.true_rate_hz)
+        self.drive_numbers = numbers._replace(
+            force=with_steps(numbers.force, now_s, force_n, steps),
+            plate=with_velocity(numbers.plate, now_s, velocity_m_s, self.parts['motion']),
+            taps=numbers.taps._replace(times_s=taps),
+        )
 
     def force_n(self, time_s: Floats) -> Floats:
         """Return the normal force at given times, with disturbances."""

@@ -101,7 +101,7 @@ class SceneSource(Source):
     >>> source = SceneSource(DriverConfig(scene='grasp'))
     >>> source.name, source.has_object
     ('scene grasp', True)
-    >>> source.hold_force(3.0)
+    >>> source.obey(3.0)
     >>> source.read(2).stamps_ns.tolist()
     [0, 2631579]
     """
@@ -111,6 +111,7 @@ class SceneSource(Source):
         self._scene = scene = load_scene(find_scene(config.scene), trial)
         super().__init__(f'scene {config.scene}', scene.channel_names, scene.sample_rate_hz)
         self.has_object = 'object' in scene.parts
+        self.takes_orders = 'orders' in scene.parts
         if config.wait_for_grip and not self.has_object:
             raise ValueError(
                 f'parameter scene is {config.scene!r}, allowed with wait_for_grip: a scene with '
@@ -122,6 +123,12 @@ class SceneSource(Source):
         """Return the next ``n`` samples, fewer where some are lost, none only after the end."""
         return self._scene.read(n)
 
-    def hold_force(self, force_n: float) -> None:
-        """Hold the object with another grip force from the next sample on."""
-        self._scene.hold_force(force_n)
+    def obey(self, command: float | str) -> None:
+        """Hold the object with another grip force, or do something else, from the next sample on.
+
+        See :meth:`.Scene.hold_force` and :meth:`.Scene.order`.
+        """
+        if isinstance(command, str):
+            self._scene.order(command)
+        else:
+            self._scene.hold_force(command)

@@ -39,7 +39,9 @@ class Source:
     is_live : bool
         Whether the samples come from a sensor, at its own pace.
     has_object : bool
-        Whether the fingertip holds an object, so that :meth:`hold_force` has an effect.
+        Whether the fingertip holds an object, and obeys when told with which force.
+    takes_orders : bool
+        Whether the fingertip obeys when told to rest, slip, or be tapped or pressed.
     connected : bool
         Whether there is a connection to the sensor.
     state : str
@@ -62,7 +64,7 @@ class Source:
         self.name = name
         self.channel_names = channel_names
         self.sample_rate_hz = sample_rate_hz
-        self.has_object = False
+        self.has_object = self.takes_orders = False
         self.connected = not self.is_live
         self.state = ''
         self.counts: Counter[str] = Counter()
@@ -103,13 +105,13 @@ class Source:
         """
         raise NotImplementedError
 
-    def hold_force(self, force_n: float) -> None:
-        """Hold the object, where there is one, with another grip force from the next sample on.
+    def obey(self, command: float | str) -> None:
+        """Do as commanded from the next sample on: hold the object with a force, or an order.
 
         Raises
         ------
         ValueError
-            When the force is out of range.
+            When the force is out of range, or there is no such order.
         """
 
     def close(self) -> None:

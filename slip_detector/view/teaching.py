@@ -215,12 +215,14 @@ class Teaching:
 
     def _begin(self, finger: Finger, kind: str, since: int) -> Recorder:
         self._recorder = Recorder(self.folder_of(finger.name).new_path(kind), finger, since)
+        self._detectors.order(finger.name, kind)
         self._ends_ns, self._begun_at_s = None, time.monotonic()
         self.words = f'recording {self._recorder.path.name}'
         return self._recorder
 
     def _end_slip(self, recorder: Recorder) -> None:
         recorder.label(False)
+        self._detectors.order(recorder.finger.name, 'rest')
         track = recorder.finger.track
         track.slip_ended = track.samples.appended
         last_ns = max(track.samples.stamps_ns()[-1:], default=0)
@@ -230,6 +232,7 @@ class Teaching:
     def _end(self, recorder: Recorder, why: str = '') -> None:
         """End the recording, list it, and say why it ended if nobody asked for that."""
         recorder.close()
+        self._detectors.order(recorder.finger.name, 'rest')
         self._recorder, self._ends_ns = None, None
         name, note = recorder.path.name, recorder.note
         words = [f'{name} has no sample, so it is not kept', note and f'It {note}', why]

@@ -22,6 +22,7 @@ from slip_detector.commands.evaluate import main as evaluate
 from slip_detector.commands.tune import main as tune
 from slip_detector.compiled import COMPILED
 from slip_detector.parameters.driver import DriverConfig
+from slip_detector.scenes.motion import ORDERS
 from slip_detector.sources import open_source
 from support.compiled_signatures import compiled_signatures
 
@@ -46,8 +47,12 @@ def test_nothing_is_left_to_be_compiled_when_other_commands_run(tmp_path, capsys
     assert evaluate(paths) == 0
     assert tune([*paths, '--trials', '3', '--out', str(tmp_path / 'tuned.yaml')]) == 0
     grip = open_source(DriverConfig(source='scene', scene='grasp'))
-    grip.hold_force(3.0)
+    grip.obey(3.0)
     grip.read(10)
+    obedient = open_source(DriverConfig(source='scene', scene='obedient'))
+    for order in ORDERS:
+        obedient.obey(order)
+        obedient.read(10)
     capsys.readouterr()
     assert compiled_signatures() == before
 

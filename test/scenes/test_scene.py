@@ -56,8 +56,12 @@ def built(description, seed=0):
     return Scene({**COMMON, **description}, np.random.default_rng(seed))
 
 
+def loaded(name, seed=0):
+    return load_scene(find_scene(name), np.random.default_rng(seed))
+
+
 def shipped(name, seed=0):
-    return load_scene(find_scene(name), np.random.default_rng(seed)).read(ALL)
+    return loaded(name, seed).read(ALL)
 
 
 def times_s(samples):
@@ -176,3 +180,37 @@ def test_a_clock_that_is_wrong_says_one_rate_and_samples_at_another():
     assert scene.sample_rate_hz == 400.0
     samples = scene.read(ALL)
     np.testing.assert_array_equal(samples.stamps_ns, np.arange(600) * 2_000_000)
+
+
+def test_a_fingertip_that_obeys_rests_slips_and_is_tapped_and_pressed_from_the_next_sample_on():
+    scene = loaded('obedient')
+
+    def told(what, seconds=4.0):
+        scene.order(what)
+        samples = scene.read(round(seconds * scene.sample_rate_hz))
+        force_n = scene.force_n(times_s(samples))
+        return samples, force_n
+
+    scene.read(round(2.0 * scene.sample_rate_hz))
+    for what in ('rest', 'slip', 'rest', 'taps', 'press', 'slip', 'taps', 'rest'):
+        samples, force_n = told(what)
+        # The plate is set in motion after the first sample, and comes to rest within some.
+        assert samples.truth[20:].all() == samples.truth[20:].any() == (what == 'slip')
+        force_n = force_n[round(1.0 * scene.sample_rate_hz) :]
+        assert (np.ptp(force_n) > 0.3) == (what in ('taps', 'press'))
+        assert (force_n.max() > 2.0) == (what == 'press')
+    with pytest.raises(ValueError, match='allowed: rest, slip, taps, press'):
+        scene.order('dance')
+    with pytest.raises(ValueError, match="order is 'slip', allowed: with that part"):
+        loaded('plate_400um').order('slip')
+
+
+@given(cuts=st.lists(st.integers(1, 200), min_size=1, max_size=4))
+def test_any_cut_between_two_orders_gives_the_same_bits(cuts):
+    def played(cuts):
+        scene = loaded('obedient')
+        scene.read(500)
+        scene.order('slip')
+        return np.concatenate([scene.read(n).volts for n in cuts])
+
+    np.testing.assert_array_equal(played(cuts), played([sum(cuts)]))

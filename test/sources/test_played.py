@@ -69,12 +69,12 @@ def test_a_recording_plays_under_its_own_rate_and_names(tmp_path):
 def test_an_object_is_held_with_the_force_that_was_set():
     firm, loose = (SceneSource(DriverConfig(scene='grasp')) for _ in range(2))
     assert firm.has_object
-    firm.hold_force(5.0)
-    loose.hold_force(0.5)
+    firm.obey(5.0)
+    loose.obey(0.5)
     moved_m = [source.read(10_000).position_m for source in (firm, loose)]
     assert np.ptp(moved_m[0]) < np.ptp(moved_m[1])
     with pytest.raises(ValueError, match='allowed: 0 to 1000 N'):
-        firm.hold_force(-1.0)
+        firm.obey(-1.0)
 
 
 @pytest.mark.parametrize(

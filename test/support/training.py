@@ -102,12 +102,3 @@ def write_recordings(folder, slips=6):
         bag = BagWriter(folder / name, channels, accuracy_s=accuracy_s)
         bag.write(rows_of(name))
         bag.close()
-
-
-def pulled(slips, slip_s=1.0, seed_of_pauses=0):
-    """An object that is pulled through the fingers a number of times, with rest in between."""
-    pauses_s = np.random.default_rng(seed_of_pauses).uniform(2.4, 3.0, slips)
-    steps = [{'duration_s': 1.0}, {'duration_s': 0.8, 'force_n': 0.4}, {'duration_s': 1.0}]
-    for pause_s in pauses_s.tolist():
-        steps += [{'duration_s': pause_s}, {'duration_s': slip_s, 'velocity_m_s': 8.0e-3}]
-    return {**gripped(1.0), 'steps': [*steps, {'duration_s': 3.0}]}
