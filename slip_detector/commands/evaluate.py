@@ -68,8 +68,6 @@ from slip_detector.evaluation.evaluator import (
     recording_figures,
 )
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.driver import RecordingConfig
-from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.files import writable_folder
 from slip_detector.recordings import recording_sets
 from slip_detector.report.tables import evaluation_tables
@@ -121,11 +119,10 @@ def evaluate(
     --------
     >>> import tempfile
     >>> import numpy as np
-    >>> loader = RecordingLoader(ChainConfig(), RecordingConfig(), EvaluationConfig())
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder) / 'rest.npz'
     ...     np.savez(path, volts=np.full((100, 16), 4.3), sample_rate_hz=380.0, slip=np.zeros(100))
-    ...     sets, left = evaluate([str(path)], loader)
+    ...     sets, left = evaluate([str(path)], RecordingLoader())
     >>> as_report(sets)['all']['rows'], left
     (100, [])
     """
@@ -219,8 +216,7 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
 def _of_recordings(options: argparse.Namespace) -> tuple[dict[str, Any], Callable[..., str]]:
     """Return the figures of the recordings, and the function that prints them as tables."""
     page = options.report
-    kinds = ChainConfig, RecordingConfig, EvaluationConfig
-    loader = RecordingLoader(*sets_of_parameters(options, *kinds))
+    loader = RecordingLoader(*sets_of_parameters(options, *map(type, RecordingLoader())))
     # An error is reported before an hour of recordings is read.
     check_apart({'--report': page}, options.config, options.labels)
     paths = paths_for_workers(options, options.recordings)

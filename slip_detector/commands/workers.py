@@ -308,8 +308,7 @@ def _results(
 
 def _end_with_parent() -> None:
     """End this process as soon as the one that started it has ended for any reason."""
-    parent = multiprocessing.parent_process()
-    assert parent is not None
+    parent: Any = multiprocessing.parent_process()
 
     def wait() -> None:
         parent.join()

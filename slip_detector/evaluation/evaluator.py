@@ -23,7 +23,7 @@ import numpy as np
 from slip_detector.chain.samples import Bools, Samples
 from slip_detector.evaluation.figures import ReplayOutcome, figures_of_merit
 from slip_detector.evaluation.replay import Replay
-from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.detector import ChainConfig, default_channel_names
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.recordings import Recording, RecordingCounts, open_recording, rates_differ
@@ -114,7 +114,8 @@ class RecordingLoader(NamedTuple):
                 f'{path}: has {len(names)} channels, allowed: {config.channels}, the parameter '
                 'channels'
             )
-        if recording.named and config.channel_names and names != config.channel_names:
+        unnamed = default_channel_names(len(names))
+        if config.channel_names and names not in (config.channel_names, unnamed):
             raise ValueError(
                 f'{path}: has the channels {", ".join(names)}, allowed: '
                 f'{", ".join(config.channel_names)}, the parameter channel_names'

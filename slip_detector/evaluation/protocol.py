@@ -279,11 +279,10 @@ def claims(result: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
         found[f'windows.{name}.false_positive_percent_more'] = more, above_0
     for name, part in result['bands'].items():
         found[f'bands.{name}.least_shortening_ms'] = (means - means_of(part)).min(), above_0
-    wanted = {}
-    for name, (figure, bound) in found.items():
-        value = None if np.isnan(figure) else float(figure)
-        wanted[name] = bound.verdict(value)
-    return wanted
+    return {
+        name: bound.verdict(None if np.isnan(figure) else float(figure))
+        for name, (figure, bound) in found.items()
+    }
 
 
 def run_protocol(

@@ -31,6 +31,7 @@ from slip_detector.chain.samples import Bools, Floats
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.grasp.law import GraspLaw
 from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.fields import refuse
 from slip_detector.parameters.files import read_yaml
 from slip_detector.parameters.grasp import GraspConfig
 from slip_detector.scenes import Scene, find_scene
@@ -166,10 +167,8 @@ def play_trial(
     chain, law = SlipChain(chain_config), GraspLaw(grasp)
     scene = Scene(object_scene(seed, **factors), np.random.default_rng(seed))
     if scene.sample_rate_hz != chain_config.sample_rate_hz:
-        raise ValueError(
-            f'the scene has {scene.sample_rate_hz:g} Hz, allowed: '
-            f'{chain_config.sample_rate_hz:g} Hz, the parameter sample_rate_hz'
-        )
+        allowed = f'{chain_config.sample_rate_hz:g} Hz, the parameter sample_rate_hz'
+        refuse(f'the scene has {scene.sample_rate_hz:g} Hz', allowed)
     under_way: deque[tuple[float, float]] = deque()
     rows: list[tuple[float, ...]] = []
     now_s, commanded_n = 0.0, -1.0

@@ -14,7 +14,6 @@
 
 """The detector node: receives samples and publishes slip."""
 
-import functools
 import math
 import time
 from collections.abc import Callable
@@ -69,7 +68,6 @@ Transition = Callable[['Detector', LifecycleState], TransitionCallbackReturn]
 def _logged(transition: Transition) -> Transition:
     """Log the error of a failed transition: rclpy drops the exception."""
 
-    @functools.wraps(transition)
     def run(self: 'Detector', state: LifecycleState) -> TransitionCallbackReturn:
         try:
             return transition(self, state)
@@ -375,9 +373,8 @@ class Detector(LifecycleNode):
 
     def _misfit(self, rows: Floats, names: list[str] | None) -> tuple[str, str] | None:
         """Return the kind and description of channels that are others than before, if they are."""
-        channels = self._active.channels
-        if rows.shape[1] != channels:
-            number = rows.shape[1]
+        number, channels = rows.shape[1], self._active.channels
+        if number != channels:
             allowed = f'{channels}{self._input.advice(number)}'
             return 'channels', f'a message has {number} channels, allowed: {allowed}: dropped'
         if names is None or names == self._names:

@@ -44,17 +44,14 @@ READ_ROWS = 32
 #: Delay of a sample, in seconds, above which a warning is logged.
 LATE_S = 0.05
 
-#: Shortest time, in seconds, between two warnings of a kind.
-LOG_S = 1.0
-
 #: Period, in seconds, at which the driver checks for the subscribers that it waits for.
 POLL_S = 0.02
 
 #: Period, in seconds, at which the driver checks whether everything has been played.
 LOOK_S = 0.1
 
-#: Period, in seconds, of the reports on a sensor: on ``/diagnostics``, and in the log if something
-#: was dropped or lost.
+#: Period, in seconds, of the reports on a sensor (on ``/diagnostics``, and in the log if something
+#: was dropped or lost), and shortest time between two warnings of a kind.
 REPORT_S = 1.0
 
 #: Counts of a sensor that are not faults.
@@ -131,7 +128,7 @@ class Driver(Node):
         self._command = message.data
 
     def _ignore(self, words: str) -> None:
-        self.get_logger().warning(f'{words}; ignored', throttle_duration_sec=LOG_S)
+        self.get_logger().warning(f'{words}; ignored', throttle_duration_sec=REPORT_S)
 
     def relay(self, stop: threading.Event) -> None:
         """Publish the samples of a sensor as they arrive, until the event is set."""
@@ -233,7 +230,7 @@ class Driver(Node):
         late_s = time.monotonic() - due_s
         if late_s > LATE_S:
             words = f'{late_s * 1e3:.0f} ms late: the pace cannot be kept'
-            self.get_logger().warning(words, throttle_duration_sec=LOG_S)
+            self.get_logger().warning(words, throttle_duration_sec=REPORT_S)
 
     def _obey(self, source: Source, before: float | str | None) -> float | str | None:
         """Let the scene do what was commanded last, if that is new; return what it does."""

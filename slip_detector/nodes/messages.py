@@ -71,7 +71,7 @@ def event_qos(depth: int = 10) -> QoSProfile:
     return QoSProfile(depth=depth)  # Reliable and volatile, by default.
 
 
-def state_qos(depth: int = 1, deadline_s: float | None = None) -> QoSProfile:
+def state_qos(depth: int = 1, deadline_s: float = 0.0) -> QoSProfile:
     """Return the profile of states: a late subscriber gets the last one at once.
 
     Parameters
@@ -79,17 +79,15 @@ def state_qos(depth: int = 1, deadline_s: float | None = None) -> QoSProfile:
     depth
         Queue length, for a subscriber that may be busy and must not miss a change.
     deadline_s
-        Longest time between messages that a publisher promises or a subscriber requests.
+        Longest time between messages that a publisher promises or a subscriber requests; 0: any.
 
     Examples
     --------
     >>> state_qos().durability is DurabilityPolicy.TRANSIENT_LOCAL
     True
     """
-    profile = QoSProfile(depth=depth, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    if deadline_s is not None:
-        profile.deadline = Duration(seconds=deadline_s)
-    return profile
+    deadline, kept = Duration(seconds=deadline_s), DurabilityPolicy.TRANSIENT_LOCAL
+    return QoSProfile(depth=depth, durability=kept, deadline=deadline)
 
 
 def heartbeat_qos(deadline_s: float) -> QoSProfile:

@@ -126,6 +126,7 @@ def follow_changes(
         Gets the new configuration once the parameters have changed.
     """
     judge = Judge(check)
+    fixed = {name for name in current().to_parameters() if node.describe_parameter(name).read_only}
 
     def set_all(parameters: list[Parameter]) -> SetParametersResult:
         """Set all of them or none; numbers get the types of their parameters, as 1 becomes 1.0.
@@ -148,10 +149,6 @@ def follow_changes(
             apply(config)
         return result
 
-    def read_only(name: str) -> bool:
-        known: bool = node.has_parameter(name) and node.describe_parameter(name).read_only
-        return known
-
     def take_all(request: Any, response: Any) -> Any:
         parameters = [Parameter.from_parameter_msg(each) for each in request.parameters]
         response.result = set_all(parameters)
@@ -160,7 +157,7 @@ def follow_changes(
     def take(request: Any, response: Any) -> Any:
         """Set the parameters of a request: each for itself, or together what needs each other."""
         parameters = [Parameter.from_parameter_msg(each) for each in request.parameters]
-        its = [each for each in _ours(parameters) if not read_only(each.name)]
+        its = [each for each in _ours(parameters) if each.name not in fixed]
         given = [(each.name, each.value) for each in its]
         taken, refusals = judge.judged(current(), given, time.monotonic())
         if taken:

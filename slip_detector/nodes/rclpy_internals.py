@@ -271,7 +271,6 @@ def leave(takedowns: Sequence[Callable[[], object]], code: int) -> NoReturn:
         The exit code, also where the shutdown takes too long.
     """
     threading.Timer(SHUTDOWN_S, os._exit, (code,)).start()
-    signal.signal(signal.SIGALRM, signal.SIG_DFL)
     # Later than the timer, even if a busy machine wakes its thread a second late; sooner than
     # launch, which sends SIGTERM after 5 s.
     signal.setitimer(signal.ITIMER_REAL, 2 * SHUTDOWN_S)
@@ -279,5 +278,4 @@ def leave(takedowns: Sequence[Callable[[], object]], code: int) -> NoReturn:
         takedown()
     rclpy.try_shutdown()
     sys.stdout.flush()
-    sys.stderr.flush()
     os._exit(code)

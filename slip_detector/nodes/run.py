@@ -182,9 +182,8 @@ def _arguments_of_each(executable: str) -> list[list[str] | None]:
     whole = [word.partition(':=')[2] for word in sys.argv if word.startswith('__ns:=')]
     hand = whole[-1].strip('/') if whole else ''
     above = ['/' + '/'.join(filter(None, (hand, finger))) for finger in fingers or ['']]
-    if fingers is not None:
-        _check_namespaces('--fingers', fingers)
-    elif configs is None:
+    _check_namespaces('--fingers', fingers or [])
+    if fingers is None and configs is None:
         return [None]
     if configs is None:
         return [['--ros-args', '-r', f'__ns:={namespace}'] for namespace in above]

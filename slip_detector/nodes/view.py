@@ -43,7 +43,6 @@ def main() -> None:
 
     from slip_detector.nodes.rclpy_internals import leave
 
-    code = 0
     takedowns: list[Callable[[], object]] = []
     try:
         arguments = _parser().parse_args(remove_ros_args(sys.argv)[1:])
@@ -56,8 +55,8 @@ def main() -> None:
         asyncio.run(_serve(arguments, takedowns))
     except (ValueError, RuntimeError, OSError) as error:
         print(f'slip_view: {one_line(error)}', file=sys.stderr)
-        code = 1
-    leave(takedowns, code)
+        leave(takedowns, 1)
+    leave(takedowns, 0)
 
 
 def _parser() -> argparse.ArgumentParser:

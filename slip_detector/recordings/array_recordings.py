@@ -136,8 +136,6 @@ class CsvRecording(Recording):
         When a line or a column is missing or wrong; names it.
     """
 
-    named = True
-
     def __init__(self, path: Path, config: RecordingConfig, labels: 'Labels | None') -> None:
         super().__init__(path, labels, config)
         self._truth_key = config.recording_truth_key

@@ -166,7 +166,6 @@ class BagRecording(Recording):
         first = next((rows for rows, _, _ in self._rows(self._topic, decoder)), None)
         if first is None or not len(first.volts):
             raise ValueError(f'has no samples on {self._topic.name}{self._found_damage()}')
-        self.named = bool(decoder.names)
         self.channel_names = decoder.names or default_channel_names(decoder.channels)
         firsts, counts = _messages_of(first)
         self._per_message = int(np.median(counts))

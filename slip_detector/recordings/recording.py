@@ -111,8 +111,7 @@ class Recording:
     path : Path
     sample_rate_hz : float
     channel_names : tuple of str
-    named : bool
-        Whether the recording itself names its channels; else the names are ch1, ch2, ...
+        ch1, ch2, ... where the recording has no names.
     has_truth : bool
         Whether the true slip is known.
     accuracy_s : float
@@ -126,7 +125,6 @@ class Recording:
     path: Path
     sample_rate_hz: float
     channel_names: tuple[str, ...]
-    named = False
 
     def __init__(self, path: Path, labels: 'Labels | None', config: RecordingConfig) -> None:
         self.path, self._limit_mb = path, config.recording_limit_mb

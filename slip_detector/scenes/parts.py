@@ -14,7 +14,6 @@
 
 """The parts of a scene: which there are, how they are read, and which go together."""
 
-import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -66,7 +65,7 @@ class Sampling(ParameterSet):
 
 
 #: Names in a scene file that are not parts.
-NOT_PARTS = ('steps', *(field.name for field in dataclasses.fields(Sampling)))
+NOT_PARTS = ('steps', *Sampling.__dataclass_fields__)
 
 
 def read_sampling(description: Mapping[str, Any]) -> Sampling:

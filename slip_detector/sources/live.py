@@ -291,11 +291,9 @@ class UdpSource(LiveSource):
             listener.bind((str(self._address), self._config.udp_port))
         except OSError as error:
             listener.close()
-            raise ValueError(
-                f'parameter udp_port is {self._config.udp_port}: cannot be listened on at '
-                f'{self._address} ({os.strerror(error.errno or 0)}), allowed: a free port of this '
-                'machine'
-            ) from None
+            why = f'cannot be listened on at {self._address} ({os.strerror(error.errno or 0)})'
+            what = f'parameter udp_port is {self._config.udp_port}: {why}'
+            raise ValueError(f'{what}, allowed: a free port of this machine') from None
         self._line = listener
         self.connected = True
         self.state = f'listening on {self.name}'

@@ -79,6 +79,17 @@ def test_other_channels_than_those_of_the_chain_are_refused(tmp_path):
         loader(ChainConfig(channels=3, stopbands_hz=())).open(path)
 
 
+def test_other_names_are_refused_and_a_recording_without_names_is_not(tmp_path):
+    named = loader(ChainConfig(channels=2, channel_names=('a', 'b'), stopbands_hz=()))
+    assert len(whole(named.open(write(tmp_path / 'a.npz'))).volts) == 800
+    path = tmp_path / 'a.csv'
+    path.write_text('time_s,a,c,slip\n0,1,2,0\n0.00263,1,2,0\n')
+    with pytest.raises(
+        ValueError, match=f'^{path}: has the channels a, c, allowed: a, b, the par'
+    ):
+        named.open(path)
+
+
 @given(
     velocities=hnp.arrays(np.float64, (40, 3), elements=st.floats(-1.0, 1.0)),
     columns=st.lists(st.sampled_from('xyz'), unique=True),

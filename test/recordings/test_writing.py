@@ -61,7 +61,7 @@ def test_rows_are_written_and_read_back_to_the_bit(tmp_path_factory, ending, dat
     assert recording.has_truth == (truth is not None)
     assert recording.sample_rate_hz == pytest.approx(100.0, rel=0.12)
     assert list(recording.channel_names) == (
-        names if recording.named else [f'ch{i + 1}' for i in range(channels)]
+        names if ending != '.npz' else [f'ch{i + 1}' for i in range(channels)]
     )
 
 
