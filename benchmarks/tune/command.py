@@ -43,7 +43,7 @@ WANTED = {
     'search.ratio': Bound(high=0.5),
     'report.bytes': Bound(high=10e6, strict=True),
     'report.ready_ms': Bound(high=3000.0),
-    'families.better': Bound(low=4.0),
+    'families.better': Bound(low=5.0),
     'sensor.total_s': Bound(high=120.0),
     'onset.mean_delay_ms': Bound(high=15.0),
     'onset.detected_percent': Bound(low=100.0),

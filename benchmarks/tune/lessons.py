@@ -14,10 +14,10 @@
 
 """What teaching on the live page brings, by hands that are late, forget and press by mistake.
 
-A lesson records a simulated finger as the page does (rest, taps, and slips with the time before
-and after), tunes with the page's own function, and applies what that would apply. A hand presses
-the key 120 to 350 ms after a slide begins, lets it go 80 to 300 ms after its end, forgets one
-slide of ten, and presses once while nothing slides.
+A lesson records a simulated finger as the page does (rest, taps, presses where contact makes
+noise, and slips with the time before and after), tunes with the page's own function, and applies
+what that would apply. A hand presses the key 120 to 350 ms after a slide begins, lets it go 80 to
+300 ms after its end, forgets one slide of ten, and presses once while nothing slides.
 
 :func:`measure_lessons` gives for each number of slips an object with a list ``lessons``: the
 ``family`` and ``seed`` of each, the figures ``before`` and ``after`` on scenes with fresh seeds
@@ -61,6 +61,18 @@ SPEEDS_M_S, SLIDES_S, RESTS_S = (6.7e-3, 20e-3), (0.8, 2.5), (3.5, 5.0)
 #: Seconds between two knocks while taps are recorded.
 KNOCKS_S = 1.5
 
+#: A press: squeezed, let go, lifted off, and touched again.
+PRESS = [
+    {'duration_s': duration_s, 'force_n': force_n}
+    for duration_s, force_n in (
+        (0.3, 1.5), (0.8, 1.5), (0.3, 0.4), (0.8, 0.4),
+        (0.2, 0.0), (0.6, 0.0), (0.2, 0.4), (0.8, 0.4),
+    )
+]  # fmt: skip
+
+#: How often the finger is pressed where a family has noise of contact.
+PRESSES = 8
+
 #: Seconds from contact to the first slide.
 BEGIN_S = 4.8
 
@@ -88,6 +100,7 @@ class Session:
         random: np.random.Generator,
         rest_s: float = 0.0,
         knocks_s: Sequence[float] = (),
+        presses: int = 0,
     ) -> None:
         slides_s, now_s = [], BEGIN_S
         steps = [{'duration_s': 1.0}, {'duration_s': 0.8, 'force_n': 0.4}, {'duration_s': 3.0}]
@@ -99,6 +112,7 @@ class Session:
             slides_s.append((now_s, now_s + slide_s))
             now_s += slide_s + after_s
         steps += [{'duration_s': rest_s}] if rest_s else []
+        steps += PRESS * presses
         self.slides_s = np.reshape(slides_s, (-1, 2))
         parts = dict(parts)
         if taps := parts.pop('taps', None):
@@ -110,7 +124,8 @@ class Session:
 
     def between(self, begin_s: float, end_s: float, label_s: Sequence[float] = ()) -> Samples:
         """Return the rows of a time; labelled as slip from one time to another, or not at all."""
-        begin, end = (round(time_s * self.rate_hz) for time_s in (max(begin_s, 0.0), end_s))
+        begin_s, end_s = max(begin_s, 0.0), min(end_s, len(self.samples.volts) / self.rate_hz)
+        begin, end = (round(time_s * self.rate_hz) for time_s in (begin_s, end_s))
         part = self.samples.take(slice(begin, end))
         times_s = np.arange(begin, begin + len(part.volts)) / self.rate_hz
         label_s = label_s or (0.0, 0.0)
@@ -143,11 +158,15 @@ def lesson(name: str, parts: Mapping[str, Any], slips: int, seed: int) -> dict[s
     quiet = {name: part for name, part in parts.items() if name != 'taps'}
     session = Session(parts, slips, random)
     rest, taps = Session(quiet, 0, random, REST_S), Session(knocking, 0, random, TAPS_S, knocks_s)
+    presses = PRESSES if 'contact_noise' in parts else 0
     with tempfile.TemporaryDirectory() as temporary:
         recorded = RecordedFolder(Path(temporary))
         recordings = [('slip', rows) for rows in taught(session, random)]
         recordings.append(('rest', rest.between(2.0, BEGIN_S + REST_S)))
         recordings.append(('taps', taps.between(2.0, BEGIN_S + TAPS_S)))
+        if presses:
+            press = Session(quiet, 0, random, presses=presses)
+            recordings.append(('press', press.between(2.0, np.inf)))
         for kind, rows in recordings:
             accuracy_s = BY_HAND_S if kind == 'slip' else 0.0
             path, of_kind = recorded.new_path(kind), '' if kind == 'slip' else kind
@@ -160,6 +179,7 @@ def lesson(name: str, parts: Mapping[str, Any], slips: int, seed: int) -> dict[s
     still = {
         'rest': Session(quiet, 0, random, REST_S),
         'taps': Session(knocking, 0, random, TAPS_S, knocks_s),
+        **({'press': Session(quiet, 0, random, presses=presses)} if presses else {}),
     }
     configs = {'before': running, 'after': found or running}
     figures = {when: _figures(judged, still, config) for when, config in configs.items()}

@@ -40,7 +40,7 @@ MOST_RATIO = 2.0
 
 #: The beginning of a recording shows a finger that touches nothing if the rest of it never is as
 #: quiet, by a factor of :data:`MOST_RATIO`, even in this quietest share.
-BEGINNING_S, QUIETEST = 1.0, 0.1
+BEGINNING_S, QUIETEST = 0.5, 0.2
 
 #: Presses that are above the floor in less than this share of their rows teach nothing.
 LOUD_SHARE = 0.01

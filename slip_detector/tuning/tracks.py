@@ -220,10 +220,31 @@ def _cut_in_two(tracks: Sequence[Track], share: float) -> tuple[list[Track], lis
     if not cuts.size:
         return [track], []
     cut = int(min(cuts, key=lambda cut: abs(cut - (1.0 - share) * len(track.volts))))
-    rate_hz = track.sample_rate_hz
-    at = f'{cut / rate_hz:.1f} s'
-    training = track_of(f'{track.name} to {at}', track.rows(0, cut), rate_hz)
-    return [training], [track_of(f'{track.name} from {at}', track.rows(cut), rate_hz)]
+    training, held = _parted(track, cut)
+    return [training], [held]
+
+
+def _parted(track: Track, cut: int) -> tuple[Track, Track]:
+    """Return the rows of a recording before a place, and those from there on."""
+    rate_hz, at = track.sample_rate_hz, f'{cut / track.sample_rate_hz:.1f} s'
+    return (
+        track_of(f'{track.name} to {at}', track.rows(0, cut), rate_hz),
+        track_of(f'{track.name} from {at}', track.rows(cut), rate_hz),
+    )
+
+
+def _of_every_kind(
+    training: Sequence[Track], held: Sequence[Track], share: float
+) -> tuple[list[Track], list[Track]]:
+    """Hold out a part of the last recording of each kind of which there is none else."""
+    training, held = list(training), list(held)
+    for kind in sorted({track.kind for track in training} - {'', *(track.kind for track in held)}):
+        last = max(k for k, track in enumerate(training) if track.kind == kind)
+        cut = round((1.0 - share) * len(training[last].volts))
+        if 0 < cut < len(training[last].volts):
+            training[last], part = _parted(training[last], cut)
+            held.append(part)
+    return training, held
 
 
 def load_tracks(
@@ -355,6 +376,7 @@ class TrainingFiles(NamedTuple):
         held, more_notes = load_tracks(self.left_out, self.loader)
         if not self.left_out:
             training, held = held_out(training, self.share)
+        training, held = _of_every_kind(training, held, self.share)
         if not all(any(track.slips for track in part) for part in (training, held)):
             names = ', '.join(track.name for track in training + held)
             raise ValueError(

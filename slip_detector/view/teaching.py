@@ -262,7 +262,7 @@ class Teaching:
     async def _teach(self, message: Message) -> None:
         finger, what = message.get('finger'), message.get('do')
         acts: dict[str, Callable[[], None]] = {
-            'press': lambda: self.press(finger),
+            'slip': lambda: self.press(finger),
             'release': lambda: self.release(finger),
             'still_pressed': self.still_pressed,
             'stop': self.stop,

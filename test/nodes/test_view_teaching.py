@@ -75,11 +75,11 @@ def test_rest_slip_taps_tune_apply_and_save_with_a_simulated_finger_that_obeys(
     page.keyboard.up(' ')
     expect(finger).to_have_attribute('data-state', 'rest')
     tab(page, 'Parameters').click()
-    tuned = DetectorConfig.from_yaml(folder / 'index' / 'tuning' / 'tuned.yaml')
+    tuned = DetectorConfig.from_yaml(folder / 'scene' / 'index' / 'tuning' / 'tuned.yaml')
     threshold = page.locator('[data-name=threshold] input')
     expect(threshold).to_have_value(text_of(tuned.threshold))
     tool(page, 'Save').click()
     expect(page.locator('.saved')).to_contain_text('config:=')
-    saved = folder / 'index.yaml'
+    saved = folder / 'scene_index.yaml'
     assert DetectorConfig.from_yaml(saved).to_parameters() == tuned.to_parameters()
     page.close()

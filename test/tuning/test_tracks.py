@@ -98,6 +98,11 @@ def test_more_recordings_may_be_of_a_kind_without_labels(folder, tmp_path_factor
     assert [(one.name, one.kind) for one in training[2:]] == [('4.npz', 'press')]
     assert [(one.name, one.kind) for one in held[1:]] == [('5.npz', 'press')]
     assert not any(one.slips for one in training[2:])
+    # Of a single one the end is held out.
+    single = [('idle', str(presses / '4.npz'))]
+    training, held, _ = TrainingFiles([str(folder)], LOADER, of_kinds=single).load()
+    assert [one.name for one in (training[-1], held[-1])] == ['4.npz to 8.0 s', '4.npz from 8.0 s']
+    assert (held[-1].kind, held[-1].duration_s) == ('idle', pytest.approx(4.0, abs=0.01))
     with pytest.raises(
         ValueError, match=r'a\.npz: has slips, allowed: none in a recording of the k'
     ):

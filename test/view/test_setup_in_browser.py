@@ -18,6 +18,7 @@
 import re
 
 from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.recordings import open_recording
 from support import page_parts as parts
 from support.browsers import expect
 from support.finger_states import rest_rows
@@ -111,7 +112,7 @@ def test_rest_and_slips_are_recorded_listed_tuned_on_and_deleted(played, tmp_pat
     expect(now).to_have_text('Nothing is recorded now.')
     # A key that repeats is one slip; letters in a field record nothing.
     page.get_by_label('File', exact=True).fill('')
-    page.get_by_label('File', exact=True).press_sequentially('r t')
+    page.get_by_label('File', exact=True).press_sequentially('r t s')
     page.evaluate('document.activeElement.blur()')
     for _ in range(3):
         page.keyboard.down(' ')
@@ -142,6 +143,11 @@ def test_rest_and_slips_are_recorded_listed_tuned_on_and_deleted(played, tmp_pat
     expect(parts.record_button(page, 'Rest')).to_have_attribute('aria-pressed', 'true')
     page.keyboard.press('r')
     expect(parts.recording(page, 'rest_3')).to_be_visible()
+    parts.record_button(page, 'Press').click()
+    expect(parts.record_button(page, 'Press')).to_have_attribute('aria-pressed', 'true')
+    page.keyboard.press('s')
+    expect(parts.recording(page, 'press_1')).to_be_visible()
+    assert open_recording(tmp_path / 'index' / 'press_1').kind == 'press'
     (tmp_path / 'index' / 'rest_1' / 'rest_1.mcap').write_bytes(b'no bag')
     parts.tool(page, 'Tune').click()
     failed = page.locator('#tuning-failed')

@@ -245,7 +245,7 @@ async def test_nothing_that_a_page_sends_leaves_the_folder(tmp_path, name):
     for kind, content in (
         ('teach', {'finger': name, 'do': 'rest'}),
         ('teach', {'do': name}),
-        ('teach', {'finger': name, 'do': 'press'}),
+        ('teach', {'finger': name, 'do': 'slip'}),
         ('delete_recording', {'finger': name, 'recording': 'rest_1'}),
         ('delete_recording', {'recording': name}),
     ):

@@ -116,7 +116,7 @@ export class Teach extends Tool {
   press() {
     if (this.pressed !== null || this.buttons.slip.disabled) return;
     this.pressed = setInterval(() => this.connection.request('teach', {do: 'still_pressed'}), PRESSED_MS);
-    this.teach('press').then((refusal) => {
+    this.teach('slip').then((refusal) => {
       if (refusal) this.drop();
     });
   }
