@@ -15,8 +15,8 @@
 """How long ``slip`` is ON in what is no slip, on a simulated finger whose contact makes noise.
 
 :func:`measure_presses` gives for each configuration two objects: for the ``paper``'s, ``onset``
-and ``sure`` (files of ``config``); for ``learnt`` and ``active``, which are sure with the noise
-floor of a still contact, and with :data:`ACTIVE`; and for :data:`EVIDENCE`, alone, with
+and ``sure`` (files of ``config``); for ``without_impacts``, which is onset so, and ``learnt`` and
+``active``, sure with :data:`LEARNT_V` and with :data:`ACTIVE`; and for :data:`EVIDENCE`, alone, with
 ``contact``, and with contact and ``activity``. ``percent`` is the share of the time in which
 ``slip`` is ON while the finger is pressed, idle, rolled or slides (scene ``press``; ``rolling``
 with its disturbances; the plates with presses before and after), and in grasp, hold, slides and
@@ -127,6 +127,7 @@ def measure_presses(seeds: Sequence[int] = SEEDS) -> dict[str, Any]:
     configs = {name: ChainConfig.from_yaml(folder / f'{name}.yaml') for name in ('onset', 'sure')}
     configs = {'paper': ChainConfig(), **configs}
     sure = configs['sure']
+    configs['without_impacts'] = dataclasses.replace(configs['onset'], impact_v=0.0)
     configs['learnt'] = dataclasses.replace(sure, noise_floor=LEARNT_V)
     configs['active'] = dataclasses.replace(sure, **ACTIVE)
     configs |= {'evidence': EVIDENCE, 'contact': CONTACT, 'activity': ACTIVITY}
