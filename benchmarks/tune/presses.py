@@ -15,9 +15,9 @@
 """How long ``slip`` is ON in what is no slip, on a simulated finger whose contact makes noise.
 
 :func:`measure_presses` gives for each configuration two objects: for the ``paper``'s, ``onset``
-and ``sure`` (files of ``config``); for ``without_impacts``, which is onset so, and ``learnt`` and
-``active``, sure with :data:`LEARNT_V` and with :data:`ACTIVE`; and for :data:`EVIDENCE`, alone, with
-``contact``, and with contact and ``activity``. ``percent`` is the share of the time in which
+and ``sure`` (files of ``config``); for ``without_impacts``, which is onset so; for ``learnt`` and
+``active``, sure with :data:`LEARNT_V` and with :data:`ACTIVE`; and for :data:`EVIDENCE`, alone,
+with ``contact``, and with contact and ``activity``. ``percent`` is the share of the time in which
 ``slip`` is ON while the finger is pressed, idle, rolled or slides (scene ``press``; ``rolling``
 with its disturbances; the plates with presses before and after), and in grasp, hold, slides and
 release of ``grasp_and_release``. ``at_recall`` has the same shares with the threshold at which
