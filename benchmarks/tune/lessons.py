@@ -61,12 +61,15 @@ SPEEDS_M_S, SLIDES_S, RESTS_S = (6.7e-3, 20e-3), (0.8, 2.5), (3.5, 5.0)
 #: Seconds between two knocks while taps are recorded.
 KNOCKS_S = 1.5
 
+#: Force in rest and slides, where contact makes noise.
+HELD_N = 1.0
+
 #: A press: squeezed, let go, lifted off, and touched again.
 PRESS = [
     {'duration_s': duration_s, 'force_n': force_n}
     for duration_s, force_n in (
-        (0.3, 1.5), (0.8, 1.5), (0.3, 0.4), (0.8, 0.4),
-        (0.2, 0.0), (0.6, 0.0), (0.2, 0.4), (0.8, 0.4),
+        (0.3, 2.5), (0.8, 2.5), (0.3, HELD_N), (0.8, HELD_N),
+        (0.2, 0.0), (0.6, 0.0), (0.2, HELD_N), (0.8, HELD_N),
     )
 ]  # fmt: skip
 
@@ -103,7 +106,9 @@ class Session:
         presses: int = 0,
     ) -> None:
         slides_s, now_s = [], BEGIN_S
-        steps = [{'duration_s': 1.0}, {'duration_s': 0.8, 'force_n': 0.4}, {'duration_s': 3.0}]
+        # A hand that trembles as where contact makes noise holds more than it trembles.
+        held_n = HELD_N if 'contact_noise' in parts else 0.4
+        steps = [{'duration_s': 1.0}, {'duration_s': 0.8, 'force_n': held_n}, {'duration_s': 3.0}]
         for _ in range(slides):
             slide_s, after_s = random.uniform(*SLIDES_S), random.uniform(*RESTS_S)
             speed_m_s = float(random.uniform(*SPEEDS_M_S))
