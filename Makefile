@@ -66,7 +66,7 @@ view: $(VENV)/installed
 	@$(BIN)/slip_view --scene obedient --folder out/recordings
 
 benchmark: $(VENV)/installed
-	@for command in chain scenes extremes tune soak view; do \
+	@for command in chain scenes extremes tune lessons soak view; do \
 		echo "python -m benchmarks $$command --quick" && \
 		$(BIN)/python -m benchmarks $$command --quick || exit 1; \
 	done

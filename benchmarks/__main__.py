@@ -40,6 +40,7 @@ COMMANDS = {
     'scenes': 'error of the simulated fingertip against run time',
     'extremes': 'stiff and extreme cases of the simulated fingertip',
     'tune': 'recordings read, evaluated, searched and reported; what tuning brings',
+    'lessons': 'what teaching by late and careless hands brings',
     'soak': 'drivers and detectors that run for long',
     'view': 'the live page: frames, memory, and what it costs the detectors',
 }

@@ -12,18 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What teaching on the live page brings, by hands that are late, forget and press by mistake.
+"""Lessons that are as bad as a person, through the functions of the live page.
 
 A lesson records a simulated finger as the page does (rest, taps, presses where contact makes
 noise, and slips with the time before and after), tunes with the page's own function, and applies
 what that would apply. A hand presses the key 120 to 350 ms after a slide begins, lets it go 80 to
 300 ms after its end, forgets one slide of ten, and presses once while nothing slides.
-
-:func:`measure_lessons` gives for each number of slips an object with a list ``lessons``: the
-``family`` and ``seed`` of each, the figures ``before`` and ``after`` on scenes with fresh seeds
-and exact labels, and what the page ``said``; and how many of the lessons reached what is wanted:
-``not_worse`` in area under the curve and coverage, ``good``: recall, coverage and ON in what is
-no slip; ``recall``, the least.
 """
 
 import asyncio
@@ -81,6 +75,9 @@ BEGIN_S = 4.8
 
 #: Slides on which a lesson is judged.
 JUDGED = 12
+
+#: Figures of what is no slip, where it is part of a lesson.
+ON = ('rest_percent', 'taps_percent', 'press_percent')
 
 FIGURES = ('auc_all', 'recall', 'coverage', 'false_time_percent', 'latency_median_ms')
 
