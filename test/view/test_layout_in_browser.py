@@ -41,7 +41,7 @@ def tuned(served):
     vars(run).update(
         finger=parts.NAME, _config=DetectorConfig(), found=DetectorConfig(threshold=0.25),
         table=[('recall', '0.8', '0.9', 'better')], held_out=[], lines=[], running=False,
-        stopping=False, step='', failed='', share=1.0,
+        stopping=False, step='', failed='', kept='', share=1.0,
     )  # fmt: skip
     apply, _ = served.server.requests['apply_tuning']
     apply.__self__._run = run
