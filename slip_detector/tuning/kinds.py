@@ -19,6 +19,7 @@ And which of them contradict their kind.
 
 import dataclasses
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,9 +52,9 @@ BLOCK_S = 0.2
 #: The level of a block is the one that a quarter of the channels exceed.
 CHANNELS_BELOW = 0.75
 
-#: The level of a slip is the one that more than a quarter of its blocks exceed, so that neither
-#: the rest that inexact labels include nor a knock matters.
-BLOCKS_BELOW = 0.7
+#: The level of a slip is that of its fourth loudest block, or of the one in the middle of less
+#: than seven: two knocks are shorter.
+LOUD_BLOCKS = 4
 
 #: Least difference of slips and rest, in dB, with which one can be told from the other.
 LEAST_DB = 6.0
@@ -156,10 +157,18 @@ def activity_range_db(chain: ChainConfig, tracks: Sequence[Track]) -> float:
     return float(f'{np.clip(np.median(found), -100.0, 100.0):.4g}')
 
 
-def contradictions(chain: ChainConfig, tracks: Sequence[Track]) -> list[str]:
-    """Return a sentence on each recording that contradicts its kind, by the chain's pass-band.
+class Contradiction(NamedTuple):
+    """What a recording says against its kind, and whether none of its slips is one."""
 
-    Power there, in blocks of :data:`BLOCK_S`, is compared with that of rest and of slips in the
+    track: Track
+    words: str
+    no_slip: bool = False
+
+
+def contradictions(chain: ChainConfig, tracks: Sequence[Track]) -> list[Contradiction]:
+    """Return the recordings that contradict their kind, by the power in the chain's pass-band.
+
+    The power, in blocks of :data:`BLOCK_S`, is compared with that of rest and of slips in the
     other recordings. Where these hardly differ nothing is said, and nothing of recordings in
     which something else than a slide may be as loud.
 
@@ -172,8 +181,8 @@ def contradictions(chain: ChainConfig, tracks: Sequence[Track]) -> list[str]:
     >>> rows = Samples.evenly(volts, 380.0, truth=slip)
     >>> wrong = rows._replace(truth=np.zeros(1900, bool), kind='rest')
     >>> tracks = [track_of('slips', [rows], 380.0), track_of('rest', [wrong], 380.0)]
-    >>> contradictions(ChainConfig(), tracks)
-    ['rest is labelled rest, but the level is as in a slide for 41 % of it']
+    >>> [one.words for one in contradictions(ChainConfig(), tracks)]
+    ['rest is labelled rest, but the level is as in a slide for 45 % of it']
     """
     every = [_Levels(chain, track) for track in tracks]
     resting, said = at_rest(tracks), []
@@ -190,14 +199,17 @@ def contradictions(chain: ChainConfig, tracks: Sequence[Track]) -> list[str]:
         least_db = AS_LOUD * np.quantile(slides_db, QUIET_SLIPS)
         loud = np.mean(_level_db(mine.rest_db, floors_db) > least_db) if len(mine.rest_db) else 0.0
         if track.kind in ('rest', 'idle') and loud > CONTRADICTED:
-            said.append(
+            words = (
                 f'{track.name} is labelled {track.kind}, but the level is as in a slide for '
                 f'{100 * loud:.0f} % of it'
             )
+            said.append(Contradiction(track, words))
         most_db = min(NO_CHANGE * usual_db, NO_CHANGE_DB)
-        still = [f'{at:.1f}' for at, _, rises_db in mine.slips(floors_db) if rises_db < most_db]
+        slips = mine.slips(floors_db)
+        still = [f'{at:.1f}' for at, _, rises_db in slips if rises_db < most_db]
         if still:
-            said.append(f'{track.name}: nothing changes at its slips, at {", ".join(still)} s')
+            words = f'{track.name}: nothing changes at its slips, at {", ".join(still)} s'
+            said.append(Contradiction(track, words, len(still) == len(slips)))
     return said
 
 
@@ -243,6 +255,6 @@ class _Levels:
             its_db = levels_db[blocks][self._known[blocks]]
             if its_db.size:
                 at_s = start / track.sample_rate_hz
-                level_db = float(np.quantile(its_db, BLOCKS_BELOW))
+                level_db = float(np.sort(its_db)[-min(LOUD_BLOCKS, (its_db.size + 1) // 2)])
                 found.append((at_s, level_db, level_db - rest_db))
         return found

@@ -76,6 +76,9 @@ NOISE_FROM_LINE_HZ = (1.0, 6.0)
 #: Below this frequency a line cannot be distinguished from drift.
 LOWEST_LINE_HZ = 2.0
 
+#: Share of the slips that are what their labels say, where hands have made these.
+MEANT_SHARE = 0.8
+
 #: A knock has a step above ``KNOCK`` times the noise: the step that ``NOISE_SHARE`` of all steps
 #: stays below.
 KNOCK = 4.0
@@ -403,7 +406,10 @@ def slip_steps_v(chain: ChainConfig, tracks: Sequence[Track], rows: int = 1) -> 
         steps_v(chain, track, rows)[slip].max(axis=0, initial=0.0)
         for track, slip in zip(tracks, slips, strict=True)
     ]
-    return np.asarray(np.max(steps, axis=0))
+    # A hand may have pressed the key by mistake, or as something knocked.
+    by_hand = any(track.samples.accuracy_s for track in tracks)
+    share = MEANT_SHARE if by_hand else 1.0
+    return np.asarray(np.quantile(steps, share, axis=0, method='lower'))
 
 
 def knocks_v(chain: ChainConfig, track: Track) -> Floats:

@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from slip_detector.chain.filters import settling_rows
+from slip_detector.chain.filters import evidence_falls_s, settling_rows
 from slip_detector.chain.samples import Floats
 from slip_detector.evaluation.chance import HALF, saved_by_chance_s, sooner_than_chance
 from slip_detector.evaluation.scores import MOTION, REST, ScoreTally
@@ -103,8 +103,8 @@ def better_than_chance(figures: Figures) -> bool:
 def worse_than(figures: Figures, other: Figures) -> list[str]:
     """Return a text for each figure that is worse, or not defined where the other's is.
 
-    Empty where the other's figures are no better than chance. The latency of the slips found
-    is not compared, as it falls where late slips are missed.
+    Only the area under the ROC curve is compared where the other's figures are no better than
+    chance. The latency of the slips found is not, as it falls where late slips are missed.
 
     Examples
     --------
@@ -115,7 +115,7 @@ def worse_than(figures: Figures, other: Figures) -> list[str]:
     texts = []
     for name, (words, unit, more_is_better, step) in COMPARED.items():
         figure, its = (_limited(one, name) for one in (figures, other))
-        if its is None or not better_than_chance(other):
+        if its is None or (name != 'auc' and not better_than_chance(other)):
             continue
         if figure is None:
             texts.append(f'no {words} defined against {its:.4g}{unit}')
@@ -268,7 +268,8 @@ class Problem:
         """Return a chain with the threshold that, with so many neighbours, costs least."""
         rows = settling_rows(chain)
         sweep = sweep_thresholds(statistic, self.tracks, limits, self.evaluation, rows)
-        costs_ms = _with_neighbours(self._event_costs_ms(sweep), neighbours)
+        costs_ms = self._event_costs_ms(sweep) + self._hidden_costs_ms(chain, limits, sweep)
+        costs_ms = _with_neighbours(costs_ms, neighbours)
         at = int(np.argmin(costs_ms))
         chain = dataclasses.replace(chain, threshold=float(limits[at]))
         tally = ScoreTally()
@@ -278,7 +279,7 @@ class Problem:
         counts = tally.collect()
         auc = counts.auc([MOTION] if counts.counts[MOTION].any() else (REST, MOTION))
         lacking = 1.0 - (auc or 0.0)
-        if self.figures is not None and better_than_chance(self.figures):
+        if self.figures is not None:
             lacking += WORSE_COUNTS * max((self.figures['auc'] or 0.0) - (auc or 0.0), 0.0)
         cost_ms = float(costs_ms[at]) + self.config.auc_costs_ms * lacking
         figures = sweep.figures(at)
@@ -339,6 +340,28 @@ class Problem:
                 worse += config.false_time_costs_ms * more
             costs += WORSE_COUNTS * worse
         return np.asarray(costs)
+
+    def _hidden_costs_ms(
+        self, chain: ChainConfig, limits: Floats, sweep: ThresholdSweep
+    ) -> Floats | float:
+        """Return what the time costs for which a chain stays ON after slips, where labels hide it.
+
+        Labels by hand say nothing of the rows about their ends, but how long a chain remembers is
+        known: the rows of the mains comb and of windows, and the time in which evidence falls from
+        its limit to a threshold.
+        """
+        tail_s = chain.mains_rows / chain.sample_rate_hz + chain.envelope_window_s
+        if chain.decision == 'mean':
+            tails_s = np.full(limits.shape, tail_s + chain.decision_window_s)
+        else:
+            over = np.maximum(1.0 - limits / chain.evidence_limit_db_s, 0.0)
+            tails_s = tail_s + evidence_falls_s(chain) * over
+        hidden_s = sum(
+            len(track.slips) * np.minimum(tails_s, track.samples.accuracy_s)
+            for track in self.tracks
+        )
+        rest_s, *_ = sweep.of_kinds.get('', (0.0,))
+        return self.config.false_time_costs_ms * 100.0 * hidden_s / rest_s if rest_s else 0.0
 
     def _error_ms(self, sweep: ThresholdSweep, at: int) -> float:
         """Return the error of the mean latency by Student's t, at ``CONFIDENCE``.

@@ -41,6 +41,7 @@ from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.parameters.evaluation import EvaluationConfig, TuneConfig
+from slip_detector.parameters.fields import name_list
 from slip_detector.tuning.kinds import contradictions
 from slip_detector.tuning.problem import Candidate, Problem, Verdict, judge
 from slip_detector.tuning.tracks import Track, TrainingFiles
@@ -158,7 +159,14 @@ def tune(
     if importlib.util.find_spec('optuna') is None:
         raise ValueError(NEEDS_OPTUNA)
     training, held, notes = files.load()
-    if sentences := contradictions(parameters.chain, training + held):
+    if found := contradictions(parameters.chain, training + held):
+        sentences = [one.words for one in found]
+        wrong = [one.track for one in found if one.no_slip and one.track.samples.accuracy_s]
+        parts = [[track for track in part if track not in wrong] for part in (training, held)]
+        if wrong and all(any(track.slips for track in part) for part in parts):
+            training, held = parts
+            left_out = name_list([track.name for track in wrong])
+            sentences.append(f'Left out, as keys that were pressed by mistake: {left_out}')
         doubt(sentences)
         notes += sentences
     with _first_interrupt_noted() as stop:
@@ -166,7 +174,8 @@ def tune(
         name = problem.study_name()
         study = Study(problem.space.distributions, seed, storage, name)
         # It has a few kilobytes, without any rows.
-        pickled = pickle.dumps((files, dataclasses.replace(problem, tracks=()), name))
+        names = {track.name for track in training}
+        pickled = pickle.dumps((files, names, dataclasses.replace(problem, tracks=()), name))
 
         @functools.lru_cache(maxsize=1)
         def choice(known: int) -> Candidate | None:
@@ -279,8 +288,9 @@ def _candidates_at(pickled: bytes, point: Point) -> list[Candidate]:
 @functools.lru_cache(maxsize=1)
 def _with_rows(pickled: bytes) -> Problem:
     """Read the recordings of a problem, once for all of its trials."""
-    files, problem, name = pickle.loads(pickled)
-    found: Problem = dataclasses.replace(problem, tracks=files.load()[0])
+    files, names, problem, name = pickle.loads(pickled)
+    tracks = [track for track in files.load()[0] if track.name in names]
+    found: Problem = dataclasses.replace(problem, tracks=tracks)
     if found.study_name() != name:
         paths = ', '.join(files.paths)
         raise ValueError(f'{paths}: a worker finds other recordings there, allowed: the same ones')
