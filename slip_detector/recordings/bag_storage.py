@@ -32,6 +32,9 @@ from slip_detector.parameters.files import read_yaml
 #: A folder that has this file is a bag.
 METADATA = 'metadata.yaml'
 
+#: The only key of that file.
+ABOUT = 'rosbag2_bagfile_information'
+
 #: Endings of the files of a bag; the last is that of ROS 1.
 BAG_ENDINGS = ('.mcap', '.db3', '.bag')
 
@@ -107,7 +110,7 @@ class BagStorage:
         self.custom_data: dict[str, Any] = {}
         try:
             if path.is_dir():  # what is nested too deep ends the parser of rosbags
-                about = read_yaml(path / METADATA).get('rosbag2_bagfile_information') or {}
+                about = read_yaml(path / METADATA).get(ABOUT) or {}
                 self.custom_data = about.get('custom_data') or {}
             connections = self._connections()
         except ValueError:

@@ -18,6 +18,7 @@ import contextlib
 import csv
 import decimal
 import errno
+import json
 import os
 import sqlite3
 from collections.abc import Iterable, Sequence
@@ -28,7 +29,7 @@ import numpy as np
 
 from slip_detector.chain.samples import Samples
 from slip_detector.parameters.files import file_errors_of, whole_file
-from slip_detector.recordings.bag_storage import load_rosbags, write_checksums
+from slip_detector.recordings.bag_storage import ABOUT, load_rosbags, write_checksums
 from slip_detector.recordings.labels import ACCURACY, KIND
 from slip_detector.recordings.messages import JointStateWriter
 
@@ -250,7 +251,8 @@ class BagWriter:
     def flush(self) -> None:
         """Pass all rows so far to the operating system, so that they survive a killed process.
 
-        Only for MCAP: the rows since the last call become a chunk.
+        Only for MCAP: the rows since the last call become a chunk. The first call notes how exact
+        the truth is, and the kind.
 
         Raises
         ------
@@ -261,6 +263,9 @@ class BagWriter:
         if storage.chunk.msgs:
             storage.close_chunk()
         storage.bio.flush()
+        if not self._writer.metapath.exists():
+            about = {ABOUT: {'custom_data': self._writer.custom_data}}
+            self._writer.metapath.write_text(json.dumps(about), encoding='utf-8')
 
     def close(self) -> None:
         """Write the index and ``metadata.yaml``, and give each chunk of an MCAP its checksum.

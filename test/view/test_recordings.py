@@ -113,11 +113,13 @@ def test_each_row_from_the_first_on_is_written_once_with_its_label(tmp_path):
         truth += [slipping] * n
         recorder.label(slips)
         slipping = slips
-    recorder.close()
     assert (recorder.rows, recorder.has_slip) == (len(truth), True)
-    recording = open_recording(recorder.path)
-    assert (recording.kind, recording.accuracy_s) == ('', BY_HAND_S)
-    assert recording.channel_names == CONFIG.names
-    (piece,) = recording.rows()
-    assert piece.volts[:, 0].tolist() == [*range(15, 15 + len(truth))]
-    assert piece.truth.tolist() == truth
+    for end in (recorder.close, lambda: None):
+        # As a page that is killed leaves it, and as one that ends it.
+        recording = open_recording(recorder.path)
+        assert (recording.kind, recording.accuracy_s) == ('', BY_HAND_S)
+        assert recording.channel_names == CONFIG.names
+        (piece,) = recording.rows()
+        assert piece.volts[:, 0].tolist() == [*range(15, 15 + len(truth))]
+        assert piece.truth.tolist() == truth
+        end()
