@@ -77,17 +77,27 @@ RECORDINGS = {
 
 
 @functools.cache
-def rows_of(name):
-    """Rows as a page records them, with the truth; what many tests write is simulated once."""
+def _whole(name):
+    """Rows of a recording and which of them slip; what many tests write is simulated once."""
     rows = samples(*RECORDINGS[name], seed=[*RECORDINGS].index(name))
     begin = round(BEGIN_S * RATE_HZ)
-    volts, truth = rows.volts[begin:], rows.truth[begin:] & name.startswith('slip')
+    return rows.volts[begin:], rows.truth[begin:] & name.startswith('slip')
+
+
+def true_slip_s(name):
+    """Seconds from its first row at which the slip of a recording begins and ends."""
+    return (np.flatnonzero(np.diff(_whole(name)[1])) + 1) / RATE_HZ
+
+
+@functools.cache
+def rows_of(name):
+    """Rows as a page records them, labelled by a hand."""
+    volts, truth = _whole(name)
     if truth.any():
         # A hand presses the key late, and lets it go late.
-        edges = np.flatnonzero(np.diff(truth)) + 1
         random = np.random.default_rng([*RECORDINGS].index(name))
         late = [random.uniform(0.12, 0.35), random.uniform(0.08, 0.3)]
-        first, last = np.rint(edges + RATE_HZ * np.array(late)).astype(int)
+        first, last = np.rint(RATE_HZ * (true_slip_s(name) + late)).astype(int)
         truth = (np.arange(len(truth)) >= first) & (np.arange(len(truth)) < last)
     stamps_ns = np.rint(1e9 / RATE_HZ * np.arange(len(volts))).astype(np.int64)
     return Samples(volts, stamps_ns, truth)
