@@ -69,10 +69,10 @@ export class RecordingTrace {
     this.slip = slip;
     const moved = slip.map((s, i) => s - this.saved[i]), changed = moved.some((by) => Math.abs(by) > 1e-6);
     this.save.disabled = this.reset.disabled = !changed;
-    const {coverage, false_time_percent: rest} = this.trace;
-    const on = [coverage !== null && `${percent(coverage)} of the slip`, rest !== null && `${percent(rest / 100)} of the rest`].filter(Boolean);
+    const {coverage, false_time_percent: rest} = this.trace, without = this.ends.length ? 'rest' : this.name.split('_')[0];
+    const on = [coverage !== null && `${percent(coverage)} of the slip`, rest !== null && `${percent(rest / 100)} of the ${without}`].filter(Boolean);
     const by = moved.map((s, i) => `${i % 2 ? 'end' : 'start'} ${s < 0 ? '\u2212' : '+'}${Math.abs(s).toFixed(2)} s`);
-    write(this.words, `${on.length ? `ON for ${on.join(', ')}` : 'Too short to say'}${changed ? `. Moved, not saved: ${by.join(', ')}` : ''}`);
+    write(this.words, changed ? `Moved, not saved: ${by.join(', ')}` : on.length ? `ON for ${on.join(', ')}` : 'Too short to say');
     this.draw();
   }
 

@@ -150,7 +150,7 @@ export class Teach extends Tool {
       const seconds = some.reduce((sum, {duration_s: s}) => sum + s, 0);
       const done = some.length >= wanted.recordings && seconds >= wanted.seconds;
       this.buttons[kind].querySelector('.progress-words').textContent = `${some.length} of ${wanted.recordings}`
-        + `${wanted.seconds ? `, ${Math.round(seconds)} s` : ''}${done ? ' \u2713' : ''}`;
+        + `${wanted.seconds ? `, ${Math.round(seconds)}\u00a0s` : ''}${done ? ' \u2713' : ''}`;
     }
     this.showTuning(recordings.filter(({slips}) => slips).length);
     this.showRecording();
