@@ -86,7 +86,7 @@ def low_chain(chain: ChainConfig) -> ChainConfig:
     """
     return dataclasses.replace(
         plain_chain(chain),
-        passband_hz=(chain.activity_band_hz[0], chain.activity_band_hz[1]),
+        passband_hz=chain.activity_band_hz,
         passband_degree=4,
         stopbands_hz=(),
         mains_hz=0.0,

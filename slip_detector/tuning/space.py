@@ -129,10 +129,10 @@ class SearchSpace:
         # What no recording shows is not searched, and stays as it is given.
         if kinds & {'taps', 'press', 'roll'}:
             of_kinds['impact_s'] = OneOf(sorted({given.impact_s, *IMPACTS_S}))
-        if given.activity_band_hz and self._contact_is_learnt:
+        if self._contact_is_learnt:
             given_contact = ('given',) if given.contact_level_v else ()
             of_kinds['contact'] = OneOf((*given_contact, 'none', 'learnt'))
-        if given.activity_band_hz and kinds & {'press', 'roll'}:
+        if kinds & {'press', 'roll'}:
             given_activity = ('given',) if given.activity_cap_db else ()
             of_kinds['activity'] = OneOf((*given_activity, 'none', 'learnt'))
             of_kinds['activity_cap_db'] = Between(2.0, 20.0)

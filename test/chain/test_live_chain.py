@@ -370,11 +370,11 @@ def test_contact_that_was_switched_off_begins_anew_and_what_needs_other_state_is
         assert bed.chain.swap()
     assert state_of(bed)[0, stages.CONTACT_ROWS, 0] == 0
     slots = state_of(bed).shape[1]
-    for band_hz in ((9.0, 15.0), ()):
-        assert not bed.change(activity_band_hz=band_hz)
+    none = {'contact_level_v': 0.0, 'activity_cap_db': 0.0}
+    for values in ({'activity_band_hz': (9.0, 15.0)}, none):
+        assert not bed.change(**values)
         assert bed.swapped()
     assert state_of(bed).shape[1] < slots
-    assert bed.change(contact_level_v=0.0, activity_cap_db=0.0)
 
 
 def test_a_change_of_gain_scales_the_floors_and_one_channel_less_keeps_those_of_the_others():

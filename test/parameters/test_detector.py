@@ -96,8 +96,8 @@ REFUSED = [
     ),
     ({'impact_s': 1.5}, 'impact_s is 1.5 s, allowed: 0 to 1 s'),
     ({'activity_band_hz': 8.0}, 'activity_band_hz is 8.0, allowed: a list'),
-    ({'activity_band_hz': (8.0,)}, 'activity_band_hz has 1 numbers, allowed: two edges, or none'),
-    ({'activity_band_hz': (20, 8)}, 'activity_band_hz is (20.0, 8.0), allowed: each number above'),
+    ({'activity_band_hz': ()}, 'activity_band_hz has 0 numbers, allowed: 2'),
+    ({**CONTACT, 'activity_band_hz': (20, 8)}, 'activity_band_hz has 20 and 8 Hz, allowed: rising'),
     (
         {**CONTACT, 'activity_band_hz': (8.0, 190.0)},
         'activity_band_hz has 8 and 190 Hz, allowed: rising, 0.0038 Hz to below 190 Hz',
@@ -123,12 +123,10 @@ def test_parameters_of_the_evidence_are_not_checked_without_it():
     assert ChainConfig(**values).threshold == 2.0
 
 
-@pytest.mark.parametrize('values', [{}, {'contact_level_v': 1.0, 'contact_channels': 99}])
-def test_the_low_band_is_not_checked_unless_a_stage_needs_it(values):
-    values |= {'activity_band_hz': ()} if values else {'sample_rate_hz': 30.0}
+def test_the_low_band_is_not_checked_unless_a_stage_needs_it():
     band = {'passband_hz': (7.0, 0.0), 'stopbands_hz': (), 'passband_degree': 2}
     windows = {'envelope_window_s': 0.1, 'decision_window_s': 0.1}
-    assert ChainConfig(**EVIDENCE, **band, **windows, **values).low_band_hz == ()
+    assert ChainConfig(**EVIDENCE, **band, **windows, sample_rate_hz=30.0).low_band_hz == ()
 
 
 @pytest.mark.parametrize('rate', [1.0, 100.0, 380.0, 1e6])

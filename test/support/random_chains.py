@@ -186,7 +186,7 @@ def with_evidence(draw, config, volts):
         contact_level_v=draw(st.sampled_from([0.0, 0.003, 0.02, 0.1])),
         contact_channels=draw(st.integers(1, min(enabled, 4))),
         contact_hold_s=draw(st.integers(0, 30)) / rate,
-        activity_band_hz=draw(st.sampled_from([(), (high_hz / 2, high_hz)])),
+        activity_band_hz=(high_hz / 2, high_hz),
         activity_range_db=draw(st.sampled_from([-10.0, 0.0, 15.0])),
         activity_cap_db=draw(st.sampled_from([0.0, 3.0, 8.7])),
         threshold=limit_db_s * draw(st.sampled_from([0.01, 0.1, 0.5, 0.9])),

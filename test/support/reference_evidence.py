@@ -94,7 +94,7 @@ def rows_in_contact(low, valid, config, hold_rows):
 def low_band(config):
     """Return the band of the low level, None where neither contact nor activity is looked at."""
     looked_at = config.contact_level_v > 0 or config.activity_cap_db > 0
-    return config.activity_band_hz if looked_at and len(config.activity_band_hz) else None
+    return config.activity_band_hz if looked_at else None
 
 
 def rows_that_count(ok, valid, settle_rows):
