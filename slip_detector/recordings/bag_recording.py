@@ -28,16 +28,7 @@ from slip_detector.parameters.detector import default_channel_names
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.parameters.fields import name_list
 from slip_detector.recordings.bag_storage import BagStorage, Message, Topic, typestore_of
-from slip_detector.recordings.labels import (
-    ACCURACY,
-    KIND,
-    Labels,
-    certain_at,
-    checked_accuracy,
-    checked_kind,
-    moving_at,
-    states_at,
-)
+from slip_detector.recordings.labels import Labels, accuracy_and_kind, label_at, moving_at
 from slip_detector.recordings.messages import JOINT_FIELDS, FieldReader, joint_state_table
 from slip_detector.recordings.rates import checked_rate, rate_of
 from slip_detector.recordings.recording import PIECE_ROWS, Recording
@@ -158,10 +149,8 @@ class BagRecording(Recording):
         self._position_topic = self._label_topic(config, 'recording_position_topic', JOINT_STATE)
         self._still_m = config.recording_still_m
         self.has_truth |= bool(self._truth_topic or self._position_topic)
-        if labels is None and self._truth_topic:
-            self.accuracy_s = checked_accuracy(self._storage.custom_data.get(ACCURACY, 0.0))
         if labels is None:
-            self.kind = checked_kind(self._storage.custom_data.get(KIND, ''))
+            self.accuracy_s, self.kind = accuracy_and_kind(self._storage.custom_data)
         decoder = _Decoder(self._topic, self._field)
         first = next((rows for rows, _, _ in self._rows(self._topic, decoder)), None)
         if first is None or not len(first.volts):
@@ -175,7 +164,7 @@ class BagRecording(Recording):
     def read(self) -> Iterator[Samples]:
         """Yield the rows of the topic, some thousands at a time."""
         self.counts.warnings = '; '.join(self._storage.warnings)
-        label_at = self._label()
+        label = self._label()
         n_messages = 0
         first_ns = last_ns = None
         for rows, late_ns, n in self._rows(self._topic, _Decoder(self._topic, self._field)):
@@ -185,8 +174,8 @@ class BagRecording(Recording):
                 stamps_ns = self._spread(rows, last_ns)
                 first_ns = int(stamps_ns[0]) if first_ns is None else first_ns
                 last_ns = int(stamps_ns[-1])
-                label = {} if label_at is None else label_at(stamps_ns, late_ns)
-                yield Samples(rows.volts, stamps_ns, **label)
+                columns = {} if label is None else label(stamps_ns, late_ns)
+                yield Samples(rows.volts, stamps_ns, **columns)
         if self._storage.damage:
             end_s = ((last_ns or 0) - (first_ns or 0)) * 1e-9
             self.counts.damage = (
@@ -235,15 +224,8 @@ class BagRecording(Recording):
         states = first.then(*others)
         if self._truth_topic is None:
             return lambda stamps_ns, _: {'truth': moving_at(states, self._still_m, stamps_ns)}
-        at_ns, is_slip = states.stamps_ns, states.volts[:, 0] != 0.0
-        edges_ns = at_ns[np.diff(is_slip, prepend=False)]
-
-        def label_at(stamps_ns: Stamps, late_ns: Stamps) -> dict[str, Any]:
-            received_ns = stamps_ns + late_ns
-            certain = certain_at(received_ns, edges_ns, self.accuracy_s)
-            return {'truth': states_at(at_ns, is_slip, received_ns), 'certain': certain}
-
-        return label_at
+        edges_ns = states.stamps_ns[np.diff(states.volts[:, 0] != 0.0, prepend=False)]
+        return lambda stamps_ns, late_ns: label_at(stamps_ns + late_ns, edges_ns, self.accuracy_s)
 
     def _found_damage(self) -> str:
         return f' ({self._storage.damage[0]})' if self._storage.damage else ''

@@ -15,6 +15,7 @@
 """The true slip in a recording: from intervals written by hand, labels, states or positions."""
 
 import contextlib
+import math
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain.samples import Bools, Floats, Samples, Stamps
-from slip_detector.parameters.fields import shortened
+from slip_detector.parameters.fields import refuse, shown
 from slip_detector.parameters.files import read_yaml
 
 #: Ending of a file of labels beside its recording: ``trial.labels.yaml`` for ``trial.mcap``.
@@ -68,24 +69,14 @@ class Labels(NamedTuple):
     Examples
     --------
     >>> labels = Labels(Path('trial.labels.yaml'), np.array([[1.0, 2.5]]))
-    >>> labels.at(np.array([999_999_999, 1_000_000_000, 2_500_000_000]))
-    array([False,  True, False])
+    >>> labels.edges_ns
+    array([1000000000, 2500000000])
     """
 
     path: Path
     edges_s: Floats
     accuracy_s: float = 0.0
     kind: str = ''
-
-    def at(self, after_ns: Stamps) -> Bools:
-        """Return whether there is slip at each time; an interval excludes its end.
-
-        Parameters
-        ----------
-        after_ns : ndarray of int, shape (n,)
-            Times since the first sample, in nanoseconds.
-        """
-        return np.asarray(np.searchsorted(self.edges_ns, after_ns, side='right') % 2 == 1)
 
     @property
     def edges_ns(self) -> Stamps:
@@ -161,22 +152,20 @@ def read_labels(path: Path) -> Labels:
     --------
     >>> import tempfile
     >>> from pathlib import Path
-    >>> import numpy as np
     >>> from slip_detector.recordings.labels import read_labels
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder) / 'trial.labels.yaml'
     ...     _ = path.write_text('slip_s: [[1.0, 2.5]]')
     ...     labels = read_labels(path)
-    >>> labels.at(np.array([0, 1_000_000_000, 2_500_000_000]))
-    array([False,  True, False])
+    >>> labels.edges_s
+    array([[1. , 2.5]])
     """
     return labels_from(path, read_yaml(path))
 
 
 def labels_from(path: Path, document: dict[str, Any]) -> Labels:
     """Return the labels of a document that is, or will be, in a file; see :func:`read_labels`."""
-    accuracy_s = checked_accuracy(document.pop(ACCURACY, 0.0), f'{path}: ')
-    kind = checked_kind(document.pop(KIND, ''), f'{path}: ')
+    accuracy_s, kind = accuracy_and_kind(document, f'{path}: ')
     try:
         listed = document.pop(KEY, []) if kind else document.pop(KEY)
         edges_s = np.array(listed, np.float64).reshape(-1, 2)
@@ -201,55 +190,61 @@ def labels_from(path: Path, document: dict[str, Any]) -> Labels:
     return Labels(path, edges_s, accuracy_s, kind)
 
 
-def checked_accuracy(value: Any, where: str = '') -> float:
-    """Return how exact labels are; a ValueError if it is no number from 0 to 10 s.
+def accuracy_and_kind(document: dict[str, Any], where: str = '') -> tuple[float, str]:
+    """Take out of a document how exact its labels are, and the kind of its recording.
+
+    Raises
+    ------
+    ValueError
+        When the accuracy is no number from 0 to 10 s, or the kind is neither of :data:`KINDS` nor
+        ''; begins with ``where``.
 
     Examples
     --------
-    >>> checked_accuracy('0.35')
-    0.35
+    >>> accuracy_and_kind({'accuracy_s': '0.35'})
+    (0.35, '')
     """
+    accuracy, kind = document.pop(ACCURACY, 0.0), document.pop(KIND, '')
+    accuracy_s = math.nan
     with contextlib.suppress(TypeError, ValueError):
-        if 0.0 <= (accuracy_s := float(value)) <= MOST_S:
-            return accuracy_s
-    raise ValueError(f'{where}{ACCURACY} is {shortened(repr(value))}, allowed: 0 to {MOST_S:g} s')
+        accuracy_s = float(accuracy)
+    if not 0.0 <= accuracy_s <= MOST_S:
+        refuse(f'{where}{ACCURACY} is {shown(accuracy)}', f'0 to {MOST_S:g} s')
+    if kind not in ('', *KINDS):
+        refuse(f'{where}{KIND} is {shown(kind)}', ', '.join(KINDS))
+    return accuracy_s, kind
 
 
-def checked_kind(value: Any, where: str = '') -> str:
-    """Return the kind of a recording; a ValueError if it is neither of :data:`KINDS` nor ''."""
-    if value not in ('', *KINDS):
-        allowed = ', '.join(KINDS)
-        raise ValueError(f'{where}{KIND} is {shortened(repr(value))}, allowed: {allowed}')
-    return str(value)
-
-
-def certain_at(at_ns: Stamps, edges_ns: Stamps, accuracy_s: float) -> 'Bools | None':
-    """Return which times are further from all ends of labels than these are exact.
+def label_at(at_ns: Stamps, edges_ns: Stamps, accuracy_s: float) -> dict[str, Any]:
+    """Return whether there is slip at each time, and whether that is certain.
 
     Parameters
     ----------
     at_ns : ndarray of int, shape (n,)
         The times.
     edges_ns : ndarray of int, shape (k,)
-        The ends, in rising order.
+        Starts and ends of the slips, in rising order; a slip excludes its end.
     accuracy_s
         How exact they are; 0: exact.
 
     Returns
     -------
-    ndarray of bool, shape (n,), or None
-        None where all are, as the ends are exact.
+    dict
+        ``truth`` and ``certain`` of :class:`.Samples`. Times within the accuracy of an end are not
+        certain.
 
     Examples
     --------
-    >>> certain_at(np.array([0, 300_000_000, 500_000_000]), np.array([400_000_000]), 0.1)
-    array([ True, False,  True])
+    >>> label = label_at(np.array([0, 300_000_000, 500_000_000]), np.array([400_000_000]), 0.1)
+    >>> label['truth'], label['certain']
+    (array([False, False,  True]), array([ True, False,  True]))
     """
-    if not accuracy_s:
-        return None
     within_ns = round(accuracy_s * 1e9)
-    first = np.searchsorted(edges_ns, at_ns - within_ns, side='right')
-    return np.asarray(first == np.searchsorted(edges_ns, at_ns + within_ns, side='right'))
+    first, now, last = (
+        np.searchsorted(edges_ns, at_ns + by_ns, side='right')
+        for by_ns in (-within_ns, 0, within_ns)
+    )
+    return {'truth': now % 2 == 1, 'certain': first == last if accuracy_s else None}
 
 
 def snapped(samples: Samples, edges_s: Floats, rate_hz: float, within_s: float) -> Floats:

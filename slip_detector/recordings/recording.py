@@ -28,13 +28,8 @@ from numpy.typing import NDArray
 from slip_detector.chain.samples import Samples
 from slip_detector.chain.stamps import StampGrid
 from slip_detector.parameters.driver import RecordingConfig
-from slip_detector.recordings.labels import Labels, certain_at
-from slip_detector.recordings.rates import (
-    MOST_FACTOR,
-    RATE_TOLERANCE,
-    rates_differ,
-    resampled,
-)
+from slip_detector.recordings.labels import Labels, label_at
+from slip_detector.recordings.rates import MOST_FACTOR, RATE_TOLERANCE, rates_differ, resampled
 
 #: Number of rows that are read at a time: enough to be fast, and only some MB for 100 channels.
 PIECE_ROWS = 8192
@@ -180,8 +175,7 @@ class Recording:
                 label: dict[str, Any] = {}
                 if labels is not None:
                     after_ns = rows.stamps_ns - first_ns
-                    certain = certain_at(after_ns, labels.edges_ns, labels.accuracy_s)
-                    label = {'truth': labels.at(after_ns), 'certain': certain}
+                    label = label_at(after_ns, labels.edges_ns, labels.accuracy_s)
                 yield rows._replace(accuracy_s=self.accuracy_s, kind=self.kind, **label)
             damage = self.counts.damage
             if first_ns is None or last_ns is None:

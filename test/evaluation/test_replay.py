@@ -28,7 +28,7 @@ from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.compiled import COMPILED
 from slip_detector.evaluation.figures import SETTLING, TRUE, figures_of_merit
 from slip_detector.evaluation.replay import Replay
-from slip_detector.recordings.labels import certain_at
+from slip_detector.recordings.labels import label_at
 from support.replay_cases import CONFIG, RATE_HZ, ridges
 
 
@@ -60,9 +60,8 @@ def test_labels_that_are_off_within_their_accuracy_change_no_figure(late, accura
     volts, _ = ridges((800, 1400))
     edges_ns = np.rint((np.array([800, 1400]) + late) * 1e9 / RATE_HZ).astype(np.int64)
     stamps_ns = Samples.evenly(volts, RATE_HZ, np.zeros(2000)).stamps_ns
-    truth = (stamps_ns >= edges_ns[0]) & (stamps_ns < edges_ns[1])
-    certain = certain_at(stamps_ns, edges_ns, accuracy_s)
-    rows = Samples(volts, stamps_ns, truth, certain=certain, accuracy_s=accuracy_s)
+    label = label_at(stamps_ns, edges_ns, accuracy_s)
+    rows = Samples(volts, stamps_ns, **label, accuracy_s=accuracy_s)
     pieces = [rows.take(slice(900)), rows.take(slice(900, None))]
     figures = figures_of_merit([Replay(CONFIG).run(pieces)])
     assert (figures['matched'], figures['late'], figures['false_alarms']) == (1, 0, 0)

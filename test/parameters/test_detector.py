@@ -97,7 +97,10 @@ REFUSED = [
     ({'impact_s': 1.5}, 'impact_s is 1.5 s, allowed: 0 to 1 s'),
     ({'activity_band_hz': 8.0}, 'activity_band_hz is 8.0, allowed: a list'),
     ({'activity_band_hz': ()}, 'activity_band_hz has 0 numbers, allowed: 2'),
-    ({**CONTACT, 'activity_band_hz': (20, 8)}, 'activity_band_hz has 20 and 8 Hz, allowed: rising'),
+    (
+        {**CONTACT, 'activity_band_hz': (20, 8)},
+        'activity_band_hz has 20 and 8 Hz, allowed: rising',
+    ),
     (
         {**CONTACT, 'activity_band_hz': (8.0, 190.0)},
         'activity_band_hz has 8 and 190 Hz, allowed: rising, 0.0038 Hz to below 190 Hz',
