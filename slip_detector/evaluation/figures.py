@@ -247,16 +247,10 @@ def event_figures(outcomes: Sequence['ReplayOutcome']) -> dict[str, Any]:
 
 def _rest(outcomes: Iterable['ReplayOutcome']) -> tuple[float, float, float]:
     """Return the time of the rest, the number of alarms in it and how much of it is ON."""
-    of_each = [
-        (
-            one.rest_rows / one.sample_rate_hz,
-            sum(alarm.kind == FALSE for alarm in one.alarms),
-            one.on_rest_rows / one.sample_rate_hz,
-        )
-        for one in outcomes
-    ]
-    rest_s, alarms, on_s = map(sum, zip(*of_each, strict=True)) if of_each else (0.0, 0, 0.0)
-    return rest_s, alarms, on_s
+    several = list(outcomes)
+    rest_s = sum(one.rest_rows / one.sample_rate_hz for one in several)
+    on_s = sum(one.on_rest_rows / one.sample_rate_hz for one in several)
+    return rest_s, sum(alarm.kind == FALSE for one in several for alarm in one.alarms), on_s
 
 
 def _mean_stages(slips: Sequence[TrueSlip], prefix: str) -> dict[str, float | None]:
