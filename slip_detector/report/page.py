@@ -45,8 +45,7 @@ from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.files import whole_file
 from slip_detector.report.overview import EVENT_KINDS, Codes, Overview, Volts, signal_ranges
-from slip_detector.report.page_sections import SearchTrial, Variant, sections
-from slip_detector.tuning.problem import searched
+from slip_detector.report.page_sections import TRIAL, Figures, Variant, sections
 from slip_detector.tuning.tracks import Track
 
 #: Scripts of a page; each comes after those that it needs.
@@ -62,7 +61,7 @@ def write_page(
     path: str | Path,
     title: str,
     variants: Sequence[Variant],
-    trials: Sequence[SearchTrial] = (),
+    trials: Mapping[str, Sequence[Figures]] | None = None,
     notes: Iterable[str] = (),
     outcomes: Sequence[ReplayOutcome] = (),
 ) -> None:
@@ -80,7 +79,8 @@ def write_page(
         One configuration, or two to compare: first the given one, then the tuned one. Both show
         the same recordings, at least one.
     trials
-        Trials of a search; without trials the report has no trade-off front.
+        Figures of the trials of a search, under :data:`.page_sections.TRIAL`, and of chains beside
+        them, by name. None: the report shows no trade-off.
     notes
         Lines below the title.
     outcomes
@@ -235,7 +235,7 @@ def write_evaluation_report(
     figures['all recordings'] = recording_figures(every)
     given = Variant('given', overviews[0].config, overviews, figures)
     outcomes = [one.outcome for one in every]
-    write_page(path, f'Slips and alarms: {", ".join(sets)}', [given], (), notes, outcomes)
+    write_page(path, f'Slips and alarms: {", ".join(sets)}', [given], None, notes, outcomes)
 
 
 def replay_variant(
@@ -305,12 +305,8 @@ def write_tuning_report(
     ValueError
         When the file cannot be written; names it.
     """
-    trials = [
-        SearchTrial(str(trial.number), found['figures'], found['parameters'])
-        for trial in study.trials
-        for found in trial.user_attrs['found'][:1]
-    ]
+    best = (found for trial in study.trials for found in trial.user_attrs['found'][:1])
+    trials = {TRIAL: [found['figures'] for found in best]}
     for variant in [given] if tuned.config == given.config else [given, tuned]:
-        figures, parameters = variant.figures['all tuned on'], searched(variant.config)
-        trials.append(SearchTrial(variant.name, figures, parameters, marked=True))
+        trials[variant.name] = [variant.figures['all tuned on']]
     write_page(path, 'Tuning of the slip detector', [given, tuned], trials, notes)

@@ -31,10 +31,14 @@ from slip_detector.report.overview import Overview
 from slip_detector.report.pictures import COLORS, svg
 from slip_detector.report.tables import IF_DEFINED, MAIN_FIGURES, UNDEFINED, figure_text, heading
 
-#: The figures in which trials of a search are compared; of the last one more is better.
-COSTS = (
-    'latency_median_ms', 'false_alarms_per_minute', 'false_time_percent', 'sooner_than_chance',
-)  # fmt: skip
+#: The figures by which trials of a search are drawn.
+COSTS = ('latency_median_ms', 'false_alarms_per_minute', 'sooner_than_chance')
+
+#: Figures of a chain by their names; None where one is not defined.
+Figures = Mapping[str, Any]
+
+#: Name of the trials of a search, beside those of the variants.
+TRIAL = 'trial'
 
 
 class Variant(NamedTuple):
@@ -64,64 +68,9 @@ class Variant(NamedTuple):
     figures: Mapping[str, Mapping[str, float | None]]
 
 
-class SearchTrial(NamedTuple):
-    """One configuration that a search tried.
-
-    Attributes
-    ----------
-    name : str
-        The number of the trial; ``given`` or ``tuned`` of a configuration beside the trials.
-    figures : mapping
-        The figures in :data:`COSTS`; None where one is not defined.
-    parameters : mapping
-        The parameters that were tried, by name.
-    marked : bool
-        Whether it is shown beside the trials.
-
-    Examples
-    --------
-    >>> SearchTrial('3', dict(zip(COSTS, (40.0, 2.0, 0.1, 0.75)))).costs
-    (40.0, 2.0, 0.1, 0.25)
-    """
-
-    name: str
-    figures: Mapping[str, Any]
-    parameters: Mapping[str, Any] = {}
-    marked: bool = False
-
-    @property
-    def costs(self) -> tuple[float, ...] | None:
-        """The figures, the last as 1 less it; smaller is better. None where one is not defined."""
-        *costs, sooner = (self.figures[name] for name in COSTS)
-        return None if None in (*costs, sooner) else (*costs, 1.0 - sooner)
-
-
-def trade_off_front(trials: Sequence[SearchTrial]) -> list[SearchTrial]:
-    """Return the trials of the Pareto front, the one with the shortest latency first.
-
-    A trial is on the front when no other one is as good in all costs and better in one. Trials
-    with a cost that is not defined are left out.
-
-    Examples
-    --------
-    >>> rows = [(50.0, 4.0, 0.1, 1.0), (30.0, 9.0, 0.1, 1.0), (60.0, 9.0, 0.1, 0.95)]
-    >>> trials = [SearchTrial(name, dict(zip(COSTS, row))) for name, row in zip('abc', rows)]
-    >>> [trial.name for trial in trade_off_front(trials)]
-    ['b', 'a']
-    """
-    known = [(trial.costs, trial) for trial in trials if trial.costs is not None]
-    costs = np.array([own for own, _ in known]).reshape(-1, len(COSTS))
-    best = [
-        (own, trial)
-        for own, trial in known
-        if not np.any(np.all(costs <= own, axis=1) & np.any(costs < own, axis=1))
-    ]
-    return [trial for _, trial in sorted(best, key=lambda pair: pair[0])]
-
-
 def sections(
     variants: Sequence[Variant],
-    trials: Sequence[SearchTrial] = (),
+    trials: Mapping[str, Sequence[Figures]] | None = None,
     outcomes: Sequence[ReplayOutcome] = (),
 ) -> str:
     """Return the sections of a page below the timeline, as HTML.
@@ -142,7 +91,7 @@ def sections(
     if outcomes:
         parts['Latency'] = _image(latency_figure(outcomes), 'Latencies and ROC curve')
     if trials:
-        parts['Trade-off'] = _front(trials)
+        parts['Trade-off'] = _trade_off(trials)
     meaning = 'Response and group delay of the filters over the frequency'
     parts['Filter'] = _image(filters_figure(variants), meaning)
     parts['Parameters'] = _parameters(variants)
@@ -172,25 +121,15 @@ def _figures(variants: Sequence[Variant]) -> str:
     return f'{main}{_details("All figures", table(names))}<p class="legend">{legend}</p>'
 
 
-def _front(trials: Sequence[SearchTrial]) -> str:
-    searched = [trial for trial in trials if not trial.marked]
-    best = trade_off_front(searched)
-    undefined = sum(trial.costs is None for trial in searched)
+def _trade_off(trials: Mapping[str, Sequence[Figures]]) -> str:
+    undefined = sum(figures['latency_median_ms'] is None for figures in trials[TRIAL])
     text = (
-        f'{len(searched)} trials gave a chain (the others cannot be built, or are never ON). '
-        f'{len(best)} of them are on the front: no other trial is as good in latency, false '
-        'alarms, false time and sooner than chance and better in one of them. '
+        f'{len(trials[TRIAL])} trials gave a chain (the others cannot be built, or are never ON). '
         'The figures are those of the recordings that were tuned on. Not drawn are trials that '
         f'found no more slips than chance, which have no latency: {undefined}.'
     )
-    rows = []
-    for trial in [*(trial for trial in trials if trial.marked), *best]:
-        parameters = (f'{name} {_value(value)}' for name, value in trial.parameters.items())
-        figures = (figure_text(name, trial.figures) for name in COSTS)
-        rows.append([trial.name, *figures, ', '.join(parameters)])
-    table = _table('front', ['trial', *map(heading, COSTS), 'parameters'], rows)
-    image = _image(front_figure(trials), 'Latency, false alarms and sooner than chance')
-    return f'<p>{text}</p>{image}{_details("The trials on the front", table)}'
+    image = _image(trials_figure(trials), 'Latency, false alarms and sooner than chance')
+    return f'<p>{text}</p>{image}'
 
 
 def _parameters(variants: Sequence[Variant]) -> str:
@@ -278,25 +217,23 @@ def filters_figure(variants: Sequence[Variant]) -> Figure:
     return figure
 
 
-def front_figure(trials: Sequence[SearchTrial]) -> Figure:
+def trials_figure(trials: Mapping[str, Sequence[Figures]]) -> Figure:
     """Draw the trials of a search: latency against false alarms, sooner than chance as colour.
 
     Examples
     --------
-    >>> figure = front_figure([SearchTrial('0', dict(zip(COSTS, (40.0, 2.0, 0.1, 1.0))))])
+    >>> figure = trials_figure({TRIAL: [dict(zip(COSTS, (40.0, 2.0, 1.0)))]})
     >>> figure.axes[0].get_xlabel()
     'median latency [ms]'
     """
     figure, (axis,) = _panels(1, 8, 4.6)
-    searched = [trial for trial in trials if not trial.marked]
-    layers = {'trial': searched, 'on the front': trade_off_front(searched)}
-    layers |= {trial.name: [trial] for trial in trials if trial.marked}
-    for (label, some), edge in zip(layers.items(), ['none', 'k', *COLORS[1:]], strict=False):
-        known = [trial.costs for trial in some if trial.costs is not None]
-        latency_ms, alarms, _, lack = np.array(known).reshape(-1, len(COSTS)).T
-        size, marker = (200, '*') if some and some[0].marked else (40, 'o')
+    for (label, several), edge in zip(trials.items(), ['none', *COLORS[1:]], strict=False):
+        places = [[figures[name] for name in COSTS] for figures in several]
+        known = [place for place in places if None not in place]
+        latency_ms, alarms, sooner = np.array(known, np.float64).reshape(-1, len(COSTS)).T
+        size, marker = (40, 'o') if label == TRIAL else (200, '*')
         drawn = axis.scatter(
-            latency_ms, alarms, size, 1.0 - lack, marker=marker, edgecolors=edge, label=label,
+            latency_ms, alarms, size, sooner, marker=marker, edgecolors=edge, label=label,
             vmin=0.0, vmax=1.0,
         )  # fmt: skip
     figure.colorbar(drawn, label='sooner than chance')

@@ -19,7 +19,7 @@ import numpy as np
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report.overview import Event, Overview
-from slip_detector.report.page_sections import COSTS, SearchTrial, Variant
+from slip_detector.report.page_sections import COSTS, TRIAL, Variant
 
 GIVEN = ChainConfig()
 TUNED = ChainConfig(passband_hz=(10.0, 60.0), stopbands_hz=(), threshold=1.0, vote='mean')
@@ -105,17 +105,8 @@ def variants(names=('a.npz', 'b.npz')):
     return found
 
 
-def trial(name, *costs, marked=False, **parameters):
-    return SearchTrial(str(name), dict(zip(COSTS, costs, strict=True)), parameters, marked)
-
-
 def trials():
-    """Return trials of a search, of which three are on the front and one is not defined."""
-    return [
-        trial(0, 50.0, 4.0, 0.4, 0.8, threshold=0.5, passband_hz=(7.0, 50.0)),
-        trial(1, 30.0, 9.0, 0.9, 1.0, threshold=0.2),
-        trial(2, 20.0, 1.0, 0.1, 0.9, threshold=1.0),
-        trial(3, 80.0, 0.0, 0.0, 0.7, threshold=3.0),
-        trial(4, None, 0.0, 0.0, 0.0, threshold=9.0),
-        trial('given', 50.0, 4.0, 0.4, 0.8, marked=True, threshold=0.5),
-    ]
+    """Return figures of the trials of a search, of which one is not defined, and of the given."""
+    rows = [(50.0, 4.0, 0.8), (30.0, 9.0, 1.0), (20.0, 1.0, 0.9), (None, 0.0, 0.0)]
+    trials = [dict(zip(COSTS, row, strict=True)) for row in rows]
+    return {TRIAL: trials, 'given': trials[:1]}
