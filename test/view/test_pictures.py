@@ -23,14 +23,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slip_detector.chain.samples import Samples
 from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.recordings import write_recording
 from slip_detector.view.detectors import Diagnosis
 from support.browsers import expect
-from support.finger_states import rest_rows
 from support.page_parts import card, recording, recording_now
 from support.simulated_detectors import SimulatedDetectors
+from support.training import write_recordings
 
 image = pytest.importorskip('PIL.Image')
 
@@ -43,11 +41,6 @@ RATE_HZ = 380.0
 
 #: Seconds after which the scene begins again.
 ROUND_S = 9.6
-
-#: What was recorded before the slip that is being recorded, and how many seconds of it.
-RECORDED = {
-    'rest_1': 31.4, 'rest_2': 30.6, 'slip_1': 5.8, 'slip_2': 4.9, 'slip_3': 6.3, 'taps_1': 32.1,
-}  # fmt: skip
 
 
 @pytest.fixture
@@ -152,16 +145,11 @@ def test_fingers(opened, tmp_path, name, played_s, prepare, seen_s, states):
 
 @pytest.mark.skipif('SLIP_FIGURES' not in os.environ, reason='no SLIP_FIGURES')
 def test_teaching(opened, tmp_path):
-    for name, seconds in RECORDED.items():
-        rows = rest_rows(round(seconds * RATE_HZ))
-        at_s = np.arange(len(rows)) / RATE_HZ
-        truth = (at_s > 2.0) & (at_s < seconds - 1.0) & name.startswith('slip')
-        samples = Samples(rows, np.rint(1e9 * at_s).astype(np.int64), truth)
-        channels = [f'ch{c}' for c in range(1, 17)]
-        write_recording(tmp_path / 'index' / name, [samples], RATE_HZ, channels)
+    write_recordings(tmp_path / 'index', slips=3)
     page = opened({'index': 9.5})  # It slips again at 13.4 s.
     now = recording_now(page)
     expect(recording(page, 'taps_1')).to_be_visible()
+    expect(page.locator('.recording-trace').last).to_contain_text('ON for')
     page.keyboard.down(' ')
     until_s(page, ROUND_S + IN_SLIP_S)
     expect(now).to_contain_text('SLIP')
