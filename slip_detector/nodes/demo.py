@@ -39,7 +39,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from slip_detector.chain.samples import Floats
-from slip_detector.commands.command_line import one_line
+from slip_detector.commands.command_line import INTERRUPTED, run
 from slip_detector.evaluation.heard import Heard, demo_figures
 from slip_detector.nodes.finger_topics import PolledTopics
 from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos
@@ -93,13 +93,13 @@ class NodeProcesses:
         self._processes[executable] = subprocess.Popen([*command, '--', *arguments])
 
     def check(self) -> None:
-        """Raise a RuntimeError if a node has failed."""
+        """Raise a ValueError if a node has failed."""
         for executable, process in self._processes.items():
             if process.poll():
-                raise RuntimeError(f'{executable} ended with the exit code {process.returncode}')
+                raise ValueError(f'{executable} ended with the exit code {process.returncode}')
 
     def wait_until(self, happened: Callable[[], bool]) -> None:
-        """Receive messages until a condition holds; a RuntimeError if a node fails before.
+        """Receive messages until a condition holds; a ValueError if a node fails before.
 
         The first start compiles the chain, which takes minutes on a small or busy machine. What a
         node waits for is in its log.
@@ -121,10 +121,10 @@ def run_demonstration(
     parser: argparse.ArgumentParser,
     demonstrate: Callable[[argparse.Namespace, Path], tuple[dict[str, Any], str]],
 ) -> None:
-    """Run the demonstration of a command, and end the process if it fails.
+    """Run the demonstration of a command, and end the process.
 
     It gets the arguments and the path of its picture, and returns its figures, which are written,
-    and their table, which is printed. A ValueError, RuntimeError or OSError is printed as one line
+    and their table, which is printed. A ValueError or OSError is printed as one line
     on stderr, with exit code 1; after a signal the exit code is 130.
     """
     parser.add_argument('--out', type=Path, default=Path('out'), help='folder for the results')
@@ -134,18 +134,19 @@ def run_demonstration(
     # All processes are on this machine.
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
+
+    def work() -> str:
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         writable_folder(arguments.out)
         result, table = demonstrate(arguments, picture)
         with whole_file(file) as new:
             new.write_text(json.dumps(result, indent=2) + '\n')
-        print(f'{table}\nWritten: {file}, {picture}')
+        return f'{table}\nWritten: {file}, {picture}'
+
+    try:
+        sys.exit(run(parser.prog, work))
     except KeyboardInterrupt:
-        sys.exit(130)
-    except (ValueError, RuntimeError, OSError) as error:
-        print(f'{parser.prog}: {one_line(error)}', file=sys.stderr)
-        sys.exit(1)
+        sys.exit(INTERRUPTED)
     finally:
         rclpy.try_shutdown()
 

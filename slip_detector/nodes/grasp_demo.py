@@ -79,7 +79,7 @@ SHOWN = 2
 def _play_live(recorder: Recorder, seed: int, config: Path, folder: Path) -> LiveGraspTrial:
     """Play a scene through a driver, a detector and a controller, each a process of its own.
 
-    The scene of the seed is written to the folder. A RuntimeError says that a node has failed.
+    The scene of the seed is written to the folder. A ValueError says that a node has failed.
     """
     scene = folder / f'grasp_{seed}.yaml'
     with whole_file(scene) as new:

@@ -288,17 +288,9 @@ class BagWriter:
 
 def _quality() -> Any:
     """Return the quality of service that ``ros2 bag play`` offers, also to a late subscriber."""
-    from rosbags import interfaces
+    from rosbags import interfaces as to
 
-    for_ever = interfaces.QosTime(9223372036, 854775807)
-    return interfaces.Qos(
-        history=interfaces.QosHistory.KEEP_LAST,
-        depth=100,
-        reliability=interfaces.QosReliability.RELIABLE,
-        durability=interfaces.QosDurability.TRANSIENT_LOCAL,
-        deadline=for_ever,
-        lifespan=for_ever,
-        liveliness=interfaces.QosLiveliness.AUTOMATIC,
-        liveliness_lease_duration=for_ever,
-        avoid_ros_namespace_conventions=False,
-    )
+    kept = to.QosHistory.KEEP_LAST, 100, to.QosReliability.RELIABLE
+    for_ever = to.QosTime(9223372036, 854775807)
+    durability, liveliness = to.QosDurability.TRANSIENT_LOCAL, to.QosLiveliness.AUTOMATIC
+    return to.Qos(*kept, durability, for_ever, for_ever, liveliness, for_ever, False)

@@ -133,7 +133,7 @@ def test_nodes_end_with_the_process_that_started_them_even_if_it_is_killed():
 
 def test_a_node_that_fails_is_named(nodes):
     nodes.start('slip_driver', FILE, source='scene', scene='moon')
-    with pytest.raises(RuntimeError, match=r'^slip_driver ended with the exit code 1$'):
+    with pytest.raises(ValueError, match=r'^slip_driver ended with the exit code 1$'):
         nodes.wait_for_end('slip_driver')
 
 
