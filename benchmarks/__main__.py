@@ -24,13 +24,13 @@ others are in the docstring of each ``command.py``. Without ``--json`` the same 
 import argparse
 import importlib
 import json
+import signal
 import sys
 
 if not __package__:
     sys.exit('benchmarks: run it in the folder of the checkout as: python -m benchmarks')
 
 from benchmarks.measurement import as_text, machine, verdicts
-from benchmarks.processes import exit_on_termination
 
 #: The subcommands. Each is a folder with a ``command.py``: ``options()`` returns a parser,
 #: ``measure(words)`` takes the parsed arguments and returns the figures by part, and ``WANTED``
@@ -60,13 +60,14 @@ def main(arguments: list[str] | None = None) -> int:
     )
     chosen = parser.parse_args(arguments)
     try:
-        with exit_on_termination():
-            command = importlib.import_module(f'benchmarks.{chosen.command}.command')
-            words = command.options().parse_args(chosen.options)
-            parts = command.measure(words)
-            wanted = verdicts(command.WANTED, parts, judged=not words.quick)
-            figures = {'machine': machine(), 'quick': words.quick, **parts, 'wanted': wanted}
-            print(json.dumps(figures, indent=2) if words.json else as_text(figures))
+        # On termination, too, what was started is ended.
+        signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
+        command = importlib.import_module(f'benchmarks.{chosen.command}.command')
+        words = command.options().parse_args(chosen.options)
+        parts = command.measure(words)
+        wanted = verdicts(command.WANTED, parts, judged=not words.quick)
+        figures = {'machine': machine(), 'quick': words.quick, **parts, 'wanted': wanted}
+        print(json.dumps(figures, indent=2) if words.json else as_text(figures))
     except KeyboardInterrupt:
         return 130
     except (RuntimeError, OSError, ValueError, ModuleNotFoundError) as error:

@@ -15,6 +15,8 @@
 """The subcommand ``chain``, with the figures of its modules ``speed`` and ``precision``."""
 
 import argparse
+import os
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +25,6 @@ from benchmarks.chain.rivals import NUMBA_WITHOUT_AVX512
 from benchmarks.chain.speed import measure_chain_speed
 from benchmarks.measurement import shared_options
 from benchmarks.pictures import draw_work_precision
-from benchmarks.processes import figures_of_process
 from slip_detector.evaluation.figures import Bound
 
 #: What is wanted, by part and figure.
@@ -68,17 +69,14 @@ def options() -> argparse.ArgumentParser:
 
 def measure(words: argparse.Namespace) -> dict[str, Any]:
     """Measure the chain."""
+    without = os.environ.get('NUMBA_CPU_FEATURES') == NUMBA_WITHOUT_AVX512
+    if words.without_avx512 and not without:
+        # In a process of its own, as Numba reads its options once.
+        os.environ['NUMBA_CPU_FEATURES'] = NUMBA_WITHOUT_AVX512
+        os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
     parts: dict[str, Any] = {}
     if words.part != 'precision':
-        # Without AVX-512 in another process, as Numba reads its options once.
-        environment = {'NUMBA_CPU_FEATURES': NUMBA_WITHOUT_AVX512}
-        parts |= (
-            figures_of_process(
-                'benchmarks.chain.speed', ['--quick'] * words.quick, 1200.0, environment
-            )
-            if words.without_avx512
-            else measure_chain_speed(words.quick)
-        )
+        parts |= measure_chain_speed(words.quick)
     if words.part != 'speed':
         parts['precision'] = measure_chain_precision(words.quick)
         if words.plot:

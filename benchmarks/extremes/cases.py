@@ -64,9 +64,8 @@ BARE = {'skin': {'mass_kg': 0.0, 'damping_n_s_m': 0.0}}
 UNDAMPED_BRISTLES = {'bristle_damping_n_s_m': 0.0}
 LIGHT = {'mass_kg': 1e-5, 'damping_n_s_m': 0.0}
 SMOOTH = {'electronics': {'bandwidth_hz': 150.0}}
-SLOW = {'electronics': {'bandwidth_hz': 20.0}}
 RELIEF = {'times_s': [0.25, 0.3, 0.35], 'peak_force_n': -1.0}
-REVERSALS = moving(20e-3, -20e-3, 20e-3, -20e-3)
+REVERSALS = {**SMOOTH, 'steps': moving(20e-3, -20e-3, 20e-3, -20e-3)}
 FINE = {'spatial_period_m': 1e-6}
 FAST = {'steps': moving(80e-3, 80e-3), 'motion': {'acceleration_m_s2': 2.0}}
 
@@ -79,19 +78,13 @@ CASES: list[tuple[str, str, dict[str, Any]]] = [
     ('lift-off', 'while it slides', {'steps': LIFT_OFF}),
     ('lift-off', 'bouncing', {'steps': LIFT_OFF, 'motion': {'ringing_damping': 0.03}}),
     ('lift-off', 'relieved by taps', {'taps': RELIEF}),
-    *(
-        ('reversal', f'20 mm/s, {a:g} m/s2', {**SMOOTH, 'steps': REVERSALS, 'motion': motion})
-        for a in (2.0, 1000.0)
-        for motion in ({'acceleration_m_s2': a},)
-    ),
+    ('reversal', '20 mm/s, 2 m/s2', {**REVERSALS, 'motion': {'acceleration_m_s2': 2.0}}),
+    ('reversal', '20 mm/s, 1000 m/s2', {**REVERSALS, 'motion': {'acceleration_m_s2': 1000.0}}),
     ('bare skin', 'no Stribeck effect', {**BARE, 'friction': {**EVEN, **UNDAMPED_BRISTLES}}),
     ('bare skin', 'damped bristles', {**BARE, 'friction': EVEN}),
     ('bare skin', 'Stribeck effect', BARE),
     ('no mass', 'no bristle damping', {'friction': UNDAMPED_BRISTLES}),
     ('no damping', 'mass 1e-5 kg', {'skin': LIGHT, 'friction': EVEN}),
-    *(('mass', f'{mass:g} kg', {'skin': {'mass_kg': mass}}) for mass in (1e-5, 1e-8)),
-    *(('sample rate', f'{hz:g} Hz', {'sample_rate_hz': hz}) for hz in (500.0, 50_000.0)),
-    ('sample rate', '50 Hz, 20 Hz low-pass', {'sample_rate_hz': 50.0, **SLOW}),
     ('spatial period', '1 um, 150 Hz', {'texture': FINE, **SMOOTH}),
     ('spatial period', '1 um, no low-pass', {'texture': FINE}),
     ('velocity', '80 mm/s, 150 Hz', {**FAST, **SMOOTH}),

@@ -22,21 +22,17 @@ compilation. SciPy's methods get compiled rates.
 Keys of ``python -m benchmarks scenes --json``:
 
 ``precision``
-    One object for each scene: ``scene``, ``simulated_s``, ``states`` (of the differential
-    equation), ``note`` (why there is nothing to compare, else empty), ``reference`` with
-    ``method``, ``check``, and the differences of the two: ``voltage_error``,
-    ``position_error_m``; and ``runs``: ``method`` (``live`` is the live stepper), ``setting``,
-    ``voltage_error``, ``position_error_m`` of an object, ``run_time_per_s`` (for a simulated
-    second), and ``said``: why a method gave up, without figures. ``shipped_live`` is the
-    run of the live stepper with the step of the shipped scene.
-``costs``
-    One object for each scene: ``scene``, ``run_time_per_s``, noise included, and ``speed`` (times
-    real time).
+    One object for each scene: ``scene``; ``note``: why there is nothing to compare, else empty;
+    ``reference``: how far its check differs from it, ``voltage_error`` and ``position_error_m``;
+    and ``runs``: ``method`` (``live`` is the live stepper), ``setting``, ``voltage_error``,
+    ``position_error_m`` of an object, ``run_time_per_s`` (for a simulated second), and ``said``:
+    why a method gave up, without figures. ``shipped_live`` is the run of the live stepper with the
+    step of the shipped scene.
 ``pace``
     For the plate: ``rows`` of a read, and ``slowest_share``, the time of the slowest read as a
     share of the time that its rows span.
 ``plate``
-    ``speed`` of the plate.
+    ``speed`` of the plate (times real time).
 """
 
 import argparse
@@ -88,19 +84,16 @@ def options() -> argparse.ArgumentParser:
 
 def measure(words: argparse.Namespace) -> dict[str, Any]:
     """Measure errors and run times."""
-    quick = words.quick
     folder = shared_folder() / 'config' / 'scenes'
     shipped = sorted(path.stem for path in folder.glob('*.yaml'))
-    paths = [find_scene(name) for name in words.scene or shipped]
-    costs = [_cost(path, 2 if quick else 10) for path in paths]
-    precision = [_precision(path, quick) for path in paths]
+    precision = [_precision(find_scene(name), words.quick) for name in words.scene or shipped]
     if words.plot:
         draw(words.plot, precision)
+    live = {one['scene']: one['shipped_live'] for one in precision}
     return {
         'precision': precision,
-        'costs': costs,
-        'plate': {key: one[key] for one in costs if one['scene'] == PLATE for key in ('speed',)},
-        'pace': _pace(1 if quick else 5),
+        'plate': {'speed': 1 / live[PLATE]['run_time_per_s']} if PLATE in live else {},
+        'pace': _pace(1 if words.quick else 5),
     }
 
 
@@ -122,8 +115,7 @@ def _precision(path: Path, quick: bool) -> dict[str, Any]:
     scene = build_scene(description)
     ode = Ode(scene)
     entry: dict[str, Any] = {
-        'scene': path.stem, 'simulated_s': scene.duration_s, 'states': ode.size, 'note': '',
-        'reference': None, 'runs': [], 'shipped_live': None,
+        'scene': path.stem, 'note': '', 'reference': None, 'runs': [], 'shipped_live': None,
     }  # fmt: skip
     if not ode.size:
         return entry | {'note': 'no friction and no low-pass: its volts are a closed form'}
@@ -133,8 +125,7 @@ def _precision(path: Path, quick: bool) -> dict[str, Any]:
         )
     except RuntimeError as error:
         return entry | {'note': f'there is no reference: {error}'}
-    errors = _errors(reference, check, ode.with_object)
-    entry['reference'] = {'method': REFERENCES[0], 'check': REFERENCES[1], **errors}
+    entry['reference'] = _errors(reference, check, ode.with_object)
     rounds = 1 if quick else 5
     entry['runs'] = [
         _live_run(description, steps, reference, ode, rounds)
@@ -180,19 +171,6 @@ def _live_run(
         **_errors(reference, found, ode.with_object),
         'run_time_per_s': least_s * scene.true_rate_hz / n,
     }
-
-
-def _cost(path: Path, rounds: int) -> dict[str, Any]:
-    """Measure the run time of a scene, the shortest of some rounds."""
-    least_s = math.inf
-    for _ in range(rounds):
-        scene = build_scene(read_yaml(path))
-        with garbage_collection_off():
-            start_s = time.thread_time()
-            scene.read(scene.length)
-            least_s = min(least_s, time.thread_time() - start_s)
-    speed = scene.duration_s / least_s
-    return {'scene': path.stem, 'run_time_per_s': 1.0 / speed, 'speed': speed}
 
 
 def _pace(rounds: int) -> dict[str, Any]:

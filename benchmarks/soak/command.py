@@ -16,8 +16,8 @@
 It gives one object (keys of ``--json``):
 
 ``relay``
-    Detector node against a bare relay node: ``rate_hz``, ``samples``, ``changes``, ``detector``
-    and ``relay`` with ``median_ms``, ``p99_ms`` and ``cpu_percent``, then ``latency_ratio`` (of
+    Detector node against a bare relay node: how many ``changes`` of slip were measured,
+    ``detector`` and ``relay`` with ``median_ms`` and ``cpu_percent``, then ``latency_ratio`` (of
     the medians) and ``cpu_ratio``; :mod:`benchmarks.soak.relay` tells how and why.
 ``finger``, ``hand``, ``fast_hand``, ``fast_finger``
     A driver and a detector for one or five fingers of 16 channels; ``finger`` and ``hand`` play
@@ -26,11 +26,10 @@ It gives one object (keys of ``--json``):
 """
 
 import argparse
-import json
+import importlib
 from typing import Any
 
 from benchmarks.measurement import shared_options
-from benchmarks.processes import figures_of_process
 from slip_detector.evaluation.figures import Bound
 
 WANTED = {
@@ -47,10 +46,9 @@ WANTED = {
     'fast_finger.cpu_percent_total': Bound(high=30.0),
 }
 
-
 HAND = 'benchmarks.soak.hand'
-#: A module that runs as a process, its arguments, and for how long the nodes run, usually and
-#: with ``--quick``.
+#: A module, the arguments of its ``measure``, and for how long the nodes run, usually and with
+#: ``--quick``.
 PARTS: dict[str, tuple[str, dict[str, float], float, float]] = {
     'relay': ('benchmarks.soak.relay', {}, 25.0, 4.0),
     'finger': (HAND, {}, 660.0, 15.0),
@@ -58,9 +56,6 @@ PARTS: dict[str, tuple[str, dict[str, float], float, float]] = {
     'fast_hand': (HAND, {'fingers': 5, 'sample_rate_hz': 1000.0}, 60.0, 15.0),
     'fast_finger': (HAND, {'sample_rate_hz': 5000.0, 'samples_per_message': 10}, 60.0, 15.0),
 }
-
-#: Time for the start and the end of the processes on a busy machine.
-EXTRA_S = 420.0
 
 
 def options() -> argparse.ArgumentParser:
@@ -84,6 +79,6 @@ def measure(words: argparse.Namespace) -> dict[str, Any]:
     for name in PARTS if words.part == 'all' else [words.part]:
         module, more, usual_s, quick_s = PARTS[name]
         lasts_s = words.seconds or (quick_s if words.quick else usual_s)
-        arguments = {'seconds': lasts_s, **more}
-        figures[name] = figures_of_process(module, [json.dumps(arguments)], lasts_s + EXTRA_S)
+        # Only with ROS can they be imported.
+        figures[name] = importlib.import_module(module).measure(lasts_s, **more)
     return figures

@@ -19,7 +19,6 @@ without stamps: samples that are bridged or dropped, and new stretches. So no ot
 receive the samples.
 """
 
-import json
 import os
 import subprocess
 import sys
@@ -30,20 +29,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
 
 from benchmarks.measurement import swelling_noise_v
-from benchmarks.processes import (
-    memory_kib,
-    nodes_running,
-    print_figures,
-    processor_time_s,
-    raise_if_ended,
-)
+from benchmarks.processes import memory_kib, nodes_running, processor_time_s, spin_until
 from slip_detector.chain.samples import Samples
 from slip_detector.nodes.health import AGE_KEYS, COUNT_KEYS
 from slip_detector.parameters.detector import DetectorConfig
@@ -57,6 +47,9 @@ NOISE_EXTRA_S = 60.0
 #: Compiling and discovery have ended after a minute, or after this share of a short soak.
 WARM_UP_S, WARM_UP_SHARE = 60.0, 0.2
 
+#: Period at which what is watched is looked at otherwise, too.
+PERIOD_S = 5.0
+
 
 class Watch(Node):
     """Keeps the diagnostics of the detectors and the memory of all processes."""
@@ -64,46 +57,92 @@ class Watch(Node):
     def __init__(self, namespace: str, processes: 'dict[str, subprocess.Popen[bytes]]') -> None:
         super().__init__('slip_watch', namespace=namespace)
         self._processes = processes
-        # By detector: the values of each report, and when it was received.
-        self.reports: dict[str, list[tuple[float, dict[str, str]]]] = {}
-        self.memory_kib: dict[str, list[tuple[float, int]]] = {name: [] for name in processes}
+        # By detector: the values of each report.
+        self._reports: dict[str, list[dict[str, str]]] = {}
+        self._memory_kib: dict[str, list[float]] = {name: [] for name in processes}
         self.create_subscription(DiagnosticArray, '/diagnostics', self._on_diagnostics, 100)
         self.create_timer(1.0, self._note_memory)
-        self._executor = SingleThreadedExecutor()
-        self._executor.add_node(self)
 
-    def has_samples(self, fingers: int) -> bool:
+    def wait_for(
+        self, holds: Callable[[], Any], awaited: str, timeout_s: float = START_TIMEOUT_S
+    ) -> None:
+        """Spin until a condition holds; see :func:`.spin_until`."""
+        spin_until(self, self._processes, holds, time.monotonic() + timeout_s, awaited)
+
+    def have_samples(self, fingers: int) -> bool:
         """Return whether the detectors of this many fingers have received samples."""
-        last = [reports[-1][1] for reports in self.reports.values()]
+        last = [reports[-1] for reports in self._reports.values()]
         return len(last) == fingers and all(int(values['samples']) > 0 for values in last)
 
-    def spin(self, until: Callable[[], bool], deadline_s: float, awaited: str) -> None:
-        """Spin until a condition holds, at the latest at a time of ``time.monotonic``.
+    def wait(self, seconds: float) -> None:
+        """Spin for some time."""
+        end_s = time.monotonic() + seconds
+        self.wait_for(lambda: time.monotonic() >= end_s, 'the end', seconds + START_TIMEOUT_S)
+
+    def figures(self, seconds: float, each: Callable[[], object] = bool) -> dict[str, Any]:
+        """Watch for some time, and call a function every few seconds.
+
+        Returns
+        -------
+        dict
+            By executable, ``cpu_percent`` of a core, ``memory_mib`` and ``memory_growth_percent``;
+            ``reports`` of each detector; and of the age of samples the ``latency_median_ms`` (of
+            all seconds) and the ``latency_p99_ms`` (of the first and of the second half).
 
         Raises
         ------
         RuntimeError
-            When a process ends or the time is over.
+            When no detector reports samples.
         """
-        while not until():
-            raise_if_ended(self._processes)
-            if time.monotonic() > deadline_s:
-                raise RuntimeError(f'waited in vain for {awaited}')
-            self._executor.spin_once(timeout_sec=0.2)
+        self._reports, self._memory_kib = {}, {name: [] for name in self._processes}
+        begin_s, before_s = time.monotonic(), self._used_s()
+        while (left_s := begin_s + seconds - time.monotonic()) > 0.0:
+            self.wait(min(PERIOD_S, left_s))
+            each()
+        lasted_s, after_s = time.monotonic() - begin_s, self._used_s()
+        reports = [
+            [values for values in several if values[AGE_KEYS[0]] != '-']
+            for several in self._reports.values()
+        ]
+        halves = (
+            [values for of_one in reports for values in of_one[: len(of_one) // 2]],
+            [values for of_one in reports for values in of_one[len(of_one) // 2 :]],
+        )
+        if not all(halves):
+            raise RuntimeError('the detectors reported no samples')
+
+        def median_ms(key: str, values: list[dict[str, str]]) -> float:
+            return float(np.median([float(one[key]) for one in values]))
+
+        return {
+            'cpu_percent': {
+                name: 100 * (after_s[name] - before_s[name]) / lasted_s for name in after_s
+            },
+            'memory_mib': {name: sizes[-1] / 1024 for name, sizes in self._memory_kib.items()},
+            'memory_growth_percent': {
+                name: growth_percent(sizes) for name, sizes in self._memory_kib.items()
+            },
+            'latency_median_ms': median_ms(AGE_KEYS[0], [*halves[0], *halves[1]]),
+            'latency_p99_ms': [median_ms(AGE_KEYS[1], half) for half in halves],
+            'totals': [of_one[-1] for of_one in reports],
+        }
+
+    def _used_s(self) -> dict[str, float]:
+        return {name: processor_time_s(each.pid) for name, each in self._processes.items()}
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         for status in message.status:
             name, _, part = status.name.partition(': ')
             if part == 'input' and f'/{name}'.startswith(self.get_namespace()):
                 values = {pair.key: pair.value for pair in status.values}
-                self.reports.setdefault(name, []).append((time.monotonic(), values))
+                self._reports.setdefault(name, []).append(values)
 
     def _note_memory(self) -> None:
         for name, process in self._processes.items():
-            self.memory_kib[name].append((time.monotonic(), memory_kib(process.pid)))
+            self._memory_kib[name].append(memory_kib(process.pid))
 
 
-def run_hand(
+def measure(
     seconds: float, fingers: int = 1, sample_rate_hz: float = 380.0, samples_per_message: int = 1
 ) -> dict[str, Any]:
     """Run the fingers, warm-up included, for some time; return the figures of the time after it.
@@ -114,12 +153,9 @@ def run_hand(
     Returns
     -------
     dict
-        ``seconds`` measured after the warm-up, ``fingers``, ``sample_rate_hz``,
-        ``samples_per_message``, ``samples``, ``lost`` (by kind) and ``lost_total``,
-        ``latency_median_ms``, ``latency_p99_ms`` (of the first and of the second half: the median
-        of the 99th percentiles of all seconds) and ``latency_p99_growth``, their ratio,
-        ``memory_growth_percent`` (of the process that grew most), ``memory_mib`` and
-        ``cpu_percent`` by executable, and ``cpu_percent_total``.
+        The figures of :meth:`Watch.figures`, the ``memory_growth_percent`` of the process that
+        grew most; ``samples`` and ``lost_total`` since the start, ``cpu_percent_total``, and
+        ``latency_p99_growth``, the ratio of the two of ``latency_p99_ms``.
 
     Raises
     ------
@@ -133,28 +169,32 @@ def run_hand(
     if samples_per_message > 1:
         detector += ['input_type:=std_msgs/msg/Float32MultiArray', 'input_field:=data']
     config = DetectorConfig()
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-    try:
-        with tempfile.TemporaryDirectory() as folder:
-            if sample_rate_hz != config.sample_rate_hz:
-                rows = round((seconds + NOISE_EXTRA_S) * sample_rate_hz)
-                volts = swelling_noise_v(rows, config.channels, period_rows=sample_rate_hz)
-                stamps_ns = np.round(np.arange(rows) * 1e9 / sample_rate_hz).astype(np.int64)
-                path = Path(folder) / 'noise.npz'
-                write_recording(path, [Samples(volts, stamps_ns)], sample_rate_hz, config.names)
-                driver += ['source:=recording', f'recording:={path}']
-            else:
-                driver += ['source:=scene']
-            options = (
-                [word for one in node for word in ('-p', one)] for node in (detector, driver)
-            )
-            commands = hand_commands(namespace, fingers, *options)
-            with nodes_running(commands) as processes:
-                figures = _watched(Watch(namespace, processes), processes, seconds, fingers)
-    finally:
-        rclpy.try_shutdown()
-    rates = {'sample_rate_hz': sample_rate_hz, 'samples_per_message': samples_per_message}
-    return rates | figures
+    with tempfile.TemporaryDirectory() as folder:
+        if sample_rate_hz != config.sample_rate_hz:
+            rows = round((seconds + NOISE_EXTRA_S) * sample_rate_hz)
+            volts = swelling_noise_v(rows, config.channels, period_rows=sample_rate_hz)
+            stamps_ns = np.round(np.arange(rows) * 1e9 / sample_rate_hz).astype(np.int64)
+            path = Path(folder) / 'noise.npz'
+            write_recording(path, [Samples(volts, stamps_ns)], sample_rate_hz, config.names)
+            driver += ['source:=recording', f'recording:={path}']
+        else:
+            driver += ['source:=scene']
+        options = ([word for one in node for word in ('-p', one)] for node in (detector, driver))
+        with nodes_running(hand_commands(namespace, fingers, *options)) as processes:
+            watch = Watch(namespace, processes)
+            watch.wait_for(lambda: watch.have_samples(fingers), 'all detectors to have samples')
+            warm_up_s = min(WARM_UP_S, WARM_UP_SHARE * seconds)
+            watch.wait(warm_up_s)
+            figures = watch.figures(seconds - warm_up_s)
+    totals, p99_ms = figures.pop('totals'), figures['latency_p99_ms']
+    return {
+        **figures,
+        'samples': sum(int(values['samples']) for values in totals),
+        'lost_total': sum(int(values[key]) for values in totals for key in COUNT_KEYS.values()),
+        'latency_p99_growth': p99_ms[1] / p99_ms[0],
+        'memory_growth_percent': max(figures['memory_growth_percent'].values()),
+        'cpu_percent_total': sum(figures['cpu_percent'].values()),
+    }
 
 
 def hand_commands(
@@ -178,74 +218,13 @@ def hand_commands(
     return commands
 
 
-def _watched(
-    watch: Watch, processes: 'dict[str, subprocess.Popen[bytes]]', seconds: float, fingers: int
-) -> dict[str, Any]:
-    """Watch the processes for some time; return the figures of the time after the warm-up."""
-    start_s = time.monotonic() + START_TIMEOUT_S
-    watch.spin(lambda: watch.has_samples(fingers), start_s, 'all detectors to have samples')
-    begin_s = time.monotonic()
-    warm_s = begin_s + min(WARM_UP_S, WARM_UP_SHARE * seconds)
-    end_s = begin_s + seconds
-    watch.spin(lambda: time.monotonic() > warm_s, end_s, 'the warm-up')
-    used_s = {name: -processor_time_s(process.pid) for name, process in processes.items()}
-    watch.spin(lambda: time.monotonic() > end_s, end_s + START_TIMEOUT_S, 'the end')
-    for name, process in processes.items():
-        used_s[name] += processor_time_s(process.pid)
-
-    reports = watch.reports.values()
-    totals = [values[-1][1] for values in reports]
-    lost = {key: sum(int(values[key]) for values in totals) for key in COUNT_KEYS.values()}
-    ages_ms = [
-        (at_s, float(values[AGE_KEYS[0]]), float(values[AGE_KEYS[1]]))
-        for report in reports
-        for at_s, values in report
-        if at_s > warm_s and values[AGE_KEYS[1]] != '-'
-    ]
-    middle_s = (warm_s + end_s) / 2
-    halves = [
-        [age[2] for age in ages_ms if (age[0] < middle_s) == first] for first in (True, False)
-    ]
-    if not all(halves):
-        raise RuntimeError('the detectors reported no samples after the warm-up')
-    p99_ms = [float(np.median(half)) for half in halves]
-    growths = [memory_growth(sizes, warm_s, end_s) for sizes in watch.memory_kib.values()]
-    percent = {name: 100 * used / (end_s - warm_s) for name, used in used_s.items()}
-    return {
-        'seconds': end_s - warm_s,
-        'fingers': len(watch.reports),
-        'samples': sum(int(values['samples']) for values in totals),
-        'lost': lost,
-        'lost_total': sum(lost.values()),
-        'latency_median_ms': float(np.median([age[1] for age in ages_ms])),
-        'latency_p99_ms': p99_ms,
-        'latency_p99_growth': p99_ms[1] / p99_ms[0],
-        'memory_growth_percent': 100 * max(growths),
-        'memory_mib': {name: sizes[-1][1] / 1024 for name, sizes in watch.memory_kib.items()},
-        'cpu_percent': percent,
-        'cpu_percent_total': sum(percent.values()),
-    }
-
-
-def memory_growth(sizes: Sequence[tuple[float, float]], begin_s: float, end_s: float) -> float:
-    """Return the relative growth of memory from the first tenth of a span of time to the last.
-
-    Parameters
-    ----------
-    sizes
-        Times of the readings, and memory at each.
-    begin_s, end_s
-        Begin and end of the span.
+def growth_percent(sizes: Sequence[float]) -> float:
+    """Return by how much memory has grown from the first tenth of its readings to the last.
 
     Examples
     --------
-    >>> memory_growth([(1.0, 50), (11.0, 100), (12.0, 105), (13.0, 110)], 10.0, 20.0)
-    0.1
+    >>> growth_percent([100, 105, 110])
+    10.0
     """
-    during = [size for at_s, size in sizes if begin_s < at_s <= end_s]
-    tenth = max(1, len(during) // 10)
-    return round(float(np.median(during[-tenth:]) / np.median(during[:tenth]) - 1.0), 6)
-
-
-if __name__ == '__main__':
-    sys.exit(print_figures(lambda: run_hand(**json.loads(sys.argv[1]))))
+    tenth = max(1, len(sizes) // 10)
+    return round(100 * float(np.median(sizes[-tenth:]) / np.median(sizes[:tenth]) - 1.0), 4)

@@ -38,7 +38,6 @@ sends the samples and receives ``slip`` from both. How they are compared, and wh
 """
 
 import itertools
-import json
 import os
 import sys
 import threading
@@ -48,16 +47,13 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import rclpy
 from numpy.typing import NDArray
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Header
 
-from benchmarks.processes import nodes_running, print_figures, processor_time_s, raise_if_ended
+from benchmarks.processes import nodes_running, processor_time_s, spin_until
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.nodes.messages import sensor_qos, time_message
 from slip_detector.parameters.detector import DetectorConfig
@@ -94,7 +90,6 @@ class Meter(Node):
             for row, state in zip(volts.tolist(), slip.tolist(), strict=True)
         ]
         self._answered: set[str] = set()
-        self._stop = threading.Event()
         # By node: when each sample of the tone was sent, and when each change was received.
         self.sent_ns: dict[str, list[int]] = {name: [] for name in NODES}
         self.received_ns: dict[str, list[int]] = {name: [] for name in NODES}
@@ -131,10 +126,6 @@ class Meter(Node):
         if message.data:
             self._answered.add('detector')
 
-    def stop(self) -> None:
-        """Send no more."""
-        self._stop.set()
-
     def play(self, on_span: Callable[[], None]) -> None:
         """Send sample k to the one node at start + k / rate, to the other half a period later.
 
@@ -151,14 +142,13 @@ class Meter(Node):
             at = -1 if tone_at is None else k - tone_at
             if at in (round(WARM_UP_S * rate_hz), len(self._samples)):
                 on_span()
-            if at == len(self._samples):
+            if at == len(self._samples) or not self.context.ok():
                 return
             calls = tone_at is None and k // CALL_SAMPLES % 2
             position, effort = self._samples[at] if at >= 0 else (rest, array('d', [calls]))
             for i, name in enumerate(NODES):
                 offset_s = (k + i / len(NODES)) / rate_hz
-                if self._stop.wait(max(0.0, start_s + offset_s - time.monotonic())):
-                    return
+                time.sleep(max(0.0, start_s + offset_s - time.monotonic()))
                 header = Header(stamp=time_message(start_ns + round(offset_s * 1e9)))
                 message = JointState(
                     header=header, name=list(self._config.names), position=position, effort=effort
@@ -207,54 +197,34 @@ def measure(seconds: float) -> dict[str, Any]:
         commands['detector'] += ['-p', f'{name}:={value}']
 
     used_s: dict[str, list[float]] = {'meter': [], **{name: [] for name in NODES}}
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-    try:
-        with nodes_running(commands) as processes:
-            meter = Meter(namespace, volts, slip, config)
+    with nodes_running(commands) as processes:
+        meter = Meter(namespace, volts, slip, config)
 
-            def on_span() -> None:
-                used_s['meter'].append(time.monotonic())
-                for name, process in processes.items():
-                    used_s[name].append(processor_time_s(process.pid))
+        def on_span() -> None:
+            used_s['meter'].append(time.monotonic())
+            for name, process in processes.items():
+                used_s[name].append(processor_time_s(process.pid))
 
-            thread = threading.Thread(target=meter.play, args=[on_span], daemon=True)
-            thread.start()
-            executor = SingleThreadedExecutor()
-            executor.add_node(meter)
-            end_s = time.monotonic() + 2 * START_TIMEOUT_S + len(volts) / rate_hz
-            received = meter.received_ns.values()
-            try:
-                while thread.is_alive() or any(len(times) < len(changes) for times in received):
-                    raise_if_ended(processes)
-                    if thread.is_alive():
-                        drained_s = min(time.monotonic() + DRAIN_TIMEOUT_S, end_s)
-                    if time.monotonic() > drained_s:
-                        raise RuntimeError('samples or changes of slip were waited for in vain')
-                    executor.spin_once(timeout_sec=0.05)
-            finally:
-                meter.stop()
-                thread.join()
-                meter.destroy_node()
-    finally:
-        rclpy.try_shutdown()
+        thread = threading.Thread(target=meter.play, args=[on_span], daemon=True)
+        thread.start()
+        end_s = time.monotonic() + 2 * START_TIMEOUT_S + len(volts) / rate_hz
+        received = meter.received_ns.values()
+        spin_until(meter, processes, lambda: not thread.is_alive(), end_s, 'the tone')
+        spin_until(
+            meter, processes, lambda: min(map(len, received)) >= len(changes),
+            time.monotonic() + DRAIN_TIMEOUT_S, 'changes of slip',
+        )  # fmt: skip
 
     counted = changes >= warm_up
-    result: dict[str, Any] = {
-        'rate_hz': rate_hz, 'samples': len(volts) - warm_up, 'changes': int(counted.sum()),
-    }  # fmt: skip
+    result: dict[str, Any] = {'changes': int(counted.sum())}
     begin_s, end_s = used_s['meter']
     for name in NODES:
         sent_ns = np.array(meter.sent_ns[name])[changes]
         latencies_ms = (np.array(meter.received_ns[name]) - sent_ns)[counted] * 1e-6
         result[name] = {
             'median_ms': float(np.median(latencies_ms)),
-            'p99_ms': float(np.percentile(latencies_ms, 99)),
             'cpu_percent': 100 * (used_s[name][1] - used_s[name][0]) / (end_s - begin_s),
         }
     for ratio, figure in (('latency_ratio', 'median_ms'), ('cpu_ratio', 'cpu_percent')):
         result[ratio] = result['detector'][figure] / result['relay'][figure]
     return result
-
-
-if __name__ == '__main__':
-    sys.exit(print_figures(lambda: measure(**json.loads(sys.argv[1]))))

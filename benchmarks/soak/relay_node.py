@@ -17,6 +17,8 @@
 It is a process of its own and imports only the quality of service from the package.
 """
 
+import contextlib
+
 import rclpy
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
@@ -46,14 +48,8 @@ class Relay(Node):
 def main() -> None:
     """Spin the relay until a signal comes."""
     rclpy.init()
-    node = Relay()
-    try:
-        rclpy.spin(node)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    finally:
-        node.destroy_node()
-        rclpy.try_shutdown()
+    with contextlib.suppress(KeyboardInterrupt, ExternalShutdownException):
+        rclpy.spin(Relay())
 
 
 if __name__ == '__main__':

@@ -19,10 +19,7 @@ Keys of ``python -m benchmarks tune --json``; with ``--part`` only the named one
 ``evaluate``, ``read``, ``search``, ``report``
     The figures of :mod:`benchmarks.tune.hour`.
 ``families``
-    The figures of :mod:`benchmarks.tune.families`, ``by_name`` of the family; ``better``: in how
-    many families latency, time ON without slip and recall are all three better.
-``sensor``
-    The figures of :mod:`benchmarks.tune.new_sensor`.
+    The figures of :mod:`benchmarks.tune.families`.
 ``onset``
     The figures of :mod:`benchmarks.tune.onset`.
 ``presses``
@@ -34,7 +31,7 @@ from collections.abc import Callable
 from typing import Any
 
 from benchmarks.measurement import shared_options
-from benchmarks.tune import families, hour, new_sensor, onset, presses
+from benchmarks.tune import families, hour, onset, presses
 from slip_detector.evaluation.figures import Bound
 
 WANTED = {
@@ -44,7 +41,6 @@ WANTED = {
     'report.bytes': Bound(high=10e6, strict=True),
     'report.ready_ms': Bound(high=3000.0),
     'families.better': Bound(low=5.0),
-    'sensor.total_s': Bound(high=120.0),
     'onset.mean_delay_ms': Bound(high=15.0),
     'onset.detected_percent': Bound(low=100.0),
     'onset.false_time_percent': Bound(high=0.01),
@@ -60,7 +56,7 @@ def options() -> argparse.ArgumentParser:
         'tune',
         'Measure what evaluating and reading an hour costs, a search against a chain in SciPy '
         'and NumPy, and the report of an hour; then what tuning brings on families of '
-        'simulated scenes and on a new sensor, and how soon and clean config/onset.yaml is.',
+        'simulated scenes, and how soon and clean config/onset.yaml is.',
     )
     parser.add_argument(
         '--part', action='append', default=[], choices=MEASURES, help='only this one; repeatable'
@@ -73,12 +69,6 @@ def measure(words: argparse.Namespace) -> dict[str, Any]:
     return {part: MEASURES[part](words.quick) for part in words.part or MEASURES}
 
 
-def _families(quick: bool) -> dict[str, Any]:
-    measure = families.measure_families
-    by_name = measure(4, range(2), range(2, 3)) if quick else measure()
-    return {'by_name': by_name, 'better': sum(one['better'] for one in by_name.values())}
-
-
 def _either(measure: Callable[..., dict[str, Any]], *little: Any) -> Callable[..., dict[str, Any]]:
     """Return what measures little if it is to be quick."""
     return lambda quick: measure(*little) if quick else measure()
@@ -89,8 +79,7 @@ MEASURES: dict[str, Callable[[bool], dict[str, Any]]] = {
     'read': _either(hour.measure_reading, 30.0),
     'search': _either(hour.measure_search, 4, 0.5),
     'report': _either(hour.measure_report, 30.0),
-    'families': _families,
-    'sensor': _either(new_sensor.measure_new_sensor, 4, range(6400, 6401), 20.0, 12.0),
+    'families': _either(families.measure_families, 4, range(2), range(2, 3)),
     'onset': _either(onset.measure_onset, range(6000, 6001)),
     'presses': _either(presses.measure_presses, range(7700, 7701)),
 }

@@ -82,8 +82,8 @@ def measure_evaluation(duration_s: float = HOUR_S, rounds: int = 5) -> dict[str,
     """Measure ``slip_evaluate``, from an npz to the figures, against a plain pass, in turns.
 
     The plain pass reads the array, copies it and compares it with a number. The file is not
-    compressed and in the page cache. The result has the shortest times ``evaluation_s`` and
-    ``plain_s``, and their ``ratio``.
+    compressed and in the page cache. The result has the shortest time, ``evaluation_s``, and
+    its ``ratio`` to that of the plain pass.
     """
     loader = RecordingLoader(ChainConfig())
     with tempfile.TemporaryDirectory() as folder:
@@ -98,8 +98,7 @@ def measure_evaluation(duration_s: float = HOUR_S, rounds: int = 5) -> dict[str,
                 _ = file['volts'].copy() > 4.5
 
         evaluation_s, plain_s = least_times_s([evaluation, plain], rounds)
-    ratio = evaluation_s / plain_s
-    return {'evaluation_s': evaluation_s, 'plain_s': plain_s, 'ratio': ratio}
+    return {'evaluation_s': evaluation_s, 'ratio': evaluation_s / plain_s}
 
 
 def measure_reading(duration_s: float = HOUR_S) -> dict[str, Any]:

@@ -19,9 +19,8 @@ All scenes are simulated with seeds that the configurations were not chosen on.
 the same figures of ``config/sure.yaml`` and of the paper's parameters:
 
 ``mean_delay_ms``, ``worst_delay_ms``
-    Delay of ``slip`` on the paper's plates, as the mean over the plates' means, and the largest:
-    from the first row of the slip to the alarm that begins in it. A slip before which ``slip`` was
-    ON has none.
+    Delay of ``slip`` on the paper's plates, the mean of all slides and the largest: from the first
+    row of the slip to the alarm that begins in it. A slip before which ``slip`` was ON has none.
 ``detected_percent``
     Share of the slides over the plates that have such an alarm.
 ``false_time_percent``
@@ -39,7 +38,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.tune.families import play_scenes
-from slip_detector.evaluation.figures import ReplayOutcome, figures_of_merit, percent
+from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.protocol import SCENES
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
@@ -75,19 +74,21 @@ def onset_figures(tracks: dict[str, list[Track]], chain: ChainConfig) -> dict[st
         name: [replay.run(track.rows(), track.sample_rate_hz) for track in several]
         for name, several in tracks.items()
     }
-    slides = [one for scene in SCENES.values() for one in outcomes[scene]]
-    fast = [one for name in FAST for one in outcomes[name]]
-    by_plate = [_latencies_ms(outcomes[scene]) for scene in SCENES.values()]
+    plates, fast = (
+        [one for name in names for one in outcomes[name]] for names in (SCENES.values(), FAST)
+    )
+    slides = figures_of_merit(plates)
+    found = [slip.latency_s for one in plates for slip in one.slips if slip.latency_s is not None]
     return {
-        'mean_delay_ms': float(np.mean(list(map(np.mean, by_plate)))) if all(by_plate) else None,
-        'worst_delay_ms': max(_latencies_ms(slides), default=None),
-        'detected_percent': _detected_percent(slides),
-        'false_time_percent': figures_of_merit(slides)['false_time_percent'],
+        'mean_delay_ms': float(np.mean(found)) * 1e3 if found else None,
+        'worst_delay_ms': slides['latency_worst_ms'],
+        'detected_percent': 100 * slides['recall'],
+        'false_time_percent': slides['false_time_percent'],
         **{
             f'{name}_percent': figures_of_merit(outcomes[name])['false_time_percent']
             for name in WITHOUT_SLIP
         },
-        'fast_detected_percent': _detected_percent(fast),
+        'fast_detected_percent': 100 * figures_of_merit(fast)['recall'],
     }
 
 
@@ -112,12 +113,3 @@ def measure_onset(seeds: Sequence[int] = SEEDS) -> dict[str, Any]:
         'sure': onset_figures(tracks, sure),
         'paper': onset_figures(tracks, ChainConfig()),
     }
-
-
-def _latencies_ms(outcomes: Sequence[ReplayOutcome]) -> list[float]:
-    slips = [slip for one in outcomes for slip in one.slips]
-    return [slip.latency_s * 1e3 for slip in slips if slip.latency_s is not None]
-
-
-def _detected_percent(outcomes: Sequence[ReplayOutcome]) -> float | None:
-    return percent(len(_latencies_ms(outcomes)), sum(len(one.slips) for one in outcomes))

@@ -16,13 +16,11 @@
 
 Keys of ``python -m benchmarks view --json``:
 
-``fingers``
-    How many; each is a simulated fingertip of 16 channels, as ``hand.launch.py`` starts them.
 ``closed``, ``here``
-    Without a viewer, and with Chromium on this machine, in turns. Each has ``seconds``,
+    Without a viewer, and with Chromium on this machine, in turns. Each has
     ``latency_median_ms`` (age of the samples at their decision, as the detectors report it every
-    second: the median over a turn, and of all turns), ``cpu_percent`` of a core by executable, and
-    ``slip_view_cpu_percent``, which is one of these.
+    second: the median over a turn, and of all turns), ``cpu_percent`` of a core by executable (the
+    mean of the turns), and ``slip_view_cpu_percent``, which is one of these.
 
     ``here`` also has ``latency_ratio`` to that of ``closed``, ``frames_a_second``,
     ``frames_in_the_worst_second``, and of its last turn, the longest, ``browser_cpu_percent``,
@@ -31,11 +29,9 @@ Keys of ``python -m benchmarks view --json``:
 """
 
 import argparse
-import json
 from typing import Any
 
 from benchmarks.measurement import shared_options
-from benchmarks.processes import figures_of_process
 from benchmarks.tune.browser import why_no_browser
 from slip_detector.evaluation.figures import Bound
 
@@ -52,12 +48,6 @@ SECONDS, QUICK_SECONDS = 60.0, 8.0
 #: Pairs of turns without the page and with it, and how long each turn is.
 PAIRS, TURN_SECONDS = 5, 20.0
 QUICK_PAIRS, QUICK_TURN_SECONDS = 2, 4.0
-
-#: Time for these, and for all starts and ends, on a busy machine.
-EXTRA_S = 900.0
-
-#: slip_view shows all detectors of its domain. The tests have 1 to 100.
-ENVIRONMENT = {'ROS_DOMAIN_ID': '101'}
 
 
 def options() -> argparse.ArgumentParser:
@@ -78,8 +68,9 @@ def measure(words: argparse.Namespace) -> dict[str, Any]:
     """Let nodes, page and browser run."""
     if reason := why_no_browser():
         raise RuntimeError(f'the live page cannot be measured: {reason}')
+    from benchmarks.view.session import run_view  # Only with ROS can it be imported.
+
     lasts_s = words.seconds or (QUICK_SECONDS if words.quick else SECONDS)
-    pairs, turn_s = (QUICK_PAIRS, QUICK_TURN_SECONDS) if words.quick else (PAIRS, TURN_SECONDS)
-    arguments = json.dumps({'seconds': lasts_s, 'pairs': pairs, 'turn_seconds': turn_s})
-    timeout_s = lasts_s + EXTRA_S
-    return figures_of_process('benchmarks.view.session', [arguments], timeout_s, ENVIRONMENT)
+    return run_view(
+        lasts_s, *((QUICK_PAIRS, QUICK_TURN_SECONDS) if words.quick else (PAIRS, TURN_SECONDS))
+    )

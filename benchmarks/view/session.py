@@ -15,26 +15,24 @@
 """The processes of the measurement: a hand, slip_view, and Chromium with its page."""
 
 import contextlib
-import json
 import os
 import socket
 import sys
 import tempfile
-import time
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import rclpy
-from rclpy.signals import SignalHandlerOptions
 
-from benchmarks.processes import nodes_running, print_figures, processor_time_s
-from benchmarks.soak.hand import START_TIMEOUT_S, Watch, hand_commands, memory_growth
+from benchmarks.processes import nodes_running, processor_time_s
+from benchmarks.soak.hand import Watch, growth_percent, hand_commands
 from benchmarks.tune.browser import PATIENCE_MS, browser
-from slip_detector.nodes.health import AGE_KEYS
 
 FINGERS = 5
+
+#: slip_view shows all detectors of its domain. The tests have 1 to 100.
+DOMAIN = '101'
 
 #: Time before the measurement, in which traces fill their window and compiling ends; for a short
 #: measurement, a share of it.
@@ -42,10 +40,6 @@ SETTLE_S, SETTLE_SHARE = 15.0, 0.2
 
 #: Size of the browser's window, as on a laptop.
 WIDTH, HEIGHT = 1366, 768
-
-#: Period at which the memory of the page's objects is read.
-HEAP_S = 5.0
-
 
 #: Script that notes when each frame is drawn, which the page reports to the server.
 NOTE_FRAMES = """
@@ -64,32 +58,34 @@ def run_view(seconds: float, pairs: int, turn_seconds: float) -> dict[str, Any]:
     As other load of the machine varies, pairs of turns without the page and with it alternate. The
     last turn, for ``seconds``, comes when slip_view has allocated what it keeps of each finger.
     """
+    os.environ['ROS_DOMAIN_ID'] = DOMAIN
     namespace, port = f'/slip_view_{os.getpid()}', free_port()
     url = f'http://127.0.0.1:{port}/'
-    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
-    try:
-        with tempfile.TemporaryDirectory() as folder:
-            driver = ['-p', 'loop:=true', '-p', 'wait_for_subscribers:=1', '-p', 'source:=scene']
-            commands = hand_commands(namespace, FINGERS, [], driver)
-            commands['slip_view'] = [
-                *(sys.executable, '-m', 'slip_detector.nodes.view', '--port', str(port)),
-                *('--folder', str(Path(folder) / 'recordings')),
-            ]
-            with nodes_running(commands) as processes:
-                watch = Watch(namespace, processes)
-                turns = Turns(watch, url, {name: each.pid for name, each in processes.items()})
-                start_s = time.monotonic() + START_TIMEOUT_S
-                watch.spin(lambda: watch.has_samples(FINGERS), start_s, 'samples of all fingers')
-                for _ in range(pairs):
-                    turns.measure('closed', turn_seconds)
-                    turns.measure('here', turn_seconds)
-                turns.measure('here', seconds)
-                return {
-                    'fingers': FINGERS,
-                    **figures_of_turns(turns.turns, watch.reports, watch.memory_kib),
-                }
-    finally:
-        rclpy.try_shutdown()
+    with tempfile.TemporaryDirectory() as folder:
+        driver = ['-p', 'loop:=true', '-p', 'wait_for_subscribers:=1', '-p', 'source:=scene']
+        commands = hand_commands(namespace, FINGERS, [], driver)
+        commands['slip_view'] = [
+            *(sys.executable, '-m', 'slip_detector.nodes.view', '--port', str(port)),
+            *('--folder', str(Path(folder) / 'recordings')),
+        ]
+        with nodes_running(commands) as processes:
+            watch = Watch(namespace, processes)
+            nodes = [each.pid for each in processes.values()]
+            watch.wait_for(lambda: watch.have_samples(FINGERS), 'samples of all fingers')
+            closed, here = [], []
+            for _ in range(pairs):
+                watch.wait(min(SETTLE_S, SETTLE_SHARE * turn_seconds))
+                closed.append(watch.figures(turn_seconds))
+                here.append(measure_page(watch, url, nodes, turn_seconds))
+            here.append(measure_page(watch, url, nodes, seconds))
+    figures = {'closed': _of_all(closed), 'here': here[-1] | _of_all(here)}
+    ratio = figures['here']['latency_median_ms'] / figures['closed']['latency_median_ms']
+    figures['here'] |= {
+        'latency_ratio': ratio,
+        'frames_a_second': float(np.mean([turn['frames_a_second'] for turn in here])),
+        'frames_in_the_worst_second': min(turn['frames_in_the_worst_second'] for turn in here),
+    }
+    return figures
 
 
 def free_port() -> int:
@@ -105,56 +101,46 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-class Turns:
-    """Runs turns without the page (``closed``) and with it (``here``), and notes their costs."""
+def measure_page(watch: Watch, url: str, nodes: Collection[int], seconds: float) -> dict[str, Any]:
+    """Return the figures of a turn in which Chromium shows the page."""
+    drawn_ms: list[float] = []
+    heap_mib: list[float] = []
+    with chromium(url) as page:
 
-    def __init__(self, watch: Watch, url: str, pids: dict[str, int]) -> None:
-        self._watch, self._url, self._pids = watch, url, pids
-        self._spin = watch.spin
-        self.turns: list[dict[str, Any]] = []
+        def note() -> None:
+            drawn_ms.extend(page.evaluate('drawnMs.splice(0)'))
+            heap_mib.append(heap_mib_of(page))
 
-    def measure(self, who: str, seconds: float) -> None:
-        """Let nobody or the browser view the page for some time."""
-        with contextlib.ExitStack() as stack:
-            page = stack.enter_context(chromium(self._url)) if who == 'here' else None
-            end_s = time.monotonic() + START_TIMEOUT_S
-            self._spin(lambda: not page or page.evaluate('drawnMs.length'), end_s, 'a frame')
-            self._wait(min(SETTLE_S, SETTLE_SHARE * seconds))
-            drawn_ms: list[float] = []
-            heap_mib: list[tuple[float, float]] = []
-            if page:
-                page.evaluate('drawnMs.splice(0)')
-                heap_mib.append((0.0, heap_mib_of(page)))
-            nodes = self._pids.values()
-            before_s, browser_s = self._used_s(), children_s(nodes)
-            begin_s = time.monotonic()
-            while time.monotonic() < begin_s + seconds:
-                left_s = begin_s + seconds - time.monotonic()
-                self._wait(min(HEAP_S, left_s))
-                if page:
-                    drawn_ms += page.evaluate('drawnMs.splice(0)')
-                    heap_mib.append((time.monotonic() - begin_s, heap_mib_of(page)))
-            end_s = time.monotonic()
-            after_s = self._used_s()
-            browser_s = children_s(nodes) - browser_s
-        self.turns.append(
-            {
-                'who': who,
-                'begin_s': begin_s,
-                'end_s': end_s,
-                'used_s': {name: after_s[name] - before_s[name] for name in before_s},
-                'browser_s': browser_s,
-                'drawn_ms': drawn_ms,
-                'heap_mib': heap_mib,
-            }
-        )
+        watch.wait_for(lambda: page.evaluate('drawnMs.length'), 'a frame')
+        watch.wait(min(SETTLE_S, SETTLE_SHARE * seconds))
+        page.evaluate('drawnMs.splice(0)')
+        browser_s = -children_s(nodes)
+        figures = watch.figures(seconds, note)
+        browser_s += children_s(nodes)
+    mean, worst = frames_a_second(drawn_ms)
+    return figures | {
+        'frames_a_second': mean,
+        'frames_in_the_worst_second': worst,
+        'browser_cpu_percent': 100 * browser_s / seconds,
+        'memory_mib': figures['memory_mib']['slip_view'],
+        'memory_growth_percent': figures['memory_growth_percent']['slip_view'],
+        'heap_mib': heap_mib[-1],
+        'heap_growth_percent': growth_percent(heap_mib),
+    }
 
-    def _wait(self, seconds: float) -> None:
-        end_s = time.monotonic() + seconds
-        self._spin(lambda: time.monotonic() >= end_s, end_s + START_TIMEOUT_S, 'the end')
 
-    def _used_s(self) -> dict[str, float]:
-        return {name: processor_time_s(pid) for name, pid in self._pids.items()}
+def _of_all(turns: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return the median latency of turns, and the mean of the processor time of each process."""
+    percent = {
+        name: float(np.mean([turn['cpu_percent'][name] for turn in turns]))
+        for name in turns[0]['cpu_percent']
+    }
+    latency_ms = float(np.median([turn['latency_median_ms'] for turn in turns]))
+    return {
+        'latency_median_ms': latency_ms,
+        'cpu_percent': percent,
+        'slip_view_cpu_percent': percent['slip_view'],
+    }
 
 
 @contextlib.contextmanager
@@ -199,60 +185,6 @@ def frames_a_second(drawn_ms: list[float]) -> tuple[float, float]:
     return float((len(times_s) - 1) / (times_s[-1] - times_s[0])), float(counts.min())
 
 
-def figures_of_turns(
-    turns: Sequence[dict[str, Any]],
-    reports: dict[str, list[tuple[float, dict[str, str]]]],
-    memory_kib: dict[str, list[tuple[float, int]]],
-) -> dict[str, Any]:
-    """Compute the figures of each kind of turn over all of the kind."""
-    latencies = [_latency_ms(turn, reports) for turn in turns]
-    figures: dict[str, Any] = {}
-    for who in dict.fromkeys(turn['who'] for turn in turns):
-        own = [i for i, turn in enumerate(turns) if turn['who'] == who]
-        span_s = sum(turns[i]['end_s'] - turns[i]['begin_s'] for i in own)
-        figures[who] = {
-            'seconds': span_s,
-            'latency_median_ms': float(np.median([latencies[i] for i in own])),
-            'cpu_percent': {
-                name: 100 * sum(turns[i]['used_s'][name] for i in own) / span_s
-                for name in turns[0]['used_s']
-            },
-        }
-        figures[who]['slip_view_cpu_percent'] = figures[who]['cpu_percent']['slip_view']
-    drawn = [frames_a_second(turn['drawn_ms']) for turn in turns if turn['who'] == 'here']
-    here = turns[-1]
-    figures['here'] |= {
-        'latency_ratio': figures['here']['latency_median_ms']
-        / figures['closed']['latency_median_ms'],
-        'frames_a_second': float(np.mean([mean for mean, _ in drawn])),
-        'frames_in_the_worst_second': min(worst for _, worst in drawn),
-        'browser_cpu_percent': 100 * here['browser_s'] / (here['end_s'] - here['begin_s']),
-        'memory_mib': memory_kib['slip_view'][-1][1] / 1024,
-        'memory_growth_percent': 100
-        * memory_growth(memory_kib['slip_view'], here['begin_s'], here['end_s']),
-        'heap_mib': here['heap_mib'][-1][1],
-        'heap_growth_percent': 100
-        * memory_growth(here['heap_mib'], -1.0, here['end_s'] - here['begin_s'] + HEAP_S),
-    }
-    return figures
-
-
-def _latency_ms(
-    turn: dict[str, Any], reports: dict[str, list[tuple[float, dict[str, str]]]]
-) -> float:
-    """Return the median of the medians of all seconds of a turn."""
-    during = [
-        float(values[AGE_KEYS[0]])
-        for of_one in reports.values()
-        for at_s, values in of_one
-        # A report covers the second before it.
-        if turn['begin_s'] + 1.0 < at_s <= turn['end_s'] and values[AGE_KEYS[0]] != '-'
-    ]
-    if not during:
-        raise RuntimeError(f'the detectors reported no samples in the turn {turn["who"]}')
-    return float(np.median(during))
-
-
 def children_s(but: Collection[int], of: int | None = None) -> float:
     """Return the processor time of the descendants of a process, except some and their own.
 
@@ -270,7 +202,3 @@ def children_s(but: Collection[int], of: int | None = None) -> float:
                 if pid not in but:
                     total_s += processor_time_s(pid) + children_s(but, pid)
     return total_s
-
-
-if __name__ == '__main__':
-    sys.exit(print_figures(lambda: run_view(**json.loads(sys.argv[1]))))
