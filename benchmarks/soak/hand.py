@@ -86,8 +86,9 @@ class Watch(Node):
         -------
         dict
             By executable, ``cpu_percent`` of a core, ``memory_mib`` and ``memory_growth_percent``;
-            ``reports`` of each detector; and of the age of samples the ``latency_median_ms`` (of
-            all seconds) and the ``latency_p99_ms`` (of the first and of the second half).
+            ``samples`` and ``lost_total`` since the start; and of the age of samples the
+            ``latency_median_ms`` (of all seconds) and the ``latency_p99_ms`` (of the first and of
+            the second half).
 
         Raises
         ------
@@ -108,6 +109,7 @@ class Watch(Node):
             [values for of_one in reports for values in of_one[: len(of_one) // 2]],
             [values for of_one in reports for values in of_one[len(of_one) // 2 :]],
         )
+        last = [of_one[-1] for of_one in reports if of_one]
         if not all(halves):
             raise RuntimeError('the detectors reported no samples')
 
@@ -124,7 +126,8 @@ class Watch(Node):
             },
             'latency_median_ms': median_ms(AGE_KEYS[0], [*halves[0], *halves[1]]),
             'latency_p99_ms': [median_ms(AGE_KEYS[1], half) for half in halves],
-            'totals': [of_one[-1] for of_one in reports],
+            'samples': sum(int(values['samples']) for values in last),
+            'lost_total': sum(int(values[key]) for values in last for key in COUNT_KEYS.values()),
         }
 
     def _used_s(self) -> dict[str, float]:
@@ -154,8 +157,8 @@ def measure(
     -------
     dict
         The figures of :meth:`Watch.figures`, the ``memory_growth_percent`` of the process that
-        grew most; ``samples`` and ``lost_total`` since the start, ``cpu_percent_total``, and
-        ``latency_p99_growth``, the ratio of the two of ``latency_p99_ms``.
+        grew most, ``cpu_percent_total``, and ``latency_p99_growth``, the ratio of the two of
+        ``latency_p99_ms``.
 
     Raises
     ------
@@ -186,11 +189,9 @@ def measure(
             warm_up_s = min(WARM_UP_S, WARM_UP_SHARE * seconds)
             watch.wait(warm_up_s)
             figures = watch.figures(seconds - warm_up_s)
-    totals, p99_ms = figures.pop('totals'), figures['latency_p99_ms']
+    p99_ms = figures['latency_p99_ms']
     return {
         **figures,
-        'samples': sum(int(values['samples']) for values in totals),
-        'lost_total': sum(int(values[key]) for values in totals for key in COUNT_KEYS.values()),
         'latency_p99_growth': p99_ms[1] / p99_ms[0],
         'memory_growth_percent': max(figures['memory_growth_percent'].values()),
         'cpu_percent_total': sum(figures['cpu_percent'].values()),
