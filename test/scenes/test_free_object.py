@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scenes.test_mechanics import COULOMB, LUGRE
 
 from slip_detector.scenes import Scene
 from slip_detector.scenes.friction import LIGHTEST_LOAD_N
@@ -36,18 +37,8 @@ PARTS = {
     'contact': {'radius_at_1n_m': 5e-3, 'centre_m': [0.0, 0.0], 'taxel_area_m2': 1e-6},
     'skin': {'shear_stiffness_n_m': STIFFNESS_N_M, 'damping_n_s_m': 1.0, 'mass_kg': 0.0},
 }
-ONE_COEFFICIENT = {
-    'model': 'lugre',
-    'kinetic_coefficient': 0.5,
-    'static_coefficient': 0.5,
-    'stribeck_velocity_m_s': 10e-3,
-    'bristle_stiffness_n_m': 1e5,
-    'bristle_damping_n_s_m': 0.1,
-    'viscous_n_s_m': 0.0,
-    'unloading_s': 1e-4,
-}
-TWO_COEFFICIENTS = {**ONE_COEFFICIENT, 'static_coefficient': 0.6, 'stribeck_velocity_m_s': 0.1}
-COULOMB = {'model': 'coulomb', 'kinetic_coefficient': 0.5}
+ONE_COEFFICIENT = {**LUGRE, 'static_coefficient': 0.5}
+TWO_COEFFICIENTS = {**LUGRE, 'stribeck_velocity_m_s': 0.1}
 FRICTIONS = [COULOMB, ONE_COEFFICIENT, TWO_COEFFICIENTS]
 
 #: Gripped before 0.6 s, loaded with the object's weight until then.

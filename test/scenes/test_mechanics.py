@@ -68,12 +68,6 @@ def scene(steps=PUSHED, seed=0, **parts):
     return Scene(description, np.random.default_rng(seed))
 
 
-def shears_n(**parts):
-    """Return times and the shear force of each taxel's skin."""
-    time_s, clean_v, _, _ = scene(**parts).clean(ALL)
-    return time_s, clean_v
-
-
 # Any cut.
 
 ALL_PARTS = {
@@ -153,24 +147,6 @@ def test_without_numba_a_scene_is_the_same():
 
 
 # Sticking and sliding.
-
-
-@pytest.mark.parametrize('friction', [COULOMB, LUGRE])
-def test_shear_is_elastic_at_first_and_friction_times_load_at_last(friction):
-    time_s, shear_n = shears_n(friction=friction, sample_rate_hz=1000.0)
-    loads_n = -scene(
-        friction=friction,
-        electronics={**SHEAR_ONLY, 'normal_v_n': -1.0, 'shear_v_n': 0.0},
-        sample_rate_hz=1000.0,
-    ).clean(ALL)[1]
-    # The first micrometres: the skin follows, but for the damper and the bristles.
-    soon = np.searchsorted(time_s, PUSH_S + 4e-3)
-    way_m = 0.25 * 4e-3**2
-    np.testing.assert_allclose(shear_n[soon], 500.0 * way_m, rtol=0.15)
-    level = 0.5
-    if friction is LUGRE:
-        level += 0.1 * np.exp(-1.0)  # At 10 mm/s, the Stribeck velocity.
-    np.testing.assert_allclose(shear_n[-1], level * loads_n[-1], rtol=1e-3)
 
 
 @pytest.mark.parametrize('friction', [COULOMB, LUGRE])

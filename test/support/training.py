@@ -27,15 +27,7 @@ from slip_detector.scenes import Scene, find_scene
 
 RATE_HZ = 380.0
 
-HAND = {
-    'tremor': {
-        'low_hz': 2.0,
-        'high_hz': 20.0,
-        'force_rms_n': 0.01,
-        'motion_rms_m': 5.0e-6,
-    },
-    'hum': {'frequency_hz': 50.0, 'amplitude_v': 5.0e-3, 'harmonics': [0.0, 0.2]},
-}
+HAND = {name: read_yaml(find_scene('tremor_hum'))[name] for name in ('tremor', 'hum')}
 
 #: Seconds of a scene before the object is gripped.
 BEGIN_S = 2.0

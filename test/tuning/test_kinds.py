@@ -21,6 +21,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.tune.families import disturbances
 from slip_detector.chain.samples import Samples
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation.scores import SLIP
@@ -98,20 +99,6 @@ def test_the_range_of_activity_is_how_far_noise_in_the_pass_band_is_below_the_lo
         activity_range_db(HIGH, [of_kind(quiet), of_kind(quiet, 'press')])
 
 
-def families():
-    """Return scenes of the families of the benchmarks, by name."""
-    tremor_hum, taps = (read_yaml(find_scene(name)) for name in ('tremor_hum', 'taps'))
-    trembling = {name: tremor_hum[name] for name in ('tremor', 'hum')}
-    tapping = {'taps': {**taps['taps'], 'times_s': [2.0, 2.6, 7.3, 8.0]}}
-    drifting = {'electronics': {'drift_v': 0.01}}
-    return {
-        'plates': {},
-        'tremor and hum': trembling,
-        'taps': tapping,
-        'all': {**trembling, **tapping, **drifting},
-    }
-
-
 def played(parts, seed, name='plate_400um', kind='', accuracy_s=0.0):
     scene = Scene({**read_yaml(find_scene(name)), **parts}, np.random.default_rng(seed))
     samples = scene.read(round(60.0 * scene.sample_rate_hz))
@@ -120,14 +107,21 @@ def played(parts, seed, name='plate_400um', kind='', accuracy_s=0.0):
     return track_of(f'{kind or "slip"} {seed}', [rows], scene.sample_rate_hz)
 
 
+#: What is added to the plates; what rolls may be as loud as a slide.
+FAMILIES = {
+    name: {part: of for part, of in parts.items() if part != 'rolling'}
+    for name, parts in disturbances().items()
+    if name != 'presses'
+}
+
 #: As the live page begins with a new sensor.
 PAGE = ChainConfig(passband_hz=(20.0, 0.0), passband_degree=2, stopbands_hz=(), exponent=1)
 
 
 @pytest.mark.parametrize('chain', [ChainConfig(), PAGE], ids=['paper', 'page'])
-@pytest.mark.parametrize('family', families())
+@pytest.mark.parametrize('family', FAMILIES)
 def test_honest_recordings_contradict_nothing_and_others_their_kind(family, chain):
-    parts, plates = families()[family], ('plate_400um', 'plate_440um', 'plate_480um')
+    parts, plates = FAMILIES[family], ('plate_400um', 'plate_440um', 'plate_480um')
     still = {
         'steps': [{'duration_s': 1.0}, {'duration_s': 0.8, 'force_n': 0.4}, {'duration_s': 9}]
     }
