@@ -130,7 +130,7 @@ def test_a_figure_that_gets_worse_than_given_counts_tenfold():
         assert cost_ms == pytest.approx(alone.cost_ms + more_ms)
 
 
-def test_each_figure_that_is_worse_than_a_chain_better_than_chance_is_named():
+def test_each_figure_that_is_worse_is_named_and_of_a_chain_as_good_as_chance_only_the_area():
     good = compared(20.0, 1.005, 0.5, 1.0, 0.9, 0.99) | {'press_on_percent': 3.0}
     bad = compared(None, 2.03, 1.5, 0.5, 0.8, 0.9) | {'press_on_percent': 3.6}
     assert 'time ON in press 3.6 against 3 %' in worse_than(bad, good)
@@ -145,7 +145,9 @@ def test_each_figure_that_is_worse_than_a_chain_better_than_chance_is_named():
     ]
     assert worse_than(good, good) == worse_than(good, bad) == []
     for sooner_than_chance in (0.0, -0.2, None):
-        assert worse_than(bad, {**good, 'sooner_than_chance': sooner_than_chance}) == []
+        by_chance = {**good, 'sooner_than_chance': sooner_than_chance}
+        assert worse_than(bad, by_chance) == ['area under the ROC curve 0.9 against 0.99']
+        assert worse_than(bad, {**by_chance, 'auc': 0.9}) == []
 
 
 def test_alarms_are_counted_per_minute_of_off():
