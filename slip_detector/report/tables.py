@@ -35,6 +35,7 @@ HEADINGS = {
     'false_time_s_per_hour': 'ON [s an hour]',
     'force_percent': 'mean grip [% of the limit]',
     'gaps': 'gaps bridged',
+    **{f'{kind}_on_percent': f'{kind} ON [%]' for kind in KINDS},
 }
 
 #: The figures in each table of an evaluation, by its title; the first is titled by the set's name.

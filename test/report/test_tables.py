@@ -66,11 +66,11 @@ def test_kinds_are_shown_where_they_were_recorded():
     report = {'sets': {'x': {**one, 'recordings': {'a': {**one, 'lost': '', 'doubts': ''}}}}}
     lines = evaluation_tables({**report, 'all': one}).splitlines()
     at = next(k for k, line in enumerate(lines) if line.startswith('kinds'))
-    assert ' '.join(lines[at].split()) == 'kinds press on [%] press alarms per minute'
+    assert ' '.join(lines[at].split()) == 'kinds press ON [%] press alarms per minute'
     assert lines[at + 1].split() == ['a', '0.00', '0.00']
     given_ = dict.fromkeys(MAIN_FIGURES, 1) | {'press_on_percent': 30.0, 'rest_on_percent': None}
     text = comparison_table(given_, {**given_, 'press_on_percent': 2.0})
-    assert ' '.join(text.splitlines()[-1].split()) == 'press on [%] 30.00 2.00'
+    assert ' '.join(text.splitlines()[-1].split()) == 'press ON [%] 30.00 2.00'
 
 
 def test_given_and_tuned_are_beside_each_other():
