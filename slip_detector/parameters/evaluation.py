@@ -78,7 +78,7 @@ class TuneConfig(ParameterSet):
         10.0, 'Cost of each per cent of the rest during which slip is ON.', (0.0, 1e6, 'ms')
     )
     missed_time_costs_ms: float = parameter(
-        2.0,
+        10.0,
         'Cost of each per cent of the time of slips during which slip is OFF.',
         (0.0, 1e6, 'ms'),
     )

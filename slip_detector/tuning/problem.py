@@ -344,24 +344,33 @@ class Problem:
     def _hidden_costs_ms(
         self, chain: ChainConfig, limits: Floats, sweep: ThresholdSweep
     ) -> Floats | float:
-        """Return what the time costs for which a chain stays ON after slips, where labels hide it.
+        """Return what a chain's memory costs about the ends of slips, where labels hide that.
 
         Labels by hand say nothing of the rows about their ends, but how long a chain remembers is
-        known: the rows of the mains comb and of windows, and the time in which evidence falls from
-        its limit to a threshold.
+        known: the rows of the mains comb and of windows, the time in which evidence falls from its
+        limit to a threshold, and that in which it rises there in the loudest slip.
         """
-        tail_s = chain.mains_rows / chain.sample_rate_hz + chain.envelope_window_s
+        before_s = after_s = chain.mains_rows / chain.sample_rate_hz + chain.envelope_window_s
         if chain.decision == 'mean':
-            tails_s = np.full(limits.shape, tail_s + chain.decision_window_s)
+            rises_s = falls_s = np.full(limits.shape, chain.decision_window_s)
         else:
+            rises_s = limits / chain.evidence_cap_db
             over = np.maximum(1.0 - limits / chain.evidence_limit_db_s, 0.0)
-            tails_s = tail_s + evidence_falls_s(chain) * over
-        hidden_s = sum(
-            len(track.slips) * np.minimum(tails_s, track.samples.accuracy_s)
-            for track in self.tracks
-        )
+            falls_s = evidence_falls_s(chain) * over
+        off_s = on_s = slips_s = np.zeros(limits.shape)
+        for track in self.tracks:
+            accuracy_s, n = track.samples.accuracy_s, len(track.slips)
+            off_s = off_s + n * np.minimum(before_s + rises_s, accuracy_s)
+            on_s = on_s + n * np.minimum(after_s + falls_s, accuracy_s)
+            slips_s = slips_s + sum(b - a for a, b in track.slips) / track.sample_rate_hz
         rest_s, *_ = sweep.of_kinds.get('', (0.0,))
-        return self.config.false_time_costs_ms * 100.0 * hidden_s / rest_s if rest_s else 0.0
+        if not rest_s:
+            return 0.0
+        config = self.config
+        return np.asarray(
+            config.false_time_costs_ms * 100.0 * on_s / rest_s
+            + config.missed_time_costs_ms * 100.0 * off_s / slips_s
+        )
 
     def _error_ms(self, sweep: ThresholdSweep, at: int) -> float:
         """Return the error of the mean latency by Student's t, at ``CONFIDENCE``.
@@ -513,7 +522,7 @@ def judge(problem: Problem, held: Sequence[Track], best: Candidate | None) -> Ve
     worse = [] if problem.config.trade else worse_than(after.figures, before.figures)
     slips = sum(len(track.slips) for track in held)
     recalls = [one.figures['recall'] or 0.0 for one in (before, after)]
-    if recalls[1] < recalls[0]:
+    if recalls[1] < recalls[0] and better_than_chance(before.figures):
         worse.insert(0, f'misses {slips - round(recalls[1] * slips)} of {slips} slips')
     if after.cost_ms > before.cost_ms:
         worse.append(f'a cost of {after.cost_ms:.4g} against {before.cost_ms:.4g} ms')
