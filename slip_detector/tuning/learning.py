@@ -76,8 +76,8 @@ NOISE_FROM_LINE_HZ = (1.0, 6.0)
 #: Below this frequency a line cannot be distinguished from drift.
 LOWEST_LINE_HZ = 2.0
 
-#: Share of the slips that are what their labels say, where hands have made these.
-MEANT_SHARE = 0.8
+#: Share of the slips that are none, at most, where hands have made the labels.
+MISTAKEN_SHARE = 0.2
 
 #: A knock has a step above ``KNOCK`` times the noise: the step that ``NOISE_SHARE`` of all steps
 #: stays below.
@@ -408,8 +408,8 @@ def slip_steps_v(chain: ChainConfig, tracks: Sequence[Track], rows: int = 1) -> 
     ]
     # A hand may have pressed the key by mistake, or as something knocked.
     by_hand = any(track.samples.accuracy_s for track in tracks)
-    share = MEANT_SHARE if by_hand else 1.0
-    return np.asarray(np.quantile(steps, share, axis=0, method='lower'))
+    mistaken = int(MISTAKEN_SHARE * len(steps)) if by_hand else 0
+    return np.asarray(np.sort(steps, axis=0)[-1 - mistaken])
 
 
 def knocks_v(chain: ChainConfig, track: Track) -> Floats:

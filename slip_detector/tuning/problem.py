@@ -401,11 +401,14 @@ class Problem:
         rest = {name: entry[name] for name in Candidate._fields[1:]}
         return Candidate(dataclasses.replace(self.given, **entry['parameters']), **rest)
 
+    def cheapest_of(self, trials: Iterable[Any], most: int = 1) -> list[Candidate]:
+        """Return the cheapest chains of finished trials, each of another trial."""
+        found = sorted((trial.user_attrs['found'][0] for trial in trials), key=_cost_ms)
+        return [self._candidate(entry) for entry in found[:most]]
+
     def best_of(self, trials: Iterable[Any]) -> Candidate | None:
         """Return the cheapest chain of finished trials; None where none found one."""
-        found = [trial.user_attrs['found'][0] for trial in trials]
-        best = min(found, key=lambda entry: entry['cost_ms'], default=None)
-        return best and self._candidate(best)
+        return next(iter(self.cheapest_of(trials)), None)
 
     def choice(self, trials: Sequence[Any]) -> Candidate | None:
         """Return the result of a search; None where no trial found a chain.
@@ -455,6 +458,10 @@ class Problem:
         worse, of_best = (len(worse_than(one.figures, self.figures)) for one in (found, best))
         areas = [one['auc'] or 0.0 for one in (found.figures, best.figures, self.figures)]
         return worse > of_best or areas[0] < min(areas[1:]) - AUC_STEP
+
+
+def _cost_ms(entry: dict[str, Any]) -> float:
+    return float(entry['cost_ms'])
 
 
 def _with_neighbours(costs: Floats, neighbours: int) -> Floats:

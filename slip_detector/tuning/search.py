@@ -61,6 +61,10 @@ Point = dict[str, Any]
 Calls = Callable[..., Iterator[tuple[int, list[Candidate]]]]
 
 
+#: So many chains at most are judged, the cheapest first, until one holds on what was held out.
+JUDGED = 20
+
+
 class TuningParameters(NamedTuple):
     """The sets of parameters that tuning needs.
 
@@ -193,7 +197,14 @@ def tune(
         notes.append('Stopped early.')
     chosen = choice(len(study.trials))
     notes += filter(None, [chosen and problem.passed_over(chosen, study.trials)])
-    verdict = judge(problem, held, chosen)
+    verdict = first = judge(problem, held, chosen)
+    for candidate in problem.cheapest_of(study.trials, JUDGED) if first.kept else ():
+        verdict = judge(problem, held, candidate)
+        if not verdict.kept:
+            notes.append(f'Of several, as {first.kept}, the first that holds there was taken')
+            break
+    else:
+        verdict = first
     return TuningResult(problem, held, study, verdict, notes)
 
 
