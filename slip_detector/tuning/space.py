@@ -65,6 +65,9 @@ OF_DECISIONS = {
     'evidence': ('floor', 'evidence', 'cap', 'impact', 'contact', 'activity'),
 }
 
+#: With so many slips, an impact is twice as large a step as with many.
+FEW_SLIPS = 2
+
 #: Times over which a step may be an impact, and that and the cap of activity to begin with.
 IMPACTS_S = (0.0, 0.005, 0.01, 0.02, 0.05)
 IMPACT_S, ACTIVITY_CAP_DB = 0.01, 8.7
@@ -268,7 +271,9 @@ class SearchSpace:
             return {'impact_v': impact_v, **kept}
         impact_s = point.get('impact_s', given.impact_s)
         step_v = float(self._slip_steps_v(impact_rows(given, impact_s))[channels - 1])
-        impact_v = rounded(LEAST_RATIO * step_v)
+        # The largest step of few slips says little of the next one's.
+        slips = sum(len(track.slips) for track in self._tracks)
+        impact_v = rounded(LEAST_RATIO * (1.0 + FEW_SLIPS / max(slips, 1)) * step_v)
         return {'impact_v': impact_v, 'impact_s': impact_s, 'impact_channels': channels}
 
     def _slip_steps_v(self, rows: int) -> Any:
