@@ -18,6 +18,7 @@ import dataclasses
 import math
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
@@ -28,6 +29,7 @@ from slip_detector.compiled import COMPILED
 from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.evaluation import EvaluationConfig, TuneConfig
+from slip_detector.recordings.labels import certain_at
 from slip_detector.tuning.problem import COMPARED, Problem, judge, worse_than
 from slip_detector.tuning.sweep import thresholds, vote_statistics
 from slip_detector.tuning.tracks import track_of
@@ -268,3 +270,17 @@ def test_with_trade_one_figure_may_get_worse():
     assert worse_than(found.figures, asked.figures)
     assert judge(asked, tracks, found).kept
     assert not judge(dataclasses.replace(asked, config=TuneConfig(trade=True)), tracks, found).kept
+
+
+def test_a_chain_that_remembers_for_longer_costs_more_where_labels_hide_it():
+    rows = track(1).samples
+    edges_ns = rows.stamps_ns[np.flatnonzero(np.diff(rows.truth)) + 1]
+    certain = certain_at(rows.stamps_ns, edges_ns, 0.2)
+    by_hand = rows._replace(accuracy_s=0.2, certain=certain)
+    objective = Problem([track_of('a', [by_hand], RATE_HZ)])
+    short, long = (
+        objective.as_it_is(dataclasses.replace(QUICK, decision_window_s=window_s))
+        for window_s in (0.05, 0.15)
+    )
+    assert long.figures == short.figures
+    assert long.cost_ms > short.cost_ms + 10.0
