@@ -18,8 +18,6 @@ import dataclasses
 
 import pytest
 
-from slip_detector.chain.filters import settling_rows
-from slip_detector.chain.samples import Samples
 from slip_detector.evaluation.figures import (
     FALSE,
     REPEAT,
@@ -30,14 +28,11 @@ from slip_detector.evaluation.figures import (
     ReplayOutcome,
     TrueSlip,
     event_figures,
-    figures_of_merit,
     mean_and_sd,
     paper_figures,
 )
-from slip_detector.evaluation.replay import Replay
 from slip_detector.evaluation.scores import ScoreCounts
 from slip_detector.recordings.labels import KINDS
-from support.replay_cases import CONFIG, RATE_HZ, ridges
 
 SLIP = TrueSlip(
     start_s=1.0, end_s=2.0, alarm=0, latency_s=0.04, accuracy_s=0.0, settling=False, lead_s=0.0,
@@ -139,32 +134,3 @@ def test_the_figures_of_the_paper_by_hand():
         }
     )
     assert set(paper_figures([]).values()) == {None}
-
-
-def labelled(*slips, others=()):
-    """Return rows with ridges, of which the label calls only some slip."""
-    volts, _ = ridges(*slips, *others)
-    _, truth = ridges(*slips)
-    return Samples.evenly(volts, RATE_HZ, truth)
-
-
-def test_figures_of_several_recordings_are_those_of_all_their_events_and_rows():
-    replay = Replay(CONFIG)
-    slips = (400, 600), (1400, 1600)
-    a, b = replay.run([labelled(*slips)]), replay.run([labelled(*slips, others=[(900, 950)])])
-    pooled = figures_of_merit([a, b, replay.run([])])
-    assert (pooled['slips'], pooled['rows']) == (4, 4000)
-    assert [alarm.kind for alarm in b.alarms] == [TRUE, FALSE, TRUE]
-    assert pooled['precision'] == 0.8
-    settling = 2 * max(settling_rows(CONFIG), 40)
-    assert pooled['settling_rows'] == settling
-    # Of each slip 200 rows and 40 of its tail are no rest.
-    rest_rows = 4000 - 4 * 240 - settling
-    assert pooled['rest_s'] == rest_rows / RATE_HZ
-    assert pooled['false_alarms_per_minute'] == pytest.approx(60.0 * RATE_HZ / rest_rows)
-    assert pooled['recall_by_chance'] == pytest.approx(240 / rest_rows)
-    assert pooled['false_time_percent'] == pytest.approx(100.0 * b.on_rest_rows / rest_rows)
-    # The paper counts each row without slip, also those just after a slip.
-    on_rows = a.on_rows + b.on_rows
-    assert pooled['false_positive_percent'] == pytest.approx(100.0 * on_rows / 3200)
-    assert on_rows > b.on_rest_rows

@@ -45,29 +45,6 @@ def test_any_cut_of_the_rows_gives_the_same_intervals(pieces, first_row):
     assert edges == sorted(set(edges))
 
 
-# Matching.
-
-
-def match(slips, rises, early, tail):
-    """Match in a recording at 100 Hz that was settled long before its row 0."""
-    config = EvaluationConfig(early_s=early / 100.0, tail_s=tail / 100.0, off_before_s=0.0)
-    return ScoredRows(slips, [RowInterval(-99, 999)], 0, config, 100.0).match(rises)
-
-
-@pytest.mark.parametrize(
-    ('rises', 'alarm_of', 'slip_of'),
-    [
-        ([110, 111], [0, None], [0, 0]),  # chatter is no second detection
-        ([94, 95, 149, 150], [1, 2], [None, 0, 1, None]),  # early and tail
-        ([125, 126], [0, 1], [0, 1]),  # between both: the first that has no alarm
-        ([99, 124, 126], [0, 2], [0, 0, 1]),
-    ],
-)
-def test_matches_by_hand(rises, alarm_of, slip_of):
-    slips = [RowInterval(100, 120), RowInterval(130, 140)]
-    assert match(slips, rises, 5, 10) == (alarm_of, slip_of)
-
-
 # What is scored.
 
 

@@ -83,14 +83,6 @@ def test_the_recording_is_the_trial_with_its_labels(finished):
     assert str(finished[0] / 'trial.mcap') in finished[1]
 
 
-def test_a_recording_that_is_there_already_is_not_overwritten(tmp_path):
-    path = tmp_path / 'a.npz'
-    path.write_text('precious')
-    _, told = run('--out', tmp_path, '--record', path, code=1)
-    assert told == f'slip_demo: {path}: already exists, allowed: a new path\n'
-    assert path.read_text() == 'precious'
-
-
 FILE = ROOT / 'config' / 'slip_detector.yaml'
 
 

@@ -133,17 +133,3 @@ def test_a_looped_recording_goes_on_and_its_stamps_with_it(bench, tmp_path):
 def test_a_driver_that_cannot_keep_its_pace_says_how_late_it_is(bench, scene):
     played = Played(bench, {'scene': scene, 'loop': 'true', 'rate': 1000.0}, 500)
     bench.wait_for(lambda: 'ms late: the pace cannot be kept' in played.process.log(), 'the log')
-
-
-@pytest.mark.parametrize(
-    ('parameters', 'words'),
-    [
-        ({'source': 'recording'}, ['recording', "''", 'a path']),
-        ({'source': 'recording', 'recording': __file__}, [__file__, '.npz, .csv']),
-        ({'source': 'scene', 'scene': 'moon'}, ["'moon'", 'plate_400um']),
-        ({}, ['parameter source is not given', 'recording, serial or udp']),
-        ({'rate': 0.0}, ['rate', '0', '0.001 to 1000']),
-    ],
-)
-def test_a_wrong_parameter_or_file_stops_the_start_with_one_line(bench, parameters, words):
-    bench.check_refused('slip_driver', parameters, words)

@@ -28,7 +28,6 @@ from slip_detector.recordings.labels import (
     find_labels,
     moving_at,
     snapped,
-    states_at,
 )
 from slip_detector.recordings.writing import BagWriter
 
@@ -150,21 +149,6 @@ def test_a_dot_in_the_name_of_a_folder_is_no_ending(tmp_path):
         (tmp_path / f'{name}.labels.yaml').write_text('slip_s: []')
         assert find_labels('', tmp_path / name) == tmp_path / f'{name}.labels.yaml'
         assert find_labels(str(tmp_path), tmp_path / name) == tmp_path / f'{name}.labels.yaml'
-
-
-@given(st.lists(st.booleans(), max_size=8), st.data())
-def test_a_state_holds_until_the_next(states, data):
-    steps = data.draw(st.lists(st.integers(1, 5), min_size=len(states), max_size=len(states)))
-    changes = np.cumsum(np.array(steps, dtype=np.int64))
-    at = np.arange(-1, int(changes[-1]) + 3 if len(states) else 3)
-    wanted = [
-        bool(
-            [state for when, state in zip(changes, states, strict=True) if when <= t][-1:]
-            == [True]
-        )
-        for t in at
-    ]
-    np.testing.assert_array_equal(states_at(changes, np.array(states, bool), at), wanted)
 
 
 @given(st.lists(st.sampled_from([0.0, 1.0]), min_size=1, max_size=25))

@@ -14,7 +14,6 @@
 
 """Live sources at a real pseudo terminal and at a real socket."""
 
-import socket
 import time
 
 import numpy as np
@@ -184,14 +183,3 @@ def test_a_port_in_use_is_named(heard):
 def test_a_line_that_cannot_be_listened_on_is_an_error_that_says_why(parameters, message):
     with pytest.raises(ValueError, match=message):
         open_source(DriverConfig(**{'source': 'udp', **parameters})).start()
-
-
-@pytest.mark.skipif(not socket.has_ipv6, reason='no IPv6')
-def test_addresses_of_version_6_serve_as_well():
-    udp = {'udp_port': free_udp_port(), 'udp_bind_address': '::1', 'udp_senders': ('0:0::1',)}
-    source = open_source(DriverConfig(source='udp', channels=4, **udp))
-    source.start()
-    with socket.socket(socket.AF_INET6, socket.SOCK_DGRAM) as sender:
-        sender.sendto(PACKETS[0], ('::1', udp['udp_port']))
-        np.testing.assert_array_equal(source.read(1).volts, SCALE_V * INTEGERS[:1])
-    source.close()

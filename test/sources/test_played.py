@@ -81,6 +81,8 @@ def test_an_object_is_held_with_the_force_that_was_set():
     ('parameters', 'message'),
     [
         ({'source': 'recording'}, "parameter recording is '', allowed: a path, as source is"),
+        ({'source': 'recording', 'recording': __file__}, 'is .py, allowed: .npz, .csv'),
+        ({'source': 'scene', 'scene': 'moon'}, "'moon'.* plate_400um"),
         ({'source': 'scene', 'wait_for_grip': True}, 'allowed with wait_for_grip: a scene'),
         ({}, 'parameter source is not given, allowed: scene'),
     ],
