@@ -206,7 +206,7 @@ def accuracy_and_kind(document: dict[str, Any], where: str = '') -> tuple[float,
     """
     accuracy, kind = document.pop(ACCURACY, 0.0), document.pop(KIND, '')
     accuracy_s = math.nan
-    with contextlib.suppress(TypeError, ValueError):
+    with contextlib.suppress(TypeError, ValueError, ArithmeticError):
         accuracy_s = float(accuracy)
     if not 0.0 <= accuracy_s <= MOST_S:
         refuse(f'{where}{ACCURACY} is {shown(accuracy)}', f'0 to {MOST_S:g} s')

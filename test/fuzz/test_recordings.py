@@ -87,6 +87,8 @@ def corpus(found):
     yield METADATA, b'[' * 200_000
     yield METADATA, b'- ' * 200_000
     yield METADATA, b'a: &a [*a]'
+    for about in (b'1', b'[1]', b'{custom_data: [1]}', b'{custom_data: {kind: [1]}}'):
+        yield METADATA, b'rosbag2_bagfile_information: ' + about
     yield '.csv', b'time_s,a,b\n0,1,2\n1e999999999999999999,1,2\n'
     yield '.csv', b'"time_s\r",a\n0,1\n1,1\n'
     yield '.csv', b'time_s,' + b','.join(b'c%d' % k for k in range(100_000)) + b'\n'

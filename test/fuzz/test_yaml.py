@@ -42,6 +42,7 @@ CORPUS = [
     '/**/slip_detector: {ros__parameters: {groups: [1], groups.new: [1]}}',
     'slip_driver: {source: serial}',
     'slip_s: [[1, 0]]',
+    f'slip_s: []\naccuracy_s: {10**400}',
     '!!python/object/apply:os.system [true]',
     '? [a]\n: 1',
     '',
@@ -69,5 +70,5 @@ def test_any_text_of_a_file_is_read_or_refused_in_one_line_that_names_the_file(t
             raise refused[0]
 
     texts = [path.read_text(encoding='utf-8') for path in FILES]
-    texts += ['slip_s: [[1.0, 2.5], [3.0, 4.0]]\n', 'slip: [1, 2]\n']
+    texts += ['slip_s: [[1.0, 2.5], [3.0, 4.0]]\naccuracy_s: 0.35\n', 'kind: press\n']
     fuzz(mutated_text(texts, PIECES), check, corpus=CORPUS, few=20, refusal='some.yaml')

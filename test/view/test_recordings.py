@@ -57,10 +57,13 @@ def test_a_recording_that_is_broken_or_has_no_slip_is_listed_with_why_and_not_tu
     written(recorded.folder, 'slip_1', slips=1)
     (recorded.folder / 'slip_1' / 'slip_1.mcap').write_bytes(b'no bag')
     written(recorded.folder, 'slip_2')
+    written(recorded.folder, 'slip_3', slips=1)
+    (recorded.folder / 'slip_3.labels.yaml').write_text('slip_s: [[0.5, 9.0]]')
     written(recorded.folder, 'rest_1')
     asyncio.run(recorded.refresh())
     notes = {name: one.note for name, one in recorded.recordings.items()}
     assert 'slip_1' in notes.pop('slip_1')
+    assert 'outside' in notes.pop('slip_3')
     assert notes == {'rest_1': '', 'slip_2': NO_SLIP}
     assert recorded.divided() == ({'rest': ['rest_1'], 'slip': [], 'taps': [], 'press': []}, [])
 
