@@ -29,7 +29,7 @@ from slip_detector.compiled import COMPILED
 from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.evaluation import EvaluationConfig, TuneConfig
-from slip_detector.recordings.labels import certain_at
+from slip_detector.recordings.labels import label_at
 from slip_detector.tuning.problem import COMPARED, Problem, judge, worse_than
 from slip_detector.tuning.sweep import thresholds, vote_statistics
 from slip_detector.tuning.tracks import track_of
@@ -275,8 +275,7 @@ def test_with_trade_one_figure_may_get_worse():
 def test_a_chain_that_remembers_for_longer_costs_more_where_labels_hide_it():
     rows = track(1).samples
     edges_ns = rows.stamps_ns[np.flatnonzero(np.diff(rows.truth)) + 1]
-    certain = certain_at(rows.stamps_ns, edges_ns, 0.2)
-    by_hand = rows._replace(accuracy_s=0.2, certain=certain)
+    by_hand = rows._replace(accuracy_s=0.2, **label_at(rows.stamps_ns, edges_ns, 0.2))
     objective = Problem([track_of('a', [by_hand], RATE_HZ)])
     short, long = (
         objective.as_it_is(dataclasses.replace(QUICK, decision_window_s=window_s))
