@@ -27,6 +27,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from slip_detector.chain.samples import Samples
+from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.matching import OnIntervals
 from slip_detector.evaluation.replay import Replay
@@ -161,12 +162,10 @@ class RecordedFolder:
         ValueError
             When no recording has this name, it cannot be read or is of other channels.
         """
-        recording = open_recording(self.path_of(name))
-        rate_hz, channels = recording.sample_rate_hz, config.channels
+        rows, rate_hz, _ = RecordingLoader(config).open(self.path_of(name), require_truth=False)
+        channels = config.channels
         overview = Overview(str(name), config, (), TRACE_BINS * channels / MOST_CELLS, rate_hz)
-        outcome = overview.replay(
-            Replay(config), recording.pieces(config.sample_rate_hz, config.max_gap_s)
-        )
+        outcome = overview.replay(Replay(config), rows)
         figures = figures_of_merit([outcome])
         return {
             'duration_s': overview.rows / rate_hz,

@@ -367,5 +367,7 @@ def test_the_ends_of_a_label_are_seen_beside_the_decision_snapped_and_saved(tmp_
         assert 'there is no recording' in (await ask('snap', recording='..'))['refusal']
         assert (await ask('label', slip_s=[]))['refusal'] == ''
         assert not taught.listed()['slip_1']['usable']
+        taught.detectors.fingers[FINGER].config = DetectorConfig(channels=8)
+        assert 'slip_1: has 16 channels, allowed: 8' in (await ask('trace'))['refusal']
 
     asyncio.run(asked())
