@@ -33,6 +33,9 @@ from numpy.typing import ArrayLike
 from slip_detector.chain.samples import Floats
 from slip_detector.recordings.labels import KINDS
 
+#: Time of some rest, number of alarms in it, and how much of it the global decision is ON.
+Rest = tuple[float, int, float]
+
 #: Least ``sooner_than_chance`` with which the median latency of all slips is defined.
 HALF = 0.5
 
@@ -135,9 +138,7 @@ def slip_figures(
     latencies_ms: Sequence[float] | Floats,
     leads_s: Sequence[float] | Floats,
     windows_s: Sequence[float] | Floats,
-    false_alarms: int,
-    rest_s: float,
-    on_rest_s: float,
+    rests: Mapping[str, Rest],
 ) -> dict[str, float | None]:
     """Return the figures of slips and rest; None where one is not defined.
 
@@ -147,10 +148,9 @@ def slip_figures(
         Latency of each scored slip; NaN for a missed one.
     leads_s, windows_s : array_like, shape (slips,)
         The lead and the window of each slip; see the module's docstring.
-    false_alarms
-        Number of alarms in the rest.
-    rest_s, on_rest_s
-        Time of the rest, and how much of it the global decision is ON.
+    rests
+        All rest, by '', and that of the recordings of each kind in which nothing slides, by one of
+        :data:`.labels.KINDS`; what is not there was not recorded.
 
     Returns
     -------
@@ -160,18 +160,28 @@ def slip_figures(
         the share of the rest that is ON, and ``false_time_s_per_hour``, the same in another unit;
         ``latency_median_ms``, ``latency_p90_ms`` and ``latency_worst_ms`` of the slips found,
         defined where ``sooner_than_chance`` is above 0; ``latency_median_all_ms``, of all slips
-        with missed ones as the latest, defined where ``sooner_than_chance`` is at least 0.5.
+        with missed ones as the latest, defined where ``sooner_than_chance`` is at least 0.5; and
+        ``<kind>_on_percent`` and ``<kind>_alarms_per_minute`` for each kind.
 
     Examples
     --------
-    >>> figures = slip_figures([40.0, np.nan], [0.0] * 2, [1.0] * 2, 6, rest_s=60.0, on_rest_s=0.3)
+    >>> rests = {'': (60.0, 6, 0.3), 'press': (30.0, 2, 0.3)}
+    >>> figures = slip_figures([40.0, np.nan], [0.0] * 2, [1.0] * 2, rests)
     >>> figures['recall'], figures['recall_by_chance'], round(figures['sooner_than_chance'], 3)
     (0.5, 0.1, 0.446)
     >>> figures['false_time_percent'], figures['latency_median_ms']
     (0.5, 40.0)
+    >>> figures['press_on_percent'], figures['press_alarms_per_minute'], figures['rest_on_percent']
+    (1.0, 4.0, None)
     """
     latencies = np.asarray(latencies_ms, np.float64)
     found = latencies[~np.isnan(latencies)]
+    rest_s, false_alarms, on_rest_s = rests['']
+    of_kinds: dict[str, float | None] = {}
+    for kind in KINDS:
+        its_s, alarms, on_s = rests.get(kind, (0.0, 0, 0.0))
+        of_kinds[f'{kind}_on_percent'] = 100.0 * (on_s / its_s) if its_s else None
+        of_kinds[f'{kind}_alarms_per_minute'] = 60.0 * alarms / its_s if its_s else None
     by_chance = sooner = None
     if latencies.size and rest_s:
         rate_hz = false_alarms / rest_s
@@ -192,33 +202,5 @@ def slip_figures(
         'latency_median_ms': float(np.median(reported)) if reported.size else None,
         'latency_p90_ms': float(np.percentile(reported, 90)) if reported.size else None,
         'latency_worst_ms': float(reported.max()) if reported.size else None,
+        **of_kinds,
     }
-
-
-def kind_figures(of_kinds: Mapping[str, tuple[float, float, float]]) -> dict[str, float | None]:
-    """Return the figures of each kind of recordings in which nothing slides.
-
-    Parameters
-    ----------
-    of_kinds
-        By the kind: time of its rest, number of alarms in it, and how much of it the global
-        decision is ON.
-
-    Returns
-    -------
-    dict
-        ``<kind>_on_percent`` and ``<kind>_alarms_per_minute`` for each of :data:`.labels.KINDS`;
-        None where nothing of the kind was recorded.
-
-    Examples
-    --------
-    >>> figures = kind_figures({'press': (30.0, 2, 0.3)})
-    >>> figures['press_on_percent'], figures['press_alarms_per_minute'], figures['rest_on_percent']
-    (1.0, 4.0, None)
-    """
-    found: dict[str, float | None] = {}
-    for kind in KINDS:
-        rest_s, alarms, on_s = of_kinds.get(kind, (0.0, 0, 0.0))
-        found[f'{kind}_on_percent'] = 100.0 * (on_s / rest_s) if rest_s else None
-        found[f'{kind}_alarms_per_minute'] = 60.0 * alarms / rest_s if rest_s else None
-    return found

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from slip_detector.evaluation.chance import kind_figures, slip_figures
+from slip_detector.evaluation.chance import Rest, slip_figures
 from slip_detector.evaluation.matching import beyond_accuracy
 from slip_detector.evaluation.scores import MOTION, ScoreCounts
 from slip_detector.recordings.labels import KINDS
@@ -198,18 +198,17 @@ def event_figures(outcomes: Sequence['ReplayOutcome']) -> dict[str, Any]:
         latencies are what is certain of them, 0 within this accuracy; ``<stage>_ms``: mean time
         that the latency of the matched slips spends in the stage; ``late_<stage>_ms``: the same
         for the late slips;
-        ``missed_at_<stage>`` and ``missed_already_on``: how many slips were lost there; and, in
-        recordings of each kind, the figures of :func:`.kind_figures`.
+        ``missed_at_<stage>`` and ``missed_already_on``: how many slips were lost there.
     """
     slips = [slip for one in outcomes for slip in one.slips]
     kinds = [alarm.kind for one in outcomes for alarm in one.alarms]
-    rest_s, _, on_rest_s = _rest(outcomes)
+    rests = {kind: _rest(o for o in outcomes if kind in ('', o.kind)) for kind in ('', *KINDS)}
     scored = [slip for slip in slips if not slip.settling]
     late = [slip for slip in scored if slip.late]
     lost = [slip.lost_at for slip in scored if slip.latency_s is None]
     matched, false_alarms = len(scored) - len(lost), kinds.count(FALSE)
     leads_s, windows_s = [s.lead_s for s in scored], [s.window_s for s in scored]
-    scored_s = sum(windows_s) + rest_s
+    scored_s = sum(windows_s) + rests[''][0]
     latencies_ms = [np.nan if slip.latency_s is None else slip.latency_s * 1e3 for slip in scored]
     accuracy_ms = [slip.accuracy_s * 1e3 for slip in scored]
     certain_s = sum(one.certain_rows / one.sample_rate_hz for one in outcomes)
@@ -226,26 +225,18 @@ def event_figures(outcomes: Sequence['ReplayOutcome']) -> dict[str, Any]:
         'settling_alarms': kinds.count(SETTLING),
         'precision': matched / (matched + false_alarms) if matched + false_alarms else None,
         'precision_by_chance': sum(windows_s) / scored_s if scored_s else None,
-        'rest_s': rest_s,
+        'rest_s': rests[''][0],
         'coverage': on_certain_s / certain_s if certain_s else None,
         'latency_accuracy_ms': max(accuracy_ms, default=0.0),
-        **slip_figures(
-            beyond_accuracy(latencies_ms, accuracy_ms),
-            leads_s,
-            windows_s,
-            false_alarms,
-            rest_s,
-            on_rest_s,
-        ),
+        **slip_figures(beyond_accuracy(latencies_ms, accuracy_ms), leads_s, windows_s, rests),
         **_mean_stages(scored, ''),
         **_mean_stages(late, 'late_'),
         **{f'missed_at_{stage}': lost.count(stage) for stage in STAGES},
         f'missed_{ALREADY_ON}': lost.count(ALREADY_ON),
-        **kind_figures({kind: _rest(o for o in outcomes if o.kind == kind) for kind in KINDS}),
     }
 
 
-def _rest(outcomes: Iterable['ReplayOutcome']) -> tuple[float, float, float]:
+def _rest(outcomes: Iterable['ReplayOutcome']) -> Rest:
     """Return the time of the rest, the number of alarms in it and how much of it is ON."""
     several = list(outcomes)
     rest_s = sum(one.rest_rows / one.sample_rate_hz for one in several)

@@ -27,13 +27,7 @@ from std_msgs.msg import Bool, Header
 
 from slip_detector.chain.samples import Bools
 from slip_detector.chain.slip_chain import SlipResult
-from slip_detector.nodes.messages import (
-    event_qos,
-    heartbeat_qos,
-    sensor_qos,
-    state_qos,
-    time_message,
-)
+from slip_detector.nodes import messages
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.recordings.messages import JointStateWriter
 
@@ -107,14 +101,14 @@ class Outputs:
             self._publishers[key] = found
             return found
 
-        beat = heartbeat_qos(DEADLINE_BEATS / config.heartbeat_hz)
+        beat = messages.heartbeat_qos(DEADLINE_BEATS / config.heartbeat_hz)
         self._slip = publisher(Bool, 'slip', beat)
         self.slip_subscribers = self._slip.get_subscription_count
         self._slip_valid = publisher(Bool, 'slip_valid', beat)
         self._state = publisher(JointState, 'slip_state', beat)
-        self._onset = publisher(Header, 'slip_onset', event_qos())
+        self._onset = publisher(Header, 'slip_onset', messages.event_qos())
         self._writer: JointStateWriter | None = None
-        self._envelope = publisher(JointState, '~/envelope', sensor_qos())
+        self._envelope = publisher(JointState, '~/envelope', messages.sensor_qos())
         self.envelope_subscribers = self._envelope.get_subscription_count
         flags = dict(zip(self._columns, self._flags, strict=True))
         self._columns = columns_of(config)
@@ -122,7 +116,7 @@ class Outputs:
         disabled = {('channel', config.names[channel - 1]) for channel in config.disabled_channels}
         # By column, the publisher of its changes; without slip, column 0.
         self._listeners = {
-            column: publisher(Bool, f'slip/{kind}/{name}', state_qos())
+            column: publisher(Bool, f'slip/{kind}/{name}', messages.state_qos())
             for column, (kind, name, _) in enumerate(self._columns)
             if published.get(kind) and (kind, name) not in disabled
         }
@@ -200,14 +194,14 @@ class Outputs:
                 publisher.publish(self._messages[bool(flags[column])])
         if onset:
             self.onsets += 1
-            self._onset.publish(Header(stamp=time_message(at_ns), frame_id=frame_id))
+            self._onset.publish(Header(stamp=messages.time_message(at_ns), frame_id=frame_id))
         if valid > was_valid:
             self._slip_valid.publish(self._messages[valid])
 
     def _publish_state(self) -> None:
         """Publish slip and slip_valid as of the latest sample, and when the last onset was."""
         at_ns = self._at_ns or self._node.get_clock().now().nanoseconds
-        header = Header(stamp=time_message(at_ns), frame_id=self._frame_id)
+        header = Header(stamp=messages.time_message(at_ns), frame_id=self._frame_id)
         values = float(self.slip), float(self.valid), self._onset_ns * 1e-9
         self._state.publish(JointState(header=header, name=STATES, position=values))
 

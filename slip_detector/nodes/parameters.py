@@ -20,12 +20,7 @@ import time
 from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import Any
 
-from rcl_interfaces.msg import (
-    FloatingPointRange,
-    IntegerRange,
-    ParameterDescriptor,
-    SetParametersResult,
-)
+from rcl_interfaces import msg
 from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -38,8 +33,8 @@ from slip_detector.parameters.sets import ConfigType, ParameterSet
 
 #: The field of a descriptor for a range of numbers, and its type.
 RANGES: dict[type, tuple[str, Any]] = {
-    float: ('floating_point_range', FloatingPointRange),
-    int: ('integer_range', IntegerRange),
+    float: ('floating_point_range', msg.FloatingPointRange),
+    int: ('integer_range', msg.IntegerRange),
 }
 
 
@@ -128,7 +123,7 @@ def follow_changes(
     judge = Judge(check)
     fixed = {name for name in current().to_parameters() if node.describe_parameter(name).read_only}
 
-    def set_all(parameters: list[Parameter]) -> SetParametersResult:
+    def set_all(parameters: list[Parameter]) -> msg.SetParametersResult:
         """Set all of them or none; numbers get the types of their parameters, as 1 becomes 1.0.
 
         rclpy checks only afterwards: its messages on types and ranges do not tell what is allowed.
@@ -137,7 +132,7 @@ def follow_changes(
             config = changed(current(), {each.name: each.value for each in _ours(parameters)})
             check(config)
         except ValueError as error:
-            return SetParametersResult(successful=False, reason=str(error))
+            return msg.SetParametersResult(successful=False, reason=str(error))
         values = config.to_parameters()
         result = node.set_parameters_atomically(
             [
@@ -164,7 +159,7 @@ def follow_changes(
             set_all([Parameter(name, value=value) for name, value in taken.items()])
         else:  # What waits for others belongs to the changes that are being gathered.
             apply(current())
-        answers = (SetParametersResult(successful=not text, reason=text) for text in refusals)
+        answers = (msg.SetParametersResult(successful=not text, reason=text) for text in refusals)
         for each in parameters:
             answer = next(answers) if each in its else node.set_parameters_atomically([each])
             response.results.append(answer)
@@ -180,10 +175,10 @@ def _ours(parameters: Iterable[Parameter]) -> list[Parameter]:
 
 def _descriptor(
     config_class: type[ParameterSet], name: str, value: Any, read_only: bool
-) -> ParameterDescriptor:
+) -> msg.ParameterDescriptor:
     field = config_class.__dataclass_fields__[name.partition('.')[0]]
     unit = f' [{field.metadata["unit"]}]' if field.metadata['unit'] else ''
-    descriptor = ParameterDescriptor(
+    descriptor = msg.ParameterDescriptor(
         name=name,
         description=f'{field.metadata["meaning"]}{unit}',
         additional_constraints=allowed(field),

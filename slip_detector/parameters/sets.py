@@ -27,13 +27,8 @@ from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
+from slip_detector.parameters import sections
 from slip_detector.parameters.fields import Field, converted, refuse, shown, shown_name
-from slip_detector.parameters.sections import (
-    SECTIONS,
-    flattened,
-    nodes_that_know,
-    parameters_for,
-)
 
 LOG = logging.getLogger(__name__)
 
@@ -77,7 +72,7 @@ class ParameterSet:
         """Make this class a dataclass, and the set of its node's section if it has ``NODE``."""
         dataclasses.dataclass(frozen=True)(cls)
         if cls.NODE:
-            SECTIONS[cls.NODE] = cls
+            sections.SECTIONS[cls.NODE] = cls
 
     def __post_init__(self) -> None:
         """Convert and check every field on its own."""
@@ -160,14 +155,17 @@ class ParameterSet:
         """Return whether a name may be meant for this set: it has most letters, or all but one."""
         share = min(0.8, 1.0 - 1.0 / max(len(name), 1))
         near = difflib.get_close_matches(name, cls.__dataclass_fields__, cutoff=share)
-        return bool(near) and not nodes_that_know(name)
+        return bool(near) and not sections.nodes_that_know(name)
 
     @classmethod
     def _hint(cls, name: str) -> str:
         """Return a hint at what the user may have meant by an unknown name."""
         if name.startswith(OF_QOS):
             return 'the quality of service of the topics cannot be changed'
-        owners, known = nodes_that_know(name) if cls.NODE else [], sorted(cls.__dataclass_fields__)
+        owners, known = (
+            sections.nodes_that_know(name) if cls.NODE else [],
+            sorted(cls.__dataclass_fields__),
+        )
         if owners and cls.NODE not in owners:
             return f'it is a parameter of {", ".join(owners)}'
         near = difflib.get_close_matches(name, known, 1)
@@ -194,13 +192,13 @@ class ParameterSet:
             When the file cannot be read, has sections for the node in several namespaces, or holds
             a value that is not allowed; names the file.
         """
-        values, own = parameters_for(path, node or cls.NODE)
-        whole = SECTIONS[cls.NODE].from_parameters(values, str(path), own)
+        values, own = sections.parameters_for(path, node or cls.NODE)
+        whole = sections.SECTIONS[cls.NODE].from_parameters(values, str(path), own)
         return cls(**{field.name: getattr(whole, field.name) for field in dataclasses.fields(cls)})
 
     def to_parameters(self) -> dict[str, Any]:
         """Return names and values in the form that ROS uses: flat lists, ``groups.TP``."""
-        return flattened(self._as_in_yaml())
+        return sections.flattened(self._as_in_yaml())
 
     def to_document(self) -> dict[str, Any]:
         """Return the content of a ROS parameter file that :meth:`from_yaml` and the node read."""

@@ -29,7 +29,7 @@ import numpy as np
 from slip_detector.chain.samples import Bools, Floats, Ints
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.compiled import compiled
-from slip_detector.evaluation.chance import kind_figures, slip_figures
+from slip_detector.evaluation.chance import slip_figures
 from slip_detector.evaluation.matching import (
     NONE,
     ScoredRows,
@@ -268,23 +268,16 @@ class ThresholdSweep(NamedTuple):
     of_kinds: dict[str, tuple[float, Ints, Floats]]
 
     def figures(self, at: int) -> dict[str, float | None]:
-        """Return coverage and those of :func:`.slip_figures` and :func:`.kind_figures`."""
+        """Return coverage and those of :func:`.slip_figures`."""
         coverage = float(self.coverage[at])
+        every = {'': (self.rest_s, self.false_alarms, self.on_rest_s), **self.of_kinds}
         return {
             'coverage': None if math.isnan(coverage) else coverage,
             **slip_figures(
                 self.latencies_ms[self.scored, at],
                 self.leads_s[self.scored],
                 self.windows_s[self.scored],
-                int(self.false_alarms[at]),
-                self.rest_s,
-                float(self.on_rest_s[at]),
-            ),
-            **kind_figures(
-                {
-                    kind: (rest_s, int(alarms[at]), float(on_s[at]))
-                    for kind, (rest_s, alarms, on_s) in self.of_kinds.items()
-                }
+                {kind: (s, int(n[at]), float(on_s[at])) for kind, (s, n, on_s) in every.items()},
             ),
         }
 

@@ -89,9 +89,9 @@ def test_always_on_and_never_on_are_exactly_as_good_as_chance(always):
     rises = [alarm.start for alarm in rows.alarms(on)]
     assert rows.match(rises) == ([None] * 4, [None] * len(rises))
     on_rows = rows_on(on, rows.rest_starts, rows.rest_ends).sum()
-    seconds = rows.rest_rows / RATE_HZ, on_rows / RATE_HZ
+    rests = {'': (rows.rest_rows / RATE_HZ, 0, on_rows / RATE_HZ)}
     # The one alarm rises while the chain settles.
-    figures = slip_figures([np.nan] * 4, rows.leads_s, rows.windows_s, 0, *seconds)
+    figures = slip_figures([np.nan] * 4, rows.leads_s, rows.windows_s, rests)
     assert figures['sooner_than_chance'] == 0.0
     assert figures['false_time_percent'] == (100.0 if always else 0.0)
     assert {figures[name] for name in figures if name.startswith('latency')} == {None}

@@ -14,7 +14,7 @@
 
 """Tables of text, and the texts of figures."""
 
-from slip_detector.evaluation.chance import kind_figures
+from slip_detector.evaluation.chance import slip_figures
 from slip_detector.grasp.comparison import (
     CONTROLLER,
     HARDER,
@@ -62,7 +62,8 @@ def test_tables_of_missed_slips_and_faults_are_left_out_where_there_are_none():
 
 
 def test_kinds_are_shown_where_they_were_recorded():
-    one = {**evaluated(0), **kind_figures({'press': (30.0, 0, 0.0)})}
+    rests = {'': (30.0, 0, 0.0), 'press': (30.0, 0, 0.0)}
+    one = {**evaluated(0), **slip_figures([], [], [], rests)}
     report = {'sets': {'x': {**one, 'recordings': {'a': {**one, 'lost': '', 'doubts': ''}}}}}
     lines = evaluation_tables({**report, 'all': one}).splitlines()
     at = next(k for k, line in enumerate(lines) if line.startswith('kinds'))
