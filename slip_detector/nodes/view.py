@@ -53,7 +53,7 @@ def main() -> None:
         # The server uses the middleware until its pages are closed, also after a signal.
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         asyncio.run(_serve(arguments, takedowns))
-    except (ValueError, OSError) as error:
+    except (ValueError, RuntimeError, OSError) as error:
         print(f'slip_view: {one_line(error)}', file=sys.stderr)
         leave(takedowns, 1)
     leave(takedowns, 0)
