@@ -121,7 +121,7 @@ def run_demonstration(
     parser: argparse.ArgumentParser,
     demonstrate: Callable[[argparse.Namespace, Path], tuple[dict[str, Any], str]],
 ) -> None:
-    """Run the demonstration of a command, and end the process.
+    """Run the demonstration of a command, and end the process if it fails.
 
     It gets the arguments and the path of its picture, and returns its figures, which are written,
     and their table, which is printed. A ValueError or OSError is printed as one line
@@ -144,11 +144,13 @@ def run_demonstration(
         return f'{table}\nWritten: {file}, {picture}'
 
     try:
-        sys.exit(run(parser.prog, work))
+        code = run(parser.prog, work)
     except KeyboardInterrupt:
-        sys.exit(INTERRUPTED)
+        code = INTERRUPTED
     finally:
         rclpy.try_shutdown()
+    if code:
+        sys.exit(code)
 
 
 class Recorder(PolledTopics):

@@ -270,7 +270,8 @@ class ThresholdSweep(NamedTuple):
     def figures(self, at: int) -> dict[str, float | None]:
         """Return coverage and those of :func:`.slip_figures`."""
         coverage = float(self.coverage[at])
-        every = {'': (self.rest_s, self.false_alarms, self.on_rest_s), **self.of_kinds}
+        # The recordings of no kind are among those of all kinds.
+        every = {**self.of_kinds, '': (self.rest_s, self.false_alarms, self.on_rest_s)}
         return {
             'coverage': None if math.isnan(coverage) else coverage,
             **slip_figures(
