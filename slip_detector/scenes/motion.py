@@ -187,32 +187,24 @@ def plate_pieces(motion: Motion, steps: Sequence[Step]) -> Floats:
     The rows: when each begins, and acceleration, velocity and position there. An error names the
     step that is too short for its velocity.
     """
-    time_s, corners = 0.0, [(0.0, 0.0)]  # times, and velocities there
+    plate, time_s, last_m_s = np.zeros((4, 1)), 0.0, 0.0
     for number, step in enumerate(steps, start=1):
-        last_s, last_m_s = corners[-1]
         if step.velocity_m_s != last_m_s:
-            change = abs(step.velocity_m_s - last_m_s) / motion.acceleration_m_s2
-            if change > step.duration_s:
+            change_s = abs(step.velocity_m_s - last_m_s) / motion.acceleration_m_s2
+            if change_s > step.duration_s:
                 too_short = f'duration_s {step.duration_s:g} s is too short to reach the velocity'
-                refuse(f'steps: step {number}: {too_short}', f'at least {change:g} s')
-            if time_s > last_s:
-                corners.append((time_s, last_m_s))
-            # Even an instantaneous change takes the resolution of the time: corners must differ.
-            reached_s = max(time_s + change, np.nextafter(time_s, np.inf))
-            corners.append((reached_s, step.velocity_m_s))
+                refuse(f'steps: step {number}: {too_short}', f'at least {change_s:g} s')
+            plate = with_velocity(plate, time_s, step.velocity_m_s, motion)
+            last_m_s = step.velocity_m_s
         time_s += step.duration_s
-    corner_times, velocities = np.array(corners).T
-    lasts_s = np.diff(corner_times)
-    positions_m = np.append(0.0, np.cumsum(lasts_s * (velocities[:-1] + velocities[1:]) / 2))
-    # After the last step the plate keeps its velocity.
-    accelerations = np.append(np.diff(velocities) / lasts_s, 0.0)
-    return np.array([corner_times, accelerations, velocities, positions_m])
+    return plate
 
 
 def with_velocity(plate: Floats, time_s: float, velocity_m_s: float, motion: Motion) -> Floats:
     """Return the motion of the plate with another velocity, from a time on, for ever."""
     before_m_s, position_m = plate_at(time_s, plate)
     change_s = abs(velocity_m_s - before_m_s) / motion.acceleration_m_s2
+    # Even an instantaneous change takes the resolution of the time: corners must differ.
     reached_s = max(time_s + change_s, np.nextafter(time_s, np.inf))
     way_m = (reached_s - time_s) * (before_m_s + velocity_m_s) / 2
     acceleration = (velocity_m_s - before_m_s) / (reached_s - time_s)
