@@ -22,7 +22,6 @@ values for the noise floors, a point has the way in which they are learnt from t
 import dataclasses
 import functools
 import math
-import operator
 from collections.abc import Sequence
 from typing import Any
 
@@ -68,9 +67,12 @@ OF_DECISIONS = {
 #: With so many slips, an impact is twice as large a step as with many.
 FEW_SLIPS = 2
 
-#: Times over which a step may be an impact, and that and the cap of activity to begin with.
+#: Times over which a step may be an impact, and the cap of activity to begin with.
 IMPACTS_S = (0.0, 0.005, 0.01, 0.02, 0.05)
-IMPACT_S, ACTIVITY_CAP_DB = 0.01, 8.7
+ACTIVITY_CAP_DB = 8.7
+
+#: What recordings of kinds teach, to begin with.
+TAUGHT = {'contact': 'learnt', 'activity': 'learnt', 'impact_s': 0.01}
 
 
 @functools.cache
@@ -124,8 +126,6 @@ class SearchSpace:
         enabled = given.channels - len(given.disabled_channels)
         windows_s = Between(self._least_window_s, 0.3, log=True)
         notches_hz = [f for f in MAINS_HZ if f + NOTCH_HALF_WIDTH_HZ < self._highest_hz]
-        given_floors = ('given',) if given.decision == 'evidence' else ()
-        given_impact = ('given',) if given.impact_v else ()
         mains_hz = {0.0, given.mains_hz, *filter(self._has_whole_periods, MAINS_HZ)}
         of_kinds: dict[str, Any] = {}
         kinds = {track.kind for track in self._tracks}
@@ -133,11 +133,9 @@ class SearchSpace:
         if kinds & {'taps', 'press', 'roll'}:
             of_kinds['impact_s'] = OneOf(sorted({given.impact_s, *IMPACTS_S}))
         if self._contact_is_learnt:
-            given_contact = ('given',) if given.contact_level_v else ()
-            of_kinds['contact'] = OneOf((*given_contact, 'none', 'learnt'))
+            of_kinds['contact'] = OneOf(_ways(given.contact_level_v, 'none', 'learnt'))
         if kinds & {'press', 'roll'}:
-            given_activity = ('given',) if given.activity_cap_db else ()
-            of_kinds['activity'] = OneOf((*given_activity, 'none', 'learnt'))
+            of_kinds['activity'] = OneOf(_ways(given.activity_cap_db, 'none', 'learnt'))
             of_kinds['activity_cap_db'] = Between(2.0, 20.0)
         return of_kinds | {
             'decision': OneOf(('mean', 'evidence')),
@@ -153,7 +151,7 @@ class SearchSpace:
             'decision_window_s': windows_s,
             # The given floors; ones that begin at the level learnt at rest; or ones that follow
             # the envelope, but not below the level learnt at rest.
-            'floors': OneOf((*given_floors, 'learnt', 'followed')),
+            'floors': OneOf(_ways(given.decision == 'evidence', 'learnt', 'followed')),
             'floor_scale': Between(0.1, 10.0, log=True),  # of the amplitude
             'floor_range_db': Between(0.0, 60.0),
             'floor_rate_db_s': Between(0.02, 5.0, log=True),
@@ -161,7 +159,7 @@ class SearchSpace:
             'cap_above_db': Between(1.0, 30.0),
             'evidence_limit_db_s': Between(0.02, 5.0, log=True),
             # The given step that is an impact, none, or one larger than any step of a slip.
-            'impact': OneOf((*given_impact, 'none', 'above slips')),
+            'impact': OneOf(_ways(given.impact_v, 'none', 'above slips')),
             'impact_channels': Whole(1, enabled, log=True),
             'impact_hold_s': Between(max(0.05, 1.0 / rate), 1.0, log=True),
             'common_mode': OneOf(COMMON_MODES if enabled >= LEAST_SHARING else ('none',)),
@@ -316,9 +314,10 @@ class SearchSpace:
         floors = 'followed' if by_evidence and not chain.noise_floor_learnt else 'learnt'
         if given.decision == 'evidence' and chain.noise_floor == given.noise_floor:
             floors = 'given'
-        impact = 'above slips' if chain.impact_v else 'none'
-        contact = ('none', 'learnt')[chain.contact_level_v > 0.0]
-        activity = ('none', 'learnt')[chain.activity_cap_db > 0.0]
+
+        def way(value: float, is_given: bool, other: str = 'learnt') -> str:
+            return 'none' if not value else 'given' if is_given else other
+
         values: dict[str, Any] = {
             'passband_low_hz': low_hz,
             'passband_octaves': math.log2(high_hz / low_hz) if high_hz else WIDEST,
@@ -329,9 +328,9 @@ class SearchSpace:
             'floor_range_db': chain.noise_floor_range_db,
             'floor_rate_db_s': chain.noise_floor_rate_db_s,
             'cap_above_db': chain.evidence_cap_db - chain.evidence_offset_db,
-            'impact': 'given' if impact != 'none' and chain.impact_v == given.impact_v else impact,
-            'contact': 'given' if contact != 'none' and chain == given else contact,
-            'activity': 'given' if activity != 'none' and chain == given else activity,
+            'impact': way(chain.impact_v, chain.impact_v == given.impact_v, 'above slips'),
+            'contact': way(chain.contact_level_v, chain == given),
+            'activity': way(chain.activity_cap_db, chain == given),
             'activity_cap_db': chain.activity_cap_db or ACTIVITY_CAP_DB,
         }
         # All others have the names of the chain's parameters.
@@ -376,21 +375,18 @@ class SearchSpace:
         combs = [{**given, 'mains_hz': hz} for hz in self.distributions['mains_hz'].choices]
         every = [given, *combs, *map(self.point, presets())]
         evidence = next(point for point in every if point['decision'] == 'evidence')
-        more = [
-            {name: value}
-            for name, value in (
-                ('contact', 'learnt'),
-                ('activity', 'learnt'),
-                ('impact_s', IMPACT_S),
-            )
-            if name in self.distributions
-        ]
-        for change in (*more, *([functools.reduce(operator.or_, more)] if len(more) > 1 else ())):
+        taught = {name: of for name, of in TAUGHT.items() if name in self.distributions}
+        for change in (*({name: of} for name, of in taught.items()), taught):
             impact = {'impact': 'above slips'} if 'impact_s' in change else {}
             every.append({**evidence, **change, **impact})
         for point in every:
             points += [] if point in points else [point]
         return points
+
+
+def _ways(is_given: object, *others: str) -> tuple[str, ...]:
+    """Return the choices of what may be as it is given, if it is given."""
+    return ('given', *others) if is_given else others
 
 
 def _nearest(allowed: Any, value: Any) -> Any:
