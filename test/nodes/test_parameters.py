@@ -128,4 +128,6 @@ def test_what_all_nodes_are_given_ends_none_and_what_may_be_meant_for_one_is_tol
         given = {'source': 'scene'} if node == 'slip_driver' else {}
         process = bench.start(node, *words, parameters=given)
         assert values_of(bench, f'/ring/{node}', 'use_sim_time') == [False]
-        assert '[WARN]' not in process.log()
+        # A busy machine may be late with the scene.
+        warned = [line for line in process.lines() if '[WARN]' in line]
+        assert [line for line in warned if ' late: ' not in line] == []
