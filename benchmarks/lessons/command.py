@@ -21,8 +21,10 @@ Keys of ``python -m benchmarks lessons --json``:
     each the ``family`` and ``seed``, the figures ``before`` and ``after`` on scenes with fresh
     seeds and exact labels, and what the page ``said``; and how many of them reached what is wanted
     once what the page would apply is applied: ``not_worse``: neither area under the curve nor
-    coverage is worse; ``good``: recall of 0.95 at least, coverage of 0.8, and ON for at most 0.5 %
-    of rest, taps and presses; and ``recall``, the least of all.
+    coverage is worse; ``not_worse_above_chance``: the same, with the share of the rest in which
+    ``slip`` is ON taken off coverage, as one that is always ON covers every slip; ``good``: recall
+    of 0.95 at least, coverage of 0.8, and ON for at most 0.5 % of rest, taps and presses; and
+    ``recall``, the least of all.
 """
 
 import argparse
@@ -84,15 +86,18 @@ def measure_lessons(slips: int, seeds: Iterable[int]) -> dict[str, Any]:
     ]
     return {
         'lessons': lessons,
-        'not_worse': sum(_not_worse(one['before'], one['after']) for one in lessons),
+        'not_worse': sum(_not_worse(one, 0.0) for one in lessons),
+        'not_worse_above_chance': sum(_not_worse(one, 0.01) for one in lessons),
         'good': sum(_good(one['after']) for one in lessons),
         'recall': min(one['after']['recall'] for one in lessons),
     }
 
 
-def _not_worse(before: dict[str, float], after: dict[str, float]) -> bool:
-    steps = {'auc_all': AUC_STEP, 'coverage': COVERAGE_STEP}
-    return all(after[name] >= before[name] - step for name, step in steps.items())
+def _not_worse(given: dict[str, Any], by_chance: float) -> bool:
+    before, after = given['before'], given['after']
+    covered = [one['coverage'] - by_chance * one['false_time_percent'] for one in (before, after)]
+    better = after['auc_all'] >= before['auc_all'] - AUC_STEP
+    return bool(better and covered[1] >= covered[0] - COVERAGE_STEP)
 
 
 def _good(figures: dict[str, float]) -> bool:
