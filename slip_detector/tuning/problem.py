@@ -487,6 +487,8 @@ class Verdict(NamedTuple):
         Why the running chain is kept; empty where it is not.
     tried : ChainConfig or None
         The best chain found, also where it is not taken; None where none was found.
+    cost_ms : float
+        Its cost on what was held out.
 
     Examples
     --------
@@ -498,6 +500,7 @@ class Verdict(NamedTuple):
     chain: ChainConfig
     kept: str
     tried: ChainConfig | None = None
+    cost_ms: float = math.inf
 
 
 def judge(problem: Problem, held: Sequence[Track], best: Candidate | None) -> Verdict:
@@ -534,7 +537,7 @@ def judge(problem: Problem, held: Sequence[Track], best: Candidate | None) -> Ve
     if after.cost_ms > before.cost_ms:
         worse.append(f'a cost of {after.cost_ms:.4g} against {before.cost_ms:.4g} ms')
     if not worse and after.cost_ms < before.cost_ms:
-        return Verdict(best.chain, '', best.chain)
+        return Verdict(best.chain, '', best.chain, after.cost_ms)
     how = f'worse: {", ".join(worse)}' if worse else 'no better'
     why = f'on the held-out recordings the best found is {how}'
     return Verdict(running, why, best.chain)

@@ -61,7 +61,7 @@ Point = dict[str, Any]
 Calls = Callable[..., Iterator[tuple[int, list[Candidate]]]]
 
 
-#: So many chains at most are judged, the cheapest first, until one holds on what was held out.
+#: So many chains at most are judged, the cheapest first, if one is not enough.
 JUDGED = 20
 
 
@@ -198,13 +198,17 @@ def tune(
     chosen = choice(len(study.trials))
     notes += filter(None, [chosen and problem.passed_over(chosen, study.trials)])
     verdict = first = judge(problem, held, chosen)
-    for candidate in problem.cheapest_of(study.trials, JUDGED) if first.kept else ():
-        verdict = judge(problem, held, candidate)
-        if not verdict.kept:
-            notes.append(f'Of several, as {first.kept}, the first that holds there was taken')
-            break
-    else:
-        verdict = first
+    # Labels by hand leave little to tell chains by: more of them have to show what they are worth.
+    if first.kept or any(track.samples.accuracy_s for track in held):
+        several = problem.cheapest_of(study.trials, JUDGED)
+        judged = [first, *(judge(problem, held, candidate) for candidate in several)]
+        holds = [one for one in judged if not one.kept]
+        verdict = min(holds, key=lambda one: one.cost_ms, default=first)
+        if verdict is not first:
+            notes.append(
+                f'Of {len(judged)} chains that were judged the one was taken that costs least on '
+                'what was held out, and is worse in nothing'
+            )
     return TuningResult(problem, held, study, verdict, notes)
 
 
