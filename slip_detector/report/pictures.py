@@ -98,6 +98,7 @@ def draw_trial(
     Examples
     --------
     >>> import tempfile
+    >>> import numpy as np
     >>> from slip_detector import SlipChain
     >>> config = ChainConfig(channels=2)
     >>> volts = np.full((20, 2), 4.3)
