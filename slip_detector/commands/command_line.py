@@ -19,6 +19,7 @@ end in a traceback in this second either: therefore this module imports nothing 
 """
 
 import argparse
+import functools
 import importlib
 import os
 import re
@@ -122,24 +123,15 @@ def run(name: str, work: Callable[[], str]) -> int:
     return 0
 
 
-def evaluate() -> int:
-    """Start ``slip_evaluate``."""
-    return _start('slip_evaluate', 'slip_detector.commands.evaluate')
-
-
-def tune() -> int:
-    """Start ``slip_tune``."""
-    return _start('slip_tune', 'slip_detector.commands.tune')
-
-
-def compile_all() -> int:
-    """Start ``slip_compile``."""
-    return _start('slip_compile', 'slip_detector.commands.compile')
-
-
-def _start(name: str, module: str) -> int:
+def _start(command: str) -> int:
     try:
-        return int(importlib.import_module(module).main())
+        return int(importlib.import_module(f'slip_detector.commands.{command}').main())
     except KeyboardInterrupt:
-        sys.stderr.write(f'{name}: ended before it was done\n')
+        sys.stderr.write(f'slip_{command}: ended before it was done\n')
         return INTERRUPTED
+
+
+#: What starts each command.
+evaluate, tune, compile_all = (
+    functools.partial(_start, command) for command in ('evaluate', 'tune', 'compile')
+)

@@ -58,15 +58,17 @@ single trials, and Figs. 4 and 7 without their values. What the paper does not g
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from slip_detector.chain.samples import Bools, Floats, Samples
+from slip_detector.chain.samples import Floats, Samples
 from slip_detector.evaluation.figures import Bound, ReplayOutcome, paper_figures, trial_delays_ms
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.recordings import rates_differ
+from slip_detector.recordings.labels import moving_at
+from slip_detector.recordings.rates import rate_of
 from slip_detector.scenes import find_scene, load_scene
 
 #: The scenes of the plates, by the spatial period in micrometres (Section 3).
@@ -85,49 +87,11 @@ WINDOWS_S = (0.02, 0.03, 0.04)
 BANDS_HZ = ((10.0, 100.0), (10.0, 150.0))
 
 
-class PlateTrial(NamedTuple):
-    """All samples of one trial.
-
-    Attributes
-    ----------
-    volts : ndarray, shape (n, c)
-    position_m : ndarray, shape (n,)
-        Position of the platform, which moves.
-    sample_rate_hz : float
-
-    Examples
-    --------
-    >>> trial = PlateTrial(np.zeros((5, 16)), np.array([0, 0, 1e-3, 2e-3, 2e-3]), 4.0)
-    >>> trial.moving
-    array([False,  True,  True,  True, False])
-    >>> trial.motion_s
-    (0.25, 0.75)
-    """
-
-    volts: Floats
-    position_m: Floats
-    sample_rate_hz: float
-
-    @property
-    def time_s(self) -> Floats:
-        """When each row was taken, from 0; shape (n,)."""
-        return np.arange(len(self.volts)) / self.sample_rate_hz
-
-    @property
-    def motion_s(self) -> tuple[float, float]:
-        """Times of the last row at which the plate still stood (Eq. 9), and of the next such."""
-        moved = np.flatnonzero(np.diff(self.position_m))
-        return float(self.time_s[moved[0]]), float(self.time_s[moved[-1] + 1])
-
-    @property
-    def moving(self) -> Bools:
-        """Whether the plate moves: the rows of ``motion_s`` and those between; shape (n,)."""
-        first_s, last_s = self.motion_s
-        return (self.time_s >= first_s) & (self.time_s <= last_s)
-
-
-def simulate_trials(scene: str, seeds: Iterable[int]) -> list[PlateTrial]:
+def simulate_trials(scene: str, seeds: Iterable[int]) -> list[Samples]:
     """Play a scene, given by name or path, once for each seed.
+
+    The truth of the rows is that of the plate's positions (Eq. 9): it lasts from the last row at
+    which the plate still stood to the first at which it stands again.
 
     Raises
     ------
@@ -143,9 +107,9 @@ def simulate_trials(scene: str, seeds: Iterable[int]) -> list[PlateTrial]:
     trials = []
     for seed in seeds:
         played = load_scene(find_scene(scene), np.random.default_rng(seed))
-        rows = played.read(played.length)
-        assert rows.position_m is not None
-        trials.append(PlateTrial(rows.volts, rows.position_m, played.sample_rate_hz))
+        rows: Any = played.read(played.length)
+        positions = rows._replace(volts=rows.position_m[:, np.newaxis])
+        trials.append(rows._replace(truth=moving_at(positions, 0.0, rows.stamps_ns)))
     return trials
 
 
@@ -178,7 +142,7 @@ def plate_figures(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:
 
 
 def evaluate_plates(
-    plates: Mapping[str, Sequence[PlateTrial]], config: ChainConfig
+    plates: Mapping[str, Sequence[Samples]], config: ChainConfig
 ) -> dict[str, dict[str, Any]]:
     """Run trials through one chain.
 
@@ -202,9 +166,8 @@ def evaluate_plates(
     Examples
     --------
     >>> time_s = np.arange(760) / 380.0
-    >>> position_m = np.clip(time_s - 1.0, 0.0, 0.5)
     >>> tone = np.where(time_s > 1.0, np.sin(2 * np.pi * 20.0 * time_s), 0.0)
-    >>> trial = PlateTrial(np.tile(tone, (16, 1)).T, position_m, 380.0)
+    >>> trial = Samples.evenly(np.tile(tone, (16, 1)).T, 380.0, (time_s > 1.0) & (time_s < 1.5))
     >>> figures = evaluate_plates({'400': [trial]}, ChainConfig())
     >>> figures['plates']['400']['success_percent'], figures['all']['detected']
     (100.0, 1)
@@ -212,15 +175,15 @@ def evaluate_plates(
     replay = Replay(config)
     outcomes = {}
     for plate, trials in plates.items():
-        rate, channels = trials[0].sample_rate_hz, trials[0].volts.shape[1]
+        rate = rate_of(trials[0].stamps_ns, f'the stamps of plate {plate}')
+        channels = trials[0].volts.shape[1]
         if rates_differ(rate, config.sample_rate_hz) or channels != config.channels:
             raise ValueError(
                 f'plate {plate} has {channels} channels at {rate:g} Hz, allowed: as the '
                 f'parameters channels and sample_rate_hz, {config.channels} at '
                 f'{config.sample_rate_hz:g} Hz'
             )
-        rows = (Samples.evenly(trial.volts, rate, trial.moving) for trial in trials)
-        outcomes[plate] = [replay.run([one], rate) for one in rows]
+        outcomes[plate] = [replay.run([trial]) for trial in trials]
     return {
         'plates': {plate: plate_figures(several) for plate, several in outcomes.items()},
         'all': plate_figures([one for several in outcomes.values() for one in several]),

@@ -28,18 +28,8 @@ from slip_detector.chain.filters import settling_rows
 from slip_detector.chain.samples import Bools, Floats, Ints, Samples
 from slip_detector.chain.slip_chain import SlipChain, SlipResult
 from slip_detector.chain.stamps import missing_rows
-from slip_detector.evaluation.figures import (
-    ALREADY_ON,
-    FALSE,
-    REPEAT,
-    SETTLING,
-    STAGES,
-    TRUE,
-    Alarm,
-    ReplayOutcome,
-    TrueSlip,
-    mean_and_sd,
-)
+from slip_detector.evaluation import figures
+from slip_detector.evaluation.figures import STAGES, Alarm, ReplayOutcome, TrueSlip, mean_and_sd
 from slip_detector.evaluation.matching import OnIntervals, RowInterval, ScoredRows, rows_on
 from slip_detector.evaluation.scores import Kinds, ScoreTally, kinds_of
 from slip_detector.parameters.detector import ChainConfig
@@ -293,9 +283,10 @@ class _Run:
         found = []
         settles = scored.settling(rises)
         for a, (alarm, of) in enumerate(zip(alarms, slip_of, strict=True)):
-            kind = FALSE if of is None else TRUE if alarm_of[of] == a else REPEAT
+            true = figures.TRUE if of is not None and alarm_of[of] == a else figures.REPEAT
+            kind = figures.FALSE if of is None else true
             if settles[a] or (of is not None and slips[of].settling):
-                kind = SETTLING
+                kind = figures.SETTLING
             found.append(Alarm(alarm.start / rate_hz, alarm.end / rate_hz, kind, of))
         return ReplayOutcome(
             rows=_length(stretches),
@@ -314,7 +305,7 @@ class _Run:
     def _lost_at(self, slip: _Slip) -> str:
         """Return where a missed slip was lost."""
         if slip.on_at_start or slip.stages:
-            return ALREADY_ON
+            return figures.ALREADY_ON
         lost = (slip.first[:3] == NEVER).all(axis=1)
         return STAGES[int(lost.argmax()) if lost.any() else 3]
 

@@ -53,16 +53,8 @@ from std_msgs.msg import Header
 
 from slip_detector.chain.samples import Floats
 from slip_detector.commands.command_line import whole_number
-from slip_detector.grasp.comparison import (
-    CONTROLLER,
-    HARDER,
-    WANTED,
-    LiveGraspTrial,
-    check_wanted,
-    conditions,
-    grasp_figures,
-    live_figures,
-)
+from slip_detector.grasp import comparison
+from slip_detector.grasp.comparison import CONTROLLER, LiveGraspTrial, conditions, grasp_figures
 from slip_detector.grasp.loop import TRANSPORT_S, GraspTrial, object_scene, play_trial
 from slip_detector.nodes.demo import TIMEOUT_S, NodeProcesses, Recorder, run_demonstration
 from slip_detector.nodes.messages import event_qos, sensor_qos, state_qos
@@ -161,7 +153,7 @@ def _demonstrate(arguments: argparse.Namespace, picture: Path) -> tuple[dict[str
     parts = {name: grasp_figures(mine, grasp.limit_n) for name, mine in trials.items()}
     harder = {
         name: grasp_figures(played(name, chain, grasp, **factors), grasp.limit_n)
-        for name, factors in HARDER.items()
+        for name, factors in comparison.HARDER.items()
     }
     recorder = Recorder(NAMESPACE, TOPICS)
     heard = {
@@ -172,8 +164,8 @@ def _demonstrate(arguments: argparse.Namespace, picture: Path) -> tuple[dict[str
         'conditions': parts,
         'harder': harder,
         'transport_ms': TRANSPORT_S * 1e3,
-        **live_figures(heard, trials[CONTROLLER][: arguments.live], grasp.limit_n),
-        'wanted': check_wanted({**parts, **harder}),
+        **comparison.live_figures(heard, trials[CONTROLLER][: arguments.live], grasp.limit_n),
+        'wanted': comparison.check_wanted({**parts, **harder}),
     }
     from slip_detector.report.grasp import draw_grasp, grasp_table
 
@@ -185,7 +177,7 @@ def _demonstrate(arguments: argparse.Namespace, picture: Path) -> tuple[dict[str
         parts,
         grasp.limit_n,
         shown._asdict() if shown else {},
-        WANTED[CONTROLLER]['worst_slide_mm'].high,
+        comparison.WANTED[CONTROLLER]['worst_slide_mm'].high,
     )
     return result, grasp_table(result)
 

@@ -23,13 +23,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from slip_detector.chain.samples import Bools, Floats
+from slip_detector.chain.samples import Bools, Floats, Samples
 from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.evaluation.protocol import (
-    PAPER_DELAY_MS,
-    PAPER_FALSE_POSITIVE_PERCENT,
-    PlateTrial,
-)
+from slip_detector.evaluation.protocol import PAPER_DELAY_MS, PAPER_FALSE_POSITIVE_PERCENT
 from slip_detector.evaluation.replay import of_filters
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report.pictures import COLORS, draw_decision, draw_trial, save_picture
@@ -104,7 +100,7 @@ def _detected(part: Mapping[str, Any]) -> str:
     return f'{part["detected"]} of {part["trials"]}'
 
 
-def stage_signals(trial: PlateTrial, config: ChainConfig, channel: int) -> dict[str, Floats]:
+def stage_signals(trial: Samples, config: ChainConfig, channel: int) -> dict[str, Floats]:
     """Return the signals of one channel after each stage of the chain (Eq. 1-8).
 
     Parameters
@@ -130,10 +126,9 @@ def stage_signals(trial: PlateTrial, config: ChainConfig, channel: int) -> dict[
 
     Examples
     --------
-    >>> from slip_detector.evaluation.protocol import PlateTrial
     >>> time_s = np.arange(760) / 380.0
     >>> volts = 4.3 + 0.02 * np.sin(2 * np.pi * 25.0 * time_s)[:, np.newaxis] * np.ones(16)
-    >>> trial = PlateTrial(volts, np.clip(time_s - 1.0, 0.0, 0.5), 380.0)
+    >>> trial = Samples.evenly(volts, 380.0, time_s > 1.0)
     >>> {signal.shape for signal in stage_signals(trial, ChainConfig(), channel=1).values()}
     {(760,)}
     """
@@ -162,7 +157,7 @@ def stage_signals(trial: PlateTrial, config: ChainConfig, channel: int) -> dict[
 
 def draw_protocol(
     folder: Path,
-    plates: Mapping[str, Sequence[PlateTrial]],
+    plates: Mapping[str, Sequence[Samples]],
     config: ChainConfig,
     result: Mapping[str, Any],
 ) -> list[Path]:
@@ -196,43 +191,50 @@ def draw_protocol(
     _draw_stages(paths[2], trial, config, channel, decided.channels[:, channel - 1])
     _draw_variants(paths[4], result['windows'], 'both windows\n[ms]')
     groups = dict(zip(config.groups, decided.groups.T, strict=True))
-    draw_trial(paths[5], trial.time_s, trial.volts, config, groups, decided.slip, trial.motion_s)
+    times_s, motion_s = _times_s(trial)
+    draw_trial(paths[5], times_s, trial.volts, config, groups, decided.slip, motion_s)
     _draw_decisions(paths[6], plates, config)
     bands = {'as configured': result, **result['bands']}
     _draw_variants(paths[7], bands, 'band [Hz], no\nhigh stop-band')
     return list(paths.values())
 
 
-def _panels(trial: PlateTrial, heights: Sequence[float]) -> tuple[Figure, Any]:
+def _times_s(trial: Samples) -> tuple[Floats, tuple[float, float]]:
+    """Return when each row was taken, and from when to when the plate moves."""
+    times_s = np.asarray(trial.stamps_ns * 1e-9)
+    moving_s = times_s[trial.truth]
+    return times_s, (moving_s[0], moving_s[-1])
+
+
+def _panels(trial: Samples, heights: Sequence[float]) -> tuple[Figure, Any]:
     """Return a figure with whole trials on the left, the start of the motion on the right."""
-    start_s = trial.motion_s[0]
+    times_s, motion_s = _times_s(trial)
     figure = Figure(figsize=(11, 1.35 * sum(heights) + 1), layout='constrained')
     axes = figure.subplots(len(heights), 2, sharex='col', sharey='row', height_ratios=heights)
     for axis in axes.flat:
-        axis.axvspan(*trial.motion_s, color='0.92', zorder=0)
+        axis.axvspan(*motion_s, color='0.92', zorder=0)
         axis.grid(color='0.9', linewidth=0.5)
         axis.set_axisbelow(True)
     axes[0, 0].set_title('whole trials (grey: the plate moves)', fontsize=10)
     axes[0, 1].set_title('the start of the motion', fontsize=10)
-    axes[0, 0].set_xlim(0.0, trial.time_s[-1])
-    axes[0, 1].set_xlim(start_s + ENLARGED_S[0], start_s + ENLARGED_S[1])
+    axes[0, 0].set_xlim(0.0, times_s[-1])
+    axes[0, 1].set_xlim(motion_s[0] + ENLARGED_S[0], motion_s[0] + ENLARGED_S[1])
     for axis in axes[-1]:
         axis.set_xlabel('time [s]')
     return figure, axes
 
 
-def _draw_stages(
-    path: Path, trial: PlateTrial, config: ChainConfig, channel: int, on: Bools
-) -> None:
+def _draw_stages(path: Path, trial: Samples, config: ChainConfig, channel: int, on: Bools) -> None:
     """Draw one channel after each stage of the chain, counterpart of the paper's Fig. 2."""
     stages = stage_signals(trial, config, channel)
     figure, axes = _panels(trial, [1.0] * len(stages) + [0.5])
+    times_s, _ = _times_s(trial)
     for column in axes.T:
         for axis, values in zip(column, stages.values(), strict=False):
-            axis.plot(trial.time_s, values, color=COLORS[0], linewidth=0.9)
+            axis.plot(times_s, values, color=COLORS[0], linewidth=0.9)
         label = f'threshold {config.threshold:g}'
         column[-2].axhline(config.threshold, color=COLORS[1], linestyle='--', label=label)
-        draw_decision(column[-1], trial.time_s, on, COLORS[0], '')
+        draw_decision(column[-1], times_s, on, COLORS[0], '')
     for axis, name in zip(axes[:, 0], [*stages, 'decision'], strict=True):
         axis.set_ylabel(name)
     axes[-2, 0].legend(loc='upper left')
@@ -240,7 +242,7 @@ def _draw_stages(
 
 
 def _draw_decisions(
-    path: Path, plates: Mapping[str, Sequence[PlateTrial]], config: ChainConfig
+    path: Path, plates: Mapping[str, Sequence[Samples]], config: ChainConfig
 ) -> None:
     """Draw the global decision of each trial, counterpart of the paper's Fig. 6.
 
@@ -252,7 +254,7 @@ def _draw_decisions(
             slip = SlipChain(config).update(trial.volts, envelope=False, level=False).slip
             low, high = number - 0.35, number + 0.35
             for axis in panels:
-                axis.fill_between(trial.time_s, low, high, slip, color=color, linewidth=0)
+                axis.fill_between(_times_s(trial)[0], low, high, slip, color=color, linewidth=0)
         panels[0].set(ylabel=f'{plate} µm\ntrial', ylim=(len(trials) + 0.7, 0.3))
         panels[0].yaxis.set_major_locator(MaxNLocator(6, steps=[1, 2, 5, 10], integer=True))
     save_picture(figure, path)

@@ -20,11 +20,11 @@ import numpy as np
 import pytest
 from evaluation.test_figures import SLIP, outcome
 
+from slip_detector.chain.samples import Samples
 from slip_detector.evaluation import protocol
 from slip_detector.evaluation.figures import paper_figures
 from slip_detector.evaluation.protocol import (
     SCENES,
-    PlateTrial,
     claims,
     evaluate_plates,
     plate_figures,
@@ -38,16 +38,6 @@ from slip_detector.scenes import find_scene
 
 RATE_HZ = 100.0
 CHAIN = ChainConfig(sample_rate_hz=RATE_HZ, channels=2, passband_hz=(7.0, 40.0), stopbands_hz=())
-
-
-def test_a_trial_lasts_from_the_last_row_at_rest_to_the_first_at_rest_again():
-    # A pause between two motions is part of the slip, as the paper has one slip in a trial.
-    for position_m, motion_s in (
-        ([0, 0, 0, 1, 2, 2, 2], (0.02, 0.04)), ([0, 1, 1, 1, 2, 2], (0.0, 0.04)),
-    ):  # fmt: skip
-        trial = PlateTrial(np.zeros((len(position_m), 1)), np.array(position_m), RATE_HZ)
-        assert trial.motion_s == motion_s
-        assert np.flatnonzero(trial.moving).tolist() == list(range(round(motion_s[0] * 100), 5))
 
 
 def test_the_plates_differ_only_in_their_spatial_period():
@@ -72,7 +62,7 @@ def test_the_figures_of_a_plate_are_those_of_the_paper_and_of_each_trial():
 
 
 def test_a_trial_that_does_not_suit_the_chain_is_refused_with_its_plate():
-    trial = PlateTrial(np.zeros((3, 2)), np.array([0.0, 1.0, 1.0]), RATE_HZ)
+    trial = Samples.evenly(np.zeros((3, 2)), RATE_HZ, [False, True, True])
     for changes in ({'channels': 1, 'groups': {'a': (1,)}}, {'sample_rate_hz': 200.0}):
         with pytest.raises(ValueError, match=r'^plate 400 has 2 channels at 100 Hz, '):
             evaluate_plates({'400': [trial]}, dataclasses.replace(CHAIN, **changes))
