@@ -285,11 +285,11 @@ class _Run:
                 )
             )
         found = []
-        settled = ~scored.settling(rises)
+        alarm_settles = scored.settling(rises)
         for a, (alarm, of) in enumerate(zip(alarms, slip_of, strict=True)):
             true = figures.TRUE if of is not None and alarm_of[of] == a else figures.REPEAT
             kind = figures.FALSE if of is None else true
-            if not settled[a] or (of is not None and slips[of].settling):
+            if alarm_settles[a] or (of is not None and slips[of].settling):
                 kind = figures.SETTLING
             found.append(Alarm(alarm.start / rate_hz, alarm.end / rate_hz, kind, of))
         return ReplayOutcome(

@@ -18,6 +18,7 @@ import contextlib
 import dataclasses
 import itertools
 import textwrap
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -96,7 +97,7 @@ def named_errors(path: Path) -> Iterator[None]:
         raise ValueError(f'{path}: {text}') from None
 
 
-class Recording:
+class Recording(ABC):
     """A recording that is read in pieces; see :func:`open_recording`.
 
     Each file format has a derived class that reads the rows.
@@ -128,9 +129,9 @@ class Recording:
         self.has_truth, self.accuracy_s = labels is not None, labels.accuracy_s if labels else 0.0
         self.kind = labels.kind if labels else ''
 
+    @abstractmethod
     def read(self) -> Iterator[Samples]:
         """Yield the rows of the file, some thousands at a time."""
-        raise NotImplementedError
 
     def array(self, name: str) -> 'NDArray[Any] | None':
         """Return another array of the file by its name; None if there is no such array."""

@@ -15,7 +15,6 @@
 """A chain whose parameters change while it runs."""
 
 import dataclasses
-import itertools
 import threading
 import time
 
@@ -143,9 +142,29 @@ def test_another_input_starts_from_its_first_row(values):
     np.testing.assert_array_equal(bed.levels(rows), wanted)
 
 
-def test_what_is_changed_within_a_short_time_is_built_once(monkeypatch):
-    monkeypatch.setattr(live_chain, 'GATHER_S', 0.5)
-    built = []
+@pytest.fixture
+def timers(monkeypatch):
+    """Return the timers that a chain starts; each goes off when the test says so."""
+    made = []
+
+    class ByHand(threading.Timer):
+        def start(self):
+            made.append(self)
+
+        def go_off(self):
+            wait_s, self.interval = self.interval, 0.0
+            super().start()
+            self.join()
+            return wait_s
+
+    monkeypatch.setattr(threading, 'Timer', ByHand)
+    return made
+
+
+def test_what_is_changed_within_a_short_time_is_built_once_after_the_last_order(
+    timers, monkeypatch
+):
+    bed, built = Bed(), []
 
     class Counted(SlipChain):
         def __init__(self, config):
@@ -153,32 +172,31 @@ def test_what_is_changed_within_a_short_time_is_built_once(monkeypatch):
             super().__init__(config)
 
     monkeypatch.setattr(live_chain, 'SlipChain', Counted)
-    bed = Bed()
-    del built[:]
     config = CONFIG
-    for values in ({'gain': 10.0}, {'threshold': 2.0}, {'passband_hz': (20.0, 100.0)}):
-        config = dataclasses.replace(config, **values)
+    for values in ({'gain': 10.0}, {'threshold': 2.0}, {'passband_hz': (20.0, 100.0)}, {}):
+        config = dataclasses.replace(config, **values)  # The last is ordered once more.
         assert not bed.chain.change(config)
-    # Ordered once more, it waits from then on.
-    time.sleep(0.3)
-    assert not bed.chain.change(config)
-    assert not bed.swapped(0.3)
-    assert bed.swapped()
+    for timer in timers[:-1]:
+        timer.go_off()
+    assert not bed.chain.swap()
+    timers[-1].go_off()
+    assert bed.chain.swap()
     assert built == [config]
     assert bed.chain.config == config
 
 
-def test_changes_that_never_end_are_used_all_the_same(monkeypatch):
-    monkeypatch.setattr(live_chain, 'GATHER_S', 60.0)
-    monkeypatch.setattr(live_chain, 'GATHER_AT_MOST_S', 0.2)
-    bed, thresholds = Bed(), itertools.count(1.0)
-
-    def used():
-        bed.change(gain=10.0, threshold=next(thresholds))
-        time.sleep(0.05)
-        return bed.chain.swap()
-
-    assert bed.wait_until(used)
+def test_changes_that_never_end_are_used_all_the_same(timers, monkeypatch):
+    monkeypatch.setattr(live_chain, 'GATHER_S', 4.0)
+    monkeypatch.setattr(live_chain, 'GATHER_AT_MOST_S', 10.0)
+    bed, waits_s = Bed(), []
+    for now_s in (0.0, 3.0, 6.0, 9.0, 12.0):
+        monkeypatch.setattr(time, 'monotonic', lambda now_s=now_s: now_s)
+        bed.change(gain=10.0, threshold=1.0 + now_s)
+        waits_s.append(timers[-1].interval)
+    timers[-1].go_off()
+    # From the first order on it is never longer than at most.
+    assert waits_s == [4.0, 4.0, 4.0, 1.0, 0.0]
+    assert bed.chain.swap()
 
 
 def test_rows_come_in_one_thread_while_another_changes_the_configuration():

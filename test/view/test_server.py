@@ -18,7 +18,10 @@
 import asyncio
 import contextlib
 import json
+import os
 import re
+import resource
+import socket
 from urllib.parse import parse_qs, urlsplit
 
 import pytest
@@ -232,6 +235,47 @@ async def test_many_idle_connections_keep_no_page_out_and_take_few_descriptors()
         other.close()
         for _, writer in idle:
             writer.close()
+
+
+def take_descriptors():
+    """Take all descriptors that are left."""
+    taken = []
+    with contextlib.suppress(OSError):
+        while True:
+            taken.append(os.open(os.devnull, os.O_RDONLY))
+    return taken
+
+
+async def test_where_descriptors_run_out_some_are_left_and_a_connection_waits(monkeypatch, caplog):
+    monkeypatch.setattr(connections, 'PAUSE_S', 0.2)
+    limits, taken = resource.getrlimit(resource.RLIMIT_NOFILE), []
+    loop = asyncio.get_running_loop()
+    async with served() as (it, page):
+        await page.view()
+        there = '127.0.0.1', port_of(it)
+        with socket.socket() as turned_away, socket.socket() as waiting:
+            for each in (turned_away, waiting):
+                each.setblocking(False)
+            highest = max(map(int, os.listdir('/proc/self/fd')))
+            resource.setrlimit(resource.RLIMIT_NOFILE, (highest + 20, limits[1]))
+            try:
+                taken = take_descriptors()
+                for _ in range(10):
+                    os.close(taken.pop())
+                await loop.sock_connect(turned_away, there)
+                assert await loop.sock_recv(turned_away, 1) == b''
+                taken += (left := take_descriptors())
+                assert len(left) == 10
+                await loop.sock_connect(waiting, there)
+                for _ in range(3):
+                    await page.drawn_frame()
+            finally:
+                resource.setrlimit(resource.RLIMIT_NOFILE, limits)
+                for each in taken:
+                    os.close(each)
+            await loop.sock_sendall(waiting, b'GET / HTTP/1.0\r\n\r\n')
+            assert await loop.sock_recv(waiting, 4) == b'HTTP'
+    assert not caplog.records
 
 
 async def test_one_page_too_many_is_told_so(monkeypatch):
