@@ -163,7 +163,6 @@ class BagRecording(Recording):
 
     def read(self) -> Iterator[Samples]:
         """Yield the rows of the topic, some thousands at a time."""
-        self.counts.warnings = '; '.join(self._storage.warnings)
         label = self._label()
         n_messages = 0
         first_ns = last_ns = None

@@ -21,10 +21,9 @@ import shutil
 import struct
 import tempfile
 import weakref
-import zlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from slip_detector.parameters.fields import shortened, shown_name
 from slip_detector.parameters.files import read_yaml
@@ -45,12 +44,7 @@ MAGIC = b'\x89MCAP0\r\n'
 
 #: Each record begins with its kind and its length in bytes.
 _RECORD = struct.Struct('<BQ')
-_FOOTER, _MESSAGE, _CHUNK, _DATA_END = 2, 5, 6, 15
-
-#: A chunk begins with times of the first and last message, size and checksum (0: none) of the
-#: decompressed content, and length of the compression's name, which follows.
-_CHUNK_HEAD = struct.Struct('<QQQII')
-_CHECKSUM_AT = 24
+_FOOTER, _DATA_END = 2, 15
 
 #: What ends a file that has no index.
 _END = _RECORD.pack(_DATA_END, 4) + bytes(4) + _RECORD.pack(_FOOTER, 20) + bytes(20) + MAGIC
@@ -81,9 +75,7 @@ class BagStorage:
     topics : list of Topic
         Those with messages, sorted by name.
     damage : list of str
-        One line for each part that the last reading could not read.
-    warnings : list of str
-        One line for each reason why damage may go unseen.
+        One line for each part that could not be read so far.
     custom_data : dict
         What the one who recorded has noted in ``metadata.yaml``, by key.
 
@@ -98,25 +90,17 @@ class BagStorage:
     def __init__(self, path: Path) -> None:
         load_rosbags()
         path.stat()
-        files = [path] if path.is_file() else _files(path)
-        self.warnings = [
-            f'{file.name} has no checksums, so that damage may go unseen'
-            for file in files
-            if file.suffix == '.mcap' and not has_checksums(file)
-        ]
         #: What rosbags opens, one after the other: the bag or, if it is damaged, its files.
         self._parts = [path]
-        self._cuts: list[str] = []
+        self.damage: list[str] = []
         self.custom_data: dict[str, Any] = {}
         try:
             if path.is_dir():  # what is nested too deep ends the parser of rosbags
                 about = read_yaml(path / METADATA).get(ABOUT) or {}
                 self.custom_data = about.get('custom_data') or {}
-            connections = self._connections()
+            connections = _connections(path)
         except ValueError:
-            self._open_singly(files)
-            connections = self._connections()
-        self.damage = [*self._cuts]
+            connections = self._open_singly([path] if path.is_file() else _files(path))
         by_name = {
             one.topic: Topic(one.topic, one.msgtype, one.msgdef.format.name, one.msgdef.data)
             for one in connections
@@ -126,7 +110,6 @@ class BagStorage:
 
     def messages(self, topic: Topic) -> Iterator[Message]:
         """Yield the messages of a topic in order of receipt, up to any damage."""
-        self.damage = [*self._cuts]
         for part in self._parts:
             try:
                 with _reader(part) as reader:
@@ -137,34 +120,28 @@ class BagStorage:
                             cdr = bytes(typestore_of(topic).ros1_to_cdr(raw, topic.msgtype))
                         yield received_ns, cdr
             except ValueError as error:
-                self.damage.append(str(error))
+                self.damage += [] if str(error) in self.damage else [str(error)]
 
-    def _connections(self) -> list[Any]:
-        """Return what rosbags says about the topics."""
-        connections = []
-        for part in self._parts:
-            with _reader(part) as reader:
-                connections += reader.connections
-        return connections
-
-    def _open_singly(self, files: list[Path]) -> None:
+    def _open_singly(self, files: list[Path]) -> list[Any]:
         """Open each file for itself, and a copy of an MCAP that was cut off."""
+        if not files:
+            raise ValueError('has no files of a bag, allowed: .mcap or .db3')
         folder = Path(tempfile.mkdtemp(prefix='slip_detector_'))
         weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
-        self._parts = []
+        self._parts, connections = [], []
         for file in files:
+            part = file
             try:
-                with _reader(file):
-                    self._parts.append(file)
+                connections += _connections(part)
             except ValueError:
                 if file.suffix != '.mcap':
                     raise
-                copy = folder / file.name
-                end = copy_whole_records(file, copy)
-                self._cuts.append(f'{file.name} is cut off at byte {end}')
-                self._parts.append(copy)
-        if not self._parts:
-            raise ValueError('has no files of a bag, allowed: .mcap or .db3')
+                part = folder / file.name
+                end = copy_whole_records(file, part)
+                self.damage.append(f'{file.name} is cut off at byte {end}')
+                connections += _connections(part)
+            self._parts.append(part)
+        return connections
 
 
 def load_rosbags() -> Any:
@@ -193,6 +170,12 @@ def _reader(part: Path) -> Iterator[Any]:
     except Exception as error:  # rosbags raises many kinds of error for a damaged file
         why = shortened(' '.join(str(error).split()))
         raise ValueError(f'{part.name} is damaged ({why})') from None
+
+
+def _connections(part: Path) -> list[Any]:
+    """Return what rosbags says about the topics."""
+    with _reader(part) as reader:
+        return list(reader.connections)
 
 
 def _files(folder: Path) -> list[Path]:
@@ -237,60 +220,22 @@ def typestore_of(topic: Topic) -> Any:
     return store
 
 
-def _records(file: IO[bytes], size: int) -> Iterator[tuple[int, int, int]]:
-    """Yield kind, first byte and length of the content of each whole record before the index."""
-    begin = len(MAGIC) + _RECORD.size
-    while begin <= size:
-        file.seek(begin - _RECORD.size)
-        kind, length = _RECORD.unpack(file.read(_RECORD.size))
-        if kind in (_DATA_END, _FOOTER) or begin + length > size:
-            return
-        yield kind, begin, length
-        begin += length + _RECORD.size
-
-
-def has_checksums(path: Path) -> bool:
-    """Return whether all messages are in chunks with checksums."""
-    with open(path, 'rb') as file:
-        for kind, begin, _ in _records(file, path.stat().st_size):
-            file.seek(begin + _CHECKSUM_AT)
-            if kind == _MESSAGE or (kind == _CHUNK and file.read(4) == bytes(4)):
-                return False
-    return True
-
-
-def write_checksums(path: Path) -> None:
-    """Write the checksum of each uncompressed chunk that has none, as rosbags leaves them.
-
-    Raises
-    ------
-    OSError
-        When the file cannot be written.
-    """
-    with open(path, 'r+b') as file:
-        for kind, begin, length in _records(file, path.stat().st_size):
-            if kind == _CHUNK:
-                content = file.read(length)
-                *_, checksum, compression = _CHUNK_HEAD.unpack_from(content)
-                if not checksum and not compression:
-                    file.seek(begin + _CHECKSUM_AT)
-                    # Before the content is its length.
-                    file.write(struct.pack('<I', zlib.crc32(content[_CHUNK_HEAD.size + 8 :])))
-
-
 def copy_whole_records(path: Path, copy: Path) -> int:
-    """Copy an MCAP up to its last whole record, so that rosbags reads the copy.
+    """Copy an MCAP up to its last whole record before the index, so that rosbags reads the copy.
 
     Returns
     -------
     int
         The first byte that is not copied.
     """
-    with open(path, 'rb') as file, open(copy, 'w+b') as new:
-        *_, (_, begin, length) = [(0, 0, 0), *_records(file, path.stat().st_size)]
-        file.seek(0)
-        shutil.copyfileobj(file, new)
-        new.truncate(begin + length)
-        new.seek(0, 2)
+    size = path.stat().st_size
+    with open(path, 'rb') as file, open(copy, 'wb') as new:
+        new.write(file.read(len(MAGIC)))
+        while len(head := file.read(_RECORD.size)) == _RECORD.size:
+            kind, length = _RECORD.unpack(head)
+            if kind in (_DATA_END, _FOOTER) or file.tell() + length > size:
+                break
+            new.write(head + file.read(length))
+        end = new.tell()
         new.write(_END)
-    return begin + length
+    return end

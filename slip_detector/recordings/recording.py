@@ -60,8 +60,6 @@ class RecordingCounts:
         are not those of the first message.
     damage : str
         One line on the part of a damaged bag that could not be read; empty if all was read.
-    warnings : str
-        One line on why damage may have gone unnoticed; empty if it would have been noticed.
 
     Examples
     --------
@@ -76,7 +74,6 @@ class RecordingCounts:
     bad_samples: int = 0
     dropped: int = 0
     damage: str = ''
-    warnings: str = ''
 
 
 @contextlib.contextmanager

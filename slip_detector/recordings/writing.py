@@ -29,7 +29,7 @@ import numpy as np
 
 from slip_detector.chain.samples import Samples
 from slip_detector.parameters.files import file_errors_of, whole_file
-from slip_detector.recordings.bag_storage import ABOUT, load_rosbags, write_checksums
+from slip_detector.recordings.bag_storage import ABOUT, load_rosbags
 from slip_detector.recordings.labels import ACCURACY, KIND
 from slip_detector.recordings.messages import JointStateWriter
 
@@ -268,7 +268,7 @@ class BagWriter:
             self._writer.metapath.write_text(json.dumps(about), encoding='utf-8')
 
     def close(self) -> None:
-        """Write the index and ``metadata.yaml``, and give each chunk of an MCAP its checksum.
+        """Write the index and ``metadata.yaml``.
 
         Raises
         ------
@@ -276,8 +276,6 @@ class BagWriter:
             When these cannot be written. Flushed rows are kept; :meth:`abort` closes the file.
         """
         self._writer.close()
-        if self.path.suffix == '.mcap':
-            write_checksums(self.path)
 
     def abort(self) -> None:
         """Close the file as it is, after a failed write."""

@@ -328,7 +328,7 @@ def _faults(counts: RecordingCounts) -> str:
         'rows dropped': counts.dropped,
     }
     parts = [f'{number} {what}' for what, number in many.items() if number > 0]
-    return ', '.join([*parts, *filter(None, (counts.damage, counts.warnings))])
+    return ', '.join(filter(None, [*parts, counts.damage]))
 
 
 class TrainingFiles(NamedTuple):
