@@ -44,68 +44,55 @@ def finger_with(levels, config=FOUR, *, on=None, slip=False, groups=(False, Fals
     return finger
 
 
-def bars(finger):
-    """Return the markers of the channels, without the text before them."""
-    text, *markers = finger_markers(finger)
-    assert text.type == Marker.TEXT_VIEW_FACING
-    return markers
+def cubes(finger):
+    """Return height and colour of the cube of each channel, the height in units of a distance."""
+    _, marker = finger_markers(finger)
+    positions = drawn_positions(finger.config)
+    places = np.array([(place.x, place.y, place.z) for place in marker.points]) - positions
+    assert not places[:, :2].any()
+    colors = [(each.r, each.g, each.b, each.a) for each in marker.colors]
+    return places[:, 2] / least_distance_m(positions), colors
 
 
 def text_of(finger):
     return finger_markers(finger)[0].text
 
 
-def rgb(marker):
-    return marker.color.r, marker.color.g, marker.color.b
-
-
 def test_each_channel_stands_at_its_place_in_the_frame_of_the_samples():
     config = DetectorConfig(channels=3, taxel_positions_m=(0, 0, 0, 4e-3, 0, 1e-3, 0, 5e-3, 0))
-    finger = finger_with([0.1, 0.2, 0.3], config)
+    finger = finger_with([0.0, 0.0, 0.0], config)
     finger.frame_id = 'index_tip'
-    for channel, (marker, place) in enumerate(
-        zip(bars(finger), drawn_positions(config), strict=True), start=1
-    ):
-        assert (marker.ns, marker.id, marker.action) == ('index', channel, Marker.ADD)
-        assert marker.header.frame_id == 'index_tip'
-        assert (marker.pose.position.x, marker.pose.position.y) == (place[0], place[1])
-        bottom = marker.pose.position.z - marker.scale.z / 2
-        assert bottom == pytest.approx(place[2])
+    text, marker = finger_markers(finger)
+    assert (text.type, marker.type) == (Marker.TEXT_VIEW_FACING, Marker.CUBE_LIST)
+    places = [(place.x, place.y, place.z) for place in marker.points]
+    assert places == list(map(tuple, drawn_positions(config)))
+    assert 0 < marker.scale.x == marker.scale.y == marker.scale.z < 4e-3
+    for each in (text, marker):
+        assert (each.ns, each.action, each.header.frame_id) == ('index', Marker.ADD, 'index_tip')
         # No stamp: at the place where the frame is now, wherever the finger moves.
-        assert marker.header.stamp.sec == marker.header.stamp.nanosec == 0
-        assert marker.frame_locked
-        assert marker.lifetime.sec == LIFETIME_S
-        assert marker.pose.orientation.w == 1.0
+        assert each.header.stamp.sec == each.header.stamp.nanosec == 0
+        assert each.frame_locked
+        assert each.lifetime.sec == LIFETIME_S
 
 
 @given(st.lists(st.floats(0, 1e6), min_size=4, max_size=4))
-def test_a_higher_level_is_a_higher_bar_and_none_reaches_its_neighbour(levels):
-    markers = bars(finger_with(levels))
-    unit_m = least_distance_m(drawn_positions(FOUR))
-    order = np.argsort(levels)
-    heights = np.array([marker.scale.z for marker in markers])[order]
-    assert (np.diff(heights) >= 0).all()
-    assert 0 < heights.min() <= heights.max() < 2 * unit_m
-    for marker in markers:
-        assert marker.type == Marker.CYLINDER
-        assert 0 < marker.scale.x == marker.scale.y < unit_m
-        assert marker.color.a == 1.0
+def test_a_higher_level_is_a_higher_cube(levels):
+    heights, colors = cubes(finger_with(levels))
+    assert (np.diff(heights[np.argsort(levels)]) >= -1e-9).all()
+    assert heights.min() >= 0.0
+    assert heights.max() <= 1.5 + 1e-9
+    assert {opacity for *_, opacity in colors} == {1.0}
 
 
-def test_a_channel_that_is_on_is_wider_and_has_a_colour_of_its_own():
-    quiet, near, on, far = bars(finger_with([0.0, 1.0, 1.01, 40.0]))
-    assert quiet.scale.x == near.scale.x < on.scale.x == far.scale.x
-    assert rgb(quiet) != rgb(near) != rgb(on) == rgb(far)
-
-
-def test_a_channel_that_is_not_valid_and_one_that_is_disabled_have_shapes_of_their_own():
-    config = DetectorConfig(channels=4, disabled_channels=(4,), groups={'all': (1, 2, 3)})
-    finger = finger_with([0.5, np.nan, 0.5, np.nan], config, groups=(False,))
-    good, bad, _, disabled = bars(finger)
-    assert (good.type, bad.type) == (Marker.CYLINDER, Marker.CUBE)
-    assert (disabled.type, disabled.scale.z < good.scale.z) == (Marker.CYLINDER, True)
-    assert disabled.color.a < 1.0
-    assert len({rgb(marker) for marker in (good, bad, disabled)}) == 3
+def test_what_is_on_not_valid_or_disabled_has_a_colour_of_its_own():
+    config = DetectorConfig(channels=6, disabled_channels=(6,), groups={'all': (1, 2, 3, 4, 5)})
+    levels = [0.0, 1.0, 1.01, 40.0, np.nan, np.nan]
+    heights, colors = cubes(finger_with(levels, config, groups=(False,)))
+    quiet, near, on, far, not_valid, disabled = colors
+    assert on == far
+    assert len({quiet, near, on, not_valid, disabled}) == 5
+    assert disabled[3] < 1.0
+    assert heights == pytest.approx([0.0, 1.0, 1.0, 1.5, 0.0, 0.0], abs=0.01)
 
 
 def test_the_text_says_slip_and_which_groups():
@@ -113,7 +100,7 @@ def test_the_text_says_slip_and_which_groups():
     assert text_of(finger) == 'index: SLIP left'
     assert text_of(finger_with([2, 0, 0, 0], slip=True)) == 'index: SLIP'
     assert text_of(finger_with([0, 0, 0, 0])) == 'index: rest'
-    assert rgb(finger_markers(finger)[0]) == rgb(bars(finger)[0])
+    assert finger_markers(finger)[0].color.r == pytest.approx(cubes(finger)[1][0][0])
 
 
 @pytest.mark.parametrize('words', ['no input', 'detector silent'])
@@ -123,10 +110,12 @@ def test_when_nothing_comes_no_channel_looks_as_if_it_were_measured(words):
         finger.sample_s -= FOUR.input_timeout_s + 3
     else:
         finger.heard_s -= 60
-    text, *channels = finger_markers(finger)
+    text, _ = finger_markers(finger)
     assert text.text == f'index: {words}'
-    assert rgb(text) == rgb(finger_markers(finger_with([0] * 4))[0])
-    assert {marker.type for marker in channels} == {Marker.CUBE}
+    assert text.color == finger_markers(finger_with([0] * 4))[0].color
+    heights, colors = cubes(finger)
+    assert not heights.any()
+    assert set(colors) == set(cubes(finger_with([np.nan] * 4))[1])
 
 
 def test_slip_view_shows_a_real_finger_in_the_frame_of_its_samples_and_the_loss_of_them(bench):
@@ -144,8 +133,7 @@ def test_slip_view_shows_a_real_finger_in_the_frame_of_its_samples_and_the_loss_
         return any(text.startswith(f'slip_detector: {words}') for text in texts('index_tip'))
 
     bench.wait_for(lambda: seen('rest') and seen('SLIP '), 'rest and a slip in the frame')
-    assert len(said[-1].markers) == 1 + len(DetectorConfig().names)
+    assert len(said[-1].markers[1].points) == len(DetectorConfig().names)
     driver.end()
     del said[:]  # On a busy machine there may have been a silence before.
     bench.wait_for(lambda: seen('no input'), 'the silence to be told')
-    assert {marker.type for marker in said[-1].markers[1:]} == {Marker.CUBE}

@@ -37,7 +37,7 @@ NODES = tuple(
 )
 
 ROS = {'rclpy', 'std_msgs', 'sensor_msgs', 'rcl_interfaces', 'builtin_interfaces'}
-ROS |= {'diagnostic_msgs', 'lifecycle_msgs', 'visualization_msgs'}
+ROS |= {'diagnostic_msgs', 'geometry_msgs', 'lifecycle_msgs', 'visualization_msgs'}
 
 #: Modules that are imported one group after the other.
 GROUPS = {
