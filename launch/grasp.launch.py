@@ -30,7 +30,7 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
-from slip_detector.nodes.run import ends_launch, transport_environment
+from slip_detector.nodes.run import node_settings, sim_time
 from slip_detector.parameters.files import find_parameter_file, read_yaml
 from slip_detector.parameters.grasp import commands_of_a_scene
 from slip_detector.scenes.scene import find_scene
@@ -44,9 +44,9 @@ def set_configs(context):
 
 def nodes(context):
     """Start the nodes; an argument that is given replaces the value in the parameter file."""
-    config, source, scene, seed, transport = (
+    config, source, scene, seed = (
         LaunchConfiguration(name).perform(context)
-        for name in ('configs', 'source', 'scene', 'seed', 'transport')
+        for name in ('configs', 'source', 'scene', 'seed')
     )
     # The driver waits for the other two: no sample is missed, and no object falls meanwhile.
     given = {'source': 'scene', 'wait_for_subscribers': 1, 'wait_for_grip': True}
@@ -62,14 +62,13 @@ def nodes(context):
     if source != 'none':
         executables['slip_driver'] = given
         executables['grasp_controller'] = commands_of_a_scene()
+    settings = node_settings(context)
     return [
         Node(
-            package='slip_detector',
             executable=executable,
-            namespace=LaunchConfiguration('namespace'),
-            parameters=[config, parameters],
-            additional_env=transport_environment(transport),
-            on_exit=ends_launch(),
+            parameters=[config, parameters, *sim_time(context)],
+            # A controller that is started again would begin with an open grip.
+            **settings | ({'respawn': False} if executable == 'grasp_controller' else {}),
         )
         for executable, parameters in executables.items()
     ]

@@ -33,7 +33,7 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
-from slip_detector.nodes.run import ends_launch, transport_environment
+from slip_detector.nodes.run import node_settings, sim_time
 from slip_detector.parameters.files import find_parameter_file
 from slip_detector.parameters.sections import our_sections
 
@@ -50,27 +50,23 @@ def set_configs(context):
 
 def nodes(context):
     """Start the nodes; an argument that is given replaces the value in the parameter file."""
-    config, source, recording, transport = (
-        LaunchConfiguration(name).perform(context)
-        for name in ('config', 'source', 'recording', 'transport')
+    config, source, recording = (
+        LaunchConfiguration(name).perform(context) for name in ('config', 'source', 'recording')
     )
     configs = LaunchConfiguration('configs').perform(context).split(',')
     if not config:
         # Without a parameter file, or a source, the demonstration is played.
         source = source or 'scene'
-    namespace = LaunchConfiguration('namespace')
     fingers = LaunchConfiguration('fingers').perform(context)
     arguments = ['--fingers', fingers] if fingers else []
     several = len(configs) > 1
-    environment = transport_environment(transport)
+    settings, clock = node_settings(context), sim_time(context)
     detector = Node(
-        package='slip_detector',
         executable='slip_detector',
-        namespace=namespace,
+        name=LaunchConfiguration('name').perform(context) or None,
         arguments=[*arguments, '--configs', ','.join(configs)] if several else arguments,
-        parameters=[] if several else configs,
-        additional_env=environment,
-        on_exit=ends_launch(),
+        parameters=clock if several else [*configs, *clock],
+        **settings,
     )
     # The driver waits for all detectors, so that none misses samples while it starts.
     given = {'wait_for_subscribers': len(configs)}
@@ -82,13 +78,10 @@ def nodes(context):
     if recording:
         given['recording'] = ParameterValue(recording, value_type=str)
     driver = Node(
-        package='slip_detector',
         executable='slip_driver',
-        namespace=namespace,
         arguments=arguments,
-        parameters=[configs[0], given],
-        additional_env=environment,
-        on_exit=ends_launch(),
+        parameters=[configs[0], given, *clock],
+        **settings,
     )
     return [detector] if source == 'none' else [detector, driver]
 
@@ -124,6 +117,12 @@ def generate_launch_description():
             ),
             DeclareLaunchArgument(
                 'recording', default_value='', description='Path, for source:=recording.'
+            ),
+            DeclareLaunchArgument(
+                'name',
+                default_value='',
+                description="Name of the detector's node, and of its section in the parameter "
+                'file; empty: slip_detector.',
             ),
             # First, so that no node starts if an argument of the page is refused.
             OpaqueFunction(function=set_configs),

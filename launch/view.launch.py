@@ -25,22 +25,18 @@ from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from slip_detector.nodes.run import ends_launch, transport_environment
+from slip_detector.nodes.run import node_settings, sim_time
 
 
 def page(context):
     """Start the node that serves the page."""
-    options, transport = (
-        LaunchConfiguration(name).perform(context) for name in ('view_options', 'transport')
-    )
+    options = shlex.split(LaunchConfiguration('view_options').perform(context))
     node = Node(
-        package='slip_detector',
         executable='slip_view',
-        namespace=LaunchConfiguration('namespace'),
-        arguments=['--config', LaunchConfiguration('configs'), *shlex.split(options)],
+        arguments=['--config', LaunchConfiguration('configs'), *options],
+        parameters=sim_time(context),
         output='screen',  # It prints the address of the page.
-        additional_env=transport_environment(transport),
-        on_exit=ends_launch(),
+        **node_settings(context),
     )
     return [node]
 
@@ -74,6 +70,25 @@ def generate_launch_description():
                 choices=['', 'udp'],
                 description='udp: the nodes use no shared memory, so that Fast DDS does not hold '
                 'them up when others join; empty: what the middleware uses.',
+            ),
+            DeclareLaunchArgument(
+                'use_sim_time',
+                default_value='false',
+                choices=['true', 'false'],
+                description='true: time comes from /clock; false: as in the parameter file.',
+            ),
+            DeclareLaunchArgument(
+                'log_level',
+                default_value='info',
+                choices=['debug', 'info', 'warn', 'error', 'fatal'],
+                description='Least severity of what the nodes log.',
+            ),
+            DeclareLaunchArgument(
+                'use_respawn',
+                default_value='false',
+                choices=['true', 'false'],
+                description='Whether a node that dies is started again after 2 s. Not the grasp '
+                'controller: it would begin with an open grip.',
             ),
             OpaqueFunction(function=page, condition=IfCondition(LaunchConfiguration('view'))),
         ]

@@ -37,6 +37,9 @@ NAMESPACE = re.compile('(?!.*__)[A-Za-z_][A-Za-z0-9_]{0,63}')
 #: Longest time, in seconds, from a launch to a node's refusal; it may have to compile first.
 STARTS_S = 120.0
 
+#: Time in seconds after which a node is started again, as in Nav2.
+RESPAWN_S = 2.0
+
 #: Variables with the path of a profile, in Fast DDS 2 and 3.
 PROFILE_VARIABLES = {'FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE'}
 
@@ -108,6 +111,30 @@ def on_signals(handler: Any) -> None:
     """Set the handler of the signals that end a process."""
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, handler)
+
+
+def node_settings(context: Any) -> dict[str, Any]:
+    """Return what the launch arguments that all launch files share make of each node.
+
+    A node that is started again by ``use_respawn`` comes after ``RESPAWN_S``.
+    """
+    given = context.launch_configurations
+    return {
+        'package': 'slip_detector',
+        'namespace': given['namespace'],
+        'additional_env': transport_environment(given['transport']),
+        'ros_arguments': ['--log-level', given['log_level']],
+        'on_exit': ends_launch(),
+        'respawn': given['use_respawn'] == 'true',
+        'respawn_delay': RESPAWN_S,
+    }
+
+
+def sim_time(context: Any) -> list[dict[str, bool]]:
+    """Return the parameters that the launch argument ``use_sim_time`` adds to each node."""
+    # Only true is given: otherwise what the parameter file says holds.
+    simulated = context.launch_configurations['use_sim_time'] == 'true'
+    return [{'use_sim_time': True}] if simulated else []
 
 
 def ends_launch() -> Callable[[Any, Any], None]:
