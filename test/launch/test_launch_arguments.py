@@ -17,6 +17,7 @@
 from support.launching import defaults_of
 
 OF_VIEW = {'namespace', 'configs', 'view', 'view_options', 'transport'}
+OF_VIEW |= {'use_sim_time', 'log_level', 'use_respawn'}
 ALL_FILES = OF_VIEW | {'config', 'source'}
 
 
@@ -27,7 +28,7 @@ def test_no_name_of_a_file_is_a_default():
 
 
 def test_the_arguments_of_included_files_are_shown_too():
-    assert defaults_of('slip_detector').keys() == ALL_FILES | {'fingers', 'recording'}
+    assert defaults_of('slip_detector').keys() == ALL_FILES | {'fingers', 'recording', 'name'}
     assert defaults_of('hand').keys() == defaults_of('slip_detector').keys()
     assert defaults_of('view').keys() == OF_VIEW
     assert defaults_of('grasp').keys() == ALL_FILES | {'scene', 'seed'}

@@ -73,8 +73,9 @@ def launch_file(name):
 
 
 def launching(name, *arguments):
-    """Return the command that launches a file with arguments as ``name:=value``."""
-    return [sys.executable, '-c', LAUNCH, launch_file(name), *arguments]
+    """Return the command that launches a file, ours by name, with arguments as ``name:=value``."""
+    file = name if isinstance(name, Path) else launch_file(name)
+    return [sys.executable, '-c', LAUNCH, str(file), *arguments]
 
 
 def defaults_of(name):
