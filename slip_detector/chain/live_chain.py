@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from slip_detector.chain.filters import evidence_falls_s, settling_rows
 from slip_detector.chain.slip_chain import SlipChain, SlipResult
 from slip_detector.chain.stages import CONTACT_ROWS, FLOOR, HOLD_ROWS
+from slip_detector.parameters.changes import WAIT_S
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.fields import names_that_affect
 
@@ -40,9 +41,8 @@ DECISION_PARAMETERS = names_that_affect(ChainConfig, 'decision')
 PARTS = {'low_band_hz', 'impact_rows'}
 
 #: A chain is built when no other change has followed for this time: parameters that come one by
-#: one are complete then (on a busy machine the next one of a program came after up to a quarter of
-#: a second). Where they never end, the second is the longest time from the first one.
-GATHER_S, GATHER_AT_MOST_S = 0.5, 10.0
+#: one are complete then. Where they never end, this is the longest time from the first one.
+GATHER_S, GATHER_AT_MOST_S = WAIT_S, 10.0
 
 #: Parameters after whose change the kept rows cannot be used; some are the detector's: another
 #: field of a message is another signal.

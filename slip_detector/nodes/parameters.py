@@ -16,6 +16,7 @@
 
 import itertools
 import sys
+import time
 from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import Any
 
@@ -25,7 +26,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from slip_detector.nodes.rclpy_internals import answer_with, given_parameters
-from slip_detector.parameters.changes import changed, fitting
+from slip_detector.parameters.changes import Judge, changed
 from slip_detector.parameters.fields import allowed
 from slip_detector.parameters.sections import OF_RCLPY, names_given_to, sections_for_others
 from slip_detector.parameters.sets import ConfigType, ParameterSet
@@ -102,8 +103,8 @@ def follow_changes(
 ) -> None:
     """Let the parameter services change a node's configuration.
 
-    The atomic service takes all values of a request or none. So does the ordinary one with those
-    that this node has and that can be changed: a parameter file may have others too.
+    The atomic service takes all values of a request or none; the ordinary one refuses what is
+    wrong by itself, and takes or refuses all else together (see :class:`.Judge`).
 
     The node must allow undeclared parameters, so that groups can be added and deleted, and so that
     a wrong name reaches the check here, whose message is clearer than rclpy's.
@@ -119,26 +120,24 @@ def follow_changes(
     apply
         Gets the new configuration once the parameters have changed.
     """
-    names = current().to_parameters()
-    fixed = {name for name in names if node.describe_parameter(name).read_only}
+    judge = Judge(check)
+    fixed = {name for name in current().to_parameters() if node.describe_parameter(name).read_only}
 
-    def set_all(parameters: Sequence[Parameter]) -> msg.SetParametersResult:
+    def set_all(parameters: list[Parameter]) -> msg.SetParametersResult:
         """Set all of them or none; numbers get the types of their parameters, as 1 becomes 1.0.
 
         rclpy checks only afterwards: its messages on types and ranges do not tell what is allowed.
         """
-        ours = _ours(parameters)
         try:
-            given = {each.name: each.value for each in ours}
-            values = fitting(current(), given, check)
-            config = changed(current(), values)
+            config = changed(current(), {each.name: each.value for each in _ours(parameters)})
+            check(config)
         except ValueError as error:
             return msg.SetParametersResult(successful=False, reason=str(error))
-        kept = config.to_parameters()
+        values = config.to_parameters()
         result = node.set_parameters_atomically(
             [
-                *(Parameter(name, value=kept.get(name)) for name in values),
-                *(each for each in parameters if each not in ours),
+                Parameter(each.name, value=values[each.name]) if each.name in values else each
+                for each in parameters
             ]
         )
         if result.successful:
@@ -146,15 +145,24 @@ def follow_changes(
         return result
 
     def take_all(request: Any, response: Any) -> Any:
-        response.result = set_all([*map(Parameter.from_parameter_msg, request.parameters)])
+        parameters = [Parameter.from_parameter_msg(each) for each in request.parameters]
+        response.result = set_all(parameters)
         return response
 
     def take(request: Any, response: Any) -> Any:
-        parameters = [*map(Parameter.from_parameter_msg, request.parameters)]
-        known = current().__dataclass_fields__.keys() - fixed
-        together = [each for each in parameters if each.name.partition('.')[0] in known]
-        result = set_all(together)
-        response.results = [result if each in together else set_all([each]) for each in parameters]
+        """Set the parameters of a request: each for itself, or together what needs each other."""
+        parameters = [Parameter.from_parameter_msg(each) for each in request.parameters]
+        its = [each for each in _ours(parameters) if each.name not in fixed]
+        given = [(each.name, each.value) for each in its]
+        taken, refusals = judge.judged(current(), given, time.monotonic())
+        if taken:
+            set_all([Parameter(name, value=value) for name, value in taken.items()])
+        else:  # What waits for others belongs to the changes that are being gathered.
+            apply(current())
+        answers = (msg.SetParametersResult(successful=not text, reason=text) for text in refusals)
+        for each in parameters:
+            answer = next(answers) if each in its else node.set_parameters_atomically([each])
+            response.results.append(answer)
         return response
 
     answer_with(node, SetParametersAtomically, take_all)
