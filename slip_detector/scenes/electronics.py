@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from slip_detector.chain.samples import Bools, Floats
+from slip_detector.chain.samples import Floats, Ints
 from slip_detector.parameters.detector import PAPER_CHANNELS, PAPER_GROUPS
 from slip_detector.parameters.fields import parameter
 from slip_detector.parameters.sets import ParameterSet
@@ -158,31 +158,12 @@ class Faults(ParameterSet):
     dead_channels: tuple[int, ...] = parameter(
         (), 'Channels that read the lower of rails_v.', (1, PAPER_CHANNELS)
     )
-    flat_channels: tuple[int, ...] = parameter(
-        (), 'Channels that keep reading their first sample from that time on.', (1, PAPER_CHANNELS)
-    )
-    noisy_channels: tuple[int, ...] = parameter(
-        (), 'Channels with more noise.', (1, PAPER_CHANNELS)
-    )
-    noise_v: float = parameter(
-        0.05, 'Standard deviation of the additional noise of noisy_channels.', (0.0, 100.0, 'V')
-    )
 
 
 class Drops(ParameterSet):
-    """Samples that are lost on the way, one at a time or several in a row."""
+    """Samples that are lost on the way, each by itself."""
 
     share: float = parameter(0.01, 'Share of the samples that are lost.', (0.0, 0.99))
-    burst_samples: float = parameter(
-        1.0, 'Mean number of consecutive lost samples; 1: never two.', (1.0, 1e6)
-    )
-
-    def __post_init__(self) -> None:
-        """Check that bursts of this length can make up the share."""
-        super().__post_init__()
-        most = self.burst_samples / (self.burst_samples + 1)
-        text = f'at most {most:g}, as a sample arrives between two bursts of burst_samples'
-        self.require(self.share <= most, 'share', text)
 
 
 class Frontend:
@@ -210,13 +191,8 @@ class Frontend:
         self._wandered_v = np.zeros(PAPER_CHANNELS)
         self._hum = parts['hum'].sines(trials['hum']) if 'hum' in parts else NO_SINES
         self._faults: Faults = parts.get('faults', Faults())
-        names = 'noisy_channels', 'dead_channels', 'flat_channels'
-        self._failing = [np.array(getattr(self._faults, name), np.intp) - 1 for name in names]
-        self._fault_noise = trials['faults']
-        self._flat_v: Floats | None = None
         self._drops: Drops = parts.get('drops', Drops(share=0.0))
         self._loss_draws = trials['drops']
-        self._lost = False
         self._hiss: ContactHiss | None = None
         if 'contact_noise' in parts:
             self._hiss = ContactHiss(parts['contact_noise'], trials['contact_noise'], rate_hz)
@@ -226,17 +202,12 @@ class Frontend:
 
         Any cut of the rows into calls gives the same bits.
         """
-        electronics, faults = self._electronics, self._faults
-        noisy, dead, flat = self._failing
-        failed = np.flatnonzero(time_s >= faults.from_s)
+        electronics = self._electronics
         volts = clean_v + self.baseline_v
         if self._hiss and force_n is not None and len(volts):
             volts += self._hiss.sample(clean_v, force_n)
         if self._hum.size:
             volts += sines_at(time_s, self._hum)[:, np.newaxis]
-        if noisy.size and faults.noise_v:  # of bad joints, before rails and converter
-            noise = self._fault_noise.standard_normal((failed.size, noisy.size))
-            volts[np.ix_(failed, noisy)] += faults.noise_v * noise
         if electronics.drift_v and len(volts):
             steps_v = self._drift_steps.standard_normal(volts.shape)
             steps_v *= electronics.drift_v * np.sqrt(1.0 / self._rate_hz)
@@ -253,23 +224,11 @@ class Frontend:
             share = np.rint((volts - low_v) / (high_v - low_v) * top_code) / top_code
             # This form gives both rails exactly; the clip catches round-off if they nearly agree.
             volts = np.clip(low_v * (1.0 - share) + high_v * share, low_v, high_v)
-        # Dead and flat channels repeat one code of the converter, without noise.
-        volts[np.ix_(failed, dead)] = low_v
-        if flat.size and failed.size:
-            if self._flat_v is None:
-                self._flat_v = volts[failed[0], flat]
-            volts[np.ix_(failed, flat)] = self._flat_v
+        # Dead channels repeat one code of the converter, without noise.
+        failed = np.flatnonzero(time_s >= self._faults.from_s)
+        volts[np.ix_(failed, np.array(self._faults.dead_channels, np.intp) - 1)] = low_v
         return volts
 
-    def arrived(self, n: int) -> Bools:
-        """Return which of the next ``n`` samples arrive: Gilbert's Markov chain of two states."""
-        arrived = np.ones(n, dtype=np.bool_)
-        if self._drops.share:
-            share, burst = self._drops.share, self._drops.burst_samples
-            goes_on = 1.0 - 1.0 / burst
-            # With this probability the stationary share of the chain is the wanted share.
-            begins = share / ((1.0 - share) * burst)
-            for i, draw in enumerate(self._loss_draws.random(n).tolist()):
-                self._lost = draw < (goes_on if self._lost else begins)
-                arrived[i] = not self._lost
-        return arrived
+    def arrived(self, n: int) -> Ints:
+        """Return which of the next ``n`` samples arrive."""
+        return np.flatnonzero(self._loss_draws.random(n) >= self._drops.share)

@@ -38,7 +38,7 @@ contact: {}
 friction: {}
 texture: {}
 electronics: {}
-drops: {share: 0.2, burst_samples: 3}
+drops: {share: 0.2}
 clock: {rate_ratio: 1.1}
 """
 
