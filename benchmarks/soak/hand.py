@@ -35,7 +35,7 @@ from rclpy.node import Node
 from benchmarks.measurement import swelling_noise_v
 from benchmarks.processes import memory_kib, nodes_running, processor_time_s, spin_until
 from slip_detector.chain.samples import Samples
-from slip_detector.nodes.health import AGE_KEYS, COUNT_KEYS
+from slip_detector.nodes.health import AGE_KEYS, EVENTS
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.recordings import write_recording
 
@@ -127,7 +127,7 @@ class Watch(Node):
             'latency_median_ms': median_ms(AGE_KEYS[0], [*halves[0], *halves[1]]),
             'latency_p99_ms': [median_ms(AGE_KEYS[1], half) for half in halves],
             'samples': sum(int(values['samples']) for values in last),
-            'lost_total': sum(int(values[key]) for values in last for key in COUNT_KEYS.values()),
+            'lost_total': sum(int(values[key]) for values in last for key in EVENTS),
         }
 
     def _used_s(self) -> dict[str, float]:

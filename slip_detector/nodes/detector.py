@@ -17,6 +17,7 @@
 import math
 import time
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from rclpy.clock import Clock, ClockType
@@ -62,10 +63,8 @@ NAMES = 4
 
 SUCCESS, FAILED = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.ERROR
 
-Transition = Callable[['Detector', LifecycleState], TransitionCallbackReturn]
 
-
-def _logged(transition: Transition) -> Transition:
+def _logged(transition: Callable[..., Any]) -> Callable[..., Any]:
     """Log the error of a failed transition: rclpy drops the exception."""
 
     def run(self: 'Detector', state: LifecycleState) -> TransitionCallbackReturn:
@@ -263,7 +262,8 @@ class Detector(LifecycleNode):
         """Publish the diagnostics."""
         health, outputs = self._health, self._outputs
         health.totals['onsets'] = outputs.onsets
-        health.totals['wrong'], health.stamps = self._stamp_grid.wrong, self._stamp_grid.kind
+        health.totals['taken, stamp too late'] = self._stamp_grid.wrong
+        health.stamps = self._stamp_grid.kind
         health.senders = self._several('voltages', self._senders, self._samples)
         health.detectors = self._several('slip', self._detectors, self._heartbeats)
         self._diagnostics.publish(health.summary(outputs.slip, outputs.valid), self._frame_id)
@@ -312,7 +312,7 @@ class Detector(LifecycleNode):
         """Forget names, frame and stamps of earlier samples."""
         config = self._active
         self._stamp_grid = StampGrid(1 / config.sample_rate_hz, config.max_gap_s)
-        self._names = list(config.channel_names) or None
+        self._names = list(config.channel_names)
         self._frame_id = ''
         self._last_row: Floats | None = None
         self._health.forget()
@@ -323,7 +323,7 @@ class Detector(LifecycleNode):
         source, senders, outputs, chain = self._input, self._senders, self._outputs, self._chain
         publishers = 0 if self._samples is None else self._samples.get_publisher_count()
         if not senders.accepts(info['publication_sequence_number'], publishers):
-            self._health.totals['senders'] += 1
+            self._health.totals['dropped, of several senders'] += 1
             if senders.several:
                 self._heard = True
                 outputs.withdraw()
@@ -331,14 +331,12 @@ class Detector(LifecycleNode):
         try:
             rows, at_ns, names, frame_id, number = source.read(raw, info, self._replayed)
         except ValueError as error:
-            self._note('field', f'{error}: dropped')
+            self._note('dropped, no such field', f'{error}: dropped')
             return
         if not len(rows):  # An empty batch.
             self._stamp_grid.skip(number)
             return
-        misfit = self._misfit(rows, names if source.has_names else None)
-        if misfit:
-            self._note(*misfit)
+        if not self._fits(rows, names):
             return
         if at_ns is None:
             # Replayed samples without stamps are taken to have no gaps.
@@ -347,7 +345,7 @@ class Detector(LifecycleNode):
             missing = self._stamp_grid.arrive(at_ns, len(rows), number)
             if missing == DROPPED:
                 words = 'the stamp of a message does not fit those before: dropped'
-                self._note('backwards', words)
+                self._note('dropped, late', words)
                 return
             if missing:
                 rows = self._mend(rows, missing)
@@ -371,27 +369,29 @@ class Detector(LifecycleNode):
         spent_s = time.perf_counter() - began_s
         self._health.note_rows(rows, result.valid, at_ns, age_s, spent_s)
 
-    def _misfit(self, rows: Floats, names: list[str] | None) -> tuple[str, str] | None:
-        """Return the kind and description of channels that are others than before, if they are."""
+    def _fits(self, rows: Floats, names: list[str]) -> bool:
+        """Return whether a message has the channels of those before; note what is wrong if not."""
         number, channels = rows.shape[1], self._active.channels
         if number != channels:
             allowed = f'{channels}{self._input.advice(number)}'
-            return 'channels', f'a message has {number} channels, allowed: {allowed}: dropped'
-        if names is None or names == self._names:
-            return None
-        if self._names is None and len(names) in (0, channels):
-            self._names = names
-            return None
-        wanted = f'{channels} names' if self._names is None else name_list(self._names, NAMES)
-        words = f'the channels of a message are {name_list(names, NAMES) or "without names"}'
-        return 'names', f'{words}, allowed: {wanted or "without names"}: dropped'
+            words = f'a message has {number} channels, allowed: {allowed}: dropped'
+            self._note('dropped, wrong number of channels', words)
+            return False
+        self._names = self._names or names
+        if names == self._names or not self._input.has_names:
+            return True
+        found, wanted = name_list(names, NAMES) or 'without names', name_list(self._names, NAMES)
+        words = f'the channels of a message are {found}, allowed: {wanted}: dropped'
+        self._note('dropped, wrong names', words)
+        return False
 
     def _mend(self, rows: Floats, missing: int) -> Floats:
         """Bridge a short gap with the last row, or restart the chain after a long one."""
         if missing > 0 and self._last_row is not None:
-            self._note('bridged', f'{missing} samples missing, bridged with the last one', missing)
+            words = f'{missing} samples missing, bridged with the last one'
+            self._note('lost and bridged', words, missing)
             return np.concatenate([np.repeat(self._last_row, missing, axis=0), rows])
-        self._note('reset', 'the input had a gap or its clock was set, the chain restarts')
+        self._note('restarts', 'the input had a gap or its clock was set, the chain restarts')
         self._chain.restart()
         self._health.restart()
         return rows

@@ -50,29 +50,21 @@ LOAD_WARNING, LOAD_ERROR = 0.5, 0.9
 #: Most names that are listed; of further ones only the number is given.
 LISTED = 8
 
-#: Level and message on events since the last summary, by kind of event; the placeholder is their
-#: number.
-COMPLAINTS = {
-    'bridged': (WARN, '{} samples lost and bridged with the last one: check cable, network, load'),
-    'reset': (WARN, 'restarted {} times: a long gap, or the clock of the samples was set'),
-    'backwards': (WARN, '{} samples dropped: late, or with a stamp that does not fit the others'),
-    'wrong': (WARN, '{} samples taken in their order: the stamp is later than it can be'),
-    'channels': (ERROR, '{} samples dropped: not as many channels as configured'),
-    'names': (ERROR, '{} samples dropped: other channel names than before or configured'),
-    'field': (ERROR, '{} samples dropped: input_field is not in them'),
+#: Messages on events since the last summary, warnings and errors, by the key of their number in
+#: the values; the placeholder is the number since.
+WARNINGS = {
+    'lost and bridged': '{} samples lost and bridged: check cable, network, load',
+    'restarts': 'restarted {} times: a long gap, or the clock of the samples was set',
+    'dropped, late': '{} samples dropped: late, or with a stamp that does not fit the others',
+    'taken, stamp too late': '{} samples taken in their order: the stamp is later than it can be',
 }
-
-#: Keys of the counts in the values of the input's status, by kind of event.
-COUNT_KEYS = {
-    'bridged': 'lost and bridged',
-    'reset': 'restarts',
-    'backwards': 'dropped, late',
-    'wrong': 'taken, stamp too late',
-    'channels': 'dropped, wrong number of channels',
-    'names': 'dropped, wrong names',
-    'field': 'dropped, no such field',
-    'senders': 'dropped, of several senders',
+ERRORS = {
+    'dropped, wrong number of channels': '{} samples dropped: not as many channels as configured',
+    'dropped, wrong names': '{} samples dropped: other channel names than before or configured',
+    'dropped, no such field': '{} samples dropped: input_field is not in them',
+    'dropped, of several senders': '{} samples dropped: of several senders',
 }
+EVENTS = {**WARNINGS, **ERRORS}
 
 #: Keys of the values on the age of the samples when the decision is published.
 AGE_KEYS = ('age of the samples, median [ms]', 'age of the samples, 99 % below [ms]')
@@ -194,36 +186,40 @@ class Health:
         self._points = self._points[-1:]
         return statuses
 
-    def _input(self, since: Counter[str], silent_s: float) -> DiagnosticStatus:
-        wanted_hz, rate_hz = self.config.sample_rate_hz, None
-        if len(self._points) == 2:
-            (begin_ns, before), (end_ns, rows) = self._points
-            # Replayed samples without stamps may have the same one.
-            rate_hz = (rows - before) * 1e9 / max(end_ns - begin_ns, 1)
-        if len(self._noted) > 1 and since['bridged'] > STEADY_SHARE * since['rows']:
+    def _rate_hz(self, since: Counter[str]) -> float:
+        """Return the rate by the stamps; NaN where too few samples have come."""
+        if len(self._points) < 2:
+            return math.nan
+        (begin_ns, before), (end_ns, rows) = self._points
+        # Replayed samples without stamps may have the same one.
+        rate_hz = (rows - before) * 1e9 / max(end_ns - begin_ns, 1)
+        if len(self._noted) > 1 and since['lost and bridged'] > STEADY_SHARE * since['rows']:
             steps_ns = np.diff([stamp_ns for _, _, stamp_ns, *_ in self._noted])
             usual_rows = float(np.median([len(rows) for rows, *_ in self._noted]))
             usual_hz = 1e9 * usual_rows / max(float(np.median(steps_ns)), 1.0)
-            rate_hz = usual_hz if abs(usual_hz / wanted_hz - 1) > STEADY_ERROR else rate_hz
-        all_well, wrong, level = '', '', ERROR
+            if abs(usual_hz / self.config.sample_rate_hz - 1) > STEADY_ERROR:
+                return usual_hz
+        return rate_hz
+
+    def _input(self, since: Counter[str], silent_s: float) -> DiagnosticStatus:
+        wanted_hz, rate_hz, complaints = self.config.sample_rate_hz, self._rate_hz(since), []
+        all_well, off = f'{rate_hz:.1f} samples a second', abs(rate_hz / wanted_hz - 1.0)
         if self.senders:
             who = name_list(self.senders, LISTED)
-            wrong = f'the input is published by {who}: only one of them may'
+            complaints = [(ERROR, f'the input is published by {who}: only one of them may')]
         elif math.isinf(silent_s):
-            wrong = 'no samples yet: does the sensor run, on this topic, with this type?'
+            words = 'no samples yet: does the sensor run, on this topic, with this type?'
+            complaints = [(ERROR, words)]
         elif silent_s > self.config.input_timeout_s:
-            wrong = f'no samples for {silent_s:.1f} s: '
-            wrong += 'is the sensor plugged in, does its driver run?'
-        elif rate_hz is not None:
-            all_well = f'{rate_hz:.1f} samples a second'
-            off = abs(rate_hz / wanted_hz - 1.0)
-            if off > RATE_WARNING:
-                level = ERROR if off > RATE_ERROR else WARN
-                wrong = f'{all_well}, {wanted_hz:g} configured: '
-                wrong += f'the filters are off by the same {100 * off:.0f} %'
-        complaints = [(level, wrong)] if wrong else []
-        for kind, (level, words) in COMPLAINTS.items():
+            words = 'is the sensor plugged in, does its driver run?'
+            complaints = [(ERROR, f'no samples for {silent_s:.1f} s: {words}')]
+        elif off > RATE_WARNING:
+            words = f'the filters are off by the same {100 * off:.0f} %'
+            words = f'{all_well}, {wanted_hz:g} configured: {words}'
+            complaints = [(ERROR if off > RATE_ERROR else WARN, words)]
+        for kind, words in EVENTS.items():
             if since[kind]:
+                level = WARN if kind in WARNINGS else ERROR
                 complaints.append((level, words.format(since[kind])))
         ages_ms = [age_s * 1e3 for *_, age_s, _ in self._noted]
         usual_ms, most_ms = np.percentile(ages_ms or [math.nan], [50, 99])
@@ -239,12 +235,11 @@ class Health:
             'measured rate [Hz]': _number(rate_hz, '.2f'),
             AGE_KEYS[0]: _number(usual_ms),
             AGE_KEYS[1]: _number(most_ms),
-            'silent for [s]': _number(None if math.isinf(silent_s) else silent_s, '.1f'),
             'samples': str(self.totals['rows']),
             'stamps': self.stamps,
-            **{key: str(self.totals[kind]) for kind, key in COUNT_KEYS.items()},
+            **{kind: str(self.totals[kind]) for kind in EVENTS},
         }
-        return status('input', all_well, complaints, values)
+        return status('input', '' if math.isnan(rate_hz) else all_well, complaints, values)
 
     def _channels(self) -> DiagnosticStatus:
         config = self.config
@@ -278,7 +273,7 @@ class Health:
     def _decisions(
         self, since: Counter[str], passed_s: float, slip: bool, valid: bool
     ) -> DiagnosticStatus:
-        complaints, state = [], 'ON' if slip else 'OFF'
+        complaints = []
         spent_ms = [spent_s * 1e3 for *_, spent_s in self._noted]
         load = sum(spent_ms) / (passed_s * 1e3)
         if self.detectors:
@@ -290,19 +285,15 @@ class Health:
             words = f'rows take {100 * load:.0f} % of the time: the machine is too slow or busy'
             complaints.append((ERROR if load > LOAD_ERROR else WARN, words))
         values = {
-            'slip': state,
-            'slip_valid': str(valid).lower(),
             'onsets': str(self.totals['onsets']),
-            'onsets since the last report': str(since['onsets']),
-            'time per row [ms]': _number(sum(spent_ms) / since['rows'] if spent_ms else None),
-            'longest [ms]': _number(max(spent_ms, default=None)),
+            'time per row [ms]': _number(sum(spent_ms) / max(since['rows'], 1)),
             'share of the time [%]': f'{100 * load:.1f}',
         }
-        return status('decisions', f'slip is {state}', complaints, values)
+        return status('decisions', f'slip is {"ON" if slip else "OFF"}', complaints, values)
 
 
-def _number(value: float | None, how: str = '.3f') -> str:
-    return '-' if value is None or math.isnan(value) else format(value, how)
+def _number(value: float, how: str = '.3f') -> str:
+    return '-' if math.isnan(value) else format(value, how)
 
 
 class Diagnostics:

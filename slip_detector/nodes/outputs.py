@@ -85,19 +85,15 @@ class Outputs:
         """Take another configuration.
 
         Decisions on the same groups, and on channels if there are as many, are carried over.
-        Publishers that stay the same are kept; the others are destroyed once the new ones have
-        published the present state.
+        Publishers that stay the same are kept; the others are destroyed once all have published
+        the present state.
         """
         self._config = config
         before, self._publishers = self._publishers, {}
-        new: list[Publisher] = []
 
         def publisher(message_type: Any, topic: str, qos: QoSProfile) -> Publisher:
             key = topic, qos.deadline.nanoseconds
-            found = before.pop(key, None)
-            if found is None:
-                found = self._node.create_publisher(message_type, topic, qos)
-                new.append(found)
+            found = before.pop(key, None) or self._node.create_publisher(message_type, topic, qos)
             self._publishers[key] = found
             return found
 
@@ -123,10 +119,8 @@ class Outputs:
         self._flags = np.array([flags.get(column, False) for column in self._columns], np.bool_)
         self._can_vote = slice(1 + len(config.groups), 1 + 2 * len(config.groups))
         for column, each in self._listeners.items():
-            if each in new:
-                each.publish(self._messages[bool(self._flags[column])])
-        if self._slip in new:
-            self.beat()
+            each.publish(self._messages[bool(self._flags[column])])
+        self.beat()
         for each in before.values():
             self._node.destroy_publisher(each)
 

@@ -32,10 +32,6 @@ from slip_detector.parameters.sections import OF_RCLPY, names_given_to, sections
 from slip_detector.parameters.sets import ConfigType, ParameterSet
 
 #: The field of a descriptor for a range of numbers, and its type.
-RANGES: dict[type, tuple[str, Any]] = {
-    float: ('floating_point_range', msg.FloatingPointRange),
-    int: ('integer_range', msg.IntegerRange),
-}
 
 
 def declare(
@@ -178,7 +174,7 @@ def _descriptor(
 ) -> msg.ParameterDescriptor:
     field = config_class.__dataclass_fields__[name.partition('.')[0]]
     unit = f' [{field.metadata["unit"]}]' if field.metadata['unit'] else ''
-    descriptor = msg.ParameterDescriptor(
+    return msg.ParameterDescriptor(
         name=name,
         description=f'{field.metadata["meaning"]}{unit}',
         additional_constraints=allowed(field),
@@ -186,9 +182,3 @@ def _descriptor(
         # An empty list has no type, and a vote is a number or a word.
         dynamic_typing=isinstance(value, list) or field.name == 'vote',
     )
-    low, kind = field.metadata['low'], type(field.metadata['default'])
-    if low is not None and kind in RANGES:
-        name_of_range, make = RANGES[kind]
-        limits = make(from_value=kind(low), to_value=kind(field.metadata['high']))
-        setattr(descriptor, name_of_range, [limits])
-    return descriptor

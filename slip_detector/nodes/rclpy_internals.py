@@ -73,17 +73,15 @@ class SampleExecutor(SingleThreadedExecutor):
 
     Parameters
     ----------
-    nodes
-        At least one; all of the same context.
+    context
+        That of its nodes; by default that of the process.
     """
 
-    def __init__(self, nodes: Sequence[Node]) -> None:
-        super().__init__(context=nodes[0].context)
+    def __init__(self, context: rclpy.Context | None = None) -> None:
+        super().__init__(context=context)
         sys.setswitchinterval(SWITCH_S)
         self._changed = True
         self._due_ns = self._look_ns = 0
-        for node in nodes:
-            self.add_node(node)
 
     def wake(self) -> None:
         """Gather the entities again, because a node has created or destroyed one."""
@@ -177,27 +175,25 @@ def answer_with(node: Node, service_type: type, callback: Callable[..., Any]) ->
 
 
 def survive_requests(node: Node) -> None:
-    """Log the error of a request, or of a time on ``/clock``, and go on; rclpy ends the process.
+    """Log the error of a request, and go on; rclpy ends the process.
 
-    Examples are a transition that is impossible in the present state, a value of a type that does
-    not exist, and a negative time. The response is the one made so far, which by default says that
-    nothing was done. Relies on the ``callback`` of services and subscriptions, which may be
-    replaced.
+    Examples are a transition that is impossible in the present state, and a value of a type that
+    does not exist. The response is the one made so far, which by default says that nothing was
+    done. Relies on the ``callback`` of services, which may be replaced.
     """
 
     def surviving(callback: Callable[..., Any]) -> Callable[..., Any]:
-        def call(*arguments: Any) -> Any:
+        def call(request: Any, response: Any) -> Any:
             try:
-                return callback(*arguments)
+                return callback(request, response)
             except Exception as error:
                 node.get_logger().warning(f'refused: {error}', throttle_duration_sec=1.0)
-                return arguments[-1]
+                return response
 
         return call
 
-    clocks = [each for each in node.subscriptions if each.topic_name == '/clock']
-    for entity in [*node.services, *clocks]:
-        entity.callback = surviving(entity.callback)
+    for service in node.services:
+        service.callback = surviving(service.callback)
 
 
 def destroy_state_machine(node: LifecycleNode) -> None:

@@ -86,7 +86,7 @@ def main(executable: str) -> NoReturn:
         # The controller takes few messages; rclpy serves its events, which tell of a detector with
         # an incompatible quality of service.
         grasps = executable == 'grasp_controller'
-        executor = SingleThreadedExecutor() if grasps else SampleExecutor(nodes)
+        executor = SingleThreadedExecutor() if grasps else SampleExecutor()
         for node in nodes:
             survive_requests(node)
             executor.add_node(node)

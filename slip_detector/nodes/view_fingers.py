@@ -49,6 +49,9 @@ ANSWER_S = 5.0
 #: service has not discovered the client yet.
 ASK_AGAIN_S = 0.5
 
+#: Least time, in seconds, between two messages on the log.
+LOG_S = 60.0
+
 #: Period, in seconds, at which answers are looked for.
 POLL_S = 0.01
 
@@ -278,8 +281,10 @@ class RosDetectors(Detectors):
             try:
                 async with remote.asking:
                     self._note(remote.name, await remote.read(), started)
-            except ValueError:
-                # The detector hangs, starts or ends: ask again.
+            except ValueError as error:
+                # The detector hangs, starts or ends, or is of another version: ask again.
+                words = f'{remote.name} cannot be shown: {error}'
+                self._node.get_logger().warning(words, throttle_duration_sec=LOG_S)
                 remote.started |= started
                 await asyncio.sleep(SEARCH_S)
                 remote.changed.set()
@@ -290,13 +295,7 @@ class RosDetectors(Detectors):
             return
         panel = self.panel(name)
         panel.read(reading, RESTART if started else OUTSIDE)
-        try:
-            config = panel.config
-        except ValueError as error:
-            self._node.get_logger().warning(
-                f'{name} has parameters that this version of slip_view does not know: {error}'
-            )
-            return
+        config = panel.config
         finger = self.fingers.get(name) or self.gone.pop(name, None)
         if finger is None:
             finger = Finger(name, config)

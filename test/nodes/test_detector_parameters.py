@@ -25,7 +25,7 @@ from rcl_interfaces.srv import (
 from rclpy.parameter import Parameter, parameter_dict_from_yaml_file, parameter_value_to_python
 from std_msgs.msg import Bool
 
-from slip_detector.nodes.health import COUNT_KEYS
+from slip_detector.nodes.health import EVENTS
 from slip_detector.nodes.messages import state_qos
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.files import shared_folder
@@ -163,7 +163,7 @@ def test_no_sample_is_lost_while_all_parameters_are_loaded(bench):
     assert refused == ['autostart']
     bench.wait_for(lambda: 'new filters have taken over' in process.log(), 'the new filters')
     after = counts(int(before['samples']) + 760)
-    for key in COUNT_KEYS.values():
+    for key in EVENTS:
         assert after[key] == before[key], (key, process.log())
 
 

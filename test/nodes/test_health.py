@@ -115,8 +115,8 @@ def test_disabled_channels_are_not_complained_of():
 def test_what_was_lost_is_complained_of_once_and_counted_on():
     health = Health(CONFIG)
     first = fed(health, good(100))
-    health.totals['bridged'] += 7
-    health.totals['channels'] += 1
+    health.totals['lost and bridged'] += 7
+    health.totals['dropped, wrong number of channels'] += 1
     status = summed(health)[0]
     assert status.level == ERROR
     worst, other = status.message.split('; ')
@@ -150,7 +150,7 @@ def test_a_slow_sensor_is_not_taken_for_one_that_loses_samples():
     health = Health(CONFIG)
     for k, row in enumerate(good(300)):  # Each eighth sample comes after a bridged row.
         rows = np.repeat(row[None], 2 if k % 8 == 7 else 1, axis=0)
-        health.totals['bridged'] += len(rows) - 1
+        health.totals['lost and bridged'] += len(rows) - 1
         health.note_rows(rows, np.ones(rows.shape, bool), round(k * 1e9 / 300), 0.001, 1e-4)
     assert values(summed(health)[0])['measured rate [Hz]'] == '300.00'
 

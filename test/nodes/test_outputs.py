@@ -127,18 +127,18 @@ def test_other_outputs_take_over_what_was_decided_and_the_topics_that_stay(bench
     outputs = published.outputs
     outputs.configure(replaced)
     assert (outputs.slip, outputs.valid, outputs.onsets) == (True, True, 1)
-    # What is new says what holds; what stays is silent.
+    # What is new says what holds, and so does what stays.
     bench.wait_for(lambda: other, 'the other group')
     assert [message.data for message in other] == [False]
     published.states(
         slip=[False, True, True],
         slip_valid=[False, True, True],
-        slip__group__front=[False, True],
+        slip__group__front=[False, True, True],
         slip__channel__ch1=[False, True],
     )
     # Slip, groups, groups can vote, channels, channels valid.
     outputs.announce(np.array([1, 0, 1, 1, 1, 1, 1, 0, 1, 1, 1], np.bool_), 2000, 'tip')
-    published.states(slip=[False, True, True], slip__group__front=[False, True])
+    published.states(slip=[False, True, True], slip__group__front=[False, True, True])
     names = dict(bench.node.get_publisher_names_and_types_by_node('bench', '/'))
     assert '/slip/group/back' in names
     assert not [name for name in names if name.startswith('/slip/channel')]

@@ -20,7 +20,6 @@ import sys
 
 import pytest
 import rclpy
-from builtin_interfaces.msg import Time
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.srv import GetParameters
@@ -29,7 +28,6 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.executors import ExternalShutdownException
 from rclpy.lifecycle import LifecycleNode
 from rclpy.node import Node
-from rosgraph_msgs.msg import Clock as ClockMessage
 from std_msgs.msg import Bool
 
 from slip_detector.nodes.messages import event_qos
@@ -84,22 +82,12 @@ def test_what_cannot_be_done_is_answered_with_no_and_the_node_goes_on(context):
         pass
 
 
-def test_a_negative_time_does_not_reach_the_clock_and_others_do(context):
-    words = ['--ros-args', '-p', 'use_sim_time:=true']
-    node = Node('of_test', context=context, cli_args=words)
-    survive_requests(node)
-    (subscription,) = node.subscriptions
-    for sec in (7, -1):
-        subscription.callback(ClockMessage(clock=Time(sec=sec)))
-        assert node.get_clock().now().nanoseconds == 7 * 10**9
-    node.destroy_node()
-
-
 def test_messages_timers_and_services_are_served(context, node):
     calls, client = [], node.create_client(GetParameters, 'of_answers/get_parameters')
     served = Node('of_answers', context=context)
     served.declare_parameter('gain', 2)
-    executor = SampleExecutor([served])
+    executor = SampleExecutor(context)
+    executor.add_node(served)
 
     def on_said(message, info):
         calls.append(('said', info['publication_sequence_number']))

@@ -17,7 +17,6 @@
 import asyncio
 import signal
 import time
-from types import SimpleNamespace
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
@@ -171,14 +170,11 @@ def test_a_detector_whose_parameters_change_and_that_ends_and_comes_again(bench)
     watching(bench, test)
 
 
-def test_a_detector_of_another_version_is_reported_on_the_log_and_not_shown(bench, monkeypatch):
+def test_a_detector_of_another_version_is_refused_with_the_reason_and_not_shown(bench):
     async def test(it):
-        said = []
-        monkeypatch.setattr(it.node, 'get_logger', lambda: SimpleNamespace(warning=said.append))
         values = dict.fromkeys(('sample_rate_hz', 'channels', 'threshold', 'heartbeat_hz'), -1.0)
-        it.detectors._note(INDEX, Reading(values, frozenset(), {}), started=True)
-        assert said[0].startswith(f'{INDEX} has parameters that this version of slip_view does ')
-        assert 'allowed: ' in said[0]
+        with pytest.raises(ValueError, match=r'parameter .* allowed: '):
+            it.detectors._note(INDEX, Reading(values, frozenset(), {}), started=True)
         # Another node that publishes slip_onset is no detector.
         it.detectors._note('/relay', Reading({'threshold': 1.0}, frozenset(), {}), started=True)
         assert not it.detectors.fingers
