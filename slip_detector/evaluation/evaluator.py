@@ -122,9 +122,9 @@ class RecordingLoader(NamedTuple):
             )
         if require_truth and not (recording.has_truth or recording.kind):
             reading, arrays = self.recording_config, ', '.join(recording.array_names())
-            topics = f'{reading.recording_truth_topic} or {reading.recording_position_topic}'
-            label = f'label {reading.recording_truth_key}, there are: {arrays}'
-            label = label if arrays else f'topic {topics}'
+            label = f'topic {reading.recording_truth_topic}'
+            if arrays:
+                label = f'label {reading.recording_truth_key}, there are: {arrays}'
             raise ValueError(
                 f'{path}: has no {label}; allowed: one to label the slips, or a file of labels '
                 f'beside it, {labels_name(path)} (--labels: elsewhere)'

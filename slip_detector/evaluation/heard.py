@@ -18,11 +18,11 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from slip_detector.chain.samples import Bools, Floats
 from slip_detector.evaluation.figures import mean_and_sd, percent
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.recordings.labels import states_at
 
 
 class Heard(NamedTuple):
@@ -47,6 +47,32 @@ class Heard(NamedTuple):
         if not moved.size:
             return None
         return self.position_stamps_s[moved[0]], self.position_stamps_s[moved[-1] + 1]
+
+
+def states_at(changed_at: NDArray[Any], states: Bools, at: NDArray[Any]) -> Bools:
+    """Return the state at each time: that of the last change at or before it.
+
+    Parameters
+    ----------
+    changed_at : ndarray of int or float, shape (k,)
+        Times at which the state was published, in rising order.
+    states : ndarray of bool, shape (k,)
+        The states.
+    at : ndarray of int or float, shape (n,)
+        The times for which the state is wanted, in the same unit.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+        False before the first change.
+
+    Examples
+    --------
+    >>> states_at(np.array([10, 20]), np.array([True, False]), np.array([5, 10, 19, 20]))
+    array([False,  True,  True, False])
+    """
+    from_none_on = np.concatenate([[False], states])
+    return np.asarray(from_none_on[np.searchsorted(changed_at, at, side='right')])
 
 
 def demo_figures(heard: Heard, config: ChainConfig) -> dict[str, Any]:

@@ -67,7 +67,6 @@ from slip_detector.evaluation.figures import Bound, ReplayOutcome, paper_figures
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.recordings import rates_differ
-from slip_detector.recordings.labels import moving_at
 from slip_detector.recordings.rates import rate_of
 from slip_detector.scenes import find_scene, load_scene
 
@@ -108,8 +107,10 @@ def simulate_trials(scene: str, seeds: Iterable[int]) -> list[Samples]:
     for seed in seeds:
         played = load_scene(find_scene(scene), np.random.default_rng(seed))
         rows: Any = played.read(played.length)
-        positions = rows._replace(volts=rows.position_m[:, np.newaxis])
-        trials.append(rows._replace(truth=moving_at(positions, 0.0, rows.stamps_ns)))
+        # There is motion between two rows with different positions, including both of them.
+        moves = np.diff(rows.position_m) != 0.0
+        truth = np.append(moves, False) | np.append(False, moves)
+        trials.append(rows._replace(truth=truth))
     return trials
 
 

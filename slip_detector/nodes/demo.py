@@ -40,14 +40,13 @@ from std_msgs.msg import Bool
 
 from slip_detector.chain.samples import Floats
 from slip_detector.commands.command_line import INTERRUPTED, run
-from slip_detector.evaluation.heard import Heard, demo_figures
+from slip_detector.evaluation.heard import Heard, demo_figures, states_at
 from slip_detector.nodes.finger_topics import PolledTopics
 from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.files import shared_folder, whole_file, writable_folder
 from slip_detector.recordings import write_recording
-from slip_detector.recordings.labels import states_at
 from slip_detector.sources.played import SceneSource
 
 NAMESPACE = 'slip_demo'

@@ -40,12 +40,6 @@ class RecordingConfig(ParameterSet):
         '', 'YAML file of the slips, or a folder of such; empty: <name>.labels.yaml beside it.'
     )
     recording_truth_topic: str = parameter('slip_truth', 'Topic of true slip (Bool, on change).')
-    recording_position_topic: str = parameter(
-        'platform_position', 'Else a topic with a position that changes in slip (Eq. 9).'
-    )
-    recording_still_m: float = parameter(
-        0.0, 'Largest change of that position between messages at rest.', (0.0, 1.0, 'm')
-    )
     recording_resample: bool = parameter(
         False, 'Resample for slip_evaluate and slip_tune, if needed.'
     )

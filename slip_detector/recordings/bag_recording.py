@@ -15,20 +15,19 @@
 """Recordings in bags: a topic with the rows, and perhaps a topic with the true slip."""
 
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from slip_detector.chain.samples import Floats, Samples, Stamps
+from slip_detector.chain.samples import Floats, Ints, Samples, Stamps
 from slip_detector.chain.stamps import GAP_PERIODS
 from slip_detector.parameters.detector import default_channel_names
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.parameters.fields import name_list
 from slip_detector.recordings.bag_storage import BagStorage, Message, Topic, typestore_of
-from slip_detector.recordings.labels import Labels, accuracy_and_kind, label_at, moving_at
+from slip_detector.recordings.labels import Labels, accuracy_and_kind, label_at
 from slip_detector.recordings.messages import JOINT_FIELDS, FieldReader, joint_state_table
 from slip_detector.recordings.rates import checked_rate, rate_of
 from slip_detector.recordings.recording import PIECE_ROWS, Recording
@@ -41,6 +40,26 @@ TOPIC = 'voltages'
 
 #: Number of messages that are decoded first, to find the rate and the samples per message.
 FIRST_MESSAGES = 1024
+
+
+class _Decoded(NamedTuple):
+    """The rows of some messages, all messages that have rows one after the other.
+
+    Attributes
+    ----------
+    volts : ndarray, shape (n, channels)
+    stamps_ns, received_ns, counts : ndarray of int, shape (m,)
+        Stamp of each message, or the time of receipt where that is 0 or there is none, as in the
+        detector; time of receipt; and number of rows.
+    dropped : int
+        Number of messages that cannot be decoded, or have other channels or names.
+    """
+
+    volts: Floats
+    stamps_ns: Stamps
+    received_ns: Stamps
+    counts: Ints
+    dropped: int
 
 
 class _Decoder:
@@ -61,39 +80,21 @@ class _Decoder:
         self.channels = 0
         self.names: tuple[str, ...] = ()
 
-    def rows(self, messages: list[Message]) -> tuple[Samples, Stamps]:
-        """Decode messages; those are left out that cannot be, or have other channels or names.
+    def decoded(self, messages: list[Message]) -> _Decoded:
+        """Decode messages; a ValueError when none of those so far has channels."""
+        table = joint_state_table([raw for _, raw in messages]) if self._is_quick else None
+        if table is not None:
+            volts, stamps_ns = table.numbers(self._field), table.stamps_ns
+            if self._is_same(table.layout.names, volts):
+                received_ns = np.array([received_ns for received_ns, _ in messages], np.int64)
+                stamps_ns = np.where(stamps_ns == 0, received_ns, stamps_ns)
+                return _Decoded(volts, stamps_ns, received_ns, np.ones(len(volts), np.int64), 0)
+        return self._one_by_one(messages)
 
-        Returns
-        -------
-        samples : Samples
-            Each row with the stamp of its message, or the time of receipt where that is 0 or there
-            is none, as in the detector. Its number is the message's place in the list.
-        late_ns : ndarray of int, shape (n,)
-            Time from the stamp to the receipt.
-
-        Raises
-        ------
-        ValueError
-            When none of the messages so far has channels.
-        """
-        times, raws = zip(*messages, strict=True)
-        table = joint_state_table(raws) if self._is_quick else None
-        number: Stamps = np.arange(len(raws))
-        volts = np.empty((0, 0)) if table is None else table.numbers(self._field)
-        if table is not None and self._is_same(table.layout.names, volts):
-            stamps_ns = table.stamps_ns
-        else:
-            volts, stamps_ns, number = self._one_by_one(raws)
-        received_ns = np.array(times, np.int64)[number]
-        stamps_ns = np.where(stamps_ns == 0, received_ns, stamps_ns)
-        return Samples(volts, stamps_ns, row_numbers=number), received_ns - stamps_ns
-
-    def _one_by_one(self, raws: Sequence[bytes]) -> tuple[Floats, Stamps, Stamps]:
-        """Return rows, their stamps, and the places of their messages."""
-        rows, stamps_ns, places = [], [], []
+    def _one_by_one(self, messages: list[Message]) -> _Decoded:
+        rows, kept = [], []
         why: Exception | str = f'the field {self._field} is empty in every message'
-        for i, raw in enumerate(raws):
+        for received_ns, raw in messages:
             try:
                 message = self._typestore.deserialize_cdr(raw, self._msgtype)
                 some = self._reader(message)
@@ -104,12 +105,12 @@ class _Decoder:
                 stamp = getattr(getattr(message, 'header', None), 'stamp', None)
                 stamp_ns = 0 if stamp is None else stamp.sec * 1_000_000_000 + stamp.nanosec
                 rows.append(some)
-                stamps_ns += [stamp_ns] * len(some)
-                places += [i] * len(some)
+                kept.append((stamp_ns or received_ns, received_ns, len(some)))
         if not self.channels:
             raise ValueError(f'{why}; --field (recording_field) names one')
         volts = np.concatenate([np.empty((0, self.channels)), *rows])
-        return volts, np.array(stamps_ns, np.int64), np.array(places, np.int64)
+        stamps_ns, received_ns, counts = np.array(kept, np.int64).reshape(-1, 3).T
+        return _Decoded(volts, stamps_ns, received_ns, counts, len(messages) - len(kept))
 
     def _is_same(self, names: Any, rows: Floats) -> bool:
         """Return whether rows have the channels and names of the first ones."""
@@ -145,36 +146,36 @@ class BagRecording(Recording):
         self._topic = self._rows_topic(config.recording_topic)
         usual = 'position' if self._topic.msgtype == JOINT_STATE else 'data'
         self._field = config.recording_field or usual
-        self._truth_topic = self._label_topic(config, 'recording_truth_topic', BOOL)
-        self._position_topic = self._label_topic(config, 'recording_position_topic', JOINT_STATE)
-        self._still_m = config.recording_still_m
-        self.has_truth |= bool(self._truth_topic or self._position_topic)
+        self._truth_topic = self._label_topic(config.recording_truth_topic)
+        self.has_truth |= self._truth_topic is not None
         if labels is None:
             self.accuracy_s, self.kind = accuracy_and_kind(self._storage.custom_data)
         decoder = _Decoder(self._topic, self._field)
-        first = next((rows for rows, _, _ in self._rows(self._topic, decoder)), None)
+        first = next(self._decoded(self._topic, decoder), None)
         if first is None or not len(first.volts):
             raise ValueError(f'has no samples on {self._topic.name}{self._found_damage()}')
         self.channel_names = decoder.names or default_channel_names(decoder.channels)
-        firsts, counts = _messages_of(first)
-        self._per_message = int(np.median(counts))
-        message_hz = rate_of(first.stamps_ns[firsts], f'the stamps on {self._topic.name}')
+        self._per_message = int(np.median(first.counts))
+        message_hz = rate_of(first.stamps_ns, f'the stamps on {self._topic.name}')
         self.sample_rate_hz = checked_rate(message_hz * self._per_message)
 
     def read(self) -> Iterator[Samples]:
         """Yield the rows of the topic, some thousands at a time."""
-        label = self._label()
+        edges_ns = self._edges_ns()
         n_messages = 0
         first_ns = last_ns = None
-        for rows, late_ns, n in self._rows(self._topic, _Decoder(self._topic, self._field)):
-            n_messages += n
-            self.counts.dropped += (n - len(_messages_of(rows)[0])) * self._per_message
-            if len(rows.volts):
-                stamps_ns = self._spread(rows, last_ns)
+        for some in self._decoded(self._topic, _Decoder(self._topic, self._field)):
+            n_messages += len(some.counts) + some.dropped
+            self.counts.dropped += some.dropped * self._per_message
+            if len(some.volts):
+                stamps_ns = self._spread(some, last_ns)
                 first_ns = int(stamps_ns[0]) if first_ns is None else first_ns
                 last_ns = int(stamps_ns[-1])
-                columns = {} if label is None else label(stamps_ns, late_ns)
-                yield Samples(rows.volts, stamps_ns, **columns)
+                late_ns = np.repeat(some.received_ns - some.stamps_ns, some.counts)
+                label: dict[str, Any] = {}
+                if edges_ns is not None:
+                    label = label_at(stamps_ns + late_ns, edges_ns, self.accuracy_s)
+                yield Samples(some.volts, stamps_ns, **label)
         if self._storage.damage:
             end_s = ((last_ns or 0) - (first_ns or 0)) * 1e-9
             self.counts.damage = (
@@ -182,49 +183,44 @@ class BagRecording(Recording):
                 f'lost, {n_messages} messages up to {end_s:.3f} s are read'
             )
 
-    def _rows(self, topic: Topic, decoder: _Decoder) -> Iterator[tuple[Samples, Stamps, int]]:
-        """Yield decoded messages of a topic, as :class:`_Decoder`, and their number."""
+    def _decoded(self, topic: Topic, decoder: _Decoder) -> Iterator[_Decoded]:
+        """Yield the messages of a topic, some thousands of rows at a time."""
         messages = self._storage.messages(topic)
         most = FIRST_MESSAGES
         while some := list(itertools.islice(messages, most)):
-            rows, late_ns = decoder.rows(some)
-            yield rows, late_ns, len(some)
+            decoded = decoder.decoded(some)
+            yield decoded
             # As many as give the usual number of rows.
-            most = max(1, PIECE_ROWS * len(some) // max(1, len(rows.volts)))
+            most = max(1, PIECE_ROWS * len(some) // max(1, len(decoded.volts)))
 
-    def _spread(self, rows: Samples, last_ns: 'int | None') -> Stamps:
+    def _spread(self, some: _Decoded, last_ns: 'int | None') -> Stamps:
         """Return the stamp of each row.
 
         A message with several samples has the stamp of the last one. The others are spread evenly
         over the time since the previous message or, after a gap, have their nominal period.
         """
-        firsts, counts = _messages_of(rows)
+        ends_ns, counts = some.stamps_ns, some.counts
         if (counts == 1).all():
-            return rows.stamps_ns
-        ends_ns = rows.stamps_ns[firsts]
+            return ends_ns
         usual_ns = counts * (1e9 / self.sample_rate_hz)
         spans_ns = np.diff(ends_ns, prepend=ends_ns[0] if last_ns is None else last_ns)
         near = (spans_ns > 0) & (spans_ns < GAP_PERIODS * usual_ns)
         steps_ns = np.where(near, spans_ns, usual_ns) / counts
-        left = np.repeat(firsts + counts, counts) - 1 - np.arange(len(rows.volts))
-        return rows.stamps_ns - np.rint(left * np.repeat(steps_ns, counts)).astype(np.int64)
+        left = np.repeat(np.cumsum(counts), counts) - 1 - np.arange(len(some.volts))
+        before_ns = np.rint(left * np.repeat(steps_ns, counts)).astype(np.int64)
+        return np.asarray(np.repeat(ends_ns, counts) - before_ns)
 
-    def _label(self) -> 'Callable[[Stamps, Stamps], dict[str, Any]] | None':
-        """Return a function that gives the label of rows; None if the bag does not have it.
+    def _edges_ns(self) -> 'Stamps | None':
+        """Return when the topic of the truth changed; None if it is not the label.
 
-        Its arguments are the stamps of the rows and their delays until receipt. A Bool has no
-        stamp: it holds for the rows that were received after it. Positions have stamps like rows.
+        A Bool has no stamp: it holds for the rows that were received after it.
         """
-        topic = self._truth_topic or self._position_topic
-        if self._labels is not None or topic is None:
+        if self._labels is not None or self._truth_topic is None:
             return None
-        decoder = _Decoder(topic, 'data' if self._truth_topic else 'position')
-        first, *others = (rows for rows, _, _ in self._rows(topic, decoder))
-        states = first.then(*others)
-        if self._truth_topic is None:
-            return lambda stamps_ns, _: {'truth': moving_at(states, self._still_m, stamps_ns)}
-        edges_ns = states.stamps_ns[np.diff(states.volts[:, 0] != 0.0, prepend=False)]
-        return lambda stamps_ns, late_ns: label_at(stamps_ns + late_ns, edges_ns, self.accuracy_s)
+        states = list(self._decoded(self._truth_topic, _Decoder(self._truth_topic, 'data')))
+        on = np.concatenate([some.volts[:, 0] for some in states]) != 0.0
+        changed_ns = np.concatenate([some.stamps_ns for some in states])
+        return np.asarray(changed_ns[np.diff(on, prepend=False)])
 
     def _found_damage(self) -> str:
         return f' ({self._storage.damage[0]})' if self._storage.damage else ''
@@ -241,31 +237,21 @@ class BagRecording(Recording):
             f'{self._found_damage()}; --topic (recording_topic) names one'
         )
 
-    def _label_topic(
-        self, config: RecordingConfig, parameter: str, msgtype: str
-    ) -> 'Topic | None':
-        """Find a topic that labels the rows: in their namespace, else in any other."""
-        name = getattr(config, parameter)
-        alike = [topic for topic in self._storage.topics if topic.msgtype == msgtype]
+    def _label_topic(self, name: str) -> 'Topic | None':
+        """Find the topic that labels the rows: in their namespace, else in any other."""
+        alike = [topic for topic in self._storage.topics if topic.msgtype == BOOL]
         full = f'{self._topic.name.rpartition("/")[0]}/{name}'
         found = [topic for topic in alike if topic.name == full]
         found = found or [topic for topic in alike if _is_named(topic.name, name)]
         if len(found) == 1:
             return found[0]
-        if name == getattr(RecordingConfig, parameter):
+        if name == RecordingConfig.recording_truth_topic:
             return None
         known = name_list([topic.name for topic in found or alike])
         raise ValueError(
-            f'parameter {parameter} is {name!r}, allowed: one topic of type {msgtype}, there '
-            f'are: {known or "none"}'
+            f'parameter recording_truth_topic is {name!r}, allowed: one topic of type {BOOL}, '
+            f'there are: {known or "none"}'
         )
-
-
-def _messages_of(rows: Samples) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the first row of each message, and its number of rows."""
-    assert rows.row_numbers is not None
-    firsts = np.flatnonzero(np.diff(rows.row_numbers, prepend=-1))
-    return firsts, np.diff(firsts, append=len(rows.volts))
 
 
 def _is_named(topic: str, name: str) -> bool:

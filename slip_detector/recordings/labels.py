@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The true slip in a recording: from intervals written by hand, labels, states or positions."""
+"""The true slip in a recording: from intervals written by hand, or labels of rows."""
 
 import contextlib
 import math
@@ -327,60 +327,3 @@ def as_truth(label: NDArray[Any], key: str) -> Bools:
     if wrong.size:
         raise ValueError(f'{key} has {wrong.tolist()[0]!r}, allowed: 0 and 1')
     return flat.astype(bool)
-
-
-def states_at(changed_at: NDArray[Any], states: Bools, at: NDArray[Any]) -> Bools:
-    """Return the state at each time: that of the last change at or before it.
-
-    Parameters
-    ----------
-    changed_at : ndarray of int or float, shape (k,)
-        Times at which the state was published, in rising order.
-    states : ndarray of bool, shape (k,)
-        The states.
-    at : ndarray of int or float, shape (n,)
-        The times for which the state is wanted, in the same unit.
-
-    Returns
-    -------
-    ndarray of bool, shape (n,)
-        False before the first change.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from slip_detector.recordings.labels import states_at
-    >>> states_at(np.array([10, 20]), np.array([True, False]), np.array([5, 10, 19, 20]))
-    array([False,  True,  True, False])
-    """
-    from_none_on = np.concatenate([[False], states])
-    return np.asarray(from_none_on[np.searchsorted(changed_at, at, side='right')])
-
-
-def moving_at(positions: Samples, still_m: float, at_ns: Stamps) -> Bools:
-    """Return whether a position changes at each time (the paper's Eq. 9).
-
-    There is motion between two rows with different positions, including both of their times: the
-    last sample at which the platform still stood is the first sample of the slip.
-
-    Parameters
-    ----------
-    positions
-        Stamps and positions in m, (n, axes).
-    still_m
-        A step of the position up to this counts as rest.
-    at_ns : ndarray of int, shape (n,)
-        The times.
-
-    Examples
-    --------
-    >>> positions = Samples(np.array([[0.0], [0.0], [0.1], [0.1]]), np.array([0, 10, 20, 30]))
-    >>> moving_at(positions, 1e-6, np.array([5, 10, 20, 25]))
-    array([False,  True,  True, False])
-    """
-    moves = (np.abs(np.diff(positions.volts, axis=0)) > still_m).any(axis=1)
-    moves = np.concatenate([[False], moves, [False]])
-    # The steps that end at or after each time, and those that begin at or before it.
-    ending = np.searchsorted(positions.stamps_ns, at_ns, side='left')
-    beginning = np.searchsorted(positions.stamps_ns, at_ns, side='right')
-    return np.asarray(moves[ending] | moves[beginning])

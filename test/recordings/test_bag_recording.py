@@ -128,34 +128,6 @@ def test_a_truth_that_was_received_late_holds_from_its_receipt_on(tmp_path):
     np.testing.assert_array_equal(truth, (np.arange(n) >= 20) & (np.arange(n) < 30))
 
 
-def test_a_position_that_changes_is_slip(tmp_path):
-    n = 400
-    position_m = np.interp(np.arange(n), [99, 199, 250, 300], [0.0, 5e-3, 5e-3, 2e-3])
-    written = rows(n, truth=False)
-    write_recording(tmp_path / 'a.mcap', [written._replace(position_m=position_m)], 380.0, NAMES)
-    truth = gathered(open_recording(tmp_path / 'a.mcap')).truth
-    k = np.arange(n)
-    # From the last row at which it still stood to the first at which it stands again (Eq. 9).
-    np.testing.assert_array_equal(truth, ((k >= 99) & (k <= 199)) | ((k >= 250) & (k <= 300)))
-    noisy = position_m + 1e-6 * np.random.default_rng(0).uniform(-1, 1, n)
-    write_recording(tmp_path / 'b.mcap', [written._replace(position_m=noisy)], 380.0, NAMES)
-    still = RecordingConfig(recording_still_m=5e-6)
-    np.testing.assert_array_equal(
-        gathered(open_recording(tmp_path / 'b.mcap', still)).truth, truth
-    )
-    assert gathered(open_recording(tmp_path / 'b.mcap')).truth.all()
-
-
-def test_a_truth_goes_before_a_position_and_the_npz_keeps_both(tmp_path):
-    written = rows(300)._replace(position_m=np.arange(300.0))
-    for ending in ('.mcap', '.npz'):
-        write_recording(tmp_path / f'a{ending}', [written], 380.0, NAMES)
-        check_same(gathered(open_recording(tmp_path / f'a{ending}')), written)
-    np.testing.assert_array_equal(
-        open_recording(tmp_path / 'a.npz').array('position_m'), written.position_m
-    )
-
-
 def test_a_topic_of_labels_that_is_named_must_be_there(tmp_path):
     write_recording(tmp_path / 'a.mcap', [rows(50)], 380.0, NAMES)
     said = complaint(tmp_path / 'a.mcap', recording_truth_topic='sliding')

@@ -24,11 +24,7 @@ from hypothesis import strategies as st
 from slip_detector.chain.samples import Samples
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.recordings import open_recording
-from slip_detector.recordings.labels import (
-    find_labels,
-    moving_at,
-    snapped,
-)
+from slip_detector.recordings.labels import find_labels, snapped
 from slip_detector.recordings.writing import BagWriter
 
 RATE_HZ = 100.0
@@ -149,17 +145,6 @@ def test_a_dot_in_the_name_of_a_folder_is_no_ending(tmp_path):
         (tmp_path / f'{name}.labels.yaml').write_text('slip_s: []')
         assert find_labels('', tmp_path / name) == tmp_path / f'{name}.labels.yaml'
         assert find_labels(str(tmp_path), tmp_path / name) == tmp_path / f'{name}.labels.yaml'
-
-
-@given(st.lists(st.sampled_from([0.0, 1.0]), min_size=1, max_size=25))
-def test_motion_lies_between_positions_that_differ(positions):
-    n = len(positions)
-    track = Samples(np.array(positions)[:, np.newaxis], np.arange(n) * 10)
-    at = np.arange(-5, 10 * n + 5)
-    wanted = np.zeros(len(at), bool)
-    for k in np.flatnonzero(np.diff(positions)):
-        wanted |= (at >= 10 * k) & (at <= 10 * (k + 1))
-    np.testing.assert_array_equal(moving_at(track, 0.0, at), wanted)
 
 
 @given(
