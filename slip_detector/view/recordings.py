@@ -33,16 +33,7 @@ from slip_detector.evaluation.matching import OnIntervals
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.files import file_errors_of, write_yaml
-from slip_detector.recordings import open_recording
-from slip_detector.recordings.labels import (
-    ACCURACY,
-    BY_EYE_S,
-    BY_HAND_S,
-    KEY,
-    labels_from,
-    labels_name,
-    snapped,
-)
+from slip_detector.recordings import labels, open_recording
 from slip_detector.recordings.writing import BagWriter
 from slip_detector.report.overview import MOST_CELLS, THRESHOLD_CODE, Overview
 from slip_detector.tuning.tracks import hold_out_evenly, track_of
@@ -107,20 +98,23 @@ class RecordedFolder:
 
     async def refresh(self) -> None:
         """Update the list from the folder; recordings in the list are not read again."""
-        names = [n for n in self._names() if n not in self.recordings and self._is_bag(n)]
-        new = await asyncio.to_thread(lambda: {name: self._summary(name) for name in names})
+        names = self._bags().difference(self.recordings)
+        new = await asyncio.to_thread(lambda: [self._summary(name) for name in names])
         # A recording that was added meanwhile may have been read above before it had ended.
-        every = {**new, **self.recordings}
-        self._set({name: one for name, one in every.items() if self._is_bag(name)})
+        self.add(*(one for one in new if one.name not in self.recordings))
+        for name in self.recordings.keys() - self._bags():
+            del self.recordings[name]
 
     def new_path(self, kind: str) -> Path:
         """Return an unused path for a recording of this kind."""
-        numbers = [_order(name)[1] for name in self._names() if name.startswith(kind)]
+        paths = self.folder.glob(f'{kind}_*')
+        numbers = [_order(path.name)[1] for path in paths if _NAME.fullmatch(path.name)]
         return self.folder / f'{kind}_{max(numbers, default=0) + 1}'
 
-    def add(self, recorded: RecordingSummary) -> None:
-        """Add a recording that has just been made, which need not be read."""
-        self._set({**self.recordings, recorded.name: recorded})
+    def add(self, *recorded: RecordingSummary) -> None:
+        """Add recordings that were made, which need not be read."""
+        every = {**self.recordings, **{one.name: one for one in recorded}}
+        self.recordings = {name: every[name] for name in sorted(every, key=_order)}
 
     def path_of(self, name: object) -> Path:
         """Return the folder of a recording, by the name that a page has sent.
@@ -145,7 +139,7 @@ class RecordedFolder:
         path = self.path_of(name)
         with file_errors_of(path, 'deleted'):
             shutil.rmtree(path)
-            (path.parent / labels_name(path)).unlink(missing_ok=True)
+            (path.parent / labels.labels_name(path)).unlink(missing_ok=True)
         del self.recordings[path.name]
 
     def trace(self, name: object, config: DetectorConfig) -> dict[str, Any]:
@@ -167,12 +161,11 @@ class RecordedFolder:
         overview = Overview(str(name), config, (), TRACE_BINS * channels / MOST_CELLS, rate_hz)
         outcome = overview.replay(Replay(config), rows)
         figures = figures_of_merit([outcome])
+        level = overview.codes[:, :channels].mean(axis=1) / THRESHOLD_CODE
         return {
             'duration_s': overview.rows / rate_hz,
             'bin_s': overview.bin_rows / rate_hz,
-            'level': (overview.codes[:, :channels].mean(axis=1) / THRESHOLD_CODE)
-            .round(2)
-            .tolist(),
+            'level': level.round(2).tolist(),
             'slip_s': _seconds(overview.truth, rate_hz),
             'on_s': _seconds(overview.slip, rate_hz),
             **{key: figures[key] for key in ('coverage', 'false_time_percent')},
@@ -190,14 +183,16 @@ class RecordedFolder:
             When no recording has this name, the ends are not allowed, or cannot be written.
         """
         path = self.path_of(name)
-        file, document = path.parent / labels_name(path), {KEY: edges_s, ACCURACY: BY_EYE_S}
-        labels = labels_from(file, dict(document))
-        labels.check_end(self.recordings[path.name].duration_s + BY_EYE_S, path)
+        file = path.parent / labels.labels_name(path)
+        document = {labels.KEY: edges_s, labels.ACCURACY: labels.BY_EYE_S}
+        wanted = labels.labels_from(file, dict(document))
+        wanted.check_end(self.recordings[path.name].duration_s + labels.BY_EYE_S, path)
         if snap:
             recording = open_recording(path)
             first, *more = recording.rows()
             rows, rate_hz = first.then(*more), recording.sample_rate_hz
-            return {'slip_s': snapped(rows, labels.edges_s, rate_hz, BY_HAND_S).tolist()}
+            edges = labels.snapped(rows, wanted.edges_s, rate_hz, labels.BY_HAND_S)
+            return {'slip_s': edges.tolist()}
         write_yaml(file, document, ['Moved by hand on the page of slip_view.'])
         self.recordings[path.name] = self._summary(path.name)
         return {'slip_s': edges_s}
@@ -215,14 +210,9 @@ class RecordedFolder:
             held_out += held
         return to_tune_on, held_out
 
-    def _set(self, every: dict[str, RecordingSummary]) -> None:
-        self.recordings = {name: every[name] for name in sorted(every, key=_order)}
-
-    def _names(self) -> list[str]:
-        return [path.name for path in self.folder.glob('*') if _NAME.fullmatch(path.name)]
-
-    def _is_bag(self, name: str) -> bool:
-        return (self.folder / name / f'{name}.mcap').is_file()
+    def _bags(self) -> set[str]:
+        paths = self.folder.glob('*/*.mcap')
+        return {p.stem for p in paths if p.stem == p.parent.name and _NAME.fullmatch(p.stem)}
 
     def _summary(self, name: str) -> RecordingSummary:
         """Read how long a recording is, and how many slips it has."""
@@ -285,11 +275,9 @@ class Recorder:
         with file_errors_of(path):
             path.parent.mkdir(parents=True, exist_ok=True)
             frame = finger.frame_id or 'fingertip'
-            accuracy_s = BY_HAND_S if self.kind == 'slip' else 0.0
-            kind = '' if self.kind == 'slip' else self.kind
-            self._bag = BagWriter(
-                path, finger.config.names, frame, accuracy_s=accuracy_s, kind=kind
-            )
+            slips = self.kind == 'slip'
+            about: Any = {'accuracy_s': labels.BY_HAND_S} if slips else {'kind': self.kind}
+            self._bag = BagWriter(path, finger.config.names, frame, **about)
 
     @property
     def duration_s(self) -> float:

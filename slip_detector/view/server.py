@@ -30,11 +30,11 @@ from typing import Any
 from urllib.parse import quote
 
 from tornado import web, websocket
+from tornado.httpserver import HTTPServer
 from tornado.httputil import split_host_and_port
 from tornado.netutil import bind_sockets, is_valid_ip
 
 from slip_detector.commands.command_line import one_line
-from slip_detector.view.connections import Connections
 from slip_detector.view.detectors import Detectors
 from slip_detector.view.track import LiveTrack
 from slip_detector.view.view_request import ViewRequest
@@ -45,7 +45,8 @@ FRAME_S = 1 / 30
 #: Period of the server's loop, in seconds, while no page is open and no finger is recorded.
 IDLE_S = 0.2
 
-#: Period, in seconds, at which a page is pinged; it is closed if it does not answer in time.
+#: Period, in seconds, at which a page is pinged. It is closed if it does not answer in time, as is
+#: a connection that asks for nothing.
 PING_S = 10.0
 
 #: Longest time, in seconds, for which the server waits at its end for pages to have heard of it.
@@ -53,13 +54,6 @@ GOODBYE_S = 1.0
 
 #: Longest message of a page, in bytes.
 MOST_BYTES = 1 << 20
-
-#: Most pages that are open at once.
-MOST_PAGES = 32
-
-#: Most pages that keep a copy of a finger's last minute (64 MB with 900 channels) while they are
-#: paused. Those paused later keep what they have drawn.
-MOST_PAUSED = 4
 
 #: Where the files of the page are, and those that it shares with the report.
 PACKAGE = Path(__file__).parents[1]
@@ -72,8 +66,6 @@ HEADERS = {
     'Referrer-Policy': 'no-referrer',
     'Cache-Control': 'no-cache',
 }
-
-TOO_MANY = f'{MOST_PAGES} pages are open, as many as there can be: close one'
 
 NO_TOKEN = 'this address lacks its token: open the one that slip_view has printed'
 
@@ -196,7 +188,12 @@ class Server:
             websocket_ping_timeout=PING_S,  # Older versions of tornado wait three times as long.
             websocket_max_message_size=MOST_BYTES,
         )
-        self.connections = Connections(application, max_body_size=MOST_BYTES)
+        self.connections = HTTPServer(
+            application,
+            max_body_size=MOST_BYTES,
+            idle_connection_timeout=PING_S,
+            body_timeout=PING_S,
+        )
 
     def on_request(self, kind: str, answer: Answer, *, changes: bool = False) -> None:
         """Let a function answer the requests of one kind."""
@@ -325,8 +322,6 @@ class _Guarded(web.RequestHandler):
         if not why and self.request.path in ('/', '/live'):
             token = self.get_query_argument('token', '', strip=False)
             why = '' if access.knows(token) else NO_TOKEN
-        if not why and self.request.path == '/live' and len(self.server.pages) >= MOST_PAGES:
-            why = TOO_MANY
         if why:
             self.set_status(403)
             self.set_header('Content-Type', 'text/plain; charset=utf-8')
@@ -359,7 +354,6 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         self.set_nodelay(True)
         self.news = dict(self.server.news)
         self.server.pages.add(self)
-        self.server.connections.strangers.pop(getattr(self.ws_connection, 'stream', None), None)
 
     def on_close(self) -> None:
         """Forget the page."""
@@ -390,10 +384,9 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
             self.close(1003, str(error)[:30])  # A reason has at most 123 bytes.
             return
         # A pause may last longer than the track: keep what the page shows.
-        paused = sum(page.past is not None for page in self.server.pages)
         if self.view is None or self.view.until_ns is None:
             self.past = None
-        elif self.past is None and paused < MOST_PAUSED:
+        elif self.past is None:
             finger = self.server.detectors.fingers.get(self.view.finger)
             self.past = copy.deepcopy(finger.track) if finger else None
 

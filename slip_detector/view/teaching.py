@@ -68,6 +68,7 @@ class Teaching:
         self.words = ''
         self._run: TuneRun | None = None
         self._tuning: asyncio.Task[None] | None = None
+        self._one_trace = asyncio.Lock()
         server.each_tick.append(self.tick)
         server.at_end.append(self.close)
         server.on_request('recordings', self._recordings)
@@ -252,7 +253,8 @@ class Teaching:
         """Return what the detector as it is would decide in a recording."""
         finger, name = message.get('finger'), message.get('recording')
         folder, config = self.folder_of(finger), self._detectors.finger_of(finger).config
-        return await asyncio.to_thread(folder.trace, name, config)
+        async with self._one_trace:
+            return await asyncio.to_thread(folder.trace, name, config)
 
     async def _label(self, message: Message, snap: bool) -> dict[str, Any]:
         folder, name = self.folder_of(message.get('finger')), message.get('recording')

@@ -89,18 +89,19 @@ def pixels(page):
     return page.evaluate('document.querySelector("#timeline canvas").toDataURL()')
 
 
-def point(page, share, y=0.5, selector='#timeline'):
+def point(page, share, y=0.5):
     """Return where on the page a share of the time in view is."""
-    page.locator(selector).scroll_into_view_if_needed()
-    box = page.locator(selector).bounding_box()
+    timeline = page.locator('#timeline')
+    timeline.scroll_into_view_if_needed()
+    box = timeline.bounding_box()
     x = box['x'] + NAMES_WIDTH + share * (box['width'] - NAMES_WIDTH - RIGHT_MARGIN)
     return x, box['y'] + (y * box['height'] if y <= 1 else y)
 
 
-def drag(page, start, end, selector='#timeline'):
-    page.mouse.move(*point(page, start, selector=selector))
+def drag(page, start, end):
+    page.mouse.move(*point(page, start))
     page.mouse.down()
-    page.mouse.move(*point(page, end, selector=selector), steps=4)
+    page.mouse.move(*point(page, end), steps=4)
     page.mouse.up()
 
 
@@ -184,10 +185,6 @@ def test_wheel_mouse_keys_and_buttons_zoom_and_move(opened):
     assert view(page)[2:] == pytest.approx((4.0, 8.0), abs=0.05)
     drag(page, 0.75, 0.25)
     assert view(page)[2:] == pytest.approx((6.0, 10.0), abs=0.1)
-    drag(page, 0.5, 0.6, '#minimap')
-    assert view(page)[2:] == pytest.approx((10.0, 12.0), abs=0.05)
-    page.mouse.click(*point(page, 0.2, selector='#minimap'))
-    assert view(page)[2:] == pytest.approx((3.0, 5.0), abs=0.1)
     page.click('#whole')
     page.click('#zoom-in')
     assert view(page)[2:] == (5.0, 15.0)
@@ -214,10 +211,6 @@ def test_events_are_reached_by_link_by_mark_and_one_after_the_other(opened):
     assert starts == [(0, 2.0), (0, 4.0), (0, 9.0), (0, 15.0), (1, 2.0)]
     page.keyboard.press('p')
     assert view(page)[2] == pytest.approx(14.7)
-    page.click('#whole')
-    settle(page)
-    page.mouse.click(*point(page, 9.0 / 20.0, 32))
-    assert 'missed' in page.locator('#event-list tr.chosen').first.inner_text()
 
 
 def test_of_evidence_excess_floor_and_impacts_are_shown_with_their_scale(opened):

@@ -14,34 +14,6 @@ const timeline = new Timeline(root, {
   tickText: clock,
   onInterval: (from, to, how) => (how === 'whole' ? whole() : showSpan(from, to)),
   onPoint: (seconds, lane) => seconds !== null && readOut(seconds, lane),
-  onClick: chooseNear,
-});
-
-// Choose the most important event within reach of a click in the lane of events.
-function chooseNear(at, lane, reach) {
-  if (lane?.name !== 'events') return;
-  const near = eventsOf(view.recording).map(([kind, start], i) => [kind, Math.abs(start - at), i])
-    .filter(([, away]) => away < reach).sort((a, b) => a[0] - b[0] || a[1] - b[1]);
-  if (near.length) go(view.variant, view.recording, near[0][2]);
-}
-
-let strip = null;
-const onStrip = (event) => {
-  const box = minimap.getBoundingClientRect();
-  return duration() * (event.clientX - box.left - NAMES_WIDTH) / (box.width - NAMES_WIDTH - RIGHT_MARGIN);
-};
-const isDrag = (event) => Math.abs(event.clientX - strip.x) > 3;
-minimap.addEventListener('pointerdown', (event) => {
-  minimap.setPointerCapture(event.pointerId);
-  strip = {at: onStrip(event), x: event.clientX};
-});
-minimap.addEventListener('pointermove', (event) => {
-  if (strip && isDrag(event)) showSpan(...[strip.at, onStrip(event)].sort((a, b) => a - b));
-});
-minimap.addEventListener('pointerup', (event) => {
-  const half = (view.to - view.from) / 2;
-  if (strip && !isDrag(event)) showSpan(strip.at - half, strip.at + half);
-  strip = null;
 });
 
 document.addEventListener('keydown', (event) => {
@@ -165,8 +137,6 @@ function start() {
     })));
   const on = (id, event, act) => element(id).addEventListener(event, act);
   on('recording', 'change', ({target}) => choose('recording', Number(target.value)));
-  on('zoom-in', 'click', () => timeline.zoom(0.5));
-  on('zoom-out', 'click', () => timeline.zoom(2));
   on('whole', 'click', whole);
   on('previous', 'click', () => step(-1));
   on('next', 'click', () => step(1));

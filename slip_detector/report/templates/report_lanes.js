@@ -8,7 +8,7 @@ const DETECTED = 3;
 // The code of a level that equals the threshold, and the range of codes that a lane of levels shows.
 const THRESHOLD_CODE = 128, CODES_OF_OCTAVE = 16;
 const LEVEL_CODES = [-1, 1].map((sign) => THRESHOLD_CODE + sign * CODES_OF_OCTAVE * LEVEL_OCTAVES);
-const root = element('timeline'), minimap = element('minimap');
+const root = element('timeline');
 const header = JSON.parse(element('header').textContent);
 const recordings = header.recordings.map(() => null);
 const names = header.variants;
@@ -69,19 +69,12 @@ function each(keys, of) {
 // The values in all resolutions: as they are, then joined in twos, in fours and so on; in each the
 // channels follow one another.
 function halved(values, channels, n, join) {
-  const sizes = [{values, n}];
-  while (n > 512) {
-    const half = Math.ceil(n / 2), next = new values.constructor(channels * half);
-    for (let c = 0; c < channels; c++) {
-      for (let j = 0; j < half; j++) {
-        const i = c * n + 2 * j, last = 2 * j + 1 === n;
-        next[c * half + j] = join(values[i], values[last ? i : i + 1]);
-      }
-    }
-    sizes.push({values: next, n: half});
-    [values, n] = [next, half];
-  }
-  return sizes;
+  if (n <= 512) return [{values, n}];
+  const half = Math.ceil(n / 2), next = new values.constructor(channels * half).map((_, k) => {
+    const c = Math.floor(k / half), i = c * n + 2 * (k - c * half);
+    return join(values[i], values[Math.min(i + 1, c * n + n - 1)]);
+  });
+  return [{values, n}, ...halved(next, channels, half, join)];
 }
 
 // The pieces to draw between two rows: single rows where they were kept, else bins of about a pixel.
@@ -151,10 +144,8 @@ function curve(found, channel) {
 
 function clock(seconds, digits = 3) {
   if (duration() < 120) return `${seconds.toFixed(digits)} s`;
-  const total = Number(seconds.toFixed(digits)), minutes = Math.floor(total / 60);
-  const rest = (total - 60 * minutes).toFixed(digits).padStart(digits ? digits + 3 : 2, '0');
-  if (duration() < 3600) return `${minutes}:${rest}`;
-  return `${Math.floor(minutes / 60)}:${String(minutes % 60).padStart(2, '0')}:${rest}`;
+  const time = new Date(Math.round(1000 * Number(seconds.toFixed(digits)))).toISOString();
+  return time.slice(duration() < 3600 ? 14 : 11, digits ? 20 + digits : 19);
 }
 
 // What is at a code of a signal, in words; its value is octaves above the threshold, or decibels.
@@ -309,28 +300,7 @@ function draw(data) {
     from, to, curves, x: starts.map((row) => row / rate), paint: paintUnderAll,
     steps: found.some(({rows}) => rows > 3 * rowsOfPixel),
   });
-  drawMinimap();
   Object.assign(root.dataset, {fromS: from, toS: to, recording: view.recording, variant: view.variant});
   root.ariaBusy = String(pending);
   document.documentElement.dataset.readyMs ??= performance.now();
-}
-
-function drawMinimap() {
-  const {context, width, height} = fitted(minimap), pen = {context, left: NAMES_WIDTH, right: width - RIGHT_MARGIN};
-  const xOf = (seconds) => pen.left + seconds * (pen.right - pen.left) / duration();
-  const xOfRows = (row) => xOf(row / now().rate_hz);
-  context.fillStyle = '#f3f4f5';
-  context.fillRect(pen.left, 0, pen.right - pen.left, height);
-  bars(pen, xOfRows, now().truth, 0, height, TRUTH);
-  bars(pen, xOfRows, variantNow().slip, height * 0.55, height * 0.45, ON);
-  for (const [kind, start] of eventsOf(view.recording)) {
-    context.fillStyle = KINDS[kind][2];
-    if (kind !== DETECTED) context.fillRect(xOf(start) - 1, 0, 2, height * 0.5);
-  }
-  const from = xOf(view.from), to = Math.max(xOf(view.to), from + 2);
-  context.fillStyle = 'rgba(60, 70, 80, 0.25)';
-  context.fillRect(pen.left, 0, from - pen.left, height);
-  context.fillRect(to, 0, pen.right - to, height);
-  context.strokeStyle = INK;
-  context.strokeRect(from + 0.5, 0.5, to - from - 1, height - 1);
 }

@@ -23,16 +23,16 @@ class Timeline {
   // onInterval(from, to, how): the user wants to see another interval; how: 'zoom', 'move', 'choose', or
   // 'whole', with from -Infinity and to Infinity.
   // onPoint(seconds, lane): the pointer, or keys, have moved to this place; null: it has left.
-  // onClick(seconds, lane, reach): the user has clicked at this place; what is up to `reach` seconds
-  // away counts as clicked.
-  constructor(root, {tickText, onInterval, onPoint, onClick = () => {}}) {
-    Object.assign(this, {root, tickText, onInterval, onPoint, onClick});
+  // The buttons of the page with the ids zoom-in and zoom-out zoom.
+  constructor(root, {tickText, onInterval, onPoint}) {
+    Object.assign(this, {root, tickText, onInterval, onPoint});
     this.lanes = [];
     this.names = build('div.lane-names');
     root.append(this.names);
     root.addEventListener('dblclick', () => onInterval(-Infinity, Infinity, 'whole'));
     root.addEventListener('keydown', (event) => this.onKey(event));
     for (const kind of ['pointerleave', 'blur']) root.addEventListener(kind, () => this.point(null));
+    for (const [id, factor] of [['zoom-in', 0.5], ['zoom-out', 2]]) element(id).addEventListener('click', () => this.zoom(factor));
   }
 
   // The time at the place that is pointed at, in seconds, or null; it changes while the drawing scrolls.
@@ -239,9 +239,7 @@ class Timeline {
       if (grip.moved) this.onInterval(grip.from + shift, grip.to + shift, 'move');
       over.classList.toggle('moving', grip.moved);
     });
-    const release = (event) => {
-      const reach = 8 * (this.to - this.from) / over.clientWidth;
-      if (grip && !grip.moved && event.type === 'pointerup') this.onClick(...under(event), reach);
+    const release = () => {
       grip = null;
       over.classList.remove('moving');
     };

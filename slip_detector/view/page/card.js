@@ -32,14 +32,9 @@ export class FingerCard {
     this.inWords.addEventListener('toggle', () => this.showChannels());
     this.marked = [];
     this.worded = -Infinity;
-    this.canvas.addEventListener('click', (event) => {
-      const channel = this.channelAt(event);
-      if (channel) onChannel(channel);
-    });
-    this.canvas.addEventListener('pointermove', (event) => {
-      const channel = this.channelAt(event);
-      this.canvas.title = channel && this.channels ? this.wordsOf(channel) : '';
-    });
+    const at = (kind, act) => this.canvas.addEventListener(kind, (event) => act(this.channelAt(event)));
+    at('click', (channel) => channel && onChannel(channel));
+    at('pointermove', (channel) => (this.canvas.title = channel && this.channels ? this.wordsOf(channel) : ''));
     // The size of the picture is known only once the page is laid out.
     new ResizeObserver(() => this.layOut()).observe(this.picture);
   }
@@ -54,12 +49,12 @@ export class FingerCard {
     this.chips = Object.entries(finger.groups).map(([name, members]) => {
       const count = build('span.count'), chip = build('li.group', build('span.name', name), count);
       chip.title = `${name}: ${members.map((c) => finger.channels[c - 1]).join(', ')}; vote: ${VOTES[finger.vote] ?? `${finger.vote} of them`}`;
-      for (const [kind, marked] of [['pointerenter', members], ['pointerleave', []]]) {
-        chip.addEventListener(kind, () => {
-          this.marked = marked;
-          this.paint();
-        });
-      }
+      const mark = (marked) => {
+        this.marked = marked;
+        this.paint();
+      };
+      chip.addEventListener('pointerenter', () => mark(members));
+      chip.addEventListener('pointerleave', () => mark([]));
       return {chip, count, members};
     });
     this.groups.replaceChildren(...this.chips.map(({chip}) => chip));
@@ -233,15 +228,12 @@ function placesOf(positions, width, height) {
 const fillOf = (level) => Math.round(64 * Math.max(0, Math.min(1, 1 + Math.log2(level) / LEVEL_OCTAVES))) / 64;
 
 function paintTaxel(context, colors, {x, y, side}, {fill, on, valid, disabled}, number) {
-  const left = x - side / 2, top = y - side / 2;
-  const shape = new Path2D();
+  const left = x - side / 2, top = y - side / 2, shape = new Path2D();
   shape.roundRect(left, top, side, side, side / 5);
-  const fillAll = (style) => {
+  for (const style of disabled ? [colors.off] : !valid ? [colors.ground, HATCHING] : [on ? ON : colors.quiet]) {
     context.fillStyle = style;
     context.fill(shape);
-  };
-  fillAll(disabled ? colors.off : !valid ? colors.ground : on ? ON : colors.quiet);
-  if (!disabled && !valid) fillAll(HATCHING);
+  }
   if (!disabled && valid && !on) {
     context.save();
     context.clip(shape);

@@ -28,8 +28,8 @@ export class Connection extends EventTarget {
     this.answers = new Map();
     this.requests = 0;
     this.view = {};
-    // The frame that waits to be drawn, or null.
-    this.frame = null;
+    // Whether a frame waits to be drawn.
+    this.draws = false;
     // A hidden page asks for nothing.
     document.addEventListener('visibilitychange', () => this.sendView());
     setInterval(() => this.checkForFrames(), CHECK_MS);
@@ -43,7 +43,7 @@ export class Connection extends EventTarget {
 
   // Count checks without a frame, if frames are due and none waits to be drawn.
   checkForFrames() {
-    const due = this.isOpen && !document.hidden && this.view.fingers?.length && !this.frame;
+    const due = this.isOpen && !document.hidden && this.view.fingers?.length && !this.draws;
     this.checks = due ? this.checks + 1 : 0;
     if (this.checks > MOST_CHECKS) this.say('slip_view does not answer');
   }
@@ -78,22 +78,19 @@ export class Connection extends EventTarget {
   }
 
   async explain(reason) {
-    const say = (why) => this.say(`${why}; trying again`);
-    if (reason || !this.words) say(reason || UNREACHABLE);
-    if (reason) return;
     // A WebSocket does not pass on why the server refuses it.
-    const refusal = await fetch(`/live${location.search}`)
+    const why = reason || await fetch(`/live${location.search}`)
       .then((answer) => (answer.status === 403 ? answer.text() : '')).catch(() => '');
     // The connection may be open again meanwhile.
-    if (!this.isOpen) say(refusal.trim() || UNREACHABLE);
+    if (!this.isOpen) this.say(`${why.trim() || UNREACHABLE}; trying again`);
   }
 
   take(data) {
     if (typeof data !== 'string') {
       this.checks = 0;
       this.say('');
-      if (!this.frame) requestAnimationFrame(() => this.draw());
-      this.frame = readFrame(data);
+      this.draws = true;
+      requestAnimationFrame(() => this.draw(data));
       return;
     }
     const message = JSON.parse(data);
@@ -104,14 +101,13 @@ export class Connection extends EventTarget {
     this.dispatchEvent(new CustomEvent(message.type, {detail: message}));
   }
 
-  draw() {
-    const {frame} = this;
-    this.frame = null;
+  draw(data) {
+    this.draws = false;
     // A frame from before the connection was lost is old.
     if (!this.isOpen) return;
     // The next frame is made while this one is drawn.
     this.send({type: 'drawn'});
-    this.dispatchEvent(new CustomEvent('frame', {detail: frame}));
+    this.dispatchEvent(new CustomEvent('frame', {detail: readFrame(data)}));
   }
 
   // Change what the page asks for: {fingers, finger, channels, window_s, pixels, spectrum, until_ns};

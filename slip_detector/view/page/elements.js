@@ -53,14 +53,9 @@ export class Tool {
     return this.readOnly || Boolean(this.connection.words);
   }
 
-  // Send a request about the chosen finger, or another one; resolves with the refusal, or ''. beside: what
-  // the answer stands beside, if not where it stood before.
+  // Send a request about the chosen finger, or another one; resolves with the answer. beside: what the answer
+  // stands beside, if not where it stood before.
   async ask(type, content, beside) {
-    return (await this.inquire(type, content, beside)).refusal;
-  }
-
-  // The same, but resolves with the whole answer.
-  async inquire(type, content, beside) {
     this.refuse('');
     beside?.after(this.line.parentElement);
     const answer = await this.connection.request(type, {finger: this.finger, page: PAGE, ...content});

@@ -51,7 +51,7 @@ export class Parameters extends Tool {
 
   // What was typed for another finger stays.
   choose(finger) {
-    this.keepRows(new Set());
+    this.keepRows([]);
     element('changes').replaceChildren();
     element('saved').textContent = '';
     element('file-name').value = (this.labels[finger] ?? '').replace(/\W+|__+/g, '_');
@@ -101,30 +101,25 @@ export class Parameters extends Tool {
     const shown = panel.headings.flatMap(({heading, parameters}) => parameters.map((parameter) => [heading, parameter]));
     const names = new Set(shown.map(([, {name}]) => name));
     for (const [name, text] of edits) {
-      if (names.has(name)) continue;
-      if (text === null) {
-        edits.delete(name);
-        continue;
-      }
       // A group to be added has a row, though the detector has no such parameter yet.
-      shown.push([OF_GROUPS, {name}]);
-      names.add(name);
+      if (!names.has(name) && text === null) edits.delete(name);
+      else if (!names.has(name)) shown.push([OF_GROUPS, {name}]);
     }
     for (const [heading, parameter] of shown) {
       const {name, text} = parameter;
       if (edits.get(name) === text) edits.delete(name);
       this.rowOf(heading, parameter).show(parameter, edits.get(name), usable, panel.file);
     }
-    this.keepRows(names);
+    this.keepRows(shown.map(([, {name}]) => name));
     const words = this.search.value.trim().toLowerCase();
     for (const {root} of this.rows.values()) root.hidden = !root.textContent.toLowerCase().includes(words);
   }
 
   // Remove the rows of all other names.
   keepRows(names) {
-    for (const [name, row] of this.rows) {
-      if (names.has(name)) continue;
-      row.root.remove();
+    for (const [name, {root}] of this.rows) {
+      if (names.includes(name)) continue;
+      root.remove();
       this.rows.delete(name);
     }
   }
@@ -171,7 +166,7 @@ export class Parameters extends Tool {
     const edits = this.edits.get(this.finger);
     if (!edits?.size || element('set-all').disabled) return;
     const sent = new Map(edits);
-    const refusal = await this.ask('set', {values: Object.fromEntries(sent)});
+    const {refusal} = await this.ask('set', {values: Object.fromEntries(sent)});
     if (refusal) return;
     for (const [name, text] of sent) if (edits.get(name) === text) edits.delete(name);
     this.show();

@@ -18,10 +18,9 @@ export class Slider {
     const direction = vertical ? 'vertical' : 'horizontal';
     this.label = build('span.label');
     this.root = build(`div.slider.${direction}`, this.label, {role: 'slider', tabIndex: 0, ariaLabel: name, ariaOrientation: direction});
-    // The value while the user moves the line; and the value sent, until it is shown or refused.
-    this.moved = this.sent = null;
-    this.timer = null;
-    this.gripped = false;
+    // The value that the user has chosen, until the detector has it or has refused it; else null.
+    this.chosen = null;
+    this.drop();
     const on = (kind, act) => this.root.addEventListener(kind, act);
     on('pointerdown', (event) => this.grip(event));
     on('pointermove', (event) => this.gripped && this.move(this.valueAt(event)));
@@ -35,14 +34,13 @@ export class Slider {
     this.root.ariaDisabled = String(!allowed);
   }
 
-  // The value that the user has chosen, until the detector has it; else null.
-  get chosen() {
-    return this.moved ?? this.sent?.value ?? null;
+  get moving() {
+    return this.gripped || this.timer !== null;
   }
 
   // Show a value, unless the user has chosen another one; returns the one that is shown.
   show(value, least, most) {
-    if (this.sent && value !== this.sent.before) this.sent = null;
+    if (value !== this.value && !this.moving) this.chosen = null;
     this.value = value;
     const shown = this.chosen ?? value, words = this.words(shown);
     write(this.label, words);
@@ -60,30 +58,24 @@ export class Slider {
   }
 
   move(value) {
-    this.moved = value;
-    this.onMove();
-  }
-
-  set() {
-    const value = this.moved;
-    this.drop();
-    if (value !== null && value !== (this.sent?.value ?? this.value)) this.send(value);
+    this.chosen = value;
     this.onMove();
   }
 
   // The line stays where it was released until the detector reports its value.
-  async send(value) {
-    const sent = this.sent = {value, before: this.value};
-    await this.onSet(value);
+  async set() {
+    const {chosen} = this;
+    this.drop();
+    if (chosen === null) return;
+    if (chosen !== this.value) await this.onSet(chosen);
     setTimeout(() => {
-      if (this.sent === sent) this.sent = null;
-      this.onMove();
+      if (this.chosen === chosen && !this.moving) this.leave();
     }, SHOWN_MS);
   }
 
   leave() {
     this.drop();
-    this.sent = null;
+    this.chosen = null;
     this.onMove();
   }
 
@@ -101,7 +93,7 @@ export class Slider {
   drop() {
     clearTimeout(this.timer);
     this.gripped = false;
-    this.timer = this.moved = null;
+    this.timer = null;
   }
 
   grip(event) {

@@ -27,7 +27,7 @@ export class SpectrumPanel {
     this.mains.addEventListener('change', () => this.onSet({mains_hz: Number(this.mains.value)}));
     element('add-stopband').addEventListener('click', () => this.onSet({stopbands_hz: [...this.finger.stopbands_hz, this.room()].flat()}));
     this.root.addEventListener('keydown', (event) => this.onKey(event));
-    for (const kind of ['blur', 'pointermove']) this.root.addEventListener(kind, () => this.keyed !== null && this.keyAt(null));
+    for (const kind of ['blur', 'pointermove']) this.root.addEventListener(kind, () => this.key(null));
     new ResizeObserver(() => this.layOut()).observe(this.frame);
   }
 
@@ -242,15 +242,16 @@ export class SpectrumPanel {
     const step = STEPS[event.key];
     if (!step || event.ctrlKey || event.metaKey || event.altKey || !this.now || !this.plot) return;
     event.preventDefault();
-    this.keyAt(this.keyed === null ? this.strongest() : this.keyed + step);
+    const i = this.keyed === null ? this.strongest() : Math.min(Math.max(this.keyed + step, 0), this.now.density.length - 1);
+    this.key(i);
+    this.plot.setCursor({left: this.plot.valToPos((i + 1) * this.now.step, 'x'), top: 0});
+    this.readout.textContent = this.wordsAt(i);
   }
 
-  // Read the values at frequency i, counted from 0; null: those under the pointer.
-  keyAt(i) {
-    this.keyed = i === null ? null : Math.min(Math.max(i, 0), this.now.density.length - 1);
+  // The number of the frequency, counted from 0, that keys have chosen; null: the pointer chooses.
+  key(i) {
+    this.keyed = i;
     this.readout.ariaLive = i === null ? 'off' : 'polite';
-    this.plot?.setCursor(i === null ? {left: -10, top: -10} : {left: this.plot.valToPos((this.keyed + 1) * this.now.step, 'x'), top: 0});
-    if (i !== null) this.readout.textContent = this.wordsAt(this.keyed);
   }
 
   strongest() {

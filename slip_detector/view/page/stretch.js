@@ -16,11 +16,7 @@ export class Columns {
     this.begun_s = begun_s;
     // The number of the first column that is kept, and of the one after the last.
     this.base = this.stop = null;
-    this.clear();
-  }
-
-  clear() {
-    const each = () => this.channels.map(() => []);
+    const each = () => channels.map(() => []);
     this.parts = {low: each(), high: each(), level: each(), slip: [[]], truth: [[]]};
   }
 
@@ -32,18 +28,13 @@ export class Columns {
   take(traces, arrays) {
     const came = [traces.samples, traces.levels].filter(({count}) => count);
     if (!came.length) return;
-    const stop = Math.max(...came.map(({first, count}) => first + count));
-    // Start over after a long gap, in which the page was hidden or no samples came.
-    if (this.base === null || stop > this.stop + this.kept) {
-      this.base = Math.max(Math.min(...came.map(({first}) => first)), stop - this.kept);
-      this.clear();
-    }
-    this.stop = stop;
+    this.base ??= Math.min(...came.map(({first}) => first));
+    this.stop = Math.max(...came.map(({first, count}) => first + count));
     this.begun_s ??= 60 * Math.floor(this.base * this.width_s / 60);
     for (const [stream, parts] of Object.entries(PARTS)) {
       for (const [part, name] of Object.entries(parts)) this.put(this.parts[part], traces[stream], arrays[name]);
     }
-    const old = Math.max(0, stop - this.base - this.kept);
+    const old = Math.max(0, this.stop - this.base - this.kept);
     this.base += old;
     for (const values of Object.values(this.parts).flat()) values.splice(0, old);
   }

@@ -116,7 +116,7 @@ export class Teach extends Tool {
   press() {
     if (this.pressed !== null || this.buttons.slip.disabled) return;
     this.pressed = setInterval(() => this.connection.request('teach', {do: 'still_pressed'}), PRESSED_MS);
-    this.teach('slip').then((refusal) => {
+    this.teach('slip').then(({refusal}) => {
       if (refusal) this.drop();
     });
   }
@@ -177,18 +177,14 @@ export class Teach extends Tool {
     return new RecordingTrace(recording, (type, content) => {
       const request = {finger, recording, ...content};
       // What nobody has asked for is not refused in words that take the place of others.
-      return type === 'trace' ? this.connection.request(type, request) : this.inquire(type, request, element('recordings-frame'));
+      return type === 'trace' ? this.connection.request(type, request) : this.ask(type, request, element('recordings-frame'));
     });
   }
 
-  // Load the pictures that are missing, or all if the detector decides otherwise now, one after the other.
-  async loadTraces(decided) {
-    if (decided !== this.decided) for (const trace of this.traces.values()) trace.loaded = false;
+  // Load the pictures that are missing, or all if the detector decides otherwise now.
+  loadTraces(decided) {
+    for (const trace of this.traces.values()) if (!trace.loaded || decided !== this.decided) trace.load();
     this.decided = decided;
-    if (this.loading) return;
-    this.loading = true;
-    for (let trace; (trace = [...this.traces.values()].find(({loaded}) => !loaded));) await trace.load();
-    this.loading = false;
   }
 
   showRecording() {

@@ -39,8 +39,6 @@ export class Traces {
       onPoint: () => this.readOut(),
     });
     element('pause').addEventListener('click', () => this.pauseOrGoOn());
-    element('zoom-in').addEventListener('click', () => this.timeline.zoom(0.5));
-    element('zoom-out').addEventListener('click', () => this.timeline.zoom(2));
     new ResizeObserver(() => this.layOut()).observe(this.root);
   }
 
@@ -295,7 +293,7 @@ class ChannelChooser {
       }));
     }));
     const kept = this.channels;
-    this.keep(kept.length && kept.at(-1) <= channels.length ? kept : (Object.values(groups)[0] ?? [1]).slice(0, 4));
+    this.choose(kept.length && kept.at(-1) <= channels.length ? kept : (Object.values(groups)[0] ?? [1]).slice(0, 4));
   }
 
   // Add or remove a channel; the last one stays.
@@ -306,16 +304,12 @@ class ChannelChooser {
   }
 
   choose(channels) {
-    this.keep(channels);
-    this.onChoose();
-  }
-
-  keep(channels) {
     this.kept.set(this.name, channels.slice(0, MOST_CHANNELS).sort((a, b) => a - b));
     for (const one of this.root.querySelectorAll('[data-channel]')) {
       const chosen = this.channels.includes(Number(one.dataset.channel));
       one.ariaPressed = String(chosen);
       one.disabled = !chosen && this.channels.length === MOST_CHANNELS;
     }
+    this.onChoose();
   }
 }
