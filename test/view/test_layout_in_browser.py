@@ -126,22 +126,16 @@ def test_drawings_follow_the_dark_mode_of_the_system(played):
     expect(page.locator('.lane-name.channel')).to_have_count(4)
     for tab in ('Traces', 'Spectrum'):
         parts.tab(page, tab).click()
-        for scheme, fits in (
-            ('light', lambda light: light > 200),
-            ('dark', lambda light: light < 70),
-        ):
+        for scheme in ('light', 'dark'):
             page.emulate_media(color_scheme=scheme)
             for part in map(page.locator, ('body', '.canvas', f'#{tab.lower()}')):
-                for _ in range(200):  # The drawings change with the next frame.
-                    if fits(light(part)):
-                        break
+                # The drawings change with the next frame.
+                while not (light(part) > 200 if scheme == 'light' else light(part) < 70):
                     page.wait_for_timeout(50)
-                else:
-                    pytest.fail(f'{part} is not {scheme}')
 
 
 def test_five_fingers_stand_side_by_side_and_the_skip_link_leads_to_the_threshold(played):
-    rows = {label: rest_rows() for label in ('index', 'little', 'middle', 'ring')}
+    rows = dict.fromkeys(('index', 'little', 'middle', 'ring'), rest_rows())
     _, page = played({**rows, 'thumb': slip_rows()})
     resize(page, OLD_LAPTOP)
     cards = [box(each) for each in page.locator('.finger').all()]
@@ -159,9 +153,7 @@ def test_five_fingers_stand_side_by_side_and_the_skip_link_leads_to_the_threshol
 
 
 def test_on_a_phone_traces_come_early_and_nothing_overlaps(played):
-    _, page = played(
-        {label: rest_rows() for label in ('index', 'little', 'middle', 'ring', 'thumb')}
-    )
+    _, page = played(dict.fromkeys(('index', 'little', 'middle', 'ring', 'thumb'), rest_rows()))
     resize(page, PHONE)
     touch = page.context.new_cdp_session(page)
     touch.send('Emulation.setTouchEmulationEnabled', {'enabled': True})
@@ -176,10 +168,7 @@ def test_on_a_phone_traces_come_early_and_nothing_overlaps(played):
     )
     labels = page.locator('#spectrum-frame .label')
     expect(labels).to_have_count(7)
-    boxes, (left, _, right, _) = (
-        [box(each) for each in labels.all()],
-        box(page.locator('#spectrum')),
-    )
+    boxes, (left, _, right, _) = [*map(box, labels.all())], box(page.locator('#spectrum'))
     assert not any(overlap(one, other) for one, other in combinations(boxes, 2))
     assert all(left <= each[0] and each[2] <= right for each in boxes)
 

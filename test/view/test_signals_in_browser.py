@@ -219,10 +219,8 @@ def test_the_spectrum_is_read_kept_as_rest_and_its_bands_are_dragged(serve, open
 
     # Where edges of two bands meet, the line is the pass-band's, and each has a label.
     low, high, mains = (edge(n) for n in ('Pass-band, low edge', 'Pass-band, high edge', 'Mains'))
-    line, label = (
-        low.bounding_box(),
-        edge('Stop-band 1, high edge').locator('.label').bounding_box(),
-    )
+    line = low.bounding_box()
+    label = edge('Stop-band 1, high edge').locator('.label').bounding_box()
     for x, y in (
         (line['x'] + line['width'] / 2, line['y'] + line['height'] - 20),
         (label['x'] + label['width'] / 2, label['y'] + 6),
