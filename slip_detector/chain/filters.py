@@ -228,24 +228,6 @@ def response(sections: Array, frequency_hz: Array, rate_hz: float) -> NDArray[np
     return gain
 
 
-def group_delay_s(sections: Array, frequency_hz: Array, rate_hz: float) -> Array:
-    """Return the delay of a slow modulation at the given frequencies, in seconds.
-
-    Examples
-    --------
-    >>> delay_s = group_delay_s(design(ChainConfig()), np.array([20.0]), 380.0)
-    >>> bool(0.005 < delay_s[0] < 0.02)
-    True
-    """
-    from scipy import signal
-
-    of_each = [
-        signal.group_delay((section[:3], section[3:]), frequency_hz, fs=rate_hz)[1]
-        for section in sections
-    ]
-    return np.asarray(np.sum(of_each, axis=0) / rate_hz)
-
-
 def settling_rows(config: ChainConfig) -> int:
     """Return the number of rows in which filters, windows, evidence and floors settle.
 

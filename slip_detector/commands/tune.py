@@ -195,7 +195,7 @@ def _search(
         more['doubt'] = lambda sentences: bar.write('\n'.join(sentences), file=sys.stderr)
         result = tune(files, parameters, options.trials, calls=calls, **more)
     # It takes a while to load.
-    from slip_detector.report.page import replay_variant, write_tuning_report
+    from slip_detector.report.page import replay_variant, write_page
 
     problem, held, study, verdict, notes = result
     given, tuned = (
@@ -212,7 +212,8 @@ def _search(
     if verdict.kept:
         lines.append(f'The given parameters are kept: {verdict.kept}')
     if options.report is not None:
-        write_tuning_report(options.report, given, tuned, study, lines)
+        title = 'Tuning of the slip detector'
+        write_page(options.report, title, [given, tuned], lines)
     for what in ('held out', 'tuned on'):
         figures = (one.figures[f'all {what}'] for one in (given, tuned))
         lines += [f'On what was {what}:', *comparison_table(*figures).splitlines()]

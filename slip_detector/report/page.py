@@ -45,7 +45,7 @@ from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.files import whole_file
 from slip_detector.report.overview import EVENT_KINDS, Codes, Overview, Volts, signal_ranges
-from slip_detector.report.page_sections import TRIAL, Figures, Variant, sections
+from slip_detector.report.page_sections import Variant, sections
 from slip_detector.tuning.tracks import Track
 
 #: Scripts of a page; each comes after those that it needs.
@@ -61,7 +61,6 @@ def write_page(
     path: str | Path,
     title: str,
     variants: Sequence[Variant],
-    trials: Mapping[str, Sequence[Figures]] | None = None,
     notes: Iterable[str] = (),
     outcomes: Sequence[ReplayOutcome] = (),
 ) -> None:
@@ -78,9 +77,6 @@ def write_page(
     variants
         One configuration, or two to compare: first the given one, then the tuned one. Both show
         the same recordings, at least one.
-    trials
-        Figures of the trials of a search, under :data:`.page_sections.TRIAL`, and of chains beside
-        them, by name. None: the report shows no trade-off.
     notes
         Lines below the title.
     outcomes
@@ -112,7 +108,7 @@ def write_page(
         licence=_read('uplot/LICENSE.txt'),
         js='\n'.join(map(_read, SCRIPTS)),
         data=_data(variants),
-        sections=sections(variants, trials, outcomes),
+        sections=sections(variants, outcomes),
     )
     with whole_file(path) as new:
         new.write_text(page, encoding='utf-8', errors='backslashreplace')
@@ -234,7 +230,7 @@ def write_evaluation_report(
     figures['all recordings'] = recording_figures(every)
     given = Variant('given', overviews[0].config, overviews, figures)
     outcomes = [one.outcome for one in every]
-    write_page(path, f'Slips and alarms: {", ".join(sets)}', [given], None, notes, outcomes)
+    write_page(path, f'Slips and alarms: {", ".join(sets)}', [given], notes, outcomes)
 
 
 def replay_variant(
@@ -281,31 +277,3 @@ def replay_variant(
             of_each[f'{track.name} ({what})'] = figures_of_merit(outcomes[-1:])
         of_all[f'all {what}'] = figures_of_merit(outcomes)
     return Variant(name, chain, overviews, {**of_all, **of_each})
-
-
-def write_tuning_report(
-    path: Path, given: Variant, tuned: Variant, study: Any, notes: Iterable[str]
-) -> None:
-    """Write the page of a search.
-
-    Parameters
-    ----------
-    path
-        The HTML file to write.
-    given, tuned
-        From :func:`replay_variant`.
-    study
-        The study of the search, of whose trials the best chains are drawn.
-    notes
-        Lines below the title.
-
-    Raises
-    ------
-    ValueError
-        When the file cannot be written; names it.
-    """
-    best = (found for trial in study.trials for found in trial.user_attrs['found'][:1])
-    trials = {TRIAL: [found['figures'] for found in best]}
-    for variant in [given] if tuned.config == given.config else [given, tuned]:
-        trials[variant.name] = [variant.figures['all tuned on']]
-    write_page(path, 'Tuning of the slip detector', [given, tuned], trials, notes)

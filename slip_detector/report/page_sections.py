@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The sections of a report below its timeline: figures, trade-off, filters and parameters."""
+"""The sections of a report below its timeline: figures, latencies and parameters."""
 
 import base64
 from collections.abc import Mapping, Sequence
@@ -20,25 +20,14 @@ from html import escape
 from typing import Any, NamedTuple
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from slip_detector.chain.filters import design, group_delay_s, response
 from slip_detector.evaluation.figures import ReplayOutcome
 from slip_detector.evaluation.scores import MOTION, REST, ScoreCounts
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report.overview import Overview
 from slip_detector.report.pictures import COLORS, svg
 from slip_detector.report.tables import IF_DEFINED, MAIN_FIGURES, UNDEFINED, figure_text, heading
-
-#: The figures by which trials of a search are drawn.
-COSTS = ('latency_median_ms', 'false_alarms_per_minute', 'sooner_than_chance')
-
-#: Figures of a chain by their names; None where one is not defined.
-Figures = Mapping[str, Any]
-
-#: Name of the trials of a search, beside those of the variants.
-TRIAL = 'trial'
 
 
 class Variant(NamedTuple):
@@ -68,16 +57,12 @@ class Variant(NamedTuple):
     figures: Mapping[str, Mapping[str, float | None]]
 
 
-def sections(
-    variants: Sequence[Variant],
-    trials: Mapping[str, Sequence[Figures]] | None = None,
-    outcomes: Sequence[ReplayOutcome] = (),
-) -> str:
+def sections(variants: Sequence[Variant], outcomes: Sequence[ReplayOutcome] = ()) -> str:
     """Return the sections of a page below the timeline, as HTML.
 
     Parameters
     ----------
-    variants, trials, outcomes
+    variants, outcomes
         As :func:`slip_detector.report.page.write_page` takes them.
 
     Examples
@@ -85,22 +70,17 @@ def sections(
     >>> config = ChainConfig()
     >>> given = Variant('given', config, [Overview('rest.npz', config)], {})
     >>> [line for line in sections([given]).splitlines() if line.startswith('<h2>')]
-    ['<h2>Figures</h2>', '<h2>Filter</h2>', '<h2>Parameters</h2>']
+    ['<h2>Figures</h2>', '<h2>Parameters</h2>']
     """
     parts = {'Figures': _figures(variants)}
     if outcomes:
-        parts['Latency'] = _image(latency_figure(outcomes), 'Latencies and ROC curve')
-    if trials:
-        parts['Trade-off'] = _trade_off(trials)
-    meaning = 'Response and group delay of the filters over the frequency'
-    parts['Filter'] = _image(filters_figure(variants), meaning)
+        data = base64.b64encode(svg(latency_figure(outcomes)).encode()).decode()
+        source = f'data:image/svg+xml;base64,{data}'
+        parts['Latency'] = f'<img alt="Latencies and ROC curve" src="{source}">'
     parts['Parameters'] = _parameters(variants)
     return '\n'.join(
         f'<section>\n<h2>{title}</h2>\n{content}\n</section>' for title, content in parts.items()
     )
-
-
-# ---- tables
 
 
 def _figures(variants: Sequence[Variant]) -> str:
@@ -119,17 +99,6 @@ def _figures(variants: Sequence[Variant]) -> str:
     main = table([name for name in [*MAIN_FIGURES, *shown] if name in names])
     legend = f'{UNDEFINED}: not defined, as nothing of the kind occurred or it was not asked for'
     return f'{main}{_details("All figures", table(names))}<p class="legend">{legend}</p>'
-
-
-def _trade_off(trials: Mapping[str, Sequence[Figures]]) -> str:
-    undefined = sum(figures['latency_median_ms'] is None for figures in trials[TRIAL])
-    text = (
-        f'{len(trials[TRIAL])} trials gave a chain (the others cannot be built, or are never ON). '
-        'The figures are those of the recordings that were tuned on. Not drawn are trials that '
-        f'found no more slips than chance, which have no latency: {undefined}.'
-    )
-    image = _image(trials_figure(trials), 'Latency, false alarms and sooner than chance')
-    return f'<p>{text}</p>{image}'
 
 
 def _parameters(variants: Sequence[Variant]) -> str:
@@ -164,87 +133,6 @@ def _value(value: Any) -> str:
     return f'{value:.6g}' if isinstance(value, float) else str(value)
 
 
-# ---- pictures
-
-
-def _image(figure: Figure, meaning: str) -> str:
-    data = base64.b64encode(svg(figure).encode()).decode()
-    return f'<img alt="{meaning}" src="data:image/svg+xml;base64,{data}">'
-
-
-def _panels(columns: int, width: float, height: float) -> tuple[Figure, list[Axes]]:
-    """Return a figure with axes side by side, with a grid."""
-    figure = Figure(figsize=(width, height), layout='constrained')
-    axes = list(figure.subplots(1, columns, squeeze=False)[0])
-    for axis in axes:
-        axis.grid(color='0.9', linewidth=0.5)
-        axis.set_axisbelow(True)
-    return figure, axes
-
-
-def filters_figure(variants: Sequence[Variant]) -> Figure:
-    """Draw gain and group delay of the filters of each variant over the frequency.
-
-    Examples
-    --------
-    >>> figure = filters_figure([Variant('given', ChainConfig(), [], {})])
-    >>> [axis.get_ylabel() for axis in figure.axes]
-    ['gain [dB]', 'group delay [ms]']
-    """
-    figure, (gain_axis, delay_axis) = _panels(2, 10, 3.6)
-    longest_ms = 0.0
-    for variant, color, style in zip(variants, COLORS, ('-', '--'), strict=False):
-        config = variant.config
-        rate, sections = config.sample_rate_hz, design(config)
-        low, high = config.passband_hz
-        frequency = np.geomspace(min(low, 0.01 * rate) / 3, 0.499 * rate, 1000)
-        # The response of all filters together, without the constant gain.
-        gain = np.abs(response(sections, frequency, rate)) / config.gain
-        delay_ms = 1e3 * group_delay_s(sections, frequency, rate)
-        line: Any = {'color': color, 'linestyle': style, 'label': variant.name}
-        gain_axis.plot(frequency, 20 * np.log10(np.maximum(gain, 1e-6)), **line)
-        delay_axis.plot(frequency, delay_ms, **line)
-        top = high or frequency[-1]
-        within = (frequency >= low) & (frequency <= top)
-        longest_ms = max(longest_ms, float(delay_ms[within].max()))
-        for axis in (gain_axis, delay_axis):
-            axis.axvspan(low, top, color=color, alpha=0.08, linewidth=0)
-            axis.set(xscale='log', xlabel='frequency [Hz]')
-    gain_axis.set(ylabel='gain [dB]', title='Response (shaded: passband)', ylim=(-80, 5))
-    # The scale is set by the passband: outside of it the delay has no meaning and may be extreme.
-    delay_axis.set(ylabel='group delay [ms]', title='Delay', ylim=(0.0, 1.3 * longest_ms))
-    gain_axis.legend(loc='lower center')
-    return figure
-
-
-def trials_figure(trials: Mapping[str, Sequence[Figures]]) -> Figure:
-    """Draw the trials of a search: latency against false alarms, sooner than chance as colour.
-
-    Examples
-    --------
-    >>> figure = trials_figure({TRIAL: [dict(zip(COSTS, (40.0, 2.0, 1.0)))]})
-    >>> figure.axes[0].get_xlabel()
-    'median latency [ms]'
-    """
-    figure, (axis,) = _panels(1, 8, 4.6)
-    for (label, several), edge in zip(trials.items(), ['none', *COLORS[1:]], strict=False):
-        places = [[figures[name] for name in COSTS] for figures in several]
-        known = [place for place in places if None not in place]
-        latency_ms, alarms, sooner = np.array(known, np.float64).reshape(-1, len(COSTS)).T
-        size, marker = (40, 'o') if label == TRIAL else (200, '*')
-        drawn = axis.scatter(
-            latency_ms, alarms, size, sooner, marker=marker, edgecolors=edge, label=label,
-            vmin=0.0, vmax=1.0,
-        )  # fmt: skip
-    figure.colorbar(drawn, label='sooner than chance')
-    # Logarithmic, but linear near 0, so that the axis can show 0 false alarms too.
-    axis.set_yscale('symlog', linthresh=1.0)
-    axis.set_ylim(bottom=-0.1)
-    axis.set(xlabel='median latency [ms]', ylabel='false alarms per minute')
-    axis.legend(fontsize=9)
-    return figure
-
-
 def latency_figure(outcomes: Sequence[ReplayOutcome]) -> Figure:
     """Draw the latencies of all detected slips and the ROC curve.
 
@@ -257,7 +145,11 @@ def latency_figure(outcomes: Sequence[ReplayOutcome]) -> Figure:
     >>> figure.axes[0].get_title()
     '0 detected, 1 missed'
     """
-    figure, (latencies, roc) = _panels(2, 10, 4.2)
+    figure = Figure(figsize=(10, 4.2), layout='constrained')
+    latencies, roc = figure.subplots(1, 2)
+    for axis in (latencies, roc):
+        axis.grid(color='0.9', linewidth=0.5)
+        axis.set_axisbelow(True)
     slips = [slip for one in outcomes for slip in one.slips if not slip.settling]
     known_ms = [slip.latency_s * 1e3 for slip in slips if slip.latency_s is not None]
     latencies.hist(known_ms, bins=min(40, max(10, len(known_ms) // 5)), color=COLORS[0])

@@ -29,7 +29,6 @@ from slip_detector.chain import filters
 from slip_detector.chain.filters import (
     SETTLED,
     design,
-    group_delay_s,
     largest_pole_radius,
     response,
     settling_rows,
@@ -98,14 +97,20 @@ def test_a_stopband_ripples_outside_its_edges_and_keeps_its_attenuation_inside(
     assert inside[stopped[0]] <= centre <= inside[stopped[-1]]
 
 
+def delays_s(config, low_hz, high_hz):
+    """Return the group delay of the network over a band."""
+    rad_s = 2 * np.pi * np.linspace(low_hz, high_hz, 2001)
+    gain = response(design(config), rad_s / (2 * np.pi), RATE)
+    return -np.gradient(np.unwrap(np.angle(gain)), rad_s)
+
+
 def test_the_papers_network_delays_its_band_by_10_to_15_ms():
-    frequencies = np.linspace(16, 25, 19)
-    delay = group_delay_s(design(ChainConfig()), frequencies, RATE)
+    delay = delays_s(ChainConfig(), 16.0, 25.0)
     # To the millisecond: 15.5 ms at 16 Hz, 10.5 ms at 25 Hz.
     assert delay.max() < 0.0156
     assert delay.min() > 0.010
     # The order-4 design of SciPy, which is of degree 8, delays clearly more.
-    slower = group_delay_s(design(ChainConfig(passband_degree=8)), frequencies, RATE)
+    slower = delays_s(ChainConfig(passband_degree=8), 16.0, 25.0)
     assert (slower > 1.6 * delay).all()
 
 

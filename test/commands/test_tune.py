@@ -14,7 +14,6 @@
 
 """``slip_tune``: the files that it writes, studies that go on, what it refuses, how it ends."""
 
-import base64
 import sys
 from pathlib import Path
 
@@ -55,11 +54,9 @@ def test_the_file_has_the_figures_and_all_that_was_not_searched(case, capsys):
     page = (folder / 'report.html').read_text()
     trials = trials_of(journal(f'{out}.study.journal'))
     found = [trial for trial in trials if trial.value is not None]
-    assert (len(trials), f'{len(found)} trials gave a chain ' in page) == (12, True)
+    assert len(trials) == 12
+    assert '<td>all held out</td><td>tuned</td>' in page
     assert f'12 trials (12 asked for), {len(found)} of them gave a chain' in shown.out
-    section = page[page.index('<h2>Trade-off') : page.index('<h2>Filter')]
-    picture = base64.b64decode(section.partition('base64,')[2].partition('"')[0]).decode()
-    assert all(f'>{name}<' in picture for name in ('given', 'tuned', 'trial'))
 
 
 def test_changes_override_every_section_and_all_else_stays(tmp_path):

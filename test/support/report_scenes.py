@@ -19,7 +19,7 @@ import numpy as np
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report.overview import Event, Overview
-from slip_detector.report.page_sections import COSTS, TRIAL, Variant
+from slip_detector.report.page_sections import Variant
 
 GIVEN = ChainConfig()
 TUNED = ChainConfig(passband_hz=(10.0, 60.0), stopbands_hz=(), threshold=1.0, vote='mean')
@@ -103,10 +103,3 @@ def variants(names=('a.npz', 'b.npz')):
         rows = dict.fromkeys((*names, 'all recordings'), figures)
         found.append(Variant(name, config, seen, rows))
     return found
-
-
-def trials():
-    """Return figures of the trials of a search, of which one is not defined, and of the given."""
-    rows = [(50.0, 4.0, 0.8), (30.0, 9.0, 1.0), (20.0, 1.0, 0.9), (None, 0.0, 0.0)]
-    trials = [dict(zip(COSTS, row, strict=True)) for row in rows]
-    return {TRIAL: trials, 'given': trials[:1]}
