@@ -121,13 +121,9 @@ class RecordingLoader(NamedTuple):
                 f'{", ".join(config.channel_names)}, the parameter channel_names'
             )
         if require_truth and not (recording.has_truth or recording.kind):
-            reading, arrays = self.recording_config, ', '.join(recording.array_names())
-            label = f'topic {reading.recording_truth_topic}'
-            if arrays:
-                label = f'label {reading.recording_truth_key}, there are: {arrays}'
             raise ValueError(
-                f'{path}: has no {label}; allowed: one to label the slips, or a file of labels '
-                f'beside it, {labels_name(path)} (--labels: elsewhere)'
+                f'{path}: has no {recording.label_name}; allowed: one to label the slips, or a '
+                f'file of labels beside it, {labels_name(path)} (--labels: elsewhere)'
             )
         # A recording of another rate is resampled, or reading it raises an error.
         rate_hz = recording.sample_rate_hz

@@ -66,31 +66,30 @@ class NpzRecording(Recording):
         with self._archive() as archive:
             members = archive.zip.infolist()
             self._sizes = {one.filename.removesuffix('.npy'): one.file_size for one in members}
-        keys = config.recording_volts_key, config.recording_rate_key
-        for key in keys:
-            if key not in self._sizes:
-                raise ValueError(f'has no array {key}, there are: {name_list(self.array_names())}')
-        volts, rate = (np.asarray(self.array(key)) for key in keys)
+        volts_key, rate_key = config.recording_volts_key, config.recording_rate_key
+        truth_key, there = config.recording_truth_key, name_list(self.array_names())
+        self.label_name = f'label {truth_key}, there are: {there}'
+        volts, rate = self.array(volts_key), self.array(rate_key)
+        if volts is None or rate is None:
+            missing = volts_key if volts is None else rate_key
+            raise ValueError(f'has no array {missing}, there are: {there}')
         if volts.ndim != 2 or not volts.size or volts.dtype.kind not in 'fiu':
             raise ValueError(
-                f'{config.recording_volts_key} has the shape {volts.shape} and type '
-                f'{volts.dtype}, allowed: numbers of shape (rows, channels)'
+                f'{volts_key} has the shape {volts.shape} and type {volts.dtype}, allowed: '
+                'numbers of shape (rows, channels)'
             )
         if rate.size != 1 or rate.dtype.kind not in 'fiu':
-            raise ValueError(
-                f'{config.recording_rate_key} is {shortened(str(rate))}, allowed: a rate in Hz'
-            )
+            raise ValueError(f'{rate_key} is {shortened(str(rate))}, allowed: a rate in Hz')
         self.sample_rate_hz = checked_rate(float(rate.item()))
         n, channels = volts.shape
         self.channel_names = default_channel_names(channels)
-        columns = {key: self.array(key) for key in (STAMPS_KEY, config.recording_truth_key)}
-        for key, column in columns.items():
+        stamps_ns, label = self.array(STAMPS_KEY), self.array(truth_key)
+        for key, column in ((STAMPS_KEY, stamps_ns), (truth_key, label)):
             if column is not None and column.size != n:
                 raise ValueError(f'{key} has the shape {column.shape}, allowed: ({n},)')
-        stamps_ns, label = columns.values()
         if stamps_ns is None:
             stamps_ns = np.rint(np.arange(n) * (1e9 / self.sample_rate_hz))
-        truth = None if label is None else as_truth(label, config.recording_truth_key)
+        truth = None if label is None else as_truth(label, truth_key)
         self.has_truth |= truth is not None
         self._samples = Samples(volts, stamps_ns.astype(np.int64).reshape(-1), truth)
 
@@ -141,6 +140,7 @@ class CsvRecording(Recording):
         self._truth_key = config.recording_truth_key
         self._names = names = [name.strip() for name in next(self._lines(), [])]
         self.has_truth |= self._truth_key in names
+        self.label_name = f'label {self._truth_key}, there are: {name_list(names)}'
         self._channels = [k for k, n in enumerate(names) if n not in (TIME, self._truth_key)]
         self.channel_names = tuple(names[k] for k in self._channels)
         if TIME not in names or not self.channel_names or len(set(names)) != len(names):
@@ -162,17 +162,6 @@ class CsvRecording(Recording):
                 label = numbers[:, self._names.index(self._truth_key)]
                 truth = as_truth(label, self._truth_key)
             yield Samples(numbers[:, self._channels], stamps_ns, truth)
-
-    def array(self, name: str) -> 'NDArray[Any] | None':
-        """Return a column of the file by its name; None if there is no such column."""
-        if name not in self._names:
-            return None
-        with named_errors(self.path):
-            return np.array([numbers for numbers, _ in self._rows()])[:, self._names.index(name)]
-
-    def array_names(self) -> list[str]:
-        """Return the names of all columns."""
-        return sorted(self._names)
 
     def _lines(self) -> Iterator[list[str]]:
         # utf-8-sig: spreadsheets begin the file with a byte order mark.

@@ -148,6 +148,7 @@ class BagRecording(Recording):
         self._field = config.recording_field or usual
         self._truth_topic = self._label_topic(config.recording_truth_topic)
         self.has_truth |= self._truth_topic is not None
+        self.label_name = f'topic {config.recording_truth_topic}'
         if labels is None:
             self.accuracy_s, self.kind = accuracy_and_kind(self._storage.custom_data)
         decoder = _Decoder(self._topic, self._field)
@@ -161,15 +162,11 @@ class BagRecording(Recording):
 
     def read(self) -> Iterator[Samples]:
         """Yield the rows of the topic, some thousands at a time."""
-        edges_ns = self._edges_ns()
-        n_messages = 0
-        first_ns = last_ns = None
+        edges_ns, last_ns = self._edges_ns(), None
         for some in self._decoded(self._topic, _Decoder(self._topic, self._field)):
-            n_messages += len(some.counts) + some.dropped
             self.counts.dropped += some.dropped * self._per_message
             if len(some.volts):
                 stamps_ns = self._spread(some, last_ns)
-                first_ns = int(stamps_ns[0]) if first_ns is None else first_ns
                 last_ns = int(stamps_ns[-1])
                 late_ns = np.repeat(some.received_ns - some.stamps_ns, some.counts)
                 label: dict[str, Any] = {}
@@ -177,11 +174,8 @@ class BagRecording(Recording):
                     label = label_at(stamps_ns + late_ns, edges_ns, self.accuracy_s)
                 yield Samples(some.volts, stamps_ns, **label)
         if self._storage.damage:
-            end_s = ((last_ns or 0) - (first_ns or 0)) * 1e-9
-            self.counts.damage = (
-                f'{"; ".join(self._storage.damage)}: what followed on {self._topic.name} is '
-                f'lost, {n_messages} messages up to {end_s:.3f} s are read'
-            )
+            where = '; '.join(self._storage.damage)
+            self.counts.damage = f'{where}: what followed on {self._topic.name} is lost'
 
     def _decoded(self, topic: Topic, decoder: _Decoder) -> Iterator[_Decoded]:
         """Yield the messages of a topic, some thousands of rows at a time."""

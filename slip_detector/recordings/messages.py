@@ -119,17 +119,18 @@ def joint_state_layout(raw: bytes) -> JointStateLayout:
     place = TEXTS
     varying = [slice(ENCAPSULATION_BYTES, TEXTS)]
 
-    def part(n: int) -> slice:
+    def part(n: int, alignment: int) -> slice:
         nonlocal place
-        place += n
-        return slice(place - n, place)
+        begin = place + (ENCAPSULATION_BYTES - place) % alignment
+        varying.append(slice(place, begin))
+        place = begin + n
+        return slice(begin, place)
 
     def length() -> int:
-        varying.append(part(-place % LENGTH.size))
-        return int(LENGTH.unpack_from(raw, part(LENGTH.size).start)[0])
+        return int(LENGTH.unpack_from(raw, part(LENGTH.size, LENGTH.size).start)[0])
 
     def text() -> str:
-        return raw[part(length())].partition(b'\0')[0].decode(errors='replace')
+        return raw[part(length(), 1)].partition(b'\0')[0].decode(errors='replace')
 
     try:
         frame_id = text()
@@ -137,9 +138,8 @@ def joint_state_layout(raw: bytes) -> JointStateLayout:
         numbers = {}
         for field in JOINT_FIELDS:
             n = length()
-            varying.append(part(-(place - ENCAPSULATION_BYTES) % DOUBLES.itemsize if n else 0))
-            varying.append(part(DOUBLES.itemsize * n))
-            numbers[field] = varying[-1]
+            numbers[field] = part(DOUBLES.itemsize * n, DOUBLES.itemsize if n else 1)
+        varying += numbers.values()
     except struct.error:
         place = len(raw) + 1
     if place > len(raw):
@@ -250,18 +250,16 @@ class JointStateWriter:
     def __init__(self, frame_id: str, names: Sequence[str], efforts: bool = False) -> None:
         raw = bytearray(LITTLE_ENDIAN).ljust(TEXTS, b'\0')
 
-        def append(number: int, content: bytes, size: int) -> None:
+        def append(number: int, content: bytes = b'', alignment: int = 1) -> None:
             raw.extend(bytes(-len(raw) % LENGTH.size) + LENGTH.pack(number))
-            raw.extend(bytes(-(len(raw) - ENCAPSULATION_BYTES) % size if content else 0) + content)
+            padding = (ENCAPSULATION_BYTES - len(raw)) % alignment if content else 0
+            raw.extend(bytes(padding) + content)
 
-        def append_text(text: str) -> None:
-            content = text.encode() + b'\0'
-            append(len(content), content, 1)
-
-        append_text(frame_id)
-        append(len(names), b'', 1)
-        for name in names:
-            append_text(name)
+        frame, *texts = (text.encode() + b'\0' for text in (frame_id, *names))
+        append(len(frame), frame)
+        append(len(names))
+        for text in texts:
+            append(len(text), text)
         for n in (len(names), 0, len(names) if efforts else 0):
             append(n, bytes(DOUBLES.itemsize * n), DOUBLES.itemsize)
         numbers = joint_state_layout(bytes(raw)).numbers

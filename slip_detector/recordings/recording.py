@@ -107,6 +107,8 @@ class Recording(ABC):
         ch1, ch2, ... where the recording has no names.
     has_truth : bool
         Whether the true slip is known.
+    label_name : str
+        What labels such a recording, for the error that it is not there.
     accuracy_s : float
         How exact the label is; 0: exact.
     kind : str
@@ -118,6 +120,7 @@ class Recording(ABC):
     path: Path
     sample_rate_hz: float
     channel_names: tuple[str, ...]
+    label_name: str
 
     def __init__(self, path: Path, labels: 'Labels | None', config: RecordingConfig) -> None:
         self.path, self._limit_mb = path, config.recording_limit_mb
@@ -131,7 +134,7 @@ class Recording(ABC):
         """Yield the rows of the file, some thousands at a time."""
 
     def array(self, name: str) -> 'NDArray[Any] | None':
-        """Return another array of the file by its name; None if there is no such array."""
+        """Return another array of an npz by its name; None if there is no such array."""
         return None
 
     def array_names(self) -> list[str]:
@@ -162,24 +165,26 @@ class Recording(ABC):
         """
         self.counts = RecordingCounts()
         labels = self._labels
-        first_ns = last_ns = None
+        n = first_ns = last_ns = 0
         with named_errors(self.path):
             for rows in self.read():
                 if not len(rows.volts):
                     continue
-                first_ns = int(rows.stamps_ns[0]) if first_ns is None else first_ns
-                last_ns = int(rows.stamps_ns[-1])
+                first_ns = first_ns if n else int(rows.stamps_ns[0])
+                last_ns, n = int(rows.stamps_ns[-1]), n + len(rows.volts)
                 self.counts.bad_samples += int(np.count_nonzero(~np.isfinite(rows.volts)))
                 label: dict[str, Any] = {}
                 if labels is not None:
                     after_ns = rows.stamps_ns - first_ns
                     label = label_at(after_ns, labels.edges_ns, labels.accuracy_s)
                 yield rows._replace(accuracy_s=self.accuracy_s, kind=self.kind, **label)
-            damage = self.counts.damage
-            if first_ns is None or last_ns is None:
+            damage, seconds = self.counts.damage, (last_ns - first_ns) * 1e-9
+            if not n:
                 raise ValueError(f'has no samples{f" ({damage})" if damage else ""}')
-        if labels is not None and not damage:
-            labels.check_end((last_ns - first_ns) * 1e-9 + 1 / self.sample_rate_hz, self.path)
+        if damage:
+            self.counts.damage = f'{damage}, {n} samples up to {seconds:.3f} s are read'
+        elif labels is not None:
+            labels.check_end(seconds + 1 / self.sample_rate_hz, self.path)
 
     def pieces(
         self, chain_rate_hz: 'float | None' = None, max_gap_s: float = 0.1

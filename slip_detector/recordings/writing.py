@@ -122,8 +122,8 @@ def _write_csv(path: Path, pieces: Iterable[Samples], names: Sequence[str]) -> N
             for i, (stamp_ns, row) in enumerate(zip(piece.stamps_ns, piece.volts, strict=True)):
                 time_s = decimal.Decimal(int(stamp_ns)).scaleb(-9)
                 label = [] if truth is None else [int(truth[i])]
-                # The repr of a float is read back to the same bits.
-                lines.writerow([f'{time_s:f}', *map(repr, row.tolist()), *label])
+                # A float is written so that it is read back to the same bits.
+                lines.writerow([f'{time_s:f}', *row.tolist(), *label])
 
 
 def _write_npz(path: Path, pieces: Iterable[Samples], sample_rate_hz: float) -> None:
@@ -221,9 +221,7 @@ class BagWriter:
         except rosbag2.WriterError:
             raise FileExistsError(errno.EEXIST, 'already exists') from None
         self._voltages, self._slip_truth, self._position = (
-            self._writer.add_connection(
-                topic, msgtype, typestore=types, offered_qos_profiles=[_quality()]
-            )
+            self._writer.add_connection(topic, msgtype, typestore=types)
             for topic, msgtype in TOPICS.items()
         )
 
@@ -282,13 +280,3 @@ class BagWriter:
         # Closing writes the rest of the buffer, which may fail again.
         with contextlib.suppress(OSError, sqlite3.Error):
             self._writer.abort()
-
-
-def _quality() -> Any:
-    """Return the quality of service that ``ros2 bag play`` offers, also to a late subscriber."""
-    from rosbags import interfaces as to
-
-    kept = to.QosHistory.KEEP_LAST, 100, to.QosReliability.RELIABLE
-    for_ever = to.QosTime(9223372036, 854775807)
-    durability, liveliness = to.QosDurability.TRANSIENT_LOCAL, to.QosLiveliness.AUTOMATIC
-    return to.Qos(*kept, durability, for_ever, for_ever, liveliness, for_ever, False)

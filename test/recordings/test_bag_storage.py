@@ -141,7 +141,7 @@ def test_wherever_an_mcap_is_cut_off_its_beginning_is_read(tmp_path, whole, in_f
         check_same(read, written.take(slice(len(read.volts))))
         # A chunk that is cut off is lost.
         assert len(read.volts) >= share * 900 - 120
-        n = f'{len(read.volts)} messages up to'
+        n = f'{len(read.volts)} samples up to'
         assert re.search(
             rf'^a\.mcap is cut off at byte \d+: what .* /voltages is lost, {n}', damage
         )
@@ -160,7 +160,7 @@ def test_an_mcap_is_read_up_to_a_damaged_chunk(tmp_path, whole):
     np.testing.assert_array_equal(read.volts, written.volts[:400])
     assert read.truth.sum() == 190
     assert damage.startswith('a.mcap is damaged (')
-    assert 'what followed on /voltages is lost, 400 messages up to' in damage
+    assert 'what followed on /voltages is lost, 400 samples up to' in damage
 
 
 @pytest.mark.parametrize('ending', ['.db3', '.bag'])

@@ -70,10 +70,3 @@ def test_a_csv_keeps_its_gaps_and_its_nanoseconds(tmp_path):
     stamps_ns = np.concatenate([piece.stamps_ns for piece in pieces]) - 1_700_000_000_000_000_000
     assert stamps_ns.tolist() == [123_456_789, 133_456_789, 143_456_788, 9_030_000_000]
     assert recording.counts.stretches == 2
-
-
-def test_a_column_is_given_by_its_name(tmp_path):
-    recording = open_recording(save_text(tmp_path / 'a.csv', 'time_s,a,v\n0,1,5\n1,2,6\n'))
-    np.testing.assert_array_equal(recording.array('v'), [5, 6])
-    assert recording.array('nothing') is None
-    assert recording.array_names() == ['a', 'time_s', 'v']

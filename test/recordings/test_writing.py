@@ -28,9 +28,6 @@ from hypothesis.extra import numpy as hnp
 
 pytest.importorskip('rosbags', reason='needs rosbags')
 
-from rosbags.highlevel import AnyReader
-from rosbags.interfaces import QosDurability, QosReliability
-
 from slip_detector.chain.samples import Samples
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.recordings import open_recording, write_recording
@@ -76,17 +73,6 @@ def test_the_position_of_the_platform_is_in_npz_and_bags(tmp_path):
         gathered(open_recording(tmp_path / 'a.mcap', platform)).volts[:, 0],
     ):
         np.testing.assert_array_equal(found, written.position_m)
-
-
-@pytest.mark.parametrize('ending', ['', '.mcap', '.db3'])
-def test_a_bag_says_with_which_quality_its_topics_were_offered(tmp_path, ending):
-    path = tmp_path / f'trial{ending}'
-    write_recording(path, [rows()], 380.0, NAMES)
-    with AnyReader([path]) as reader:
-        offered = {one.topic: one.ext.offered_qos_profiles for one in reader.connections}
-    (state,) = offered['/slip_truth']
-    assert state.reliability is QosReliability.RELIABLE
-    assert state.durability is QosDurability.TRANSIENT_LOCAL
 
 
 def test_nothing_is_overwritten_and_no_half_recording_stays(tmp_path):

@@ -28,7 +28,6 @@ class WholeRecording(NamedTuple):
     sample_rate_hz: float
     channel_names: tuple
     truth: np.ndarray | None
-    arrays: dict
 
 
 def read_recording(path, config=None):
@@ -41,7 +40,6 @@ def read_recording(path, config=None):
         recording.sample_rate_hz,
         recording.channel_names,
         np.concatenate(truth) if truth else None,
-        {name: recording.array(name) for name in recording.array_names()},
     )
 
 
