@@ -16,9 +16,8 @@
 
 It is plain Python that Numba compiles; without Numba the same functions run interpreted, with the
 same bits. The kernel processes channels in tiles of sixteen (:data:`.LANES`) and rows in blocks of
-at most 64, so that the data of a block stay in the first-level cache. All blocks of a chunk pass
-one tile before the next tile, so that the tile's state stays there too. No result of a row depends
-on where a block, a chunk or a call begins, so any cut of the rows gives the same bits.
+at most 64, so that the data of a block stay in the first-level cache. No result of a row depends
+on where a block or a call begins, so any cut of the rows gives the same bits.
 """
 
 from collections.abc import Sequence
@@ -45,9 +44,8 @@ from slip_detector.parameters.detector import ChainConfig
 
 Words = NDArray[np.uint64]
 
-#: Words of each channel in a chunk of rows. With many channels the state is larger than the caches
-#: and is fetched once per chunk.
-CHUNK_WORDS = 8
+#: Rows whose samples are checked before the other stages begin, as that fetches them into caches.
+CHUNK_ROWS = 8 * WORD_ROWS
 
 #: In place of the first column of a signal that is not wanted: below 0 for every tile.
 NOT_KEPT = -(2**62)
@@ -73,9 +71,8 @@ class Plan(NamedTuple):
     """All inputs of the kernel except samples and state, and its working memory.
 
     There are t tiles of c columns, g groups and v votes whose statistic is wanted. The working
-    memory has w words for each column: one if levels are gathered for votes or there are several
-    blocks, else ``CHUNK_WORDS``; and b blocks: one for each tile if the low level of several tiles
-    is needed, else one for all.
+    memory is that of one block of rows of all columns; it has b blocks of tiles: all, if those
+    wait for the contact of all channels, else one.
 
     Attributes
     ----------
@@ -92,16 +89,16 @@ class Plan(NamedTuple):
         The votes whose statistic is wanted.
     blocks, low : ndarray, shape (b, 64, 16)
         Rows of a tile, which the stages replace in place, and what activity asks of their floors.
-    common_v : ndarray, shape (w, 64)
+    common_v : ndarray, shape (64,)
         Common mode of each row.
-    on, valid, steps : ndarray of words, shape (w, c)
+    on, valid, steps : ndarray of words, shape (c,)
         The rows in which each channel is ON, valid, or steps as in an impact.
-    held : ndarray of words, shape (w,)
-        Rows within the hold time of an impact.
     touching : ndarray of words, shape (2, c)
         The rows in which the low level of each channel is above that of contact, and 2 dB less.
-    contact : ndarray of words, shape (1,)
-        The rows in contact; all if that is not looked at.
+    checked : ndarray of words, shape (8, 2, c)
+        ``valid`` and ``steps`` of the blocks of a chunk.
+    held, contact : ndarray of words, shape (1,)
+        Rows within the hold time of an impact; rows in contact, all if that is not looked at.
     decisions : ndarray of words, shape (columns of flags,)
         The flags, as words.
     digits : ndarray of words
@@ -126,8 +123,9 @@ class Plan(NamedTuple):
     on: Words
     valid: Words
     steps: Words
-    held: Words
+    checked: Words
     touching: Words
+    held: Words
     contact: Words
     decisions: Words
     digits: Words
@@ -152,28 +150,27 @@ def plan_of(
     if config.decision == 'evidence':
         limits[stages.LEAST_DB, : config.channels] = 20.0 * np.log10(config.noise_floors)
     groups = [[c - 1 for c in group if c - 1 not in disabled] for group in config.groups.values()]
-    gathered = config.vote == 'mean' or len(wanted) > 0
-    active = np.unique(np.array(enabled, np.int64) // LANES)
-    blocks = tiles if len(low_sections) and len(active) > 1 else 1
-    words = 1 if gathered or blocks > 1 else CHUNK_WORDS
-    by_channel = gathered or config.common_mode != 'none'
+    settings = _settings_of(config, low_sections)
+    blocks = tiles if settings['contact_channels'][0] else 1
+    by_channel = config.vote == 'mean' or len(wanted) > 0 or config.common_mode != 'none'
     return Plan(
-        settings=_settings_of(config),
+        settings=settings,
         limits=np.ascontiguousarray(limits.reshape(3, tiles, LANES).swapaxes(0, 1)),
         sections=sections,
         low_sections=low_sections,
-        active=active,
+        active=np.unique(np.array(enabled, np.int64) // LANES),
         members=np.array([c for group in groups for c in group], np.int64),
         bounds=np.cumsum([0] + [len(group) for group in groups], dtype=np.int64),
         votes=vote_numbers(wanted),
         blocks=aligned((blocks, WORD_ROWS, LANES)),
         low=aligned((blocks, WORD_ROWS, LANES)),
-        common_v=np.zeros((words, WORD_ROWS)),
-        on=np.zeros((words, tiles * LANES), np.uint64),
-        valid=np.zeros((words, tiles * LANES), np.uint64),
-        steps=np.zeros((words, tiles * LANES), np.uint64),
-        held=np.zeros(words, np.uint64),
+        common_v=np.zeros(WORD_ROWS),
+        on=np.zeros(tiles * LANES, np.uint64),
+        valid=np.zeros(tiles * LANES, np.uint64),
+        steps=np.zeros(tiles * LANES, np.uint64),
+        checked=np.zeros((CHUNK_ROWS // WORD_ROWS, 2, tiles * LANES), np.uint64),
         touching=np.zeros((2, tiles * LANES), np.uint64),
+        held=np.zeros(1, np.uint64),
         contact=~np.zeros(1, np.uint64),
         decisions=np.zeros(1 + 2 * len(groups) + 2 * config.channels, np.uint64),
         digits=np.zeros(votes.DIGITS, np.uint64),
@@ -182,9 +179,11 @@ def plan_of(
     )
 
 
-def _settings_of(config: ChainConfig) -> NDArray[np.void]:
+def _settings_of(config: ChainConfig, low_sections: Floats) -> NDArray[np.void]:
     evidence = config.decision == 'evidence'
     low = len(config.low_band_hz) > 0
+    # The kernel leaves the gain of the low band and the mean of its window to what uses them.
+    low_gain = low_sections[0, 0] / np.sqrt(config.samples(config.envelope_window_s)) if low else 1
     up_db, down_db = stages.floor_steps_db(config.noise_floor_rate_db_s, config.sample_rate_hz)
     settings = {name: getattr(config, name, None) for name in (*WHOLE, *REAL)} | {
         'flat_rows': config.samples(config.flat_after_s) if config.flat_after_s else np.inf,
@@ -201,9 +200,9 @@ def _settings_of(config: ChainConfig) -> NDArray[np.void]:
         'hold_rows': config.samples(config.impact_hold_s),
         'contact_channels': config.contact_channels if low and config.contact_level_v else 0,
         'contact_rows': config.samples(config.contact_hold_s),
-        'contact_v2': config.contact_level_v**2,
-        'activity_factor': config.exponent,
-        'activity_shift_db': config.exponent * 20 * np.log10(config.gain)
+        'contact_v2': (config.contact_level_v / low_gain) ** 2,
+        'activity_factor': config.exponent * stages.OCTAVE_DB,
+        'activity_shift_db': config.exponent * 20 * np.log10(config.gain * low_gain)
         - config.activity_range_db,
         'activity_cap_db': config.activity_cap_db if low else 0.0,
     }
@@ -244,57 +243,45 @@ def _write_flags(decisions, flags, start, rows):
 
 
 @compiled_within
-def _run_tile(volts, chunk, end, t, settings, checked, part, tiles, plan, signals, kept):
-    """Run the rows of a chunk through one tile, up to the ON and valid bits of its channels.
+def _run_tile(volts, start, rows, t, settings, gated, part, tile, plan, signals, kept):
+    """Run a block of rows through one tile, up to the ON bits of its channels.
 
-    ``checked`` tells whether the samples have been checked already. If the low level of several
-    tiles is needed, part 0 ends before what needs that of all, and part 1 begins there.
+    If it is ``gated``, part 0 ends before what needs the contact of all channels, and part 1
+    begins there.
     """
-    several, tile = plan.blocks.shape[0] > 1, tiles[t]
-    b, limits, evidence = t if several else 0, plan.limits[t], settings.evidence != 0
+    b, limits, evidence = t if gated else 0, plan.limits[t], settings.evidence != 0
     block, low, low_sections = plan.blocks[b], plan.low[b], plan.low_sections
-    first = t * LANES
-    columns = (first + kept[0], first + kept[1], first + kept[2], first + kept[3])
+    at = t * LANES
+    columns = (at + kept[0], at + kept[1], at + kept[2], at + kept[3])
     comb = stages.DELAYS + 2 * plan.sections.shape[0]
     envelopes = comb + settings.mains_rows + 1
     levels = envelopes + settings.envelope_rows + 3
-    for start in range(chunk, end, WORD_ROWS):
-        rows, at = min(WORD_ROWS, end - start), ((start - chunk) // WORD_ROWS, t * LANES)
-        if part == 0:
-            if not checked:
-                stages.check_samples(volts, start, rows, at, limits, settings, tile, plan)
-            stages.load_deviations(block, volts, start, rows, at, limits, tile, plan)
-            if low_sections.shape[0] > 0:
-                stages.find_low_level(
-                    block, low, rows, low_sections, settings, tile, levels, plan, at[1]
-                )
-            if settings.activity_cap_db > 0.0:
-                factor, shift_db = settings.activity_factor, settings.activity_shift_db
-                stages.decibels_of_activity(low, rows, factor, shift_db)
-            if settings.mains_rows > 0:
-                stages.subtract_mains(block, rows, settings.mains_rows, tile, comb)
-            stages.run_filters(block, rows, plan.sections, tile, stages.DELAYS)
-            stages.rectified_power(block, rows, settings.full_wave != 0, settings.exponent)
-            # Evidence takes the squares of the envelope and keeps that itself.
-            stages.window_means(
-                block, rows, settings.envelope_rows, tile, envelopes, not evidence, signals, start,
-                -1 if evidence else columns[0],
-            )  # fmt: skip
-            if several:
-                continue
-            if settings.contact_channels > 0:
-                plan.contact[0] = votes.rows_of_contact(rows, at[0], settings, plan, tiles)
-        if evidence:
-            stages.sum_evidence(
-                block, low, rows, at, limits, settings, tile, plan, signals, start, columns
-            )
-        else:
-            stages.window_means(
-                block, rows, settings.level_rows, tile, levels, False, signals, start, columns[1]
-            )
-        stages.rows_above(block, rows, settings.threshold, plan.on, at)
-        if settings.vote == VOTE_MEAN or plan.votes.size:
-            votes.gather_levels(block, rows, plan.valid, at, plan.by_channel)
+    if part == 0:
+        stages.load_deviations(block, volts, start, rows, at, limits, tile, plan)
+        if low_sections.shape[0] > 0:
+            stages.find_low_level(block, low, rows, low_sections, settings, tile, levels, plan, at)
+        if settings.mains_rows > 0:
+            stages.subtract_mains(block, rows, settings.mains_rows, tile, comb)
+        stages.run_filters(block, rows, plan.sections, tile, stages.DELAYS)
+        stages.rectified_power(block, rows, settings.full_wave != 0, settings.exponent)
+        # Evidence takes the squares of the envelope and keeps that itself.
+        stages.window_means(
+            block, rows, settings.envelope_rows, tile, envelopes, not evidence, signals, start,
+            -1 if evidence else columns[0],
+        )  # fmt: skip
+    if gated and part == 0:
+        return
+    if evidence:
+        stages.sum_evidence(
+            block, low, rows, at, limits, settings, tile, plan, signals, start, columns
+        )
+    else:
+        stages.window_means(
+            block, rows, settings.level_rows, tile, levels, False, signals, start, columns[1]
+        )
+    stages.rows_above(block, rows, settings.threshold, plan.on, at)
+    if settings.vote == VOTE_MEAN or plan.votes.size:
+        votes.gather_levels(block, rows, plan.valid, at, plan.by_channel)
 
 
 @compiled_in_place
@@ -319,47 +306,44 @@ def run(volts, flags, signals, tiles, plan, kept):
     kept
         The first columns in ``signals`` of envelope, level, floor and excess, or ``NOT_KEPT``.
     """
-    settings, chunk_rows = plan.settings[0], plan.held.size * WORD_ROWS
-    parts = 2 if plan.blocks.shape[0] > 1 else 1
-    checked = settings.common_mode != NO_COMMON_MODE or settings.impact_v > 0.0
-    column = signals.shape[1] - plan.votes.size
-    for chunk in range(0, volts.shape[0], chunk_rows):
-        end = min(chunk + chunk_rows, volts.shape[0])
-        # What needs all channels of a row: impacts and the common mode.
-        for start in range(chunk, end if checked else chunk, WORD_ROWS):
-            rows, w = min(WORD_ROWS, end - start), (start - chunk) // WORD_ROWS
+    settings, column = plan.settings[0], signals.shape[1] - plan.votes.size
+    gated = settings.contact_channels > 0
+    for start in range(0, volts.shape[0], WORD_ROWS):
+        rows, w = min(WORD_ROWS, volts.shape[0] - start), start % CHUNK_ROWS // WORD_ROWS
+        if w == 0:
+            end = min(start + CHUNK_ROWS, volts.shape[0])
             for t in plan.active:
-                at, limits = (w, t * LANES), plan.limits[t]
-                stages.check_samples(volts, start, rows, at, limits, settings, tiles[t], plan)
-            if settings.impact_v > 0.0:
-                plan.held[w] = votes.rows_of_impact(rows, w, settings, plan, tiles)
-            if settings.common_mode != NO_COMMON_MODE:
-                votes.find_common_mode(volts, start, rows, w, settings, plan, tiles)
-        # The stages of each channel; between their parts, the contact of all.
-        for part in range(parts):
-            if part == 1 and settings.contact_channels > 0:
-                plan.contact[0] = votes.rows_of_contact(end - chunk, 0, settings, plan, tiles)
+                stages.check_samples(
+                    volts, start, end, t * LANES, plan.limits[t], settings, tiles[t], plan
+                )
+        for c in range(plan.valid.size):
+            plan.valid[c], plan.steps[c] = plan.checked[w, 0, c], plan.checked[w, 1, c]
+        # What needs all channels of a row is between the stages of each channel.
+        if settings.impact_v > 0.0:
+            plan.held[0] = votes.rows_of_impact(rows, settings, plan, tiles)
+        if settings.common_mode != NO_COMMON_MODE:
+            votes.find_common_mode(volts, start, rows, settings, plan, tiles)
+        for part in range(1 + gated):
+            if part == 1:
+                plan.contact[0] = votes.rows_of_contact(rows, settings, plan, tiles)
             for t in plan.active:
                 _run_tile(
-                    volts, chunk, end, t, settings, checked, part, tiles, plan, signals, kept
+                    volts, start, rows, t, settings, gated, part, tiles[t], plan, signals, kept
                 )
-        # The decisions.
-        for start in range(chunk, end, WORD_ROWS):
-            rows, w = min(WORD_ROWS, end - start), (start - chunk) // WORD_ROWS
-            votes.decide(rows, w, settings, plan)
-            _write_flags(plan.decisions, flags, start, rows)
-            if kept[3] >= 0:
-                held = plan.held[w]
-                for k in range(start, start + rows):
-                    signals[k, column - 1] = 1.0 if held & FIRST_ROW else 0.0
-                    held = held >> FIRST_ROW
-            if plan.votes.size:
-                votes.find_statistics(
-                    plan.by_channel, plan.members, plan.bounds, rows, plan.votes, plan.statistics
-                )
-            for v in range(plan.votes.size):
-                for k in range(rows):
-                    signals[start + k, column + v] = plan.statistics[v, k] / settings.threshold
+        votes.decide(rows, settings, plan)
+        _write_flags(plan.decisions, flags, start, rows)
+        if kept[3] >= 0:
+            held = plan.held[0]
+            for k in range(start, start + rows):
+                signals[k, column - 1] = 1.0 if held & FIRST_ROW else 0.0
+                held = held >> FIRST_ROW
+        if plan.votes.size:
+            votes.find_statistics(
+                plan.by_channel, plan.members, plan.bounds, rows, plan.votes, plan.statistics
+            )
+        for v in range(plan.votes.size):
+            for k in range(rows):
+                signals[start + k, column + v] = plan.statistics[v, k] / settings.threshold
 
 
 @cache

@@ -69,42 +69,43 @@ LEAST_EXCESS_DB = -8.7
 
 
 @compiled_within
-def check_samples(volts, start, rows, at, limits, settings, tile, plan):
+def check_samples(volts, start, end, at, limits, settings, tile, plan):
     """Find the rows with a good sample that is not flat, and those with a step of an impact.
 
     A step counts from the last good sample, as the filters get that in place of a bad one, or from
-    that of ``impact_rows`` rows ago. ``at`` is the place of the tile's words: number of the word
-    and first column.
+    that of ``impact_rows`` rows ago. ``at`` is the first column of the tile.
     """
     low, high = load(limits, (LOW, 0)), load(limits, (HIGH, 0))
     last, repeats = load(tile, (LAST, 0)), load(tile, (REPEATS, 0))
-    able, stepped, row = spread(NO_ROW), spread(NO_ROW), spread(FIRST_ROW)
     flat_rows, impact_v, delay = settings.flat_rows, settings.impact_v, settings.impact_rows
     slot = tile.shape[0] - 1 - delay
     position = int(tile[slot, 0]) if delay > 0 else 0
-    for k in range(start, start + rows):
-        sample = load(volts, (k, at[1]))
-        good = (sample >= low) & (sample <= high)  # false for NaN too
-        before = last
-        if delay > 0:
-            position += 1
-            before = load(tile, (slot + position, 0))
-        if impact_v > 0.0:
-            step = absolute(sample - before)
-            stepped = stepped | select(good & (step > impact_v), row, NO_ROW)
-        repeats = select(good, select(sample == last, repeats + 1.0, 0.0), repeats)
-        last = select(good, sample, last)
-        if delay > 0:
-            store(last, tile, (slot + position, 0))
-            position = 0 if position == delay else position
-        able = able | select(good & (repeats < flat_rows), row, NO_ROW)
-        row = row + row
+    for begin in range(start, end, WORD_ROWS):
+        able, stepped, row = spread(NO_ROW), spread(NO_ROW), spread(FIRST_ROW)
+        for k in range(begin, min(begin + WORD_ROWS, end)):
+            sample = load(volts, (k, at))
+            good = (sample >= low) & (sample <= high)  # false for NaN too
+            before = last
+            if delay > 0:
+                position += 1
+                before = load(tile, (slot + position, 0))
+            if impact_v > 0.0:
+                step = absolute(sample - before)
+                stepped = stepped | select(good & (step > impact_v), row, NO_ROW)
+            repeats = select(good, select(sample == last, repeats + 1.0, 0.0), repeats)
+            last = select(good, sample, last)
+            if delay > 0:
+                store(last, tile, (slot + position, 0))
+                position = 0 if position == delay else position
+            able = able | select(good & (repeats < flat_rows), row, NO_ROW)
+            row = row + row
+        w = (begin - start) // WORD_ROWS
+        store(able, plan.checked, (w, 0, at))
+        store(stepped, plan.checked, (w, 1, at))
     store(last, tile, (LAST, 0))
     store(repeats, tile, (REPEATS, 0))
     if delay > 0:
         tile[slot, 0] = position
-    store(able, plan.valid, at)
-    store(stepped, plan.steps, at)
 
 
 @compiled_within
@@ -118,10 +119,10 @@ def load_deviations(block, volts, start, rows, at, limits, tile, plan):
     low, high = load(limits, (LOW, 0)), load(limits, (HIGH, 0))
     first, held = load(tile, (FIRST, 0)), load(tile, (HELD, 0))
     for k in range(rows):
-        sample = load(volts, (start + k, at[1]))
+        sample = load(volts, (start + k, at))
         good = (sample >= low) & (sample <= high)
         first = select(good, select(is_number(first), first, sample), first)
-        held = select(good, (sample - first) - plan.common_v[at[0], k], held)
+        held = select(good, (sample - first) - plan.common_v[k], held)
         store(held, block, (k, 0))
     store(first, tile, (FIRST, 0))
     store(held, tile, (HELD, 0))
@@ -232,8 +233,8 @@ BETWEEN_OCTAVES = (
     0.44254494337489514,
 )
 
-#: The same for activity, of a lower degree: its error is up to 3.5e-4 dB.
-NEARLY_BETWEEN_OCTAVES = (0.08213072680310607, -0.23905827339462546, 0.43872574965074884)
+#: Coefficients of q in log2(1 + t) = t q(t), of a lower degree, for activity: 3.5e-4 dB of error.
+NEARLY_LOG2 = (-0.0821307307268031, 0.3211890041214286, -0.6777840230453743, 1.4387257496507488)
 
 
 @compiled_in_place
@@ -264,7 +265,7 @@ def polynomial(coefficients, x):
 
 
 @compiled_in_place
-def root_decibels(squares, between=BETWEEN_OCTAVES):
+def root_decibels(squares):
     """Return the square roots of non-negative numbers in decibels, with an error up to 7e-6 dB.
 
     A library's logarithms differ in their last bits from machine to machine; these do not, and
@@ -272,29 +273,29 @@ def root_decibels(squares, between=BETWEEN_OCTAVES):
     -3080 dB; it is never infinite or NaN.
     """
     t = fractions(squares) - 1.0
-    return (exponents(squares) + (t + t * (1.0 - t) * polynomial(between, t))) * OCTAVE_DB
+    return (exponents(squares) + (t + t * (1.0 - t) * polynomial(BETWEEN_OCTAVES, t))) * OCTAVE_DB
 
 
 @compiled_within
 def find_low_level(block, low, rows, sections, settings, tile, slot, plan, column):
-    """Write squares of the RMS within the low band, and the rows in which it tells contact.
+    """Write the sum of squares within the low band, and the rows in which it tells contact.
 
-    This is what filters, square and window do, in one pass. Both sections have zeros at 0 Hz and
-    half the rate, 1 - z^-2. Behind ``slot`` are their delays, then the window.
+    This is what filters, square and window do, in one pass, without the gain of the filters. Both
+    sections have zeros at 0 Hz and half the rate, 1 - z^-2. Behind ``slot`` are their delays, then
+    the window.
     """
-    gain, a1, a2, c1, c2 = (
-        sections[0, 0], sections[0, 4], sections[0, 5], sections[1, 4], sections[1, 5]
-    )  # fmt: skip
+    a1, a2, c1, c2 = sections[0, 4], sections[0, 5], sections[1, 4], sections[1, 5]
     f1, s1 = load(tile, (slot, 0)), load(tile, (slot + 1, 0))
     f2, s2 = load(tile, (slot + 2, 0)), load(tile, (slot + 3, 0))
     window, tail = settings.envelope_rows, slot + 6
-    position, head, per = int(tile[slot + 4, 0]), load(tile, (slot + 5, 0)), 1.0 / window
+    position, head = int(tile[slot + 4, 0]), load(tile, (slot + 5, 0))
     begins, goes_on, row = spread(NO_ROW), spread(NO_ROW), spread(FIRST_ROW)
     begins_v2, goes_on_v2 = settings.contact_v2, settings.contact_v2 * CONTACT_GOES_ON
-    gated = settings.contact_channels > 0
+    gated, lifted = settings.contact_channels > 0, settings.activity_cap_db > 0.0
+    factor, shift_db = settings.activity_factor, settings.activity_shift_db
     for k in range(rows):
         u = load(block, (k, 0))
-        u = gain * select(is_number(u), u, 0.0)
+        u = select(is_number(u), u, 0.0)
         y = u - f1
         f1 = s1 + a1 * y
         s1 = u + a2 * y
@@ -304,11 +305,14 @@ def find_low_level(block, low, rows, sections, settings, tile, slot, plan, colum
         square = z * z
         head = head + square
         store(square, tile, (tail + position, 0))
-        mean = (head + load(tile, (tail + position + 1, 0))) * per
-        store(mean, low, (k, 0))
+        total = head + load(tile, (tail + position + 1, 0))
+        if lifted:
+            t = fractions(total) - 1.0
+            octaves = exponents(total) + t * polynomial(NEARLY_LOG2, t)
+            store(octaves * factor + shift_db, low, (k, 0))
         if gated:
-            begins = begins | select(mean > begins_v2, row, NO_ROW)
-            goes_on = goes_on | select(mean > goes_on_v2, row, NO_ROW)
+            begins = begins | select(total > begins_v2, row, NO_ROW)
+            goes_on = goes_on | select(total > goes_on_v2, row, NO_ROW)
             row = row + row
         position += 1
         if position == window:
@@ -324,17 +328,6 @@ def find_low_level(block, low, rows, sections, settings, tile, slot, plan, colum
     store(head, tile, (slot + 5, 0))
     store(begins, plan.touching, (0, column))
     store(goes_on, plan.touching, (1, column))
-
-
-@compiled_in_place
-def decibels_of_activity(low, rows, factor, shift_db):
-    """Replace squares of the low level by the floor in dB that activity asks for.
-
-    A loop of its own, as the stages before and after need all registers.
-    """
-    for k in range(rows):
-        level = root_decibels(load(low, (k, 0)), NEARLY_BETWEEN_OCTAVES)
-        store(level * factor + shift_db, low, (k, 0))
 
 
 @compiled_within
@@ -353,12 +346,12 @@ def sum_evidence(block, low, rows, at, limits, settings, tile, plan, signals, st
     negative if they are not wanted.
     """
     settle_rows = float(settings.mains_rows + settings.envelope_rows)
-    least_db, valid = load(limits, (LEAST_DB, 0)), load(plan.valid, at)
+    least_db, valid = load(limits, (LEAST_DB, 0)), load(plan.valid, (at,))
     most_db = least_db + settings.noise_floor_range_db
     up_db, down_db = spread(settings.floor_up_db), spread(-settings.floor_down_db)
     age, floor = load(tile, (AGE, 0)), load(tile, (FLOOR, 0))
     evidence, number = load(tile, (EVIDENCE, 0)), load(tile, (HELD_EVIDENCE, 0))
-    not_held, row = valid & ~plan.held[at[0]], spread(FIRST_ROW)
+    not_held, row = valid & ~plan.held[0], spread(FIRST_ROW)
     cap_db, limit_db_s = settings.evidence_cap_db, settings.evidence_limit_db_s
     contact, lift_db = plan.contact[0], settings.activity_cap_db
     for k in range(rows):
@@ -415,7 +408,7 @@ def rows_above(block, rows, threshold, words, at):
     for k in range(rows):
         above = above | select(load(block, (k, 0)) > threshold, row, NO_ROW)
         row = row + row
-    store(above, words, at)
+    store(above, words, (at,))
 
 
 def floor_steps_db(rate_db_s: float, sample_rate_hz: float) -> tuple[float, float]:

@@ -124,21 +124,21 @@ def _held(begins, renews, rows, hold_rows, tiles, slot):
 
 
 @compiled_within
-def rows_of_impact(rows, w, settings, plan, tiles):
+def rows_of_impact(rows, settings, plan, tiles):
     """Return the rows within the hold time of an impact, as a word."""
-    steps = plan.steps[w]
-    impacts = rows_of_count(settings.impact_channels, plan.members, steps, steps, plan.digits)
+    count, steps = settings.impact_channels, plan.steps
+    impacts = rows_of_count(count, plan.members, steps, steps, plan.digits)
     return _held(impacts, NO_ROW, rows, settings.hold_rows, tiles, stages.HOLD_ROWS)
 
 
 @compiled_in_place
-def rows_of_contact(rows, w, settings, plan, tiles):
+def rows_of_contact(rows, settings, plan, tiles):
     """Return the rows in contact, as a word.
 
     Contact begins where enough valid channels are above the level of contact, and goes on where
     they are above the lower one.
     """
-    count, valid, touching = settings.contact_channels, plan.valid[w], plan.touching
+    count, valid, touching = settings.contact_channels, plan.valid, plan.touching
     if tiles[0, stages.CONTACT_ROWS, 0] > 0.0:
         # Most often enough channels are above the lower level in all rows: nothing to count.
         whole = 0
@@ -193,10 +193,10 @@ def _of_row(kind, values, before_v):
 
 
 @compiled_within
-def find_common_mode(volts, start, rows, w, settings, plan, tiles):
+def find_common_mode(volts, start, rows, settings, plan, tiles):
     """Find the common mode of each row; keep the first sample of each channel."""
     kind, members, deviations = settings.common_mode, plan.members, plan.by_channel
-    valid, common_v = plan.valid[w], plan.common_v[w]
+    valid, common_v = plan.valid, plan.common_v
     exchange = kind == MEDIAN and members.size <= EXCHANGED_CHANNELS
     if exchange and _all_valid(rows, members, tiles, valid):
         _medians(volts, start, rows, members, tiles, deviations, common_v)
@@ -239,11 +239,8 @@ def vote_numbers(votes: Sequence[str | int]) -> NDArray[np.int64]:
 
 @compiled_in_place
 def gather_levels(block, rows, valid, at, levels):
-    """Copy the levels of a tile to ``levels``, shape (columns, rows).
-
-    ``at`` is the index of the tile's words in ``valid``: number of the word, column of lane 0.
-    """
-    row, words = FIRST_ROW, load(valid, at)
+    """Copy the levels of a tile to ``levels``, shape (columns, rows), from column ``at`` on."""
+    row, words = FIRST_ROW, load(valid, (at,))
     for k in range(rows):
         level = load(block, (k, 0))
         level = select(level > 0.0, level, 0.0)  # also where it is NaN
@@ -251,7 +248,7 @@ def gather_levels(block, rows, valid, at, levels):
         row = row << FIRST_ROW
     for lane in range(LANES):
         for k in range(rows):
-            levels[at[1] + lane, k] = block[k, lane]
+            levels[at + lane, k] = block[k, lane]
 
 
 @compiled_in_place
@@ -357,9 +354,9 @@ def find_statistics(levels, members, bounds, rows, votes, statistics):
 
 
 @compiled_within
-def decide(rows, w, settings, plan):
+def decide(rows, settings, plan):
     """Write the words of all flags: the votes of the groups (Table 1), their OR, the channels'."""
-    on, valid, bounds, decisions = plan.on[w], plan.valid[w], plan.bounds, plan.decisions
+    on, valid, bounds, decisions = plan.on, plan.valid, plan.bounds, plan.decisions
     groups, slip = bounds.size - 1, NO_ROW
     for g in range(groups):
         own = plan.members[bounds[g] : bounds[g + 1]]
