@@ -133,25 +133,11 @@ class RecordingLoader(NamedTuple):
 
     def _rows(self, recording: Recording) -> Iterator[Samples]:
         """Yield the pieces of a recording with their labels and the motion of the robot."""
-        moving, wanted_hz = self._moving(recording), self.chain_config.sample_rate_hz
-        last = -1
-        for piece in recording.pieces(wanted_hz, self.chain_config.max_gap_s):
+        moving, config = self._moving(recording), self.chain_config
+        for piece in recording.pieces(config.sample_rate_hz, config.max_gap_s):
             truth = np.zeros(len(piece.volts), bool) if piece.truth is None else piece.truth
-            assert piece.row_numbers is not None
-            last = int(piece.row_numbers[-1])
-            if moving is not None and last >= len(moving):
-                break
             its = None if moving is None else moving[piece.row_numbers]
             yield piece._replace(truth=truth, moving=its)
-        if moving is None:
-            return
-        # The last rows may have been dropped; resampling may end a row before the last.
-        spare = 1 if rates_differ(recording.sample_rate_hz, wanted_hz) else 0
-        if not 0 <= len(moving) - 1 - last <= recording.counts.dropped + spare:
-            raise ValueError(
-                f'{recording.path}: {self.config.motion_key} has {len(moving)} rows, allowed: as '
-                'many as the recording has'
-            )
 
     def _moving(self, recording: Recording) -> Bools | None:
         """Return which rows are rows of motion, shape (n,), from the recorded velocities."""
@@ -162,14 +148,7 @@ class RecordingLoader(NamedTuple):
         if velocities is None:
             there = ', '.join(recording.array_names()) or 'none'
             raise ValueError(f'{recording.path}: has no array {key}, there are: {there}')
-        refusal = ValueError(
-            f'{recording.path}: {key} has the shape {velocities.shape} and type '
-            f'{velocities.dtype}, allowed: finite numbers of shape (rows,) or (rows, columns)'
-        )
-        numbers = velocities.dtype.kind in 'fiu' and velocities.ndim in (1, 2) and velocities.size
-        if not numbers:
-            raise refusal
-        table = velocities.astype(np.float64).reshape(len(velocities), -1)
+        table = np.atleast_2d(velocities.T).T
         if columns:
             known = [] if names is None else [str(name) for name in names.ravel()]
             if len(known) != table.shape[1] or {known.count(name) for name in columns} != {1}:
@@ -178,9 +157,15 @@ class RecordingLoader(NamedTuple):
                     f'of {table.shape[1]} columns, with each of {columns} once'
                 )
             table = table[:, [known.index(name) for name in columns]]
-        if not np.isfinite(table).all():
-            raise refusal
-        return np.asarray(np.linalg.norm(table, axis=1) > self.config.moving_above)
+        fits = table.dtype.kind in 'fiu' and table.ndim == 2 and len(table) == recording.n_rows
+        if not fits or not np.isfinite(table).all():
+            raise ValueError(
+                f'{recording.path}: {key} has the shape {velocities.shape} and type '
+                f'{velocities.dtype}, allowed: finite numbers, a row or number for each of '
+                f'{recording.n_rows} rows'
+            )
+        speed = np.linalg.norm(table.astype(np.float64), axis=1)
+        return np.asarray(speed > self.config.moving_above)
 
 
 class EvaluatedRecording(NamedTuple):

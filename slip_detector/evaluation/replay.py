@@ -202,10 +202,9 @@ class _Run:
             votes=(self._config.vote,),
         )
         on = np.ascontiguousarray(result.slip)
-        for intervals, signal in (
-            (self._stretches, np.ones_like(on)), (self._labels, truth), (self._on, on),
-        ):  # fmt: skip
-            intervals.add(signal, row)
+        self._stretches.add(np.ones_like(on), row)
+        self._labels.add(truth, row)
+        self._on.add(on, row)
         if truth[0]:
             _note_first(self._slips[-1].first[3], result.channels[: np.count_nonzero(truth)], row)
         if self._watching:

@@ -81,8 +81,8 @@ class NpzRecording(Recording):
         if rate.size != 1 or rate.dtype.kind not in 'fiu':
             raise ValueError(f'{rate_key} is {shortened(str(rate))}, allowed: a rate in Hz')
         self.sample_rate_hz = checked_rate(float(rate.item()))
-        n, channels = volts.shape
-        self.channel_names = default_channel_names(channels)
+        self.n_rows = n = len(volts)
+        self.channel_names = default_channel_names(volts.shape[1])
         stamps_ns, label = self.array(STAMPS_KEY), self.array(truth_key)
         for key, column in ((STAMPS_KEY, stamps_ns), (truth_key, label)):
             if column is not None and column.size != n:

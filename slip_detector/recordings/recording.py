@@ -115,12 +115,15 @@ class Recording(ABC):
         One of :data:`.labels.KINDS`, in which nothing slides; '': none of them.
     counts : RecordingCounts
         Counts of the last reading.
+    n_rows : int or None
+        Number of rows; None: not known before all are read.
     """
 
     path: Path
     sample_rate_hz: float
     channel_names: tuple[str, ...]
     label_name: str
+    n_rows: 'int | None' = None
 
     def __init__(self, path: Path, labels: 'Labels | None', config: RecordingConfig) -> None:
         self.path, self._limit_mb = path, config.recording_limit_mb
