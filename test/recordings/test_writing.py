@@ -89,9 +89,7 @@ def test_nothing_is_overwritten_and_no_half_recording_stays(tmp_path):
         with pytest.raises(ValueError, match='the source failed'):
             write_recording(tmp_path / f'b{ending}', failing(), 380.0, NAMES)
     assert [file.name for file in tmp_path.iterdir()] == ['a.mcap']
-    with pytest.raises(
-        ValueError, match=r'a\.bag: is \.bag, allowed: \.npz, \.csv, \.mcap, \.db3'
-    ):
+    with pytest.raises(ValueError, match=r'a\.bag: is \.bag, allowed: \.npz, \.csv, \.mcap or'):
         write_recording(tmp_path / 'a.bag', [rows(10)], 380.0, NAMES)
 
 
@@ -99,7 +97,7 @@ def test_nothing_is_overwritten_and_no_half_recording_stays(tmp_path):
 def test_on_a_full_disk_no_half_recording_stays(tmp_path, ending):
     path = tmp_path / f'trial{ending}'
     samples = rows(5000)
-    said = r'trial.*: cannot be written \((File too large|disk|database)'
+    said = r'trial.*: cannot be written \(File too large'
     with pytest.raises(ValueError, match=said), full_disk(100_000):
         write_recording(path, [samples], 380.0, NAMES)
     assert not list(tmp_path.iterdir())
@@ -148,7 +146,3 @@ def test_a_negative_stamp_is_refused_where_there_is_no_room_for_it(tmp_path):
     with pytest.raises(OSError, match='a stamp is negative'):
         bag.write(before_1970)
     bag.abort()
-    bag = BagWriter(tmp_path / 'old', NAMES, ending='.db3')
-    bag.write(before_1970)
-    bag.close()
-    assert next(open_recording(tmp_path / 'old').rows()).stamps_ns[0] == -10_000_000
