@@ -174,10 +174,8 @@ def _demonstrate(arguments: argparse.Namespace, picture: Path) -> tuple[dict[str
     draw_grasp(
         picture,
         {name: mine[drawn] for name, mine in trials.items()},
-        parts,
         grasp.limit_n,
         shown._asdict() if shown else {},
-        comparison.WANTED[CONTROLLER]['worst_slide_mm'].high,
     )
     return result, grasp_table(result)
 

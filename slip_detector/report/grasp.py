@@ -18,8 +18,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from slip_detector.chain.samples import Floats
@@ -35,22 +33,11 @@ COLUMNS = (
     'mean_slide_mm', 'worst_slide_mm', 'force_percent', 'most_force_percent', 'onsets',
 )  # fmt: skip
 
-#: Name and colour of each condition, in the order in which they are drawn.
-LABEL = {
-    CONTROLLER: 'controller',
-    PAPER: "controller,\npaper's detector",
-    UNCONTROLLED: 'no controller',
-}
-COLOR = dict(zip(LABEL, (COLORS[0], COLORS[4], COLORS[1]), strict=True))
+#: Colour of each condition that is drawn, the last one on top.
+COLOR = {UNCONTROLLED: COLORS[1], PAPER: COLORS[4], CONTROLLER: COLORS[0]}
 
 #: Height of the displacement panel, as a multiple of the object's slide under the controller.
 SHOWN_SLIDES = 4.0
-
-#: Up to this slide the axis of slides is linear.
-LINEAR_TO_MM = 0.1
-
-#: Height at which dropped objects are drawn, as a multiple of the longest slide.
-HEADROOM = 1.35
 
 
 def grasp_table(result: Mapping[str, Any]) -> str:
@@ -113,94 +100,48 @@ def grasp_table(result: Mapping[str, Any]) -> str:
 
 
 def draw_grasp(
-    path: Path,
-    trials: Mapping[str, GraspTrial],
-    figures: Figures,
-    limit_n: float,
-    live: Mapping[str, Floats],
-    wanted_mm: float,
+    path: Path, trials: Mapping[str, GraspTrial], limit_n: float, live: Mapping[str, Floats]
 ) -> None:
-    """Draw one object under each condition, and the figures over all objects.
+    """Draw one object: the grip and the decisions, and where it is under each condition.
 
     Parameters
     ----------
     path
         The picture to write.
     trials
-        The trial of one object under each condition.
-    figures
-        The figures under each condition, from
-        :func:`slip_detector.grasp.comparison.grasp_figures`.
+        The trial of the object under each condition.
     limit_n
         The largest grip force.
     live
         The same object through the nodes: ``position`` and ``command``, arrays of shape (n, 2)
         with times in their first columns; empty where it was not played.
-    wanted_mm
-        Upper bound of the worst slide under the controller.
     """
-    figure = Figure(figsize=(12.5, 7.2), layout='constrained')
-    axes: dict[str, Axes] = figure.subplot_mosaic(
-        [['force', 'slides'], ['decision', 'slides'], ['place', 'slides']],
-        width_ratios=[2.1, 1.0], height_ratios=[3.0, 0.8, 2.6],
-    )  # fmt: skip
-    force, slides, decision, place = axes.values()
-    controlled = trials[CONTROLLER]
-    _draw_force(force, controlled, limit_n, live.get('command'))
-    draw_decision(decision, controlled.time_s, controlled.slip, COLOR[CONTROLLER], '/slip')
-    decision.plot(controlled.time_s, controlled.sliding, color='0.35', label='it slides')
-    decision.legend(loc='upper left', fontsize=9, frameon=False)
-    _draw_place(place, trials, live.get('position'))
-    for axis in (force, decision, place):
-        axis.set_xlim(controlled.time_s[0], controlled.time_s[-1])
-    place.set_xlabel('time [s]')
+    figure = Figure(figsize=(9, 7.2), layout='constrained')
+    force, decision, place = figure.subplots(3, sharex=True, height_ratios=[3.0, 0.8, 2.6])
+    held = trials[CONTROLLER]
+    time_s, needed = held.time_s, 'just enough to hold it'
+    force.fill_between(time_s, held.needed_n, color='0.55', alpha=0.3, linewidth=0, label=needed)
+    force.axhline(limit_n, color=COLORS[2], linestyle='--', linewidth=1.2, label='limit')
+    force.plot(time_s, held.command_n, color='k', linewidth=0.9, label='commanded')
+    force.plot(time_s, held.force_n, color=COLOR[CONTROLLER], linewidth=2.0, label='grip')
+    force.set(ylabel='force [N]', ylim=(0.0, 1.06 * limit_n))
     force.set_title('One object: gripped, lifted, filled', fontsize=11)
-    _draw_slides(slides, figures, wanted_mm)
-    slides.set_title(f'All {figures[CONTROLLER]["trials"]} objects', fontsize=11)
-    save_picture(figure, path)
-
-
-def _draw_force(axis: Axes, trial: GraspTrial, limit_n: float, command: Floats | None) -> None:
-    time_s, label = trial.time_s, 'just enough to hold it'
-    axis.fill_between(time_s, trial.needed_n, color='0.55', alpha=0.3, linewidth=0, label=label)
-    axis.axhline(limit_n, color=COLORS[2], linestyle='--', linewidth=1.2, label='limit')
-    axis.plot(time_s, trial.command_n, color='k', linewidth=0.9, label='commanded')
-    axis.plot(time_s, trial.force_n, color=COLOR[CONTROLLER], linewidth=2.0, label='grip')
-    if command is not None:
-        axis.plot(*command.T, color='k', linestyle=':', linewidth=1.6, label='commanded, live')
-    axis.set(ylabel='force [N]', ylim=(0.0, 1.06 * limit_n))
-    axis.legend(loc='upper left', bbox_to_anchor=(0.0, 0.93), fontsize=9, frameon=False)
-
-
-def _draw_place(axis: Axes, trials: Mapping[str, GraspTrial], position: Floats | None) -> None:
+    draw_decision(decision, time_s, held.slip, COLOR[CONTROLLER], '/slip')
+    decision.plot(time_s, held.sliding, color='0.35', label='it slides')
     # An object that slides further leaves the panel; the legend says how far it slides.
-    most_mm = max(SHOWN_SLIDES * float(trials[CONTROLLER].position_m[-1]) * 1e3, 0.1)
-    for name in reversed(LABEL):
+    most_mm = max(SHOWN_SLIDES * float(held.position_m[-1]) * 1e3, 0.1)
+    for name, color in COLOR.items():
         trial = trials[name]
         end = 'dropped' if trial.dropped else f'{trial.position_m[-1] * 1e3:.2f} mm'
-        label = f'{LABEL[name]}: {end}'.replace('\n', ' ')
-        axis.plot(trial.time_s, trial.position_m * 1e3, color=COLOR[name], label=label)
-    if position is not None:
-        label = f'controller, live: {position[-1, 1] * 1e3:.2f} mm'
-        axis.plot(position[:, 0], position[:, 1] * 1e3, 'k:', linewidth=1.6, label=label)
-    axis.set(ylabel='displacement [mm]', ylim=(-0.03 * most_mm, most_mm))
-    axis.legend(loc='upper left', fontsize=9, frameon=False)
-
-
-def _draw_slides(axis: Axes, figures: Figures, wanted_mm: float) -> None:
-    known = [s for name in LABEL for s in figures[name]['slide_mm'] if s is not None]
-    dropped_mm = HEADROOM * max([wanted_mm, *known])
-    for place, name in enumerate(LABEL):
-        slides = [dropped_mm if s is None else s for s in figures[name]['slide_mm']]
-        spread = np.linspace(-0.3, 0.3, len(slides))
-        axis.plot(place + spread, slides, 'o', color=COLOR[name], markersize=4, alpha=0.8)
-        mean_mm = figures[name]['mean_slide_mm']
-        if mean_mm is not None:
-            axis.hlines(mean_mm, place - 0.4, place + 0.4, color='k', linewidth=1.5)
-    axis.axhline(dropped_mm, color='0.6', linestyle=':', zorder=0, label='dropped')
-    axis.axhline(wanted_mm, color='0.6', linestyle='--', zorder=0, label='wanted of the worst')
-    axis.legend(loc='lower right', fontsize=9, frameon=False)
-    axis.set_xticks(range(len(LABEL)), list(LABEL.values()))
-    # Logarithmic from LINEAR_TO_MM on: the slides differ by a factor of a thousand.
-    axis.set_yscale('symlog', linthresh=LINEAR_TO_MM)
-    axis.set(ylabel='slide of each, and mean [mm]', ylim=(0.0, 1.5 * dropped_mm))
+        place.plot(time_s, trial.position_m * 1e3, color=color, label=f'{name}: {end}')
+    place.set(ylabel='displacement [mm]', ylim=(-0.03 * most_mm, most_mm), xlabel='time [s]')
+    if live:
+        dotted: Any = {'color': 'k', 'linestyle': ':', 'linewidth': 1.6}
+        force.plot(*live['command'].T, **dotted, label='commanded, live')
+        position_s, position_m = live['position'].T
+        label = f'{CONTROLLER}, live: {position_m[-1] * 1e3:.2f} mm'
+        place.plot(position_s, position_m * 1e3, **dotted, label=label)
+    for axis in (force, decision, place):
+        axis.set_xlim(time_s[0], time_s[-1])
+        axis.legend(loc='best', fontsize=9, frameon=False)
+    save_picture(figure, path)

@@ -27,7 +27,7 @@ from slip_detector.evaluation.scores import MOTION, REST, ScoreCounts
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report.overview import Overview
 from slip_detector.report.pictures import COLORS, svg
-from slip_detector.report.tables import IF_DEFINED, MAIN_FIGURES, UNDEFINED, figure_text, heading
+from slip_detector.report.tables import UNDEFINED, figure_text, heading, main_figures
 
 
 class Variant(NamedTuple):
@@ -95,8 +95,7 @@ def _figures(variants: Sequence[Variant]) -> str:
         ]
         return _table('figures', ['recording', 'variant', *map(heading, names)], cells)
 
-    shown = [name for name in IF_DEFINED if any(row[2].get(name) is not None for row in rows)]
-    main = table([name for name in [*MAIN_FIGURES, *shown] if name in names])
+    main = table(main_figures(figures for *_, figures in rows))
     legend = f'{UNDEFINED}: not defined, as nothing of the kind occurred or it was not asked for'
     return f'{main}{_details("All figures", table(names))}<p class="legend">{legend}</p>'
 

@@ -15,7 +15,7 @@
 """Tables of plain text, as the commands print them, and the texts of figures."""
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from slip_detector.evaluation.figures import ALREADY_ON, STAGES
@@ -71,15 +71,13 @@ OPTIONAL = tuple(TABLES)[-4:]
 
 LEGEND = f'{UNDEFINED}: not defined (no such rows or events, or the motion is not recorded)'
 
-#: The figures by which chains are compared.
+#: The figures by which chains are compared, where they are defined.
 MAIN_FIGURES = (
     'slips', 'missed', 'late', 'recall', 'coverage', 'sooner_than_chance', 'precision',
     'false_alarms', 'false_alarms_per_minute', 'false_time_percent', 'latency_median_all_ms',
-    'latency_median_ms', 'latency_p90_ms', 'latency_worst_ms', 'auc_all',
+    'latency_median_ms', 'latency_p90_ms', 'latency_worst_ms', 'auc_all', 'auc_moving',
+    *TABLES['kinds'],
 )  # fmt: skip
-
-#: Those that are shown only where they are defined.
-IF_DEFINED = ('auc_moving', *TABLES['kinds'])
 
 
 def text_table(rows: Sequence[Sequence[str]], alignment: str = '<>', indent: int = 2) -> str:
@@ -226,6 +224,18 @@ def _tables(name: str, rows: Mapping[str, Mapping[str, Any]]) -> list[list[list[
     return tables
 
 
+def main_figures(several: Iterable[Mapping[str, Any]]) -> list[str]:
+    """Return the names of the main figures that at least one of several sets has.
+
+    Examples
+    --------
+    >>> main_figures([{'recall': None, 'slips': 0}, {'recall': None, 'auc_all': 0.9}])
+    ['slips', 'auc_all']
+    """
+    several = list(several)
+    return [name for name in MAIN_FIGURES if any(one.get(name) is not None for one in several)]
+
+
 def comparison_table(given: Mapping[str, Any], tuned: Mapping[str, Any]) -> str:
     """Return the figures of the given and of the tuned chain beside each other, as text.
 
@@ -236,15 +246,16 @@ def comparison_table(given: Mapping[str, Any], tuned: Mapping[str, Any]) -> str:
 
     Examples
     --------
-    >>> given = dict.fromkeys(MAIN_FIGURES) | {'recall': 0.8}
-    >>> print(comparison_table(given, {**given, 'recall': 0.95}).splitlines()[4])
-      recall                   0.800  0.950
+    >>> print(comparison_table({'slips': 4, 'recall': 0.8}, {'slips': 4, 'recall': 0.95}))
+              given  tuned
+      slips       4      4
+      recall  0.800  0.950
     """
-    rows = [['', 'given', 'tuned']]
-    for name in MAIN_FIGURES + IF_DEFINED:
-        if name in MAIN_FIGURES or given.get(name) is not None:
-            rows.append([heading(name), *(figure_text(name, one) for one in (given, tuned))])
-    return text_table(rows)
+    both = given, tuned
+    rows = [
+        [heading(name), *(figure_text(name, one) for one in both)] for name in main_figures(both)
+    ]
+    return text_table([['', 'given', 'tuned'], *rows])
 
 
 def demo_table(result: Mapping[str, Any]) -> str:

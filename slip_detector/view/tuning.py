@@ -34,7 +34,7 @@ from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.files import writable_folder, write_yaml
-from slip_detector.report.tables import IF_DEFINED, MAIN_FIGURES, figure_text, heading
+from slip_detector.report.tables import figure_text, heading, main_figures
 from slip_detector.tuning.learning import learn_from_quiet, learn_from_taps
 from slip_detector.tuning.problem import Candidate, searched
 from slip_detector.tuning.search import TuningParameters, tune
@@ -298,14 +298,11 @@ def compared(
 
     Examples
     --------
-    >>> figures = [{**dict.fromkeys(MAIN_FIGURES), 'recall': recall} for recall in (0.8, 0.95)]
-    >>> [row for row in compared(*figures) if row[0] == 'recall']
+    >>> compared({'recall': 0.8}, {'recall': 0.95})
     [('recall', '0.800', '0.950', 'better')]
     """
     rows = []
-    for name in MAIN_FIGURES + IF_DEFINED:
-        if name in IF_DEFINED and before.get(name) is None:
-            continue
+    for name in main_figures([before, after]):
         was, now, change = before[name], after[name], ''
         known = was is not None and now is not None and was != now and name != 'slips'
         # A negative latency, ON before the slip, is neither better nor worse.

@@ -34,17 +34,16 @@ from slip_detector.compiled import COMPILED
 from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
 from support import reference_evidence
 from support.chain_cases import bits, noise, quick_evidence
-from support.interpreted import interpreted_chain
+from support.interpreted import interpreted
 from support.random_chains import (
     assert_same_votes,
     cases,
     configs,
     recordings,
-    reference_of,
     round_off,
     with_evidence,
 )
-from support.reference import vote_of
+from support.reference import reference, vote_of
 
 CHECKOUT = Path(chain_module.__file__).parents[2]
 
@@ -70,7 +69,7 @@ def test_any_chain_that_decides_by_the_mean_gives_what_the_reference_gives(data)
     share = data.draw(st.floats(0.0, 1.0), label='share of levels below the threshold')
     threshold = float(np.quantile(levels, share)) if levels.size else 0.5
     config = ChainConfig(**config.__dict__ | {'threshold': max(threshold, 1e-30)})
-    truth = reference_of(config, volts)
+    truth = reference(volts, config)
 
     result = SlipChain(config).update(volts)
 
@@ -117,7 +116,7 @@ def test_any_chain_that_decides_by_evidence_gives_what_the_reference_gives(data)
     volts = data.draw(recordings(config))
     config = data.draw(with_evidence(config, volts))
     note(f'{config}')
-    truth = reference_of(config, volts)
+    truth = reference(volts, config)
     result = SlipChain(config).update(volts, floor=True, excess=True, votes=[config.vote])
     enabled = np.ones(config.channels, dtype=bool)
     enabled[np.array(config.disabled_channels, dtype=int) - 1] = False
@@ -257,7 +256,9 @@ def test_reset_makes_the_chain_new_and_leaves_earlier_results_alone(common_mode)
 def test_the_interpreted_kernel_gives_the_bits_of_the_compiled_one(data):
     config, volts, kept = data.draw(cases())
     compiled = SlipChain(config).update(volts, **kept)
-    assert bits(interpreted_chain(config).update(volts, **kept)) == bits(compiled)
+    assert bits(interpreted('chain.slip_chain').SlipChain(config).update(volts, **kept)) == bits(
+        compiled
+    )
 
 
 def test_without_numba_it_is_said_once_that_all_runs_interpreted():

@@ -17,7 +17,6 @@
 import numpy as np
 import pytest
 
-from slip_detector.grasp.comparison import grasp_figures
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report import pictures
 from slip_detector.report.grasp import draw_grasp
@@ -58,9 +57,7 @@ def test_the_grasp_is_drawn_with_and_without_a_trial_of_the_nodes(tmp_path, live
     draw_grasp(
         tmp_path / 'grasp.png',
         {name: mine[0] for name, mine in trials.items()},
-        {name: grasp_figures(mine, 10.0) for name, mine in trials.items()},
         10.0,
         {'position': rows, 'command': rows} if live else {},
-        5.0,
     )
     assert (tmp_path / 'grasp.png').read_bytes().startswith(b'\x89PNG')

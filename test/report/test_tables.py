@@ -68,23 +68,19 @@ def test_kinds_are_shown_where_they_were_recorded():
     at = next(k for k, line in enumerate(lines) if line.startswith('kinds'))
     assert ' '.join(lines[at].split()) == 'kinds press ON [%] press alarms per minute'
     assert lines[at + 1].split() == ['a', '0.00', '0.00']
-    given_ = dict.fromkeys(MAIN_FIGURES, 1) | {'press_on_percent': 30.0, 'rest_on_percent': None}
-    text = comparison_table(given_, {**given_, 'press_on_percent': 2.0})
-    assert ' '.join(text.splitlines()[-1].split()) == 'press ON [%] 30.00 2.00'
 
 
 def test_given_and_tuned_are_beside_each_other():
-    given_ = dict.fromkeys(MAIN_FIGURES, 1) | {'recall': 0.5, 'latency_median_ms': None}
-    tuned = {**given_, 'recall': 0.75, 'latency_worst_ms': -120.0}
-    lines = comparison_table(given_, tuned).splitlines()
-    assert lines[0].split() == ['given', 'tuned']
-    assert lines[4].split() == ['recall', '0.500', '0.750']
-    assert [line.split()[-2:] for line in lines if 'latency median [ms]' in line] == [['-', '-']]
+    known = dict.fromkeys(MAIN_FIGURES, 1) | {'latency_median_ms': None}
+    given_ = {**known, 'recall': 0.5, 'press_on_percent': 30.0}
+    tuned = {**known, 'recall': 0.75, 'press_on_percent': None, 'latency_worst_ms': -120.0}
+    lines = [' '.join(line.split()) for line in comparison_table(given_, tuned).splitlines()]
+    assert lines[0] == 'given tuned'
+    assert {'recall 0.500 0.750', 'press ON [%] 30.00 -'} <= set(lines)
     # Slip was ON before its label.
-    assert next(line for line in lines if 'worst' in line).endswith(' 1  ON 120.0 before')
-    assert len(lines) == 1 + len(MAIN_FIGURES)
-    # Nobody says what moves.
-    assert 'AUC moving' not in comparison_table({**given_, 'auc_moving': None}, tuned)
+    assert 'latency worst [ms] 1 ON 120.0 before' in lines
+    # What is undefined for both is left out.
+    assert len(lines) == len(MAIN_FIGURES)
 
 
 def plate(mean_ms):

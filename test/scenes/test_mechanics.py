@@ -14,10 +14,6 @@
 
 """Mechanics: the stepper solves skin and friction, at any cut, and makes no energy."""
 
-import json
-import subprocess
-import sys
-
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -25,6 +21,7 @@ from hypothesis import strategies as st
 from slip_detector.scenes import Scene
 from slip_detector.scenes.friction import LIGHTEST_LOAD_N
 from slip_detector.scenes.mechanics import DEFLECTION, DISPLACEMENT
+from support.interpreted import interpreted
 
 ALL = 10**9
 
@@ -106,30 +103,13 @@ def test_any_cut_of_a_scene_gives_the_same_bits(name, cuts):
     assert len(pieces[-1].volts) == 0
 
 
-WITHOUT_NUMBA = """
-import json, sys
-sys.modules['numba'] = None
-import numpy as np
-from slip_detector.compiled import COMPILED
-from slip_detector.scenes import Scene
-assert not COMPILED
-scene = Scene(json.load(sys.stdin), np.random.default_rng(0))
-json.dump(scene.clean(10**9)[1].tolist(), sys.stdout)
-"""
-
-
 def test_without_numba_a_scene_is_the_same():
     short = [{'duration_s': 0.05, 'force_n': 1.0}, {'duration_s': 0.1, 'velocity_m_s': 10e-3}]
-    description = {**ALL_PARTS, 'steps': short}
-    done = subprocess.run(
-        [sys.executable, '-c', WITHOUT_NUMBA],
-        input=json.dumps(description),
-        capture_output=True,
-        text=True,
-        check=True,
+    plain_v, compiled_v = (
+        kind({**ALL_PARTS, 'steps': short}, np.random.default_rng(0)).clean(ALL)[1]
+        for kind in (interpreted('scenes.scene').Scene, Scene)
     )
-    compiled_v = Scene(description, np.random.default_rng(0)).clean(ALL)[1]
-    np.testing.assert_allclose(json.loads(done.stdout), compiled_v, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(plain_v, compiled_v, rtol=1e-9, atol=1e-12)
 
 
 # Sticking and sliding.

@@ -48,9 +48,6 @@ MOTIONS = st.builds(
     ringing_damping=st.floats(0.01, 3.0) | st.sampled_from([1.0 - 1e-7, 1.0, 1.0 + 1e-7]),
 )
 
-#: A force that is far from zero once it is there, so that its curve and slope can be seen.
-HELD = [Step(0.2, 3.0), Step(2.0)]
-
 
 def commanded_n(steps):
     """Return times and commands at the corners of the command."""

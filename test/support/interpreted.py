@@ -12,30 +12,32 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The chain as it runs where Numba is missing."""
+"""The package as it runs where Numba is missing."""
 
 import importlib
 import sys
 from functools import cache
 from unittest import mock
 
-import slip_detector.chain.slip_chain
+import slip_detector.chain
+import slip_detector.scenes
+
+#: What is imported once more.
+ROOMS = ('chain', 'compiled', 'scenes')
 
 
 @cache
-def _interpreted_module():
-    """Import the chain once more, with no Numba to be found, and leave the first one in place."""
-    again = ('slip_detector.chain', 'slip_detector.compiled')
+def interpreted(module):
+    """Import a module of the package once more, with no Numba to be found.
+
+    The first one stays in place.
+    """
+    again = tuple(f'slip_detector.{room}' for room in ROOMS)
     with (
         mock.patch.dict(sys.modules, {'numba': None}),
-        mock.patch.multiple(slip_detector, chain=None, compiled=None),
+        mock.patch.multiple(slip_detector, **dict.fromkeys(ROOMS)),
     ):
         for name in [name for name in sys.modules if name.startswith(again)]:
             del sys.modules[name]
         assert not importlib.import_module('slip_detector.compiled').COMPILED
-        return importlib.import_module('slip_detector.chain.slip_chain')
-
-
-def interpreted_chain(config):
-    """Return a SlipChain of which nothing is compiled."""
-    return _interpreted_module().SlipChain(config)
+        return importlib.import_module(f'slip_detector.{module}')

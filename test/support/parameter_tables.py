@@ -21,11 +21,9 @@ import dataclasses
 import re
 from pathlib import Path
 
-from slip_detector.parameters.detector import ChainConfig, DetectorConfig
-from slip_detector.parameters.driver import DriverConfig, RecordingConfig
-from slip_detector.parameters.evaluation import EvaluationConfig, TuneConfig
+from slip_detector.parameters import ChainConfig, RecordingConfig
 from slip_detector.parameters.fields import allowed, under_headings
-from slip_detector.parameters.grasp import GraspConfig
+from slip_detector.parameters.sections import SECTIONS
 from slip_detector.scenes.motion import Step
 from slip_detector.scenes.parts import PARTS, Sampling
 
@@ -46,15 +44,7 @@ def sections_of(config_class):
 TABLES = {
     ROOT / 'docs' / 'parameters.md': {
         each.__name__: sections_of(each)
-        for each in (
-            ChainConfig,
-            DetectorConfig,
-            DriverConfig,
-            RecordingConfig,
-            GraspConfig,
-            EvaluationConfig,
-            TuneConfig,
-        )
+        for each in (ChainConfig, RecordingConfig, *SECTIONS.values())
     },
     ROOT / 'docs' / 'scenes.md': {
         'parts': {
