@@ -242,7 +242,7 @@ def evidence(
     """
     window, rate = config.samples(config.envelope_window_s), mpf(config.sample_rate_hz)
     squares = _means([value ** (2 * config.exponent) for value in filtered], window)
-    least = 20 * mpmath.log10(mpf(config.noise_floors[0]))
+    least = 20 * mpmath.log10(mpf(config.noise_floor[0]))
     most = least + mpf(config.noise_floor_range_db)
     quantile = mpf(1) / 10
     step = mpf(config.noise_floor_rate_db_s) / (quantile * rate)

@@ -148,7 +148,7 @@ def plan_of(
     limits = np.tile([[np.inf], [-np.inf], [0.0]], tiles * LANES)
     limits[:2, enabled] = np.transpose([config.valid_range_v])
     if config.decision == 'evidence':
-        limits[stages.LEAST_DB, : config.channels] = 20.0 * np.log10(config.noise_floors)
+        limits[stages.LEAST_DB, : config.channels] = 20.0 * np.log10(config.noise_floor)
     groups = [[c - 1 for c in group if c - 1 not in disabled] for group in config.groups.values()]
     settings = _settings_of(config, low_sections)
     blocks = tiles if settings['contact_channels'][0] else 1

@@ -154,11 +154,8 @@ def check_writable(path: Path) -> None:
     ValueError: no such folder/tuned.yaml: cannot be written (No such file or directory)
     """
     with file_errors_of(path):
-        if path.exists():
-            if not path.is_file():  # Writing would replace a device by a file.
-                raise OSError(0, 'is no file')
-            with open(path, 'ab'):
-                pass
+        if path.exists() and not path.is_file():  # Writing would replace a device by a file.
+            raise OSError(0, 'is no file')
         # whole_file needs to write beside it.
         with tempfile.TemporaryFile(dir=os.path.dirname(os.path.realpath(path))):
             pass

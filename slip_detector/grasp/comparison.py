@@ -28,12 +28,8 @@ from slip_detector.parameters.grasp import GraspConfig
 
 #: The conditions: no controller, a grip that is always at the limit, the controller, and the
 #: controller with the paper's parameters for the detector.
-UNCONTROLLED, AT_LIMIT, CONTROLLER, PAPER = (
-    'no controller',
-    'always at the limit',
-    'controller',
-    "controller, paper's detector",
-)
+UNCONTROLLED, AT_LIMIT = 'no controller', 'always at the limit'
+CONTROLLER, PAPER = 'controller', "controller, paper's detector"
 
 #: Conditions that are harder for the controller, as factors of :func:`.object_scene`.
 HARDER: dict[str, dict[str, float]] = {

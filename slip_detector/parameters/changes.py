@@ -42,15 +42,11 @@ def changed(config: ConfigType, values: Mapping[str, Any]) -> ConfigType:
     >>> changed(ChainConfig(channels=2), {'disabled_channels': [1], **groups}).groups
     {'a': (2,)}
     """
-    given = config.to_parameters()
     for name, value in values.items():
-        if value is not None or name not in given:
-            given[name] = [] if value is None else value
-        elif name.startswith('groups.'):
-            del given[name]
-        else:
+        if value is None and not name.startswith('groups.'):
             raise ValueError(f'parameter {name} cannot be deleted, allowed: groups.<name>')
-    return type(config).from_parameters(given)
+    given = {**config.to_parameters(), **values}
+    return type(config).from_parameters({n: v for n, v in given.items() if v is not None})
 
 
 class Judge:

@@ -84,9 +84,7 @@ class ChainConfig(ParameterSet):
     sample_rate_hz: float = parameter(
         380.0, 'Rate of the samples.', (1.0, 1e6, 'Hz'), heading='Samples', affects='input'
     )
-    channels: int = parameter(
-        16, 'Number of channels in a sample.', (1, 1_000_000), affects='input display'
-    )
+    channels: int = parameter(16, 'Channels in a sample.', (1, 1_000_000), affects='input display')
     channel_names: tuple[str, ...] = parameter(
         (),
         'Names of the channels in the input; empty: ch1, ch2, ..., and the input may have any.',
@@ -94,15 +92,10 @@ class ChainConfig(ParameterSet):
         affects='decision',
     )
     disabled_channels: tuple[int, ...] = parameter(
-        (),
-        'Channels (counted from 1) that are not computed and do not vote.',
-        allows='1 to the number of channels',
+        (), 'Channels (counted from 1) to leave out.', allows='1 to the number of channels'
     )
     valid_range_v: tuple[float, float] = decision_parameter(
-        (-1e9, 1e9),
-        'Lowest and highest value a working channel can give; beyond it a sample is bad.',
-        (-1e12, 1e12, 'V'),
-        rising=True,
+        (-1e9, 1e9), 'Values beyond these are bad samples.', (-1e12, 1e12, 'V'), rising=True
     )
     flat_after_s: float = decision_parameter(
         1.0, 'A channel with one value for this long cannot vote; 0: no check.', (0.0, 3600.0, 's')
@@ -128,10 +121,7 @@ class ChainConfig(ParameterSet):
         heading='Filters',
     )
     passband_degree: int = searched(
-        4,
-        'Degree of the band-pass polynomials (Eq. 1).',
-        (1, 20),
-        allows='even, 2 to 20; 1 to 20 for a high-pass',
+        4, 'Degree of band-pass (Eq. 1).', (1, 20), allows='even, 2 to 20; 1 to 20 for a high-pass'
     )
     gain: float = parameter(100.0, 'Factor on the filtered signal.', (1e-6, 1e6))
     stopbands_hz: tuple[tuple[float, float], ...] = searched(
@@ -140,12 +130,8 @@ class ChainConfig(ParameterSet):
         (None, None, 'Hz'),
         allows='as passband_hz; at most 32 pairs',
     )
-    stopband_degree: int = parameter(
-        4, 'Degree of the stop-band polynomials.', (2, 20), allows='even, 2 to 20'
-    )
-    stopband_ripple_db: float = parameter(
-        0.01, 'Ripple outside the stop-bands.', (1e-4, 3.0, 'dB')
-    )
+    stopband_degree: int = parameter(4, 'Degree of stop-bands.', (2, 20), allows='even, 2 to 20')
+    stopband_ripple_db: float = parameter(0.01, 'Ripple outside stop-bands.', (1e-4, 3.0, 'dB'))
     stopband_attenuation_db: float = parameter(
         40.0, 'Attenuation in the middle of the stop-bands.', (6.0, 120.0, 'dB')
     )
@@ -153,9 +139,7 @@ class ChainConfig(ParameterSet):
         'full', 'Full or half wave (Eq. 3).', choices=('full', 'half'), heading='Envelope'
     )
     exponent: int = searched(3, 'Power of the rectified signal (Eq. 3-5).', (1, 6))
-    envelope_window_s: float = window(
-        0.04, 'Window of the RMS envelope (Eq. 6-8).', searched_with=DECISIONS
-    )
+    envelope_window_s: float = window(0.04, 'RMS window (Eq. 6-8).', searched_with=DECISIONS)
     decision_window_s: float = window(
         0.04, 'Window of the mean that the threshold is for.', searched_with=('mean',)
     )
@@ -302,12 +286,6 @@ class ChainConfig(ParameterSet):
         rows = self.samples(self.impact_s) if looked_for else 0
         return rows if rows > 1 else 0
 
-    @property
-    def noise_floors(self) -> tuple[float, ...]:
-        """Lower limit of each channel's noise floor."""
-        floors = self.noise_floor
-        return floors * self.channels if len(floors) == 1 else floors
-
     def _default_groups(self) -> dict[str, tuple[int, ...]]:
         disabled = set(self.disabled_channels)
         one_group = {'all': tuple(range(1, self.channels + 1))}
@@ -406,20 +384,12 @@ class DetectorConfig(ChainConfig):
         0.5, 'slip_valid becomes false within this time after a sample.', (0.01, 3600.0, 's')
     )
     max_age_s: float = parameter(
-        0.0,
-        'slip_valid is false while stamps are further than this from the clock; 0: no check.',
-        (0.0, 3600.0, 's'),
+        0.0, 'Stamps further from the clock make slip invalid; 0: no check.', (0.0, 3600.0, 's')
     )
-    heartbeat_hz: float = parameter(
-        10.0, 'Rate at which slip and slip_valid repeat.', (0.1, 1000.0, 'Hz')
-    )
-    publish_groups: bool = parameter(
-        True, 'Whether slip/group/... is published.', affects='display'
-    )
-    publish_channels: bool = parameter(True, 'Whether slip/channel/... is published.')
-    autostart: bool = parameter(
-        True, 'Whether the node activates itself; else a lifecycle manager does.'
-    )
+    heartbeat_hz: float = parameter(10.0, 'Repeat rate of slip, slip_valid.', (0.1, 1000.0, 'Hz'))
+    publish_groups: bool = parameter(True, 'Publish slip/group/<name>.', affects='display')
+    publish_channels: bool = parameter(True, 'Publish slip/channel/<name>.')
+    autostart: bool = parameter(True, 'Activate itself; else a lifecycle manager does it.')
     taxel_positions_m: tuple[float, ...] = parameter(
         (),
         'x, y, z of each channel in the frame of the samples, for drawing; empty: in a grid.',

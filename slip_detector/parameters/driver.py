@@ -40,9 +40,7 @@ class RecordingConfig(ParameterSet):
         '', 'YAML file of the slips, or a folder of such; empty: <name>.labels.yaml beside it.'
     )
     recording_truth_topic: str = parameter('slip_truth', 'Topic of true slip (Bool, on change).')
-    recording_resample: bool = parameter(
-        False, 'Resample for slip_evaluate and slip_tune, if needed.'
-    )
+    recording_resample: bool = parameter(False, 'Resample if slip_evaluate or slip_tune need it.')
     recording_limit_mb: float = parameter(
         1024.0, 'Largest piece held in memory; reading takes up to four such.', (1.0, 1e6, 'MB')
     )
@@ -71,17 +69,13 @@ class DriverConfig(RecordingConfig):
     )
     scene: str = parameter('plate_400um', 'A scene that comes with the package, or a path.')
     seed: int = parameter(0, 'Seed of the noise; each seed is another trial.', (0, 2**31 - 1))
-    recording: str = parameter(
-        '', 'Recording to play: npz, csv, mcap, db3, or the folder of a bag.'
-    )
+    recording: str = parameter('', 'Recording to play: npz, csv, mcap, db3 or folder of a bag.')
     rate: float = parameter(1.0, 'Playing speed as a multiple of real time.', (0.001, 1000.0))
     loop: bool = parameter(False, 'Whether to start again at the end; else the driver ends.')
     wait_for_subscribers: int = parameter(
         0, 'Number of subscribers to voltages that the first sample waits for.', (0, 1000)
     )
-    wait_for_grip: bool = parameter(
-        False, 'Whether a scene with an object waits for a grip_force.'
-    )
+    wait_for_grip: bool = parameter(False, 'Whether a scene with an object waits for grip_force.')
     frame_id: str = parameter('fingertip', 'frame_id of the samples.')
     samples_per_message: int = parameter(
         1, 'More than one: batches of samples, as std_msgs/Float32MultiArray.', (1, 10_000)
@@ -95,13 +89,9 @@ class DriverConfig(RecordingConfig):
     packet_scale_v: float = parameter(1e-3, 'Volts of one unit in a packet.', (-1e9, 1e9, 'V'))
     packet_offset_v: float = parameter(0.0, 'Volts of the value 0 in a packet.', (-1e9, 1e9, 'V'))
     serial_port: str = parameter('', 'Serial port; its name in /dev/serial/by-id does not change.')
-    serial_baud: int = parameter(
-        115200, 'Rate of the serial port; no effect on USB.', (50, 20_000_000, 'baud')
-    )
+    serial_baud: int = parameter(115200, 'Baud rate; no effect on USB.', (50, 20_000_000, 'baud'))
     serial_format: str = parameter(
-        'packet',
-        'What the sensor sends: binary packets, or lines of text, which have no checksum.',
-        choices=('packet', 'text'),
+        'packet', 'Binary packets, or lines of text without checksum.', choices=('packet', 'text')
     )
     text_rate_hz: float = parameter(
         0.0, 'Rate of the lines of text; 0: each is stamped as it arrives.', (0.0, 1e6, 'Hz')

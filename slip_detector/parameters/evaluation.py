@@ -32,9 +32,7 @@ class EvaluationConfig(ParameterSet):
 
     NODE = 'slip_evaluate'
 
-    early_s: float = parameter(
-        0.0, 'An alarm this long before a slip still counts for it.', (0.0, 10.0, 's')
-    )
+    early_s: float = parameter(0.0, 'An alarm so long before a slip counts.', (0.0, 10.0, 's'))
     tail_s: float = parameter(0.1, 'An alarm so long after a slip still counts.', (0.0, 10.0, 's'))
     off_before_s: float = parameter(
         0.1, 'OFF for a shorter time than this does not end an alarm.', (0.0, 10.0, 's')
@@ -45,9 +43,7 @@ class EvaluationConfig(ParameterSet):
     motion_columns: tuple[str, ...] = parameter(
         (), 'Columns of it to use, as named in the array <motion_key>_names; empty: all.'
     )
-    moving_above: float = parameter(
-        0.01, 'Norm of the velocities above which a row is motion.', (0.0, 1e6, 'm/s')
-    )
+    moving_above: float = parameter(0.01, 'Speed above which a row is motion.', (0.0, 1e6, 'm/s'))
 
     def __post_init__(self) -> None:
         """Check the fields against each other."""
@@ -78,9 +74,7 @@ class TuneConfig(ParameterSet):
         10.0, 'Cost of each per cent of the rest during which slip is ON.', (0.0, 1e6, 'ms')
     )
     missed_time_costs_ms: float = parameter(
-        10.0,
-        'Cost of each per cent of the time of slips during which slip is OFF.',
-        (0.0, 1e6, 'ms'),
+        10.0, 'Cost of each per cent of the time of slips while slip is OFF.', (0.0, 1e6, 'ms')
     )
     auc_costs_ms: float = parameter(
         100.0, 'Cost of an area of 0 under the ROC curve of all rows; 1: none.', (0.0, 1e6, 'ms')

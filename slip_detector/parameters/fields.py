@@ -282,7 +282,7 @@ def _names(values: Iterable[Any], where: str, for_topics: bool = True) -> tuple[
 def _groups(value: Any, where: str) -> dict[str, tuple[int, ...]]:
     if not isinstance(value, Mapping) or any(map(_is_single, value.values())):
         _refuse_value(value, where, 'a list of channel numbers per name')
-    groups = {}
-    for name in _names(value, where):
-        groups[name] = tuple(_number(member, int, f'{where}.{name}') for member in value[name])
-    return groups
+    return {
+        name: tuple(_number(member, int, f'{where}.{name}') for member in value[name])
+        for name in _names(value, where)
+    }

@@ -116,20 +116,10 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     ):
         new = Path(folder) / place.name
         yield new
-        for part in [*new.rglob('*'), new]:
-            _bring_to_disk(part)
+        for file in filter(Path.is_file, [new, *new.rglob('*')]):
+            with open(file, 'rb') as opened:
+                os.fsync(opened.fileno())
         os.replace(new, place)
-        # Some file systems, such as network mounts, cannot flush a folder.
-        with contextlib.suppress(OSError):
-            _bring_to_disk(place.parent)
-
-
-def _bring_to_disk(path: Path) -> None:
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
 
 
 @contextlib.contextmanager

@@ -41,9 +41,6 @@ else:  # Python 3.10 has none.
         return lambda base: base
 
 
-#: First part of the names by which other nodes of rclpy change the quality of service of topics.
-OF_QOS = 'qos_overrides'
-
 ConfigType = TypeVar('ConfigType', bound='ParameterSet')
 
 
@@ -137,11 +134,13 @@ class ParameterSet:
                 elif head == 'groups' in known and tail:
                     groups[tail] = value
                 else:
+                    is_own = own is None or name in own
+                    hint = cls._hint(name, is_own)
                     label = f'parameter {shown_name(name)} = {shown(value)}'
-                    if own is None or name in own:
-                        raise ValueError(f'unknown {label}; {cls._hint(name)}')
-                    if head == OF_QOS or cls._is_nearly_known(head):
-                        warn(f'{lead}left out: {label}, given to all nodes; {cls._hint(name)}')
+                    if is_own:
+                        raise ValueError(f'unknown {label}; {hint}')
+                    if hint:
+                        warn(f'{lead}left out: {label}, given to all nodes; {hint}')
             if groups:
                 if 'groups' in values:
                     refuse('parameter groups is given beside groups.<name>', 'one of both')
@@ -151,25 +150,20 @@ class ParameterSet:
             raise ValueError(f'{lead}{error}') from None
 
     @classmethod
-    def _is_nearly_known(cls, name: str) -> bool:
-        """Return whether a name may be meant for this set: it has most letters, or all but one."""
-        share = min(0.8, 1.0 - 1.0 / max(len(name), 1))
-        near = difflib.get_close_matches(name, cls.__dataclass_fields__, cutoff=share)
-        return bool(near) and not sections.nodes_that_know(name)
-
-    @classmethod
-    def _hint(cls, name: str) -> str:
-        """Return a hint at what the user may have meant by an unknown name."""
-        if name.startswith(OF_QOS):
+    def _hint(cls, name: str, is_own: bool) -> str:
+        """Return what an unknown name may mean; empty if it need not mean anything here."""
+        if name.startswith('qos_overrides'):  # As other nodes of rclpy have them.
             return 'the quality of service of the topics cannot be changed'
-        owners, known = (
-            sections.nodes_that_know(name) if cls.NODE else [],
-            sorted(cls.__dataclass_fields__),
-        )
+        owners = sections.nodes_that_know(name) if cls.NODE else []
         if owners and cls.NODE not in owners:
-            return f'it is a parameter of {", ".join(owners)}'
-        near = difflib.get_close_matches(name, known, 1)
-        return f'did you mean {near[0]}?' if near else f'allowed: {", ".join(known)}'
+            return f'it is a parameter of {", ".join(owners)}' if is_own else ''
+        known = sorted(cls.__dataclass_fields__)
+        # Most letters, or all but one.
+        share = 0.6 if is_own else min(0.8, 1.0 - 1.0 / max(len(name), 1))
+        near = difflib.get_close_matches(name, known, 1, share)
+        if near:
+            return f'did you mean {near[0]}?'
+        return f'allowed: {", ".join(known)}' if is_own else ''
 
     @classmethod
     def from_yaml(cls: type[ConfigType], path: str | Path, node: str = '') -> ConfigType:

@@ -15,6 +15,7 @@
 """Sensors on a serial port or the network, and the stamps of their samples."""
 
 import ipaddress
+import math
 import os
 import socket
 import termios
@@ -29,6 +30,7 @@ from numpy.typing import ArrayLike
 from slip_detector.chain.samples import Samples, Stamps
 from slip_detector.parameters.detector import default_channel_names
 from slip_detector.parameters.driver import DriverConfig
+from slip_detector.parameters.fields import refuse
 from slip_detector.sources.packets import LONGEST_BYTES, PacketDecoder
 from slip_detector.sources.source import WAIT_S, Source
 from slip_detector.sources.text_lines import LineDecoder
@@ -159,6 +161,15 @@ class LiveSource(Source):
         self.counts = self._decoder.counts
         self._line: Any = None  # The port or the socket.
 
+    def read(self, n: int) -> Samples:
+        """Return the new samples, after at most ``WAIT_S``; there may be none."""
+        decoded = self._receive()
+        return self._clock.stamp(decoded, self._config.channels, self._now_ns())
+
+    def _receive(self) -> list[Samples]:
+        """Wait for bytes, at most ``WAIT_S``, and decode them."""
+        raise NotImplementedError
+
     def close(self) -> None:
         """Close the port or the socket."""
         if self._line is not None:
@@ -208,8 +219,8 @@ class SerialSource(LiveSource):
             self.connected = True
             self.state = f'listening to {config.serial_port} at {config.serial_baud} baud'
 
-    def read(self, n: int) -> Samples:
-        """Return the new samples, after at most ``WAIT_S``; try to open a lost port."""
+    def _receive(self) -> list[Samples]:
+        """Read what there is, or try to open a lost port."""
         data = b''
         if self._line is not None:
             try:
@@ -220,8 +231,7 @@ class SerialSource(LiveSource):
             time.sleep(min(wait_s, WAIT_S))
         else:
             self.start()
-        decoded = self._decoder.feed(data)
-        return self._clock.stamp(decoded, self._config.channels, self._now_ns())
+        return self._decoder.feed(data)  # type: ignore[no-any-return]
 
     def _lose(self, error: Exception) -> None:
         self.close()
@@ -272,8 +282,7 @@ class UdpSource(LiveSource):
             raise ValueError('parameter udp_senders is empty, allowed: at least one address')
         super().__init__(f'{self._address} port {config.udp_port}', config, now_ns)
         self._sender: Any = None
-        self._heard_s = 0.0
-        self._arrival_ns = 0
+        self._heard_s = -math.inf
 
     def start(self) -> None:
         """Begin to listen.
@@ -287,40 +296,33 @@ class UdpSource(LiveSource):
         listener = socket.socket(family, socket.SOCK_DGRAM)
         listener.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
         listener.settimeout(WAIT_S)
+        port = self._config.udp_port
         try:
-            listener.bind((str(self._address), self._config.udp_port))
+            listener.bind((str(self._address), port))
         except OSError as error:
             listener.close()
-            why = f'cannot be listened on at {self._address} ({os.strerror(error.errno or 0)})'
-            what = f'parameter udp_port is {self._config.udp_port}: {why}'
-            raise ValueError(f'{what}, allowed: a free port of this machine') from None
+            why = f'cannot be listened on at {self._address} ({error.strerror})'
+            refuse(f'parameter udp_port is {port}: {why}', 'a free port of this machine')
         self._line = listener
         self.connected = True
         self.state = f'listening on {self.name}'
 
-    def read(self, n: int) -> Samples:
-        """Return the samples of the next datagram, after at most ``WAIT_S``."""
-        return self._clock.stamp(self._decoded(), self._config.channels, self._arrival_ns)
-
-    def _decoded(self) -> list[Samples]:
+    def _receive(self) -> list[Samples]:
         try:
             # One byte more than allowed shows that a datagram is too long.
             packet, sender = self._line.recvfrom(LONGEST_BYTES + 1)
         except TimeoutError:
             return []
-        self._arrival_ns = self._now_ns()
         if ipaddress.ip_address(sender[0]) not in self._senders:
             self.counts['unlisted_sender'] += 1
             return []
         now_s = time.monotonic()
         if sender != self._sender and not self._decoder.fault(packet):
-            if self._sender is not None and now_s - self._heard_s < SENDER_SILENT_S:
+            if now_s - self._heard_s < SENDER_SILENT_S:
                 self.counts['other_sender'] += 1
                 return []
             self._sender = sender
             self._decoder.restart()
-        decoded = self._decoder.decode(packet)
-        if decoded is None:
-            return []
-        self._heard_s = now_s
-        return [decoded]
+        decoded: list[Samples] = self._decoder.decode(packet)
+        self._heard_s = now_s if decoded else self._heard_s
+        return decoded

@@ -31,12 +31,8 @@ from slip_detector.sources.text_lines import ByteSplitter
 #: First byte of a packet by the type of its values: version 1 in the upper half; in the lower half
 #: the number of bytes of a value, plus 8 where it is unsigned.
 PACKET_KINDS = {
-    'int16': 0x12,
-    'int24': 0x13,
-    'int32': 0x14,
-    'uint16': 0x1A,
-    'uint24': 0x1B,
-    'uint32': 0x1C,
+    **{'int16': 0x12, 'int24': 0x13, 'int32': 0x14},
+    **{'uint16': 0x1A, 'uint24': 0x1B, 'uint32': 0x1C},
 }
 
 #: Kind, channels, samples, sequence number, time of the first sample in us, period in ns.
@@ -86,10 +82,10 @@ class PacketDecoder:
     >>> decoder = PacketDecoder(channels=2, values='int16', scale_v=0.001, offset_v=0.0)
     >>> packet = bytes.fromhex('1202010000000000 0000000000000000 d610c210')
     >>> packet += zlib.crc32(packet).to_bytes(4, 'little')
-    >>> decoder.decode(packet).volts.tolist()
-    [[4.3100000000000005, 4.29]]
-    >>> decoder.decode(packet[:-1]) is None, decoder.counts['checksum']
-    (True, 1)
+    >>> [samples.volts.tolist() for samples in decoder.decode(packet)]
+    [[[4.3100000000000005, 4.29]]]
+    >>> decoder.decode(packet[:-1]), decoder.counts['checksum']
+    ([], 1)
     """
 
     def __init__(self, channels: int, values: str, scale_v: float, offset_v: float) -> None:
@@ -116,13 +112,12 @@ class PacketDecoder:
             if piece:  # Zeros may stand on both sides of a packet.
                 packet = cobs_decode(piece)
                 # A piece that is not COBS counts as broken, like an empty packet.
-                samples = self.decode(packet or b'')
+                received += self.decode(packet or b'')
                 self.counts['garbage_bytes'] += len(piece) if packet is None else 0
-                received += [] if samples is None else [samples]
         return received
 
-    def decode(self, packet: bytes) -> Samples | None:
-        """Take the packet of a datagram; return its samples, or None if it is dropped.
+    def decode(self, packet: bytes) -> list[Samples]:
+        """Take the packet of a datagram; return its samples, or nothing if it is dropped.
 
         Their stamps are by the sender's clock, with its wraps removed; ``new_stretch`` says that
         they are unrelated to the stamps before.
@@ -131,11 +126,11 @@ class PacketDecoder:
         if fault:
             self.counts[fault] += 1
             self.counts['garbage_bytes'] += len(packet)
-            return None
+            return []
         _, channels, n, sequence, time_us, period_ns = HEADER.unpack_from(packet)
         clock_restarted = self._in_order(sequence, time_us)
         if clock_restarted is None:
-            return None
+            return []
         first_ns = 1000 * self._time_us
         last_ns = first_ns + (n - 1) * period_ns
         times_ns = first_ns + period_ns * np.arange(n)
@@ -145,7 +140,7 @@ class PacketDecoder:
             free_ns = last_ns - self._last_ns
             if free_ns < n:
                 self.counts['no_time'] += 1
-                return None
+                return []
             self.counts['overlap'] += 1
             times_ns = self._last_ns + np.arange(1, n + 1) * free_ns // n
         self._last_ns = last_ns
@@ -153,7 +148,7 @@ class PacketDecoder:
         self.counts['samples'] += n
         integers = self._integers(packet[HEADER.size : -CHECKSUM.size])
         volts = self._offset_v + self._scale_v * integers.astype(np.float64)
-        return Samples(volts.reshape(n, channels), times_ns, new_stretch=clock_restarted)
+        return [Samples(volts.reshape(n, channels), times_ns, new_stretch=clock_restarted)]
 
     def fault(self, packet: bytes) -> str:
         """Return the reason why a packet is dropped; empty for a good packet."""

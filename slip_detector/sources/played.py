@@ -18,6 +18,7 @@ import numpy as np
 
 from slip_detector.chain.samples import Samples
 from slip_detector.parameters.driver import DriverConfig
+from slip_detector.parameters.fields import refuse
 from slip_detector.recordings import open_recording
 from slip_detector.scenes import find_scene, load_scene
 from slip_detector.sources.source import Source
@@ -112,10 +113,8 @@ class SceneSource(Source):
         self.has_object = 'object' in scene.parts
         self.takes_orders = 'orders' in scene.parts
         if config.wait_for_grip and not self.has_object:
-            raise ValueError(
-                f'parameter scene is {config.scene!r}, allowed with wait_for_grip: a scene with '
-                'an object'
-            )
+            what = f'parameter scene is {config.scene!r}'
+            refuse(what, 'a scene with an object, as wait_for_grip is true')
         self.duration_s = scene.duration_s
 
     def read(self, n: int) -> Samples:

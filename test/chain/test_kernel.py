@@ -92,7 +92,7 @@ def test_any_chain_that_decides_by_the_mean_gives_what_the_reference_gives(data)
 def assert_floor_follows(config, found, level_db, counts):
     """Check each row of a floor against the row before it, which the chain itself gave."""
     for column in range(config.channels):
-        least_db = 20 * np.log10(config.noise_floors[column])
+        least_db = 20 * np.log10(np.resize(config.noise_floor, config.channels)[column])
         rows = np.flatnonzero(counts[:, column])
         level, now = level_db[rows, column], found[rows, column]
         before = np.concatenate([[least_db], now[:-1]])[: len(now)]

@@ -293,11 +293,11 @@ def test_evidence_whose_parameters_change_follows_its_equations_row_by_row(chang
     level_db = reference_evidence.decibels(reference(volts, configs[0]).envelope)
     evidence, wanted, left, floor_db = np.zeros(4), [], 0, np.full(4, np.nan)
     if configs[0].noise_floor_learnt:
-        floor_db = 20 * np.log10(configs[0].noise_floors)
+        floor_db = 20 * np.log10(configs[0].noise_floor)
     for config, (begin, _), end in zip(configs, changed, ends, strict=True):
         assert config == bed.chain.config or (bed.chain.change(config) and bed.chain.swap())
         levels.extend(bed.chain.update(volts[begin:end], level=True).level)
-        least_db = 20 * np.log10(config.noise_floors)
+        least_db = 20 * np.log10(config.noise_floor)
         for row in range(begin, end):
             steps = np.abs(volts[row] - volts[max(row - 1, 0)]) > config.impact_v
             left = min(left - 1, config.samples(config.impact_hold_s)) if config.impact_v else 0

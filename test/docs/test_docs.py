@@ -21,25 +21,13 @@ import pytest
 import yaml
 
 from slip_detector.nodes.view import _parser as view_options
-from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.parameters.driver import DriverConfig
-from slip_detector.parameters.evaluation import EvaluationConfig, TuneConfig
-from slip_detector.parameters.grasp import GraspConfig
+from slip_detector.parameters.sections import SECTIONS
 from slip_detector.recordings.labels import read_labels
 from slip_detector.scenes import load_scene
 from support.pages import DOCS, PAGES, README, ROOT, blocks, file_name, identifier
 from support.parameter_tables import TABLES, with_tables
 
 SCENES = DOCS / 'scenes.md'
-
-#: Whose parameters the sections of a file are.
-SECTIONS = {
-    'slip_detector': DetectorConfig,
-    'slip_driver': DriverConfig,
-    'slip_evaluate': EvaluationConfig,
-    'slip_tune': TuneConfig,
-    'grasp_controller': GraspConfig,
-}
 
 #: Roots of what pages name as code.
 FOLDERS = 'config|slip_detector|test|docs|benchmarks|examples|launch'

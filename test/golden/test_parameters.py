@@ -22,20 +22,12 @@ import dataclasses
 import json
 from pathlib import Path
 
-from slip_detector.parameters import (
-    DetectorConfig,
-    DriverConfig,
-    EvaluationConfig,
-    GraspConfig,
-    RecordingConfig,
-    TuneConfig,
-)
+from slip_detector.parameters import RecordingConfig
 from slip_detector.parameters.fields import allowed
+from slip_detector.parameters.sections import SECTIONS
 
 GOLDEN = Path(__file__).parent / 'parameters.json'
-SETS = (
-    DetectorConfig, DriverConfig, EvaluationConfig, GraspConfig, RecordingConfig, TuneConfig,
-)  # fmt: skip
+SETS = (RecordingConfig, *SECTIONS.values())
 
 
 def described(kind):

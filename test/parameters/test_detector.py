@@ -46,13 +46,6 @@ def test_a_time_is_rounded_to_samples_and_at_least_one(seconds, samples):
     assert config.samples(seconds) == samples
 
 
-def test_a_single_noise_floor_is_that_of_every_channel():
-    one = ChainConfig(channels=3, decision='evidence', noise_floor=0.25)
-    assert one.noise_floors == (0.25, 0.25, 0.25)
-    several = ChainConfig(channels=3, decision='evidence', noise_floor=[0.25, 1, '5e-1'])
-    assert several.noise_floors == (0.25, 1.0, 0.5)
-
-
 TWO = {'channels': 2}
 EVIDENCE = {'decision': 'evidence', 'noise_floor': 0.5}
 CONTACT = {**EVIDENCE, 'contact_level_v': 1.0}

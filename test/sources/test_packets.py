@@ -85,7 +85,7 @@ def with_checksum(header, data):
 )
 def test_a_sound_packet_of_another_make_is_dropped_and_counted(sent, reason):
     receiver = decoder()
-    assert receiver.decode(sent) is None
+    assert receiver.decode(sent) == []
     assert receiver.counts == {reason: 1, 'garbage_bytes': len(sent)}
 
 

@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.recordings import array_recordings
 from slip_detector.sources import open_source
-from slip_detector.sources.played import RecordingSource, SceneSource
+from slip_detector.sources.played import RecordingSource
 
 N_ROWS = 50
 
@@ -55,35 +55,13 @@ def test_a_recording_is_read_to_its_end_in_any_cut(whole, piece_rows, cuts):
     assert len(pieces[-1].volts) == 0
 
 
-def test_a_recording_plays_under_its_own_rate_and_names(tmp_path):
-    path = tmp_path / 'a.csv'
-    path.write_text('time_s,left,slip,right\n0,1,0,2\n0.5,3,1,4\n')
-    source = open_source(DriverConfig(source='recording', recording=str(path)))
-    assert source.sample_rate_hz == 2.0
-    assert source.channel_names == ('left', 'right')
-    samples = source.read(10)
-    np.testing.assert_array_equal(samples.volts, [[1, 2], [3, 4]])
-    np.testing.assert_array_equal(samples.truth, [False, True])
-
-
-def test_an_object_is_held_with_the_force_that_was_set():
-    firm, loose = (SceneSource(DriverConfig(scene='grasp')) for _ in range(2))
-    assert firm.has_object
-    firm.obey(5.0)
-    loose.obey(0.5)
-    moved_m = [source.read(10_000).position_m for source in (firm, loose)]
-    assert np.ptp(moved_m[0]) < np.ptp(moved_m[1])
-    with pytest.raises(ValueError, match='allowed: 0 to 1000 N'):
-        firm.obey(-1.0)
-
-
 @pytest.mark.parametrize(
     ('parameters', 'message'),
     [
         ({'source': 'recording'}, "parameter recording is '', allowed: a path, as source is"),
         ({'source': 'recording', 'recording': __file__}, 'is .py, allowed: .npz, .csv'),
         ({'source': 'scene', 'scene': 'moon'}, "'moon'.* plate_400um"),
-        ({'source': 'scene', 'wait_for_grip': True}, 'allowed with wait_for_grip: a scene'),
+        ({'source': 'scene', 'wait_for_grip': True}, 'allowed: a scene with an object, as wait'),
         ({}, 'parameter source is not given, allowed: scene'),
     ],
 )

@@ -43,4 +43,4 @@ def integers(received):
 
 def sent_by(*some):
     """Return what a decoder of its own makes of packets, one by one."""
-    return integers([decoder().decode(packet) for packet in some])
+    return integers([samples for packet in some for samples in decoder().decode(packet)])
