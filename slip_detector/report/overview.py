@@ -12,11 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The overview of one recording for a report: bins of its rows, and the rows about its events.
+"""The overview of one recording for a report: bins of its rows, and its events.
 
 For each bin and channel it has the lowest and the highest volts and the highest code of each
-signal. In a short recording a bin is one row. About the starts of slips and alarms it has the
-rows themselves, as far as there is room.
+signal. In a recording of some minutes a bin is one row.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -39,14 +38,8 @@ Codes = NDArray[np.uint8]
 #: Kinds of events, the most important first.
 EVENT_KINDS = ('false alarm', 'missed', 'late', 'detected')
 
-#: Times before and after the start of a slip or an alarm within which single rows are kept.
-BEFORE_S, AFTER_S = 0.15, 0.3
-
 #: Most cells of the overviews of all recordings in a report: bins times channels.
-MOST_CELLS = 2**20
-
-#: Most cells of single rows beside them, as a share of those of bins.
-ROWS_SHARE = 0.75
+MOST_CELLS = 3 * 2**19
 
 #: Steps of a level's code for a factor of two, and the code of a level that equals the threshold:
 #: above it the channel is ON.
@@ -88,14 +81,6 @@ class Event(NamedTuple):
     latency_s: float | None = None
     parts: Mapping[str, float] = {}
     note: str = ''
-
-
-class Snippet(NamedTuple):
-    """Consecutive rows from row ``start`` on: volts, shape (n, c), and codes, shape (n, s c)."""
-
-    start: int
-    volts: Volts
-    codes: Codes
 
 
 def events_of(outcome: ReplayOutcome) -> list[Event]:
@@ -203,7 +188,6 @@ class Overview:
     codes : ndarray of uint8, shape (bins, s c)
         After :meth:`finish` the highest code of each of s signals; see :func:`signal_codes`.
     events : sequence of Event
-    snippets : list of Snippet
 
     Examples
     --------
@@ -231,7 +215,6 @@ class Overview:
         self.truth, self.slip, self.after_impact = OnIntervals(), OnIntervals(), OnIntervals()
         self.groups = {name: OnIntervals() for name in config.groups}
         self.events: Sequence[Event] = ()
-        self.snippets: list[Snippet] = []
         # The numbers of rows, their volts and their codes, so far.
         signals = len(signal_ranges(config)) * config.channels
         no_rows = np.empty((0, config.channels), np.float32), np.empty((0, signals), np.uint8)
@@ -273,7 +256,7 @@ class Overview:
         self.rows += round(seconds * self.sample_rate_hz)
 
     def finish(self, events: Sequence[Event]) -> None:
-        """Merge the rows to bins, and keep only those about the events; see :func:`events_of`."""
+        """Merge the rows to bins, and take the events; see :func:`events_of`."""
         self._close_intervals()
         self.events = events
         bins = max(round(self.share * MOST_CELLS) // self.config.channels, 64)
@@ -285,38 +268,10 @@ class Overview:
         self.low = _spread(np.fmin.reduceat(volts, firsts), filled, n, np.nan)
         self.high = _spread(np.fmax.reduceat(volts, firsts), filled, n, np.nan)
         self.codes = _spread(np.maximum.reduceat(codes, firsts), filled, n, 0)
-        for start, stop in self._spans_about_events() if self.bin_rows > 1 else ():
-            a, b = np.searchsorted(numbers, [start, stop])
-            places, n = numbers[a:b] - start, stop - start
-            rows = _spread(volts[a:b], places, n, np.nan), _spread(codes[a:b], places, n, 0)
-            self.snippets.append(Snippet(start, *rows))
 
     def _close_intervals(self) -> None:
         for intervals in (self.slip, self.after_impact, *self.groups.values(), self.truth):
             intervals.close(self.rows)
-
-    def _spans_about_events(self) -> list[list[int]]:
-        """Return the first row and the end of each span of rows to keep, in order.
-
-        Where there is too little room for all events, it is given to the more important ones.
-        """
-        room = ROWS_SHARE * self.share * MOST_CELLS / self.config.channels
-        before, after = self.config.samples(BEFORE_S), self.config.samples(AFTER_S)
-        spans = []
-        for event in sorted(self.events, key=lambda event: EVENT_KINDS.index(event.kind)):
-            for start_s in {event.start_s, event.start_s + (event.latency_s or 0.0)}:
-                row = round(start_s * self.sample_rate_hz)
-                spans.append([max(row - before, 0), min(row + after, self.rows)])
-                room -= spans[-1][1] - spans[-1][0]
-            if room < 0:
-                break
-        merged: list[list[int]] = []
-        for start, stop in sorted(spans):
-            if merged and start <= merged[-1][1]:
-                merged[-1][1] = max(merged[-1][1], stop)
-            else:
-                merged.append([start, stop])
-        return merged
 
 
 def _spread(values: NDArray[Any], places: Ints, n: int, empty: float) -> NDArray[Any]:

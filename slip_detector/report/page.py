@@ -16,9 +16,9 @@
 
 The scripts in ``templates`` draw its timeline with uPlot. For each recording they read a header,
 which is JSON, and one string of bytes, compressed and in base64: of the bins the lowest volts, the
-highest volts and, for each variant, the codes of its signals and the volts and codes of its
-snippets. All are written channel after channel. Volts are 16-bit codes over the range of the
-channel, all low bytes and then all high ones, as slow signals compress better in this order.
+highest volts and, for each variant, the codes of its signals. All are written channel after
+channel. Volts are 16-bit codes over the range of the channel, all low bytes and then all high
+ones, as slow signals compress better in this order.
 """
 
 import base64
@@ -152,8 +152,6 @@ def pack_recording(variants: Sequence[Overview]) -> tuple[dict[str, Any], str]:
     data = [packed(extreme) for extreme in (first.low, first.high)[: min(first.bin_rows, 2)]]
     for overview in variants:
         data.append(_bytes(overview.codes))
-        for snippet in overview.snippets:
-            data += [packed(snippet.volts), _bytes(snippet.codes)]
     header = {
         'name': first.name,
         'rate_hz': first.sample_rate_hz,
@@ -185,7 +183,6 @@ def _variant(overview: Overview) -> dict[str, Any]:
             {'name': name, 'members': members, 'on': overview.groups[name].edges}
             for name, members in overview.config.groups.items()
         ],
-        'snippets': [[snippet.start, len(snippet.codes)] for snippet in overview.snippets],
         'events': [[EVENT_KINDS.index(kind), *rest] for kind, *rest in overview.events],
     }
 

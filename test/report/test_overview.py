@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a report has of a recording: bins, rows about events, intervals, and events."""
+"""What a report has of a recording: bins, intervals, and events."""
 
 import dataclasses
 import itertools
@@ -29,9 +29,7 @@ from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report import overview as module
 from slip_detector.report.overview import (
-    EVENT_KINDS,
     THRESHOLD_CODE,
-    Event,
     Overview,
     events_of,
     signal_codes,
@@ -89,30 +87,6 @@ def test_bins_hold_the_extremes_and_intervals_the_decisions_however_rows_are_cut
         np.testing.assert_array_equal(again, on)
 
 
-def test_rows_about_events_are_kept_as_they_were(monkeypatch):
-    monkeypatch.setattr(module, 'MOST_CELLS', 3 * 256)
-    volts, truth, result = recorded(4000)
-    events = [Event('false alarm', 5.0, 5.1), Event('late', 10.0, 12.0, latency_s=1.2)]
-    overview = overview_of(volts, truth, [333, 1010, 2345], events)
-    assert overview.bin_rows == 16
-    spans = [(s.start, s.start + len(s.volts)) for s in overview.snippets]
-    # From 0.15 s before until 0.3 s after the start of a slip, and of its alarm.
-    assert spans == [(970, 1060), (1970, 2060), (2210, 2300)]
-    codes = signal_codes(result, CONFIG)
-    for snippet, (a, b) in zip(overview.snippets, spans, strict=True):
-        np.testing.assert_array_equal(snippet.volts, volts[a:b].astype(np.float32))
-        np.testing.assert_array_equal(snippet.codes, codes[a:b])
-
-
-def test_where_room_is_short_it_is_given_to_the_more_important_events(monkeypatch):
-    volts, truth, _ = recorded(4000)
-    events = [Event(kind, 2.0 + 4.0 * k, 3.0) for k, kind in enumerate(EVENT_KINDS[::-1])]
-    for rooms, shown in ((1, 1), (3, 3), (20, 4)):
-        monkeypatch.setattr(module, 'MOST_CELLS', 3 * 90 * rooms - 1)
-        starts = {s.start for s in overview_of(volts, truth, (), events).snippets}
-        assert starts == {370 + 800 * k for k in range(4 - shown, 4)}
-
-
 def test_a_gap_is_time_without_samples_and_one_of_years_costs_no_memory(monkeypatch):
     volts, truth, result = recorded()
     for seconds, rows in ((2.0, 2400), (1.7e9, 2000 + 340_000_000_000)):
@@ -121,21 +95,19 @@ def test_a_gap_is_time_without_samples_and_one_of_years_costs_no_memory(monkeypa
         overview.gap(seconds)
         overview.add(volts, result, truth)
         monkeypatch.setattr(module, 'MOST_CELLS', 3 * 2400)
-        overview.finish([Event('false alarm', 5.0, 5.1)])
+        overview.finish([])
         assert overview.rows == rows
         assert len(overview.low) <= 2400
         assert overview.truth.closed()[0] == (0, 1000)
         if seconds == 2.0:
             assert np.isnan(overview.low[1000:1400]).all()
             assert not overview.codes[1000:1400].any()
-        else:
-            assert np.isnan(overview.snippets[0].volts[30:]).all()
 
 
 def test_without_rows_there_is_no_bin():
     overview = Overview('a.npz', CONFIG)
     overview.finish([])
-    assert (len(overview.low), overview.snippets) == (0, [])
+    assert len(overview.low) == 0
 
 
 def test_codes_of_levels_are_above_the_threshold_where_and_only_where_the_channel_is_on():

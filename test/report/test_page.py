@@ -116,7 +116,6 @@ def test_the_data_are_the_overviews(monkeypatch, most_cells):
     check_volts(first.low)
     if first.bin_rows > 1:
         check_volts(first.high)
-        assert first.snippets
     for overview, variant in zip(overviews, header['variants'], strict=True):
         columns = 16 * len(variant['signals'])
         np.testing.assert_array_equal(following(bins, columns), overview.codes)
@@ -124,10 +123,6 @@ def test_the_data_are_the_overviews(monkeypatch, most_cells):
         assert [group['on'] for group in variant['groups']] == [
             on.edges for on in overview.groups.values()
         ]
-        assert variant['snippets'] == [[s.start, len(s.volts)] for s in overview.snippets]
-        for snippet in overview.snippets:
-            check_volts(snippet.volts)
-            np.testing.assert_array_equal(following(len(snippet.volts), columns), snippet.codes)
     assert not len(bytes_)
 
 

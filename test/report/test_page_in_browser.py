@@ -237,8 +237,11 @@ def test_of_evidence_excess_floor_and_impacts_are_shown_with_their_scale(opened)
     assert 'after impact' not in names_of_lanes(page)
 
 
-def test_the_read_out_about_an_event_is_the_sample_itself(opened):
+def test_the_read_out_is_the_sample_itself_or_in_a_long_recording_the_range_of_its_bin(opened):
     page = opened('coarse.html', '#event-0-0-2')
+    assert 'each 84 ms' in page.inner_text('#resolution')
+    assert re.search(r'ch14 · [\d.]+ V to [\d.]+ V · level', read_out(page, 0.5))
+    page = opened('both.html', '#event-0-0-2')
     _, _, start, stop = view(page)
     # The first channel of the first group is ch14.
     volts, truth = scenes.volts_and_truth(seed=0)
@@ -251,8 +254,6 @@ def test_the_read_out_about_an_event_is_the_sample_itself(opened):
     assert channel == 'ch14'
     assert float(time_s) == pytest.approx(row / 380.0, abs=0.003)
     assert float(value) == pytest.approx(volts[row, 13], abs=6e-4)
-    said = page.inner_text('#resolution')
-    assert 'each 84 ms; row by row about the start of 2 of 4 events' in said
 
 
 def test_data_that_are_broken_are_said_to_be(browser, folder):

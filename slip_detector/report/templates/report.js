@@ -25,14 +25,11 @@ document.addEventListener('keydown', (event) => {
 function readOut(seconds, lane) {
   const {rate_hz: rate, lowest_v: lowest, step_v: step} = now(), words = [clock(seconds)];
   if (lane) words.push(lane.name);
-  const {starts, found} = drawn, c = lane?.channel;
-  let k = starts.findLastIndex((row) => row <= seconds * rate);
-  const piece = found.find(({first, stop}) => k < stop - first || (k -= stop - first) < 0);
-  if (lane?.curve && k >= 0 && piece) {
-    const at = c * piece.n + piece.first + k;
-    const [low, high] = [piece.low[at], piece.high[at]].map((code) => lowest[c] + step[c] * code);
-    words.push(piece.low[at] === NO_SAMPLE ? 'no sample' : high > low ? `${volts(low)} to ${volts(high)}` : volts(low));
-    for (const [signal, codes] of Object.entries(piece.signals)) {
+  const c = lane?.channel, i = Math.floor(seconds * rate / drawn.rows), at = c * drawn.n + i;
+  if (lane?.curve && i >= drawn.first && i < drawn.stop) {
+    const [low, high] = [drawn.low[at], drawn.high[at]].map((code) => lowest[c] + step[c] * code);
+    words.push(drawn.low[at] === NO_SAMPLE ? 'no sample' : high > low ? `${volts(low)} to ${volts(high)}` : volts(low));
+    for (const [signal, codes] of Object.entries(drawn.signals)) {
       if (codes[at] || signal === 'level') words.push(wordsOf(signal, codes[at]));
     }
   }

@@ -38,26 +38,18 @@ async function inflate(base64) {
 function decode({channels: {length: channels}, bins, bin_rows: binRows, variants}, bytes) {
   let at = 0;
   const next = (n) => bytes.subarray(at, at += n);
-  const voltsOf = (rows) => {
-    const low = next(channels * rows), high = next(channels * rows), codes = new Uint16Array(low.length);
-    for (let i = 0; i < codes.length; i++) codes[i] = low[i] | (high[i] << 8);
-    return codes;
+  const volts = () => {
+    const low = next(channels * bins), high = next(channels * bins);
+    return new Uint16Array(low).map((code, i) => code | (high[i] << 8));
   };
-  const signalsOf = ({signals}, rows) => each(Object.keys(signals), () => next(channels * rows));
   // A bin without samples has the code NO_SAMPLE, the highest one, in both.
   const higherVolts = (a, b) => (a === NO_SAMPLE ? b : b === NO_SAMPLE || a > b ? a : b);
-  const low = voltsOf(bins), high = binRows > 1 ? voltsOf(bins) : low;
+  const low = volts(), high = binRows > 1 ? volts() : low;
   return {
     low: halved(low, channels, bins, Math.min),
     high: halved(high, channels, bins, higherVolts),
-    variants: variants.map((variant) => {
-      const signals = signalsOf(variant, bins);
-      return {
-        signals: each(Object.keys(signals), (name) => halved(signals[name], channels, bins, Math.max)),
-        snippets: variant.snippets.map(([start, rows]) => (
-          {start, rows, volts: voltsOf(rows), signals: signalsOf(variant, rows)})),
-      };
-    }),
+    variants: variants.map(({signals}) => (
+      each(Object.keys(signals), () => halved(next(channels * bins), channels, bins, Math.max)))),
   };
 }
 
@@ -77,67 +69,36 @@ function halved(values, channels, n, join) {
   return [{values, n}, ...halved(next, channels, half, join)];
 }
 
-// The pieces to draw between two rows: single rows where they were kept, else bins of about a pixel.
-// A piece: {row, rows, n, first, stop, low, high, signals}. Its value i begins at row + i * rows and
-// spans that number of rows; the values from first up to stop are drawn. low, high and each of
-// signals have n values for each channel; those of a channel begin at channel * n.
-function pieces(data, from, to, rowsOfPixel) {
+// What to draw between two rows, in bins of about a pixel: {rows, n, first, stop, low, high, signals}. Bin i
+// begins at row i * rows; the bins from first up to stop are drawn. low, high and each of signals have
+// n values for each channel; those of a channel begin at channel * n.
+function binsOf(data, from, to, rowsOfPixel) {
   const {bin_rows: binRows} = now(), level = Math.max(0, Math.ceil(Math.log2(rowsOfPixel / binRows)));
   const size = Math.min(level, data.low.length - 1), rows = binRows * 2 ** size;
-  const {signals, snippets} = data.variants[view.variant], found = [];
-  // One more value at either end, so that curves reach the edge.
-  [from, to] = [from - rows, to + rows];
-  const bins = (start, end) => {
-    const {values: low, n} = data.low[size], high = data.high[size].values;
-    const first = Math.max(0, Math.floor(start / rows)), stop = Math.min(n, Math.ceil(end / rows));
-    const its = each(Object.keys(signals), (name) => signals[name][size].values);
-    if (stop > first) found.push({row: 0, rows, n, first, stop, low, high, signals: its});
+  const {values: low, n} = data.low[size], signals = data.variants[view.variant];
+  // One more at either end, so that curves reach the edge.
+  const first = Math.max(0, Math.floor(from / rows) - 1), stop = Math.max(first, Math.min(n, Math.ceil(to / rows) + 1));
+  return {
+    rows, n, first, stop, low, high: data.high[size].values,
+    signals: each(Object.keys(signals), (name) => signals[name][size].values),
   };
-  let at = from;
-  for (const {start: row, rows: n, volts: low, signals: codes} of rows > 1 && size === 0 ? snippets : []) {
-    if (row + n <= from || row >= to) continue;
-    if (row > at) bins(at, row);
-    const first = Math.max(0, Math.floor(from) - row - 1), stop = Math.min(n, Math.ceil(to) - row + 1);
-    found.push({row, rows: 1, n, first, stop, low, high: low, signals: codes});
-    at = row + n;
-  }
-  if (at < to) bins(at, to);
-  return found;
-}
-
-// The rows at which the values of pieces begin, and the row after the last value.
-function startsOf(found) {
-  const starts = [];
-  let end = 0;
-  for (const {row, rows, first, stop} of found) {
-    // A bin that begins before its piece is drawn from the beginning of the piece on.
-    for (let i = first; i < stop; i++) starts.push(Math.max(row + i * rows, end));
-    end = row + stop * rows;
-  }
-  return [...starts, end];
 }
 
 // A channel's curve in view, as Timeline.draw takes it, and the range of codes that it has.
-function curve(found, channel) {
-  const signal = signalShown(), rows = [], low = [], high = [];
-  const [least, most] = signal === 'level' ? LEVEL_CODES : [1, 255];
+function curve({rows, n, first, stop, ...bins}, channel) {
+  const signal = signalShown(), [least, most] = signal === 'level' ? LEVEL_CODES : [1, 255];
   const code = (value) => {
     if (signal === 'volts') return value === NO_SAMPLE ? null : value;
     return value ? Math.max(least, Math.min(most, value)) : null;
   };
-  for (const piece of found) {
-    const [lows, highs] = signal === 'volts' ? [piece.low, piece.high] : Array(2).fill(piece.signals[signal]);
-    for (let i = piece.first, k = channel * piece.n + i; i < piece.stop; i++, k++) {
-      const from = code(lows[k]), to = code(highs[k]), single = piece.rows === 1;
-      rows.push(single ? from : null);
-      low.push(single ? null : from);
-      high.push(single ? null : to);
-    }
-  }
-  // Repeated at its end, the last bin is drawn in its full length.
-  for (const values of [low, high]) values.push(values.at(-1) ?? null);
-  rows.push(null);
-  return {rows, low, high, range: signal === 'volts' ? rangeOf([rows, low, high].flat()) : [least, most]};
+  const [low, high] = ['low', 'high'].map((end) => {
+    const codes = signal === 'volts' ? bins[end] : bins.signals[signal];
+    const values = Array.from(codes.subarray(channel * n + first, channel * n + stop), code);
+    // Repeated at its end, the last bin is drawn in its full length.
+    return [...values, rows > 1 ? values.at(-1) ?? null : null];
+  });
+  const none = low.map(() => null), range = signal === 'volts' ? rangeOf([...low, ...high]) : [least, most];
+  return rows > 1 ? {rows: none, low, high, range} : {rows: low, low: none, high: none, range};
 }
 
 // ---- text
@@ -164,19 +125,15 @@ function signalShown() {
 
 // Say on what scale and how finely channels are drawn.
 function showScale() {
-  const {bin_rows: bin, rate_hz: rate, channels, variants} = now(), {signals, offset_db: offset, snippets} = variantNow();
+  const {bin_rows: bin, rate_hz: rate, channels, variants} = now(), {signals, offset_db: offset} = variantNow();
   const signal = signalShown(), words = [];
   if (signal === 'excess' || signal === 'floor') {
     const [low, high] = signals[signal].map((value) => value.toFixed(1));
     const line = signal === 'excess' ? `, with a line at ${offset.toFixed(1)} dB, above which evidence grows` : '';
     words.push(`The ${signal} is drawn from ${low} to ${high} dB${line}.`);
   }
-  const events = eventsOf(view.recording);
-  const fine = events.filter(([, start]) => snippets.some(
-    ([first, rows]) => start * rate >= first - 0.5 && start * rate < first + rows)).length;
   words.push(bin === 1 ? 'Each row is drawn when zoomed in.'
-    : `Drawn from the lowest and highest of each ${(1e3 * bin / rate).toFixed(0)} ms; `
-      + `row by row about the start of ${fine} of ${events.length} events.`);
+    : `Drawn from the lowest and highest of each ${(1e3 * bin / rate).toFixed(0)} ms.`);
   const disabled = channels.length - groupedChannels(variants).size;
   if (disabled) words.push(`Disabled channels, ${disabled} of them, are left out.`);
   element('resolution').textContent = words.join(' ');
@@ -187,12 +144,12 @@ const groupedChannels = (variants) => new Set(
 
 // ---- lanes, from top to bottom
 
-function lanesOf(found) {
+function lanesOf(bins) {
   const {channels, truth, variants} = now(), left = groupedChannels(variants);
   const height = Math.max(18, Math.min(60, Math.floor((window.innerHeight - 330) / Math.max(left.size, 1))));
   const intervals = (rows, color) => (pen, lane) => bars(pen, xOfRow(pen), rows, lane.top, lane.height - 1, color);
   const channel = (c, name) => ({
-    name, height, channel: c, kind: 'channel', curve: true, below: STRIP + 3, paint: paintStrip(found),
+    name, height, channel: c, kind: 'channel', curve: true, below: STRIP + 3, paint: paintStrip(bins),
   });
   const lanes = [{name: 'events', height: 16, paint: paintEvents},
     {name: 'label', height: 16, paint: intervals(truth, LABEL)}];
@@ -226,7 +183,7 @@ function paintEvents({context, xOf}, lane) {
 }
 
 // Paint the strip under a channel's curve that shows how near the channel is to its threshold.
-const paintStrip = (found) => (pen, lane) => {
+const paintStrip = ({rows, n, first, stop, signals: {level: levels}}) => (pen, lane) => {
   const {context, right, left} = pen, xOf = xOfRow(pen), signal = signalShown();
   const top = lane.top + 1, bottom = lane.top + lane.height - lane.below;
   // Above this line a level is ON, or an excess adds to the evidence.
@@ -234,13 +191,11 @@ const paintStrip = (found) => (pen, lane) => {
   const share = {level: 0.5, excess: (offset - low) / (high - low)}[signal];
   context.fillStyle = '#c9a28c';
   if (share !== undefined) context.fillRect(left, bottom - (bottom - top) * share, right - left, 1);
-  for (const {row, rows, n, first, stop, signals: {level: levels}} of found) {
-    const colorAt = (i) => {
-      const code = levels[lane.channel * n + i];
-      return code ? shade((code - THRESHOLD_CODE) / CODES_OF_OCTAVE) : HATCHING;
-    };
-    paintRuns(context, lane.top + lane.height - STRIP - 1, STRIP, first, stop, colorAt, (i) => xOf(row + i * rows));
-  }
+  const colorAt = (i) => {
+    const code = levels[lane.channel * n + i];
+    return code ? shade((code - THRESHOLD_CODE) / CODES_OF_OCTAVE) : HATCHING;
+  };
+  paintRuns(context, lane.top + lane.height - STRIP - 1, STRIP, first, stop, colorAt, (i) => xOf(i * rows));
 };
 
 function paintUnderAll(pen) {
@@ -280,9 +235,9 @@ function draw(data) {
   const {rate_hz: rate, step_v: step} = now(), {from, to} = view;
   const width = Math.max(root.clientWidth - NAMES_WIDTH - RIGHT_MARGIN, 1);
   const rowsOfPixel = (to - from) * rate / width;
-  const found = pieces(data, from * rate, to * rate, rowsOfPixel), starts = startsOf(found);
-  const lanes = lanesOf(found), channels = lanes.filter((lane) => lane.curve);
-  const curves = channels.map((lane) => curve(found, lane.channel));
+  const bins = drawn = binsOf(data, from * rate, to * rate, rowsOfPixel);
+  const lanes = lanesOf(bins), channels = lanes.filter((lane) => lane.curve);
+  const curves = channels.map((lane) => curve(bins, lane.channel));
   if (signalShown() === 'volts') {
     const spans = curves.map(({range}, i) => (range ? step[channels[i].channel] * (range[1] - range[0]) : 0));
     const widest = Math.max(...spans);
@@ -295,10 +250,9 @@ function draw(data) {
     });
   }
   timeline.setLanes(lanes);
-  drawn = {found, starts};
   timeline.draw({
-    from, to, curves, x: starts.map((row) => row / rate), paint: paintUnderAll,
-    steps: found.some(({rows}) => rows > 3 * rowsOfPixel),
+    from, to, curves, paint: paintUnderAll, steps: bins.rows > 3 * rowsOfPixel,
+    x: Array.from({length: bins.stop - bins.first + 1}, (_, i) => (bins.first + i) * bins.rows / rate),
   });
   Object.assign(root.dataset, {fromS: from, toS: to, recording: view.recording, variant: view.variant});
   root.ariaBusy = String(pending);
