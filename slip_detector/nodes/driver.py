@@ -20,8 +20,7 @@ import threading
 import time
 from array import array
 from collections import Counter
-from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor, wait
+from concurrent.futures import Future, ThreadPoolExecutor, wait
 
 import numpy as np
 from rclpy.clock import Clock, ClockType
@@ -103,8 +102,9 @@ class Driver(Node):
             self.create_subscription(JointState, 'grip_force', self._on_grip_force, state_qos())
         if source.takes_orders:
             self.create_subscription(String, 'scene_order', self._on_order, state_qos())
-        #: Ends the threads that publish the samples, once they run.
-        self.end_playing: Callable[[], object] = lambda: None
+        #: What publishes the samples, in another thread, and what ends it.
+        self.run: Future[None] = Future()
+        self._stop = threading.Event()
         if source.is_live:
             self._diagnostics = Diagnostics(self)
         else:
@@ -115,7 +115,8 @@ class Driver(Node):
 
     def destroy_node(self) -> None:
         """Stop playing, then destroy the node."""
-        self.end_playing()
+        self._stop.set()
+        wait([self.run])
         super().destroy_node()
 
     def _on_grip_force(self, message: JointState) -> None:
@@ -130,14 +131,14 @@ class Driver(Node):
     def _ignore(self, words: str) -> None:
         self.get_logger().warning(f'{words}; ignored', throttle_duration_sec=REPORT_S)
 
-    def relay(self, stop: threading.Event) -> None:
-        """Publish the samples of a sensor as they arrive, until the event is set."""
-        play_in_turn([self._wait_for_subscribers()], stop)
+    def relay(self) -> None:
+        """Publish the samples of a sensor as they arrive, until the node is destroyed."""
+        self._wait_for_subscribers()
         source = self.source
         logged_state, reported_s, reported = '', time.monotonic(), Counter[str]()
         source.start()
         with contextlib.closing(source):
-            while not stop.is_set():
+            while not self._stop.is_set():
                 if source.state != logged_state:
                     logged_state = source.state
                     if source.connected:
@@ -170,20 +171,20 @@ class Driver(Node):
             [status('sensor', source.state, complaints, values)], self.config.frame_id
         )
 
-    def _wait_for_subscribers(self) -> Iterator[float]:
-        """Wait for the configured subscribers and the grip; yields when to be resumed."""
+    def _wait_for_subscribers(self) -> None:
+        """Wait for the configured subscribers and the grip."""
         if self.config.wait_for_subscribers:
             self.get_logger().info(f'waiting for {self.config.wait_for_subscribers} subscribers')
         while self._voltages.get_subscription_count() < self.config.wait_for_subscribers:
-            yield time.monotonic() + POLL_S
+            self._sleep(POLL_S)
         if self.source.has_object and self.config.wait_for_grip:
             self.get_logger().info('waiting for a grip force')
             while self._obey(self.source, None) is None:
-                yield time.monotonic() + POLL_S
+                self._sleep(POLL_S)
 
-    def play(self) -> Iterator[float]:
-        """Play the source, repeatedly with ``loop``; yields when to be resumed."""
-        yield from self._wait_for_subscribers()
+    def play(self) -> None:
+        """Play the source, repeatedly with ``loop``, until the node is destroyed."""
+        self._wait_for_subscribers()
         source, config = self.source, self.config
         obeys = source.has_object or source.takes_orders
         rows, obeyed = 1 if obeys else READ_ROWS, self._obey(source, None)
@@ -202,7 +203,7 @@ class Driver(Node):
             for i, sample_ns in enumerate(taken_ns):
                 # Within a batch only the last sample is waited for: waking up costs most.
                 if len(self._rows) + 1 >= config.samples_per_message:
-                    yield from self._wait(start_s + sample_ns * 1e-9 / config.rate)
+                    self._wait_until(start_s + sample_ns * 1e-9 / config.rate)
                 self._publish(samples, i, first_stamp_ns + sample_ns)
             played += len(taken_ns)
             if taken_ns:
@@ -216,17 +217,22 @@ class Driver(Node):
                 begin_ns, obeyed = end_ns, None
                 source = open_source(config, repetition)
             if obeys:
-                yield from self._wait(start_s + end_ns * 1e-9 / config.rate)
+                self._wait_until(start_s + end_ns * 1e-9 / config.rate)
                 obeyed = self._obey(source, obeyed)
             samples = source.read(rows)
         self._publish_batch()
         self.get_logger().info(f'played all {played} samples')
         # A subscriber loses samples that it has not received when their publisher ends.
-        yield time.monotonic() + LINGER_S
+        self._sleep(LINGER_S)
 
-    def _wait(self, due_s: float) -> Iterator[float]:
-        """Yield the time at which a sample is due; warn if the driver is resumed much later."""
-        yield due_s
+    def _sleep(self, seconds: float) -> None:
+        """Wait, at least not at all; end this thread if the node is destroyed meanwhile."""
+        if self._stop.wait(max(0.0, seconds)):
+            raise ExternalShutdownException
+
+    def _wait_until(self, due_s: float) -> None:
+        """Wait until a sample is due; warn if it has become much later."""
+        self._sleep(due_s - time.monotonic())
         late_s = time.monotonic() - due_s
         if late_s > LATE_S:
             words = f'{late_s * 1e3:.0f} ms late: the pace cannot be kept'
@@ -279,45 +285,14 @@ class Driver(Node):
         self._voltages.publish(message)
 
 
-def play_in_turn(tasks: list[Iterator[float]], stop: threading.Event) -> None:
-    """Resume each task at the times, of :func:`time.monotonic`, that it yields.
-
-    Examples
-    --------
-    >>> done = []
-    >>> def task(name, *due_s):
-    ...     for moment_s in due_s:
-    ...         yield moment_s
-    ...         done.append(name)
-    >>> play_in_turn([task('a', 1e-3, 3e-3), task('b', 2e-3)], threading.Event())
-    >>> done
-    ['a', 'b', 'a']
-    """
-    # All tasks are asked for their first time before any of them is resumed.
-    due_s = {task: next(task, math.inf) for task in tasks}
-    while (task := min(due_s, key=due_s.__getitem__)) and due_s[task] < math.inf:
-        if stop.wait(max(0.0, due_s[task] - time.monotonic())):
-            return
-        due_s[task] = next(task, math.inf)
-
-
 def drivers(arguments_of_each: list[list[str] | None]) -> list[Driver]:
     """Create the drivers of a process, each with its ROS arguments, and start them.
 
-    They publish in threads; the main thread spins the nodes. Samples of several drivers that are
-    due at the same moment are published one after the other by one thread: waking a thread for
-    each driver would cost more than publishing its message. Each sensor has a thread of its own.
+    Each publishes in a thread of its own; the main thread spins the nodes.
     """
     nodes = [Driver(arguments) for arguments in arguments_of_each]
-    stop, threads = threading.Event(), ThreadPoolExecutor(len(nodes))
-    runs = [threads.submit(node.relay, stop) for node in nodes if node.source.is_live]
-    played = [node.play() for node in nodes if not node.source.is_live]
-    if played:
-        runs.append(threads.submit(play_in_turn, played, stop))
-
-    def end() -> None:
-        stop.set()
-        wait(runs)
+    threads = ThreadPoolExecutor(len(nodes))
+    runs = [threads.submit(node.relay if node.source.is_live else node.play) for node in nodes]
 
     def check() -> None:
         """Raise the exception of a thread; end the spinning when everything has been played."""
@@ -327,7 +302,7 @@ def drivers(arguments_of_each: list[list[str] | None]) -> list[Driver]:
         if all(run.done() for run in runs):
             raise ExternalShutdownException
 
-    for node in nodes:
-        node.end_playing = end
+    for node, run in zip(nodes, runs, strict=True):
+        node.run = run
     nodes[0].create_timer(LOOK_S, check, clock=Clock(clock_type=ClockType.STEADY_TIME))
     return nodes

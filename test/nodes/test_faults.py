@@ -193,19 +193,6 @@ def test_detector_ended_and_started_again(bench, number):
     sensor.play(lambda: all(states[-1].data for states in heard), 'slip')
 
 
-def test_driver_killed_and_started_again(bench):
-    slip, valid = (bench.listen(Bool, topic, state_qos()) for topic in ('slip', 'slip_valid'))
-    given = {'source': 'scene', 'loop': 'true', 'wait_for_subscribers': 1}
-    bench.start('slip_detector')
-    driver = bench.start('slip_driver', parameters=given)
-    bench.wait_for(lambda: slip and slip[-1].data and valid[-1].data, 'slip')
-    driver.signal(signal.SIGKILL)
-    bench.wait_for(lambda: not slip[-1].data and not valid[-1].data, 'both to fall')
-    bench.wait_until_forgotten('slip_driver')
-    bench.start('slip_driver', parameters=given)
-    bench.wait_for(lambda: slip[-1].data and valid[-1].data, 'slip again')
-
-
 def test_a_flood_at_twenty_times_the_rate(bench):
     sensor = Sensor(bench)
     sensor.slips()

@@ -32,24 +32,13 @@ from support.harness import ROOT
 
 CONFIG = ROOT / 'config'
 
-MARKERS = 'visualization_msgs/msg/MarkerArray'
-JOINT_STATE, BOOL = 'sensor_msgs/msg/JointState', 'std_msgs/msg/Bool'
-CLASSES = {JOINT_STATE: JointState, BOOL: Bool}
+NAMES = DetectorConfig().names
 
-#: What a display of RViz subscribes to.
-DISPLAYS = {'rviz_default_plugins/MarkerArray': MARKERS}
-
-#: The topics of each layout, as the nodes publish them (see the tests of the nodes).
-OF_CHANNELS = {'/voltages': JOINT_STATE, '/slip_detector/envelope': JOINT_STATE}
+#: The topics of each layout of curves, as the nodes publish them (see the tests of the nodes).
+OF_CHANNELS = ('/voltages', '/slip_detector/envelope')
 DECISIONS = ('/slip', '/slip_valid', '/slip_truth')
 GROUPS = tuple(f'/slip/group/{group}' for group in DetectorConfig().groups)
-OF_PLOTS = {**OF_CHANNELS, **dict.fromkeys((*DECISIONS, *GROUPS), BOOL)}
-
-
-def check_field(message_type, field):
-    fields = CLASSES[message_type].get_fields_and_field_types()
-    assert field in fields, f'{message_type} has no {field}'
-    return fields[field]
+OF_PLOTS = {**dict.fromkeys(OF_CHANNELS, JointState), **dict.fromkeys(DECISIONS + GROUPS, Bool)}
 
 
 @pytest.mark.parametrize('layout', ['slip.plotjuggler.xml', 'slip.foxglove.json'])
@@ -66,80 +55,40 @@ def test_the_command_of_the_docs_moves_each_topic_of_a_layout_to_a_namespace(lay
     assert '"/index/diagnostics"' not in after
 
 
-# --- RViz ------------------------------------------------------------------------------------
-
-
-def rviz():
-    return yaml.safe_load((CONFIG / 'slip.rviz').read_text())['Visualization Manager']
-
-
 def test_rviz_subscribes_to_the_markers_as_they_are_published():
-    shown = {}
-    for display in rviz()['Displays']:
-        assert display['Enabled'] is display['Value'] is True
-        if 'Topic' in display:
-            topic = display['Topic']['Value']
-            shown[topic] = DISPLAYS[display['Class']]
-            asked = ReliabilityPolicy[display['Topic']['Reliability Policy'].upper()]
-            assert asked == event_qos().reliability
-            assert display['Topic']['Durability Policy'] == 'Volatile'
-    assert shown == {'/slip_view/taxels': MARKERS}
+    layout = yaml.safe_load((CONFIG / 'slip.rviz').read_text())['Visualization Manager']
+    (display,) = (each for each in layout['Displays'] if 'Topic' in each)
+    assert display['Class'] == 'rviz_default_plugins/MarkerArray'
+    assert display['Topic']['Value'] == '/slip_view/taxels'
+    asked = ReliabilityPolicy[display['Topic']['Reliability Policy'].upper()]
+    assert asked == event_qos().reliability
 
 
-# --- PlotJuggler -----------------------------------------------------------------------------
-
-
-def plotjuggler():
-    return ElementTree.parse(CONFIG / 'slip.plotjuggler.xml').getroot()
-
-
-def curve_topic(name):
-    """Return the topic of a curve, and what of its messages is plotted."""
-    joint_state = re.fullmatch(r'(.+)/(\w+)/(position|velocity|effort)', name)
-    if joint_state:
-        topic, channel, field = joint_state.groups()
-        assert channel in DetectorConfig().names
-        assert OF_PLOTS[topic] == JOINT_STATE
-        return topic, field
-    topic, _, field = name.rpartition('/')
-    return topic, field
+def check_plotted(curves):
+    """Check that curves, each a topic, a field and a channel or None, are all that there is."""
+    assert {topic for topic, *_ in curves} == OF_PLOTS.keys()
+    for topic, field, _ in curves:
+        assert field in OF_PLOTS[topic].get_fields_and_field_types()
+    assert {(topic, 'position', name) for topic in OF_CHANNELS for name in NAMES} <= set(curves)
 
 
 def test_plotjuggler_plots_what_is_published():
-    curves = [curve.get('name') for curve in plotjuggler().iter('curve')]
-    topics = set()
-    for topic, field in map(curve_topic, curves):
-        topics.add(topic)
-        check_field(OF_PLOTS[topic], field)
-    assert topics == OF_PLOTS.keys()
-    for topic in OF_CHANNELS:
-        plotted = {name for name in curves if name.startswith(f'{topic}/')}
-        assert {f'{topic}/{name}/position' for name in DetectorConfig().names} <= plotted
-
-
-# --- Foxglove --------------------------------------------------------------------------------
-
-
-def foxglove():
-    return json.loads((CONFIG / 'slip.foxglove.json').read_text())
+    layout = ElementTree.parse(CONFIG / 'slip.plotjuggler.xml').getroot()
+    of_a_curve = re.compile(r'(?P<topic>/.+?)(?:/(?P<channel>ch\d+))?/(?P<field>\w+)')
+    found = [of_a_curve.fullmatch(curve.get('name')) for curve in layout.iter('curve')]
+    check_plotted([each.group('topic', 'field', 'channel') for each in found])
 
 
 def test_foxglove_plots_what_is_published():
-    topics = set()
-    for panel in foxglove()['configById'].values():
-        for path in panel.get('paths', []):
-            assert path['enabled']
-            assert path['timestampMethod'] == 'receiveTime'
-            if path['value'] == str(DetectorConfig().threshold):
-                continue  # a line at this value
-            topic, field, index = re.fullmatch(
-                r'(/[\w/]+)\.(\w+)(?:\[(\d+)\])?', path['value']
-            ).groups()
-            topics.add(topic)
-            kind = check_field(OF_PLOTS[topic], field)
-            assert kind.startswith('sequence') == (index is not None)
-            if index is not None:
-                assert path['label'] == DetectorConfig().names[int(index)]
-            else:
-                assert path['label'] == topic.rpartition('/')[2]
-    assert topics == OF_PLOTS.keys()
+    layout = json.loads((CONFIG / 'slip.foxglove.json').read_text())
+    curves = []
+    for path in (path for each in layout['configById'].values() for path in each.get('paths', [])):
+        assert path['enabled']
+        if path['value'] == str(DetectorConfig().threshold):
+            continue  # a line at this value
+        topic, field, index = re.fullmatch(
+            r'(/[\w/]+)\.(\w+)(?:\[(\d+)\])?', path['value']
+        ).groups()
+        curves.append((topic, field, index and NAMES[int(index)]))
+        assert path['label'] == (curves[-1][2] or topic.rpartition('/')[2])
+    check_plotted(curves)

@@ -44,7 +44,9 @@ def _compiled():
     compile_nodes()
 
 
-def check_that_it_says_goodbye(bench, process, executable):
+@pytest.mark.parametrize('executable', EXECUTABLES)
+def test_a_node_that_ends_says_goodbye(bench, executable):
+    process = bench.start(executable, parameters=STARTED_WITH.get(executable))
     bench.wait_for(lambda: executable in bench.node.get_node_names(), 'the node')
     process.signal(signal.SIGTERM)
     assert process.wait() == 0
@@ -52,43 +54,6 @@ def check_that_it_says_goodbye(bench, process, executable):
     bench.wait_until_forgotten(executable)
     # One that says nothing is forgotten after 14 to 20 s.
     assert time.monotonic() - ended_s < 8.0
-
-
-@pytest.mark.parametrize('executable', EXECUTABLES)
-def test_a_node_that_ends_says_goodbye(bench, executable):
-    process = bench.start(executable, parameters=STARTED_WITH.get(executable))
-    check_that_it_says_goodbye(bench, process, executable)
-
-
-# Runs an executable whose node, after a method of its base, waits for a signal.
-WAITING = """
-import signal, sys, time
-from rclpy.node import Node
-from slip_detector.nodes.run import main
-
-name, told = sys.argv.pop(), []
-method = getattr(Node, name)
-signal.signal(signal.SIGUSR1, lambda *_: told.append(True))
-
-def call_and_wait(self, *words, **named):
-    result = method(self, *words, **named)
-    deadline_s = time.monotonic() + 60.0
-    while not told and time.monotonic() < deadline_s:
-        time.sleep(0.001)
-    return result
-
-setattr(Node, name, call_and_wait)
-main(sys.argv.pop(1))
-"""
-
-
-@pytest.mark.parametrize(
-    ('executable', 'method'), [('slip_detector', 'create_timer'), ('slip_driver', 'get_logger')]
-)
-def test_a_node_that_a_signal_ends_while_it_is_made_says_goodbye(bench, executable, method):
-    words = ['--ros-args', '-p', 'source:=scene'] if executable == 'slip_driver' else []
-    process = bench.start_python('-c', WAITING, executable, *words, method)
-    check_that_it_says_goodbye(bench, process, executable)
 
 
 def test_help_says_how_a_parameter_file_is_given():
