@@ -34,8 +34,6 @@ class DriveNumbers(NamedTuple):
 
     force: motion.ForceNumbers
     plate: Floats
-    centre_x_m: float
-    centre_y_m: float
     load: Floats = np.zeros((2, 0))
     taps: Any = disturbances.Taps().numbers()
     rolling: Any = disturbances.Rolling().numbers()._replace(repeats=0)
@@ -66,9 +64,9 @@ def drive_numbers(
             # In the frame of the trembling hand an inertial force acts on the object.
             inertia_n = body.mass_kg * sines[0] * sines[1] ** 2
             given['load_sines'] = np.array([inertia_n, *sines[1:]])
-    platform, centre_m = parts['motion'], parts['contact'].centre_m
+    platform = parts['motion']
     force, plate = motion.force_numbers(platform, steps), motion.plate_pieces(platform, steps)
-    return DriveNumbers(force, plate, *centre_m, **given)
+    return DriveNumbers(force, plate, **given)
 
 
 class Drive(NamedTuple):
@@ -104,10 +102,9 @@ def drive_at(t, numbers):
     """Return what acts on the fingertip at one instant or at many."""
     none = 0.0 * t
     force = normal_force_at(t, numbers)
-    x, y = none + numbers.centre_x_m, none + numbers.centre_y_m
+    x = y = none
     if numbers.rolling.repeats:
-        rolled_x, rolled_y = disturbances.rolled_at(t, numbers.rolling)
-        x, y = x + rolled_x, y + rolled_y
+        x, y = disturbances.rolled_at(t, numbers.rolling)
     if numbers.load.size:
         load = np.interp(t, numbers.load[0], numbers.load[1])
         return Drive(force, x, y, none, none, load + sines_at(t, numbers.load_sines))

@@ -60,7 +60,7 @@ class Sampling(ParameterSet):
     step_s: float = parameter(
         3.5e-4,
         'Longest step of the integrator; each sample period has a whole number of equal steps.',
-        (1e-7, 1.0, 's'),
+        (1e-6, 1.0, 's'),
     )
 
 

@@ -43,9 +43,6 @@ from slip_detector.scenes.motion import (
 from slip_detector.scenes.parts import PARTS, check_grip, check_parts, read_parts, read_sampling
 from slip_detector.scenes.surface import NO_RIDGES, NO_ROUGHNESS, FreeObject
 
-#: Largest number of integrator steps per second of a scene; more would take too long.
-MOST_STEPS_HZ = 2e6
-
 
 class Scene:
     """A simulated fingertip with the forces and motions that act on it.
@@ -127,7 +124,6 @@ class Scene:
     def _scene_constants(
         self, longest_step_s: float, of_texture: np.random.Generator
     ) -> SceneConstants:
-        """Build the constants; an error says that the scene needs too many steps."""
         parts, frontend, rate_hz = self.parts, self._frontend, self.true_rate_hz
         friction: Friction | None = parts.get('friction')
         body: FreeObject | None = parts.get('object')
@@ -136,9 +132,6 @@ class Scene:
         # Without friction and low-pass filter nothing changes between two samples.
         if friction or bandwidth_hz:
             steps_per_sample = math.ceil(1.0 / (rate_hz * longest_step_s) - 1e-9)
-        if steps_per_sample * rate_hz > MOST_STEPS_HZ:
-            what = f'the scene needs {steps_per_sample * rate_hz:.3g} steps for a second'
-            refuse(what, f'{MOST_STEPS_HZ:g}; a longer step_s helps')
         step_s = 1.0 / (rate_hz * steps_per_sample)
         patches = np.ones(PAPER_CHANNELS if friction else 0)
         cutoff_rad_s = 2.0 * np.pi * bandwidth_hz

@@ -35,9 +35,6 @@ class Contact(CompiledSet):
     radius_at_1n_m: float = parameter(
         5.4e-3, 'Contact radius at 1 N; grows with the cube root of the force.', (1e-5, 1.0, 'm')
     )
-    centre_m: tuple[float, float] = parameter(
-        (0.0, 0.0), 'Centre of the contact: x, y.', (-1.0, 1.0, 'm')
-    )
     taxel_area_m2: float = parameter(
         1.39e-6, 'Area over which a taxel senses pressure.', (1e-12, 1.0, 'm2')
     )

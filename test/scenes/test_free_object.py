@@ -34,7 +34,7 @@ PARTS = {
     'sample_rate_hz': 1000.0,
     'step_s': 5e-4,
     'motion': {'acceleration_m_s2': 0.5, 'ringing_hz': 40.0, 'ringing_damping': 1.0},
-    'contact': {'radius_at_1n_m': 5e-3, 'centre_m': [0.0, 0.0], 'taxel_area_m2': 1e-6},
+    'contact': {'radius_at_1n_m': 5e-3, 'taxel_area_m2': 1e-6},
     'skin': {'shear_stiffness_n_m': STIFFNESS_N_M, 'damping_n_s_m': 1.0},
 }
 ONE_COEFFICIENT = {**LUGRE, 'static_coefficient': 0.5}

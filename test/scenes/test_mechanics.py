@@ -27,7 +27,7 @@ ALL = 10**9
 
 # Whatever the defaults are: these are the numbers that the tests count on.
 # At 1 N the outer eight taxels lie near the edge of the contact.
-CONTACT = {'radius_at_1n_m': 2.2e-3, 'centre_m': [0.0, 0.0], 'taxel_area_m2': 3e-7}
+CONTACT = {'radius_at_1n_m': 2.2e-3, 'taxel_area_m2': 3e-7}
 MOTION = {'acceleration_m_s2': 0.5, 'ringing_hz': 20.0, 'ringing_damping': 0.7}
 SKIN = {'shear_stiffness_n_m': 500.0, 'damping_n_s_m': 0.3}
 LUGRE = {

@@ -45,7 +45,6 @@ WRONG = [
         'friction: parameter kinetic_coefficient is 0.7, all',
     ),
     ('electronics: {rails_v: [5, 0]}', 'rails_v is (5.0, 0.0), allowed: each number above'),
-    ('step_s: 1.0e-7\nfriction: {}', 'steps for a second, allowed: 2e+06'),
     ('object: {}', 'object: falls without friction, allowed: with the part'),
     (
         'steps: [{velocity_m_s: 0.001}]\nobject: {}\nfriction: {}',
