@@ -51,7 +51,7 @@ LOG = logging.getLogger(__name__)
 
 try:
     from numba import __version__ as numba_version
-    from numba import njit
+    from numba import njit, typeof
     from numba.core.caching import FunctionCache
     from numba.core.serialize import dumps
 
@@ -163,11 +163,8 @@ def compiled_for(function: Callable[..., Any], *arguments: Any) -> Callable[...,
     """
     if not COMPILED:
         return np.errstate(all='ignore')(function)  # Compiled code overflows silently.
-    from numba import typeof
-
     dispatcher: Any = function
-    entry: Callable[..., Any] = dispatcher.compile(tuple(map(typeof, arguments)))
-    return entry
+    return dispatcher.compile(tuple(map(typeof, arguments)))  # type: ignore[no-any-return]
 
 
 class CompiledSet(ParameterSet):
@@ -338,10 +335,8 @@ else:
 
         def emit(builder, a):
             kind = ir.FunctionType(a.type, [a.type])
-            called = cgutils.get_or_insert_function(
-                builder.module, kind, f'llvm.{name}.v{LANES}f64'
-            )
-            return builder.call(called, [a])
+            name_of_kind = f'llvm.{name}.v{LANES}f64'
+            return builder.call(builder.module.declare_intrinsic(name_of_kind, (), kind), [a])
 
         return intrinsic(lambda typing, values: _of_vectors(FLOATS(values), emit))
 

@@ -54,8 +54,9 @@ NOT_KEPT = -(2**62)
 #: impacts, evidence, contact or activity ``mains_rows``, ``impact_v``, ``evidence``,
 #: ``contact_channels`` or ``activity_cap_db`` is 0.
 WHOLE = (
-    'common_mode', 'full_wave', 'exponent', 'vote', 'envelope_rows', 'level_rows', 'mains_rows',
-    'evidence', 'impact_channels', 'impact_rows', 'hold_rows', 'contact_channels', 'contact_rows',
+    'channels', 'common_mode', 'full_wave', 'exponent', 'vote', 'envelope_rows', 'level_rows',
+    'mains_rows', 'evidence', 'impact_channels', 'impact_rows', 'hold_rows', 'contact_channels',
+    'contact_rows',
 )  # fmt: skip
 REAL = (
     'flat_rows', 'threshold', 'noise_floor_range_db', 'floor_up_db', 'floor_down_db',
@@ -91,15 +92,9 @@ class Plan(NamedTuple):
         Rows of a tile, which the stages replace in place, and what activity asks of their floors.
     common_v : ndarray, shape (64,)
         Common mode of each row.
-    on, valid, steps : ndarray of words, shape (c,)
-        The rows in which each channel is ON, valid, or steps as in an impact.
-    touching : ndarray of words, shape (2, c)
-        The rows in which the low level of each channel is above that of contact, and 2 dB less.
-    checked : ndarray of words, shape (8, 2, c)
-        ``valid`` and ``steps`` of the blocks of a chunk.
-    held, contact : ndarray of words, shape (1,)
-        Rows within the hold time of an impact; rows in contact, all if that is not looked at.
-    decisions : ndarray of words, shape (columns of flags,)
+    words : ndarray of words, shape (8, 5, c)
+        The words of each channel, in the order of :mod:`.stages`, in the blocks of a chunk.
+    decisions : ndarray of words, shape (columns of flags, at least 16)
         The flags, as words.
     digits : ndarray of words
         Digits for counting channels.
@@ -120,13 +115,7 @@ class Plan(NamedTuple):
     blocks: Floats
     low: Floats
     common_v: Floats
-    on: Words
-    valid: Words
-    steps: Words
-    checked: Words
-    touching: Words
-    held: Words
-    contact: Words
+    words: Words
     decisions: Words
     digits: Words
     by_channel: Floats
@@ -136,6 +125,11 @@ class Plan(NamedTuple):
 def tiles_of(config: ChainConfig) -> int:
     """Return the number of tiles of sixteen columns that a configuration has."""
     return -(-config.channels // LANES)
+
+
+def flags_width(config: ChainConfig) -> int:
+    """Return the number of columns of flags, at least those of a vector."""
+    return max(1 + 2 * len(config.groups) + 2 * config.channels, LANES)
 
 
 def plan_of(
@@ -165,14 +159,8 @@ def plan_of(
         blocks=aligned((blocks, WORD_ROWS, LANES)),
         low=aligned((blocks, WORD_ROWS, LANES)),
         common_v=np.zeros(WORD_ROWS),
-        on=np.zeros(tiles * LANES, np.uint64),
-        valid=np.zeros(tiles * LANES, np.uint64),
-        steps=np.zeros(tiles * LANES, np.uint64),
-        checked=np.zeros((CHUNK_ROWS // WORD_ROWS, 2, tiles * LANES), np.uint64),
-        touching=np.zeros((2, tiles * LANES), np.uint64),
-        held=np.zeros(1, np.uint64),
-        contact=~np.zeros(1, np.uint64),
-        decisions=np.zeros(1 + 2 * len(groups) + 2 * config.channels, np.uint64),
+        words=np.zeros((CHUNK_ROWS // WORD_ROWS, 5, tiles * LANES), np.uint64),
+        decisions=np.zeros(flags_width(config), np.uint64),
         digits=np.zeros(votes.DIGITS, np.uint64),
         by_channel=np.zeros((tiles * LANES * by_channel, WORD_ROWS)),
         statistics=np.zeros((max(len(wanted), 1), WORD_ROWS)),
@@ -227,13 +215,6 @@ def aligned(shape: tuple[int, ...]) -> Floats:
 def _write_flags(decisions, flags, start, rows):
     """Write each word to a column of flags: one byte for each of its bits."""
     width = flags.shape[1]
-    if width < LANES:
-        for i in range(width):
-            word = decisions[i]
-            for k in range(start, start + rows):
-                flags[k, i] = word & FIRST_ROW != NO_ROW
-                word = word >> FIRST_ROW
-        return
     for first in range(0, width, LANES):
         i = min(first, width - LANES)
         words, row = load(decisions, (i,)), spread(FIRST_ROW)
@@ -243,12 +224,15 @@ def _write_flags(decisions, flags, start, rows):
 
 
 @compiled_within
-def _run_tile(volts, start, rows, t, settings, gated, part, tile, plan, signals, kept):
+def _run_tile(
+    volts, start, rows, t, settings, part, tile, plan, words, held, contact, signals, kept
+):
     """Run a block of rows through one tile, up to the ON bits of its channels.
 
-    If it is ``gated``, part 0 ends before what needs the contact of all channels, and part 1
-    begins there.
+    If contact is looked at, part 0 ends before what needs that of all channels, and part 1 begins
+    there.
     """
+    gated = settings.contact_channels > 0
     b, limits, evidence = t if gated else 0, plan.limits[t], settings.evidence != 0
     block, low, low_sections = plan.blocks[b], plan.low[b], plan.low_sections
     at = t * LANES
@@ -257,9 +241,11 @@ def _run_tile(volts, start, rows, t, settings, gated, part, tile, plan, signals,
     envelopes = comb + settings.mains_rows + 1
     levels = envelopes + settings.envelope_rows + 3
     if part == 0:
-        stages.load_deviations(block, volts, start, rows, at, limits, tile, plan)
+        stages.load_deviations(block, volts, start, rows, at, limits, tile, plan.common_v)
         if low_sections.shape[0] > 0:
-            stages.find_low_level(block, low, rows, low_sections, settings, tile, levels, plan, at)
+            stages.find_low_level(
+                block, low, rows, low_sections, settings, tile, levels, words, at
+            )
         if settings.mains_rows > 0:
             stages.subtract_mains(block, rows, settings.mains_rows, tile, comb)
         stages.run_filters(block, rows, plan.sections, tile, stages.DELAYS)
@@ -271,17 +257,18 @@ def _run_tile(volts, start, rows, t, settings, gated, part, tile, plan, signals,
         )  # fmt: skip
     if gated and part == 0:
         return
+    valid = load(words, (stages.VALID, at))
     if evidence:
         stages.sum_evidence(
-            block, low, rows, at, limits, settings, tile, plan, signals, start, columns
+            block, low, rows, limits, settings, tile, valid, held, contact, signals, start, columns
         )
     else:
         stages.window_means(
             block, rows, settings.level_rows, tile, levels, False, signals, start, columns[1]
         )
-    stages.rows_above(block, rows, settings.threshold, plan.on, at)
+    stages.rows_above(block, rows, settings.threshold, words, at)
     if settings.vote == VOTE_MEAN or plan.votes.size:
-        votes.gather_levels(block, rows, plan.valid, at, plan.by_channel)
+        votes.gather_levels(block, rows, valid, at, plan.by_channel)
 
 
 @compiled_in_place
@@ -307,36 +294,37 @@ def run(volts, flags, signals, tiles, plan, kept):
         The first columns in ``signals`` of envelope, level, floor and excess, or ``NOT_KEPT``.
     """
     settings, column = plan.settings[0], signals.shape[1] - plan.votes.size
-    gated = settings.contact_channels > 0
+    held, contact = NO_ROW, ~NO_ROW
     for start in range(0, volts.shape[0], WORD_ROWS):
         rows, w = min(WORD_ROWS, volts.shape[0] - start), start % CHUNK_ROWS // WORD_ROWS
         if w == 0:
             end = min(start + CHUNK_ROWS, volts.shape[0])
             for t in plan.active:
                 stages.check_samples(
-                    volts, start, end, t * LANES, plan.limits[t], settings, tiles[t], plan
+                    volts, start, end, t * LANES, plan.limits[t], settings, tiles[t], plan.words
                 )
-        for c in range(plan.valid.size):
-            plan.valid[c], plan.steps[c] = plan.checked[w, 0, c], plan.checked[w, 1, c]
+        words = plan.words[w]
+        valid = words[stages.VALID]
         # What needs all channels of a row is between the stages of each channel.
         if settings.impact_v > 0.0:
-            plan.held[0] = votes.rows_of_impact(rows, settings, plan, tiles)
+            held = votes.rows_of_impact(rows, settings, plan, words[stages.STEPS], tiles)
         if settings.common_mode != NO_COMMON_MODE:
-            votes.find_common_mode(volts, start, rows, settings, plan, tiles)
-        for part in range(1 + gated):
+            votes.find_common_mode(volts, start, rows, settings, plan, valid, tiles)
+        for part in range(1 + (settings.contact_channels > 0)):
             if part == 1:
-                plan.contact[0] = votes.rows_of_contact(rows, settings, plan, tiles)
+                contact = votes.rows_of_contact(rows, settings, plan, words, tiles)
             for t in plan.active:
                 _run_tile(
-                    volts, start, rows, t, settings, gated, part, tiles[t], plan, signals, kept
-                )
-        votes.decide(rows, settings, plan)
+                    volts, start, rows, t, settings, part, tiles[t], plan, words, held, contact,
+                    signals, kept,
+                )  # fmt: skip
+        votes.decide(rows, settings, plan, words[stages.ON], valid)
         _write_flags(plan.decisions, flags, start, rows)
         if kept[3] >= 0:
-            held = plan.held[0]
+            row = FIRST_ROW
             for k in range(start, start + rows):
-                signals[k, column - 1] = 1.0 if held & FIRST_ROW else 0.0
-                held = held >> FIRST_ROW
+                signals[k, column - 1] = 1.0 if held & row else 0.0
+                row = row << FIRST_ROW
         if plan.votes.size:
             votes.find_statistics(
                 plan.by_channel, plan.members, plan.bounds, rows, plan.votes, plan.statistics

@@ -17,7 +17,6 @@
 import dataclasses
 import importlib
 import threading
-import time
 from collections import deque
 
 import numpy as np
@@ -41,8 +40,8 @@ DECISION_PARAMETERS = names_that_affect(ChainConfig, 'decision')
 PARTS = {'low_band_hz', 'impact_rows'}
 
 #: A chain is built when no other change has followed for this time: parameters that come one by
-#: one are complete then. Where they never end, this is the longest time from the first one.
-GATHER_S, GATHER_AT_MOST_S = WAIT_S, 10.0
+#: one are complete then.
+GATHER_S = WAIT_S
 
 #: Parameters after whose change the kept rows cannot be used; some are the detector's: another
 #: field of a message is another signal.
@@ -98,7 +97,6 @@ class LiveChain:
         self._rows_at_rest = 0
         # Waits for other changes, then builds the chain that was ordered last.
         self._builder: threading.Thread | None = None
-        self._first_s = 0.0
         # A configuration that can be taken, with a new chain if it is for the chain, and the rows
         # in which that settles.
         self._ready: tuple[ChainConfig, SlipChain | None, int] | None = None
@@ -145,12 +143,9 @@ class LiveChain:
         If not, a chain is built first. An order replaces an earlier one that has not been swapped
         in yet.
         """
-        now_s = time.monotonic()
+        builder = threading.Timer(GATHER_S, self._build, [config])
+        builder.daemon = True
         with self._lock:
-            self._first_s = self._first_s if self._builder else now_s
-            wait_s = min(GATHER_S, max(0.0, self._first_s + GATHER_AT_MOST_S - now_s))
-            builder = threading.Timer(wait_s, self._build, [config])
-            builder.daemon = True
             differ = self._differ(config)
             at_once = differ <= DECISION_PARAMETERS
             self._ready = (config, SlipChain(config) if differ else None, 0) if at_once else None
@@ -200,13 +195,11 @@ class LiveChain:
 
     def _differ(self, config: ChainConfig) -> set[str]:
         """Return the parameters of the chain and its input that differ from the running ones."""
-        names = {field.name for field in dataclasses.fields(ChainConfig)}
-        names |= INPUT_PARAMETERS | PARTS
-        return {
-            name
-            for name in names
-            if getattr(config, name, None) != getattr(self.config, name, None)
-        }
+        names = (
+            INPUT_PARAMETERS | PARTS | {field.name for field in dataclasses.fields(ChainConfig)}
+        )
+        old, new = self.config, config
+        return {name for name in names if getattr(old, name, None) != getattr(new, name, None)}
 
     def _build(self, config: ChainConfig) -> None:
         """Build a chain, unless it was ordered again, or another was, meanwhile."""

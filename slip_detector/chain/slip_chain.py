@@ -176,22 +176,19 @@ class SlipChain:
     def __init__(self, config: ChainConfig | None = None) -> None:
         self.config = config = config or ChainConfig()
         self._sections, self._low_sections = design(config), design_low(config)
-        self._evidence = config.decision == 'evidence'
         check_memory(config)
         self._votes: tuple[str | int, ...] = ()
         self._wanted: tuple[bool, ...] = ()
-        self._plan = self._planned(())
+        self._plan = kernel.plan_of(config, self._sections, self._low_sections, ())
         self._channels, self._groups = config.channels, len(config.groups)
         self._columns = kernel.tiles_of(config) * LANES
         self._width = 1 + 2 * self._groups + 2 * self._channels
+        self._padded_width = kernel.flags_width(config)
         # The kernel does not write the columns of tiles without an enabled channel.
         self._new_signals = np.zeros if config.disabled_channels else np.empty
         self.reset()
         # Compile the kernel, or load it from the cache, before the first sample comes.
         self.update(np.zeros((0, config.channels)))
-
-    def _planned(self, votes: Sequence[str | int]) -> kernel.Plan:
-        return kernel.plan_of(self.config, self._sections, self._low_sections, votes)
 
     def reset(self) -> None:
         """Forget all rows; the next row is treated as the first."""
@@ -203,7 +200,7 @@ class SlipChain:
         if self.config.impact_rows:
             self.state[:, -self.config.impact_rows :] = np.nan
         # NaN: a floor that is not learnt begins at the first envelope.
-        learnt = self._evidence and self.config.noise_floor_learnt
+        learnt = self.config.decision == 'evidence' and self.config.noise_floor_learnt
         self.state[:, FLOOR] = self._plan.limits[:, stages.LEAST_DB] if learnt else np.nan
 
     def restart(self) -> None:
@@ -298,7 +295,7 @@ class SlipChain:
         True
         """
         if votes is not self._votes and tuple(votes) != self._votes:
-            self._plan = self._planned(votes)
+            self._plan = kernel.plan_of(self.config, self._sections, self._low_sections, votes)
             self._votes = tuple(votes)
         rows = np.ascontiguousarray(volts, np.float64)
         channels, columns = self._channels, self._columns
@@ -311,23 +308,19 @@ class SlipChain:
             rows = padded
         wanted = envelope, level, floor, excess
         if wanted != self._wanted:
-            if (floor or excess) and not self._evidence:
+            if (floor or excess) and self.config.decision != 'evidence':
                 raise ValueError('floor and excess are not kept, allowed: with decision: evidence')
-            self._kept, self._kept_columns = _places(columns, wanted)
-            self._wanted = wanted
-        flags = np.empty((n, self._width), BOOL_TYPE)
+            *starts, end = (columns * np.cumsum([0, *wanted])).tolist()
+            places = zip(starts, wanted, strict=True)
+            self._kept = tuple(start if kept else kernel.NOT_KEPT for start, kept in places)
+            # One more, with excess: whether it is held.
+            self._kept_columns, self._wanted = end + excess, wanted
+        flags = np.empty((n, self._padded_width), BOOL_TYPE)
         signals = self._new_signals((n, self._kept_columns + many))
         kernel.compiled_run()(rows, flags, signals, self.state, self._plan, self._kept)
-        return SlipResult(flags, signals, (self._groups, channels, many), self._kept)
-
-
-def _places(columns: int, wanted: tuple[bool, ...]) -> tuple[tuple[int, ...], int]:
-    """Return the first column of each signal, and the number of columns of all."""
-    first, end = [], 0
-    for is_wanted in wanted:
-        first.append(end if is_wanted else kernel.NOT_KEPT)
-        end += columns * is_wanted
-    return tuple(first), end + wanted[-1]  # One more, with excess: whether it is held.
+        return SlipResult(
+            flags[:, : self._width], signals, (self._groups, channels, many), self._kept
+        )
 
 
 def _rest_db(config: ChainConfig, rows: ArrayLike) -> Floats:

@@ -58,6 +58,10 @@ AGE, FLOOR, EVIDENCE, HELD_EVIDENCE, DELAYS = range(7, 12)
 # Rows of a tile's limits: the lowest and highest good sample, and the least noise floor in dB.
 LOW, HIGH, LEAST_DB = range(3)
 
+# The words of each channel: the rows in which it is valid, steps as in an impact, is ON, and in
+# which its low level is above that of contact, and 2 dB less.
+VALID, STEPS, ON, TOUCHES, GOES_ON = range(5)
+
 #: Share of the time at rest during which a channel's envelope is below its floor.
 QUANTILE = 0.1
 
@@ -69,7 +73,7 @@ LEAST_EXCESS_DB = -8.7
 
 
 @compiled_within
-def check_samples(volts, start, end, at, limits, settings, tile, plan):
+def check_samples(volts, start, end, at, limits, settings, tile, words):
     """Find the rows with a good sample that is not flat, and those with a step of an impact.
 
     A step counts from the last good sample, as the filters get that in place of a bad one, or from
@@ -100,8 +104,8 @@ def check_samples(volts, start, end, at, limits, settings, tile, plan):
             able = able | select(good & (repeats < flat_rows), row, NO_ROW)
             row = row + row
         w = (begin - start) // WORD_ROWS
-        store(able, plan.checked, (w, 0, at))
-        store(stepped, plan.checked, (w, 1, at))
+        store(able, words, (w, VALID, at))
+        store(stepped, words, (w, STEPS, at))
     store(last, tile, (LAST, 0))
     store(repeats, tile, (REPEATS, 0))
     if delay > 0:
@@ -109,7 +113,7 @@ def check_samples(volts, start, end, at, limits, settings, tile, plan):
 
 
 @compiled_within
-def load_deviations(block, volts, start, rows, at, limits, tile, plan):
+def load_deviations(block, volts, start, rows, at, limits, tile, common_v):
     """Write the filters' input to the block: deviations from each channel's first good sample.
 
     The network has no gain at 0 Hz. Therefore filtering the deviation from rest gives the same as
@@ -122,7 +126,7 @@ def load_deviations(block, volts, start, rows, at, limits, tile, plan):
         sample = load(volts, (start + k, at))
         good = (sample >= low) & (sample <= high)
         first = select(good, select(is_number(first), first, sample), first)
-        held = select(good, (sample - first) - plan.common_v[k], held)
+        held = select(good, (sample - first) - common_v[k], held)
         store(held, block, (k, 0))
     store(first, tile, (FIRST, 0))
     store(held, tile, (HELD, 0))
@@ -177,38 +181,47 @@ def rectified_power(block, rows, full_wave, exponent):
         store(power * power, block, (k, 0))
 
 
-@compiled_in_place
-def window_means(block, rows, window, tile, slot, take_root, signals, start, column):
-    """Replace each value by the mean of the last ``window`` values, zeros before the first row.
+@compiled_within
+def _window_sum(u, position, head, window, tile, tail):
+    """Return position and head after a value, and the sum of the last ``window`` values.
 
     Time is cut into stretches of ``window`` rows. A window is the head of the current stretch plus
     the tail of the previous one; the sums of all tails are computed once, when a stretch ends.
     Terms are added and never subtracted, so a huge value leaves no error behind. The state has the
-    position within the stretch at ``slot``, then the head and the tails. With ``take_root`` the
-    result is the root of the mean.
+    values of the current stretch and the tails from the slot ``tail`` on.
+    """
+    head = head + u
+    store(u, tile, (tail + position, 0))
+    total = head + load(tile, (tail + position + 1, 0))
+    position += 1
+    if position == window:
+        position, head, of_tail = 0, spread(0.0), spread(0.0)
+        for j in range(tail + window - 1, tail - 1, -1):
+            of_tail = load(tile, (j, 0)) + of_tail
+            store(of_tail, tile, (j, 0))
+    return position, head, total
+
+
+@compiled_in_place
+def window_means(block, rows, window, tile, slot, take_root, signals, start, column):
+    """Replace each value by the mean of the last ``window`` values, zeros before the first row.
+
+    The state has the position within the stretch at ``slot``, then the head and the tails. With
+    ``take_root`` the result is the root of the mean.
 
     The means are also written to ``column`` of the signals, unless that is negative. Each is
     written at once, so that it reaches memory while the next one is computed.
     """
-    head_slot, tail = slot + 1, slot + 2
-    position, head, per = int(tile[slot, 0]), load(tile, (head_slot, 0)), 1.0 / window
+    position, head, per = int(tile[slot, 0]), load(tile, (slot + 1, 0)), 1.0 / window
     for k in range(rows):
         u = load(block, (k, 0))
-        head = head + u
-        store(u, tile, (tail + position, 0))
-        mean = (head + load(tile, (tail + position + 1, 0))) * per
-        mean = square_root(mean) if take_root else mean
+        position, head, total = _window_sum(u, position, head, window, tile, slot + 2)
+        mean = square_root(total * per) if take_root else total * per
         store(mean, block, (k, 0))
         if column >= 0:
             store(mean, signals, (start + k, column))
-        position += 1
-        if position == window:
-            position, head, total = 0, spread(0.0), spread(0.0)
-            for j in range(tail + window - 1, tail - 1, -1):
-                total = load(tile, (j, 0)) + total
-                store(total, tile, (j, 0))
     tile[slot, 0] = position
-    store(head, tile, (head_slot, 0))
+    store(head, tile, (slot + 1, 0))
 
 
 # Layout of a float64: mask and number of the fraction's bits, the bits of 1.0, and the bias of the
@@ -277,7 +290,7 @@ def root_decibels(squares):
 
 
 @compiled_within
-def find_low_level(block, low, rows, sections, settings, tile, slot, plan, column):
+def find_low_level(block, low, rows, sections, settings, tile, slot, words, column):
     """Write the sum of squares within the low band, and the rows in which it tells contact.
 
     This is what filters, square and window do, in one pass, without the gain of the filters. Both
@@ -287,8 +300,8 @@ def find_low_level(block, low, rows, sections, settings, tile, slot, plan, colum
     a1, a2, c1, c2 = sections[0, 4], sections[0, 5], sections[1, 4], sections[1, 5]
     f1, s1 = load(tile, (slot, 0)), load(tile, (slot + 1, 0))
     f2, s2 = load(tile, (slot + 2, 0)), load(tile, (slot + 3, 0))
-    window, tail = settings.envelope_rows, slot + 6
-    position, head = int(tile[slot + 4, 0]), load(tile, (slot + 5, 0))
+    window, position = settings.envelope_rows, int(tile[slot + 4, 0])
+    head = load(tile, (slot + 5, 0))
     begins, goes_on, row = spread(NO_ROW), spread(NO_ROW), spread(FIRST_ROW)
     begins_v2, goes_on_v2 = settings.contact_v2, settings.contact_v2 * CONTACT_GOES_ON
     gated, lifted = settings.contact_channels > 0, settings.activity_cap_db > 0.0
@@ -302,10 +315,7 @@ def find_low_level(block, low, rows, sections, settings, tile, slot, plan, colum
         z = y - f2
         f2 = s2 + c1 * z
         s2 = y + c2 * z
-        square = z * z
-        head = head + square
-        store(square, tile, (tail + position, 0))
-        total = head + load(tile, (tail + position + 1, 0))
+        position, head, total = _window_sum(z * z, position, head, window, tile, slot + 6)
         if lifted:
             t = fractions(total) - 1.0
             octaves = exponents(total) + t * polynomial(NEARLY_LOG2, t)
@@ -314,24 +324,20 @@ def find_low_level(block, low, rows, sections, settings, tile, slot, plan, colum
             begins = begins | select(total > begins_v2, row, NO_ROW)
             goes_on = goes_on | select(total > goes_on_v2, row, NO_ROW)
             row = row + row
-        position += 1
-        if position == window:
-            position, head, total = 0, spread(0.0), spread(0.0)
-            for j in range(tail + window - 1, tail - 1, -1):
-                total = load(tile, (j, 0)) + total
-                store(total, tile, (j, 0))
     store(f1, tile, (slot, 0))
     store(s1, tile, (slot + 1, 0))
     store(f2, tile, (slot + 2, 0))
     store(s2, tile, (slot + 3, 0))
     tile[slot + 4, 0] = position
     store(head, tile, (slot + 5, 0))
-    store(begins, plan.touching, (0, column))
-    store(goes_on, plan.touching, (1, column))
+    store(begins, words, (TOUCHES, column))
+    store(goes_on, words, (GOES_ON, column))
 
 
 @compiled_within
-def sum_evidence(block, low, rows, at, limits, settings, tile, plan, signals, start, columns):
+def sum_evidence(
+    block, low, rows, limits, settings, tile, valid, held, contact, signals, start, columns
+):
     """Replace squares of the envelope by the number that makes a channel ON above the threshold.
 
     An invalid channel keeps its floor and its evidence. A channel comes ON when its evidence
@@ -346,14 +352,13 @@ def sum_evidence(block, low, rows, at, limits, settings, tile, plan, signals, st
     negative if they are not wanted.
     """
     settle_rows = float(settings.mains_rows + settings.envelope_rows)
-    least_db, valid = load(limits, (LEAST_DB, 0)), load(plan.valid, (at,))
+    least_db, lift_db = load(limits, (LEAST_DB, 0)), settings.activity_cap_db
     most_db = least_db + settings.noise_floor_range_db
     up_db, down_db = spread(settings.floor_up_db), spread(-settings.floor_down_db)
     age, floor = load(tile, (AGE, 0)), load(tile, (FLOOR, 0))
     evidence, number = load(tile, (EVIDENCE, 0)), load(tile, (HELD_EVIDENCE, 0))
-    not_held, row = valid & ~plan.held[0], spread(FIRST_ROW)
+    not_held, row = valid & ~held, spread(FIRST_ROW)
     cap_db, limit_db_s = settings.evidence_cap_db, settings.evidence_limit_db_s
-    contact, lift_db = plan.contact[0], settings.activity_cap_db
     for k in range(rows):
         square = load(block, (k, 0))
         level = root_decibels(square)
@@ -403,12 +408,12 @@ def sum_evidence(block, low, rows, at, limits, settings, tile, plan, signals, st
 
 @compiled_in_place
 def rows_above(block, rows, threshold, words, at):
-    """Write the rows whose value is above the threshold to ``words`` from ``at`` on."""
+    """Write the rows whose value is above the threshold to the words from column ``at`` on."""
     above, row = spread(NO_ROW), spread(FIRST_ROW)
     for k in range(rows):
         above = above | select(load(block, (k, 0)) > threshold, row, NO_ROW)
         row = row + row
-    store(above, words, (at,))
+    store(above, words, (ON, at))
 
 
 def floor_steps_db(rate_db_s: float, sample_rate_hz: float) -> tuple[float, float]:

@@ -66,7 +66,7 @@ CLOSE_PERIODS, BUNCHED, BUNCH_MEMORY = 0.25, 0.25, 64
 # Elements of the array that holds the line: the sample period, the time until the next sample is
 # expected, the memory in messages, the jitter in periods, the bounds of the period, and the shares
 # of stamps that are close to, and the same as, the one before; and of bad rows lately.
-PERIOD_NS, UNTIL_NEXT_NS, MEMORY, JITTER, FASTEST_NS, SLOWEST_NS, CLOSE, SAME, BAD = range(9)
+PERIOD_NS, UNTIL_NEXT_NS, MEMORY, JITTER, NOMINAL_NS, CLOSE, SAME, BAD = range(8)
 
 # Elements of the array of stamps: LAST, the place on the line of the last sample; BEFORE, the
 # stamp before; LATE, how many messages may be missing by the last stamp; of the samples in a row
@@ -105,7 +105,8 @@ def _follow(line, behind, rows):
     # The time until the next sample: from this stamp to its place on the line, plus one period.
     on_line_ns = -behind * (1.0 - 2.0 * (2.0 * n - 1.0) * gain) * rows * period_ns
     period_ns *= 1.0 + behind * 6.0 * gain
-    period_ns = min(max(period_ns, line[FASTEST_NS]), line[SLOWEST_NS])
+    off_ns = LARGEST_RATE_ERROR * line[NOMINAL_NS]
+    period_ns = min(max(period_ns, line[NOMINAL_NS] - off_ns), line[NOMINAL_NS] + off_ns)
     line[PERIOD_NS] = period_ns
     line[UNTIL_NEXT_NS] = on_line_ns + period_ns
 
@@ -275,10 +276,8 @@ class StampGrid:
     """
 
     def __init__(self, period_s: float, max_gap_s: float) -> None:
-        self._nominal_ns = period_ns = period_s * 1e9
-        off_ns = LARGEST_RATE_ERROR * period_ns
-        bounds_ns = period_ns - off_ns, period_ns + off_ns
-        self._line = np.array([period_ns, 0, FIRST_MEMORY, FIRST_JITTER, *bounds_ns, 0, 0, 0])
+        period_ns = period_s * 1e9
+        self._line = np.array([period_ns, 0, FIRST_MEMORY, FIRST_JITTER, period_ns, 0, 0, 0])
         self._stamps = np.array([NONE, 0, 0, 0, 0, 0, 0])
         self._number: int | None = None
         self.max_gap_s = max_gap_s
@@ -361,7 +360,7 @@ class StampGrid:
         """
         stamps_ns = np.ascontiguousarray(stamps_ns, np.int64)
         verdicts, places_ns = np.zeros((2, len(stamps_ns)), np.int64)
-        max_gap_ns = self.max_gap_s * 1e9
+        max_gap_ns, nominal_ns = self.max_gap_s * 1e9, self._line[NOMINAL_NS]
         _judge_all(self._line, self._stamps, max_gap_ns, stamps_ns, verdicts, places_ns)
         kept = np.flatnonzero(verdicts != DROPPED)
         missing = np.maximum(verdicts[kept], 0)
@@ -370,9 +369,9 @@ class StampGrid:
         ends = np.cumsum(rows) - 1
         places = np.repeat(np.concatenate([[-1], kept])[:-1], rows)
         places[ends] = kept
-        begins_ns = places_ns[kept] - _whole_ns(missing * self._nominal_ns)
+        begins_ns = places_ns[kept] - _whole_ns(missing * nominal_ns)
         nth = np.arange(len(places)) - np.repeat(ends - missing, rows)
-        mended_ns = np.repeat(begins_ns, rows) + _whole_ns(nth * self._nominal_ns)
+        mended_ns = np.repeat(begins_ns, rows) + _whole_ns(nth * nominal_ns)
         mended_ns[ends] = places_ns[kept]
         starts = [0, *ends[verdicts[kept] == NEW_STRETCH].tolist()]
         return MendedSamples(

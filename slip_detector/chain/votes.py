@@ -63,6 +63,7 @@ EXCHANGED_CHANNELS = 32
 
 #: Numbers that stand for the votes that are not a count of channels.
 VOTE_ALL, VOTE_MEAN = 0, -1
+ONLY_MEAN = np.array([VOTE_MEAN])
 
 #: Binary digits of a count of channels, more than any number of channels needs.
 DIGITS = 32
@@ -124,31 +125,30 @@ def _held(begins, renews, rows, hold_rows, tiles, slot):
 
 
 @compiled_within
-def rows_of_impact(rows, settings, plan, tiles):
+def rows_of_impact(rows, settings, plan, steps, tiles):
     """Return the rows within the hold time of an impact, as a word."""
-    count, steps = settings.impact_channels, plan.steps
-    impacts = rows_of_count(count, plan.members, steps, steps, plan.digits)
+    impacts = rows_of_count(settings.impact_channels, plan.members, steps, steps, plan.digits)
     return _held(impacts, NO_ROW, rows, settings.hold_rows, tiles, stages.HOLD_ROWS)
 
 
 @compiled_in_place
-def rows_of_contact(rows, settings, plan, tiles):
+def rows_of_contact(rows, settings, plan, words, tiles):
     """Return the rows in contact, as a word.
 
     Contact begins where enough valid channels are above the level of contact, and goes on where
     they are above the lower one.
     """
-    count, valid, touching = settings.contact_channels, plan.valid, plan.touching
+    count, valid, goes_on = settings.contact_channels, words[stages.VALID], words[stages.GOES_ON]
     if tiles[0, stages.CONTACT_ROWS, 0] > 0.0:
         # Most often enough channels are above the lower level in all rows: nothing to count.
         whole = 0
         for m in plan.members:
-            whole += 1 if touching[1, m] & valid[m] == ~NO_ROW else 0
+            whole += 1 if goes_on[m] & valid[m] == ~NO_ROW else 0
         if whole >= count:
             tiles[0, stages.CONTACT_ROWS, 0] = settings.contact_rows - 1
             return ~NO_ROW
-    begins = rows_of_count(count, plan.members, touching[0], valid, plan.digits)
-    renews = rows_of_count(count, plan.members, touching[1], valid, plan.digits)
+    begins = rows_of_count(count, plan.members, words[stages.TOUCHES], valid, plan.digits)
+    renews = rows_of_count(count, plan.members, goes_on, valid, plan.digits)
     return _held(begins, renews, rows, settings.contact_rows, tiles, stages.CONTACT_ROWS)
 
 
@@ -193,10 +193,10 @@ def _of_row(kind, values, before_v):
 
 
 @compiled_within
-def find_common_mode(volts, start, rows, settings, plan, tiles):
+def find_common_mode(volts, start, rows, settings, plan, valid, tiles):
     """Find the common mode of each row; keep the first sample of each channel."""
-    kind, members, deviations = settings.common_mode, plan.members, plan.by_channel
-    valid, common_v = plan.valid, plan.common_v
+    kind, members, common_v = settings.common_mode, plan.members, plan.common_v
+    deviations = plan.by_channel
     exchange = kind == MEDIAN and members.size <= EXCHANGED_CHANNELS
     if exchange and _all_valid(rows, members, tiles, valid):
         _medians(volts, start, rows, members, tiles, deviations, common_v)
@@ -240,11 +240,11 @@ def vote_numbers(votes: Sequence[str | int]) -> NDArray[np.int64]:
 @compiled_in_place
 def gather_levels(block, rows, valid, at, levels):
     """Copy the levels of a tile to ``levels``, shape (columns, rows), from column ``at`` on."""
-    row, words = FIRST_ROW, load(valid, (at,))
+    row = FIRST_ROW
     for k in range(rows):
         level = load(block, (k, 0))
         level = select(level > 0.0, level, 0.0)  # also where it is NaN
-        store(select((words & row) != NO_ROW, level, NO_VOTE), block, (k, 0))
+        store(select((valid & row) != NO_ROW, level, NO_VOTE), block, (k, 0))
         row = row << FIRST_ROW
     for lane in range(LANES):
         for k in range(rows):
@@ -354,9 +354,9 @@ def find_statistics(levels, members, bounds, rows, votes, statistics):
 
 
 @compiled_within
-def decide(rows, settings, plan):
+def decide(rows, settings, plan, on, valid):
     """Write the words of all flags: the votes of the groups (Table 1), their OR, the channels'."""
-    on, valid, bounds, decisions = plan.on, plan.valid, plan.bounds, plan.decisions
+    bounds, decisions, channels = plan.bounds, plan.decisions, settings.channels
     groups, slip = bounds.size - 1, NO_ROW
     for g in range(groups):
         own = plan.members[bounds[g] : bounds[g + 1]]
@@ -371,17 +371,16 @@ def decide(rows, settings, plan):
             decision = able & ~against
         if settings.vote == VOTE_MEAN:
             row, decision = FIRST_ROW, NO_ROW
-            for k in range(0, rows, LANES):
-                least, most = _extremes(plan.by_channel, own, k)
-                mean = _geometric_mean(plan.by_channel, own, least, most, k)
-                store(mean, plan.statistics, (0, k))
+            of_group = bounds[g : g + 2]
+            find_statistics(
+                plan.by_channel, plan.members, of_group, rows, ONLY_MEAN, plan.statistics
+            )
             for k in range(rows):
                 decision |= row if plan.statistics[0, k] > settings.threshold else NO_ROW
                 row = row << FIRST_ROW
         decisions[1 + g], decisions[1 + groups + g] = decision, able
         slip |= decision
     decisions[0] = slip
-    channels = (decisions.size - 1) // 2 - groups
     for c in range(channels):
         decisions[1 + 2 * groups + c] = on[c]
         decisions[1 + 2 * groups + channels + c] = valid[c]
