@@ -216,6 +216,6 @@ class FingerTopics(PolledTopics):
         table = joint_state_table([raw for _, raw in received])
         if table is None:  # the channels have just changed
             return
-        levels, channels_on = table.numbers('position'), table.numbers('effort') > 0.0
+        levels, channels_on = table.numbers['position'], table.numbers['effort'] > 0.0
         if levels.shape == channels_on.shape == (len(received), self._config.channels):
             self.finger.track.add_levels(table.stamps_ns, levels, channels_on, slip)

@@ -84,8 +84,8 @@ class _Decoder:
         """Decode messages; a ValueError when none of those so far has channels."""
         table = joint_state_table([raw for _, raw in messages]) if self._is_quick else None
         if table is not None:
-            volts, stamps_ns = table.numbers(self._field), table.stamps_ns
-            if self._is_same(table.layout.names, volts):
+            volts, stamps_ns = table.numbers[self._field], table.stamps_ns
+            if self._is_same(table.names, volts):
                 received_ns = np.array([received_ns for received_ns, _ in messages], np.int64)
                 stamps_ns = np.where(stamps_ns == 0, received_ns, stamps_ns)
                 return _Decoded(volts, stamps_ns, received_ns, np.ones(len(volts), np.int64), 0)

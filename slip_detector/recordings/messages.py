@@ -30,7 +30,6 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from slip_detector.chain.samples import Floats, Stamps
 from slip_detector.parameters.fields import name_list
@@ -190,20 +189,19 @@ class JointStateReader:
 
 
 class JointStateTable(NamedTuple):
-    """Messages that differ in stamp and numbers only: their layout and bytes, (n, size)."""
+    """Messages that differ in stamp and numbers only.
 
-    layout: JointStateLayout
-    content: NDArray[np.uint8]
+    Attributes
+    ----------
+    names : list of str
+    stamps_ns : ndarray of int, shape (n,)
+    numbers : dict of ndarray, shape (n, joints)
+        Position, velocity and effort.
+    """
 
-    @property
-    def stamps_ns(self) -> Stamps:
-        """The stamps, (n,)."""
-        parts = np.ascontiguousarray(self.content[:, ENCAPSULATION_BYTES:TEXTS]).view('<i4')
-        return np.asarray(parts.astype(np.int64) @ [1_000_000_000, 1])
-
-    def numbers(self, field: str) -> Floats:
-        """Return the numbers of a field, (n, joints)."""
-        return np.ascontiguousarray(self.content[:, self.layout.numbers[field]]).view(DOUBLES)
+    names: list[str]
+    stamps_ns: Stamps
+    numbers: dict[str, Floats]
 
 
 def joint_state_table(raws: Sequence[bytes]) -> 'JointStateTable | None':
@@ -214,7 +212,7 @@ def joint_state_table(raws: Sequence[bytes]) -> 'JointStateTable | None':
     >>> writer = JointStateWriter('thumb', ['a', 'b'])
     >>> rows = {5: np.array([4.3, 4.2]), 10: np.array([4.1, 4.0])}
     >>> table = joint_state_table([writer.written(at_ns, row) for at_ns, row in rows.items()])
-    >>> table.stamps_ns.tolist(), table.numbers('position').tolist()
+    >>> table.stamps_ns.tolist(), table.numbers['position'].tolist()
     ([5, 10], [[4.3, 4.2], [4.1, 4.0]])
     """
     try:
@@ -225,8 +223,13 @@ def joint_state_table(raws: Sequence[bytes]) -> 'JointStateTable | None':
         return None
     content = np.frombuffer(b''.join(raws), np.uint8).reshape(-1, layout.size)
     places = np.delete(np.arange(layout.size), np.r_[tuple(layout.varying)])
-    alike = (content[:, places] == content[0, places]).all()
-    return JointStateTable(layout, content) if alike else None
+    if (content[:, places] != content[0, places]).any():
+        return None
+    seconds, rest_ns = content[:, ENCAPSULATION_BYTES:TEXTS].copy().view('<i4').astype(np.int64).T
+    numbers = {
+        field: content[:, where].copy().view(DOUBLES) for field, where in layout.numbers.items()
+    }
+    return JointStateTable(layout.names, seconds * 1_000_000_000 + rest_ns, numbers)
 
 
 class JointStateWriter:
@@ -243,7 +246,7 @@ class JointStateWriter:
     --------
     >>> writer = JointStateWriter('thumb', ['a', 'b'], efforts=True)
     >>> raw = writer.written(5, np.array([4.1, 4.3]), np.array([0.0, 1.0]))
-    >>> joint_state_table([raw]).numbers('effort').tolist()
+    >>> joint_state_table([raw]).numbers['effort'].tolist()
     [[0.0, 1.0]]
     """
 

@@ -95,17 +95,3 @@ def test_always_on_and_never_on_are_exactly_as_good_as_chance(always):
     assert figures['sooner_than_chance'] == 0.0
     assert figures['false_time_percent'] == (100.0 if always else 0.0)
     assert {figures[name] for name in figures if name.startswith('latency')} == {None}
-
-
-def test_figures_by_hand():
-    # Found after 0.1 s, of which chance finds a tenth, and missed, of which it finds all.
-    sooner = sooner_than_chance([0.1, np.nan], [0.0, 0.0], [2.0, 2.0], 1.0)
-    assert sooner == pytest.approx((0.9 - 0.1 - 1.0) / 2)
-    at_two_rates = sooner_than_chance(
-        [[0.1, 0.1], [0.2, np.nan]], [0.0] * 2, [2.0] * 2, [0.0, 1.0]
-    )
-    assert at_two_rates.tolist() == pytest.approx([1.0, float(sooner)])
-    # An alarm may rise 0.1 s before the slip: a tenth is saved whole, and half of what is left
-    # where the mean time to an alarm ends.
-    saved_s = saved_by_chance_s([0.1], [5.0], [1.0], 2.0)
-    assert saved_s.tolist() == pytest.approx([0.1 * 0.9 + 0.9**2 / 2 + 1.1])

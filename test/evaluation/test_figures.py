@@ -32,7 +32,6 @@ from slip_detector.evaluation.figures import (
     paper_figures,
 )
 from slip_detector.evaluation.scores import ScoreCounts
-from slip_detector.recordings.labels import KINDS
 
 SLIP = TrueSlip(
     start_s=1.0, end_s=2.0, alarm=0, latency_s=0.04, accuracy_s=0.0, settling=False, lead_s=0.0,
@@ -98,24 +97,6 @@ def test_figures_of_events_by_hand():
                for what in ('on_percent', 'alarms_per_minute')},
         }
     )  # fmt: skip
-
-
-def test_an_undefined_figure_is_none():
-    nothing = event_figures([])
-    undefined = {name for name, value in nothing.items() if value is None}
-    assert undefined == {
-        'recall', 'recall_by_chance', 'sooner_than_chance', 'precision', 'precision_by_chance',
-        'coverage', 'false_alarms_per_minute', 'false_time_percent', 'false_time_s_per_hour',
-        'latency_median_all_ms', 'latency_median_ms', 'latency_p90_ms', 'latency_worst_ms',
-        *(f'{lead}{stage}_ms' for lead in ('', 'late_') for stage in STAGES),
-        *(f'{kind}_{what}' for kind in KINDS for what in ('on_percent', 'alarms_per_minute')),
-    }  # fmt: skip
-    missed = event_figures([outcome([MISSED], rest_rows=100)])
-    assert (missed['recall'], missed['precision']) == (0.0, None)
-    assert missed['false_alarms_per_minute'] == 0.0
-    assert missed['latency_median_ms'] is None
-    quiet = event_figures([outcome(kinds=[FALSE], rest_rows=600)])
-    assert (quiet['recall'], quiet['precision']) == (None, 0.0)
 
 
 def test_the_figures_of_the_paper_by_hand():

@@ -18,16 +18,13 @@ import dataclasses
 
 import numpy as np
 import pytest
-from evaluation.test_figures import SLIP, outcome
 
 from slip_detector.chain.samples import Samples
 from slip_detector.evaluation import protocol
-from slip_detector.evaluation.figures import paper_figures
 from slip_detector.evaluation.protocol import (
     SCENES,
     claims,
     evaluate_plates,
-    plate_figures,
     run_protocol,
     simulate_trials,
     with_band,
@@ -45,20 +42,6 @@ def test_the_plates_differ_only_in_their_spatial_period():
     for plate, description in descriptions.items():
         assert description['texture'].pop('spatial_period_m') == pytest.approx(int(plate) * 1e-6)
     assert descriptions['440'] == descriptions['400'] == descriptions['480']
-
-
-def test_the_figures_of_a_plate_are_those_of_the_paper_and_of_each_trial():
-    never = {'on_while': False, 'delay_s': None, 'channel_delays_s': (None, None)}
-    outcomes = [outcome([slip]) for slip in (SLIP, dataclasses.replace(SLIP, **never))]
-    figures = plate_figures(outcomes)
-    assert figures == {
-        **paper_figures(outcomes),
-        'trial_delays_ms': [30.0, None],
-        'detected': 1,
-        'trials': 2,
-        'channels_without_on': 3,
-    }
-    assert (figures['mean_delay_ms'], figures['success_percent']) == (30.0, 50.0)
 
 
 def test_a_trial_that_does_not_suit_the_chain_is_refused_with_its_plate():

@@ -83,7 +83,7 @@ def test_messages_one_by_one_and_at_once_are_read_as_rclpy_reads_them(sent, orde
     assert table.stamps_ns.tolist() == list(map(stamp_ns, alike))
     for field in ('position', 'velocity', 'effort'):
         wanted = [getattr(message, field) for message in alike]
-        np.testing.assert_array_equal(table.numbers(field), wanted)
+        np.testing.assert_array_equal(table.numbers[field], wanted)
 
 
 def fixed_parts(message):
