@@ -312,7 +312,7 @@ class Detector(LifecycleNode):
         """Forget names, frame and stamps of earlier samples."""
         config = self._active
         self._stamp_grid = StampGrid(1 / config.sample_rate_hz, config.max_gap_s)
-        self._names = list(config.channel_names)
+        self._names = list(config.channel_names) or None
         self._frame_id = ''
         self._last_row: Floats | None = None
         self._health.forget()
@@ -377,10 +377,11 @@ class Detector(LifecycleNode):
             words = f'a message has {number} channels, allowed: {allowed}: dropped'
             self._note('dropped, wrong number of channels', words)
             return False
-        self._names = self._names or names
+        self._names = names if self._names is None else self._names
         if names == self._names or not self._input.has_names:
             return True
-        found, wanted = name_list(names, NAMES) or 'without names', name_list(self._names, NAMES)
+        found = name_list(names, NAMES) or 'without names'
+        wanted = name_list(self._names, NAMES) or 'without names'
         words = f'the channels of a message are {found}, allowed: {wanted}: dropped'
         self._note('dropped, wrong names', words)
         return False

@@ -44,9 +44,6 @@ FIRST_S = 3.0
 #: Age of a sample in seconds, either way, from which on its stamp is complained of.
 AGE_WARNING_S = 1.0
 
-#: Shares of the time spent on rows above which there is a warning, and an error.
-LOAD_WARNING, LOAD_ERROR = 0.5, 0.9
-
 #: Most names that are listed; of further ones only the number is given.
 LISTED = 8
 
@@ -275,19 +272,15 @@ class Health:
     ) -> DiagnosticStatus:
         complaints = []
         spent_ms = [spent_s * 1e3 for *_, spent_s in self._noted]
-        load = sum(spent_ms) / (passed_s * 1e3)
         if self.detectors:
             who = name_list(self.detectors, LISTED)
             complaints.append((ERROR, f'slip is published by {who}: only one of them may'))
         if not valid:
             complaints.append((ERROR, 'slip_valid is false: slip has no meaning'))
-        if load > LOAD_WARNING:
-            words = f'rows take {100 * load:.0f} % of the time: the machine is too slow or busy'
-            complaints.append((ERROR if load > LOAD_ERROR else WARN, words))
         values = {
             'onsets': str(self.totals['onsets']),
             'time per row [ms]': _number(sum(spent_ms) / max(since['rows'], 1)),
-            'share of the time [%]': f'{100 * load:.1f}',
+            'share of the time [%]': _number(sum(spent_ms) / (passed_s * 10), '.1f'),
         }
         return status('decisions', f'slip is {"ON" if slip else "OFF"}', complaints, values)
 

@@ -104,11 +104,9 @@ class Input:
         ValueError
             When the message cannot be read or does not have the field.
         """
-        sample = None
         if self._reader is not None:
-            with contextlib.suppress(ValueError):  # Perhaps the middleware can read it.
-                sample = self._reader.read(raw)
-        if sample is None:
+            sample = self._reader.read(raw)
+        else:
             try:
                 message = deserialize_message(raw, self.message_class)
             except RuntimeError:  # Its text speaks of the middleware's code.

@@ -80,7 +80,8 @@ def check(case):
         try:
             sample = source.read(raw, INFO)
         except ValueError:
-            assert message is None or not len(message.position)
+            # rclpy reads those of machines with another order of bytes, too.
+            assert message is None or not len(message.position) or not raw.startswith(b'\0\1')
             raise
         if message is None:
             # One like it was sound up to its positions, and nothing behind them is used.

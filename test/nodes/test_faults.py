@@ -88,22 +88,6 @@ def test_a_burst_of_late_messages(bench):
     sensor.goes_on()
 
 
-def test_five_percent_lost_at_random(bench):
-    sensor = Sensor(bench)
-    lost = 0
-    sensor.slips()
-    until_s = time.monotonic() + 3.0
-    while time.monotonic() < until_s:
-        if sensor.random.random() < 0.05:
-            lost += 1
-            sensor.next_s += PERIOD_S
-            sensor.clock_s += PERIOD_S
-        sensor.send(sensor.row())
-    assert lost
-    assert sensor.says_slip()
-    sensor.play(lambda: sensor.told('input', 'lost and bridged'), 'the diagnostics')
-
-
 @pytest.mark.parametrize('leap_s', [-3600.0, 3600.0])
 def test_the_clock_of_the_samples_is_set(bench, leap_s):
     sensor = Sensor(bench)

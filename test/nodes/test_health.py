@@ -153,10 +153,3 @@ def test_a_slow_sensor_is_not_taken_for_one_that_loses_samples():
         health.totals['lost and bridged'] += len(rows) - 1
         health.note_rows(rows, np.ones(rows.shape, bool), round(k * 1e9 / 300), 0.001, 1e-4)
     assert values(summed(health)[0])['measured rate [Hz]'] == '300.00'
-
-
-@pytest.mark.parametrize(('spent_s', 'level'), [(1e-3, OK), (1.5e-3, WARN), (2.5e-3, ERROR)])
-def test_rows_that_take_too_much_of_the_time_are_said(spent_s, level):
-    health = Health(CONFIG)
-    fed(health, good(380), spent_s=spent_s)
-    assert summed(health)[2].level == level
