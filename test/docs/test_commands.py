@@ -52,6 +52,7 @@ OF_OTHERS = re.compile(
     r'|colcon (build --packages-select slip_detector|test)|rosdep install .*|ament_copyright .*'
     r'|for i in \$\(seq [0-9]+\); do (timeout -s KILL 4 )?ros2 topic echo .*'
     r'|chromium-headless-shell .*|\. (\.venv/bin/activate|install/setup\.sh)'
+    r'|python -m timeit .*|mamba (create|activate) .*|docker run .*|cd /ws && apt-get .*'
 )
 
 #: The console scripts: module and function of each.
@@ -119,8 +120,9 @@ def is_known(words):
     if words[:2] == ['pip', 'install']:
         # What pip is told to install is what the package says that it may need.
         setup = (ROOT / 'setup.py').read_text(encoding='utf-8')
-        return all(w[:2] == '--' or re.search(rf"'{w}[><=']", setup) for w in words[2:])
-    if words[0].startswith('python'):
+        parts = re.findall(r'[\w-]+', ' '.join(w for w in words[2:] if w[:2] != '--'))
+        return all(re.search(rf"'{part}[><=']", setup) for part in parts)
+    if words[0].startswith('python') and words[1] != '-m':
         return (ROOT / words[1]).is_file()
     return NOT_HERE.fullmatch(' '.join(words)) or OF_OTHERS.fullmatch(' '.join(words))
 
