@@ -17,6 +17,7 @@
 import argparse
 import functools
 import gc
+import itertools
 import os
 import re
 import signal
@@ -42,6 +43,9 @@ RESPAWN_S = 2.0
 
 #: Variables with the path of a profile, in Fast DDS 2 and 3.
 PROFILE_VARIABLES = {'FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE'}
+
+#: How many functions each compiles that does so, as far as it matters for how far it is.
+FUNCTIONS = {'slip_detector': 47, 'slip_driver': 30}
 
 EXECUTABLES = ('slip_driver', 'slip_detector', 'grasp_controller')
 
@@ -254,9 +258,16 @@ def _maker(executable: str) -> Callable[[list[list[str] | None]], list[Any]]:
 
     from slip_detector.compiled import LISTENERS
 
-    text = 'compiling, kept for the next start (slip_compile does it beforehand)'
-    logger = get_logger(executable)
-    LISTENERS.append(lambda module: logger.info(text, once=True))
+    logger, count, total = get_logger(executable), itertools.count(1), FUNCTIONS[executable]
+
+    def tell(module: str) -> None:
+        logger.info(
+            f'compiling {module}, {next(count)} of some {total} functions, kept for the next '
+            'start (slip_compile does it beforehand)',
+            throttle_duration_sec=2.0,
+        )
+
+    LISTENERS.append(tell)
     if executable == 'slip_driver':
         from slip_detector.nodes.driver import drivers
 
