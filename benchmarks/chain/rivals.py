@@ -33,10 +33,6 @@ from slip_detector.parameters.detector import ChainConfig
 
 SOURCE = Path(__file__).with_name('cpp_chain.cpp')
 
-#: With this in ``NUMBA_CPU_FEATURES`` Numba does not use AVX-512; the name of an older processor
-#: does not suffice. The C++ compiler then gets an option with the same effect.
-NUMBA_WITHOUT_AVX512 = '+sse4.2,+avx,+avx2,+bmi,+bmi2,+popcnt,+lzcnt,-avx512f'
-
 
 class NumpyChain:
     """The chain as a user of SciPy and NumPy would write it, for whole blocks of rows.
@@ -97,6 +93,7 @@ class CppChain:
             'LEVEL_ROWS': config.samples(config.decision_window_s),
             'GROUPS': len(groups),
         }
+        # Where Numba is not to use AVX-512, neither is the C++ compiler.
         without = '-avx512f' in os.environ.get('NUMBA_CPU_FEATURES', '')
         command = [*shlex.split(os.environ.get('CXX', 'g++')), '-O3', '-march=native']
         self.command = [*command, '-mno-avx512f'] if without else command

@@ -28,14 +28,14 @@ from typing import Any
 
 import numpy as np
 
-from slip_detector.chain.samples import Samples
 from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.files import read_yaml
 from slip_detector.scenes import Scene, find_scene
-from slip_detector.tuning.problem import judge, searched
-from slip_detector.tuning.search import Study, TuningParameters, search
+from slip_detector.tuning import TuningParameters, choose, judge
+from slip_detector.tuning.problem import searched
+from slip_detector.tuning.search import Study, search
 from slip_detector.tuning.tracks import Track, held_out, track_of
 
 #: The paper's plates; each is a scene of a family, with each seed.
@@ -107,10 +107,7 @@ def play_scenes(descriptions: Sequence[Mapping[str, Any]], seeds: Sequence[int])
         for seed in seeds:
             parts = {name: part for name, part in description.items() if name != 'kind'}
             scene = Scene(parts, np.random.default_rng(seed))
-            samples = scene.read(scene.length)
-            assert samples.truth is not None
-            rows = Samples.evenly(samples.volts, scene.sample_rate_hz, samples.truth)
-            rows = rows._replace(kind=description.get('kind', ''))
+            rows = scene.read(scene.length)._replace(kind=description.get('kind', ''))
             tracks.append(track_of(f'scene {i}, seed {seed}', [rows], scene.sample_rate_hz))
     return tracks
 
@@ -144,7 +141,7 @@ def measure_families(
         problem = parameters.problem(training)
         study = Study(problem.space.distributions, seed=0)
         search(problem, study, trials)
-        verdict = judge(problem, held, problem.choice(study.trials))
+        verdict = judge(problem, held, choose(problem, study.trials))
         tracks = play_scenes(descriptions, reported_on)
         given, tuned = (figures_on(tracks, one) for one in (parameters.chain, verdict.chain))
         result[name] = {

@@ -19,7 +19,6 @@ And which of them contradict their kind.
 
 import dataclasses
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +26,7 @@ from numpy.typing import NDArray
 from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.tuning.learning import LEAST_RATIO, at_rest, envelopes, learnt_floors
-from slip_detector.tuning.tracks import Track
+from slip_detector.tuning.tracks import Track, edges_of, enabled
 
 Floats = NDArray[np.float64]
 
@@ -157,20 +156,19 @@ def activity_range_db(chain: ChainConfig, tracks: Sequence[Track]) -> float:
     return float(f'{np.clip(np.median(found), -100.0, 100.0):.4g}')
 
 
-class Contradiction(NamedTuple):
-    """What a recording says against its kind, and whether none of its slips is one."""
-
-    track: Track
-    words: str
-    no_slip: bool = False
-
-
-def contradictions(chain: ChainConfig, tracks: Sequence[Track]) -> list[Contradiction]:
-    """Return the recordings that contradict their kind, by the power in the chain's pass-band.
+def contradictions(chain: ChainConfig, tracks: Sequence[Track]) -> tuple[list[str], list[Track]]:
+    """Return which recordings contradict their kind, by the power in the chain's pass-band.
 
     The power, in blocks of :data:`BLOCK_S`, is compared with that of rest and of slips in the
     other recordings. Where these hardly differ nothing is said, and nothing of recordings in
     which something else than a slide may be as loud.
+
+    Returns
+    -------
+    sentences : list of str
+        One on each contradiction.
+    mistakes : list of Track
+        The recordings in which none of the slips is one.
 
     Examples
     --------
@@ -181,11 +179,11 @@ def contradictions(chain: ChainConfig, tracks: Sequence[Track]) -> list[Contradi
     >>> rows = Samples.evenly(volts, 380.0, truth=slip)
     >>> wrong = rows._replace(truth=np.zeros(1900, bool), kind='rest')
     >>> tracks = [track_of('slips', [rows], 380.0), track_of('rest', [wrong], 380.0)]
-    >>> [one.words for one in contradictions(ChainConfig(), tracks)]
-    ['rest is labelled rest, but the level is as in a slide for 45 % of it']
+    >>> contradictions(ChainConfig(), tracks)
+    (['rest is labelled rest, but the level is as in a slide for 45 % of it'], [])
     """
-    every = [_Levels(chain, track) for track in tracks]
-    resting, said = at_rest(tracks), []
+    every, resting = [_Levels(chain, track) for track in tracks], at_rest(tracks)
+    sentences, mistakes = [], []
     for track, mine in zip(tracks, every, strict=True):
         others = [one for one in every if one is not mine]
         known = [one.rest_db for one in others if one.track in resting and len(one.rest_db)]
@@ -196,21 +194,20 @@ def contradictions(chain: ChainConfig, tracks: Sequence[Track]) -> list[Contradi
         usual_db = float(np.median(slides_db)) if slides_db else 0.0
         if usual_db < LEAST_DB:
             continue
-        least_db = AS_LOUD * np.quantile(slides_db, QUIET_SLIPS)
-        loud = np.mean(_level_db(mine.rest_db, floors_db) > least_db) if len(mine.rest_db) else 0.0
-        if track.kind in ('rest', 'idle') and loud > CONTRADICTED:
-            words = (
+        loud = _level_db(mine.rest_db, floors_db) > AS_LOUD * np.quantile(slides_db, QUIET_SLIPS)
+        if track.kind in ('rest', 'idle') and loud.sum() > CONTRADICTED * loud.size:
+            sentences.append(
                 f'{track.name} is labelled {track.kind}, but the level is as in a slide for '
-                f'{100 * loud:.0f} % of it'
+                f'{100 * loud.mean():.0f} % of it'
             )
-            said.append(Contradiction(track, words))
-        most_db = min(NO_CHANGE * usual_db, NO_CHANGE_DB)
         slips = mine.slips(floors_db)
-        still = [f'{at:.1f}' for at, _, rises_db in slips if rises_db < most_db]
+        most_db = min(NO_CHANGE * usual_db, NO_CHANGE_DB)
+        still = [f'{at_s:.1f}' for at_s, _, rises_db in slips if rises_db < most_db]
         if still:
-            words = f'{track.name}: nothing changes at its slips, at {", ".join(still)} s'
-            said.append(Contradiction(track, words, len(still) == len(slips)))
-    return said
+            at = ', '.join(still)
+            sentences.append(f'{track.name}: nothing changes at its slips, at {at} s')
+            mistakes += [track] if len(still) == len(slips) else []
+    return sentences, mistakes
 
 
 def _level_db(db: Floats, floors_db: Floats) -> Floats:
@@ -230,31 +227,26 @@ class _Levels:
     def __init__(self, chain: ChainConfig, track: Track) -> None:
         self.track = track
         self._rows = rows = max(round(BLOCK_S * track.sample_rate_hz), 1)
-        n = len(track.volts) // rows
-        disabled = [channel - 1 for channel in chain.disabled_channels]
-        found = np.nan_to_num(np.delete(envelopes(plain_chain(chain), track), disabled, axis=1))
-        squares = found[: n * rows].reshape(n, rows, -1) ** 2
+        whole = slice(len(track.volts) // rows * rows)
+        found = np.nan_to_num(enabled(envelopes(plain_chain(chain), track), chain))
+        squares = found[whole].reshape(-1, rows, found.shape[1]) ** 2
         self._known = np.all(squares.any(axis=2), axis=1)
         self._db = 10.0 * np.log10(np.maximum(squares.mean(axis=1), LEAST_POWER))
-        no_slip = (track.kinds[: n * rows].reshape(n, rows) < SLIP).all(axis=1)
+        no_slip = (track.kinds[whole].reshape(-1, rows) < SLIP).all(axis=1)
         self.rest_db = self._db[self._known & no_slip]
 
     def slips(self, floors_db: Floats) -> list[tuple[float, float, float]]:
         """Return when each slip begins, its level, and by how much that is above its own rest."""
-        found, levels_db, track = [], _level_db(self._db, floors_db), self.track
-        rest_db = (
-            float(np.median(_level_db(self.rest_db, floors_db))) if len(self.rest_db) else 0.0
-        )
-        inexact = round(track.samples.accuracy_s * track.sample_rate_hz)
-        truth = np.asarray(track.samples.truth)
-        edges = np.flatnonzero(np.diff(truth, prepend=False, append=False))
-        for start, end in edges.reshape(-1, 2):
+        found, rate_hz = [], self.track.sample_rate_hz
+        levels_db, rests_db = (_level_db(db, floors_db) for db in (self._db, self.rest_db))
+        rest_db = float(np.median(rests_db)) if rests_db.size else 0.0
+        inexact = round(self.track.samples.accuracy_s * rate_hz)
+        for start, end in edges_of(self.track.samples):
             blocks = slice(
                 max(start - inexact, 0) // self._rows, (end + inexact) // self._rows + 1
             )
-            its_db = levels_db[blocks][self._known[blocks]]
+            its_db = np.sort(levels_db[blocks][self._known[blocks]])
             if its_db.size:
-                at_s = start / track.sample_rate_hz
-                level_db = float(np.sort(its_db)[-min(LOUD_BLOCKS, (its_db.size + 1) // 2)])
-                found.append((at_s, level_db, level_db - rest_db))
+                level_db = float(its_db[-min(LOUD_BLOCKS, (its_db.size + 1) // 2)])
+                found.append((start / rate_hz, level_db, level_db - rest_db))
         return found

@@ -33,7 +33,7 @@ from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.recordings.rates import forward_filled
 from slip_detector.tuning.sweep import sweep_thresholds, thresholds, vote_statistics
-from slip_detector.tuning.tracks import Track, load_track, load_tracks
+from slip_detector.tuning.tracks import Track, enabled, faults_of, load_track, load_tracks
 
 #: Confidence of the bounds of a rate.
 CONFIDENCE = 0.95
@@ -67,11 +67,9 @@ LEAST_LINE_DB = 12.0
 #: Window of the spectra, which makes a line some 0.5 Hz wide.
 SPECTRUM_S = 4.0
 
-#: Largest distance of a line from its nominal frequency, as the mains frequency varies.
-STRAYS_HZ = 0.5
-
-#: Distances from a line between which the noise beside it is measured.
-NOISE_FROM_LINE_HZ = (1.0, 6.0)
+#: Distances from its nominal frequency within which a line is, as the mains frequency varies, and
+#: those within which the noise beside it is measured.
+LINE_HZ, BESIDE_HZ = (0.0, 0.5), (1.0, 6.0)
 
 #: Below this frequency a line cannot be distinguished from drift.
 LOWEST_LINE_HZ = 2.0
@@ -130,10 +128,10 @@ def learn_from_quiet(
             'parameter decision is mean, allowed: evidence, whose noise floors --quiet learns, '
             'or --false-alarms-per-hour, which sets the threshold'
         )
-    track, lines = load_track(path, loader)
-    learnt: dict[str, Any] = {}
+    track = load_track(path, loader)
     mains_hz, line = find_mains(chain, track)
-    lines.append(f'On {track.name}: {line}')
+    learnt: dict[str, Any] = {}
+    lines = [*faults_of([track]), f'On {track.name}: {line}']
     if by_evidence:
         if track.duration_s < LEAST_S:
             short = f'lasts {track.duration_s:.3g} s, allowed: at least {LEAST_S:g} s at rest'
@@ -145,14 +143,12 @@ def learn_from_quiet(
             except ValueError as error:
                 lines.append(f'mains_hz cannot remove it: {error}')
         floors = learnt_floors(chain, [track])
-        learnt['noise_floor'] = list(floors)
-        learnt['noise_floor_learnt'] = True
+        learnt |= {'noise_floor': list(floors), 'noise_floor_learnt': True}
         learnt['noise_floor_range_db'] = LEARNT_RANGE_DB
         lines.append(f'Noise floors of {min(floors):.4g} to {max(floors):.4g}')
     if per_hour is not None:
-        learnt['threshold'], line = quiet_threshold(
-            track, dataclasses.replace(chain, **learnt), per_hour
-        )
+        chain = dataclasses.replace(chain, **learnt)
+        learnt['threshold'], line = quiet_threshold(track, chain, per_hour)
         lines.append(f'On {track.name}, without slip: {line}')
     return learnt, lines
 
@@ -232,12 +228,12 @@ def learnt_floors(chain: ChainConfig, tracks: Sequence[Track]) -> tuple[float, .
     True
     """
     plain, tracks = dataclasses.replace(chain, decision='mean'), at_rest(tracks)
-    settling, every = settling_rows(plain), []
-    used = [REST] if any((track.kinds == REST).any() for track in tracks) else [MOTION]
+    kind = REST if any((track.kinds == REST).any() for track in tracks) else MOTION
+    every = []
     for track in tracks:
-        most = settling + max(MOST_ROWS // len(tracks), round(LEAST_S * track.sample_rate_hz))
-        its = envelopes(plain, track, most)
-        every.append(its[np.isin(track.kinds[: len(its)], used)])
+        most = max(MOST_ROWS // len(tracks), round(LEAST_S * track.sample_rate_hz))
+        its = envelopes(plain, track, settling_rows(plain) + most)
+        every.append(its[track.kinds[: len(its)] == kind])
     columns = [column[np.isfinite(column)] for column in np.concatenate(every).T]
     found = np.array([np.quantile(one, BELOW_FLOOR) if one.size else 0.0 for one in columns])
     if not found.any():
@@ -262,12 +258,10 @@ def envelopes(chain: ChainConfig, track: Track, most_rows: int | None = None) ->
     settling, runner = settling_rows(chain), SlipChain(chain)
     found = np.full(track.volts[:most_rows].shape, np.nan)
     for begin, end, _ in track.stretches:
-        runner.reset()
-        result = runner.update(track.volts[begin:end][: len(found) - begin], level=False)
         part = found[begin:end]
+        runner.reset()
+        result = runner.update(track.volts[begin : begin + len(part)], level=False)
         part[settling:] = np.where(result.valid, result.envelope, np.nan)[settling:]
-        if end >= len(found):
-            break
     return found
 
 
@@ -292,8 +286,7 @@ def find_mains(chain: ChainConfig, track: Track) -> tuple[float, str]:
     """
     rate_hz, rows = track.sample_rate_hz, round(SPECTRUM_S * track.sample_rate_hz)
     begin, end, _ = max(track.stretches, key=lambda one: one.end - one.begin)
-    disabled = [channel - 1 for channel in chain.disabled_channels]
-    volts = np.delete(track.volts[begin:end], disabled, axis=1)
+    volts = enabled(track.volts, chain)[begin:end]
     volts = forward_filled(volts, ~np.isfinite(volts))
     volts = volts[:, np.ptp(volts, axis=0) > 0.0]
     if chain.common_mode != 'none' and volts.size:
@@ -324,12 +317,11 @@ def _lines(mains_hz: float, rate_hz: float, hz: Floats, power: Floats) -> dict[i
         hum_hz = harmonic * mains_hz
         seen_hz = abs(hum_hz - rate_hz * round(hum_hz / rate_hz))
         away = np.abs(hz - seen_hz)
-        near = away <= STRAYS_HZ
-        noise = (away >= NOISE_FROM_LINE_HZ[0]) & (away <= NOISE_FROM_LINE_HZ[1])
-        taken = any(abs(other_hz - seen_hz) < 2 * STRAYS_HZ for other_hz in seen)
-        if taken or seen_hz < LOWEST_LINE_HZ or not near.any() or not noise.any():
+        line, noise = (power[(away >= low) & (away <= high)] for low, high in (LINE_HZ, BESIDE_HZ))
+        taken = any(abs(other_hz - seen_hz) < 2 * LINE_HZ[1] for other_hz in seen)
+        if taken or seen_hz < LOWEST_LINE_HZ or not line.size or not noise.size:
             continue
-        ratios = power[near].max(axis=0) / np.median(power[noise], axis=0)
+        ratios = line.max(axis=0) / np.median(noise, axis=0)
         least_db = 10.0 * float(np.log10(ratios.min()))
         if least_db >= LEAST_LINE_DB:
             seen.append(seen_hz)
@@ -362,10 +354,9 @@ def learn_from_taps(
         raise ValueError(
             f'parameter decision is {chain.decision}, allowed: evidence, which impact_v is for'
         )
-    knocks, lines = load_track(path, loader)
-    tracks, more_lines = load_tracks(slips, loader)
+    knocks, tracks = load_track(path, loader), load_tracks(slips, loader)
     impact_v, line = impact_step(chain, knocks, tracks)
-    return {'impact_v': impact_v}, [*lines, *more_lines, f'{knocks.name}: {line}']
+    return {'impact_v': impact_v}, [*faults_of([knocks, *tracks]), f'{knocks.name}: {line}']
 
 
 def steps_v(chain: ChainConfig, track: Track, rows: int = 1) -> Floats:
@@ -381,30 +372,22 @@ def steps_v(chain: ChainConfig, track: Track, rows: int = 1) -> Floats:
     [[0.0, 0.0, 0.0], [3.0, 2.0, 1.0], [2.0, 0.0, 0.0]]
     """
     low, high = chain.valid_range_v
-    disabled = [channel - 1 for channel in chain.disabled_channels]
-    volts = np.delete(track.volts, disabled, axis=1)
+    volts = enabled(track.volts, chain)
     found = np.zeros(volts.shape)
     for begin, end, _ in track.stretches:
         part = volts[begin:end]
-        good = (part >= low) & (part <= high) & np.isfinite(part)
-        filled = forward_filled(part, ~good)
+        filled = forward_filled(part, ~((part >= low) & (part <= high)))
         steps = np.abs(filled[rows:] - filled[:-rows])
         found[begin + rows : end] = np.sort(steps, axis=1)[:, ::-1]
     return found
 
 
-def impact_rows(chain: ChainConfig, impact_s: float) -> int:
-    """Return the number of rows over which a step is an impact."""
-    return chain.samples(impact_s) if impact_s else 1
-
-
 def slip_steps_v(chain: ChainConfig, tracks: Sequence[Track], rows: int = 1) -> Floats:
     """Return the largest of :func:`steps_v` in rows with slip; shape (enabled channels,)."""
     # Also where the label is not certain, as the first rows of a slip may be its largest.
-    slips = [np.asarray(track.samples.truth) for track in tracks]
     steps = [
-        steps_v(chain, track, rows)[slip].max(axis=0, initial=0.0)
-        for track, slip in zip(tracks, slips, strict=True)
+        steps_v(chain, track, rows)[np.asarray(track.samples.truth)].max(axis=0, initial=0.0)
+        for track in tracks
     ]
     # A hand may have pressed the key by mistake, or as something knocked.
     by_hand = any(track.samples.accuracy_s for track in tracks)
@@ -418,7 +401,7 @@ def knocks_v(chain: ChainConfig, track: Track) -> Floats:
     A knock begins with a step above :data:`KNOCK` times the noise. Further such steps that follow
     within :data:`KNOCK_S` of each other belong to it.
     """
-    every = steps_v(chain, track, impact_rows(chain, chain.impact_s))
+    every = steps_v(chain, track, chain.samples(chain.impact_s))
     steps = every[:, min(chain.impact_channels, every.shape[1]) - 1]
     # Where the samples seldom change, the noise is the smallest step of the converter.
     least_v = steps[steps > 0.0].min(initial=np.inf)
@@ -445,8 +428,8 @@ def impact_step(chain: ChainConfig, knocks: Track, tracks: Sequence[Track]) -> t
     >>> 0.05 < impact_v < 1.0, '90 % of 4 knocks have a step above 0.9' in line
     (True, True)
     """
-    rows = impact_rows(chain, chain.impact_s)
-    of_knocks, of_slips = knocks_v(chain, knocks), slip_steps_v(chain, tracks, rows)
+    of_knocks = knocks_v(chain, knocks)
+    of_slips = slip_steps_v(chain, tracks, chain.samples(chain.impact_s))
     slip_v = float(of_slips[min(chain.impact_channels, of_slips.size) - 1])
     knock_v = float(np.quantile(of_knocks, 1.0 - KNOCK_SHARE)) if of_knocks.size else 0.0
     numbers = (

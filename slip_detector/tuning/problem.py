@@ -12,14 +12,14 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The problem of a search: what is tuned, on what, at what cost, and how the result is judged."""
+"""The problem of a search: what is tuned, on what, and what a chain costs."""
 
 import dataclasses
 import functools
 import hashlib
 import math
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,8 +30,6 @@ from slip_detector.evaluation.chance import HALF, saved_by_chance_s, sooner_than
 from slip_detector.evaluation.scores import MOTION, REST, ScoreTally
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig, TuneConfig
-from slip_detector.parameters.fields import name_list
-from slip_detector.recordings.labels import KINDS
 from slip_detector.tuning.space import SearchSpace
 from slip_detector.tuning.sweep import (
     ThresholdSweep,
@@ -57,29 +55,11 @@ NEIGHBOURS = 3
 #: best of many chains may be the best by chance.
 CONFIDENCE = 0.99
 
-#: Areas under the ROC curve that differ by less than this count as equal.
-AUC_STEP = 1e-3
-
-#: Other figures that differ by less than this count as equal, and coverages by less than this.
-EQUAL, COVERAGE_STEP = 1e-9, 5e-3
-
 #: Times ON in recordings of a kind that differ by less than this count as equal, in per cent.
 ON_STEP = 0.5
 
 #: Factor on the cost of the amount by which a figure is worse than that of the given chain.
 WORSE_COUNTS = 10.0
-
-#: The figures that must not get worse: words, unit, whether more is better, and the step up to
-#: which two count as equal.
-COMPARED = {
-    'latency_median_all_ms': ('median latency', ' ms', False, EQUAL),
-    'false_alarms_per_minute_off': ('false alarms', ' in a minute of OFF', False, EQUAL),
-    'false_time_percent': ('false time', ' %', False, EQUAL),
-    'sooner_than_chance': ('sooner than chance', '', True, EQUAL),
-    'coverage': ('time of slips that is ON', '', True, COVERAGE_STEP),
-    'auc': ('area under the ROC curve', '', True, AUC_STEP),
-    **{f'{kind}_on_percent': (f'time ON in {kind}', ' %', False, ON_STEP) for kind in KINDS},
-}
 
 
 def searched(chain: ChainConfig) -> dict[str, Any]:
@@ -98,36 +78,6 @@ def searched(chain: ChainConfig) -> dict[str, Any]:
 def better_than_chance(figures: Figures) -> bool:
     """Return whether a chain finds slips sooner than decisions that do not depend on slip."""
     return (figures['sooner_than_chance'] or 0.0) > 0.0
-
-
-def worse_than(figures: Figures, other: Figures) -> list[str]:
-    """Return a text for each figure that is worse, or not defined where the other's is.
-
-    Only the area under the ROC curve is compared where the other's figures are no better than
-    chance. The latency of the slips found is not, as it falls where late slips are missed.
-
-    Examples
-    --------
-    >>> given = dict.fromkeys(COMPARED, 1.0)
-    >>> worse_than({**given, 'sooner_than_chance': 0.9}, given)
-    ['sooner than chance 0.9 against 1']
-    """
-    texts = []
-    for name, (words, unit, more_is_better, step) in COMPARED.items():
-        figure, its = (_limited(one, name) for one in (figures, other))
-        if its is None or (name != 'auc' and not better_than_chance(other)):
-            continue
-        if figure is None:
-            texts.append(f'no {words} defined against {its:.4g}{unit}')
-        elif (its - figure if more_is_better else figure - its) > step:
-            texts.append(f'{words} {figure:.4g} against {its:.4g}{unit}')
-    return texts
-
-
-def _limited(figures: Figures, name: str) -> float | None:
-    """Return a figure as costs have it: that an alarm is before its slip brings nothing."""
-    figure = figures[name]
-    return max(figure, 0.0) if figure is not None and name.startswith('latency') else figure
 
 
 class Candidate(NamedTuple):
@@ -150,7 +100,7 @@ class Candidate(NamedTuple):
     figures: Figures
 
     def as_json(self) -> dict[str, Any]:
-        """Return its entry in a study, in types of JSON; see :meth:`Problem.candidates`."""
+        """Return its entry in a study, in types of JSON; see :meth:`Problem.candidate`."""
         entry = self._asdict()
         return {'parameters': searched(entry.pop('chain')), **entry}
 
@@ -266,9 +216,13 @@ class Problem:
         self, chain: ChainConfig, statistic: Sequence[Floats], limits: Floats, neighbours: int
     ) -> Candidate:
         """Return a chain with the threshold that, with so many neighbours, costs least."""
-        rows = settling_rows(chain)
+        rows, most_ms = settling_rows(chain), self.config.missed_costs_ms
         sweep = sweep_thresholds(statistic, self.tracks, limits, self.evaluation, rows)
-        costs_ms = self._event_costs_ms(sweep) + self._hidden_costs_ms(chain, limits, sweep)
+        # How late each slip is found. One that begins while a chain settles counts as missed, so
+        # that a chain does not gain by settling for longer.
+        late_ms = np.clip(np.fmin(sweep.latencies_ms, most_ms), 0.0, most_ms)
+        costs_ms = self._event_costs_ms(sweep, late_ms)
+        costs_ms += self._hidden_costs_ms(chain, limits, sweep)
         costs_ms = _with_neighbours(costs_ms, neighbours)
         at = int(np.argmin(costs_ms))
         chain = dataclasses.replace(chain, threshold=float(limits[at]))
@@ -287,59 +241,56 @@ class Problem:
         off = 1.0 - (on_percent or 0.0) / 100.0
         per_minute_off = alarms / off if alarms is not None and off > 0.0 else None
         figures = {**figures, 'false_alarms_per_minute_off': per_minute_off, 'auc': auc}
-        return Candidate(chain, cost_ms, self._error_ms(sweep, at), figures)
+        return Candidate(chain, cost_ms, _error_of_mean(late_ms[sweep.scored, at]), figures)
 
-    def _event_costs_ms(self, sweep: ThresholdSweep) -> Floats:
+    def _event_costs_ms(self, sweep: ThresholdSweep, late_ms: Floats) -> Floats:
         """Return the cost of slips and alarms at each of T thresholds, shape (T,).
 
         It is infinite where no slip or no rest is scored, which says nothing about the chain.
         """
         config, given, scored = self.config, self.figures, sweep.scored
-        late_ms = self._late_ms(sweep)
         if not scored.any() or not sweep.rest_s:
             return np.full(late_ms.shape[1], np.inf)
         missed_costs, false_costs = config.missed_costs_ms, config.false_alarm_costs_ms
+        time_costs, missed_time_costs = config.false_time_costs_ms, config.missed_time_costs_ms
         leads_s, windows_s = sweep.leads_s[scored], sweep.windows_s[scored]
         rates_hz = sweep.false_alarms / sweep.rest_s
-        per_minute = 60.0 * sweep.false_alarms / sweep.rest_s
-        percent = 100.0 * (sweep.on_rest_s / sweep.rest_s)
         # Each kind of recordings counts as much as another, however long it was recorded.
-        kinds = [one for one in sweep.of_kinds.values() if one[0]]
-        mean_per_minute = sum(60.0 * alarms / rest_s for rest_s, alarms, _ in kinds) / len(kinds)
-        mean_percent = sum(100.0 * (on_s / rest_s) for rest_s, _, on_s in kinds) / len(kinds)
+        kinds = {kind: one for kind, one in sweep.of_kinds.items() if one[0]}
+        per_minute = {kind: 60.0 * many / rest_s for kind, (rest_s, many, _) in kinds.items()}
+        on_percent = {kind: 100.0 * (on_s / rest_s) for kind, (rest_s, _, on_s) in kinds.items()}
         # Labels that are not exact may leave no row that certainly slips.
         missed_percent = 100.0 * (1.0 - np.nan_to_num(sweep.coverage, nan=1.0))
         costs = (
             late_ms.mean(axis=0)
             + 1e3 * saved_by_chance_s(leads_s, windows_s, rates_hz, missed_costs / 1e3)
-            + false_costs * mean_per_minute
-            + config.false_time_costs_ms * mean_percent
-            + config.missed_time_costs_ms * missed_percent
+            + false_costs * (sum(per_minute.values()) / len(kinds))
+            + time_costs * (sum(on_percent.values()) / len(kinds))
+            + missed_time_costs * missed_percent
         )
-        if given is not None and better_than_chance(given):
-            latencies_s = sweep.latencies_ms[scored] / 1e3
-            sooner = sooner_than_chance(latencies_s, leads_s, windows_s, rates_hz)
-            median = np.where(sooner >= HALF, np.median(late_ms, axis=0), missed_costs)
-            # Per minute of rest that is OFF; 0 where none is.
-            off = np.maximum(1.0 - percent / 100.0, 0.0)
-            per_minute_off = np.divide(per_minute, off, out=np.zeros(off.size), where=off > 0.0)
-            limits = {name: _limited(given, name) for name in given}
-            limit = {name: np.nan if one is None else one for name, one in limits.items()}
-            # A figure that is not defined is not worse.
-            worse = (
-                np.fmax(median - limit['latency_median_all_ms'], 0.0)
-                + missed_costs * np.fmax(limit['sooner_than_chance'] - sooner, 0.0)
-                + false_costs * np.fmax(per_minute_off - limit['false_alarms_per_minute_off'], 0.0)
-                + config.false_time_costs_ms * np.fmax(percent - limit['false_time_percent'], 0.0)
-                + config.missed_time_costs_ms
-                * np.fmax(missed_percent - 100.0 * (1.0 - limit['coverage']), 0.0)
-            )
-            for kind, (rest_s, _, on_s) in sweep.of_kinds.items():
-                most = limit.get(f'{kind}_on_percent', np.nan) + ON_STEP
-                more = np.fmax(100.0 * (on_s / rest_s) - most, 0.0) if rest_s else 0.0
-                worse += config.false_time_costs_ms * more
-            costs += WORSE_COUNTS * worse
-        return np.asarray(costs)
+        if given is None or not better_than_chance(given):
+            return np.asarray(costs)
+        # A figure that is not defined is not worse.
+        limit = {name: np.nan if one is None else one for name, one in given.items()}
+        sooner = sooner_than_chance(sweep.latencies_ms[scored] / 1e3, leads_s, windows_s, rates_hz)
+        median_ms = np.where(sooner >= HALF, np.median(late_ms, axis=0), missed_costs)
+        percent = 100.0 * (sweep.on_rest_s / sweep.rest_s)
+        off = np.maximum(1.0 - percent / 100.0, 0.0)
+        # Per minute of rest that is OFF; 0 where none is.
+        every = 60.0 * sweep.false_alarms / sweep.rest_s
+        per_minute_off = np.divide(every, off, out=np.zeros(off.size), where=off > 0.0)
+        more = [
+            (1.0, median_ms - max(limit['latency_median_all_ms'], 0.0)),
+            (missed_costs, limit['sooner_than_chance'] - sooner),
+            (false_costs, per_minute_off - limit['false_alarms_per_minute_off']),
+            (time_costs, percent - limit['false_time_percent']),
+            (missed_time_costs, missed_percent - 100.0 * (1.0 - limit['coverage'])),
+        ]
+        for kind, its_percent in on_percent.items():
+            most = limit.get(f'{kind}_on_percent', np.nan) + ON_STEP
+            more.append((time_costs, its_percent - most))
+        worse = sum(weight * np.fmax(by, 0.0) for weight, by in more)
+        return np.asarray(costs + WORSE_COUNTS * worse)
 
     def _hidden_costs_ms(
         self, chain: ChainConfig, limits: Floats, sweep: ThresholdSweep
@@ -350,118 +301,51 @@ class Problem:
         known: the rows of the mains comb and of windows, the time in which evidence falls from its
         limit to a threshold, and that in which it rises there in the loudest slip.
         """
-        before_s = after_s = chain.mains_rows / chain.sample_rate_hz + chain.envelope_window_s
+        rest_s, *_ = sweep.of_kinds.get('', (0.0,))
+        if not rest_s:
+            return 0.0
+        holds_s = chain.mains_rows / chain.sample_rate_hz + chain.envelope_window_s
         if chain.decision == 'mean':
             rises_s = falls_s = np.full(limits.shape, chain.decision_window_s)
         else:
             rises_s = limits / chain.evidence_cap_db
             over = np.maximum(1.0 - limits / chain.evidence_limit_db_s, 0.0)
             falls_s = evidence_falls_s(chain) * over
-        off_s = on_s = slips_s = np.zeros(limits.shape)
-        for track in self.tracks:
-            accuracy_s, n = track.samples.accuracy_s, len(track.slips)
-            off_s = off_s + n * np.minimum(before_s + rises_s, accuracy_s)
-            on_s = on_s + n * np.minimum(after_s + falls_s, accuracy_s)
-            slips_s = slips_s + sum(b - a for a, b in track.slips) / track.sample_rate_hz
-        rest_s, *_ = sweep.of_kinds.get('', (0.0,))
-        if not rest_s:
-            return 0.0
-        config = self.config
+        off_s, on_s = (
+            sum(
+                len(track.slips) * np.minimum(holds_s + more_s, track.samples.accuracy_s)
+                for track in self.tracks
+            )
+            for more_s in (rises_s, falls_s)
+        )
+        slips_s = sum(
+            sum(end - start for start, end in track.slips) / track.sample_rate_hz
+            for track in self.tracks
+        )
         return np.asarray(
-            config.false_time_costs_ms * 100.0 * on_s / rest_s
-            + config.missed_time_costs_ms * 100.0 * off_s / slips_s
+            self.config.false_time_costs_ms * 100.0 * on_s / rest_s
+            + self.config.missed_time_costs_ms * 100.0 * off_s / slips_s
         )
 
-    def _error_ms(self, sweep: ThresholdSweep, at: int) -> float:
-        """Return the error of the mean latency by Student's t, at ``CONFIDENCE``.
-
-        A chain whose cost is higher by less than this counts as equally good. With one slip the
-        error is the largest float, as JSON has no infinity.
-        """
-        late_ms = self._late_ms(sweep)[sweep.scored, at]
-        if late_ms.size < 2:
-            return sys.float_info.max
-        # Imported here: what is learnt of rest and of taps does without it.
-        from scipy import special
-
-        t = float(special.stdtrit(late_ms.size - 1, 0.5 + CONFIDENCE / 2))
-        return t * float(np.std(late_ms, ddof=1)) / math.sqrt(late_ms.size)
-
-    def _late_ms(self, sweep: ThresholdSweep) -> Floats:
-        """Return how late each slip is found, from 0 to the cost of a miss; shape (slips, T).
-
-        Slips that begin while a chain settles count as missed, so that a chain does not gain by
-        settling for longer.
-        """
-        costs_ms = self.config.missed_costs_ms
-        return np.asarray(np.clip(np.fmin(sweep.latencies_ms, costs_ms), 0.0, costs_ms))
-
-    def _candidate(self, entry: dict[str, Any]) -> Candidate:
+    def candidate(self, entry: dict[str, Any]) -> Candidate:
         """Return the candidate of an entry in a study; see :meth:`Candidate.as_json`."""
         rest = {name: entry[name] for name in Candidate._fields[1:]}
         return Candidate(dataclasses.replace(self.given, **entry['parameters']), **rest)
 
-    def cheapest_of(self, trials: Iterable[Any], most: int = 1) -> list[Candidate]:
-        """Return the cheapest chains of finished trials, each of another trial."""
-        found = sorted((trial.user_attrs['found'][0] for trial in trials), key=_cost_ms)
-        return [self._candidate(entry) for entry in found[:most]]
 
-    def best_of(self, trials: Iterable[Any]) -> Candidate | None:
-        """Return the cheapest chain of finished trials; None where none found one."""
-        return next(iter(self.cheapest_of(trials)), None)
+def _error_of_mean(late_ms: Floats) -> float:
+    """Return the error of the mean latency by Student's t, at ``CONFIDENCE``.
 
-    def choice(self, trials: Sequence[Any]) -> Candidate | None:
-        """Return the result of a search; None where no trial found a chain.
+    A chain whose cost is higher by less than this counts as equally good. With one slip the error
+    is the largest float, as JSON has no infinity.
+    """
+    if late_ms.size < 2:
+        return sys.float_info.max
+    # Imported here: what is learnt of rest and of taps does without it.
+    from scipy import special
 
-        Of all chains whose cost is at most that of the best one plus its error, it is the nearest
-        to the given chain. So with few slips, which cannot distinguish a good chain from a lucky
-        one, the result stays close to the given chain.
-        """
-        best, space = self.best_of(trials), self.space
-        if best is None:
-            return None
-        given = space.point(self.given)
-        as_good = [
-            (space.distance(trial.params, given), found)
-            for trial in trials
-            for entry in trial.user_attrs['found']
-            if entry['cost_ms'] <= best.cost_ms + best.error_ms
-            and not self._worse(found := self._candidate(entry), best)
-        ]
-        vote = self.given.vote
-        return min(as_good, key=lambda one: math.hypot(one[0], one[1].chain.vote != vote))[1]
-
-    def passed_over(self, choice: Candidate, trials: Iterable[Any]) -> str:
-        """Return a sentence on why :meth:`choice` is not the cheapest chain; empty where it is."""
-        best, slips = self.best_of(trials), sum(len(track.slips) for track in self.tracks)
-        assert best is not None
-        if choice.cost_ms <= best.cost_ms:
-            return ''
-        given, now = searched(self.given), searched(choice.chain)
-        names = name_list([name for name in now if now[name] != given.get(name)])
-        less = f'{slips} slips less than {best.error_ms:.3g} ms' if slips > 1 else '1 slip any'
-        return (
-            f'The cheapest chain costs {best.cost_ms:.1f} ms, but with {less} may be chance, '
-            f'so the one nearest to the given parameters was judged, at {choice.cost_ms:.1f} ms: '
-            f'it differs in {names or "nothing"}'
-        )
-
-    def _worse(self, found: Candidate, best: Candidate) -> bool:
-        """Return whether a chain is worse than the given one where the best is not.
-
-        Compared are the number of figures that are worse than the given chain's, and the area
-        under the ROC curve, which must not be below those of both: as the area is of many rows,
-        few slips do not explain a lower one.
-        """
-        if self.figures is None:
-            return False
-        worse, of_best = (len(worse_than(one.figures, self.figures)) for one in (found, best))
-        areas = [one['auc'] or 0.0 for one in (found.figures, best.figures, self.figures)]
-        return worse > of_best or areas[0] < min(areas[1:]) - AUC_STEP
-
-
-def _cost_ms(entry: dict[str, Any]) -> float:
-    return float(entry['cost_ms'])
+    t = float(special.stdtrit(late_ms.size - 1, 0.5 + CONFIDENCE / 2))
+    return t * float(np.std(late_ms, ddof=1)) / math.sqrt(late_ms.size)
 
 
 def _with_neighbours(costs: Floats, neighbours: int) -> Floats:
@@ -474,70 +358,3 @@ def _with_neighbours(costs: Floats, neighbours: int) -> Floats:
     padded = np.pad(costs, neighbours, mode='edge')
     padded[:neighbours] = np.inf
     return np.asarray(np.convolve(padded, np.full(width, 1.0 / width), 'valid'))
-
-
-class Verdict(NamedTuple):
-    """The chain that a search returns.
-
-    Attributes
-    ----------
-    chain : ChainConfig
-        The best chain found, or the running one.
-    kept : str
-        Why the running chain is kept; empty where it is not.
-    tried : ChainConfig or None
-        The best chain found, also where it is not taken; None where none was found.
-    cost_ms : float
-        Its cost on what was held out.
-
-    Examples
-    --------
-    >>> from slip_detector import ChainConfig
-    >>> Verdict(ChainConfig(threshold=0.7), kept='').chain.threshold
-    0.7
-    """
-
-    chain: ChainConfig
-    kept: str
-    tried: ChainConfig | None = None
-    cost_ms: float = math.inf
-
-
-def judge(problem: Problem, held: Sequence[Track], best: Candidate | None) -> Verdict:
-    """Choose between the running chain and the best one found, by the held-out recordings.
-
-    The best one is chosen where it costs less on them and where, unless ``trade`` is set, none of
-    median latency, ``sooner_than_chance``, false alarms, false time and area under the ROC curve
-    is worse.
-
-    Parameters
-    ----------
-    problem
-        The problem of the search.
-    held
-        The held-out recordings.
-    best
-        The best chain found; None where none was found.
-
-    Examples
-    --------
-    >>> judge(Problem([]), [], best=None).kept
-    'no trial found a chain that detects slip'
-    """
-    running = problem.running or problem.given
-    if best is None:
-        return Verdict(running, 'no trial found a chain that detects slip')
-    on_held = dataclasses.replace(problem, tracks=held, figures=None)
-    before, after = on_held.as_it_is(running), on_held.as_it_is(best.chain)
-    worse = [] if problem.config.trade else worse_than(after.figures, before.figures)
-    slips = sum(len(track.slips) for track in held)
-    recalls = [one.figures['recall'] or 0.0 for one in (before, after)]
-    if recalls[1] < recalls[0] and better_than_chance(before.figures):
-        worse.insert(0, f'misses {slips - round(recalls[1] * slips)} of {slips} slips')
-    if after.cost_ms > before.cost_ms:
-        worse.append(f'a cost of {after.cost_ms:.4g} against {before.cost_ms:.4g} ms')
-    if not worse and after.cost_ms < before.cost_ms:
-        return Verdict(best.chain, '', best.chain, after.cost_ms)
-    how = f'worse: {", ".join(worse)}' if worse else 'no better'
-    why = f'on the held-out recordings the best found is {how}'
-    return Verdict(running, why, best.chain)

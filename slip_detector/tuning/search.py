@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A search, one batch of trials after another, and its verdict: what command and live page call.
+"""A search, one batch of trials after another, and the study that keeps them.
 
 A search asks the study for a batch of trials and stores their results when all are done, in the
 order in which it asked for them. So the result of a search depends neither on the number of
@@ -27,24 +27,12 @@ next one.
 import contextlib
 import dataclasses
 import functools
-import importlib.util
 import pickle
-import signal
-import sys
-import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import FrameType
-from typing import Any, NamedTuple
+from typing import Any
 
-from slip_detector.evaluation.evaluator import RecordingLoader
-from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.driver import RecordingConfig
-from slip_detector.parameters.evaluation import EvaluationConfig, TuneConfig
-from slip_detector.parameters.fields import name_list
-from slip_detector.tuning.kinds import contradictions
-from slip_detector.tuning.problem import Candidate, Problem, Verdict, judge
-from slip_detector.tuning.tracks import Track, TrainingFiles
+from slip_detector.tuning.problem import Candidate, Problem
 
 #: Number of trials in a batch, which is the largest number of processes that are useful.
 BATCH = 8
@@ -52,182 +40,11 @@ BATCH = 8
 #: Number of trials at random points before the sampler learns from results.
 STARTUP_TRIALS = 12
 
-NEEDS_OPTUNA = "needs optuna, which is not installed: pip install 'slip_detector[tune]'"
-
 Point = dict[str, Any]
 
 #: Calls a function with each of some points, maybe in other processes; yields the index of each
 #: point and the candidates there, in any order.
 Calls = Callable[..., Iterator[tuple[int, list[Candidate]]]]
-
-
-#: So many chains at most are judged, the cheapest first, if one is not enough.
-JUDGED = 20
-
-
-class TuningParameters(NamedTuple):
-    """The sets of parameters that tuning needs.
-
-    Examples
-    --------
-    >>> TuningParameters().chain.threshold
-    0.5
-    """
-
-    chain: ChainConfig = ChainConfig()
-    recording: RecordingConfig = RecordingConfig()
-    evaluation: EvaluationConfig = EvaluationConfig()
-    tune: TuneConfig = TuneConfig()
-    running: ChainConfig | None = None
-
-    @property
-    def loader(self) -> RecordingLoader:
-        """Opens recordings for the chain."""
-        return RecordingLoader(self.chain, self.recording, self.evaluation)
-
-    def problem(self, tracks: Sequence[Track]) -> Problem:
-        """Return the problem of a search on tracks."""
-        problem = Problem(tracks, self.chain, None, self.evaluation, self.tune, self.running)
-        running = self.running or self.chain
-        figures = None if self.tune.trade else problem.as_it_is(running).figures
-        return dataclasses.replace(problem, figures=figures)
-
-
-class TuningResult(NamedTuple):
-    """What a search has found.
-
-    Attributes
-    ----------
-    problem : Problem
-        With the recordings that were tuned on.
-    held : list of Track
-        The held-out recordings.
-    study : Study
-        With all trials.
-    verdict : Verdict
-        The best chain found, or the given one.
-    notes : list of str
-        A line for each recording with faults, one where Ctrl-C ended the search, and one where the
-        cheapest chain is not the one that was judged.
-    """
-
-    problem: Problem
-    held: list[Track]
-    study: 'Study'
-    verdict: Verdict
-    notes: list[str]
-
-
-def tune(
-    files: TrainingFiles,
-    parameters: TuningParameters,
-    trials: int,
-    *,
-    seed: int = 0,
-    storage: str | None = None,
-    progress: Callable[[int, Candidate | None], None] = lambda count, best: None,
-    doubt: Callable[[list[str]], None] = lambda sentences: None,
-    calls: Calls | None = None,
-) -> TuningResult:
-    """Search for a better chain, and judge the best one on the held-out recordings.
-
-    Once the recordings are read, the first Ctrl-C ends the search with the result so far.
-
-    Parameters
-    ----------
-    files
-        The recordings to tune on and to hold out.
-    parameters
-        The chain that is tuned, and how.
-    trials
-        Number of trials that the study is to reach, including other searches and earlier runs.
-    seed
-        Seed of the search.
-    storage
-        The storage of the study, see :class:`Study`; None: in memory.
-    progress
-        Called with the number of trials so far and the chain that would be judged if the search
-        ended now, before the first trial, and after each trial and each batch.
-    doubt
-        Called before the search with a sentence on each recording that contradicts its kind, if
-        there are any; see :func:`.kinds.contradictions`.
-    calls
-        Makes the calls for the points of a batch. None: they are made in this process.
-
-    Raises
-    ------
-    ValueError
-        When a recording cannot be read, there are too few slips, or the storage fails; names what
-        is wrong.
-    """
-    if importlib.util.find_spec('optuna') is None:
-        raise ValueError(NEEDS_OPTUNA)
-    training, held, notes = files.load()
-    if found := contradictions(parameters.chain, training + held):
-        sentences = [one.words for one in found]
-        wrong = [one.track for one in found if one.no_slip and one.track.samples.accuracy_s]
-        parts = [[track for track in part if track not in wrong] for part in (training, held)]
-        if wrong and all(any(track.slips for track in part) for part in parts):
-            training, held = parts
-            left_out = name_list([track.name for track in wrong])
-            sentences.append(f'Left out, as keys that were pressed by mistake: {left_out}')
-        doubt(sentences)
-        notes += sentences
-    with _first_interrupt_noted() as stop:
-        problem = parameters.problem(training)
-        name = problem.study_name()
-        study = Study(problem.space.distributions, seed, storage, name)
-        # It has a few kilobytes, without any rows.
-        names = {track.name for track in training}
-        pickled = pickle.dumps((files, names, dataclasses.replace(problem, tracks=()), name))
-
-        @functools.lru_cache(maxsize=1)
-        def choice(known: int) -> Candidate | None:
-            return problem.choice(study.trials)
-
-        def show(count: int) -> None:
-            progress(count, choice(len(study.trials)))
-
-        with study.errors_in_one_line():  # Its trials may be damaged.
-            problem.choice(study.trials)
-        show(study.follow())
-        results = calls and functools.partial(calls, functools.partial(_candidates_at, pickled))
-        search(problem, study, trials, stop.is_set, show, results)
-    if stop.is_set():
-        notes.append('Stopped early.')
-    chosen = choice(len(study.trials))
-    notes += filter(None, [chosen and problem.passed_over(chosen, study.trials)])
-    verdict = first = judge(problem, held, chosen)
-    # Labels by hand leave little to tell chains by: more of them have to show what they are worth.
-    if first.kept or any(track.samples.accuracy_s for track in held):
-        several = problem.cheapest_of(study.trials, JUDGED)
-        judged = [first, *(judge(problem, held, candidate) for candidate in several)]
-        holds = [one for one in judged if not one.kept]
-        verdict = min(holds, key=lambda one: one.cost_ms, default=first)
-        if verdict is not first:
-            notes.append(
-                f'Of {len(judged)} chains that were judged the one was taken that costs least on '
-                'what was held out, and is worse in nothing'
-            )
-    return TuningResult(problem, held, study, verdict, notes)
-
-
-@contextlib.contextmanager
-def _first_interrupt_noted() -> Iterator[threading.Event]:
-    """Within this context the first SIGINT only sets an event; the second one interrupts."""
-    stop = threading.Event()
-
-    def note(number: int, frame: FrameType | None) -> None:
-        if stop.is_set():
-            raise KeyboardInterrupt
-        stop.set()
-        sys.stderr.write('\nstopping; results so far are kept (Ctrl-C again: end at once)\n')
-
-    before = signal.signal(signal.SIGINT, note)
-    try:
-        yield stop
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 def search(
@@ -273,8 +90,8 @@ def search(
     >>> problem = Problem([track_of('trial', [rows], sample_rate_hz=380.0)])
     >>> study = Study(problem.space.distributions, seed=0)
     >>> search(problem, study, trials=2)
-    >>> study.follow(), problem.choice(study.trials) is not None
-    (2, True)
+    >>> study.follow()
+    2
     """
     results = results or (lambda points: enumerate(map(problem.candidates_at, points)))
     starts = problem.space.starts()
@@ -289,13 +106,12 @@ def search(
             if stop():
                 break
         for place, candidates in sorted(found.items()):
-            cost_ms = candidates[0].cost_ms if candidates else None
-            study.tell(points[place], cost_ms, [one.as_json() for one in candidates])
+            study.tell(points[place], [one.as_json() for one in candidates])
         count = study.follow()
         progress(count)
 
 
-def _candidates_at(pickled: bytes, point: Point) -> list[Candidate]:
+def candidates_at(pickled: bytes, point: Point) -> list[Candidate]:
     """Do :meth:`Problem.candidates_at` in another process, which reads the recordings itself."""
     return _with_rows(pickled).candidates_at(point)
 
@@ -336,7 +152,7 @@ class Study:
     --------
     >>> from optuna.distributions import FloatDistribution
     >>> study = Study({'x': FloatDistribution(0.0, 1.0)}, seed=0)
-    >>> study.tell({'x': 0.5}, cost=3.0, found=[])
+    >>> study.tell({'x': 0.5}, found=[{'cost_ms': 3.0}])
     >>> study.follow(), [(trial.params, trial.value) for trial in study.trials]
     (1, [({'x': 0.5}, 3.0)])
     """
@@ -393,13 +209,13 @@ class Study:
         self._asked.append(self._copy.ask(self._distributions))
         return dict(self._asked[-1].params)
 
-    def tell(self, point: Point, cost: float | None, found: list[dict[str, Any]]) -> None:
-        """Store the result of a trial; its cost is None where the point has no chain."""
+    def tell(self, point: Point, found: list[dict[str, Any]]) -> None:
+        """Store the chains of a trial, the cheapest first; none where the point has no chain."""
         from optuna.trial import TrialState, create_trial
 
         trial = create_trial(
-            state=TrialState.FAIL if cost is None else TrialState.COMPLETE,
-            value=cost,
+            state=TrialState.COMPLETE if found else TrialState.FAIL,
+            value=found[0]['cost_ms'] if found else None,
             params=point,
             distributions=self._distributions,
             user_attrs={'found': found},

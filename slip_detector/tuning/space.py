@@ -22,7 +22,7 @@ values for the noise floors, a point has the way in which they are learnt from t
 import dataclasses
 import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
@@ -31,7 +31,6 @@ from slip_detector.tuning.kinds import activity_range_db, contact_level_v
 from slip_detector.tuning.learning import (
     LEAST_RATIO,
     MAINS_HZ,
-    impact_rows,
     learnt_floors,
     slip_steps_v,
 )
@@ -111,8 +110,11 @@ class SearchSpace:
 
     def __init__(self, given: ChainConfig, tracks: Sequence[Track] = ()) -> None:
         self._given, self._tracks = given, tracks
-        self._steps_v: dict[int, Any] = {}
         self._highest_hz = HIGHEST * given.sample_rate_hz
+        self._enabled = given.channels - len(given.disabled_channels)
+        # No more channels have to touch than there are.
+        self._touching = min(given.contact_channels, self._enabled)
+        self._slip_steps_v = functools.cache(lambda rows: slip_steps_v(given, tracks, rows))
         self._least_window_s = max(SHORTEST_WINDOW_S, 1.0 / given.sample_rate_hz)
 
     @functools.cached_property
@@ -123,16 +125,16 @@ class SearchSpace:
         from optuna.distributions import IntDistribution as Whole
 
         given, rate = self._given, self._given.sample_rate_hz
-        enabled = given.channels - len(given.disabled_channels)
         windows_s = Between(self._least_window_s, 0.3, log=True)
         notches_hz = [f for f in MAINS_HZ if f + NOTCH_HALF_WIDTH_HZ < self._highest_hz]
-        mains_hz = {0.0, given.mains_hz, *filter(self._has_whole_periods, MAINS_HZ)}
+        of_rate = [f for f in MAINS_HZ if _works(dataclasses.replace, given, mains_hz=f)]
+        touching = dataclasses.replace(given, contact_channels=self._touching)
         of_kinds: dict[str, Any] = {}
         kinds = {track.kind for track in self._tracks}
         # What no recording shows is not searched, and stays as it is given.
         if kinds & {'taps', 'press', 'roll'}:
             of_kinds['impact_s'] = OneOf(sorted({given.impact_s, *IMPACTS_S}))
-        if self._contact_is_learnt:
+        if _works(contact_level_v, touching, self._tracks):
             of_kinds['contact'] = OneOf(_ways(given.contact_level_v, 'none', 'learnt'))
         if kinds & {'press', 'roll'}:
             of_kinds['activity'] = OneOf(_ways(given.activity_cap_db, 'none', 'learnt'))
@@ -145,7 +147,7 @@ class SearchSpace:
             'passband_degree': OneOf(sorted({given.passband_degree, 1, 2, 4})),
             'stopbands': OneOf(('given', 'none', 'below', 'above', 'both')),
             'notch_hz': OneOf((0.0, *notches_hz)),
-            'mains_hz': OneOf(sorted(mains_hz)),
+            'mains_hz': OneOf(sorted({0.0, given.mains_hz, *of_rate})),
             'exponent': Whole(1, max(4, given.exponent)),
             'envelope_window_s': windows_s,
             'decision_window_s': windows_s,
@@ -160,9 +162,9 @@ class SearchSpace:
             'evidence_limit_db_s': Between(0.02, 5.0, log=True),
             # The given step that is an impact, none, or one larger than any step of a slip.
             'impact': OneOf(_ways(given.impact_v, 'none', 'above slips')),
-            'impact_channels': Whole(1, enabled, log=True),
+            'impact_channels': Whole(1, self._enabled, log=True),
             'impact_hold_s': Between(max(0.05, 1.0 / rate), 1.0, log=True),
-            'common_mode': OneOf(COMMON_MODES if enabled >= LEAST_SHARING else ('none',)),
+            'common_mode': OneOf(COMMON_MODES if self._enabled >= LEAST_SHARING else ('none',)),
         }
 
     def chain(self, point: dict[str, Any]) -> ChainConfig:
@@ -176,35 +178,36 @@ class SearchSpace:
             When its parameters contradict each other, or noise floors cannot be learnt.
         """
         given, decision = self._given, point['decision']
-        values = {k: rounded(one) if isinstance(one, float) else one for k, one in point.items()}
-        # A rounded window must not be shorter than a sample.
-        for name in ('envelope_window_s', 'decision_window_s'):
-            values[name] = max(values[name], self._least_window_s)
-        low_hz, degree = values['passband_low_hz'], values['passband_degree']
+        low_hz, degree = rounded(point['passband_low_hz']), point['passband_degree']
         high_hz = rounded(low_hz * 2.0 ** point['passband_octaves'])
         if high_hz > self._highest_hz:
             high_hz = 0.0
+        fields = dataclasses.fields(given)
+        names = {field.name for field in fields if decision in field.metadata['searched_with']}
         changes: dict[str, Any] = {
-            field.name: values[field.name]
-            for field in dataclasses.fields(given)
-            if field.name in values and decision in field.metadata['searched_with']
+            name: rounded(value) if isinstance(value, float) else value
+            for name, value in point.items()
+            if name in names
         } | {
             'passband_hz': (low_hz, high_hz),
             'passband_degree': degree + degree % 2 if high_hz else degree,
             'stopbands_hz': self._stopbands(point, low_hz, high_hz),
             'mains_hz': point['mains_hz'],
         }
+        # A rounded window must not be shorter than a sample.
+        for name in {'envelope_window_s', 'decision_window_s'} & changes.keys():
+            changes[name] = max(changes[name], self._least_window_s)
         if decision == 'mean':
             return dataclasses.replace(given, **changes)
-        learnt = {'given': given.noise_floor_learnt, 'learnt': True, 'followed': False}
-        limit_db_s = values['evidence_limit_db_s']
-        reached = given.threshold < limit_db_s
+        limit_db_s = changes['evidence_limit_db_s']
+        learnt = {'given': given.noise_floor_learnt, 'learnt': True}
+        if given.threshold >= limit_db_s:
+            changes['threshold'] = rounded(0.5 * limit_db_s)
         changes |= {
-            'noise_floor_learnt': learnt[point['floors']],
-            'noise_floor_range_db': values['floor_range_db'],
-            'noise_floor_rate_db_s': values['floor_rate_db_s'],
-            'evidence_cap_db': rounded(values['evidence_offset_db'] + point['cap_above_db']),
-            'threshold': given.threshold if reached else rounded(0.5 * limit_db_s),
+            'noise_floor_range_db': rounded(point['floor_range_db']),
+            'noise_floor_rate_db_s': rounded(point['floor_rate_db_s']),
+            'noise_floor_learnt': learnt.get(point['floors'], False),
+            'evidence_cap_db': rounded(changes['evidence_offset_db'] + point['cap_above_db']),
             **self._impacts(point),
         }
         mean = dataclasses.replace(given, **{**changes, 'decision': 'mean'})
@@ -214,40 +217,24 @@ class SearchSpace:
     def _contact(self, point: dict[str, Any], chain: ChainConfig) -> dict[str, Any]:
         """Return the parameters of contact and activity; ``chain`` has others of the point."""
         given = self._given
-        changes: dict[str, Any] = {}
+        changes: dict[str, Any] = {'activity_cap_db': given.activity_cap_db}
         contact, activity = (point.get(name, 'given') for name in ('contact', 'activity'))
-        if activity == 'given':
-            changes['activity_cap_db'] = given.activity_cap_db
-        elif activity == 'none':
+        if activity == 'none':
             changes['activity_cap_db'] = 0.0
-        else:
+        elif activity == 'learnt':
             low_hz, (begin_hz, end_hz) = chain.passband_hz[0], given.activity_band_hz
             share = min(low_hz / end_hz, 1.0)
             changes['activity_band_hz'] = rounded(share * begin_hz), min(low_hz, end_hz)
+            changes['activity_cap_db'] = rounded(point['activity_cap_db'])
             chain = dataclasses.replace(chain, **changes)
             changes['activity_range_db'] = activity_range_db(chain, self._tracks)
-            changes['activity_cap_db'] = rounded(point['activity_cap_db'])
         if contact == 'none':
             changes['contact_level_v'] = 0.0
         elif contact == 'learnt':
-            chain = self._touching(chain)
-            changes['contact_channels'] = chain.contact_channels
+            changes['contact_channels'] = self._touching
+            chain = dataclasses.replace(chain, contact_channels=self._touching)
             changes['contact_level_v'] = contact_level_v(chain, self._tracks)
         return changes
-
-    def _touching(self, chain: ChainConfig) -> ChainConfig:
-        """Return a chain for which no more channels have to touch than it has."""
-        enabled = chain.channels - len(chain.disabled_channels)
-        most = min(chain.contact_channels, enabled)
-        return dataclasses.replace(chain, contact_channels=most)
-
-    @functools.cached_property
-    def _contact_is_learnt(self) -> bool:
-        """Whether a recording shows a finger that touches nothing."""
-        try:
-            return contact_level_v(self._touching(self._given), self._tracks) > 0.0
-        except ValueError:
-            return False
 
     def _floors(self, point: dict[str, Any], chain: ChainConfig) -> tuple[float, ...]:
         """Return the noise floors at a point; ``chain`` has all other parameters."""
@@ -268,23 +255,11 @@ class SearchSpace:
             kept = {'impact_s': given.impact_s, 'impact_channels': given.impact_channels}
             return {'impact_v': impact_v, **kept}
         impact_s = point.get('impact_s', given.impact_s)
-        step_v = float(self._slip_steps_v(impact_rows(given, impact_s))[channels - 1])
+        step_v = float(self._slip_steps_v(given.samples(impact_s))[channels - 1])
         # The largest step of few slips says little of the next one's.
         slips = sum(len(track.slips) for track in self._tracks)
         impact_v = rounded(LEAST_RATIO * (1.0 + FEW_SLIPS / max(slips, 1)) * step_v)
         return {'impact_v': impact_v, 'impact_s': impact_s, 'impact_channels': channels}
-
-    def _slip_steps_v(self, rows: int) -> Any:
-        if rows not in self._steps_v:
-            self._steps_v[rows] = slip_steps_v(self._given, self._tracks, rows)
-        return self._steps_v[rows]
-
-    def _has_whole_periods(self, mains_hz: float) -> bool:
-        """Return whether the mains has whole periods in rows of the given rate."""
-        try:
-            return dataclasses.replace(self._given, mains_hz=mains_hz).mains_rows > 0
-        except ValueError:
-            return False
 
     def _stopbands(
         self, point: dict[str, Any], low_hz: float, high_hz: float
@@ -308,10 +283,10 @@ class SearchSpace:
         replaced by learnt ones. Of such floors only whether they follow the envelope counts; with
         the decision ``mean`` they do not.
         """
-        given, by_evidence = self._given, chain.decision == 'evidence'
+        given = self._given
         low_hz, high_hz = chain.passband_hz
-        stopbands = 'both' if chain.stopbands_hz else 'none'
-        floors = 'followed' if by_evidence and not chain.noise_floor_learnt else 'learnt'
+        followed = chain.decision == 'evidence' and not chain.noise_floor_learnt
+        floors = 'followed' if followed else 'learnt'
         if given.decision == 'evidence' and chain.noise_floor == given.noise_floor:
             floors = 'given'
 
@@ -321,7 +296,7 @@ class SearchSpace:
         values: dict[str, Any] = {
             'passband_low_hz': low_hz,
             'passband_octaves': math.log2(high_hz / low_hz) if high_hz else WIDEST,
-            'stopbands': 'given' if chain.stopbands_hz == given.stopbands_hz else stopbands,
+            'stopbands': 'both' if chain.stopbands_hz else 'none',
             'notch_hz': 0.0,
             'floors': floors,
             'floor_scale': 1.0,
@@ -333,6 +308,8 @@ class SearchSpace:
             'activity': way(chain.activity_cap_db, chain == given),
             'activity_cap_db': chain.activity_cap_db or ACTIVITY_CAP_DB,
         }
+        if chain.stopbands_hz == given.stopbands_hz:
+            values['stopbands'] = 'given'
         # All others have the names of the chain's parameters.
         return {
             name: _nearest(allowed, values[name] if name in values else getattr(chain, name))
@@ -387,6 +364,15 @@ class SearchSpace:
 def _ways(is_given: object, *others: str) -> tuple[str, ...]:
     """Return the choices of what may be as it is given, if it is given."""
     return ('given', *others) if is_given else others
+
+
+def _works(make: Callable[..., object], *arguments: Any, **named: Any) -> bool:
+    """Return whether a function raises no ValueError."""
+    try:
+        make(*arguments, **named)
+    except ValueError:
+        return False
+    return True
 
 
 def _nearest(allowed: Any, value: Any) -> Any:

@@ -112,8 +112,8 @@ def thresholds(chain: ChainConfig, statistic: Sequence[Floats], tracks: Sequence
     if not 0.0 < top < math.inf:
         return np.zeros(0)
     parts = zip(statistic, tracks, strict=True)
-    quiet = [part[::STRIDE][track.kinds[::STRIDE] < SLIP] for part, track in parts]
-    rest = float(np.median(np.concatenate(quiet))) if any(part.size for part in quiet) else 0.0
+    quiet = np.concatenate([part[::STRIDE][one.kinds[::STRIDE] < SLIP] for part, one in parts])
+    rest = float(np.median(quiet)) if quiet.size else 0.0
     exponent, least_step, limit = chain.exponent, 0.0, math.inf
     if chain.decision == 'evidence':  # in decibels, so no power of the amplitude, and limited
         exponent, limit = 1, chain.evidence_limit_db_s
@@ -317,12 +317,11 @@ def sweep_thresholds(
     >>> sweep.latencies_ms, sweep.false_alarms, sweep.on_rest_s
     (array([[nan, 10., nan]]), array([1, 0, 0]), array([0.01, 0.  , 0.  ]))
     """
+    # By kind: rest_s, false_alarms and on_rest_s; of each track what its slips have.
     of_kinds: dict[str, Any] = {}
-    none = np.zeros(0)
+    of_tracks = []
     # Times of the kinds 1, rest, and 2, certain slip: in all, then ON at each threshold.
     on_s = np.zeros((limits.size + 1, 3))
-    # For each track: latencies_ms, scored, leads_s and windows_s of its slips.
-    of_tracks = [(np.zeros((0, limits.size)), np.zeros(0, np.bool_), none, none)]
     for part, track in zip(statistic, tracks, strict=True):
         rate_hz = track.sample_rate_hz
         stretches = [stretch.interval for stretch in track.stretches]
@@ -351,8 +350,7 @@ def sweep_thresholds(
         before = of_kinds.get(track.kind, (0.0, 0, 0.0))
         of_kinds[track.kind] = tuple(a + b for a, b in zip(before, its_rest, strict=True))
     coverage = on_s[1:, 2] / on_s[0, 2] if on_s[0, 2] else np.full(limits.size, np.nan)
-    latencies, scored, leads_s, windows_s = map(np.concatenate, zip(*of_tracks, strict=True))
-    alarms = sum((one[1] for one in of_kinds.values()), np.zeros(limits.size, np.int64))
-    rest_s = sum(one[0] for one in of_kinds.values())
+    latencies_ms, scored, leads_s, windows_s = map(np.concatenate, zip(*of_tracks, strict=True))
+    rest_s, alarms = (sum(one[column] for one in of_kinds.values()) for column in (0, 1))
     found = alarms, rest_s, on_s[1:, 1], coverage, of_kinds
-    return ThresholdSweep(latencies, scored, leads_s, windows_s, *found)
+    return ThresholdSweep(latencies_ms, scored, leads_s, windows_s, *found)

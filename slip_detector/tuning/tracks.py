@@ -16,17 +16,20 @@
 
 import dataclasses
 import functools
+import itertools
+import sys
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain.samples import Floats, Samples
+from slip_detector.chain.samples import Floats, Ints, Samples
 from slip_detector.chain.stamps import missing_rows
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.evaluation.matching import OnIntervals, RowInterval
 from slip_detector.evaluation.scores import kinds_of
+from slip_detector.parameters.detector import ChainConfig
 from slip_detector.recordings import RecordingCounts, recording_sets
 
 
@@ -70,6 +73,8 @@ class Track:
         Rate of the recording, which turns rows into times.
     slips : tuple of RowInterval
         True slips, in rows that are numbered like ``first_row`` of a stretch.
+    faults : str
+        What is wrong with its file: bad samples, gaps and losses; empty if nothing is.
     kinds : ndarray of int8, shape (n,)
         ``REST`` to ``UNCERTAIN``; see :mod:`slip_detector.evaluation.scores`.
 
@@ -85,6 +90,7 @@ class Track:
     samples: Samples
     stretches: tuple[Stretch, ...]
     sample_rate_hz: float
+    faults: str = ''
 
     @functools.cached_property
     def kinds(self) -> NDArray[np.int8]:
@@ -116,10 +122,10 @@ class Track:
         """Time of its rows, without gaps."""
         return len(self.volts) / self.sample_rate_hz
 
-    def rows(self, first: int = 0, last: int | None = None) -> Iterator[Samples]:
+    def rows(self, first: int = 0, last: int = sys.maxsize) -> Iterator[Samples]:
         """Yield its stretches, or of these the rows from one index up to another."""
         for begin, end, _ in self.stretches:
-            rows = slice(max(begin, first), end if last is None else min(end, last))
+            rows = slice(max(begin, first), min(end, last))
             yield self.samples.take(rows)._replace(new_stretch=True)
 
 
@@ -150,16 +156,27 @@ def track_of(name: str, pieces: Iterable[Samples], sample_rate_hz: float) -> Tra
     if not filled:
         raise ValueError(f'{name}: has no samples')
     samples = filled[0].then(*filled[1:])
-    ends = np.cumsum([len(piece.volts) for piece in filled]).tolist()
-    later = zip(ends, filled[1:], strict=False)
-    begins = [0, *(begin for begin, piece in later if piece.new_stretch)]
+    ends = itertools.accumulate(len(piece.volts) for piece in filled)
+    later = itertools.zip_longest(ends, filled[1:])
+    places = [0, *(end for end, piece in later if piece is None or piece.new_stretch)]
     stretches, missing = [], 0
-    for begin, end in zip(begins, [*begins[1:], ends[-1]], strict=True):
+    for begin, end in itertools.pairwise(places):
         if begin:
             last_ns, stamp_ns = samples.stamps_ns[begin - 1 : begin + 1].tolist()
             missing += missing_rows(last_ns, stamp_ns, sample_rate_hz)
         stretches.append(Stretch(begin, end, begin + missing))
     return Track(name, samples, tuple(stretches), sample_rate_hz)
+
+
+def enabled(columns: Floats, chain: ChainConfig) -> Floats:
+    """Return the columns of the channels that a chain has not disabled."""
+    return np.delete(columns, [channel - 1 for channel in chain.disabled_channels], axis=1)
+
+
+def edges_of(samples: Samples) -> Ints:
+    """Return where each run of rows with slip begins and ends; shape (runs, 2)."""
+    edges = np.flatnonzero(np.diff(np.asarray(samples.truth), prepend=False, append=False))
+    return edges.reshape(-1, 2)
 
 
 def held_out(tracks: Sequence[Track], share: float) -> tuple[list[Track], list[Track]]:
@@ -214,13 +231,12 @@ def hold_out_evenly(items: Sequence[Any], share: float) -> tuple[list[Any], list
 def _cut_in_two(tracks: Sequence[Track], share: float) -> tuple[list[Track], list[Track]]:
     """Cut the one recording between two slips; the later part is held out."""
     (track,) = tracks
-    truth = np.asarray(track.samples.truth)
-    edges = np.flatnonzero(np.diff(truth, prepend=False, append=False))
-    cuts = (edges[1:-1:2] + edges[2::2]) // 2
+    starts, ends = edges_of(track.samples).T
+    cuts = (ends[:-1] + starts[1:]) // 2
     if not cuts.size:
         return [track], []
-    cut = int(min(cuts, key=lambda cut: abs(cut - (1.0 - share) * len(track.volts))))
-    training, held = _parted(track, cut)
+    wanted = (1.0 - share) * len(track.volts)
+    training, held = _parted(track, int(min(cuts, key=lambda cut: abs(cut - wanted))))
     return [training], [held]
 
 
@@ -233,27 +249,13 @@ def _parted(track: Track, cut: int) -> tuple[Track, Track]:
     )
 
 
-def _of_every_kind(
-    training: Sequence[Track], held: Sequence[Track], share: float
-) -> tuple[list[Track], list[Track]]:
-    """Hold out a part of the last recording of each kind of which there is none else."""
-    training, held = list(training), list(held)
-    for kind in sorted({track.kind for track in training} - {'', *(track.kind for track in held)}):
-        last = max(k for k, track in enumerate(training) if track.kind == kind)
-        cut = round((1.0 - share) * len(training[last].volts))
-        if 0 < cut < len(training[last].volts):
-            training[last], part = _parted(training[last], cut)
-            held.append(part)
-    return training, held
-
-
 def load_tracks(
     paths: Sequence[str],
     loader: RecordingLoader,
     labelled: bool = True,
     left_out: Sequence[str] = (),
     kind: str = '',
-) -> tuple[list[Track], list[str]]:
+) -> list[Track]:
     """Read recordings into memory.
 
     Parameters
@@ -269,12 +271,6 @@ def load_tracks(
     kind
         The kind of all of them; '': what each says itself.
 
-    Returns
-    -------
-    tracks : list of Track
-    notes : list of str
-        A line for each recording with faults: bad samples, gaps and losses.
-
     Raises
     ------
     ValueError
@@ -288,35 +284,37 @@ def load_tracks(
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     rows = {'volts': np.full((100, 16), 4.3), 'slip': np.zeros(100)}
     ...     np.savez(Path(folder) / 'rest.npz', sample_rate_hz=380.0, **rows)
-    ...     tracks, notes = load_tracks([folder], RecordingLoader())
-    >>> [track.name for track in tracks], notes
-    (['rest.npz'], [])
+    ...     tracks = load_tracks([folder], RecordingLoader())
+    >>> [track.name for track in tracks]
+    ['rest.npz']
     """
     sets = recording_sets(paths)
     unwanted = {file.resolve() for files in recording_sets(left_out).values() for file in files}
-    tracks, notes = [], []
+    tracks = []
     for name, files in sets.items():
-        for file in files:
-            if file.resolve() in unwanted:
-                continue
+        for file in (file for file in files if file.resolve() not in unwanted):
             opened = loader.open(file, labelled)
             shown = f'{name}/{file.name}' if len(sets) > 1 else file.name
             rows = (one._replace(kind=kind or one.kind) for one in opened.rows)
-            tracks.append(track := track_of(shown, rows, opened.sample_rate_hz))
+            track = track_of(shown, rows, opened.sample_rate_hz)
             if track.kind and track.slips:
                 of_kind = f'allowed: none in a recording of the kind {track.kind}'
                 raise ValueError(f'{file}: has slips, {of_kind}')
-            faults = _faults(opened.recording.counts)
-            notes += [f'{shown}: {faults}'] if faults else []
-    return tracks, notes
+            tracks.append(dataclasses.replace(track, faults=_faults(opened.recording.counts)))
+    return tracks
 
 
-def load_track(path: str, loader: RecordingLoader) -> tuple[Track, list[str]]:
-    """Read the one recording of a path, without labels, and the line of its faults."""
-    tracks, notes = load_tracks([path], loader, labelled=False)
+def load_track(path: str, loader: RecordingLoader) -> Track:
+    """Read the one recording of a path, without labels."""
+    tracks = load_tracks([path], loader, labelled=False)
     if len(tracks) != 1:
         raise ValueError(f'{path}: has {len(tracks)} recordings, allowed: one')
-    return tracks[0], notes
+    return tracks[0]
+
+
+def faults_of(tracks: Iterable[Track]) -> list[str]:
+    """Return a line for each recording with faults."""
+    return [f'{track.name}: {track.faults}' for track in tracks if track.faults]
 
 
 def _faults(counts: RecordingCounts) -> str:
@@ -362,24 +360,30 @@ class TrainingFiles(NamedTuple):
         training, held : list of Track
             The recordings to tune on and those that are held out; both have slips.
         notes : list of str
-            See :func:`load_tracks`.
+            See :func:`faults_of`.
 
         Raises
         ------
         ValueError
             When a recording cannot be read, or there are too few slips; names the recordings.
         """
-        training, notes = load_tracks(self.paths, self.loader, left_out=self.left_out)
+        training = load_tracks(self.paths, self.loader, left_out=self.left_out)
         for kind, path in self.of_kinds:
-            more, their_notes = load_tracks([path], self.loader, labelled=False, kind=kind)
-            training, notes = training + more, notes + their_notes
-        held, more_notes = load_tracks(self.left_out, self.loader)
+            training += load_tracks([path], self.loader, labelled=False, kind=kind)
+        held = load_tracks(self.left_out, self.loader)
+        notes = faults_of(training + held)
         if not self.left_out:
             training, held = held_out(training, self.share)
-        training, held = _of_every_kind(training, held, self.share)
+        # Of a kind that is not held out the end of the last recording is.
+        for kind in sorted({one.kind for one in training} - {'', *(one.kind for one in held)}):
+            last = max(k for k, track in enumerate(training) if track.kind == kind)
+            cut = round((1.0 - self.share) * len(training[last].volts))
+            if 0 < cut < len(training[last].volts):
+                training[last], part = _parted(training[last], cut)
+                held.append(part)
         if not all(any(track.slips for track in part) for part in (training, held)):
             names = ', '.join(track.name for track in training + held)
             raise ValueError(
                 f'{names}: too few slips, allowed: some to tune on and others to hold out'
             )
-        return training, held, notes + more_notes
+        return training, held, notes

@@ -24,8 +24,9 @@ import pytest
 
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.parameters.driver import RecordingConfig
+from slip_detector.tuning import TuningParameters, cheapest, choose, tune
 from slip_detector.tuning.problem import Problem, searched
-from slip_detector.tuning.search import Study, TuningParameters, tune
+from slip_detector.tuning.search import Study
 from slip_detector.tuning.tracks import TrainingFiles
 from support.full_disk import full_disk
 from support.tuning_cases import CHAIN, problem, study_of, track, write
@@ -37,7 +38,7 @@ X = {'x': optuna.distributions.FloatDistribution(0.0, 1.0)}
 def test_a_search_finds_a_chain_that_costs_less_and_keeps_the_rest_of_the_given_one():
     given_chain = dataclasses.replace(CHAIN, passband_hz=(60.0, 120.0), stopbands_hz=())
     asked = problem([track(1), track(2)], given_chain)
-    best = asked.best_of(study_of(asked, 25).trials)
+    best = cheapest(asked, study_of(asked, 25).trials)[0]
     assert best.cost_ms < Problem(asked.tracks).as_it_is(given_chain).cost_ms - 20.0
     for field in dataclasses.fields(CHAIN):
         if field.name not in searched(best.chain):
@@ -122,21 +123,21 @@ def test_a_first_interrupt_keeps_the_result_so_far_and_a_second_ends_at_once(fil
 def test_what_is_shown_while_searching_is_what_is_judged(files):
     shown = []
     found = tune(files, PARAMETERS, 9, progress=lambda count, best: shown.append(best))
-    assert shown[-1] == found.problem.choice(found.study.trials)
+    assert shown[-1] == choose(found.problem, found.study.trials)
 
 
 @pytest.mark.parametrize('where', ['{}/study.journal', 'sqlite:///{}/study.db'])
 def test_workers_of_one_study_read_each_others_trials(where, tmp_path):
     where = where.format(tmp_path)
     a, b = (Study(X, seed, where, 'a') for seed in range(2))
-    a.tell({'x': 0.25}, 3.0, ['by a'])
-    b.tell({'x': 0.5}, 2.0, ['by b'])
+    a.tell({'x': 0.25}, [{'cost_ms': 3.0}])
+    b.tell({'x': 0.5}, [{'cost_ms': 2.0}])
     assert (a.follow(), b.follow()) == (2, 2)
     for study in (a, b):
         told = {
-            trial.params['x']: (trial.value, trial.user_attrs['found']) for trial in study.trials
+            trial.params['x']: (trial.value, *trial.user_attrs['found']) for trial in study.trials
         }
-        assert told == {0.25: (3.0, ['by a']), 0.5: (2.0, ['by b'])}
+        assert told == {0.25: (3.0, {'cost_ms': 3.0}), 0.5: (2.0, {'cost_ms': 2.0})}
     assert Study(X, 0, where, 'other').follow() == 0
 
 
@@ -172,12 +173,12 @@ def test_damaged_trials_are_refused_in_one_line(files, tmp_path):
 def test_a_full_disk_is_one_line_and_the_trials_before_it_are_kept(tmp_path):
     path = tmp_path / 'study.journal'
     study = Study(X, 0, str(path))
-    study.tell({'x': 0.25}, 3.0, [])
+    study.tell({'x': 0.25}, [{'cost_ms': 3.0}])
     whole = path.read_bytes()
     with (
         full_disk(len(whole) + 7),
         pytest.raises(ValueError, match=f'^storage {path}: File too large$'),
     ):
-        study.tell({'x': 0.5}, 2.0, [])
+        study.tell({'x': 0.5}, [{'cost_ms': 2.0}])
     path.write_bytes(whole)  # without the line that was cut off
     assert Study(X, 0, str(path)).follow() == 1

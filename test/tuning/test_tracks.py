@@ -22,7 +22,7 @@ import pytest
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
-from slip_detector.tuning.tracks import TrainingFiles, held_out, load_tracks
+from slip_detector.tuning.tracks import TrainingFiles, faults_of, held_out, load_tracks
 from support.tuning_cases import CHAIN, slips, track, write
 
 
@@ -63,19 +63,20 @@ def folder(tmp_path):
 
 
 def test_tracks_hold_the_rows_and_slips_of_their_files(folder):
-    (track, *others), notes = load_tracks([str(folder)], LOADER)
+    track, *others = load_tracks([str(folder)], LOADER)
     volts, truth = slips(0)
     np.testing.assert_array_equal(track.volts, volts)
     np.testing.assert_array_equal(track.kinds == 2, truth)
     assert [one.name for one in others] == ['b.npz', 'c.npz']
-    assert notes == []
+    assert faults_of([track, *others]) == []
 
 
 def test_what_is_wrong_with_a_recording_is_noted(tmp_path):
     volts, truth = slips(0)
     volts[5, 0] = np.nan
     np.savez(tmp_path / 'a.npz', volts=volts, label=truth, sample_rate_hz=380.0)
-    assert load_tracks([str(tmp_path)], LOADER)[1] == ['a.npz: 1 values that are not numbers']
+    found = load_tracks([str(tmp_path)], LOADER)
+    assert faults_of(found) == ['a.npz: 1 values that are not numbers']
 
 
 def test_a_share_or_those_named_are_held_out(folder):
