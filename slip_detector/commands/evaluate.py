@@ -48,22 +48,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from slip_detector.commands import workers
 from slip_detector.commands.command_line import Parser, run, whole_number
-from slip_detector.commands.workers import (
-    Calls,
-    add_options,
-    check_apart,
-    paths_for_workers,
-    progress_bar,
-    sets_of_parameters,
-    workers,
-)
-from slip_detector.evaluation.evaluator import (
-    EvaluatedRecording,
-    RecordingLoader,
-    evaluate_recording,
-    recording_figures,
-)
+from slip_detector.evaluation import evaluator
+from slip_detector.evaluation.evaluator import EvaluatedRecording, RecordingLoader
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.files import writable_folder
 from slip_detector.recordings import recording_sets
@@ -82,7 +70,7 @@ MOST_TRIALS = 1000
 def evaluate(
     arguments: Sequence[str],
     loader: RecordingLoader,
-    calls: Calls | None = None,
+    calls: workers.Calls | None = None,
     for_report: bool = False,
 ) -> dict[str, dict[str, EvaluatedRecording]]:
     """Evaluate sets of recordings, in parallel where there are several workers.
@@ -94,7 +82,7 @@ def evaluate(
     loader
         Opens the recordings; it has the parameters of the chain and of the evaluation.
     calls
-        Evaluates in other processes, see :func:`.workers.workers`; None: in this one.
+        Evaluates in other processes, see :func:`.workers.processes`; None: in this one.
     for_report
         Whether overviews for a report are gathered.
 
@@ -121,13 +109,13 @@ def evaluate(
     """
     sets = recording_sets(arguments)
     files = [file for several in sets.values() for file in several]
-    function = partial(evaluate_recording, loader)
+    function = partial(evaluator.evaluate_recording, loader)
     if for_report:
         from slip_detector.report.page import evaluate_for_report
 
         function = partial(evaluate_for_report, loader, len(files))
     found: dict[Path, EvaluatedRecording] = {}
-    with progress_bar(len(files), 'recording') as bar:
+    with workers.progress_bar(len(files), 'recording') as bar:
         every = calls(function, files) if calls else enumerate(map(function, files))
         for place, one in every:
             found[files[place]] = one
@@ -151,18 +139,20 @@ def as_report(sets: Mapping[str, Mapping[str, EvaluatedRecording]]) -> dict[str,
     return {
         'sets': {
             name: {
-                **recording_figures(files.values()),
+                **evaluator.recording_figures(files.values()),
                 'recordings': {file: _alone(one) for file, one in files.items()},
             }
             for name, files in sets.items()
         },
-        'all': recording_figures([one for files in sets.values() for one in files.values()]),
+        'all': evaluator.recording_figures(
+            [one for files in sets.values() for one in files.values()]
+        ),
     }
 
 
 def _alone(one: EvaluatedRecording) -> dict[str, Any]:
     return {
-        **recording_figures([one]),
+        **evaluator.recording_figures([one]),
         'lost': one.counts.damage,
         'slip_events': [dataclasses.asdict(slip) for slip in one.outcome.slips],
         'alarm_events': [dataclasses.asdict(alarm) for alarm in one.outcome.alarms],
@@ -173,7 +163,7 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     """Read and check the arguments."""
     parser = Parser(prog=NAME, description=__doc__.split('\n\n')[1])
     parser.add_argument('--json', action='store_true', help='print one JSON object')
-    add_options(parser, 'evaluate recordings in parallel')
+    workers.add_options(parser, 'evaluate recordings in parallel')
     add = parser.add_argument_group('with --protocol').add_argument
     add(
         '--protocol', choices=('paper',),
@@ -200,12 +190,12 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
 def _of_recordings(options: argparse.Namespace) -> tuple[dict[str, Any], Callable[..., str]]:
     """Return the figures of the recordings, and the function that prints them as tables."""
     page = options.report
-    loader = RecordingLoader(*sets_of_parameters(options, *map(type, RecordingLoader())))
+    loader = RecordingLoader(*workers.sets_of_parameters(options, *map(type, RecordingLoader())))
     # An error is reported before an hour of recordings is read.
-    check_apart({'--report': page}, options.config, options.labels)
-    paths = paths_for_workers(options, options.recordings)
-    with workers(options.jobs, options.cluster) as calls:
-        sets = evaluate(paths, loader, calls, page is not None)
+    workers.check_apart({'--report': page}, options.config, options.labels)
+    workers.make_paths_whole(options, 'recordings')
+    with workers.processes(options.jobs, options.cluster) as calls:
+        sets = evaluate(options.recordings, loader, calls, page is not None)
     report = as_report(sets)
     if page:
         from slip_detector.report.page import write_evaluation_report
@@ -221,7 +211,7 @@ def _of_protocol(options: argparse.Namespace) -> tuple[dict[str, Any], Callable[
     from slip_detector.evaluation import protocol
     from slip_detector.report.protocol import draw_protocol, protocol_table
 
-    (config,) = sets_of_parameters(options, ChainConfig)
+    (config,) = workers.sets_of_parameters(options, ChainConfig)
     trials = options.trials or protocol.TRIALS
     draw = partial(draw_protocol, writable_folder(options.plot)) if options.plot else None
     return protocol.run_protocol(config, trials, options.seed or 0, draw), protocol_table

@@ -31,15 +31,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from slip_detector.commands import workers
 from slip_detector.commands.command_line import Parser, run, whole_number
-from slip_detector.commands.workers import (
-    add_options,
-    check_apart,
-    paths_for_workers,
-    progress_bar,
-    sets_of_parameters,
-    workers,
-)
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.files import read_yaml, write_yaml
 from slip_detector.parameters.sections import ALL, node_of, sections_of
@@ -72,7 +65,7 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser = Parser(prog=NAME, description=__doc__.split('\n\n')[1])
     add = parser.add_argument
     add('--out', type=Path, required=True, metavar='FILE', help='the parameter file to write')
-    add_options(parser, 'search')
+    workers.add_options(parser, 'search')
     add(
         '--trials', type=whole_number(1), default=TRIALS, metavar='N',
         help='number of trials of the study, including earlier runs (default: %(default)s)',
@@ -176,20 +169,13 @@ def _search(
     options: argparse.Namespace, parameters: TuningParameters, where: str
 ) -> tuple[dict[str, Any], list[str]]:
     """Search, and write the report; return the parameters that are found, and lines about them."""
-    files = TrainingFiles(
-        paths_for_workers(options, options.recordings),
-        parameters.loader,
-        paths_for_workers(options, options.held_out),
-        options.hold_out,
-        [
-            (kind, path)
-            for kind in OF_KINDS
-            for path in paths_for_workers(options, getattr(options, kind))
-        ],
-    )
+    workers.make_paths_whole(options, 'recordings', 'held_out', *OF_KINDS)
+    of_kinds = [(kind, path) for kind in OF_KINDS for path in getattr(options, kind)]
+    held_out = options.held_out, options.hold_out
+    files = TrainingFiles(options.recordings, parameters.loader, *held_out, of_kinds)
     with (
-        workers(options.jobs, options.cluster) as calls,
-        progress_bar(options.trials, 'trial') as bar,
+        workers.processes(options.jobs, options.cluster) as calls,
+        workers.progress_bar(options.trials, 'trial') as bar,
     ):
         more: Any = {'seed': options.seed, 'storage': where, 'progress': _progress(bar)}
         more['doubt'] = lambda sentences: bar.write('\n'.join(sentences), file=sys.stderr)
@@ -277,12 +263,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     def work() -> str:
         parameters = TuningParameters(
-            *sets_of_parameters(options, *map(type, TuningParameters()[:-1]))
+            *workers.sets_of_parameters(options, *map(type, TuningParameters()[:-1]))
         )
         written = {'--out': options.out, '--report': options.report}
         where = options.storage or f'{options.out}.study.journal'
-        check_apart(written, options.labels, where)
-        check_apart({'--report': options.report}, options.config)
+        workers.check_apart(written, options.labels, where)
+        workers.check_apart({'--report': options.report}, options.config)
         paths = [path for path in written.values() if path is not None]
         of, rate = (parameters.chain, parameters.loader), options.false_alarms_per_hour
         if options.quiet is not None:

@@ -25,7 +25,7 @@ import os
 import signal
 import tempfile
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
@@ -122,21 +122,32 @@ def sets_of_parameters(options: argparse.Namespace, *kinds: Any) -> list[Any]:
         one = kind.from_yaml(options.config) if options.config else kind()
         if kind is RecordingConfig:
             one = dataclasses.replace(one, **changes)
-            labels = ''.join(paths_for_workers(options, filter(None, [one.recording_labels])))
-            one = dataclasses.replace(one, recording_labels=labels)
+            if options.cluster and one.recording_labels:
+                labels = os.path.abspath(one.recording_labels)
+                one = dataclasses.replace(one, recording_labels=labels)
         sets.append(one)
     return sets
 
 
-def paths_for_workers(options: argparse.Namespace, paths: Iterable[str]) -> list[str]:
-    """Return paths for the workers: absolute for a cluster, whose workers run in other folders.
+def make_paths_whole(options: argparse.Namespace, *names: str) -> None:
+    """Make paths absolute if they are for a cluster, whose workers run in other folders.
+
+    Parameters
+    ----------
+    options
+        The options of the command, which are changed.
+    names
+        Those that are lists of paths.
 
     Examples
     --------
-    >>> paths_for_workers(argparse.Namespace(cluster=None), ['trial.npz'])
-    ['trial.npz']
+    >>> options = argparse.Namespace(cluster='tcp://127.0.0.1:8786', recordings=['/a', 'b.npz'])
+    >>> make_paths_whole(options, 'recordings')
+    >>> [os.path.isabs(path) for path in options.recordings]
+    [True, True]
     """
-    return [os.path.abspath(path) for path in paths] if options.cluster else list(paths)
+    for name in names if options.cluster else ():
+        setattr(options, name, [os.path.abspath(path) for path in getattr(options, name)])
 
 
 def check_writable(path: Path) -> None:
@@ -207,7 +218,7 @@ def progress_bar(total: int, unit: str) -> 'tqdm[Any]':
 
 
 @contextlib.contextmanager
-def workers(jobs: int | None = None, cluster: str | None = None) -> Iterator[Calls | None]:
+def processes(jobs: int | None = None, cluster: str | None = None) -> Iterator[Calls | None]:
     """Within this context, let several processes or a Dask cluster make calls.
 
     Function, arguments and results must be picklable. At the end calls that still run are given
@@ -229,7 +240,7 @@ def workers(jobs: int | None = None, cluster: str | None = None) -> Iterator[Cal
 
     Examples
     --------
-    >>> with workers(jobs=2) as calls:
+    >>> with processes(jobs=2) as calls:
     ...     dict(calls(abs, [3, -4]))
     {0: 3, 1: 4}
     """

@@ -24,15 +24,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from slip_detector.commands.workers import (
-    READING,
-    add_options,
-    check_apart,
-    check_writable,
-    paths_for_workers,
-    sets_of_parameters,
-    workers,
-)
+from slip_detector.commands import workers
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.parameters.files import write_yaml
 from support.config_cases import message_of
@@ -40,9 +32,9 @@ from support.worker_calls import die, process_of, refuse
 
 
 def test_several_jobs_are_processes_that_end_with_the_context():
-    with workers(jobs=1) as calls:
+    with workers.processes(jobs=1) as calls:
         assert calls is None  # it is this process
-    with workers(jobs=2) as calls:
+    with workers.processes(jobs=2) as calls:
         results = dict(calls(process_of, range(20)))
         assert {place: number for place, (number, _) in results.items()} == {
             k: k for k in range(20)
@@ -60,13 +52,13 @@ def test_several_jobs_are_processes_that_end_with_the_context():
     [(refuse, r'^7 is refused$'), (die, r'^a worker process died, allowed: fewer')],
 )
 def test_a_call_that_fails_or_dies_is_one_line(call, said):
-    with workers(jobs=2) as calls, pytest.raises(ValueError, match=said):
+    with workers.processes(jobs=2) as calls, pytest.raises(ValueError, match=said):
         list(calls(call, [7]))
 
 
 def run(code):
     return subprocess.run(
-        [sys.executable, '-c', f'from slip_detector.commands.workers import workers\n{code}'],
+        [sys.executable, '-c', f'from slip_detector.commands.workers import processes\n{code}'],
         env={**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)},
         stdout=subprocess.PIPE, text=True, timeout=60, check=False,
     )  # fmt: skip
@@ -77,7 +69,7 @@ def test_a_process_ends_with_the_one_that_started_it():
     done = run(
         'import os, signal\n'
         'from support.worker_calls import process_of\n'
-        'with workers(jobs=2) as calls:\n'
+        'with processes(jobs=2) as calls:\n'
         '    print(next(calls(process_of, [1])), flush=True)\n'
         '    os.kill(os.getpid(), signal.SIGKILL)\n'
     )
@@ -88,7 +80,7 @@ def test_a_process_ends_with_the_one_that_started_it():
 def test_a_result_that_is_being_written_does_not_hold_up_the_end():
     done = run(
         'from support.worker_calls import zeros\n'
-        'with workers(jobs=2) as calls:\n'
+        'with processes(jobs=2) as calls:\n'
         '    for _ in calls(zeros, [1, 300_000_000]):\n'
         '        pipe = calls.args[0]._result_queue._reader\n'
         '        while not pipe.poll():  # the large one comes in many parts\n'
@@ -101,7 +93,7 @@ def test_a_result_that_is_being_written_does_not_hold_up_the_end():
 def test_a_cluster_that_is_not_there_is_named_and_without_distributed_what_to_install(monkeypatch):
     pytest.importorskip('distributed', reason='needs distributed')
     for said in ('^cluster nix: cannot be reached', r'^--cluster needs .*\[cluster\]'):
-        with pytest.raises(ValueError, match=said), workers(cluster='nix'):
+        with pytest.raises(ValueError, match=said), workers.processes(cluster='nix'):
             pass
         monkeypatch.setitem(sys.modules, 'distributed', None)
 
@@ -116,7 +108,7 @@ def test_what_is_no_scheduler_is_one_line_within_seconds(answer, monkeypatch, ca
         taken.add_done_callback(lambda taken: taken.result()[0].sendall(answer))
         there = 'tcp://127.0.0.1:{1}'.format(*server.getsockname())
         said = f'^cluster {there}: cannot be reached [^\n]+$'
-        with pytest.raises(ValueError, match=said), workers(cluster=there):
+        with pytest.raises(ValueError, match=said), workers.processes(cluster=there):
             pass
         taken.result()[0].close()
     assert capfd.readouterr().err == ''
@@ -124,7 +116,7 @@ def test_what_is_no_scheduler_is_one_line_within_seconds(answer, monkeypatch, ca
 
 def options_of(*words):
     parser = argparse.ArgumentParser()
-    add_options(parser, 'work')
+    workers.add_options(parser, 'work')
     return parser.parse_args(words)
 
 
@@ -136,27 +128,30 @@ def test_options_replace_parameters_of_recordings_and_a_cluster_gets_whole_paths
     write_yaml(tmp_path / 'c.yaml', given.to_document())
 
     def recording_config(*words):
-        return sets_of_parameters(options_of('--config', 'c.yaml', *words), RecordingConfig)[0]
+        options = options_of('--config', 'c.yaml', *words)
+        return workers.sets_of_parameters(options, RecordingConfig)[0]
 
     assert recording_config() == given
     words = ['--topic', '/biotac', '--field', 'pac', '--labels', 'l.yaml', '--resample']
     found = recording_config(*words).to_parameters()
-    assert [found[f'recording_{name}'] for name in READING] == ['/biotac', 'pac', 'l.yaml', True]
+    read = [found[f'recording_{name}'] for name in workers.READING]
+    assert read == ['/biotac', 'pac', 'l.yaml', True]
     there = ['--cluster', 'tcp://127.0.0.1:8786']
     assert recording_config(*there).recording_labels == str(tmp_path / 'by_hand')
-    whole = [str(tmp_path / 'a.npz'), '/b']
-    assert paths_for_workers(options_of(*there), ['a.npz', '/b']) == whole
-    assert paths_for_workers(options_of('--jobs', '2'), ['a.npz']) == ['a.npz']
+    for where, whole in ((there, str(tmp_path / 'a.npz')), (['--jobs', '2'], 'a.npz')):
+        options = options_of('a.npz', '/b', *where)
+        workers.make_paths_whole(options, 'recordings')
+        assert options.recordings == [whole, '/b']
 
 
 def test_what_cannot_be_written_is_refused_and_nothing_is_changed(tmp_path):
     for path in (tmp_path / 'no' / 'a', tmp_path):
-        assert message_of(check_writable, path).startswith(f'{path}: cannot be written (')
+        assert message_of(workers.check_writable, path).startswith(f'{path}: cannot be written (')
     old, link = tmp_path / 'old', tmp_path / 'link'
     old.write_text('old')
     link.symlink_to(tmp_path / 'not there')
     for path in (old, link, tmp_path / 'new'):
-        check_writable(path)
+        workers.check_writable(path)
     assert {*tmp_path.iterdir()} == {old, link}
     assert old.read_text() == 'old'
 
@@ -164,10 +159,11 @@ def test_what_cannot_be_written_is_refused_and_nothing_is_changed(tmp_path):
 def test_a_file_is_not_written_twice_nor_over_what_is_read(tmp_path):
     out, link, recording = tmp_path / 'a.yaml', tmp_path / 'link.yaml', tmp_path / 'b.npz'
     link.symlink_to(out)
-    check_apart({'--out': out, '--report': None}, None, 'labels.yaml')
+    workers.check_apart({'--out': out, '--report': None}, None, 'labels.yaml')
     for written, read, said in (
         ({'--out': out, '--report': link}, None, f'--report {link}: is written by --out too'),
         ({'--out': out}, str(link), f'--out {out}: is read too'),
         ({'--out': recording}, None, f'--out {recording}: is a recording'),
     ):
-        assert message_of(check_apart, written, read) == f'{said}, allowed: a file of its own'
+        message = message_of(workers.check_apart, written, read)
+        assert message == f'{said}, allowed: a file of its own'

@@ -69,9 +69,8 @@ def test_a_spoilt_stream_gives_the_sound_samples_and_counts_the_rest(bench, list
     decoder = PacketDecoder(16, 'int16', SCALE_V, 0.0)
     if source == 'serial':
         pieces = [*map(on_the_line, pieces)]
-        received = [samples for piece in pieces for samples in decoder.feed(piece)]
-    else:
-        received = [samples for samples in map(decoder.decode, pieces) if samples]
+    decode = decoder.feed if source == 'serial' else decoder.decode
+    received = [samples for piece in pieces for samples in decode(piece)]
     wanted = [f'{kind} {n}' for kind, n in decoder.counts.items() if n and kind not in GOOD]
     assert len(wanted) > 2
 
