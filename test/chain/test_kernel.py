@@ -184,23 +184,18 @@ def test_any_cut_of_the_rows_gives_the_same_bits(data):
     assert bare.flags.tobytes() == whole['flags']
 
 
+ALL_STAGES = {
+    'impact_v': 2.0, 'impact_s': 0.01, 'contact_level_v': 0.1, 'contact_hold_s': 0.02,
+    'activity_cap_db': 8.7,
+}  # fmt: skip
+
+
 @pytest.mark.parametrize(
     'config',
     [
         *(ChainConfig(channels=7, common_mode=c, flat_after_s=0.02) for c in COMMON_MODES),
         ChainConfig(channels=7, vote='mean', envelope_window_s=0.2, decision_window_s=0.3),
-        quick_evidence(channels=20, mains_hz=50, impact_v=0.5, groups={}, vote=2),
-        quick_evidence(
-            channels=20,
-            mains_hz=50,
-            impact_v=2.0,
-            impact_s=0.01,
-            groups={},
-            vote=2,
-            contact_level_v=0.1,
-            contact_hold_s=0.02,
-            activity_cap_db=8.7,
-        ),
+        quick_evidence(channels=20, mains_hz=50, groups={}, **ALL_STAGES),
     ],
     ids=lambda config: f'{config.decision}, {config.common_mode}, {config.vote}',
 )
@@ -220,7 +215,7 @@ def test_single_rows_and_empty_calls_give_the_same_bits_over_chunks_of_rows(conf
     'config',
     [
         ChainConfig(channels=9, common_mode='mean', vote='mean'),
-        quick_evidence(impact_v=2, impact_s=0.01, contact_level_v=0.1, activity_cap_db=8.7),
+        quick_evidence(**ALL_STAGES),
     ],
 )
 def test_a_copy_made_in_mid_stream_goes_on_with_the_same_bits(copied, config):

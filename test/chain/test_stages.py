@@ -92,6 +92,3 @@ def test_a_bad_burst_in_one_channel_touches_no_other(value, first):
     assert np.isfinite(shaken.level).all()
     # Held, not stepped: the channel itself stays in the order of its signal.
     assert shaken.level.max() <= 2 * calm.level.max()
-
-
-# --- flat channels -------------------------------------------------------------------------

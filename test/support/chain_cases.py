@@ -43,10 +43,6 @@ def bits(*results):
     return found
 
 
-def sine(n, hz=50.0, rate=400.0):
-    return np.sin(2 * np.pi * hz / rate * np.arange(n))
-
-
 def noise(seed, *shape):
     return np.random.default_rng(seed).normal(size=shape)
 
@@ -63,8 +59,3 @@ QUICK_EVIDENCE = ChainConfig(
 
 def quick_evidence(**values):
     return dataclasses.replace(QUICK_EVIDENCE, **values)
-
-
-def tone(n, size=1.0):
-    """Return a sine in the middle of the quick chain's band, on all channels."""
-    return size * np.sqrt(2) * np.repeat(sine(n)[:, None], 4, axis=1)
