@@ -24,7 +24,7 @@ import logging
 import socket
 import time
 from collections.abc import Awaitable, Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -83,9 +83,9 @@ Answer = Callable[[Message], Awaitable[Mapping[str, Any] | None]]
 class Access:
     """The access rules of the live page.
 
-    They keep other web sites in the same browser from reaching the robot: a request must address
-    this machine by a name that no other site can have (*Host*), and a page that sends one must
-    come from this server (*Origin*). A server that other machines can reach needs a token, too.
+    They keep other web sites in the same browser from reaching the robot: a page that sends a
+    request must come from this server (*Origin*), which only this machine can reach, by a name
+    that no other site can have (*Host*), or which needs a token that no other site knows.
 
     Examples
     --------
@@ -102,20 +102,12 @@ class Access:
     token: str = ''
     #: Whether no page may change anything.
     read_only: bool = False
-    #: The name of this machine.
-    name: str = field(default_factory=socket.gethostname)
 
     def refusal(self, host: str, origin: str | None) -> str:
         """Return why the headers of a request are refused; empty if they are accepted."""
         name = split_host_and_port(host.lower())[0].strip('[]')
-        allowed = 'an address or name of this machine'
-        # Other sites are reached by a name: a numeric address can only be this machine's.
-        known = ('localhost', self.host, self.name, f'{self.name}.local')
-        ours = is_valid_ip(name) or name in map(str.lower, known)
-        if is_loopback(self.host):
-            allowed, ours = 'localhost, 127.0.0.1, [::1]', is_loopback(name)
-        if not ours:
-            return f'Host is {host[:100]}, allowed: {allowed}'
+        if is_loopback(self.host) and not is_loopback(name):
+            return f'Host is {host[:100]}, allowed: localhost, 127.0.0.1, [::1]'
         if origin is not None and origin.lower() != f'http://{host.lower()}':
             return f'Origin is {origin[:100]}, allowed: http://{host}'
         return ''

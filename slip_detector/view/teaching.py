@@ -193,16 +193,11 @@ class Teaching:
     def _listed(self, folder: RecordedFolder) -> Mapping[str, Any]:
         (_, held_out), writing = folder.divided(), self._recorder and self._recorder.path
         recordings = [
-            {
-                **one._asdict(),
-                'kind': one.kind,
-                'usable': one.usable,
-                'held_out': one.name in held_out,
-            }
+            {**one._asdict(), 'kind': one.kind, 'usable': one.usable}
             for one in folder.recordings.values()
             if folder.folder / one.name != writing
         ]
-        return {'folder': str(folder.folder), 'recordings': recordings}
+        return {'folder': str(folder.folder), 'recordings': recordings, 'held_out': held_out}
 
     def _free(self, name: object) -> Finger:
         """Return the finger to record; a slip that only waits for the rest after it is ended."""

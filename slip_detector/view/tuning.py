@@ -63,7 +63,7 @@ NEW_SENSOR: dict[str, Any] = {
 LOW_HZ, LOW_SHARE = 20.0, 0.2
 
 #: What a page shows of a run as it is.
-DESCRIBED = 'finger', 'running', 'step', 'share', 'lines', 'held_out', 'table', 'kept'
+DESCRIBED = 'finger', 'running', 'step', 'share', 'lines', 'table', 'kept'
 
 #: How much the search gives way to the nodes.
 NICE = 10

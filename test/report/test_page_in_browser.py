@@ -144,12 +144,9 @@ def test_it_renders(opened):
     where = page.locator('#event-list tr.chosen').nth(1).inner_text()
     assert where.replace('\xa0', ' ') == 'filter 12 ms, vote 388 ms'
     pictures = [pixels(page)]
-    page.check('#same-scale')
-    pictures.append(pixels(page))
     page.select_option('#signal', 'level')
     pictures.append(pixels(page))
-    assert len(set(pictures)) == 3
-    assert page.locator('#scale-choice').is_hidden()
+    assert len(set(pictures)) == 2
     page.uncheck('#kinds input >> nth=0')
     page.check('#kinds input >> nth=3')
     links = set(page.locator('#event-list a').all_inner_texts())

@@ -26,6 +26,9 @@ function volts(value) {
   return size < 0.1 ? `${(1e3 * value).toPrecision(3)} mV` : `${value.toPrecision(size >= 1000 ? 6 : 4)} V`;
 }
 
+// The time of a clock in UTC with so many digits after the point: hh:mm:ss.
+const timeText = (seconds, digits) => new Date(Math.round(1000 * seconds)).toISOString().slice(11, digits ? 20 + digits : 19);
+
 // The lowest and the highest of values; null where there is none.
 function rangeOf(values) {
   let least = Infinity, most = -Infinity;

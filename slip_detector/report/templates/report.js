@@ -137,13 +137,11 @@ function start() {
   on('whole', 'click', whole);
   on('previous', 'click', () => step(-1));
   on('next', 'click', () => step(1));
-  on('same-scale', 'change', redraw);
   on('event-list', 'click', ({target}) => {
     const key = target.closest('tr')?.dataset.event;
     if (key) go(view.variant, ...key.split('-').map(Number));
   });
-  on('signal', 'change', ({target}) => {
-    element('scale-choice').hidden = target.value !== 'volts';
+  on('signal', 'change', () => {
     showScale();
     redraw();
   });

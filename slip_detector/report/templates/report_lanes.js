@@ -105,8 +105,7 @@ function curve({rows, n, first, stop, ...bins}, channel) {
 
 function clock(seconds, digits = 3) {
   if (duration() < 120) return `${seconds.toFixed(digits)} s`;
-  const time = new Date(Math.round(1000 * Number(seconds.toFixed(digits)))).toISOString();
-  return time.slice(duration() < 3600 ? 14 : 11, digits ? 20 + digits : 19);
+  return timeText(Number(seconds.toFixed(digits)), digits).slice(duration() < 3600 ? 3 : 0);
 }
 
 // What is at a code of a signal, in words; its value is octaves above the threshold, or decibels.
@@ -125,7 +124,7 @@ function signalShown() {
 
 // Say on what scale and how finely channels are drawn.
 function showScale() {
-  const {bin_rows: bin, rate_hz: rate, channels, variants} = now(), {signals, offset_db: offset} = variantNow();
+  const {bin_rows: bin, rate_hz: rate, channels} = now(), {groups, signals, offset_db: offset} = variantNow();
   const signal = signalShown(), words = [];
   if (signal === 'excess' || signal === 'floor') {
     const [low, high] = signals[signal].map((value) => value.toFixed(1));
@@ -134,38 +133,30 @@ function showScale() {
   }
   words.push(bin === 1 ? 'Each row is drawn when zoomed in.'
     : `Drawn from the lowest and highest of each ${(1e3 * bin / rate).toFixed(0)} ms.`);
-  const disabled = channels.length - groupedChannels(variants).size;
+  const disabled = channels.length - new Set(groups.flatMap(({members}) => members)).size;
   if (disabled) words.push(`Disabled channels, ${disabled} of them, are left out.`);
   element('resolution').textContent = words.join(' ');
 }
 
-const groupedChannels = (variants) => new Set(
-  variants.flatMap(({groups}) => groups.flatMap(({members}) => members.map((member) => member - 1))));
-
 // ---- lanes, from top to bottom
 
 function lanesOf(bins) {
-  const {channels, truth, variants} = now(), left = groupedChannels(variants);
-  const height = Math.max(18, Math.min(60, Math.floor((window.innerHeight - 330) / Math.max(left.size, 1))));
+  const {channels, truth, variants} = now(), {after_impact: afterImpact, groups} = variantNow();
+  const n = groups.flatMap(({members}) => members).length;
+  const height = Math.max(18, Math.min(60, Math.floor((window.innerHeight - 330) / Math.max(n, 1))));
   const intervals = (rows, color) => (pen, lane) => bars(pen, xOfRow(pen), rows, lane.top, lane.height - 1, color);
-  const channel = (c, name) => ({
-    name, height, channel: c, kind: 'channel', curve: true, below: STRIP + 3, paint: paintStrip(bins),
+  const channel = (c) => ({
+    name: channels[c], height, channel: c, kind: 'channel', curve: true, below: STRIP + 3, paint: paintStrip(bins),
   });
   const lanes = [{name: 'events', height: 16, paint: paintEvents},
     {name: 'label', height: 16, paint: intervals(truth, LABEL)}];
   variants.forEach(({slip}, v) => lanes.push(
     {name: names.length > 1 ? `slip ${names[v]}` : 'slip', height: 16, paint: intervals(slip, ON)}));
-  const {after_impact: afterImpact, groups} = variantNow();
   if (afterImpact.length) lanes.push({name: 'after impact', height: 16, paint: intervals(afterImpact, '#8d99a3')});
   for (const {name, on, members} of groups) {
     lanes.push({name, height: 14, kind: 'group', paint: intervals(on, GROUP_ON)});
-    for (const c of members.map((member) => member - 1)) {
-      left.delete(c);
-      lanes.push(channel(c, channels[c]));
-    }
+    lanes.push(...members.map((member) => channel(member - 1)));
   }
-  // Channels that only this variant has disabled.
-  for (const c of left) lanes.push(channel(c, `${channels[c]} (off)`));
   return lanes;
 }
 
@@ -239,14 +230,11 @@ function draw(data) {
   const lanes = lanesOf(bins), channels = lanes.filter((lane) => lane.curve);
   const curves = channels.map((lane) => curve(bins, lane.channel));
   if (signalShown() === 'volts') {
-    const spans = curves.map(({range}, i) => (range ? step[channels[i].channel] * (range[1] - range[0]) : 0));
-    const widest = Math.max(...spans);
     channels.forEach((lane, i) => {
-      const {range} = curves[i], span = element('same-scale').checked ? widest : spans[i];
+      const {range} = curves[i], [least, most] = range ?? [0, 0];
+      if (range) lane.note = volts(step[lane.channel] * (most - least));
       // A curve that is flat lies in the middle of its lane; one without samples anywhere.
-      const half = span / step[lane.channel] / 2 || 1, middle = range ? (range[0] + range[1]) / 2 : 0;
-      curves[i].range = [middle - half, middle + half];
-      if (range) lane.note = volts(span);
+      if (least === most) curves[i].range = [least - 1, most + 1];
     });
   }
   timeline.setLanes(lanes);

@@ -184,17 +184,14 @@ export class Parameters extends Tool {
 }
 
 // One parameter: its value to be edited, its unit, what is allowed, and what it means.
-let rows = 0;
-
 class ParameterRow {
   // onEdit(text): the user typed this; undefined: keep the detector's value; null: delete the parameter.
   constructor({name, choices = []}, onEdit) {
-    const id = `parameter-${++rows}`;
+    const id = `parameter-${name.replace(/\s/g, '_')}`;
     this.root = element('parameter').content.firstElementChild.cloneNode(true);
     [this.label, this.unit, this.notes, this.meaning] = this.root.children;
     Object.assign(this.label, {textContent: name, htmlFor: id});
-    Object.assign(this.notes, {id: `${id}-notes`});
-    Object.assign(this.meaning, {id: `${id}-meaning`});
+    [this.notes.id, this.meaning.id] = [`${id}-notes`, `${id}-meaning`];
     this.field = build(choices.length ? 'select' : 'input', ...choices.map((choice) => new Option(choice)), {
       id, spellcheck: false, autocomplete: 'off',
     });

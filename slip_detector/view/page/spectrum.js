@@ -39,7 +39,7 @@ export class SpectrumPanel {
 
   show(finger) {
     const other = finger.name !== this.finger?.name || String(finger.channels) !== String(this.finger.channels);
-    this.finger = finger;
+    Object.assign(this, {finger, nyquist: finger.sample_rate_hz / 2});
     if (other) {
       this.now = this.rest = null;
       this.choice.replaceChildren(...finger.channels.map((name, c) => new Option(name, c + 1)));
@@ -57,8 +57,7 @@ export class SpectrumPanel {
   }
 
   choose(channel) {
-    this.channel = channel;
-    this.choice.value = channel;
+    this.channel = this.choice.value = channel;
     this.ask();
   }
 
@@ -71,10 +70,6 @@ export class SpectrumPanel {
     this.now = spectrum ? {step, density: Array.from(spectrum)} : null;
     this.rest = rest ? {step: restStep, density: Array.from(rest)} : null;
     this.draw();
-  }
-
-  get nyquist() {
-    return this.finger.sample_rate_hz / 2;
   }
 
   // The edges that can be dragged: name, label, value and limits of each, and the parameters for a new value.

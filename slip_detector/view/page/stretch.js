@@ -10,10 +10,7 @@ export class Columns {
   // kept: how many columns are kept at least. begun_s: the stamp at which times are 0; null: the
   // whole minute before the first column, so that ticks are those of a clock.
   constructor({width_ns: width, channels}, kept, begun_s) {
-    this.width_s = width / 1e9;
-    this.kept = kept;
-    this.channels = channels;
-    this.begun_s = begun_s;
+    Object.assign(this, {width_s: width / 1e9, channels, kept, begun_s});
     // The number of the first column that is kept, and of the one after the last.
     this.base = this.stop = null;
     const each = () => channels.map(() => []);

@@ -137,13 +137,13 @@ export class Teach extends Tool {
   }
 
   show() {
-    const {recordings = [], folder} = this.latest.fingers[this.finger] ?? {};
+    const {recordings = [], held_out: heldOut, folder} = this.latest.fingers[this.finger] ?? {};
     // After a restart, the server has not listed the recordings yet.
     if (this.finger in this.labels && !(this.finger in this.latest.fingers)) this.refresh();
     write('teach-words', this.latest.words);
     write('recordings-folder', folder ? `In ${folder}. A third of each kind is held out, see below: the search does not see these, and is judged by them.` : '');
-    const shown = JSON.stringify([recordings, this.locked]);
-    if (shown !== this.shown) this.showList(recordings);
+    const shown = JSON.stringify([recordings, heldOut, this.locked]);
+    if (shown !== this.shown) this.showList(recordings, heldOut);
     this.shown = shown;
     for (const [kind, wanted] of Object.entries(WANTED)) {
       const some = recordings.filter((one) => one.kind === kind && one.usable);
@@ -156,15 +156,15 @@ export class Teach extends Tool {
     this.showRecording();
   }
 
-  showList(recordings) {
+  showList(recordings, heldOut) {
     element('recordings-frame').hidden = !recordings.length;
-    element('recordings').replaceChildren(...recordings.flatMap(({name, duration_s: seconds, slips, usable, held_out: heldOut, note}) => {
+    element('recordings').replaceChildren(...recordings.flatMap(({name, duration_s: seconds, slips, usable, note}) => {
       const remove = button('Delete', () => {
         if (confirm(`Delete ${name}, ${seconds.toFixed(1)} s? It cannot be brought back.`)) this.ask('delete_recording', {recording: name}, element('recordings-frame'));
       }, {ariaLabel: `Delete ${name}`, disabled: this.locked});
       if (!this.traces.has(name)) this.traces.set(name, this.traceOf(name));
       this.traces.get(name).allow(!this.locked);
-      const row = tableRow([name, `${seconds.toFixed(1)} s`, String(slips), heldOut ? 'held out' : usable ? 'tuning' : 'not used', remove]);
+      const row = tableRow([name, `${seconds.toFixed(1)} s`, String(slips), heldOut.includes(name) ? 'held out' : usable ? 'tuning' : 'not used', remove]);
       if (note) row.firstChild.append(build('p.notice', note));
       return [row, build('tr', build('td', this.traces.get(name).root, {colSpan: 5}))];
     }));

@@ -44,8 +44,7 @@ export class Traces {
 
   show(finger) {
     if (finger.name !== this.finger?.name || finger.channels.length !== this.finger.channels.length) {
-      this.columns = null;
-      this.stretch.columns = null;
+      this.columns = this.stretch.columns = null;
       this.stretch.goOn();
       this.truth = false;
     }
@@ -123,6 +122,9 @@ export class Traces {
     const {columns, chooser: {channels}} = this;
     if (!this.root.clientWidth || columns?.begun_s == null || String(columns.channels) !== String(channels)) return;
     if (this.laidOut !== this.truth) return this.layOut();
+    const joined = JOINED_PERIODS / this.finger.sample_rate_hz;
+    // How many columns may lie between two values that are joined.
+    this.joined = Math.ceil(joined / columns.width_s);
     const [from, to] = this.stretch.ends(), seen = this.seen = columns.between(from, to);
     const curves = channels.map((c, i) => ({
       rows: [], low: seen.low[i], high: seen.high[i], range: this.voltsRange(c, [seen.low[i], seen.high[i]].flat()),
@@ -130,7 +132,7 @@ export class Traces {
     const range = this.levelRange(seen.level.flat()), logarithm = (level) => (level == null ? level : Math.max(range[0], Math.log10(level)));
     for (const values of seen.level) curves.push({rows: values.map(logarithm), low: [], high: [], range});
     this.timeline.draw({
-      from, to, curves, joined: JOINED_PERIODS / this.finger.sample_rate_hz, paint: (pen) => this.paintBits(pen, {top: pen.top, height: pen.bottom}, 'truth', '#e8f2f9'),
+      from, to, curves, joined, paint: (pen) => this.paintBits(pen, {top: pen.top, height: pen.bottom}, 'truth', '#e8f2f9'),
       // Without columns there is still an axis, with which the user can move elsewhere.
       x: seen.x.length ? seen.x : [from, to],
     });
@@ -170,11 +172,6 @@ export class Traces {
   paintBits(pen, {top, height}, name, color) {
     const [bits] = this.seen[name], xOf = (i) => pen.xOf(this.seen.x[0] + i * this.columns.width_s);
     paintRuns(pen.context, top, height - 1, 0, bits.length, (i) => (bits[i] ? color : null), xOf);
-  }
-
-  // How many columns may lie between two values that are joined.
-  get joined() {
-    return Math.ceil(JOINED_PERIODS / this.finger.sample_rate_hz / this.columns.width_s);
   }
 
   // A strip under a channel's volts whose colour tells how near the level is to the threshold.
@@ -227,9 +224,7 @@ export class Traces {
     const total = seconds + (this.columns?.begun_s ?? 0);
     // The time of day if the stamps are dates; simulated time begins at zero.
     if (total < 1e9) return `${total.toFixed(digits)} s`;
-    const tenths = Number(total.toFixed(digits)), date = new Date(1000 * Math.floor(tenths + 1e-6));
-    const rest = digits ? (tenths - Math.floor(tenths)).toFixed(digits).slice(1) : '';
-    return date.toTimeString().slice(0, 8) + rest;
+    return timeText(Number(total.toFixed(digits)) - 60 * new Date(1000 * total).getTimezoneOffset(), digits);
   }
 
   readOut() {
