@@ -72,7 +72,13 @@ class Replay:
     def __init__(self, chain_config: ChainConfig, config: EvaluationConfig | None = None) -> None:
         self.config = config or EvaluationConfig()
         self.chain = SlipChain(chain_config)
-        self.tally, self.filters = ScoreTally(), SlipChain(of_filters(chain_config))
+        # With windows of one sample the envelope is the filtered signal, rectified and raised to
+        # the exponent.
+        one_s = 1.0 / chain_config.sample_rate_hz
+        filters = dataclasses.replace(
+            chain_config, envelope_window_s=one_s, decision_window_s=one_s, decision='mean'
+        )
+        self.tally, self.filters = ScoreTally(), SlipChain(filters)
 
     def run(
         self,
@@ -103,17 +109,6 @@ class Replay:
         for piece in pieces:
             run.add(piece)
         return run.outcome()
-
-
-def of_filters(config: ChainConfig) -> ChainConfig:
-    """Return a chain whose envelope is the filtered signal, rectified and raised to the exponent.
-
-    Its windows are of one sample, so the algorithm is written once.
-    """
-    one_s = 1.0 / config.sample_rate_hz
-    return dataclasses.replace(
-        config, envelope_window_s=one_s, decision_window_s=one_s, decision='mean'
-    )
 
 
 @dataclasses.dataclass

@@ -264,34 +264,25 @@ class Recording(ABC):
     def _stretches(self, rate_hz: float, max_gap_s: float) -> Iterator[Samples]:
         """Yield the rows with bridged gaps; each piece is within one stretch."""
         grid = StampGrid(1 / rate_hz, max_gap_s)
-        first = 0
-        last: Samples | None = None
+        n, last = 0, None
         for rows in self.rows():
-            numbers = np.arange(first, first + len(rows.volts))
-            piece = rows._replace(row_numbers=numbers, new_stretch=last is None)
-            first += len(rows.volts)
-            for part in self._mended(piece, last, grid):
-                yield part
-                last = part
-
-    def _mended(self, piece: Samples, last: Samples | None, grid: StampGrid) -> list[Samples]:
-        """Drop rows, bridge gaps and separate stretches; ``last`` is the previous piece."""
-        steps_ns = np.diff(piece.stamps_ns)
-        bridged_ns = steps_ns[(steps_ns > 0) & (steps_ns <= 1e9 * grid.max_gap_s)].sum()
-        n_bytes = bridged_ns / grid.period_ns * piece.volts[0].nbytes
-        self.check_size(n_bytes, 'what bridges the gaps')
-        mended = grid.mend(piece.stamps_ns)
-        self.counts.gaps += mended.gaps
-        self.counts.bridged_rows += mended.bridged
-        self.counts.dropped += mended.dropped
-        if np.array_equal(mended.places, np.arange(len(piece.volts))) and not mended.first_is_new:
-            return [piece._replace(stamps_ns=mended.stamps_ns)]
-        # The last row before this piece may have to bridge its first gap.
-        rows = (piece if last is None else last).take(slice(-1, None)).then(piece)
-        return [
-            rows.take(mended.places[of_stretch] + 1)._replace(
-                stamps_ns=mended.stamps_ns[of_stretch],
-                new_stretch=i > 0 or mended.first_is_new or piece.new_stretch,
-            )
-            for i, of_stretch in enumerate(mended.stretches)
-        ]
+            piece = rows._replace(row_numbers=np.arange(n, n + len(rows.volts)))
+            n += len(rows.volts)
+            steps_ns = np.diff(piece.stamps_ns)
+            bridged_ns = steps_ns[(steps_ns > 0) & (steps_ns <= 1e9 * max_gap_s)].sum()
+            n_bytes = bridged_ns / grid.period_ns * piece.volts[0].nbytes
+            self.check_size(n_bytes, 'what bridges the gaps')
+            mended = grid.mend(piece.stamps_ns)
+            self.counts.gaps += mended.gaps
+            self.counts.bridged_rows += mended.bridged
+            self.counts.dropped += mended.dropped
+            if not np.array_equal(mended.places, np.arange(len(piece.volts))):
+                # The last row before this piece may have to bridge its first gap.
+                before = (piece if last is None else last).take(slice(-1, None))
+                piece = before.then(piece).take(mended.places + 1)
+            piece = piece._replace(stamps_ns=mended.stamps_ns)
+            is_new = last is None or mended.first_is_new
+            for of_stretch in mended.stretches:
+                last = piece.take(of_stretch)._replace(new_stretch=is_new)
+                is_new = True
+                yield last
