@@ -41,8 +41,6 @@ from slip_detector.tuning.problem import ON_STEP, Candidate, Figures, Problem, b
 from slip_detector.tuning.search import Calls, Study, candidates_at, search
 from slip_detector.tuning.tracks import Track, TrainingFiles
 
-NEEDS_OPTUNA = "needs optuna, which is not installed: pip install 'slip_detector[tune]'"
-
 #: So many chains at most are judged, the cheapest first, if one is not enough.
 JUDGED = 20
 
@@ -182,7 +180,7 @@ def tune(
         is wrong.
     """
     if importlib.util.find_spec('optuna') is None:
-        raise ValueError(NEEDS_OPTUNA)
+        raise ValueError("needs optuna, which is not installed: pip install 'slip_detector[tune]'")
     training, held, notes = files.load()
     sentences, mistakes = contradictions(parameters.chain, training + held)
     wrong = [track for track in mistakes if track.samples.accuracy_s]
@@ -313,10 +311,7 @@ def choose(problem: Problem, trials: Sequence[Any]) -> Candidate | None:
 
 
 def judge(
-    problem: Problem,
-    held: Sequence[Track],
-    best: Candidate | None,
-    others: Sequence[Candidate] = (),
+    problem: Problem, held: Sequence[Track], best: Candidate | None, more: Sequence[Candidate] = ()
 ) -> Verdict:
     """Choose between the running chain and those found, by the held-out recordings.
 
@@ -332,8 +327,8 @@ def judge(
         The held-out recordings.
     best
         The best chain found; None where none was found.
-    others
-        More chains.
+    more
+        Other chains.
 
     Examples
     --------
@@ -347,7 +342,7 @@ def judge(
     before, judged = on_held.as_it_is(running), [on_held.as_it_is(best.chain)]
     why = _why_not(on_held, judged[0], before)
     if why or any(track.samples.accuracy_s for track in held):
-        judged += [on_held.as_it_is(one.chain) for one in others]
+        judged += [on_held.as_it_is(one.chain) for one in more]
     holding = [one for one in judged if not _why_not(on_held, one, before)]
     if not holding:
         why = f'on the held-out recordings the best found is {why}'

@@ -198,8 +198,8 @@ class Problem:
             if limits.size:
                 voted = dataclasses.replace(chain, vote=vote)
                 found.append(self._cheapest(voted, statistic, limits, NEIGHBOURS))
-        possible = (one for one in found if one.cost_ms < math.inf)
-        return sorted(possible, key=lambda one: one.cost_ms)
+        found.sort(key=lambda one: one.cost_ms)
+        return [one for one in found if one.cost_ms < math.inf]
 
     def as_it_is(self, chain: ChainConfig) -> Candidate:
         """Return the cost of a chain with its own threshold and vote.

@@ -261,9 +261,7 @@ class SearchSpace:
         impact_v = rounded(LEAST_RATIO * (1.0 + FEW_SLIPS / max(slips, 1)) * step_v)
         return {'impact_v': impact_v, 'impact_s': impact_s, 'impact_channels': channels}
 
-    def _stopbands(
-        self, point: dict[str, Any], low_hz: float, high_hz: float
-    ) -> tuple[tuple[float, float], ...]:
+    def _stopbands(self, point: dict[str, Any], low_hz: float, high_hz: float) -> tuple[Any, ...]:
         """Return the stop-bands beside the pass-band, and the notch."""
         which, mains_hz = point['stopbands'], point['notch_hz']
         pairs = list(self._given.stopbands_hz) if which == 'given' else []

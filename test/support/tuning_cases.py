@@ -57,21 +57,22 @@ PARAMETERS = """# The given ones.
 """
 
 
-def slips(seed, duration_s=12.0, slip_hz=18.0, slips=True):
+def slips(seed, duration_s=12.0, slip_hz=18.0, slips=True, noise_v=0.05):
     """Noise, and every 3 s a slip of 0.7 s at a frequency; returns volts and labels."""
     random = np.random.default_rng(seed)
     n = round(duration_s * RATE_HZ)
     time_s = np.arange(n) / RATE_HZ
     truth = (time_s % 3.0 > 1.5) & (time_s % 3.0 < 2.2) & slips
-    volts = 4.3 + 0.05 * random.standard_normal((n, 4))
+    volts = 4.3 + noise_v * random.standard_normal((n, 4))
     phases = random.uniform(0, 2 * np.pi, 4)
     volts += truth[:, None] * np.sin(2 * np.pi * slip_hz * time_s[:, None] + phases)
     return volts, truth
 
 
-def track(seed, **what):
-    volts, truth = slips(seed, **what)
-    return track_of(f'seed {seed}', [Samples.evenly(volts, RATE_HZ, truth)], RATE_HZ)
+def track(seed, kind='', **what):
+    """Return the noise and slips of a seed as a track; one of a kind has no slips."""
+    volts, truth = slips(seed, **{'slips': not kind, **what})
+    return track_of(f'seed {seed}', [Samples.evenly(volts, RATE_HZ, truth, kind=kind)], RATE_HZ)
 
 
 def write(path, seed, label=True, **what):

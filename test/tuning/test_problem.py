@@ -98,7 +98,7 @@ def test_each_kind_of_recordings_counts_as_much_as_another_and_may_not_get_worse
     often = dataclasses.replace(CHAIN, threshold=2e-4, vote=1)
     weights = TuneConfig(auc_costs_ms=0.0)
     slips_, still = track(1), track(2, slips=False, duration_s=6.0)
-    press = dataclasses.replace(still, samples=still.samples._replace(kind='press'))
+    press = track(2, 'press', duration_s=6.0)
     pooled, apart = (Problem([slips_, one], config=weights) for one in (still, press))
     figures = apart.as_it_is(often).figures
     rest_s = {'': 12.0 - 4 * 0.8 - 0.4, 'press': 6.0 - 0.4}

@@ -24,7 +24,7 @@ import pytest
 
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.parameters.driver import RecordingConfig
-from slip_detector.tuning import TuningParameters, cheapest, choose, tune
+from slip_detector.tuning import TuningParameters, cheapest, tune
 from slip_detector.tuning.problem import Problem, searched
 from slip_detector.tuning.search import Study
 from slip_detector.tuning.tracks import TrainingFiles
@@ -118,12 +118,6 @@ def test_a_first_interrupt_keeps_the_result_so_far_and_a_second_ends_at_once(fil
         tune(files, PARAMETERS, 1000, progress=interrupted_at(3, 3))
     assert signal.getsignal(signal.SIGINT) is before
     assert capsys.readouterr().err.count('stopping') == 2
-
-
-def test_what_is_shown_while_searching_is_what_is_judged(files):
-    shown = []
-    found = tune(files, PARAMETERS, 9, progress=lambda count, best: shown.append(best))
-    assert shown[-1] == choose(found.problem, found.study.trials)
 
 
 @pytest.mark.parametrize('where', ['{}/study.journal', 'sqlite:///{}/study.db'])

@@ -150,21 +150,15 @@ def test_a_search_begins_at_each_preset_with_the_floors_of_its_own_sensor():
             assert found.noise_floor_range_db == preset.noise_floor_range_db
 
 
-def of_kind(seed, kind, factor=1.0):
-    one = track(seed, slips=False)
-    samples = one.samples._replace(kind=kind, volts=4.3 + factor * (one.volts - 4.3))
-    return dataclasses.replace(one, samples=samples)
-
-
 def test_what_no_recording_shows_is_not_searched_and_stays_as_given():
     given = dataclasses.replace(EVIDENCE, impact_v=1.0, impact_s=0.02, contact_level_v=0.3)
-    space = SearchSpace(given, [track(1), of_kind(2, 'rest')])
+    space = SearchSpace(given, [track(1), track(2, 'rest')])
     assert not {'impact_s', 'contact', 'activity'} & set(space.distributions)
     assert space.chain(space.starts()[0]) == given
 
 
 def test_what_recordings_of_kinds_teach_is_among_the_first_alone_and_together():
-    tracks = [track(1), of_kind(2, 'press', 20.0), of_kind(3, 'idle', 0.1)]
+    tracks = [track(1), track(2, 'press', noise_v=1.0), track(3, 'idle', noise_v=0.005)]
     given = dataclasses.replace(EVIDENCE, passband_hz=(60.0, 0.0), stopbands_hz=(), mains_hz=0.0)
     space = SearchSpace(given, tracks)
     known = [(one.get('contact'), one.get('activity'), one['impact_s']) for one in space.starts()]
