@@ -74,8 +74,16 @@ def declare(
     }
     config = config_class.from_parameters(given, own=own, warn=node.get_logger().warning)
     for name, value in config.to_parameters().items():
-        read_only = fixed is None or name in fixed
-        descriptor = _descriptor(config_class, name, value, read_only)
+        field = config_class.__dataclass_fields__[name.partition('.')[0]]
+        unit = f' [{field.metadata["unit"]}]' if field.metadata['unit'] else ''
+        descriptor = msg.ParameterDescriptor(
+            name=name,
+            description=f'{field.metadata["meaning"]}{unit}',
+            additional_constraints=allowed(field),
+            read_only=fixed is None or name in fixed,
+            # An empty list has no type, and a vote is a number or a word.
+            dynamic_typing=isinstance(value, list) or field.name == 'vote',
+        )
         node.declare_parameter(name, value, descriptor, ignore_override=True)
     return config
 
@@ -167,18 +175,3 @@ def follow_changes(
 
 def _ours(parameters: Iterable[Parameter]) -> list[Parameter]:
     return [each for each in parameters if each.name.partition('.')[0] not in OF_RCLPY]
-
-
-def _descriptor(
-    config_class: type[ParameterSet], name: str, value: Any, read_only: bool
-) -> msg.ParameterDescriptor:
-    field = config_class.__dataclass_fields__[name.partition('.')[0]]
-    unit = f' [{field.metadata["unit"]}]' if field.metadata['unit'] else ''
-    return msg.ParameterDescriptor(
-        name=name,
-        description=f'{field.metadata["meaning"]}{unit}',
-        additional_constraints=allowed(field),
-        read_only=read_only,
-        # An empty list has no type, and a vote is a number or a word.
-        dynamic_typing=isinstance(value, list) or field.name == 'vote',
-    )

@@ -67,13 +67,8 @@ def main(executable: str) -> NoReturn:
     from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
     from rclpy.signals import SignalHandlerOptions
 
+    from slip_detector.nodes import rclpy_internals
     from slip_detector.nodes.parameters import tell_of_other_names
-    from slip_detector.nodes.rclpy_internals import (
-        ROS_ERRORS,
-        SampleExecutor,
-        leave,
-        survive_requests,
-    )
 
     takedowns: list[Callable[[], object]] = []
     code = 0
@@ -90,15 +85,15 @@ def main(executable: str) -> NoReturn:
         # The controller takes few messages; rclpy serves its events, which tell of a detector with
         # an incompatible quality of service.
         grasps = executable == 'grasp_controller'
-        executor = SingleThreadedExecutor() if grasps else SampleExecutor()
+        executor = SingleThreadedExecutor() if grasps else rclpy_internals.SampleExecutor()
         for node in nodes:
-            survive_requests(node)
+            rclpy_internals.survive_requests(node)
             executor.add_node(node)
         takedowns.insert(0, executor.shutdown)
         executor.spin()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
-    except (ValueError, *ROS_ERRORS) as error:
+    except (ValueError, *rclpy_internals.ROS_ERRORS) as error:
         print(f'{executable}: {one_line(error)}', file=sys.stderr)
         code = 1
     except Exception:
@@ -108,7 +103,7 @@ def main(executable: str) -> NoReturn:
     on_signals(signal.SIG_IGN)
     # A node that is only partly made is not in the takedowns. Its objects refer to each other, and
     # the middleware has it until they are collected.
-    leave(takedowns or [gc.collect], code)
+    rclpy_internals.leave(takedowns or [gc.collect], code)
 
 
 def on_signals(handler: Any) -> None:
