@@ -163,8 +163,7 @@ class LiveSource(Source):
 
     def read(self, n: int) -> Samples:
         """Return the new samples, after at most ``WAIT_S``; there may be none."""
-        decoded = self._receive()
-        return self._clock.stamp(decoded, self._config.channels, self._now_ns())
+        return self._clock.stamp(self._receive(), self._config.channels, self._now_ns())
 
     def _receive(self) -> list[Samples]:
         """Wait for bytes, at most ``WAIT_S``, and decode them."""

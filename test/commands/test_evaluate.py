@@ -23,7 +23,6 @@ import pytest
 from slip_detector.commands.evaluate import main
 from support.evaluation_cases import (
     complaint,
-    config_file,
     expected_scores,
     report_of,
     roc_auc,
@@ -83,21 +82,13 @@ def test_a_report_that_cannot_be_written_is_refused_before_anything_is_read(caps
     assert page.read_bytes() == b'of yesterday'
 
 
-def test_wrong_arguments_and_recordings_are_refused_in_one_line(capsys, tmp_path):
-    assert complaint(capsys, code=2).startswith('required: either RECORDINGs or --protocol')
+def test_no_recordings_and_one_given_twice_are_refused_in_one_line(capsys, tmp_path):
     path = write(tmp_path / 'in' / 'a.npz')
     (tmp_path / 'empty').mkdir()
     assert complaint(capsys, tmp_path / 'empty') == (
         f'{tmp_path / "empty"}: has no recordings, allowed: .npz, .csv, .mcap, .db3, .bag or bags'
     )
     assert complaint(capsys, path, path.parent) == f'{path}: is given twice, allowed: each once'
-    unlabelled = write(tmp_path / 'in' / 'b.npz', slip=None)
-    assert complaint(capsys, path.parent).startswith(f'{unlabelled}: has no label')
-    config = config_file(tmp_path / 'c.yaml', {'vote': 9})
-    said = f'{config}: parameter vote is 9, allowed: at most 4'
-    assert complaint(capsys, path, '--config', config).startswith(said)
-    said = f'{tmp_path / "no.yaml"}: cannot be read (No such file or directory)'
-    assert complaint(capsys, path, '--config', tmp_path / 'no.yaml') == said
 
 
 @pytest.mark.skipif(not XELA.is_dir(), reason=f'no recordings at {XELA}')

@@ -17,7 +17,6 @@
 import json
 
 import numpy as np
-import yaml
 
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.commands.evaluate import main
@@ -27,7 +26,6 @@ RATE_HZ = 380.0
 
 TALLY = ScoreTally()
 
-#: Starts ``slip_evaluate`` as the console script does.
 HALF_OF_IT = np.arange(600) >= 450
 
 
@@ -43,15 +41,6 @@ def write(path, seed=0, channels=16, rate_hz=RATE_HZ, slip=HALF_OF_IT, **more):
     path.parent.mkdir(exist_ok=True)
     np.savez(path, **arrays)
     return path
-
-
-def config_file(path, detector=None, driver=None, **evaluate):
-    sections = {'slip_detector': detector, 'slip_driver': driver, 'slip_evaluate': evaluate}
-    document = {
-        f'/**/{node}': {'ros__parameters': values} for node, values in sections.items() if values
-    }
-    path.write_text(yaml.safe_dump(document))
-    return str(path)
 
 
 def report_of(capsys, *arguments):
