@@ -62,7 +62,7 @@ def finger_markers(finger: Finger) -> list[Marker]:
     >>> from slip_detector.parameters.detector import DetectorConfig
     >>> text, cubes = finger_markers(Finger('/index/slip_detector', DetectorConfig(channels=2)))
     >>> text.text, len(cubes.points)
-    ('index: detector silent', 2)
+    ('index: no input', 2)
     """
     config, levels = finger.config, finger.track.levels
     positions = drawn_positions(config)
