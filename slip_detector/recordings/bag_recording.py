@@ -148,7 +148,6 @@ class BagRecording(Recording):
         self._field = config.recording_field or usual
         self._truth_topic = self._label_topic(config.recording_truth_topic)
         self.has_truth |= self._truth_topic is not None
-        self.label_name = f'topic {config.recording_truth_topic}'
         if labels is None:
             self.accuracy_s, self.kind = accuracy_and_kind(self._storage.custom_data)
         decoder = _Decoder(self._topic, self._field)
@@ -232,20 +231,14 @@ class BagRecording(Recording):
         )
 
     def _label_topic(self, name: str) -> 'Topic | None':
-        """Find the topic that labels the rows: in their namespace, else in any other."""
+        """Find the topic that labels the rows: in their namespace, else the only one in others."""
         alike = [topic for topic in self._storage.topics if topic.msgtype == BOOL]
+        there = name_list([topic.name for topic in alike]) or 'none'
+        self.label_name = f'topic {name} (Bool), there are: {there}'
         full = f'{self._topic.name.rpartition("/")[0]}/{name}'
         found = [topic for topic in alike if topic.name == full]
         found = found or [topic for topic in alike if _is_named(topic.name, name)]
-        if len(found) == 1:
-            return found[0]
-        if name == RecordingConfig.recording_truth_topic:
-            return None
-        known = name_list([topic.name for topic in found or alike])
-        raise ValueError(
-            f'parameter recording_truth_topic is {name!r}, allowed: one topic of type {BOOL}, '
-            f'there are: {known or "none"}'
-        )
+        return found[0] if len(found) == 1 else None
 
 
 def _is_named(topic: str, name: str) -> bool:

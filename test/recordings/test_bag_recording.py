@@ -128,11 +128,12 @@ def test_a_truth_that_was_received_late_holds_from_its_receipt_on(tmp_path):
     np.testing.assert_array_equal(truth, (np.arange(n) >= 20) & (np.arange(n) < 30))
 
 
-def test_a_topic_of_labels_that_is_named_must_be_there(tmp_path):
+def test_without_the_topic_of_labels_those_that_are_there_are_named(tmp_path):
     write_recording(tmp_path / 'a.mcap', [rows(50)], 380.0, NAMES)
-    said = complaint(tmp_path / 'a.mcap', recording_truth_topic='sliding')
-    assert "parameter recording_truth_topic is 'sliding'" in said
-    assert 'there are: /slip_truth' in said
+    config = RecordingConfig(recording_truth_topic='sliding')
+    recording = open_recording(tmp_path / 'a.mcap', config)
+    assert not recording.has_truth
+    assert recording.label_name == 'topic sliding (Bool), there are: /slip_truth'
 
 
 def test_a_bag_without_samples_or_with_a_stopped_clock_says_so(tmp_path):
