@@ -96,8 +96,7 @@ class Replay:
             Rate of the recording, which turns rows into times; the chain's rate if not given.
         observer
             Receives all rows and gaps in their order, as the overview of a report does, by
-            ``add(volts, result, truth)`` and ``gap(seconds)``. The result has the level, and with
-            evidence floor and excess.
+            ``add(volts, result, truth)`` and ``gap(seconds)``. The result has the level.
 
         Raises
         ------
@@ -186,14 +185,11 @@ class _Run:
             self._slips.append(_Slip(row, self._on.on, first))
             self._watching = not self._on.on
             self._replay.filters.take_filters(self._chain)
-        # An observer receives floor and excess, which make evidence.
-        observed, evidence = self._observer is not None, self._config.decision == 'evidence'
         result = self._chain.update(
             volts,
             envelope=self._watching,
-            level=observed,
-            floor=evidence and (observed or self._watching),
-            excess=evidence and observed,
+            level=self._observer is not None,
+            floor=self._watching and self._config.decision == 'evidence',
             votes=(self._config.vote,),
         )
         on = np.ascontiguousarray(result.slip)

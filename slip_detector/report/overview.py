@@ -14,8 +14,8 @@
 
 """The overview of one recording for a report: bins of its rows, and its events.
 
-For each bin and channel it has the lowest and the highest volts and the highest code of each
-signal. In a recording of some minutes a bin is one row.
+For each bin and channel it has the lowest and the highest volts and the highest code of
+its level. In a recording of some minutes a bin is one row.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -26,7 +26,6 @@ from numpy.typing import NDArray
 
 from slip_detector.chain.samples import Bools, Floats, Ints, Samples
 from slip_detector.chain.slip_chain import SlipResult
-from slip_detector.chain.stages import LEAST_EXCESS_DB
 from slip_detector.evaluation.figures import FALSE, ReplayOutcome
 from slip_detector.evaluation.matching import OnIntervals
 from slip_detector.evaluation.replay import Replay
@@ -44,9 +43,6 @@ MOST_CELLS = 3 * 2**19
 #: Steps of a level's code for a factor of two, and the code of a level that equals the threshold:
 #: above it the channel is ON.
 CODES_PER_OCTAVE, THRESHOLD_CODE = 16, 128
-
-#: A narrower range of decibels is widened to this, as it may be 0.
-LEAST_RANGE_DB = 1e-3
 
 #: A sample with a larger magnitude is not drawn, as float32 ends at 3.4e38.
 MOST_VOLTS = 1e30
@@ -108,37 +104,17 @@ def events_of(outcome: ReplayOutcome) -> list[Event]:
     return sorted(events, key=lambda event: event.start_s)
 
 
-def signal_ranges(config: ChainConfig) -> dict[str, tuple[float, float]]:
-    """Return the signals that are drawn besides volts, and the values of their codes 1 and 255.
+def level_codes(result: SlipResult, config: ChainConfig) -> Codes:
+    """Return the levels, a byte for each sample, shape (n, c).
 
-    The level is in octaves above the threshold; with evidence there are two more, in decibels.
-
-    Examples
-    --------
-    >>> signal_ranges(ChainConfig(decision='evidence', noise_floor=1e-3, evidence_cap_db=12.0))
-    {'level': (-7.9375, 7.9375), 'excess': (-8.7, 12.0), 'floor': (-60.0, 0.0)}
-    """
-    octaves = (255 - THRESHOLD_CODE) / CODES_PER_OCTAVE
-    ranges = {'level': (-octaves, octaves)}
-    if config.decision == 'evidence':
-        floors = [20.0 * float(np.log10(floor)) for floor in config.noise_floor]
-        ranges['excess'] = (LEAST_EXCESS_DB, config.evidence_cap_db)
-        ranges['floor'] = (min(floors), max(floors) + config.noise_floor_range_db)
-    return ranges
-
-
-def signal_codes(result: SlipResult, config: ChainConfig) -> Codes:
-    """Return the signals side by side, a byte for each sample, shape (n, s c).
-
-    A code is 0 where the channel is not valid, else from 1 to 255 over the range of the signal in
-    :func:`signal_ranges`. That of a level is above :data:`THRESHOLD_CODE` exactly where the
-    channel is ON.
+    A code is 0 where the channel is not valid, else from 1 to 255 and above
+    :data:`THRESHOLD_CODE` exactly where the channel is ON.
 
     Examples
     --------
     >>> from slip_detector import SlipChain
     >>> result = SlipChain().update(np.full((1, 16), 4.3))
-    >>> int(signal_codes(result, ChainConfig())[0, 0])  # at rest: the lowest code of a level
+    >>> int(level_codes(result, ChainConfig())[0, 0])  # at rest: the lowest code
     1
     """
     with np.errstate(divide='ignore'):  # The logarithm of 0 is -inf, the lowest code.
@@ -147,11 +123,7 @@ def signal_codes(result: SlipResult, config: ChainConfig) -> Codes:
     steps = np.clip(np.ceil(CODES_PER_OCTAVE * octaves), -most, most)
     # A quotient may round to 1 where the level is just above the threshold.
     steps = np.where(result.channels, np.maximum(steps, 1), np.minimum(steps, 0))
-    codes = [steps + THRESHOLD_CODE]
-    for name, (low, high) in list(signal_ranges(config).items())[1:]:
-        share = (getattr(result, name) - low) / max(high - low, LEAST_RANGE_DB)
-        codes.append(1.0 + np.rint(254.0 * np.clip(share, 0.0, 1.0)))
-    return np.hstack([np.where(result.valid, code, 0).astype(np.uint8) for code in codes])
+    return np.where(result.valid, steps + THRESHOLD_CODE, 0).astype(np.uint8)
 
 
 class Overview:
@@ -177,16 +149,16 @@ class Overview:
     ----------
     rows : int
         Number of rows so far, including those that are missing in gaps.
-    truth, slip, after_impact : OnIntervals
-        When the label is slip, the global decision ON, an impact held.
+    truth, slip : OnIntervals
+        When the label is slip, the global decision ON.
     groups : dict
         The same of each group, by its name.
     bin_rows : int
         After :meth:`finish` number of rows in a bin, a power of two.
     low, high : ndarray of float32, shape (bins, c)
         After :meth:`finish` the extreme volts; NaN where the bin has no sample that is a number.
-    codes : ndarray of uint8, shape (bins, s c)
-        After :meth:`finish` the highest code of each of s signals; see :func:`signal_codes`.
+    codes : ndarray of uint8, shape (bins, c)
+        After :meth:`finish` the highest codes; see :func:`level_codes`.
     events : sequence of Event
 
     Examples
@@ -212,13 +184,14 @@ class Overview:
         self.channel_names = tuple(channel_names) or config.names
         self.sample_rate_hz = sample_rate_hz or config.sample_rate_hz
         self.rows = 0
-        self.truth, self.slip, self.after_impact = OnIntervals(), OnIntervals(), OnIntervals()
+        self.truth, self.slip = OnIntervals(), OnIntervals()
         self.groups = {name: OnIntervals() for name in config.groups}
         self.events: Sequence[Event] = ()
         # The numbers of rows, their volts and their codes, so far.
-        signals = len(signal_ranges(config)) * config.channels
-        no_rows = np.empty((0, config.channels), np.float32), np.empty((0, signals), np.uint8)
-        self._pieces: list[tuple[Ints, Volts, Codes]] = [(np.empty(0, np.int64), *no_rows)]
+        none = np.empty((0, config.channels), np.float32)
+        self._pieces: list[tuple[Ints, Volts, Codes]] = [
+            (np.empty(0, np.int64), none, none.astype(np.uint8))
+        ]
 
     def replay(self, replay: Replay, rows: Iterable[Samples]) -> ReplayOutcome:
         """Replay the whole recording, and finish the overview with its events."""
@@ -234,19 +207,16 @@ class Overview:
         volts : ndarray, shape (n, c)
             Oldest row first; NaN where a sample is missing.
         result : SlipResult
-            The chain's result for these rows, with the level, and with evidence also floor and
-            excess.
+            The chain's result for these rows, with the level.
         truth : ndarray of bool, shape (n,)
             Whether there is slip.
         """
         samples = np.where(np.abs(volts) < MOST_VOLTS, volts, np.nan).astype(np.float32)
         numbers = self.rows + np.arange(len(volts))
-        self._pieces.append((numbers, samples, signal_codes(result, self.config)))
+        self._pieces.append((numbers, samples, level_codes(result, self.config)))
         self.slip.add(result.slip, self.rows)
         for group, on in zip(self.groups.values(), result.groups.T, strict=True):
             group.add(on, self.rows)
-        if self.config.decision == 'evidence':
-            self.after_impact.add(result.after_impact, self.rows)
         self.truth.add(truth, self.rows)
         self.rows += len(volts)
 
@@ -270,7 +240,7 @@ class Overview:
         self.codes = _spread(np.maximum.reduceat(codes, firsts), filled, n, 0)
 
     def _close_intervals(self) -> None:
-        for intervals in (self.slip, self.after_impact, *self.groups.values(), self.truth):
+        for intervals in (self.slip, *self.groups.values(), self.truth):
             intervals.close(self.rows)
 
 

@@ -16,7 +16,7 @@
 
 The scripts in ``templates`` draw its timeline with uPlot. For each recording they read a header,
 which is JSON, and one string of bytes, compressed and in base64: of the bins the lowest volts, the
-highest volts and, for each variant, the codes of its signals. All are written channel after
+highest volts and, for each variant, the codes of its levels. All are written channel after
 channel. Volts are 16-bit codes over the range of the channel, all low bytes and then all high
 ones, as slow signals compress better in this order.
 """
@@ -44,7 +44,7 @@ from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.files import whole_file
-from slip_detector.report.overview import EVENT_KINDS, Codes, Overview, Volts, signal_ranges
+from slip_detector.report.overview import EVENT_KINDS, Codes, Overview, Volts
 from slip_detector.report.page_sections import Variant, sections
 from slip_detector.tuning.tracks import Track
 
@@ -176,9 +176,6 @@ def _bytes(values: Codes | NDArray[np.uint16]) -> bytes:
 def _variant(overview: Overview) -> dict[str, Any]:
     return {
         'slip': overview.slip.edges,
-        'after_impact': overview.after_impact.edges,
-        'signals': signal_ranges(overview.config),
-        'offset_db': overview.config.evidence_offset_db,
         'groups': [
             {'name': name, 'members': members, 'on': overview.groups[name].edges}
             for name, members in overview.config.groups.items()

@@ -161,7 +161,7 @@ class RecordedFolder:
         overview = Overview(str(name), config, (), TRACE_BINS * channels / MOST_CELLS, rate_hz)
         outcome = overview.replay(Replay(config), rows)
         figures = figures_of_merit([outcome])
-        level = overview.codes[:, :channels].mean(axis=1) / THRESHOLD_CODE
+        level = overview.codes.mean(axis=1) / THRESHOLD_CODE
         return {
             'duration_s': overview.rows / rate_hz,
             'bin_s': overview.bin_rows / rate_hz,

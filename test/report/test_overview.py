@@ -32,8 +32,7 @@ from slip_detector.report.overview import (
     THRESHOLD_CODE,
     Overview,
     events_of,
-    signal_codes,
-    signal_ranges,
+    level_codes,
 )
 from support import report_scenes as scenes
 
@@ -71,7 +70,7 @@ def test_bins_hold_the_extremes_and_intervals_the_decisions_however_rows_are_cut
     bins = max(cells // 3, 64)
     assert len(overview.low) <= bins < 2 * len(overview.low) or overview.bin_rows == 1
     exact = np.where(np.isfinite(volts), volts, np.nan).astype(np.float32)
-    codes = signal_codes(result, CONFIG)
+    codes = level_codes(result, CONFIG)
     for b, (low, high, highest) in enumerate(
         zip(overview.low, overview.high, overview.codes, strict=True)
     ):
@@ -112,7 +111,7 @@ def test_without_rows_there_is_no_bin():
 
 def test_codes_of_levels_are_above_the_threshold_where_and_only_where_the_channel_is_on():
     _, _, result = recorded()
-    codes = signal_codes(result, CONFIG)
+    codes = level_codes(result, CONFIG)
     assert result.channels.any()
     np.testing.assert_array_equal(codes > THRESHOLD_CODE, result.channels & result.valid)
     np.testing.assert_array_equal(codes == 0, ~result.valid)
@@ -120,24 +119,6 @@ def test_codes_of_levels_are_above_the_threshold_where_and_only_where_the_channe
     octaves = np.log2(result.level[between] / CONFIG.threshold)
     drawn = (codes[between].astype(float) - THRESHOLD_CODE) / 16
     assert np.abs(drawn - octaves).max() <= 1 / 16
-
-
-@pytest.mark.parametrize('range_db', [0.0, 15.0])
-def test_with_evidence_excess_and_floor_are_beside_the_level(range_db):
-    config = dataclasses.replace(scenes.EVIDENCE, noise_floor_range_db=range_db)
-    volts, truth = scenes.tapped()
-    volts[100:120, 3] = np.nan
-    result = SlipChain(config).update(volts, floor=True, excess=True)
-    _, *both = np.split(signal_codes(result, config), 3, axis=1)
-    for codes, name in zip(both, ('excess', 'floor'), strict=True):
-        np.testing.assert_array_equal(codes == 0, ~result.valid)
-        low, high = signal_ranges(config)[name]
-        decibels = low + (codes - 1.0) / 254 * (high - low)
-        away = np.abs(decibels - getattr(result, name))[result.valid]
-        assert away.max() <= 0.51 * (high - low) / 254 + 1e-9
-    overview = scenes.overview('a', config, volts, truth)
-    turns = np.flatnonzero(np.diff(np.concatenate([[0], result.after_impact, [0]])))
-    assert overview.after_impact.edges == turns.tolist() != []
 
 
 def test_events_are_the_scored_slips_and_the_false_alarms():

@@ -88,20 +88,20 @@ def test_any_text_is_shown_as_it_is(tmp_path):
 @pytest.mark.parametrize('most_cells', [2**20, 16 * 256])
 def test_the_data_are_the_overviews(monkeypatch, most_cells):
     monkeypatch.setattr('slip_detector.report.overview.MOST_CELLS', most_cells)
-    volts, truth = scenes.tapped()
+    volts, truth = scenes.volts_and_truth()
     volts[:, 3] = volts[100:200, 5] = np.nan
     overviews = [
         scenes.overview('a', config, volts, truth, scenes.EVENTS['given'])
-        for config in (scenes.GIVEN, scenes.EVIDENCE)
+        for config in (scenes.GIVEN, scenes.TUNED)
     ]
     header, data = report.pack_recording(overviews)
     bytes_ = np.frombuffer(zlib.decompress(base64.b64decode(data)), np.uint8)
     lowest, step = np.array(header['lowest_v']), np.array(header['step_v'])
 
-    def following(rows, columns=16):
+    def following(rows):
         nonlocal bytes_
-        codes, bytes_ = np.split(bytes_, [rows * columns])
-        return codes.reshape(columns, rows).T
+        codes, bytes_ = np.split(bytes_, [rows * 16])
+        return codes.reshape(16, rows).T
 
     def check_volts(expected):
         low, high = following(len(expected)), following(len(expected))
@@ -117,8 +117,7 @@ def test_the_data_are_the_overviews(monkeypatch, most_cells):
     if first.bin_rows > 1:
         check_volts(first.high)
     for overview, variant in zip(overviews, header['variants'], strict=True):
-        columns = 16 * len(variant['signals'])
-        np.testing.assert_array_equal(following(bins, columns), overview.codes)
+        np.testing.assert_array_equal(following(bins), overview.codes)
         assert variant['slip'] == overview.slip.edges
         assert [group['on'] for group in variant['groups']] == [
             on.edges for on in overview.groups.values()

@@ -41,12 +41,6 @@ def folder(tmp_path_factory):
     report.write_page(
         folder / 'skin.html', 'A title', [report.Variant('given', config, [seen], {})]
     )
-    seen = [
-        scenes.overview(name, scenes.EVIDENCE, *scenes.tapped(seed=i))
-        for i, name in enumerate(('a.npz', 'b.npz'))
-    ]
-    evidence = report.Variant('evidence', scenes.EVIDENCE, seen, {})
-    report.write_page(folder / 'evidence.html', 'A title', [variants[0], evidence])
     return folder
 
 
@@ -206,32 +200,6 @@ def test_events_are_reached_by_link_by_mark_and_one_after_the_other(opened):
     assert starts == [(0, 2.0), (0, 4.0), (0, 9.0), (0, 15.0), (1, 2.0)]
     page.keyboard.press('p')
     assert view(page)[2] == pytest.approx(14.7)
-
-
-def test_of_evidence_excess_floor_and_impacts_are_shown_with_their_scale(opened):
-    page = opened('evidence.html')
-    names = names_of_lanes(page)
-    assert names[:5] == ['events', 'label', 'slip given', 'slip evidence', 'after impact']
-    scale = page.locator('#resolution')
-    pictures = [pixels(page)]
-    for signal, text in (
-        ('level', 'Each row is drawn'),
-        ('excess', 'from -8.7 to 13.0 dB, with a line at 3.5 dB, above which'),
-        ('floor', 'The floor is drawn from -70.5 to -10.5 dB.'),
-    ):
-        page.select_option('#signal', signal)
-        expect(scale).to_contain_text(text)
-        pictures.append(pixels(page))
-    assert len(set(pictures)) == 4
-    text = read_out(page, 4.6 / 20.0)  # amid the first slip
-    excess_db, floor_db = re.search(r'excess ([-\d.]+) dB · floor ([-\d.]+) dB', text).groups()
-    assert float(excess_db) == pytest.approx(13.0, abs=0.1)
-    assert -80.0 < float(floor_db) < -60.0
-    # The other variant decides by the mean of its envelope: its level is shown instead.
-    page.get_by_label('given', exact=True).check()
-    expect(scale).not_to_contain_text('dB')
-    assert 'excess' not in read_out(page, 4.6 / 20.0)
-    assert 'after impact' not in names_of_lanes(page)
 
 
 def test_the_read_out_is_the_sample_itself_or_in_a_long_recording_the_range_of_its_bin(opened):

@@ -32,17 +32,6 @@ THREE_CHANNELS = ChainConfig(
     groups={'a': (1, 2), 'b': (3,)},
 )
 
-#: It takes the tap of :func:`tapped` for an impact.
-EVIDENCE = ChainConfig(
-    decision='evidence',
-    noise_floor=3e-4,
-    exponent=1,
-    gain=1.0,
-    impact_v=0.05,
-    impact_hold_s=0.2,
-    vote=2,
-)
-
 #: Seconds of true slip in each recording.
 SLIPS_S = ((4.0, 5.0), (9.0, 10.0), (15.0, 16.0))
 
@@ -74,16 +63,9 @@ def volts_and_truth(rows=380 * 20, channels=16, seed=0):
     return 4.0 + 0.01 * np.arange(channels) + burst[:, None] + noise, truth
 
 
-def tapped(seed=0):
-    """Return what :func:`volts_and_truth` does, with a tap on all channels at 12 s."""
-    volts, truth = volts_and_truth(seed=seed)
-    volts[12 * 380] += 0.2
-    return volts, truth
-
-
 def overview(name, config, volts, truth, events=()):
-    made, evidence = Overview(name, config), config.decision == 'evidence'
-    made.add(volts, SlipChain(config).update(volts, floor=evidence, excess=evidence), truth)
+    made = Overview(name, config)
+    made.add(volts, SlipChain(config).update(volts), truth)
     made.finish(events)
     return made
 

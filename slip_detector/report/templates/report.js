@@ -29,9 +29,7 @@ function readOut(seconds, lane) {
   if (lane?.curve && i >= drawn.first && i < drawn.stop) {
     const [low, high] = [drawn.low[at], drawn.high[at]].map((code) => lowest[c] + step[c] * code);
     words.push(drawn.low[at] === NO_SAMPLE ? 'no sample' : high > low ? `${volts(low)} to ${volts(high)}` : volts(low));
-    for (const [signal, codes] of Object.entries(drawn.signals)) {
-      if (codes[at] || signal === 'level') words.push(wordsOf(signal, codes[at]));
-    }
+    words.push(wordsOf(drawn.codes[at]));
   }
   element('readout').textContent = words.join(' \u00b7 ');
 }
@@ -146,11 +144,6 @@ function start() {
     redraw();
   });
   window.addEventListener('hashchange', fromHash);
-  const signals = header.recordings.flatMap(({variants}) => variants.flatMap((v) => Object.keys(v.signals)));
-  for (const option of [...element('signal').options]) {
-    if (option.value !== 'volts' && !signals.includes(option.value)) option.remove();
-    if (option.value === 'level' && signals.includes('excess')) option.textContent = 'level or evidence / threshold';
-  }
   [view.from, view.to] = [0, Math.max(duration(), 10 / now().rate_hz)];
   fillList();
   showScale();

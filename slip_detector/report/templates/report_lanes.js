@@ -48,14 +48,8 @@ function decode({channels: {length: channels}, bins, bin_rows: binRows, variants
   return {
     low: halved(low, channels, bins, Math.min),
     high: halved(high, channels, bins, higherVolts),
-    variants: variants.map(({signals}) => (
-      each(Object.keys(signals), () => halved(next(channels * bins), channels, bins, Math.max)))),
+    variants: variants.map(() => halved(next(channels * bins), channels, bins, Math.max)),
   };
-}
-
-// An object with of(name) for each name, in the order of the names.
-function each(keys, of) {
-  return Object.fromEntries(keys.map((name) => [name, of(name)]));
 }
 
 // The values in all resolutions: as they are, then joined in twos, in fours and so on; in each the
@@ -69,30 +63,27 @@ function halved(values, channels, n, join) {
   return [{values, n}, ...halved(next, channels, half, join)];
 }
 
-// What to draw between two rows, in bins of about a pixel: {rows, n, first, stop, low, high, signals}. Bin i
-// begins at row i * rows; the bins from first up to stop are drawn. low, high and each of signals have
-// n values for each channel; those of a channel begin at channel * n.
+// What to draw between two rows, in bins of about a pixel: {rows, n, first, stop, low, high, codes}. Bin i
+// begins at row i * rows; the bins from first up to stop are drawn. low, high and codes have n
+// values for each channel; those of a channel begin at channel * n.
 function binsOf(data, from, to, rowsOfPixel) {
   const {bin_rows: binRows} = now(), level = Math.max(0, Math.ceil(Math.log2(rowsOfPixel / binRows)));
   const size = Math.min(level, data.low.length - 1), rows = binRows * 2 ** size;
-  const {values: low, n} = data.low[size], signals = data.variants[view.variant];
+  const {values: low, n} = data.low[size], codes = data.variants[view.variant][size].values;
   // One more at either end, so that curves reach the edge.
   const first = Math.max(0, Math.floor(from / rows) - 1), stop = Math.max(first, Math.min(n, Math.ceil(to / rows) + 1));
-  return {
-    rows, n, first, stop, low, high: data.high[size].values,
-    signals: each(Object.keys(signals), (name) => signals[name][size].values),
-  };
+  return {rows, n, first, stop, low, high: data.high[size].values, codes};
 }
 
 // A channel's curve in view, as Timeline.draw takes it, and the range of codes that it has.
 function curve({rows, n, first, stop, ...bins}, channel) {
-  const signal = signalShown(), [least, most] = signal === 'level' ? LEVEL_CODES : [1, 255];
+  const signal = signalShown(), [least, most] = LEVEL_CODES;
   const code = (value) => {
     if (signal === 'volts') return value === NO_SAMPLE ? null : value;
     return value ? Math.max(least, Math.min(most, value)) : null;
   };
   const [low, high] = ['low', 'high'].map((end) => {
-    const codes = signal === 'volts' ? bins[end] : bins.signals[signal];
+    const codes = signal === 'volts' ? bins[end] : bins.codes;
     const values = Array.from(codes.subarray(channel * n + first, channel * n + stop), code);
     // Repeated at its end, the last bin is drawn in its full length.
     return [...values, rows > 1 ? values.at(-1) ?? null : null];
@@ -108,31 +99,21 @@ function clock(seconds, digits = 3) {
   return timeText(Number(seconds.toFixed(digits)), digits).slice(duration() < 3600 ? 3 : 0);
 }
 
-// What is at a code of a signal, in words; its value is octaves above the threshold, or decibels.
-function wordsOf(signal, code) {
-  const [low, high] = variantNow().signals[signal], value = low + (code - 1) / 254 * (high - low);
-  if (signal !== 'level') return `${signal} ${value.toFixed(1)} dB`;
-  const ratio = `${code === 1 ? '\u2264 ' : ''}${(2 ** value).toPrecision(2)}`;
+// What is at a code of a level, in words.
+function wordsOf(code) {
+  const value = 2 ** ((code - THRESHOLD_CODE) / CODES_OF_OCTAVE);
+  const ratio = `${code === 1 ? '\u2264 ' : ''}${value.toPrecision(2)}`;
   return `level / threshold ${code ? ratio : 'not valid'}`;
 }
 
-// The signal that channels show: the chosen one, or the level where the variant lacks that signal.
-function signalShown() {
-  const chosen = element('signal').value;
-  return chosen === 'volts' || chosen in variantNow().signals ? chosen : 'level';
-}
+// What channels show: volts or level.
+const signalShown = () => element('signal').value;
 
-// Say on what scale and how finely channels are drawn.
+// Say how finely channels are drawn.
 function showScale() {
-  const {bin_rows: bin, rate_hz: rate, channels} = now(), {groups, signals, offset_db: offset} = variantNow();
-  const signal = signalShown(), words = [];
-  if (signal === 'excess' || signal === 'floor') {
-    const [low, high] = signals[signal].map((value) => value.toFixed(1));
-    const line = signal === 'excess' ? `, with a line at ${offset.toFixed(1)} dB, above which evidence grows` : '';
-    words.push(`The ${signal} is drawn from ${low} to ${high} dB${line}.`);
-  }
-  words.push(bin === 1 ? 'Each row is drawn when zoomed in.'
-    : `Drawn from the lowest and highest of each ${(1e3 * bin / rate).toFixed(0)} ms.`);
+  const {bin_rows: bin, rate_hz: rate, channels} = now(), {groups} = variantNow();
+  const words = [bin === 1 ? 'Each row is drawn when zoomed in.'
+    : `Drawn from the lowest and highest of each ${(1e3 * bin / rate).toFixed(0)} ms.`];
   const disabled = channels.length - new Set(groups.flatMap(({members}) => members)).size;
   if (disabled) words.push(`Disabled channels, ${disabled} of them, are left out.`);
   element('resolution').textContent = words.join(' ');
@@ -141,7 +122,7 @@ function showScale() {
 // ---- lanes, from top to bottom
 
 function lanesOf(bins) {
-  const {channels, truth, variants} = now(), {after_impact: afterImpact, groups} = variantNow();
+  const {channels, truth, variants} = now(), {groups} = variantNow();
   const n = groups.flatMap(({members}) => members).length;
   const height = Math.max(18, Math.min(60, Math.floor((window.innerHeight - 330) / Math.max(n, 1))));
   const intervals = (rows, color) => (pen, lane) => bars(pen, xOfRow(pen), rows, lane.top, lane.height - 1, color);
@@ -152,7 +133,6 @@ function lanesOf(bins) {
     {name: 'label', height: 16, paint: intervals(truth, LABEL)}];
   variants.forEach(({slip}, v) => lanes.push(
     {name: names.length > 1 ? `slip ${names[v]}` : 'slip', height: 16, paint: intervals(slip, ON)}));
-  if (afterImpact.length) lanes.push({name: 'after impact', height: 16, paint: intervals(afterImpact, '#8d99a3')});
   for (const {name, on, members} of groups) {
     lanes.push({name, height: 14, kind: 'group', paint: intervals(on, GROUP_ON)});
     lanes.push(...members.map((member) => channel(member - 1)));
@@ -174,16 +154,13 @@ function paintEvents({context, xOf}, lane) {
 }
 
 // Paint the strip under a channel's curve that shows how near the channel is to its threshold.
-const paintStrip = ({rows, n, first, stop, signals: {level: levels}}) => (pen, lane) => {
-  const {context, right, left} = pen, xOf = xOfRow(pen), signal = signalShown();
+const paintStrip = ({rows, n, first, stop, codes}) => (pen, lane) => {
+  const {context, right, left} = pen, xOf = xOfRow(pen);
   const top = lane.top + 1, bottom = lane.top + lane.height - lane.below;
-  // Above this line a level is ON, or an excess adds to the evidence.
-  const {signals: {excess: [low, high] = []}, offset_db: offset} = variantNow();
-  const share = {level: 0.5, excess: (offset - low) / (high - low)}[signal];
   context.fillStyle = '#c9a28c';
-  if (share !== undefined) context.fillRect(left, bottom - (bottom - top) * share, right - left, 1);
+  if (signalShown() === 'level') context.fillRect(left, (top + bottom) / 2, right - left, 1);
   const colorAt = (i) => {
-    const code = levels[lane.channel * n + i];
+    const code = codes[lane.channel * n + i];
     return code ? shade((code - THRESHOLD_CODE) / CODES_OF_OCTAVE) : HATCHING;
   };
   paintRuns(context, lane.top + lane.height - STRIP - 1, STRIP, first, stop, colorAt, (i) => xOf(i * rows));
