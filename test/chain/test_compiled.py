@@ -40,7 +40,7 @@ from slip_detector.compiled import (
     square_root,
     store,
 )
-from support.full_disk import full_disk
+from support.limits import full_disk
 
 PACKAGE = Path(compiled.__file__).parent
 

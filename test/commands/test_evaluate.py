@@ -28,7 +28,7 @@ from support.evaluation_cases import (
     roc_auc,
     write,
 )
-from support.full_disk import full_disk
+from support.limits import full_disk
 from support.pages import ROOT
 
 #: Recordings of a real finger.

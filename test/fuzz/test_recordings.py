@@ -27,7 +27,7 @@ from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.recordings import open_recording, write_recording
 from support.bags import Bag, rows
 from support.fuzzing import fuzz, put
-from support.little_memory import little_memory
+from support.limits import little_memory
 from support.mutations import mutated_bytes
 
 ENDINGS = ('.npz', '.csv', '.mcap', '.db3')

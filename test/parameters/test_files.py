@@ -31,7 +31,7 @@ from slip_detector.parameters.files import (
     write_yaml,
 )
 from support.config_cases import message_of
-from support.full_disk import full_disk
+from support.limits import full_disk
 
 
 def test_a_full_disk_leaves_the_old_file_as_it_was(tmp_path):

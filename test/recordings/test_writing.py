@@ -32,7 +32,7 @@ from slip_detector.chain.samples import Samples
 from slip_detector.recordings import open_recording, write_recording
 from slip_detector.recordings.writing import BagWriter
 from support.bags import ENDINGS, NAMES, check_same, gathered, rows
-from support.full_disk import full_disk
+from support.limits import full_disk
 
 
 @pytest.mark.parametrize('ending', ENDINGS)

@@ -26,7 +26,7 @@ from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.tuning import TuningParameters, tune
 from slip_detector.tuning.search import Study
 from slip_detector.tuning.tracks import TrainingFiles
-from support.full_disk import full_disk
+from support.limits import full_disk
 from support.tuning_cases import CHAIN, problem, study_of, track, write
 
 PARAMETERS = TuningParameters(CHAIN, RecordingConfig(recording_truth_key='label'))

@@ -33,7 +33,7 @@ from slip_detector.view.parameters import ParameterRequests
 from slip_detector.view.recordings import NO_SLIP
 from slip_detector.view.server import READ_ONLY, Access, Server
 from slip_detector.view.teaching import AFTER_S, BEFORE_S, GONE, Teaching
-from support.full_disk import full_disk
+from support.limits import full_disk
 from support.simulated_detectors import SimulatedDetectors
 from support.training import write_recordings
 

@@ -12,21 +12,33 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A disk that is full: files cannot grow any more."""
+"""Limits of what this process may take: a disk that is full, and little memory."""
 
 import contextlib
 import resource
+from pathlib import Path
 
 
 @contextlib.contextmanager
+def limited(what, most_bytes):
+    """Within a block, keep a resource of this process below a limit."""
+    soft, hard = resource.getrlimit(what)
+    resource.setrlimit(what, (most_bytes, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(what, (soft, hard))
+
+
 def full_disk(left_bytes):
     """Within a block, let no file of this process grow beyond some bytes.
 
     The system writes as much as fits and refuses the rest, as on a full disk.
     """
-    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (left_bytes, hard))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    return limited(resource.RLIMIT_FSIZE, left_bytes)
+
+
+def little_memory(more_bytes):
+    """Within a block, refuse this process memory beyond what it has and some bytes more."""
+    pages = int(Path('/proc/self/statm').read_text().split()[0])
+    return limited(resource.RLIMIT_AS, pages * resource.getpagesize() + more_bytes)
