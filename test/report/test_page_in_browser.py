@@ -154,7 +154,6 @@ def test_many_channels_without_events_fit_into_the_window(opened):
     assert len([name for name in names if name.startswith('ch')]) == 95
     assert 'Disabled channels, 1 of them' in page.inner_text('#resolution')
     assert page.locator('#event-list tbody').inner_text() == 'no events'
-    # Nothing decides by evidence.
     assert page.locator('#signal option').all_inner_texts() == ['volts', 'level / threshold']
 
 
