@@ -44,6 +44,7 @@ setup(
         (f'share/{NAME}/launch', glob('launch/*.launch.py')),
         (f'share/{NAME}/config', glob('config/*.*')),
         (f'share/{NAME}/config/scenes', glob('config/scenes/*.yaml')),
+        (f'share/{NAME}/config/sensors', glob('config/sensors/*.yaml')),
         (f'share/{NAME}/examples', glob('examples/*.*')),
     ],
     python_requires='>=3.10',

@@ -34,7 +34,7 @@ from tqdm import tqdm
 
 from slip_detector.commands.command_line import whole_number
 from slip_detector.parameters.driver import RecordingConfig
-from slip_detector.parameters.files import file_errors_of
+from slip_detector.parameters.files import file_errors_of, find_parameter_file
 from slip_detector.recordings import ENDINGS, is_recording
 
 #: Longest time, in seconds, in which a scheduler may answer.
@@ -74,7 +74,8 @@ def add_options(parser: argparse.ArgumentParser, work: str) -> None:
         help=f'a recording ({", ".join(ENDINGS)} or the folder of a bag) or a folder of them',
     )  # fmt: skip
     parser.add_argument(
-        '--config', metavar='FILE', help='a ROS parameter file with the sections slip_detector, '
+        '--config', metavar='FILE', help='a ROS parameter file (its path, or its name in the '
+        'package, as sensors/imu.yaml) with the sections slip_detector, '
         'slip_driver (where in a recording the samples and labels are), slip_evaluate (what '
         'counts as detected) and slip_tune (weights of a search); default: the default parameters',
     )  # fmt: skip
@@ -119,7 +120,7 @@ def sets_of_parameters(options: argparse.Namespace, *kinds: Any) -> list[Any]:
     changes = {name: value for name, value in given.items() if value is not None}
     sets = []
     for kind in kinds:
-        one = kind.from_yaml(options.config) if options.config else kind()
+        one = kind.from_yaml(find_parameter_file(options.config)) if options.config else kind()
         if kind is RecordingConfig:
             one = dataclasses.replace(one, **changes)
             if options.cluster and one.recording_labels:

@@ -68,8 +68,7 @@ class Input:
         self.message_class = message_class(config.input_type)
         self._field = FieldReader(config.input_field)
         fields = self.message_class.get_fields_and_field_types()
-        first = re.split(r'[.\[]', config.input_field, maxsplit=1)[0]
-        if first not in fields:
+        if not self._field.begins_in(self.message_class):
             raise ValueError(
                 f'parameter input_field is {config.input_field!r}, allowed: in a '
                 f'{config.input_type} a path that begins with {", ".join(fields)}'

@@ -376,8 +376,8 @@ class DetectorConfig(ChainConfig):
     )
     input_field: str = parameter(
         'position',
-        'Field of the message that has the channels.',
-        allows='a field, or a path such as wrench.force.x, pillars[].fz or tactiles[0].pressure',
+        'Field of the message that has the channels, or a list of several, side by side.',
+        allows='paths such as position, pillars[].fz, tactiles[0].pressure, tactiles[].pac[:]',
         affects='input display',
     )
     input_timeout_s: float = parameter(

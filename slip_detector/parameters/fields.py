@@ -28,6 +28,9 @@ Field = dataclasses.Field[Any]
 #: characters.
 NAME_PATTERN = re.compile('[A-Za-z][A-Za-z0-9_]{0,63}')
 
+#: Texts that may be given as a list, whose items are then joined by commas.
+PATHS = ('input_field', 'recording_field')
+
 #: Most characters of a value that a message shows.
 LONGEST_SHOWN = 200
 
@@ -205,6 +208,8 @@ def converted(value: Any, field: Field, where: str) -> Any:
         return _groups(value, where)
     if kind in (int, float):
         return _number(value, kind, where, field)
+    if field.name in PATHS and not _is_single(value):
+        value = ', '.join(map(str, value))
     if kind in (bool, str):
         if isinstance(value, kind) and value in (field.metadata['choices'] or (value,)):
             return value

@@ -71,7 +71,8 @@ def find_parameter_file(name: str) -> Path:
     """
     own = shared_folder() / 'config'
     found = [path for path in (Path(name), own / name) if path.is_file()]
-    names = ', '.join(sorted(path.name for path in own.glob('*.yaml')))
+    files = [*sorted(own.glob('*.yaml')), *sorted(own.glob('sensors/*.yaml'))]
+    names = ', '.join(str(path.relative_to(own)) for path in files)
     if not found:
         refuse(f'config is {name!r}', f'the path of a parameter file, or one of {names}')
     return found[0]

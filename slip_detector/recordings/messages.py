@@ -24,6 +24,7 @@ selects. A message is any object with the fields as attributes, such as one of r
 
 import dataclasses
 import functools
+import itertools
 import re
 import struct
 from collections.abc import Sequence
@@ -53,8 +54,8 @@ TEXTS = ENCAPSULATION_BYTES + STAMP.size
 #: The fields of a JointState that are lists of numbers, in their order.
 JOINT_FIELDS = ('position', 'velocity', 'effort')
 
-_STEP = re.compile(r'(?P<name>[A-Za-z]\w*)(\[(?P<element>\d{0,9})\])?', re.ASCII)
-_SYNTAX = 'names joined by dots, each perhaps with [] (all elements) or [2] (the third)'
+_STEP = re.compile(r'(?P<name>[A-Za-z]\w*)(\[(?P<element>:|\d{0,9})\])?', re.ASCII)
+_SYNTAX = 'names joined by dots, each perhaps with [], [2] or, one of them, [:]'
 
 
 class Sample(NamedTuple):
@@ -280,14 +281,16 @@ class JointStateWriter:
 
 
 class FieldReader:
-    """Reads the numbers of one field out of messages.
+    """Reads the numbers of one field out of messages, or of several, side by side.
 
     Parameters
     ----------
     path
         Names joined by dots, such as ``position`` or ``wrench.force.x``. ``[]`` means all
-        elements of a list, as in ``pillars[].fz``, and ``[0]`` the first, as in
-        ``tactiles[0].pressure``.
+        elements of a list, as in ``pillars[].fz``, ``[0]`` the first, as in
+        ``tactiles[0].pressure``, and ``[:]`` all, each in a row of its own, oldest first, as in
+        ``tactiles[].pac[:]``. Several paths are separated by commas. A name may differ from the
+        message's in case: ROS 2 has no capitals in the names of fields, ROS 1 has.
 
     Raises
     ------
@@ -300,22 +303,31 @@ class FieldReader:
     >>> @dataclass
     ... class Pillar:
     ...     fz: float
+    ...     noise: list[int]
     >>> @dataclass
     ... class Array:
     ...     pillars: list[Pillar]
-    >>> FieldReader('pillars[].fz')(Array([Pillar(0.5), Pillar(0.25)]))
-    array([[0.5 , 0.25]])
+    >>> message = Array([Pillar(0.5, [1, 2]), Pillar(0.25, [3, 4])])
+    >>> FieldReader('pillars[].fz')(message), FieldReader('pillars[].noise[:]')(message).tolist()
+    (array([[0.5 , 0.25]]), [[1.0, 3.0], [2.0, 4.0]])
     """
 
     def __init__(self, path: str) -> None:
         self.path = path
-        #: Name of each field and of its elements: '' for all, None for the field itself.
-        self._steps: list[tuple[str, str | None]] = []
-        for part in path.split('.'):
-            match = _STEP.fullmatch(part)
-            if not match:
-                raise ValueError(f'field {path!r} has the part {part!r}, allowed: {_SYNTAX}')
-            self._steps.append((match['name'], match['element']))
+        #: For each path, the name of each field and of its elements: '' for all, ':' for rows,
+        #: None for the field itself.
+        self._paths: list[list[tuple[str, str | None]]] = []
+        for one in path.split(','):
+            self._paths.append([])
+            for part in one.strip().split('.'):
+                match = _STEP.fullmatch(part)
+                if not match or (match['element'] == ':' and '[:]' in one.partition('[:]')[2]):
+                    raise ValueError(f'field {path!r} has the part {part!r}, allowed: {_SYNTAX}')
+                self._paths[-1].append((match['name'], match['element']))
+
+    def begins_in(self, kind: Any) -> bool:
+        """Return whether all paths begin with a field of a class of messages."""
+        return all(_own_name(steps[0][0], kind) for steps in self._paths)
 
     def __call__(self, message: Any) -> Floats:
         """Return the numbers of the field.
@@ -328,44 +340,68 @@ class FieldReader:
         Returns
         -------
         ndarray, shape (samples, channels)
-            One row; several for the ``data`` of a ``*MultiArray`` whose layout has the two
-            dimensions ``sample`` and ``channel``.
+            One row, unless a path has ``[:]``; several too for the ``data`` of a ``*MultiArray``
+            whose layout has the two dimensions ``sample`` and ``channel``.
 
         Raises
         ------
         ValueError
             When there is no such field or it holds no numbers; names the existing fields.
         """
-        found: list[Any] = [message]
-        for name, element in self._steps:
-            inner: list[Any] = []
-            for one in found:
-                if name not in _field_names(one.__class__):
-                    raise self._error(name, one)
-                value = getattr(one, name)
-                try:
-                    # NumPy's arrays and those of rclpy (array.array) are lists of numbers.
-                    values = [value] if element is None else list(value)
-                    inner += [values[int(element)]] if element else values
-                except (TypeError, IndexError):
-                    raise self._error(f'{name}[{element}]', one) from None
-            found = inner
-        rows = [np.empty(0)]
-        for one in found:
-            numbers = np.asarray(one)
-            if numbers.dtype.kind not in 'fiub':
-                raise self._error(self.path, one)
-            with np.errstate(invalid='ignore'):  # a signalling NaN warns
-                rows.append(numbers.astype(np.float64).reshape(-1))
-        if not found:
-            raise self._error(self.path, message)
-        row = np.concatenate(rows)
+        with np.errstate(invalid='ignore'):  # a signalling NaN warns
+            parts = [self._rows(message, steps) for steps in self._paths]
+        numbers = [len(rows) for rows in parts]
+        if len({*numbers}) > 1:
+            raise ValueError(f'field {self.path}: has {numbers} rows, allowed: as many of each')
+        rows = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
         layout = getattr(message, 'layout', None)
         labels = [dimension.label for dimension in layout.dim] if layout is not None else []
         if self.path == 'data' and layout is not None and labels == BATCH_LABELS:
             shape = [int(dimension.size) for dimension in layout.dim]
-            return row[int(layout.data_offset) :].reshape(shape)
-        return row.reshape(1, -1)
+            return rows[0, int(layout.data_offset) :].reshape(shape)
+        return rows
+
+    def _rows(self, message: Any, steps: list[tuple[str, str | None]]) -> Floats:
+        """Return the numbers at one path, (samples, channels)."""
+        found: list[Sequence[Any]] = [[message]]  # of each row
+        for name, element in steps:
+            inner = [[self._inner(one, name, element) for one in row] for row in found]
+            if element != ':':
+                found = [list(itertools.chain(*values)) for values in inner]
+            elif len({*map(len, inner[0])}) > 1:
+                text = f'{name} has {[*map(len, inner[0])]} elements, allowed: as many in each'
+                raise ValueError(f'field {self.path}: {text}')
+            else:
+                found = [*zip(*inner[0], strict=True)]
+                if not found:  # No samples, of as many channels as there are lists.
+                    return np.empty((0, len(inner[0])))
+        if not found[0]:
+            raise self._error(self.path, message)
+        rows = [self._numbers(row) for row in found]
+        return rows[0].reshape(1, -1) if len(rows) == 1 else np.stack(rows)
+
+    def _inner(self, one: Any, name: str, element: str | None) -> list[Any]:
+        """Return the field of a message, or those of its elements that are wanted."""
+        own = _own_name(name, one.__class__)
+        if not own:
+            raise self._error(name, one)
+        value = getattr(one, own)
+        try:
+            # NumPy's arrays and those of rclpy (array.array) are lists of numbers.
+            values = [value] if element is None else list(value)
+            return [values[int(element)]] if element and element != ':' else values
+        except (TypeError, IndexError):
+            raise self._error(f'{name}[{element}]', one) from None
+
+    def _numbers(self, row: Sequence[Any]) -> Floats:
+        """Return numbers, or lists of numbers, as an array."""
+        if all(isinstance(one, int | float | np.number) for one in row):
+            return np.array(row, np.float64)
+        arrays = [np.asarray(one) for one in row]
+        for array in arrays:
+            if array.dtype.kind not in 'fiub':
+                raise self._error(self.path, row[0])
+        return np.concatenate([array.astype(np.float64).reshape(-1) for array in arrays])
 
     def _error(self, part: str, where: Any) -> ValueError:
         """Return the error that a part of the path gives no numbers, with the fields there."""
@@ -385,3 +421,11 @@ def _field_names(kind: Any) -> tuple[str, ...]:
         names = [field.name for field in dataclasses.fields(kind)]
         return tuple(name for name in names if not name.startswith('__'))
     return ()
+
+
+@functools.cache
+def _own_name(name: str, kind: Any) -> str:
+    """Return which field of a message has this name, if need be but for case; '': none."""
+    names = _field_names(kind)
+    alike = [own for own in names if own.lower() == name.lower()]
+    return name if name in names else alike[0] if alike else ''

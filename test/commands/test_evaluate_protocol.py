@@ -96,7 +96,7 @@ def test_the_pictures_are_written_and_show_something(capsys, tmp_path):
         ('--protocol paper --jobs 2', 2, '--jobs is for recordings, allowed: without --protocol'),
         ('--protocol mine', 2, "argument --protocol: invalid choice: 'mine' (choose from "),
         ('--protocol paper --seed -1', 2, "argument --seed: is '-1', allowed: a whole number, 0"),
-        ('--protocol paper --config no.yaml', 1, 'no.yaml: cannot be read (No such file'),
+        ('--protocol paper --config no.yaml', 1, "config is 'no.yaml', allowed: the path of"),
     ],
 )
 def test_wrong_arguments_are_refused_in_one_line(capsys, words, code, said):

@@ -32,6 +32,7 @@ from slip_detector.parameters.sections import SECTIONS
 
 ROOT = Path(__file__).resolve().parents[2]
 SOURCES = sorted((ROOT / 'slip_detector').rglob('*.py'))
+CONFIGS = sorted((ROOT / 'config').glob('*.yaml')) + sorted((ROOT / 'config').glob('sensors/*'))
 LAUNCH_FILES = sorted((ROOT / 'launch').glob('*.launch.py'))
 
 ROSDEP_KEYS = {
@@ -112,7 +113,7 @@ def test_the_presets_that_run_beside_one_driver_take_the_same_samples():
         assert getattr(onset, name) == getattr(sure, name) == getattr(plain, name)
 
 
-@pytest.mark.parametrize('path', sorted((ROOT / 'config').glob('*.yaml')), ids=lambda p: p.name)
+@pytest.mark.parametrize('path', CONFIGS, ids=lambda p: p.name)
 def test_every_shipped_parameter_file_is_taken(path):
     assert isinstance(DetectorConfig.from_yaml(path), ChainConfig)
     assert DriverConfig.from_yaml(path).NODE == 'slip_driver'
@@ -123,7 +124,7 @@ def test_every_shipped_parameter_file_is_taken(path):
 
 
 def test_no_yaml_file_needs_what_ros_parameter_files_lack():
-    for path in (ROOT / 'config').glob('*.yaml'):
+    for path in CONFIGS:
         for section in yaml.safe_load(path.read_text()).values():
             for name, value in section['ros__parameters'].items():
                 if isinstance(value, list):

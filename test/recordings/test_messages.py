@@ -152,8 +152,8 @@ def message(n=3):
     pillars = [
         of(fz=float(i), force=of(x=10.0 + i, y=20.0 + i), torques=[i, -i]) for i in range(n)
     ]
-    raw = array.array('f', [1.5, 2.5])
-    return of(pillars=pillars, gain=2.5, raw=raw, name=['a', 'b'], frame_id='tip')
+    raw, ragged = array.array('f', [1.5, 2.5]), [of(fz=[1.0]), of(fz=[1.0, 2.0])]
+    return of(pillars=pillars, gain=2.5, raw=raw, name=['a', 'b'], frame_id='tip', ragged=ragged)
 
 
 def batch(data, begin=0, **sizes):
@@ -174,12 +174,18 @@ def batch(data, begin=0, **sizes):
         ('pillars[].torques', [0.0, 0.0, 1.0, -1.0, 2.0, -2.0]),
         ('pillars[].torques[0]', [0.0, 1.0, 2.0]),
         ('pillars[1].torques[]', [1.0, -1.0]),
+        ('Pillars[1].FZ', [1.0]),
+        ('gain,pillars[].fz, pillars[].force.x', [2.5, 0.0, 1.0, 2.0, 10.0, 11.0, 12.0]),
+        ('raw[:]', [[1.5], [2.5]]),
+        ('pillars[].torques[:]', [[0.0, 1.0, 2.0], [0.0, -1.0, -2.0]]),
+        ('pillars[:].torques', [[0.0, 0.0], [1.0, -1.0], [2.0, -2.0]]),
+        ('pillars[1].torques[:], raw[:]', [[1.0, 1.5], [-1.0, 2.5]]),
     ],
 )
 def test_a_path_selects_the_numbers_in_their_order(path, wanted):
-    row = FieldReader(path)(message())
-    assert row.dtype == np.float64
-    np.testing.assert_array_equal(row, [wanted])
+    rows = FieldReader(path)(message())
+    assert rows.dtype == np.float64
+    np.testing.assert_array_equal(rows, np.atleast_2d(wanted))
 
 
 @pytest.mark.parametrize(
@@ -197,6 +203,8 @@ def test_a_path_selects_the_numbers_in_their_order(path, wanted):
         ('frame_id', 'no numbers at frame_id, there are: none'),
         ('frame_id[0]', 'no numbers at frame_id[0], there are: none'),
         ('name', 'no numbers at name, there are: none'),
+        ('raw[:], gain', 'has [2, 1] rows, allowed: as many of each'),
+        ('ragged[].fz[:]', 'fz has [1, 2] elements, allowed: as many in each'),
     ],
 )
 def test_a_wrong_path_is_refused_with_what_there_is(path, said):
@@ -205,12 +213,19 @@ def test_a_wrong_path_is_refused_with_what_there_is(path, said):
     assert f'field {path}: {said}' in str(caught.value)
 
 
+def test_lists_without_elements_are_no_rows_of_as_many_channels():
+    empty = of(fingers=[of(pac=array.array('h'))] * 5)
+    assert FieldReader('fingers[].pac[:]')(empty).shape == (0, 5)
+
+
 def test_an_empty_list_of_messages_is_refused():
     with pytest.raises(ValueError, match=r'field pillars\[\]\.fz: no numbers at pillars'):
         FieldReader('pillars[].fz')(message(0))
 
 
-@pytest.mark.parametrize('path', ['', '.', 'a.', 'a[', 'a[x]', 'a[-1]', 'a b', '1a', 'a[0][1]'])
+@pytest.mark.parametrize(
+    'path', ['', '.', 'a.', 'a[', 'a[x]', 'a[-1]', 'a b', '1a', 'a[0][1]', 'a,', 'a[:].b[:]']
+)
 def test_a_text_that_is_no_path_is_refused(path):
     with pytest.raises(ValueError, match='allowed: names joined by dots'):
         FieldReader(path)

@@ -15,6 +15,7 @@
 """Bags that tests write message by message, and rows to compare with."""
 
 import numpy as np
+from rosbags import rosbag1
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -55,14 +56,17 @@ def check_same(read, written):
 
 
 class Bag:
-    """A bag that a test writes message by message."""
+    """A bag that a test writes message by message, of ROS 1 if its name ends in ``.bag``."""
 
     def __init__(self, path, plugin=StoragePlugin.MCAP, definitions=()):
+        self._is_ros1 = path.suffix == '.bag'
         self.store = get_typestore(Stores.ROS2_JAZZY) if definitions else STORE
+        self.writer = Writer(path, version=9, storage_plugin=plugin)
+        if self._is_ros1:
+            self.store, self.writer = get_typestore(Stores.ROS1_NOETIC), rosbag1.Writer(path)
         for name, text in definitions:
             self.store.register(get_types_from_msg(text, name))
         self.path = path
-        self.writer = Writer(path, version=9, storage_plugin=plugin)
         self._connections = {}
 
     def __enter__(self):
@@ -78,7 +82,8 @@ class Bag:
     def header(self, stamp_ns):
         sec, nanosec = divmod(int(stamp_ns), 1_000_000_000)
         stamp = self.make('builtin_interfaces/msg/Time', sec=sec, nanosec=nanosec)
-        return self.make('std_msgs/msg/Header', stamp=stamp, frame_id='tip')
+        number = {'seq': 7} if self._is_ros1 else {}
+        return self.make('std_msgs/msg/Header', stamp=stamp, frame_id='tip', **number)
 
     def joints(self, stamp_ns, position, names=NAMES):
         nothing = np.empty(0)
@@ -105,5 +110,6 @@ class Bag:
             self._connections[topic] = self.writer.add_connection(
                 topic, msgtype, typestore=self.store
             )
-        raw = self.store.serialize_cdr(message, msgtype)
+        serialize = self.store.serialize_ros1 if self._is_ros1 else self.store.serialize_cdr
+        raw = serialize(message, msgtype)
         self.writer.write(self._connections[topic], int(received_ns), bytes(raw))

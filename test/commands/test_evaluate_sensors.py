@@ -1,0 +1,217 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The parameter file of each sensor, on what its driver sends: a slide in that is found.
+
+The definitions are those of the drivers' .msg files, with their names, types and order; each
+parameter file says where its driver is.
+"""
+
+import functools
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rosbags', reason='needs rosbags')
+
+from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters.driver import RecordingConfig
+from slip_detector.recordings import open_recording
+from support.bags import START_NS, Bag, gathered
+from support.evaluation_cases import report_of
+from support.interfaces import PILLAR, PILLARS
+
+FILES = Path(__file__).parents[2] / 'config' / 'sensors'
+
+
+def of_ros1(definition):
+    """Return a definition of Contactile as in ROS 1: with capitals, and a header."""
+    upper = re.sub(r'[xyz]\n', lambda match: match[0].upper(), definition)
+    return f'Header header\n{upper}'
+
+
+#: Of each sensor: the type of its numbers, the definitions, the last of which is that of its
+#: topic, and its message of some rows, by a function that makes messages of fields.
+SENSORS = {
+    'xela_uskin': (
+        np.uint16,
+        {
+            'xela_server_ros2/msg/Taxel': 'uint16 x\nuint16 y\nuint16 z\n',
+            'xela_server_ros2/msg/Forces': 'float32 x\nfloat32 y\nfloat32 z\n',
+            'xela_server_ros2/msg/SensorFull': 'uint32 message\nfloat64 time\nstring model\n'
+            'uint8 sensor_pos\nTaxel[] taxels\nForces[] forces\n',
+            'xela_server_ros2/msg/SensStream': 'SensorFull[] sensors\n',
+        },
+        lambda make, rows: make(
+            sensors=[
+                make('SensorFull', taxels=[make('Taxel', y=value) for value in patch])
+                for patch in rows.reshape(2, 16)
+            ]
+        ),
+    ),
+    'papillarray': (
+        np.float32,
+        {
+            'sensor_interfaces/msg/PillarState': PILLAR,
+            'sensor_interfaces/msg/SensorState': PILLARS,
+        },
+        lambda make, rows: make(
+            pillars=[make('PillarState', dx=x, dy=y) for x, y in rows.reshape(2, 9).T]
+        ),
+    ),
+    'papillarray of ROS 1': (
+        np.float32,
+        {
+            'papillarray_ros_v2/msg/PillarState': of_ros1(PILLAR),
+            'papillarray_ros_v2/msg/SensorState': of_ros1(PILLARS),
+        },
+        lambda make, rows: make(
+            pillars=[make('PillarState', dX=x, dY=y) for x, y in rows.reshape(2, 9).T]
+        ),
+    ),
+    'anyskin': (
+        np.float32,
+        {'std_msgs/msg/Float32MultiArray': ''},
+        lambda make, rows: make(data=rows[0]),
+    ),
+    'biotac of ROS 1': (
+        np.int16,
+        {
+            'sr_robot_msgs/msg/Biotac': 'int16 pac0\nint16 pac1\nint16[] pac\nint16 pdc\n\n'
+            'int16 tac\nint16 tdc\n\nint16[] electrodes\n',
+            'sr_robot_msgs/msg/BiotacAll': 'Header header\nBiotac[5] tactiles\n',
+        },
+        lambda make, rows: make(tactiles=[make('Biotac', pac=finger) for finger in rows.T.copy()]),
+    ),
+    'robotiq_tsf85': (
+        np.int16,
+        {
+            'robotiq_tsf/msg/Data1': 'int16 value\n',
+            'robotiq_tsf/msg/Dynamic': 'Data1[2] data\n',
+        },
+        lambda make, rows: make(data=[make('Data1', value=value) for value in rows[0]]),
+    ),
+    'wuji_hand': (
+        np.float32,
+        {
+            'wujihand_tactile_msgs/msg/TactileFrame': 'std_msgs/Header header\nuint8 hand\n'
+            'uint16 sequence\nuint32 device_timestamp_ms\nfloat32[768] pressure\n'
+        },
+        lambda make, rows: make(pressure=rows[0]),
+    ),
+    'pr2_fingertip of ROS 1': (
+        np.int16,
+        {
+            'pr2_msgs/msg/PressureState': 'Header header\n'
+            'int16[] l_finger_tip\nint16[] r_finger_tip\n'
+        },
+        lambda make, rows: make(l_finger_tip=rows[0, :22], r_finger_tip=rows[0, 22:]),
+    ),
+    'wrench': (
+        np.float64,
+        {f'geometry_msgs/msg/{name}': '' for name in ('Vector3', 'Wrench', 'WrenchStamped')},
+        lambda make, rows: make(
+            wrench=make(
+                'Wrench',
+                force=make('Vector3', **dict(zip('xyz', rows[0, :3], strict=True))),
+                torque=make('Vector3', **dict(zip('xyz', rows[0, 3:], strict=True))),
+            )
+        ),
+    ),
+    'imu of ROS 1': (
+        np.float64,
+        {'geometry_msgs/msg/Vector3': '', 'sensor_msgs/msg/Imu': ''},
+        lambda make, rows: make(
+            linear_acceleration=make('Vector3', **dict(zip('xyz', rows[0], strict=True)))
+        ),
+    ),
+}
+
+#: Time from a sample to its receipt, where messages have a header.
+LATE_NS = 3_000_000
+
+#: Begin and end of the slides, and of the recording.
+SLIDES_S = [[4.0, 4.6], [8.0, 8.6]]
+END_S = 10.0
+
+
+def blank(bag, kind, of):
+    """Return zeros for a field, as rosbags describes it."""
+    if kind.name == 'BASE':
+        return '' if of[0] == 'string' else 0
+    if kind.name == 'NAME':
+        return made(bag, [of])
+    (inner, what), most = of
+    number = most if kind.name == 'ARRAY' else 0
+    if inner.name == 'BASE':
+        return np.zeros(number, what[0])
+    return [blank(bag, inner, what)] * number
+
+
+def made(bag, types, name='', **given):
+    """Return a message of the type of this name, or the last; what is not given is zero."""
+    msgtype = next(each for each in reversed(types) if each.endswith(f'/{name}') or not name)
+    fields = bag.store.fielddefs[msgtype][1]
+    zeros = {field: blank(bag, *its) for field, its in fields if field not in given}
+    return bag.make(msgtype, **zeros, **given)
+
+
+def volts(config, dtype):
+    """Return noise of some times the least floor, and slides in the middle of the band."""
+    rate_hz, (low_hz, high_hz) = config.sample_rate_hz, config.passband_hz
+    times_s = np.arange(round(END_S * rate_hz)) / rate_hz
+    middle_hz = (low_hz + (high_hz or 2 * low_hz)) / 2
+    slides = sum((times_s >= begin) & (times_s < end) for begin, end in SLIDES_S)
+    rows = np.random.default_rng(0).standard_normal((len(times_s), config.channels))
+    rows += (20 * slides * np.sin(2 * np.pi * middle_hz * times_s))[:, np.newaxis]
+    rows = 1000 + 3 * rows
+    if np.issubdtype(dtype, np.integer):
+        return np.rint(rows).astype(dtype)
+    return (np.array(config.noise_floors) * rows).astype(dtype)
+
+
+@pytest.mark.parametrize('sensor', SENSORS)
+def test_a_slide_in_what_the_driver_sends_is_found(tmp_path, capsys, sensor):
+    name, _, is_ros1 = sensor.partition(' of ')
+    dtype, definitions, message_of = SENSORS[sensor]
+    config = DetectorConfig.from_yaml(FILES / f'{name}.yaml')
+    where = RecordingConfig.from_yaml(FILES / f'{name}.yaml')
+    rows = volts(config, dtype)
+    if name == 'wuji_hand':
+        rows[:, ::3] = np.nan
+    assert config.input_type.rpartition('/')[2] == [*definitions][-1].rpartition('/')[2]
+    period_ns = 1e9 / config.sample_rate_hz
+    per_message = 20 if '[:]' in config.input_field else 1
+    path = tmp_path / ('bag.bag' if is_ros1 else 'bag')
+    with Bag(path, definitions=[pair for pair in definitions.items() if pair[1]]) as bag:
+        make = functools.partial(made, bag, [*definitions])
+        for last in range(per_message - 1, len(rows), per_message):
+            message = message_of(make, rows[last - per_message + 1 : last + 1])
+            stamp_ns = START_NS + round(last * period_ns)
+            if hasattr(message, 'header'):
+                message.header = bag.header(stamp_ns)
+                stamp_ns += LATE_NS
+            bag.write(f'/{where.recording_topic.strip("/")}', message, stamp_ns)
+    (tmp_path / 'bag.labels.yaml').write_text(f'slip_s: {SLIDES_S}')
+    recording = open_recording(path, where)
+    read = gathered(recording)
+    np.testing.assert_array_equal(read.volts, rows)
+    wanted_ns = START_NS + np.arange(len(rows)) * period_ns
+    assert np.abs(read.stamps_ns - wanted_ns).max() < 1000
+    assert recording.counts.dropped == 0
+    (report,) = report_of(capsys, path, '--config', f'sensors/{name}.yaml').values()
+    assert (report['matched'], report['slips'], report['false_alarms']) == (2, 2, 0)
+    assert report['coverage'] > 0.6
