@@ -37,6 +37,9 @@ from slip_detector.nodes.run import node_settings, sim_time
 from slip_detector.parameters.files import find_parameter_file
 from slip_detector.parameters.sections import our_sections
 
+# What the detector hears of a recording that is played, whatever the sensor itself sends.
+PLAYED = {'input_type': 'sensor_msgs/msg/JointState', 'input_field': 'position'}
+
 
 def set_configs(context):
     """Set ``configs``, the paths of all parameter files, which have to be there.
@@ -61,11 +64,14 @@ def nodes(context):
     arguments = ['--fingers', fingers] if fingers else []
     several = len(configs) > 1
     settings, clock = node_settings(context), sim_time(context)
+    settings['remappings'] = [('voltages', LaunchConfiguration('voltages'))]
+    in_batches = any('samples_per_message' in its for _, its in our_sections(configs[0]))
+    played = [PLAYED] if source == 'recording' and not in_batches else []
     detector = Node(
         executable='slip_detector',
         name=LaunchConfiguration('name').perform(context) or None,
         arguments=[*arguments, '--configs', ','.join(configs)] if several else arguments,
-        parameters=clock if several else [*configs, *clock],
+        parameters=clock if several else [*configs, *played, *clock],
         **settings,
     )
     # The driver waits for all detectors, so that none misses samples while it starts.
@@ -123,6 +129,12 @@ def generate_launch_description():
                 default_value='',
                 description="Name of the detector's node, and of its section in the parameter "
                 'file; empty: slip_detector.',
+            ),
+            DeclareLaunchArgument(
+                'voltages',
+                default_value='voltages',
+                description='Topic of the samples, such as that of a sensor with a driver of its '
+                'own; for one parameter file only.',
             ),
             # First, so that no node starts if an argument of the page is refused.
             OpaqueFunction(function=set_configs),

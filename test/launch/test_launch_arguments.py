@@ -28,7 +28,8 @@ def test_no_name_of_a_file_is_a_default():
 
 
 def test_the_arguments_of_included_files_are_shown_too():
-    assert defaults_of('slip_detector').keys() == ALL_FILES | {'fingers', 'recording', 'name'}
+    own = {'fingers', 'recording', 'name', 'voltages'}
+    assert defaults_of('slip_detector').keys() == ALL_FILES | own
     assert defaults_of('hand').keys() == defaults_of('slip_detector').keys()
     assert defaults_of('view').keys() == OF_VIEW
     assert defaults_of('grasp').keys() == ALL_FILES | {'scene', 'seed'}
