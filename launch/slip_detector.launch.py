@@ -53,8 +53,9 @@ def set_configs(context):
 
 def nodes(context):
     """Start the nodes; an argument that is given replaces the value in the parameter file."""
-    config, source, recording = (
-        LaunchConfiguration(name).perform(context) for name in ('config', 'source', 'recording')
+    config, source, recording, voltages = (
+        LaunchConfiguration(name).perform(context)
+        for name in ('config', 'source', 'recording', 'voltages')
     )
     configs = LaunchConfiguration('configs').perform(context).split(',')
     if not config:
@@ -64,7 +65,7 @@ def nodes(context):
     arguments = ['--fingers', fingers] if fingers else []
     several = len(configs) > 1
     settings, clock = node_settings(context), sim_time(context)
-    settings['remappings'] = [('voltages', LaunchConfiguration('voltages'))]
+    settings['remappings'] = [('voltages', voltages)] if voltages else []
     in_batches = any('samples_per_message' in its for _, its in our_sections(configs[0]))
     played = [PLAYED] if source == 'recording' and not in_batches else []
     detector = Node(
@@ -132,9 +133,9 @@ def generate_launch_description():
             ),
             DeclareLaunchArgument(
                 'voltages',
-                default_value='voltages',
+                default_value='',
                 description='Topic of the samples, such as that of a sensor with a driver of its '
-                'own; for one parameter file only.',
+                'own, for one parameter file only; empty: voltages.',
             ),
             # First, so that no node starts if an argument of the page is refused.
             OpaqueFunction(function=set_configs),

@@ -180,7 +180,7 @@ def volts(config, dtype):
     rows = 1000 + 3 * rows
     if np.issubdtype(dtype, np.integer):
         return np.rint(rows).astype(dtype)
-    return (np.array(config.noise_floors) * rows).astype(dtype)
+    return (np.array(config.noise_floor) * rows).astype(dtype)
 
 
 @pytest.mark.parametrize('sensor', SENSORS)
