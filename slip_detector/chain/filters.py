@@ -134,9 +134,7 @@ def _unit_gain_network(*parameters: Any) -> Array:
     key = repr((scipy.__version__, np.__version__, source, parameters))
     path = FOLDER / f'design-{hashlib.sha256(key.encode()).hexdigest()[:32]}.npy'
     with contextlib.suppress(OSError, ValueError, EOFError):  # missing or damaged
-        sections: Array = np.load(path)
-        if sections.shape[1:] == (6,) and sections.dtype == np.float64:
-            return sections
+        return np.asarray(np.load(path))
     sections = _designed_network(*parameters)
     # Without the file the next start only takes longer.
     with contextlib.suppress(ValueError), whole_file(writable_folder(FOLDER) / path.name) as new:
@@ -152,11 +150,8 @@ def _designed_network(*parameters: Any) -> Array:
     name, rate, (low, high), degree, stopbands_hz, *of_stopbands = parameters
     stopband_degree, ripple_db, attenuation_db = of_stopbands
     form = {'output': 'sos', 'fs': rate}
-    if high == 0.0:
-        passband = signal.butter(degree, low, 'highpass', **form)
-    else:
-        passband = signal.butter(degree // 2, [low, high], 'bandpass', **form)
-    edges = [low] if high == 0.0 else [low, high]
+    edges, kind = ([low, high], 'bandpass') if high else ([low], 'highpass')
+    passband = signal.butter(degree // len(edges), edges if high else low, kind, **form)
     # At the edges of a Butterworth filter the power is halved.
     _check(passband, edges, rate, name, np.sqrt(0.5))
     parts = [passband]

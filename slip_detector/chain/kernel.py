@@ -40,7 +40,7 @@ from slip_detector.compiled import (
     spread,
     store,
 )
-from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
 
 Words = NDArray[np.uint64]
 
@@ -175,7 +175,7 @@ def _settings_of(config: ChainConfig, low_sections: Floats) -> NDArray[np.void]:
     up_db, down_db = stages.floor_steps_db(config.noise_floor_rate_db_s, config.sample_rate_hz)
     settings = {name: getattr(config, name, None) for name in (*WHOLE, *REAL)} | {
         'flat_rows': config.samples(config.flat_after_s) if config.flat_after_s else np.inf,
-        'common_mode': votes.COMMON_MODE_NUMBERS[config.common_mode],
+        'common_mode': COMMON_MODES.index(config.common_mode),
         'full_wave': config.rectify == 'full',
         'vote': vote_numbers([config.vote])[0],
         'envelope_rows': config.samples(config.envelope_window_s),

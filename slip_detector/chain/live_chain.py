@@ -15,9 +15,9 @@
 """A chain whose parameters change while it runs."""
 
 import dataclasses
-import importlib
 import threading
 from collections import deque
+from importlib import import_module
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,8 +101,7 @@ class LiveChain:
         # in which that settles.
         self._ready: tuple[ChainConfig, SlipChain | None, int] | None = None
         # Loaded while rows come: the first design of other filters would hold them up for it.
-        load = threading.Thread(target=importlib.import_module, args=['scipy.signal'], daemon=True)
-        load.start()
+        threading.Thread(target=import_module, args=['scipy.signal'], daemon=True).start()
 
     def update(self, rows: NDArray[np.float64], *, level: bool) -> SlipResult:
         """Process the next rows, shape (n, c), and decide on each."""

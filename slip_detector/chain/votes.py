@@ -54,9 +54,8 @@ from slip_detector.compiled import (
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.fields import converted
 
-#: The values of the parameter ``common_mode`` as numbers.
-NO_COMMON_MODE, MEAN, MEDIAN = range(3)
-COMMON_MODE_NUMBERS = {'none': NO_COMMON_MODE, 'mean': MEAN, 'median': MEDIAN}
+#: The values of the parameter ``common_mode`` as numbers, in the order of ``COMMON_MODES``.
+NO_COMMON_MODE, MEDIAN, MEAN = range(3)
 
 #: Largest number of channels whose median is found by exchanges, sixteen rows side by side.
 EXCHANGED_CHANNELS = 32
@@ -110,8 +109,6 @@ def _held(begins, renews, rows, hold_rows, tiles, slot):
     state keeps the number of rows that remain.
     """
     left = min(int(tiles[0, slot, 0]), hold_rows)
-    if begins == NO_ROW and left == 0:
-        return NO_ROW
     held, row = NO_ROW, FIRST_ROW
     for _ in range(rows):
         if begins & row or (left > 0 and renews & row):
