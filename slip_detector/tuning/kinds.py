@@ -21,14 +21,12 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from slip_detector.chain.samples import Floats
 from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.tuning.learning import LEAST_RATIO, at_rest, envelopes, learnt_floors
 from slip_detector.tuning.tracks import Track, edges_of, enabled
-
-Floats = NDArray[np.float64]
 
 #: A finger that touches nothing stays below the level of contact for all but this share of time;
 #: one that slides is above it for all but the second share.
