@@ -208,7 +208,7 @@ class RosDetectors(Detectors):
         if remote is None:
             raise ValueError(f'{name} is gone')
         async with remote.asking:
-            self.panel(name).update(await remote.set(values), by)
+            self.panels[name].update(await remote.set(values), by)
         remote.changed.set()
 
     def order(self, name: str, what: str) -> None:
@@ -293,7 +293,7 @@ class RosDetectors(Detectors):
         """Note the parameters of a node; if it is a detector, show it as a finger."""
         if not reading.values.keys() >= OF_A_DETECTOR:
             return
-        panel = self.panel(name)
+        panel = self.panels[name]
         panel.read(reading, RESTART if started else OUTSIDE)
         config = panel.config
         finger = self.fingers.get(name) or self.gone.pop(name, None)
@@ -309,7 +309,7 @@ class RosDetectors(Detectors):
         """Read the parameters of a detector that reports a change."""
         # One that declares what it had before is starting: it is read when it publishes.
         if event.node in self.fingers and not (
-            self.panel(event.node).values.keys() & {each.name for each in event.new_parameters}
+            self.panels[event.node].values.keys() & {each.name for each in event.new_parameters}
         ):
             self._remotes[event.node].changed.set()
 

@@ -18,7 +18,7 @@
 import functools
 import time
 from abc import ABC, abstractmethod
-from collections import deque
+from collections import defaultdict, deque
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, NamedTuple
@@ -374,7 +374,7 @@ class Detectors(ABC):
         #: The panel of each detector by its name, also of one that has ended: its changes can be
         #: set again when it comes back. Subclasses enter what they read, and changes that
         #: detectors report.
-        self.panels: dict[str, ParameterPanel] = {}
+        self.panels: defaultdict[str, ParameterPanel] = defaultdict(ParameterPanel)
 
     @abstractmethod
     def watch(self, names: Collection[str]) -> None:
@@ -393,10 +393,6 @@ class Detectors(ABC):
         if finger is None:
             raise ValueError(f'there is no finger {str(name)[:40]!r}')
         return finger
-
-    def panel(self, name: str) -> ParameterPanel:
-        """Return the panel of a detector, which is created at the first call."""
-        return self.panels.setdefault(name, ParameterPanel())
 
     @abstractmethod
     async def change(self, name: str, values: Mapping[str, Any], by: str) -> None:

@@ -86,9 +86,9 @@ class ParameterRequests:
         server.each_tick.append(self._broadcast)
         for kind, values_of in {
             'set': self._typed,
-            'undo': lambda message: self._panel(message.get('finger')).to_undo(),
+            'undo': lambda panel, message: panel.to_undo(),
             'as_in_file': self._as_in_file,
-            'preset': self._preset,
+            'preset': lambda panel, message: to_preset(str(message.get('preset')), panel.config),
         }.items():
             server.on_request(kind, functools.partial(self._change, values_of), changes=True)
         server.on_request('save', self._save, changes=True)
@@ -140,28 +140,24 @@ class ParameterRequests:
             raise ValueError(f'finger is {shown(name)}, allowed: one that is shown')
         return panel
 
-    async def _change(self, values_of: Callable[[Message], Values], message: Message) -> None:
+    async def _change(
+        self, values_of: Callable[[ParameterPanel, Message], Values], message: Message
+    ) -> None:
         """Set the values that a request asks for, if any."""
-        if values := values_of(message):
+        if values := values_of(self._panel(message.get('finger')), message):
             page = f'page {message.get("page")}'
             await self._server.detectors.change(message['finger'], values, page)
 
-    def _typed(self, message: Message) -> Values:
+    def _typed(self, panel: ParameterPanel, message: Message) -> Values:
         """Return values that were typed or dragged."""
-        self._panel(message.get('finger'))
         values = message.get('values')
         if not isinstance(values, dict) or not values:
             raise ValueError(f'values is {shown(values)}, allowed: a value for each name')
         return {n: typed(n, v) if isinstance(v, str) else v for n, v in values.items()}
 
-    def _as_in_file(self, message: Message) -> Values:
-        panel = self._panel(message.get('finger'))
+    def _as_in_file(self, panel: ParameterPanel, message: Message) -> Values:
         self._read_file(message['finger'])
         return panel.as_in_file()
-
-    def _preset(self, message: Message) -> Values:
-        panel = self._panel(message.get('finger'))
-        return to_preset(str(message.get('preset')), panel.config)
 
     async def _save(self, message: Message) -> dict[str, Any]:
         """Save the detectors' parameters; return how to launch with them, or which file exists.

@@ -246,8 +246,7 @@ class Server:
                 'read_only': self.access.read_only,
             },
         )
-        diagnostics = {finger.name: [*map(list, finger.diagnostics)] for finger in fingers}
-        self.broadcast('diagnostics', {'fingers': diagnostics})
+        self.broadcast('diagnostics', {'fingers': {one.name: one.diagnostics for one in fingers}})
         for page in list(self.pages):
             try:
                 page.send_news()

@@ -140,7 +140,7 @@ def test_a_detector_whose_parameters_change_and_that_ends_and_comes_again(bench)
         await it.detectors.change(INDEX, {'threshold': 0.75}, 'page 1')
         with pytest.raises(ValueError, match='parameter threshold is -1, allowed: 1e-30 to 1e'):
             await it.detectors.change(INDEX, {'threshold': -1.0, 'gain': 5.0}, 'page 1')
-        panel = it.detectors.panel(INDEX)
+        panel = it.detectors.panels[INDEX]
         assert [change.by for change in panel.changes] == ['page 1']
         # Nobody watched: its parameters are read when somebody does.
         it.watched = {INDEX}

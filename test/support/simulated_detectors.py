@@ -121,7 +121,7 @@ class SimulatedDetectors(Detectors):
         finger = self.fingers[name] = Finger(name, config)
         finger.diagnostics = (Diagnosis(0, 'input', 'simulated samples'),)
         self.simulated[name] = SimulatedFinger(finger, **simulation)
-        self.panel(name).read(Reading(config.to_parameters(), frozenset(['autostart']), {}))
+        self.panels[name].read(Reading(config.to_parameters(), frozenset(['autostart']), {}))
         return self.simulated[name]
 
     def remove(self, label):
@@ -150,7 +150,7 @@ class SimulatedDetectors(Detectors):
             raise ValueError('Trying to set a read-only parameter: autostart.')
         simulated.change(config)
         now = config.to_parameters()
-        self.panel(name).update({name: now.get(name) for name in values}, by)
+        self.panels[name].update({name: now.get(name) for name in values}, by)
 
 
 @contextlib.asynccontextmanager

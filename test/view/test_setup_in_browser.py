@@ -77,7 +77,7 @@ def test_parameters_are_set_together_refused_undone_and_saved(serve, open_page, 
     expect(parts.changes(other)).to_contain_text('Changed on another page: threshold')
     expect(row(other, 'threshold')).to_contain_text('Not set yet; the detector has 0.25.')
     expect(parts.field(other, 'threshold')).to_have_value('0.9')
-    served.call(lambda: served.detectors.panel(parts.NAME).update({'gain': 5.0}))
+    served.call(lambda: served.detectors.panels[parts.NAME].update({'gain': 5.0}))
     expect(parts.changes(page)).to_contain_text('Changed by another program: gain from 100 to 5.')
     expect(page.locator('#parameters')).to_contain_text('Undo takes back: gain from')
     parts.tool(page, 'Undo').click()

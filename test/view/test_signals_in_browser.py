@@ -255,7 +255,7 @@ def test_the_spectrum_is_read_kept_as_rest_and_its_bands_are_dragged(serve, open
     # No whole periods of 61 Hz: the detector says so, and the line goes back. When the parameters
     # change, or their finger goes, the refusal says nothing any more.
     refusal, detectors = page.locator('#refusal'), served.detectors
-    panel = detectors.panel(parts.NAME)
+    panel = detectors.panels[parts.NAME]
     for change in (lambda: panel.update({'gain': 5.0}), lambda: detectors.remove('index')):
         mains.focus()
         page.keyboard.press('ArrowUp')
