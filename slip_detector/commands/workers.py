@@ -118,9 +118,11 @@ def sets_of_parameters(options: argparse.Namespace, *kinds: Any) -> list[Any]:
     """
     given = {f'recording_{name}': getattr(options, name) for name in READING}
     changes = {name: value for name, value in given.items() if value is not None}
+    if options.config:  # From here on it is the path.
+        options.config = str(find_parameter_file(options.config))
     sets = []
     for kind in kinds:
-        one = kind.from_yaml(find_parameter_file(options.config)) if options.config else kind()
+        one = kind.from_yaml(options.config) if options.config else kind()
         if kind is RecordingConfig:
             one = dataclasses.replace(one, **changes)
             if options.cluster and one.recording_labels:

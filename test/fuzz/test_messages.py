@@ -37,7 +37,7 @@ INFO = {'source_timestamp': 7, 'publication_sequence_number': 3}
 FIELDS = {
     'sensor_msgs/msg/JointState': 'position',
     'std_msgs/msg/Float32MultiArray': 'data',
-    'geometry_msgs/msg/WrenchStamped': 'wrench.force.z',
+    'geometry_msgs/msg/WrenchStamped': 'wrench.force.z, wrench.torque.x',
 }
 
 
