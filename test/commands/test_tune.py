@@ -17,6 +17,7 @@
 import sys
 from pathlib import Path
 
+import numpy as np
 import optuna
 import pytest
 import yaml
@@ -164,3 +165,13 @@ def test_an_interrupt_keeps_what_was_found_and_the_same_command_goes_on(case):
     before = len(trials_of(journal(store)))
     run(*words, '--trials', before + 2)
     assert len(trials_of(journal(store))) == before + 2
+
+
+def test_a_file_of_the_package_is_named_without_its_folder_and_keeps_its_sensor(tmp_path):
+    rest = tmp_path / 'rest.npz'
+    volts = np.random.default_rng(0).standard_normal((4000, 3))
+    np.savez(rest, volts=volts, sample_rate_hz=400.0)
+    run('--quiet', rest, '--config', 'sensors/imu.yaml', '--out', tmp_path / 'own.yaml')
+    config = DetectorConfig.from_yaml(tmp_path / 'own.yaml')
+    assert config.input_type == 'sensor_msgs/msg/Imu'
+    assert config.noise_floor_learnt
