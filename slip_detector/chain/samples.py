@@ -37,7 +37,8 @@ class Samples(NamedTuple):
     truth : ndarray of bool, shape (n,), or None
         The label: whether there is slip, if that is known.
     position_m : ndarray, shape (n,), or None
-        Position of the platform or the object, if known.
+        Position of the platform or the object, if known. It is written to recordings; in a bag
+        it can be the label.
     moving : ndarray of bool, shape (n,), or None
         Whether the robot moves, where that is known.
     certain : ndarray of bool, shape (n,), or None

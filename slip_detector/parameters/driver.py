@@ -40,6 +40,12 @@ class RecordingConfig(ParameterSet):
         '', 'YAML file of the slips, or a folder of such; empty: <name>.labels.yaml beside it.'
     )
     recording_truth_topic: str = parameter('slip_truth', 'Topic of true slip (Bool, on change).')
+    recording_position_topic: str = parameter(
+        'platform_position', 'Else a topic with a position that changes in slip (Eq. 9).'
+    )
+    recording_still_m: float = parameter(
+        0.0, 'Largest change of that position between messages at rest.', (0.0, 1.0, 'm')
+    )
     recording_resample: bool = parameter(False, 'Resample if slip_evaluate or slip_tune need it.')
     recording_limit_mb: float = parameter(
         1024.0, 'Largest piece held in memory; reading takes up to four such.', (1.0, 1e6, 'MB')

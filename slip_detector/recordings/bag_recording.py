@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recordings in bags: a topic with the rows, and perhaps a topic with the true slip."""
+"""Recordings in bags: a topic with the rows, and perhaps one with the slip or a position."""
 
 import itertools
 from collections.abc import Iterator
@@ -146,8 +146,11 @@ class BagRecording(Recording):
         self._topic = self._rows_topic(config.recording_topic)
         usual = 'position' if self._topic.msgtype == JOINT_STATE else 'data'
         self._field = config.recording_field or usual
-        self._truth_topic = self._label_topic(config.recording_truth_topic)
-        self.has_truth |= self._truth_topic is not None
+        self._label_topic, self._still_m = (
+            self._found_label_topic(config),
+            config.recording_still_m,
+        )
+        self.has_truth |= self._label_topic is not None
         if labels is None:
             self.accuracy_s, self.kind = accuracy_and_kind(self._storage.custom_data)
         decoder = _Decoder(self._topic, self._field)
@@ -167,10 +170,11 @@ class BagRecording(Recording):
             if len(some.volts):
                 stamps_ns = self._spread(some, last_ns)
                 last_ns = int(stamps_ns[-1])
-                late_ns = np.repeat(some.received_ns - some.stamps_ns, some.counts)
                 label: dict[str, Any] = {}
                 if edges_ns is not None:
-                    label = label_at(stamps_ns + late_ns, edges_ns, self.accuracy_s)
+                    late_ns = np.repeat(some.received_ns - some.stamps_ns, some.counts)
+                    at_ns = stamps_ns + (late_ns if self._has_states else 0)
+                    label = label_at(at_ns, edges_ns, self.accuracy_s)
                 yield Samples(some.volts, stamps_ns, **label)
         if self._storage.damage:
             where = '; '.join(self._storage.damage)
@@ -203,17 +207,26 @@ class BagRecording(Recording):
         before_ns = np.rint(left * np.repeat(steps_ns, counts)).astype(np.int64)
         return np.asarray(np.repeat(ends_ns, counts) - before_ns)
 
-    def _edges_ns(self) -> 'Stamps | None':
-        """Return when the topic of the truth changed; None if it is not the label.
+    @property
+    def _has_states(self) -> bool:
+        """Whether a Bool is the label: it has no stamp, and holds for rows received after it."""
+        return self._label_topic is not None and self._label_topic.msgtype == BOOL
 
-        A Bool has no stamp: it holds for the rows that were received after it.
-        """
-        if self._labels is not None or self._truth_topic is None:
+    def _edges_ns(self) -> 'Stamps | None':
+        """Return when slip begins and ends by a topic; None if that is not the label."""
+        topic = self._label_topic
+        if self._labels is not None or topic is None:
             return None
-        states = list(self._decoded(self._truth_topic, _Decoder(self._truth_topic, 'data')))
-        on = np.concatenate([some.volts[:, 0] for some in states]) != 0.0
-        changed_ns = np.concatenate([some.stamps_ns for some in states])
-        return np.asarray(changed_ns[np.diff(on, prepend=False)])
+        field = 'data' if self._has_states else 'position'
+        some = list(self._decoded(topic, _Decoder(topic, field)))
+        values = np.concatenate([one.volts for one in some])
+        stamps_ns = np.concatenate([one.stamps_ns for one in some])
+        if self._has_states:
+            return np.asarray(stamps_ns[np.diff(values[:, 0] != 0.0, prepend=False)])
+        # Slip lasts between two positions that differ, including the times of both (Eq. 9).
+        moves = (np.abs(np.diff(values, axis=0)) > self._still_m).any(axis=1)
+        changes = np.flatnonzero(np.diff(moves, prepend=False, append=False))
+        return np.asarray(stamps_ns[changes] + np.arange(len(changes)) % 2)
 
     def _found_damage(self) -> str:
         return f' ({self._storage.damage[0]})' if self._storage.damage else ''
@@ -230,15 +243,23 @@ class BagRecording(Recording):
             f'{self._found_damage()}; --topic (recording_topic) names one'
         )
 
-    def _label_topic(self, name: str) -> 'Topic | None':
-        """Find the topic that labels the rows: in their namespace, else the only one in others."""
-        alike = [topic for topic in self._storage.topics if topic.msgtype == BOOL]
-        there = name_list([topic.name for topic in alike]) or 'none'
-        self.label_name = f'topic {name} (Bool), there are: {there}'
-        full = f'{self._topic.name.rpartition("/")[0]}/{name}'
-        found = [topic for topic in alike if topic.name == full]
-        found = found or [topic for topic in alike if _is_named(topic.name, name)]
-        return found[0] if len(found) == 1 else None
+    def _found_label_topic(self, config: RecordingConfig) -> 'Topic | None':
+        """Find what labels the rows: the topic in their namespace, else the only one in others."""
+        truth, position = config.recording_truth_topic, config.recording_position_topic
+        others = [topic for topic in self._storage.topics if topic != self._topic]
+        known = [one.name for one in others if one.msgtype in (BOOL, JOINT_STATE)]
+        self.label_name = (
+            f'topic {truth} (Bool) or {position} (JointState), there are: '
+            f'{name_list(known) or "none"}'
+        )
+        for name, msgtype in ((truth, BOOL), (position, JOINT_STATE)):
+            alike = [topic for topic in others if topic.msgtype == msgtype]
+            full = f'{self._topic.name.rpartition("/")[0]}/{name}'
+            found = [topic for topic in alike if topic.name == full]
+            found = found or [topic for topic in alike if _is_named(topic.name, name)]
+            if len(found) == 1:
+                return found[0]
+        return None
 
 
 def _is_named(topic: str, name: str) -> bool:

@@ -36,6 +36,9 @@ from slip_detector.recordings.messages import JointStateWriter
 #: Version of the bag metadata for ROS 2 Jazzy and later.
 BAG_VERSION = 9
 
+#: The topics of a bag and their types.
+TOPICS = {'/voltages': JOINT_STATE, '/slip_truth': BOOL, '/platform_position': JOINT_STATE}
+
 #: The serialised states of a Bool.
 _BOOLS = (b'\0\1\0\0\0', b'\0\1\0\0\1')
 
@@ -54,7 +57,7 @@ def write_recording(
     path
         The new file: .npz, .csv or .mcap. Without an ending it is the folder of a bag (MCAP with
         metadata.yaml, as ``ros2 bag record`` writes it). In bags the rows are on
-        ``voltages``, the truth on ``slip_truth``.
+        ``voltages``, the truth on ``slip_truth`` and the position on ``platform_position``.
     pieces
         The rows, at least one; the truth is in all pieces or in none.
     sample_rate_hz
@@ -117,7 +120,7 @@ def _write_csv(path: Path, pieces: Iterable[Samples], names: Sequence[str]) -> N
 def _write_npz(path: Path, pieces: Iterable[Samples], sample_rate_hz: float) -> None:
     first, *others = pieces
     samples = first.then(*others)
-    columns = zip(('volts', 'stamps_ns', 'slip'), samples, strict=False)
+    columns = zip(('volts', 'stamps_ns', 'slip', 'position_m'), samples, strict=False)
     arrays: dict[str, Any] = {key: part for key, part in columns if part is not None}
     np.savez(path, sample_rate_hz=sample_rate_hz, **arrays)
 
@@ -139,8 +142,8 @@ def _write_bag(path: Path, pieces: Iterable[Samples], names: Sequence[str], fram
 class BagWriter:
     """A bag (MCAP) that is written piece by piece.
 
-    The rows are on ``voltages``, the truth on ``slip_truth``. The time of receipt of a message is
-    its stamp.
+    The rows are on ``voltages``, the truth on ``slip_truth`` and the position on
+    ``platform_position``. The time of receipt of a message is its stamp.
 
     Parameters
     ----------
@@ -193,6 +196,7 @@ class BagWriter:
         self.path = folder / f'{folder.name}.mcap'
         types = get_typestore(Stores.ROS2_JAZZY)
         self._rows = JointStateWriter(frame_id, channel_names)
+        self._platform = JointStateWriter(frame_id, ['platform'])
         self._last: bool | None = None
         mcap = rosbag2.StoragePlugin.MCAP
         try:
@@ -202,9 +206,9 @@ class BagWriter:
             self._writer.open()
         except rosbag2.WriterError:
             raise FileExistsError(errno.EEXIST, 'already exists') from None
-        self._voltages, self._slip_truth = (
+        self._voltages, self._slip_truth, self._position = (
             self._writer.add_connection(topic, msgtype, typestore=types)
-            for topic, msgtype in (('/voltages', JOINT_STATE), ('/slip_truth', BOOL))
+            for topic, msgtype in TOPICS.items()
         )
 
     def write(self, piece: Samples) -> None:
@@ -223,6 +227,9 @@ class BagWriter:
             if truth is not None and truth[i] != self._last:
                 self._last = bool(truth[i])
                 self._writer.write(self._slip_truth, at_ns, _BOOLS[self._last])
+            if piece.position_m is not None:
+                position = self._platform.written(at_ns, piece.position_m[i])
+                self._writer.write(self._position, at_ns, position)
             self._writer.write(self._voltages, at_ns, self._rows.written(at_ns, piece.volts[i]))
 
     def flush(self) -> None:

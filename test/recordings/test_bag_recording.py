@@ -16,6 +16,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 pytest.importorskip('rosbags', reason='needs rosbags')
 
@@ -128,12 +130,29 @@ def test_a_truth_that_was_received_late_holds_from_its_receipt_on(tmp_path):
     np.testing.assert_array_equal(truth, (np.arange(n) >= 20) & (np.arange(n) < 30))
 
 
+@given(st.lists(st.sampled_from([0.0, 1.0, 2.0]), min_size=3, max_size=25))
+def test_without_a_truth_a_position_that_changes_is_slip(tmp_path_factory, positions):
+    n = len(positions)
+    slip = np.zeros(n, bool)
+    for k in range(n - 1):  # from the last row at which it stood to the first at which it stands
+        slip[k : k + 2] |= positions[k] != positions[k + 1]
+    flickering = np.array(positions) + 1e-6 * (np.arange(n) % 2)
+    written = rows(n)._replace(position_m=flickering)
+    for truth, wanted in ((None, slip), (written.truth, written.truth)):
+        path = tmp_path_factory.mktemp('moved') / 'a.mcap'
+        write_recording(path, [written._replace(truth=truth)], 380.0, NAMES)
+        recording = open_recording(path, RecordingConfig(recording_still_m=5e-6))
+        np.testing.assert_array_equal(gathered(recording).truth, wanted)
+
+
 def test_without_the_topic_of_labels_those_that_are_there_are_named(tmp_path):
     write_recording(tmp_path / 'a.mcap', [rows(50)], 380.0, NAMES)
     config = RecordingConfig(recording_truth_topic='sliding')
     recording = open_recording(tmp_path / 'a.mcap', config)
     assert not recording.has_truth
-    assert recording.label_name == 'topic sliding (Bool), there are: /slip_truth'
+    assert recording.label_name == (
+        'topic sliding (Bool) or platform_position (JointState), there are: /slip_truth'
+    )
 
 
 def test_a_bag_without_samples_or_with_a_stopped_clock_says_so(tmp_path):

@@ -29,6 +29,7 @@ from hypothesis.extra import numpy as hnp
 pytest.importorskip('rosbags', reason='needs rosbags')
 
 from slip_detector.chain.samples import Samples
+from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.recordings import open_recording, write_recording
 from slip_detector.recordings.writing import BagWriter
 from support.bags import ENDINGS, NAMES, check_same, gathered, rows
@@ -60,6 +61,18 @@ def test_rows_are_written_and_read_back_to_the_bit(tmp_path_factory, ending, dat
     assert list(recording.channel_names) == (
         names if ending != '.npz' else [f'ch{i + 1}' for i in range(channels)]
     )
+
+
+def test_the_position_of_the_platform_is_in_npz_and_bags(tmp_path):
+    written = rows(300)._replace(position_m=np.arange(300.0))
+    for ending in ('.npz', '.mcap'):
+        write_recording(tmp_path / f'a{ending}', [written], 380.0, NAMES)
+    platform = RecordingConfig(recording_topic='platform_position')
+    for found in (
+        open_recording(tmp_path / 'a.npz').array('position_m'),
+        gathered(open_recording(tmp_path / 'a.mcap', platform)).volts[:, 0],
+    ):
+        np.testing.assert_array_equal(found, written.position_m)
 
 
 def test_nothing_is_overwritten_and_no_half_recording_stays(tmp_path):
