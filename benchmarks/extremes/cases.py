@@ -60,7 +60,9 @@ def held_object(mass_kg: float) -> dict[str, Any]:
 
 #: Friction without the Stribeck effect, which needs damping.
 EVEN = {'kinetic_coefficient': 0.6, 'static_coefficient': 0.6}
-SLACK = {'skin': {'damping_n_s_m': 1e-6}}
+BARE = {'skin': {'mass_kg': 0.0, 'damping_n_s_m': 0.0}}
+UNDAMPED_BRISTLES = {'bristle_damping_n_s_m': 0.0}
+LIGHT = {'mass_kg': 1e-5, 'damping_n_s_m': 0.0}
 SMOOTH = {'electronics': {'bandwidth_hz': 150.0}}
 RELIEF = {'times_s': [0.25, 0.3, 0.35], 'peak_force_n': -1.0}
 REVERSALS = {**SMOOTH, 'steps': moving(20e-3, -20e-3, 20e-3, -20e-3)}
@@ -78,14 +80,17 @@ CASES: list[tuple[str, str, dict[str, Any]]] = [
     ('lift-off', 'relieved by taps', {'taps': RELIEF}),
     ('reversal', '20 mm/s, 2 m/s2', {**REVERSALS, 'motion': {'acceleration_m_s2': 2.0}}),
     ('reversal', '20 mm/s, 1000 m/s2', {**REVERSALS, 'motion': {'acceleration_m_s2': 1000.0}}),
-    ('hardly damped', 'no Stribeck effect', {**SLACK, 'friction': EVEN}),
-    ('hardly damped', 'Stribeck effect', SLACK),
-    ('bristles', 'no damping', {'friction': {'bristle_damping_n_s_m': 0.0}}),
+    ('bare skin', 'no Stribeck effect', {**BARE, 'friction': {**EVEN, **UNDAMPED_BRISTLES}}),
+    ('bare skin', 'damped bristles', {**BARE, 'friction': EVEN}),
+    ('bare skin', 'Stribeck effect', BARE),
+    ('no mass', 'no bristle damping', {'friction': UNDAMPED_BRISTLES}),
+    ('no damping', 'mass 1e-5 kg', {'skin': LIGHT, 'friction': EVEN}),
     ('spatial period', '1 um, 150 Hz', {'texture': FINE, **SMOOTH}),
     ('spatial period', '1 um, no low-pass', {'texture': FINE}),
     ('velocity', '80 mm/s, 150 Hz', {**FAST, **SMOOTH}),
     ('velocity', '80 mm/s, no low-pass', FAST),
     *(('object', f'{mass * 1e3:g} g', held_object(mass)) for mass in (1e-3, 0.2, 10.0)),
+    ('coulomb', 'texture', {'friction': 'coulomb'}),
 ]
 
 

@@ -26,7 +26,7 @@ from scipy import integrate
 from benchmarks.scenes import equations
 from slip_detector.chain.samples import Floats
 from slip_detector.scenes import Scene
-from slip_detector.scenes.friction import LIGHTEST_LOAD_N
+from slip_detector.scenes.friction import COULOMB, LIGHTEST_LOAD_N
 
 #: Contact is looked for at this many points within the shortest feature of the force, and at no
 #: more than this many points of the whole scene.
@@ -74,16 +74,26 @@ class Ode:
     """A scene as dy/dt = f(t, y); see :func:`benchmarks.scenes.equations.rates` for the states.
 
     ``size`` is the number of states: 0 when the volts are a closed form of the time.
+
+    Raises
+    ------
+    ValueError
+        For Coulomb's friction, whose force at rest is no function of the state, and for skin that
+        has neither mass nor damping.
     """
 
     def __init__(self, scene: Scene) -> None:
         self.scene, self._constants, self._drive = scene, scene.constants, scene.drive_numbers
         constants, skin, law = scene.constants, scene.constants.skin, scene.constants.friction
         n_channels, with_friction = len(constants.positions_m), bool(constants.patches.size)
+        if with_friction and law.model == COULOMB:
+            raise ValueError("Coulomb's force at rest is no function of the state")
+        if with_friction and skin.mass_kg == 0.0 and skin.damping_n_s_m + law.viscous_n_s_m == 0.0:
+            raise ValueError('no state says how fast skin without mass and damping moves')
         self.with_object = constants.patches.size > n_channels
         self._cutoff_rad_s = 2.0 * np.pi * scene.parts['electronics'].bandwidth_hz
         self._loads = np.zeros(max(constants.patches.size, n_channels))
-        self._own = 2 if with_friction else 0
+        self._own = 2 + (skin.mass_kg > 0.0) if with_friction else 0
         times_s = np.linspace(0.0, scene.duration_s, 2001)
         load_n = scene.parts['contact'].largest_load_n(float(scene.force_n(times_s).max()))
         load_n = max(load_n, LIGHTEST_LOAD_N)
@@ -91,8 +101,9 @@ class Ode:
         volts = float(np.abs(constants.normal_v_n).max()) * load_n
         volts += float(np.abs(constants.shear_v_n).max()) * shear_n
         x_m, z_m = shear_n / skin.shear_stiffness_n_m, shear_n / law.bristle_stiffness_n_m
+        speed_m_s = max(float(np.abs(self._drive.plate[2]).max()), 1e-3)
         # How large each state may become; the tolerances are relative to it.
-        own = [x_m, z_m] if with_friction else []
+        own = {0: [], 2: [x_m, z_m], 3: [x_m, speed_m_s, z_m]}[self._own]
         filtered = [max(volts, 1e-6)] if self._cutoff_rad_s else []
         scales = (own + filtered) * n_channels + ([*own, 1e-3, 1e-2] if self.with_object else [])
         self._scales, self.size = np.array(scales), len(scales)

@@ -14,7 +14,7 @@
 
 """The skin over a taxel, and the friction between it and the surface that moves over it.
 
-The skin is a spring and a damper that shear along x.
+The skin is a spring, a damper and a mass that shear along x.
 
 LuGre model (Canudas de Wit, Olsson, Astrom, Lischinsky 1995): bristles of deflection z under a
 surface that moves with the velocity w against the skin,
@@ -33,6 +33,7 @@ hold a surface without load:
 """
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -44,7 +45,12 @@ class Skin(CompiledSet):
     """Skin over one taxel, between the finger and the surface that it touches."""
 
     shear_stiffness_n_m: float = parameter(800.0, 'Shear stiffness.', (1e-3, 1e9, 'N/m'))
-    damping_n_s_m: float = parameter(0.3, 'Damping against the finger.', (1e-6, 1e6, 'N s/m'))
+    damping_n_s_m: float = parameter(
+        0.3, 'Damping against the finger; 0: none.', (0.0, 1e6, 'N s/m')
+    )
+    mass_kg: float = parameter(
+        0.0, 'Mass that moves with the surface of the skin; 0: no inertia.', (0.0, 1.0, 'kg')
+    )
 
 
 #: Lower limit of the load in g(w), which must not be zero. Friction under this load, less than a
@@ -64,40 +70,60 @@ AT_REST = 1e-15
 #: Limit of Newton's iterations: ten times the largest number that was observed.
 MOST_ITERATIONS = 200
 
+#: The models, in the order of their numbers for compiled code.
+MODELS = ('lugre', 'coulomb')
+COULOMB = MODELS.index('coulomb')
+
 
 class Friction(CompiledSet):
-    """LuGre friction with Stribeck effect on the patch over each taxel."""
+    """LuGre friction with Stribeck effect, or Coulomb friction, on the patch over each taxel."""
 
-    kinetic_coefficient: float = parameter(
-        0.56, 'Coefficient of friction while sliding.', (1e-6, 10.0)
+    model: str = parameter(
+        'lugre', 'Friction with bristles (lugre) or without (coulomb).', choices=MODELS
     )
-    static_coefficient: float = parameter(0.61, 'Coefficient of friction at rest.', (1e-6, 10.0))
+    kinetic_coefficient: float = parameter(
+        0.56, 'Coefficient of friction while sliding.', (0.0, 10.0)
+    )
+    static_coefficient: float = parameter(
+        0.61, 'Coefficient of friction at rest (lugre).', (0.0, 10.0)
+    )
     stribeck_velocity_m_s: float = parameter(
-        10e-3, 'Velocity at which 1 - 1/e of the fall to kinetic is done.', (1e-6, 1e3, 'm/s')
+        10e-3,
+        'Velocity at which 1 - 1/e of the fall to kinetic is done (lugre).',
+        (1e-6, 1e3, 'm/s'),
     )
     bristle_stiffness_n_m: float = parameter(
-        1e5, 'Stiffness of the bristles of a patch, sigma 0.', (1.0, 1e12, 'N/m')
+        1e5, 'Stiffness of the bristles of a patch, sigma 0 (lugre).', (1.0, 1e12, 'N/m')
     )
     bristle_damping_n_s_m: float = parameter(
-        0.1, 'Damping of the bristles, sigma 1.', (0.0, 1e6, 'N s/m')
+        0.1, 'Damping of the bristles, sigma 1 (lugre).', (0.0, 1e6, 'N s/m')
     )
-    viscous_n_s_m: float = parameter(0.0, 'Viscous friction, sigma 2.', (0.0, 1e6, 'N s/m'))
+    viscous_n_s_m: float = parameter(
+        0.0, 'Viscous friction, sigma 2 (lugre).', (0.0, 1e6, 'N s/m')
+    )
     unloading_s: float = parameter(
-        1e-4, 'Time in which bristles relax that the load cannot hold.', (1e-9, 1.0, 's')
+        1e-4, 'Time in which bristles relax that the load cannot hold (lugre).', (1e-9, 1.0, 's')
     )
 
     def __post_init__(self) -> None:
         """Check the coefficients against each other."""
         super().__post_init__()
-        text = f'at most static_coefficient, {self.static_coefficient:g}'
-        holds = self.kinetic_coefficient <= self.static_coefficient
+        kinetic, static = self.kinetic_coefficient, self.static_coefficient
+        text = f'above 0 and at most static_coefficient, {static:g}'
+        holds = self.model == 'coulomb' or 0.0 < kinetic <= static
         self.require(holds, 'kinetic_coefficient', text)
+
+    def numbers(self) -> Any:
+        """Return the numbers for compiled code; that of the model is its place in ``MODELS``."""
+        return super().numbers()._replace(model=MODELS.index(self.model))
 
     def steepest_fall_n_s_m(self, load_n: float) -> float:
         """Return the steepest fall of sliding friction with velocity under a normal load.
 
         g(w) is steepest at w = v_s / sqrt(2).
         """
+        if self.model == 'coulomb':
+            return 0.0
         drop_n = load_n * (self.static_coefficient - self.kinetic_coefficient)
         return drop_n * math.sqrt(2.0 / math.e) / self.stribeck_velocity_m_s
 
@@ -204,15 +230,23 @@ def lugre_stage(available, impedance, w_last, z, load, step, law):
 def skin_stage(v, x, u, z, w_last, load, step, skin, law):
     """Advance one patch by one implicit step under a surface of velocity v.
 
-    c U + k X = F(w), U = v - w, X the displacement of the skin's surface.
+    m dU/dt + c U + k X = F(w), U = v - w, X the displacement of the skin's surface.
 
     Returns the velocity w of the surface against the skin, the friction force, its slope in v, and
     the bristles' deflection after the step.
     """
     if load == 0.0 and abs(x) < AT_REST and abs(u) < AT_REST:
         return v, 0.0, 0.0, 0.0
-    impedance = skin.damping_n_s_m + skin.shear_stiffness_n_m * step
-    available = skin.damping_n_s_m * v + skin.shear_stiffness_n_m * (x + step * v)
+    inertia = skin.mass_kg / step
+    impedance = inertia + skin.damping_n_s_m + skin.shear_stiffness_n_m * step
+    available = inertia * (v - u) + skin.damping_n_s_m * v
+    available += skin.shear_stiffness_n_m * (x + step * v)
+    if law.model == COULOMB:
+        most = law.kinetic_coefficient * load
+        if abs(available) <= most:
+            return 0.0, available, impedance, 0.0
+        force = most if available > 0.0 else -most
+        return (available - force) / impedance, force, 0.0, 0.0
     w, force, slope, after = lugre_stage(available, impedance, w_last, z, load, step, law)
     # Friction and skin act in series.
     return w, force, slope * impedance / (slope + impedance), after

@@ -77,14 +77,18 @@ def read_sampling(description: Mapping[str, Any]) -> Sampling:
 def read_parts(description: Mapping[str, Any]) -> dict[str, Any]:
     """Return the parts in the content of a scene file, and those that every scene has.
 
-    An error names an unknown part, or the part and the parameter of a value that is not allowed.
+    ``friction: none`` means no friction, ``friction: coulomb`` that model with its defaults. An
+    error names an unknown part, or the part and the parameter of a value that is not allowed.
     """
     parts: dict[str, Any] = {name: PARTS[name]() for name in ALWAYS}
-    for name, values in description.items():
+    for name, content in description.items():
         if name in NOT_PARTS:
             continue
         if name not in PARTS:
             refuse(f'unknown part {shown_name(name)}', ', '.join((*NOT_PARTS, *PARTS)))
+        if name == 'friction' and content == 'none':
+            continue
+        values = {'model': content} if name == 'friction' and isinstance(content, str) else content
         if not isinstance(values, Mapping | None):
             refuse(f'{name} is {shown(values)}', 'names and values')
         parts[name] = PARTS[name].from_parameters(values or {}, name)
@@ -126,7 +130,8 @@ def check_grip(parts: Mapping[str, Any], force_n: float, where: str = 'friction'
     """Raise an error for a normal force under which the motion of the skin is not determined.
 
     Friction must not fall with velocity faster than the skin's damping rises: each patch would
-    stick and slip by itself, too fast for any step.
+    stick and slip by itself, too fast for any step. And something must determine how fast skin
+    without mass and damping moves when it begins to slip.
     """
     friction, skin = parts['friction'], parts['skin']
     load_n = parts['contact'].largest_load_n(force_n)
@@ -138,6 +143,12 @@ def check_grip(parts: Mapping[str, Any], force_n: float, where: str = 'friction'
             f'{fall:.3g} N s/m under {load_n:.3g} N, damping_n_s_m and viscous_n_s_m rise by '
             f'{damping:.3g} N s/m',
             'more of these, a higher stribeck_velocity_m_s or less static_coefficient',
+        )
+    bristle_damping = friction.bristle_damping_n_s_m if friction.model == 'lugre' else 0.0
+    if skin.mass_kg == 0.0 and damping == 0.0 and bristle_damping > 0.0:
+        what = f'{where}: bristle_damping_n_s_m is {bristle_damping:g} N s/m on skin without mass'
+        refuse(
+            f'{what} and damping, which leaves its velocity open', '0, or damping_n_s_m above 0'
         )
 
 

@@ -27,7 +27,7 @@ from slip_detector.parameters.fields import refuse, shown
 from slip_detector.parameters.files import read_yaml, shared_folder
 from slip_detector.scenes.drive import Drive, drive_at, drive_numbers, normal_force_at
 from slip_detector.scenes.electronics import Frontend, taxel_positions
-from slip_detector.scenes.friction import Friction
+from slip_detector.scenes.friction import Friction, Skin
 from slip_detector.scenes.mechanics import STAGE_TIMES, SceneConstants, State, advance
 from slip_detector.scenes.motion import (
     ORDER_S,
@@ -42,6 +42,12 @@ from slip_detector.scenes.motion import (
 )
 from slip_detector.scenes.parts import PARTS, check_grip, check_parts, read_parts, read_sampling
 from slip_detector.scenes.surface import NO_RIDGES, NO_ROUGHNESS, FreeObject
+
+#: Longest step of the integrator, as a phase angle of the skin's own oscillation.
+RINGING_RAD = 0.4
+
+#: Largest number of integrator steps per second of a scene; more would take too long.
+MOST_STEPS_HZ = 2e6
 
 
 class Scene:
@@ -124,6 +130,7 @@ class Scene:
     def _scene_constants(
         self, longest_step_s: float, of_texture: np.random.Generator
     ) -> SceneConstants:
+        """Build the constants; an error says that the skin oscillates too fast."""
         parts, frontend, rate_hz = self.parts, self._frontend, self.true_rate_hz
         friction: Friction | None = parts.get('friction')
         body: FreeObject | None = parts.get('object')
@@ -131,7 +138,12 @@ class Scene:
         steps_per_sample = 1
         # Without friction and low-pass filter nothing changes between two samples.
         if friction or bandwidth_hz:
-            steps_per_sample = math.ceil(1.0 / (rate_hz * longest_step_s) - 1e-9)
+            step_s = min(longest_step_s, _ringing_step_s(parts['skin']) if friction else math.inf)
+            steps_per_sample = math.ceil(1.0 / (rate_hz * step_s) - 1e-9)
+        if steps_per_sample * rate_hz > MOST_STEPS_HZ:
+            what = f'the scene needs {steps_per_sample * rate_hz:.3g} steps for a second'
+            allowed = f'{MOST_STEPS_HZ:g}; a longer step_s, more damping_n_s_m or mass_kg 0 help'
+            refuse(what, allowed)
         step_s = 1.0 / (rate_hz * steps_per_sample)
         patches = np.ones(PAPER_CHANNELS if friction else 0)
         cutoff_rad_s = 2.0 * np.pi * bandwidth_hz
@@ -270,6 +282,13 @@ class Scene:
         # The paper's Eq. 9: there is slip while the position of the platform changes.
         velocity_m_s, _ = plate_at(time_s, self.drive_numbers.plate)
         return np.asarray((velocity_m_s != 0.0) & (self.force_n(time_s) > 0.0))
+
+
+def _ringing_step_s(skin: Skin) -> float:
+    """Return the longest step that resolves the skin's own oscillation; infinite without one."""
+    if skin.damping_n_s_m**2 >= 4.0 * skin.shear_stiffness_n_m * skin.mass_kg:
+        return math.inf
+    return RINGING_RAD * math.sqrt(skin.mass_kg / skin.shear_stiffness_n_m)
 
 
 def load_scene(path: str | Path, trial: np.random.Generator) -> Scene:

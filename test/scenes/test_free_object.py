@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scenes.test_mechanics import LUGRE
+from scenes.test_mechanics import COULOMB, LUGRE
 
 from slip_detector.scenes import Scene
 from slip_detector.scenes.friction import LIGHTEST_LOAD_N
@@ -35,11 +35,11 @@ PARTS = {
     'step_s': 5e-4,
     'motion': {'acceleration_m_s2': 0.5, 'ringing_hz': 40.0, 'ringing_damping': 1.0},
     'contact': {'radius_at_1n_m': 5e-3, 'taxel_area_m2': 1e-6},
-    'skin': {'shear_stiffness_n_m': STIFFNESS_N_M, 'damping_n_s_m': 1.0},
+    'skin': {'shear_stiffness_n_m': STIFFNESS_N_M, 'damping_n_s_m': 1.0, 'mass_kg': 0.0},
 }
 ONE_COEFFICIENT = {**LUGRE, 'static_coefficient': 0.5}
 TWO_COEFFICIENTS = {**LUGRE, 'stribeck_velocity_m_s': 0.1}
-FRICTIONS = [ONE_COEFFICIENT, TWO_COEFFICIENTS]
+FRICTIONS = [COULOMB, ONE_COEFFICIENT, TWO_COEFFICIENTS]
 
 #: Gripped before 0.6 s, loaded with the object's weight until then.
 HELD_S = 0.6

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Friction: LuGre's law, and the implicit stage that solves it."""
+"""Friction: LuGre's law and Coulomb's, and the implicit stage that solves them."""
 
 import math
 
@@ -21,7 +21,13 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from slip_detector.scenes.friction import LIGHTEST_LOAD_N, Friction, lugre_stage
+from slip_detector.scenes.friction import (
+    LIGHTEST_LOAD_N,
+    Friction,
+    Skin,
+    lugre_stage,
+    skin_stage,
+)
 
 
 def decades(low, high):
@@ -47,6 +53,7 @@ LAWS = st.builds(
 )
 LOADS_N = st.just(0.0) | decades(1e-9, 1.0)
 VELOCITIES_M_S = st.just(0.0) | either_sign(decades(1e-9, 1.0))
+DISPLACEMENTS_M = st.just(0.0) | either_sign(decades(1e-9, 1e-3))
 STEPS_S = decades(1e-6, 1e-2)
 #: Deflections in shares of the most the load holds; beyond 1 where the load has just fallen.
 SHARES = st.just(0.0) | either_sign(decades(1e-6, 1e3))
@@ -141,6 +148,43 @@ def test_bristles_never_give_back_more_than_was_put_into_them(law, load_n, pulls
         work_j += step_s * force * w
         stored_j = 0.5 * law.bristle_stiffness_n_m * z**2
         assert work_j >= stored_j - 1e-9 * abs(work_j) - 1e-6 * stored_j
+
+
+# Skin and friction together.
+
+SKINS = st.builds(
+    lambda **numbers: Skin(**numbers).numbers(),
+    shear_stiffness_n_m=decades(10.0, 1e5),
+    damping_n_s_m=decades(1e-3, 10.0),
+    mass_kg=st.just(0.0) | decades(1e-9, 1e-3),
+)
+
+
+@settings(max_examples=150)
+@given(SKINS, st.floats(0.0, 2.0), LOADS_N, VELOCITIES_M_S, DISPLACEMENTS_M,
+       VELOCITIES_M_S, STEPS_S)  # fmt: skip
+def test_coulomb_holds_up_to_its_limit_and_is_exactly_it_beyond(
+    skin, kinetic, load_n, v, x, u, step_s
+):
+    law = Friction(model='coulomb', kinetic_coefficient=kinetic).numbers()
+    w, force, _, _ = skin_stage(v, x, u, 0.0, 0.0, load_n, step_s, skin, law)
+    limit_n = kinetic * load_n
+    if w == 0.0:
+        assert abs(force) <= limit_n
+    else:
+        assert force == math.copysign(limit_n, w)
+    # m dU/dt + c U + k X = F with U = v - w, all at the end of the step.
+    after = v - w
+    terms = [
+        skin.mass_kg / step_s * (after - u),
+        skin.damping_n_s_m * after,
+        skin.shear_stiffness_n_m * (x + step_s * after),
+    ]
+    at_rest = load_n == 0.0 and abs(x) < 1e-15 and abs(u) < 1e-15
+    if not at_rest:
+        sizes = limit_n + skin.mass_kg / step_s * (abs(u) + abs(v)) + skin.damping_n_s_m * abs(v)
+        sizes += skin.shear_stiffness_n_m * (abs(x) + step_s * abs(v)) + sum(map(abs, terms))
+        assert sum(terms) == pytest.approx(force, abs=1e-11 * sizes)
 
 
 # What is refused.

@@ -15,6 +15,7 @@
 """Mechanics: the stepper solves skin and friction, at any cut, and makes no energy."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -29,8 +30,9 @@ ALL = 10**9
 # At 1 N the outer eight taxels lie near the edge of the contact.
 CONTACT = {'radius_at_1n_m': 2.2e-3, 'taxel_area_m2': 3e-7}
 MOTION = {'acceleration_m_s2': 0.5, 'ringing_hz': 20.0, 'ringing_damping': 0.7}
-SKIN = {'shear_stiffness_n_m': 500.0, 'damping_n_s_m': 0.3}
+SKIN = {'shear_stiffness_n_m': 500.0, 'damping_n_s_m': 0.3, 'mass_kg': 0.0}
 LUGRE = {
+    'model': 'lugre',
     'kinetic_coefficient': 0.5,
     'static_coefficient': 0.6,
     'stribeck_velocity_m_s': 10e-3,
@@ -39,6 +41,7 @@ LUGRE = {
     'viscous_n_s_m': 0.0,
     'unloading_s': 1e-4,
 }
+COULOMB = {'model': 'coulomb', 'kinetic_coefficient': 0.5}
 SHEAR_ONLY = {
     'spread': 0.0, 'noise_v': 0.0, 'normal_v_n': 0.0, 'shear_v_n': 1.0, 'shear_along_share': 1.0,
     'bandwidth_hz': 0.0,
@@ -51,13 +54,24 @@ PUSHED = [
     {'duration_s': 0.5},
     {'duration_s': 0.3, 'velocity_m_s': 10e-3},
 ]
+PUSH_S = 0.6
+
+
+def scene(steps=PUSHED, seed=0, **parts):
+    description = {
+        'steps': steps, 'contact': CONTACT, 'motion': MOTION, 'skin': SKIN, 'friction': LUGRE,
+        'electronics': SHEAR_ONLY, **parts,
+    }  # fmt: skip
+    return Scene(description, np.random.default_rng(seed))
+
+
 # Any cut.
 
 ALL_PARTS = {
     'sample_rate_hz': 200.0,
     'step_s': 1e-3,
     'contact': CONTACT,
-    'skin': SKIN,
+    'skin': {**SKIN, 'mass_kg': 1e-6},
     'friction': {**LUGRE, 'static_coefficient': 0.52},
     'texture': {'ridge_height_m': 5e-5, 'harmonics': [0.1, 0.1], 'indentation_m': 1e-3},
     'roughness': {},
@@ -66,7 +80,7 @@ ALL_PARTS = {
     'tremor': {},
     'taps': {'times_s': [0.3], 'duration_s': 0.05},
     'rolling': {'start_s': 0.35, 'duration_s': 0.1},
-    'faults': {'dead_channels': [1], 'from_s': 0.3},
+    'faults': {'dead_channels': [1], 'flat_channels': [2], 'noisy_channels': [3], 'from_s': 0.3},
     'drops': {'share': 0.2},
     'clock': {'rate_ratio': 1.1},
     'contact_noise': {},
@@ -115,21 +129,19 @@ def test_without_numba_a_scene_is_the_same():
 # Sticking and sliding.
 
 
-def test_after_lift_off_while_sliding_the_skin_goes_back_to_rest():
+@pytest.mark.parametrize('friction', [COULOMB, LUGRE])
+@pytest.mark.parametrize('mass_kg', [0.0, 1e-6])
+def test_after_lift_off_while_sliding_the_skin_goes_back_to_rest(friction, mass_kg):
     steps = [
         *PUSHED,
         {'duration_s': 0.05, 'force_n': 0.0, 'velocity_m_s': 10e-3},
         {'duration_s': 2.0, 'velocity_m_s': 10e-3},
     ]
-    description = {
-        'steps': steps, 'contact': CONTACT, 'motion': MOTION, 'skin': SKIN, 'friction': LUGRE,
-        'electronics': SHEAR_ONLY,
-    }  # fmt: skip
-    played = Scene(description, np.random.default_rng(0))
+    played = scene(steps, friction=friction, skin={**SKIN, 'mass_kg': mass_kg})
     _, clean_v, _, sliding = played.clean(ALL)
     assert clean_v.max() > 1e-3
-    # Of friction the part is left that the lightest load has, below what a taxel feels.
-    left_n = 0.6 * LIGHTEST_LOAD_N
+    # Of LuGre's friction the part is left that the lightest load has, below what a taxel feels.
+    left_n = 0.0 if friction is COULOMB else 0.6 * LIGHTEST_LOAD_N
     shears_n = SKIN['shear_stiffness_n_m'] * played.state.patches[:, DISPLACEMENT]
     bristles_n = LUGRE['bristle_stiffness_n_m'] * played.state.patches[:, DEFLECTION]
     assert np.abs(shears_n).max() <= 1.001 * left_n + 1e-12

@@ -37,7 +37,7 @@ def gripped(duration_s):
     """An object at rest in the grip, after two seconds in which it is gripped."""
     steps = [{'duration_s': 1.0}, {'duration_s': 1.0, 'force_n': 0.4}, {'duration_s': duration_s}]
     texture = {'spatial_period_m': 400.0e-6}
-    return {'steps': steps, 'friction': {}, 'texture': texture, **HAND}
+    return {'steps': steps, 'friction': {'model': 'lugre'}, 'texture': texture, **HAND}
 
 
 def tapped(duration_s):
