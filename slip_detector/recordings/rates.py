@@ -38,6 +38,9 @@ EDGE = 0.8
 #: it: the length of the filter grows with it.
 MOST_FACTOR = 1000
 
+#: Most rows that a step is taken over, and fewest steps for it, to measure the rate.
+MOST_AT_ONCE, FEWEST_STEPS = 16, 32
+
 
 def rates_differ(rate_hz: float, chain_rate_hz: float) -> bool:
     """Return whether a recording's rate is too far from the rate of the chain.
@@ -69,7 +72,9 @@ def rate_of(stamps_ns: Stamps, what: str) -> float:
     """Return the rate at which rows were taken, in Hz.
 
     It is the inverse of the mean step between rows, which averages jitter; gaps and steps
-    backwards are left out. Where many stamps are the same, the rows are counted.
+    backwards are left out. Where many stamps are the same, the rows are counted. Where there are
+    many rows, the steps are those of some rows: a message that is late, as those without a header
+    are, makes one of them longer and the next one shorter, and both are kept or left out.
 
     Parameters
     ----------
@@ -92,11 +97,14 @@ def rate_of(stamps_ns: Stamps, what: str) -> float:
     steps_ns = np.diff(stamps_ns)
     if steps_ns.sum() > 0 and np.mean(steps_ns == 0) > BUNCHED:  # a coarse clock
         return 1e9 / float(np.mean(steps_ns))
-    steps_ns = steps_ns[steps_ns > 0]
-    if not steps_ns.size:
+    rows = max(1, min(MOST_AT_ONCE, len(steps_ns) // FEWEST_STEPS))
+    spans_ns = np.diff(stamps_ns[::rows])
+    spans_ns = np.sort(spans_ns[spans_ns > 0])
+    if not spans_ns.size:
         raise ValueError(f'{what} do not rise, allowed: two or more rows, each with its time')
-    usual_ns = steps_ns[steps_ns < GAP_PERIODS * np.median(steps_ns)]
-    return 1e9 / float(np.mean(usual_ns))
+    middle_ns = spans_ns[(len(spans_ns) - 1) // 2]
+    off_ns = (GAP_PERIODS - 1) * middle_ns / rows
+    return 1e9 * rows / float(np.mean(spans_ns[np.abs(spans_ns - middle_ns) <= off_ns]))
 
 
 def resampled(stretch: Samples, from_hz: float, to_hz: float) -> Samples:

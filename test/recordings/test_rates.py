@@ -43,6 +43,15 @@ def test_jitter_is_averaged(rate_hz, seed, jitter):
     assert rate((np.arange(500) + moved) / rate_hz) == pytest.approx(rate_hz, rel=2e-3)
 
 
+@given(RATES_HZ, st.integers(0, 99), st.floats(0.0, 0.5), st.floats(0.0, 20.0))
+def test_messages_that_come_late_and_in_bunches_do_not_change_it(rate_hz, seed, delay, stall):
+    rng = np.random.default_rng(seed)
+    held = stall * (rng.random(1024) < 0.01)
+    moved = np.maximum.accumulate(np.arange(1024) + rng.exponential(delay, 1024) + held)
+    times_s = (moved + 1e-6 * np.arange(1024)) / rate_hz
+    assert rate(times_s) == pytest.approx(rate_hz, rel=2e-2)
+
+
 @given(RATES_HZ, st.lists(st.integers(0, 98), max_size=5, unique=True), st.floats(3.0, 1e4))
 def test_gaps_and_steps_back_do_not_count(rate_hz, places, periods):
     steps = np.ones(99)
