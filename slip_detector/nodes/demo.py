@@ -226,7 +226,7 @@ def main() -> None:
     parser.add_argument(
         '--record',
         metavar='FILE',
-        help='write the trial with its labels: .mcap, .npz, .csv, or a folder that is a bag',
+        help='write the trial with its labels: .mcap, .db3, .npz, .csv, or a folder that is a bag',
     )
     run_demonstration(parser, _demonstrate)
 

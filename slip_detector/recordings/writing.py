@@ -20,6 +20,7 @@ import decimal
 import errno
 import json
 import os
+import sqlite3
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
@@ -35,6 +36,9 @@ from slip_detector.recordings.messages import JointStateWriter
 
 #: Version of the bag metadata for ROS 2 Jazzy and later.
 BAG_VERSION = 9
+
+#: Name of rosbags for the storage of each ending.
+PLUGINS = {'.mcap': 'MCAP', '.db3': 'SQLITE3'}
 
 #: The topics of a bag and their types.
 TOPICS = {'/voltages': JOINT_STATE, '/slip_truth': BOOL, '/platform_position': JOINT_STATE}
@@ -55,8 +59,8 @@ def write_recording(
     Parameters
     ----------
     path
-        The new file: .npz, .csv or .mcap. Without an ending it is the folder of a bag (MCAP with
-        metadata.yaml, as ``ros2 bag record`` writes it). In bags the rows are on
+        The new file: .npz, .csv, .mcap or .db3. Without an ending it is the folder of a bag (MCAP
+        with metadata.yaml, as ``ros2 bag record`` writes it). In bags the rows are on
         ``voltages``, the truth on ``slip_truth`` and the position on ``platform_position``.
     pieces
         The rows, at least one; the truth is in all pieces or in none.
@@ -88,8 +92,10 @@ def write_recording(
     (('a', 'b'), 100.0, False)
     """
     path = Path(path)
-    if path.suffix not in ('', '.npz', '.csv', '.mcap'):
-        raise ValueError(f'{path}: is {path.suffix}, allowed: .npz, .csv, .mcap or without ending')
+    if path.suffix not in ('', '.npz', '.csv', *PLUGINS):
+        raise ValueError(
+            f'{path}: is {path.suffix}, allowed: .npz, .csv, .mcap, .db3 or without ending'
+        )
     if path.exists():
         raise ValueError(f'{path}: already exists, allowed: a new path')
     with file_errors_of(path):
@@ -127,20 +133,22 @@ def _write_npz(path: Path, pieces: Iterable[Samples], sample_rate_hz: float) -> 
 
 def _write_bag(path: Path, pieces: Iterable[Samples], names: Sequence[str], frame_id: str) -> None:
     """Write the folder of a bag or, if the path has an ending, only the file with its messages."""
-    bag = BagWriter(path.with_suffix(''), names, frame_id)
+    bag = BagWriter(path.with_suffix(''), names, frame_id, path.suffix or '.mcap')
     try:
         for piece in pieces:
             bag.write(piece)
         bag.close()
-    except BaseException:
+    except BaseException as error:
         bag.abort()
+        if isinstance(error, sqlite3.Error):  # for example of a full disk
+            raise OSError(str(error)) from None
         raise
     if path.suffix:
         os.replace(bag.path, path)
 
 
 class BagWriter:
-    """A bag (MCAP) that is written piece by piece.
+    """A bag that is written piece by piece.
 
     The rows are on ``voltages``, the truth on ``slip_truth`` and the position on
     ``platform_position``. The time of receipt of a message is its stamp.
@@ -153,6 +161,8 @@ class BagWriter:
         A name for each channel.
     frame_id
         Frame of the messages.
+    ending
+        .mcap or .db3.
     accuracy_s
         How exact the truth is, which is noted in ``metadata.yaml``.
     kind
@@ -187,27 +197,30 @@ class BagWriter:
         folder: Path,
         channel_names: Sequence[str],
         frame_id: str = 'fingertip',
+        ending: str = '.mcap',
         accuracy_s: float = 0.0,
         kind: str = '',
     ) -> None:
         rosbag2 = load_rosbags()
         from rosbags.typesys import Stores, get_typestore
 
-        self.path = folder / f'{folder.name}.mcap'
+        self.path = folder / f'{folder.name}{ending}'
         types = get_typestore(Stores.ROS2_JAZZY)
         self._rows = JointStateWriter(frame_id, channel_names)
         self._platform = JointStateWriter(frame_id, ['platform'])
         self._last: bool | None = None
-        mcap = rosbag2.StoragePlugin.MCAP
+        plugin = rosbag2.StoragePlugin[PLUGINS[ending]]
         try:
-            self._writer = rosbag2.Writer(folder, version=BAG_VERSION, storage_plugin=mcap)
+            self._writer = rosbag2.Writer(folder, version=BAG_VERSION, storage_plugin=plugin)
             self._writer.set_custom_data(ACCURACY, f'{accuracy_s:g}')
             self._writer.set_custom_data(KIND, kind)
             self._writer.open()
         except rosbag2.WriterError:
             raise FileExistsError(errno.EEXIST, 'already exists') from None
         self._voltages, self._slip_truth, self._position = (
-            self._writer.add_connection(topic, msgtype, typestore=types)
+            self._writer.add_connection(
+                topic, msgtype, typestore=types, offered_qos_profiles=[_quality()]
+            )
             for topic, msgtype in TOPICS.items()
         )
 
@@ -219,7 +232,7 @@ class BagWriter:
         OSError
             When the file cannot be written, or a stamp is negative, which MCAP cannot store.
         """
-        if np.any(piece.stamps_ns < 0):
+        if self.path.suffix == '.mcap' and np.any(piece.stamps_ns < 0):
             raise OSError(errno.EINVAL, 'a stamp is negative, which MCAP has no room for')
         truth = piece.truth
         for i, at_ns in enumerate(piece.stamps_ns.tolist()):
@@ -235,7 +248,7 @@ class BagWriter:
     def flush(self) -> None:
         """Pass all rows so far to the operating system, so that they survive a killed process.
 
-        The rows since the last call become a chunk. The first call notes how exact
+        Only for MCAP: the rows since the last call become a chunk. The first call notes how exact
         the truth is, and the kind.
 
         Raises
@@ -264,5 +277,15 @@ class BagWriter:
     def abort(self) -> None:
         """Close the file as it is, after a failed write."""
         # Closing writes the rest of the buffer, which may fail again.
-        with contextlib.suppress(OSError):
+        with contextlib.suppress(OSError, sqlite3.Error):
             self._writer.abort()
+
+
+def _quality() -> Any:
+    """Return the quality of service that ``ros2 bag play`` offers, also to a late subscriber."""
+    from rosbags import interfaces as to
+
+    kept = to.QosHistory.KEEP_LAST, 100, to.QosReliability.RELIABLE
+    for_ever = to.QosTime(9223372036, 854775807)
+    durability, liveliness = to.QosDurability.TRANSIENT_LOCAL, to.QosLiveliness.AUTOMATIC
+    return to.Qos(*kept, durability, for_ever, for_ever, liveliness, for_ever, False)

@@ -28,6 +28,9 @@ from hypothesis.extra import numpy as hnp
 
 pytest.importorskip('rosbags', reason='needs rosbags')
 
+from rosbags.highlevel import AnyReader
+from rosbags.interfaces import QosDurability, QosReliability
+
 from slip_detector.chain.samples import Samples
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.recordings import open_recording, write_recording
@@ -75,6 +78,17 @@ def test_the_position_of_the_platform_is_in_npz_and_bags(tmp_path):
         np.testing.assert_array_equal(found, written.position_m)
 
 
+@pytest.mark.parametrize('ending', ['', '.mcap', '.db3'])
+def test_a_bag_says_with_which_quality_its_topics_were_offered(tmp_path, ending):
+    path = tmp_path / f'trial{ending}'
+    write_recording(path, [rows()], 380.0, NAMES)
+    with AnyReader([path]) as reader:
+        offered = {one.topic: one.ext.offered_qos_profiles for one in reader.connections}
+    (state,) = offered['/slip_truth']
+    assert state.reliability is QosReliability.RELIABLE
+    assert state.durability is QosDurability.TRANSIENT_LOCAL
+
+
 def test_nothing_is_overwritten_and_no_half_recording_stays(tmp_path):
     path = tmp_path / 'a.mcap'
     write_recording(path, [rows(10)], 380.0, NAMES)
@@ -89,7 +103,9 @@ def test_nothing_is_overwritten_and_no_half_recording_stays(tmp_path):
         with pytest.raises(ValueError, match='the source failed'):
             write_recording(tmp_path / f'b{ending}', failing(), 380.0, NAMES)
     assert [file.name for file in tmp_path.iterdir()] == ['a.mcap']
-    with pytest.raises(ValueError, match=r'a\.bag: is \.bag, allowed: \.npz, \.csv, \.mcap or'):
+    with pytest.raises(
+        ValueError, match=r'a\.bag: is \.bag, allowed: \.npz, \.csv, \.mcap, \.db3'
+    ):
         write_recording(tmp_path / 'a.bag', [rows(10)], 380.0, NAMES)
 
 
@@ -97,7 +113,7 @@ def test_nothing_is_overwritten_and_no_half_recording_stays(tmp_path):
 def test_on_a_full_disk_no_half_recording_stays(tmp_path, ending):
     path = tmp_path / f'trial{ending}'
     samples = rows(5000)
-    said = r'trial.*: cannot be written \(File too large'
+    said = r'trial.*: cannot be written \((File too large|disk|database)'
     with pytest.raises(ValueError, match=said), full_disk(100_000):
         write_recording(path, [samples], 380.0, NAMES)
     assert not list(tmp_path.iterdir())
@@ -146,3 +162,7 @@ def test_a_negative_stamp_is_refused_where_there_is_no_room_for_it(tmp_path):
     with pytest.raises(OSError, match='a stamp is negative'):
         bag.write(before_1970)
     bag.abort()
+    bag = BagWriter(tmp_path / 'old', NAMES, ending='.db3')
+    bag.write(before_1970)
+    bag.close()
+    assert next(open_recording(tmp_path / 'old').rows()).stamps_ns[0] == -10_000_000

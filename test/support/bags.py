@@ -26,7 +26,7 @@ STORE = get_typestore(Stores.ROS2_JAZZY)
 NAMES = ('left', 'right', 'tip')
 JOINT_STATE = 'sensor_msgs/msg/JointState'
 PLUGINS = [StoragePlugin.MCAP, StoragePlugin.SQLITE3]
-ENDINGS = ['.mcap', '', '.npz', '.csv']
+ENDINGS = ['.mcap', '.db3', '', '.npz', '.csv']
 START_NS = 1_700_000_000_123_456_789
 
 
