@@ -93,6 +93,9 @@ def open_recording(path: 'str | Path', config: 'RecordingConfig | None' = None) 
     labels_file = find_labels(config.recording_labels, path)
     labels = None if labels_file is None else read_labels(labels_file)
     with named_errors(path):
+        # A device such as /dev/zero may have no end.
+        if path.is_char_device() or path.is_block_device():
+            raise ValueError('is no file, allowed: a file or the folder of a bag')
         if path.suffix == '.csv':
             return CsvRecording(path, config, labels)
         if path.suffix == '.npz':

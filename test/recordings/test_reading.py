@@ -53,6 +53,13 @@ def test_a_missing_file_a_folder_and_an_unknown_ending_are_named(tmp_path):
     assert complaint(tmp_path / 'bag') == f': is without ending, {allowed}'
 
 
+@pytest.mark.parametrize('ending', ['.npz', '.csv', '.mcap'])
+def test_a_device_is_no_recording(tmp_path, ending):
+    path = tmp_path / f'a{ending}'
+    path.symlink_to('/dev/zero')
+    assert complaint(path) == ': is no file, allowed: a file or the folder of a bag'
+
+
 def test_a_recording_is_known_by_its_ending_or_its_metadata(tmp_path):
     for ending in ('.npz', '.csv', '.mcap', '.db3'):
         assert is_recording(tmp_path / f'a{ending}')
