@@ -44,8 +44,11 @@ from slip_detector.report.tables import number_text, text_table
 BASELINE_V, NOISE_V = 4.3, 0.02
 
 
-def shared_options(command: str, description: str) -> argparse.ArgumentParser:
-    """Return a parser with the options that all subcommands have, for ``command``."""
+def shared_options(command: str, description: str, picture: str = '') -> argparse.ArgumentParser:
+    """Return a parser with the options that all subcommands have, for ``command``.
+
+    With ``picture``, its file by default, there is ``--plot``, too.
+    """
     options = argparse.ArgumentParser(
         prog=f'python -m benchmarks {command}',
         description=f'{description} Says of each figure what is wanted and whether it is met; the '
@@ -55,6 +58,11 @@ def shared_options(command: str, description: str) -> argparse.ArgumentParser:
     options.add_argument(
         '--quick', action='store_true', help='short and inexact, not to be quoted'
     )
+    if picture:
+        options.add_argument(
+            '--plot', metavar='FILE', nargs='?', const=picture, type=Path,
+            help='draw the error against run time (default FILE: %(const)s)',
+        )  # fmt: skip
     return options
 
 

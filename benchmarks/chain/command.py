@@ -15,11 +15,13 @@
 """The subcommand ``chain``, with the figures of its modules ``speed`` and ``precision``."""
 
 import argparse
+from pathlib import Path
 from typing import Any
 
 from benchmarks.chain.precision import measure_chain_precision
 from benchmarks.chain.speed import measure_chain_speed
 from benchmarks.measurement import shared_options
+from benchmarks.pictures import draw_work_precision
 from slip_detector.evaluation.figures import Bound
 
 #: What is wanted, by part and figure.
@@ -49,6 +51,7 @@ def options() -> argparse.ArgumentParser:
         'Measure the run time of the chain in blocks, row by row and by number of channels, each '
         'against a rival in the same run; then its numerical error against a reference of 50 '
         'digits, beside that of float32 and of polynomials, and the run time of each.',
+        picture='chain_work_precision.png',
     )
     parser.add_argument(
         '--part', choices=('all', 'speed', 'precision'), default='all', help='only one of the two'
@@ -63,4 +66,19 @@ def measure(words: argparse.Namespace) -> dict[str, Any]:
         parts |= measure_chain_speed(words.quick)
     if words.part != 'speed':
         parts['precision'] = measure_chain_precision(words.quick)
+        if words.plot:
+            draw(words.plot, parts['precision']['rates'])
     return parts
+
+
+def draw(path: Path, rates: list[dict[str, Any]]) -> None:
+    """Draw the error of each method, at most 1, against its run time, in a panel for each rate."""
+    panels = {
+        f'{entry["sample_rate_hz"]:g} Hz': {
+            name: [(min(error, 1.0), entry['ns_per_row'][name] * 1e-3)]
+            for name, error in entry['errors'].items()
+        }
+        for entry in rates
+    }
+    error_label = 'error of the level / its largest value (1: lost)'
+    draw_work_precision(path, panels, error_label, 'time a row of 16 channels [µs]')

@@ -43,13 +43,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from benchmarks.measurement import garbage_collection_off, shared_options
+from benchmarks.pictures import draw_work_precision
 from benchmarks.scenes.reference import Ode, Solution, build_scene, solve_live
 from slip_detector.evaluation.figures import Bound
 from slip_detector.parameters.files import read_yaml, shared_folder
-from slip_detector.report.pictures import COLORS, save_picture
 from slip_detector.scenes import find_scene
 
 WANTED = {'plate.speed': Bound(low=50.0), 'pace.slowest_share': Bound(high=1.0, strict=True)}
@@ -79,10 +78,6 @@ def options() -> argparse.ArgumentParser:
         '--scene', action='append', default=[], metavar='NAME',
         help='measure only this scene; repeatable',
     )  # fmt: skip
-    parser.add_argument(
-        '--plot', metavar='FILE', nargs='?', const='scenes_work_precision.png', type=Path,
-        help='draw the error against run time (default FILE: %(const)s)',
-    )  # fmt: skip
     return parser
 
 
@@ -102,30 +97,15 @@ def measure(words: argparse.Namespace) -> dict[str, Any]:
 
 
 def draw(path: Path, precision: list[dict[str, Any]]) -> None:
-    """Draw the run time of each method over its error, in a panel for each scene."""
-    panels = [one for one in precision if one['runs']]
-    columns = min(3, len(panels))
-    rows = math.ceil(len(panels) / columns)
-    figure = Figure(figsize=(4.4 * columns, 3.2 * rows + 0.8), layout='constrained')
-    axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-    for axis in axes.flat[len(panels) :]:
-        axis.set_axis_off()
-    for axis, entry in zip(axes.flat, panels, strict=False):
-        for name, color in zip(('live', *REFERENCES), ('k', *COLORS), strict=False):
-            points = sorted(
-                (run['voltage_error'], run['run_time_per_s'] * 1e3)
-                for run in entry['runs']
-                if run['method'] == name and not run['said']
-            )
-            axis.plot(*np.reshape(points, (-1, 2)).T, 'o-', ms=5, color=color, label=name)
-        axis.set(xscale='log', yscale='log')
-        axis.set_title(entry['scene'], fontsize=10)
-        axis.grid(color='0.93', linewidth=0.5)
-    handles, names = axes.flat[0].get_legend_handles_labels()
-    figure.legend(handles, names, loc='outside upper center', ncols=len(names), frameon=False)
-    figure.supxlabel('worst voltage error / range of the volts')
-    figure.supylabel('run time for a simulated second [ms]')
-    save_picture(figure, path)
+    """Draw voltage error against run time of all methods, in a panel for each scene."""
+    panels: dict[str, dict[str, list[tuple[float, float]]]] = {}
+    for entry in precision:
+        for run in entry['runs']:
+            if not run['said']:
+                runs = panels.setdefault(entry['scene'], {}).setdefault(run['method'], [])
+                runs.append((run['voltage_error'], run['run_time_per_s'] * 1e3))
+    error_label = 'worst voltage error / range of the volts'
+    draw_work_precision(path, panels, error_label, 'run time for a simulated second [ms]')
 
 
 def _precision(path: Path, quick: bool) -> dict[str, Any]:
