@@ -32,14 +32,18 @@ PILLARS = 'int64 tus\nPillarState[] pillars\nfloat32 gfx\nfloat32 gfy\nfloat32 g
 PILLARS += 'float32 gtx\nfloat32 gty\nfloat32 gtz\nfloat32 friction_est\n'
 PILLARS += 'float32 target_grip_force\nbool is_sd_active\nbool is_ref_loaded\nbool is_contact\n'
 
-#: With wheels of ROS nobody sets it.
-PREFIXES = os.environ.get('AMENT_PREFIX_PATH', sys.prefix)
+#: Where ROS is installed; wheels of it are where Python is, which no variable says.
+PREFIXES = [
+    prefix
+    for prefix in map(Path, (*os.environ.get('AMENT_PREFIX_PATH', '').split(':'), sys.prefix))
+    if (prefix / 'share' / 'rosidl_generator_c').is_dir()
+]
 
 #: The type supports that Fast DDS needs, each a library of its own.
 SUPPORTS = ('rosidl_typesupport_fastrtps_c', 'rosidl_typesupport_introspection_c')
 
 
-@mock.patch.dict(os.environ, AMENT_PREFIX_PATH=PREFIXES)
+@mock.patch.dict(os.environ, AMENT_PREFIX_PATH=':'.join(map(str, PREFIXES)))
 def build(folder, package, definitions, depends=('std_msgs', 'builtin_interfaces')):
     """Build a package of interfaces; put the folder on the path of Python to import it.
 
@@ -55,8 +59,9 @@ def build(folder, package, definitions, depends=('std_msgs', 'builtin_interfaces
         Packages of the interfaces that the definitions name, and of those that these name.
     """
     pytest.importorskip('rosidl_generator_py', reason='needs the generators of ROS')
-    if not shutil.which('gcc'):
-        pytest.skip('needs a compiler')
+    python = Path(sysconfig.get_config_var('INCLUDEPY'))
+    if not shutil.which('gcc') or not (python / 'Python.h').is_file():
+        pytest.skip('needs a compiler, and the headers of Python')
     from rosidl_cli.command.translate.api import translate
     from rosidl_generator_c.cli import GenerateC
     from rosidl_generator_py.cli import GeneratePython
@@ -68,8 +73,7 @@ def build(folder, package, definitions, depends=('std_msgs', 'builtin_interfaces
     for name, text in definitions.items():
         (out / name).parent.mkdir(parents=True, exist_ok=True)
         (out / name).write_text(text)
-    prefixes = [Path(prefix) for prefix in PREFIXES.split(os.pathsep)]
-    shares = [prefix / 'share' / name for prefix in prefixes for name in depends]
+    shares = [prefix / 'share' / name for prefix in PREFIXES for name in depends]
     includes = [str(share) for share in shares if share.is_dir()]
     sources = [f'{out}:{name}' for name in definitions]
     idl = translate(
@@ -93,12 +97,12 @@ def build(folder, package, definitions, depends=('std_msgs', 'builtin_interfaces
     ):
         generator.generate(package, idl, includes, output_path=out)
     (out / '__init__.py').touch()
-    headers = [sysconfig.get_config_var('INCLUDEPY'), np.get_include(), folder, inner]
-    for prefix in prefixes:
+    headers = [python, np.get_include(), folder, inner]
+    for prefix in PREFIXES:
         headers += [prefix / 'include', *(prefix / 'include').iterdir()]
     parts = [
         path
-        for prefix in prefixes
+        for prefix in PREFIXES
         for name in (*depends, 'rosidl', 'rcutils', 'fastcdr')
         for path in (prefix / 'lib').glob(f'lib{name}*.so')
         if not path.name.endswith('_cpp.so')
