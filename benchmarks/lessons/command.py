@@ -38,7 +38,7 @@ from benchmarks.tune.families import disturbances
 from slip_detector.evaluation.figures import Bound
 from slip_detector.parameters.files import read_yaml
 from slip_detector.scenes import find_scene
-from slip_detector.tuning import AUC_STEP, COVERAGE_STEP
+from slip_detector.tuning.verdict import AUC_STEP, COVERAGE_STEP
 
 #: Numbers of slips in a lesson, and how many lessons there are.
 SLIPS, LESSONS = (5, 20), 20

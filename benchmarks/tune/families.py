@@ -33,10 +33,10 @@ from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.files import read_yaml
 from slip_detector.scenes import Scene, find_scene
-from slip_detector.tuning import TuningParameters, choose, judge
 from slip_detector.tuning.problem import searched
 from slip_detector.tuning.search import Study, search
 from slip_detector.tuning.tracks import Track, held_out, track_of
+from slip_detector.tuning.verdict import TuningParameters, choose, judge
 
 #: The paper's plates; each is a scene of a family, with each seed.
 PLATES = ('plate_400um', 'plate_440um', 'plate_480um')

@@ -25,9 +25,9 @@ from numpy.typing import NDArray
 from slip_detector.chain.filters import evidence_falls_s, settling_rows
 from slip_detector.chain.slip_chain import SlipChain, SlipResult
 from slip_detector.chain.stages import CONTACT_ROWS, FLOOR, HOLD_ROWS
-from slip_detector.parameters.changes import WAIT_S
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.fields import names_that_affect
+from slip_detector.parameters.sets import WAIT_S
 
 #: Time for which rows are kept; a new chain starts with them. The slowest response of the paper's
 #: filters falls to a thousandth in two seconds. As many rows at rest are kept during slip.

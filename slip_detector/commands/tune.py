@@ -37,10 +37,10 @@ from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.files import read_yaml, write_yaml
 from slip_detector.parameters.sections import ALL, node_of, sections_of
 from slip_detector.report.tables import comparison_table, number_text
-from slip_detector.tuning import TuningParameters, tune
 from slip_detector.tuning.learning import learn_from_quiet, learn_from_taps
 from slip_detector.tuning.problem import Candidate, searched
 from slip_detector.tuning.tracks import Track, TrainingFiles
+from slip_detector.tuning.verdict import TuningParameters, tune
 
 NAME = 'slip_tune'
 

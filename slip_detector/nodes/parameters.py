@@ -26,10 +26,9 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from slip_detector.nodes.rclpy_internals import answer_with, given_parameters
-from slip_detector.parameters.changes import Judge, changed
 from slip_detector.parameters.fields import allowed
 from slip_detector.parameters.sections import OF_RCLPY, names_given_to, sections_for_others
-from slip_detector.parameters.sets import ConfigType, ParameterSet
+from slip_detector.parameters.sets import ConfigType, Judge, ParameterSet, changed
 
 #: The field of a descriptor for a range of numbers, and its type.
 

@@ -60,8 +60,9 @@ PACKAGE = Path(__file__).parents[1]
 FOLDERS = {'page': PACKAGE / 'view' / 'page', 'drawing': PACKAGE / 'report' / 'templates'}
 
 HEADERS = {
-    'Content-Security-Policy': "default-src 'self'; base-uri 'none'; form-action 'none'; "
-    "frame-ancestors 'none'; object-src 'none'",
+    # The only picture is the icon, which is in the page itself.
+    'Content-Security-Policy': "default-src 'self'; img-src data:; base-uri 'none'; "
+    "form-action 'none'; frame-ancestors 'none'; object-src 'none'",
     'X-Content-Type-Options': 'nosniff',
     'Referrer-Policy': 'no-referrer',
     'Cache-Control': 'no-cache',

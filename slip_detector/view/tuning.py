@@ -35,10 +35,10 @@ from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.files import writable_folder, write_yaml
 from slip_detector.report.tables import figure_text, heading, main_figures
-from slip_detector.tuning import TuningParameters, tune
 from slip_detector.tuning.learning import learn_from_quiet, learn_from_taps
 from slip_detector.tuning.problem import Candidate, searched
 from slip_detector.tuning.tracks import TrainingFiles
+from slip_detector.tuning.verdict import TuningParameters, tune
 from slip_detector.view.detectors import OF_THE_CHAIN, to_decide_as
 from slip_detector.view.recordings import RecordedFolder
 

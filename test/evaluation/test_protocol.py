@@ -76,3 +76,20 @@ def test_the_papers_results_are_reproduced_and_each_variant_has_the_figures_of_i
     result['plates']['440']['mean_delay_ms'] = None
     undefined = {name for name, one in claims(result).items() if one['value'] is None}
     assert {'mean_delay_ms.440', 'least_rise_ms', 'bands.10-100.least_shortening_ms'} <= undefined
+
+
+def test_where_nothing_moves_delays_are_undefined_and_the_rest_is_told():
+    config, times_s = ChainConfig(), np.arange(3.0)
+    topics = ['slip', *(f'slip/group/{name}' for name in config.groups)]
+    topics += [f'slip/channel/{name}' for name in config.names]
+    changes = dict.fromkeys(topics, (np.array([0.0, 1.0, 2.0]), np.array([False, True, False])))
+    figures = protocol.demo_figures(
+        protocol.Heard(
+            times_s, np.zeros((3, 16)), times_s, np.zeros(3), np.full(3, 2e-3), changes
+        ),
+        config,
+    )
+    assert figures['motion'] is figures['mean_delay_ms'] is figures['global_delay_ms'] is None
+    assert {*figures['channel_delay_ms'].values(), *figures['group_delay_ms'].values()} == {None}
+    assert figures['false_positive_percent'] == pytest.approx(100 / 3)
+    assert figures['latency_ms'] == {'median': 2.0, 'p99': 2.0}

@@ -102,7 +102,7 @@ def grasp_figures():
 
 def figures_of_the_demo():
     """Return the figures of ``slip_demo`` as if each message arrived at once."""
-    from slip_detector.evaluation.heard import Heard, demo_figures
+    from slip_detector.evaluation.protocol import Heard, demo_figures
     from slip_detector.parameters.detector import DetectorConfig
 
     config = DetectorConfig.from_yaml(ROOT / 'config' / 'slip_detector.yaml')

@@ -30,10 +30,10 @@ from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.evaluation import EvaluationConfig, TuneConfig
 from slip_detector.recordings.labels import label_at
-from slip_detector.tuning import COMPARED, choose, judge, worse_than
 from slip_detector.tuning.problem import Problem
 from slip_detector.tuning.sweep import thresholds, vote_statistics
 from slip_detector.tuning.tracks import track_of
+from slip_detector.tuning.verdict import COMPARED, choose, judge, worse_than
 from support.track_cases import EVALUATIONS, RATE_HZ, chains, recordings
 from support.tuning_cases import CHAIN, problem, slips, study_of, track
 

@@ -23,9 +23,9 @@ import pytest
 
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.parameters.driver import RecordingConfig
-from slip_detector.tuning import TuningParameters, tune
 from slip_detector.tuning.search import Study
 from slip_detector.tuning.tracks import TrainingFiles
+from slip_detector.tuning.verdict import TuningParameters, tune
 from support.limits import full_disk
 from support.tuning_cases import CHAIN, problem, study_of, track, write
 
