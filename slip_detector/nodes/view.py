@@ -110,8 +110,9 @@ async def _serve(arguments: argparse.Namespace, takedowns: list[Callable[[], obj
     from slip_detector.nodes.demo import NodeProcesses
     from slip_detector.nodes.markers import publish_markers
     from slip_detector.nodes.view_fingers import RosDetectors
+    from slip_detector.view.access import Access, is_loopback, page_address
     from slip_detector.view.parameters import ParameterRequests
-    from slip_detector.view.server import Access, Server, is_loopback, page_address
+    from slip_detector.view.server import Server
     from slip_detector.view.teaching import Teaching
 
     stop, loop = asyncio.Event(), asyncio.get_running_loop()

@@ -13,28 +13,27 @@
 # limitations under the License.
 
 
-"""The server of the live page: who may reach it, its files, one connection for each page."""
+"""The server of the live page: its files, one connection for each page, and few others."""
 
 import asyncio
 import contextlib
 import copy
-import hmac
 import json
 import logging
+import resource
 import socket
 import time
 from collections.abc import Awaitable, Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from urllib.parse import quote
 
 from tornado import web, websocket
 from tornado.httpserver import HTTPServer
-from tornado.httputil import split_host_and_port
-from tornado.netutil import bind_sockets, is_valid_ip
+from tornado.iostream import IOStream
+from tornado.netutil import bind_sockets
 
 from slip_detector.commands.command_line import one_line
+from slip_detector.view.access import Access
 from slip_detector.view.detectors import Detectors
 from slip_detector.view.track import LiveTrack
 from slip_detector.view.view_request import ViewRequest
@@ -55,6 +54,22 @@ GOODBYE_S = 1.0
 #: Longest message of a page, in bytes.
 MOST_BYTES = 1 << 20
 
+#: Most pages that are open at once.
+MOST_PAGES = 32
+
+#: Most connections that are no open page: with another one, the oldest is closed.
+MOST_STRANGERS = 64
+
+#: So many file descriptors are left for all else, such as recordings.
+KEPT_DESCRIPTORS = 32
+
+#: Time, in seconds, for which nothing is accepted when a connection cannot be.
+PAUSE_S = 1.0
+
+#: Most pages that keep a copy of a finger's last minute (64 MB with 900 channels) while they are
+#: paused. Those paused later keep what they have drawn.
+MOST_PAUSED = 4
+
 #: Where the files of the page are, and those that it shares with the report.
 PACKAGE = Path(__file__).parents[1]
 FOLDERS = {'page': PACKAGE / 'view' / 'page', 'drawing': PACKAGE / 'report' / 'templates'}
@@ -68,6 +83,8 @@ HEADERS = {
     'Cache-Control': 'no-cache',
 }
 
+TOO_MANY = f'{MOST_PAGES} pages are open, as many as there can be: close one'
+
 NO_TOKEN = 'this address lacks its token: open the one that slip_view has printed'
 
 READ_ONLY = 'slip_view was started with --read-only: nothing can be changed from a page'
@@ -78,78 +95,6 @@ Message = Mapping[str, Any]
 #: Returns the answer to a request of a page, None where "done" is all there is to say, or raises a
 #: ValueError that says why not.
 Answer = Callable[[Message], Awaitable[Mapping[str, Any] | None]]
-
-
-@dataclass(frozen=True)
-class Access:
-    """The access rules of the live page.
-
-    They keep other web sites in the same browser from reaching the robot: a page that sends a
-    request must come from this server (*Origin*), which only this machine can reach, by a name
-    that no other site can have (*Host*), or which needs a token that no other site knows.
-
-    Examples
-    --------
-    >>> access = Access('127.0.0.1')
-    >>> access.refusal('localhost:8080', None), access.refusal('evil.example:8080', None)
-    ('', 'Host is evil.example:8080, allowed: localhost, 127.0.0.1, [::1]')
-    >>> access.refusal('localhost:8080', 'http://evil.example')
-    'Origin is http://evil.example, allowed: http://localhost:8080'
-    """
-
-    #: The address to which the server is bound.
-    host: str = '127.0.0.1'
-    #: The value of ``?token=`` in the address of the page; empty: no token is needed.
-    token: str = ''
-    #: Whether no page may change anything.
-    read_only: bool = False
-
-    def refusal(self, host: str, origin: str | None) -> str:
-        """Return why the headers of a request are refused; empty if they are accepted."""
-        name = split_host_and_port(host.lower())[0].strip('[]')
-        if is_loopback(self.host) and not is_loopback(name):
-            return f'Host is {host[:100]}, allowed: localhost, 127.0.0.1, [::1]'
-        if origin is not None and origin.lower() != f'http://{host.lower()}':
-            return f'Origin is {origin[:100]}, allowed: http://{host}'
-        return ''
-
-    def knows(self, token: str) -> bool:
-        """Return whether a token is right, in a time that reveals nothing about it."""
-        return not self.token or hmac.compare_digest(token.encode(), self.token.encode())
-
-
-def page_address(host: str, port: int, token: str = '') -> str:
-    """Return the address of the page; if it is served on all interfaces, one for other machines.
-
-    Examples
-    --------
-    >>> page_address('127.0.0.1', 8470), page_address('::1', 80, token='a&b')
-    ('http://127.0.0.1:8470/', 'http://[::1]:80/?token=a%26b')
-    """
-    if host in ('', '0.0.0.0', '::'):
-        host = socket.gethostname() if host == '::' else _own_address()
-    name = f'[{host}]' if ':' in host else host
-    return f'http://{name}:{port}/' + (f'?token={quote(token, safe="")}' if token else '')
-
-
-def _own_address() -> str:
-    """Return this machine's address in its network; its host name if it has no network."""
-    with contextlib.suppress(OSError), socket.socket(type=socket.SOCK_DGRAM) as probe:
-        # Nothing is sent: connecting a datagram socket only selects the route.
-        probe.connect(('10.255.255.255', 9))
-        return str(probe.getsockname()[0])
-    return socket.gethostname()
-
-
-def is_loopback(name: str) -> bool:
-    """Return whether only this machine can reach an address.
-
-    Examples
-    --------
-    >>> [is_loopback(name) for name in ('127.0.0.1', '::1', 'localhost', '0.0.0.0')]
-    [True, True, True, False]
-    """
-    return name in ('localhost', '::1') or (name.startswith('127.') and is_valid_ip(name))
 
 
 class Server:
@@ -164,6 +109,9 @@ class Server:
         #: Awaited before the pages are closed.
         self.at_end: list[Callable[[], Awaitable[None]]] = []
         self.pages: set[LivePage] = set()
+        #: Connections that are no open page, the oldest first; some may be closed.
+        self.strangers: list[IOStream] = []
+        self._accepting: dict[socket.socket, asyncio.Task[None]] = {}
         #: By kind of request its answer, and whether it changes the robot or a file.
         self.requests: dict[str, tuple[Answer, bool]] = {}
         # Keeping a spectrum changes nothing on the robot.
@@ -215,8 +163,28 @@ class Server:
         for name in ('tornado.access', 'tornado.general'):
             logging.getLogger(name).setLevel(logging.ERROR)
         sockets = bind_sockets(port, self.access.host)
-        self.connections.add_sockets(sockets)
+        loop = asyncio.get_running_loop()
+        self._accepting = {each: loop.create_task(self._accept(each)) for each in sockets}
         return int(sockets[0].getsockname()[1])
+
+    async def _accept(self, listening: socket.socket) -> None:
+        """Accept connections, of which those that ask for nothing take few descriptors."""
+        while True:
+            await asyncio.sleep(0)  # A flood of them would let nothing else run.
+            try:
+                connection, address = await asyncio.get_running_loop().sock_accept(listening)
+            except OSError:  # Without a descriptor, the connection waits.
+                await asyncio.sleep(PAUSE_S)
+                continue
+            # A new descriptor is the lowest free one.
+            most = resource.getrlimit(resource.RLIMIT_NOFILE)[0] - KEPT_DESCRIPTORS
+            if connection.fileno() >= most:
+                connection.close()
+                continue
+            if len(self.strangers) >= MOST_STRANGERS:
+                self.strangers.pop(0).close()
+            self.strangers.append(stream := IOStream(connection))
+            self.connections.handle_stream(stream, address)
 
     async def run(self, stop: asyncio.Event) -> None:
         """Poll the detectors and send frames until the event is set; then close all pages."""
@@ -260,7 +228,10 @@ class Server:
         """Stop listening, and close the connections."""
         for end in self.at_end:
             await end()
-        self.connections.stop()
+        for listening, task in self._accepting.items():
+            task.cancel()
+            await asyncio.wait([task])
+            listening.close()
         for page in list(self.pages):
             page.close(1001, 'slip_view was stopped')
         # One that sends something into a closed connection does not hear why it was closed.
@@ -314,6 +285,8 @@ class _Guarded(web.RequestHandler):
         if not why and self.request.path in ('/', '/live'):
             token = self.get_query_argument('token', '', strip=False)
             why = '' if access.knows(token) else NO_TOKEN
+        if not why and self.request.path == '/live' and len(self.server.pages) >= MOST_PAGES:
+            why = TOO_MANY
         if why:
             self.set_status(403)
             self.set_header('Content-Type', 'text/plain; charset=utf-8')
@@ -346,6 +319,8 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         self.set_nodelay(True)
         self.news = dict(self.server.news)
         self.server.pages.add(self)
+        stream = getattr(self.ws_connection, 'stream', None)
+        self.server.strangers = [each for each in self.server.strangers if each is not stream]
 
     def on_close(self) -> None:
         """Forget the page."""
@@ -376,9 +351,10 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
             self.close(1003, str(error)[:30])  # A reason has at most 123 bytes.
             return
         # A pause may last longer than the track: keep what the page shows.
+        paused = sum(page.past is not None for page in self.server.pages)
         if self.view is None or self.view.until_ns is None:
             self.past = None
-        elif self.past is None:
+        elif self.past is None and paused < MOST_PAUSED:
             finger = self.server.detectors.fingers.get(self.view.finger)
             self.past = copy.deepcopy(finger.track) if finger else None
 

@@ -29,8 +29,9 @@ from slip_detector.chain.samples import Samples
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.sources import open_source
+from slip_detector.view.access import Access
 from slip_detector.view.detectors import Detectors, Diagnosis, Finger, Reading
-from slip_detector.view.server import Access, Server
+from slip_detector.view.server import Server
 
 
 @functools.cache

@@ -22,8 +22,9 @@ from pathlib import Path
 import pytest
 
 from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.view.access import Access
 from slip_detector.view.detectors import Diagnosis
-from slip_detector.view.server import NO_TOKEN, Access
+from slip_detector.view.server import NO_TOKEN
 from support import page_parts as parts
 from support.browsers import PATIENCE_MS, expect
 from support.finger_states import STATES, rest_rows, slip_rows

@@ -25,6 +25,7 @@ from view.test_detectors import VALUES, panel_of
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.files import write_yaml
+from slip_detector.view.access import Access
 from slip_detector.view.parameters import (
     OF_ROS,
     PRESETS,
@@ -35,7 +36,7 @@ from slip_detector.view.parameters import (
     text_of,
     typed,
 )
-from slip_detector.view.server import Access, Server
+from slip_detector.view.server import Server
 from support.random_chains import configs
 from support.simulated_detectors import SimulatedDetectors
 

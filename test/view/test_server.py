@@ -18,14 +18,18 @@
 import asyncio
 import contextlib
 import json
+import os
 import re
+import resource
+import socket
 from urllib.parse import parse_qs, urlsplit
 
 import pytest
 from tornado.httpclient import AsyncHTTPClient, HTTPClientError, HTTPRequest
 
 from slip_detector.view import server
-from slip_detector.view.server import FOLDERS, Access, page_address
+from slip_detector.view.access import Access, page_address
+from slip_detector.view.server import FOLDERS
 from slip_detector.view.view_request import ViewRequest
 from support.live_client import LiveClient
 from support.simulated_detectors import SimulatedDetectors, served_pages
@@ -224,6 +228,82 @@ async def test_a_connection_that_asks_for_nothing_is_closed_and_a_page_stays(mon
         assert await idle.read() == b''
         writer.close()
         await page.drawn_frame()
+
+
+async def test_many_idle_connections_keep_no_page_out_and_take_few_descriptors():
+    async with served() as (it, page):
+        await page.view()
+        idle = [await asyncio.open_connection('127.0.0.1', port_of(it)) for _ in range(200)]
+        assert await idle[0][0].read() == b''  # It was closed for a later one.
+        await page.drawn_frame()
+        other = await LiveClient.open(it.url)
+        await other.view()
+        await other.drawn_frame()
+        held = [each for each in it.server.strangers if not each.closed()]
+        assert len(held) <= server.MOST_STRANGERS
+        other.close()
+        for _, writer in idle:
+            writer.close()
+
+
+def take_descriptors():
+    """Take all descriptors that are left."""
+    taken = []
+    with contextlib.suppress(OSError):
+        while True:
+            taken.append(os.open(os.devnull, os.O_RDONLY))
+    return taken
+
+
+async def test_where_descriptors_run_out_some_are_left_and_a_connection_waits(monkeypatch, caplog):
+    monkeypatch.setattr(server, 'PAUSE_S', 0.2)
+    limits, taken = resource.getrlimit(resource.RLIMIT_NOFILE), []
+    loop = asyncio.get_running_loop()
+    async with served() as (it, page):
+        await page.view()
+        there = '127.0.0.1', port_of(it)
+        with socket.socket() as turned_away, socket.socket() as waiting:
+            for each in (turned_away, waiting):
+                each.setblocking(False)
+            highest = max(map(int, os.listdir('/proc/self/fd')))
+            resource.setrlimit(resource.RLIMIT_NOFILE, (highest + 20, limits[1]))
+            try:
+                taken = take_descriptors()
+                for _ in range(10):
+                    os.close(taken.pop())
+                await loop.sock_connect(turned_away, there)
+                assert await loop.sock_recv(turned_away, 1) == b''
+                taken += (left := take_descriptors())
+                assert len(left) == 10
+                await loop.sock_connect(waiting, there)
+                for _ in range(3):
+                    await page.drawn_frame()
+            finally:
+                resource.setrlimit(resource.RLIMIT_NOFILE, limits)
+                for each in taken:
+                    os.close(each)
+            await loop.sock_sendall(waiting, b'GET / HTTP/1.0\r\n\r\n')
+            assert await loop.sock_recv(waiting, 4) == b'HTTP'
+    assert not caplog.records
+
+
+async def test_one_page_too_many_is_told_so(monkeypatch):
+    monkeypatch.setattr(server, 'MOST_PAGES', 1)
+    async with served() as (it, page):
+        await page.until('fingers')
+        assert await status_of(f'{it.url}live') == (403, f'{server.TOO_MANY}\n')
+
+
+async def test_of_many_paused_pages_some_keep_the_past():
+    async with served() as (it, first):
+        others = [await LiveClient.open(it.url) for _ in range(server.MOST_PAUSED)]
+        for each in (first, *others):
+            await each.view(until_ns=1_000_000_000_000)
+            await each.drawn_frame()
+        keeping = [page for page in it.server.pages if page.past]
+        assert (len(it.server.pages), len(keeping)) == (len(others) + 1, len(others))
+        for each in others:
+            each.close()
 
 
 @pytest.mark.parametrize(

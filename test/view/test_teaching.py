@@ -29,9 +29,10 @@ from slip_detector.parameters import DetectorConfig
 from slip_detector.recordings import open_recording
 from slip_detector.recordings.labels import BY_EYE_S
 from slip_detector.view import teaching as teaching_module
+from slip_detector.view.access import Access
 from slip_detector.view.parameters import ParameterRequests
 from slip_detector.view.recordings import NO_SLIP
-from slip_detector.view.server import READ_ONLY, Access, Server
+from slip_detector.view.server import READ_ONLY, Server
 from slip_detector.view.teaching import AFTER_S, BEFORE_S, GONE, Teaching
 from support.limits import full_disk
 from support.simulated_detectors import SimulatedDetectors

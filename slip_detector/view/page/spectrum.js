@@ -1,7 +1,6 @@
 // The spectrum of one channel, the one at rest behind it, and the chain's bands with edges to drag.
 
-import {button, heightFor, steady} from './elements.js';
-import {Slider, rounded} from './slider.js';
+import {Slider, button, heightFor, rounded, steady} from './elements.js';
 
 const LABEL_WIDTH = 130, AXIS_WIDTH = 40, AXIS_DEPTH = 24, LABEL_SIZE = 18, RIGHT = 16, TOP = 8, HEIGHT = {least: 240, most: 560};
 const NOW = '#0072b2', REST_FILL = 'rgba(90, 102, 112, 0.3)', REST = '#66717a', PASS = '#e4f1e9', STOP = '#f3e3da', COMB = '#7b2d6b';

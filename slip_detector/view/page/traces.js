@@ -1,8 +1,7 @@
 // Volts and levels of the chosen channels over the last seconds, live or paused. Times are in seconds
 // since a whole minute before the first column.
 
-import {button, heightFor, steady} from './elements.js';
-import {Slider, rounded} from './slider.js';
+import {Slider, button, heightFor, rounded, steady} from './elements.js';
 import {Columns, Stretch} from './stretch.js';
 
 // Lines are told apart by lightness, too.
