@@ -77,7 +77,7 @@ def test_json_has_the_documented_figures(capsys):
 def test_the_pictures_are_written_and_show_something(capsys, tmp_path):
     folder = tmp_path / 'new' / 'out'
     result = json.loads(run(capsys, '--json', '--trials', 2, '--plot', folder))
-    names = [f'paper_fig{number}.png' for number in (4, 5, 7)]
+    names = [f'paper_fig{number}.png' for number in (2, 4, 5, 6, 7)]
     assert result['plots'] == [str(folder / name) for name in names]
     assert sorted(path.name for path in folder.iterdir()) == names
     for name in names:
