@@ -31,6 +31,10 @@ from slip_detector.parameters.sections import OF_RCLPY, names_given_to, sections
 from slip_detector.parameters.sets import ConfigType, Judge, ParameterSet, changed
 
 #: The field of a descriptor for a range of numbers, and its type.
+RANGES: dict[type, tuple[str, Any]] = {
+    float: ('floating_point_range', msg.FloatingPointRange),
+    int: ('integer_range', msg.IntegerRange),
+}
 
 
 def declare(
@@ -83,6 +87,11 @@ def declare(
             # An empty list has no type, and a vote is a number or a word.
             dynamic_typing=isinstance(value, list) or field.name == 'vote',
         )
+        low, kind = field.metadata['low'], type(field.metadata['default'])
+        if low is not None and kind in RANGES:
+            name_of_range, make = RANGES[kind]
+            limits = make(from_value=kind(low), to_value=kind(field.metadata['high']))
+            setattr(descriptor, name_of_range, [limits])
         node.declare_parameter(name, value, descriptor, ignore_override=True)
     return config
 

@@ -21,6 +21,7 @@ from rclpy.node import Node
 from rclpy.parameter import parameter_value_to_python
 
 from slip_detector.nodes.parameters import declare
+from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.grasp import GraspConfig
 
 NODES = ('slip_driver', 'slip_detector', 'grasp_controller')
@@ -57,6 +58,21 @@ def test_what_was_given_is_declared_and_all_else_has_its_default(make):
     for name, value in config.to_parameters().items():
         assert node.get_parameter(name).value == value
         assert node.describe_parameter(name).read_only
+
+
+def test_numbers_have_their_range_in_the_description(make):
+    node = make()
+    config = declare(node, DetectorConfig)
+    for name, field in DetectorConfig.__dataclass_fields__.items():
+        if name in config.to_parameters():
+            described = node.describe_parameter(name)
+            ranges = [*described.floating_point_range, *described.integer_range]
+            low, high = field.metadata['low'], field.metadata['high']
+            is_number = type(field.metadata['default']) in (int, float) and low is not None
+            found = [(one.from_value, one.to_value) for one in ranges]
+            assert found == ([(low, high)] if is_number else []), name
+    (channels,) = node.describe_parameter('channels').integer_range
+    assert (channels.from_value, channels.to_value) == (1, 1_000_000)
 
 
 def values_of(bench, node, *names):
