@@ -17,6 +17,7 @@
 import functools
 import math
 import time
+from collections.abc import Callable
 
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
@@ -28,7 +29,7 @@ from slip_detector.nodes.inputs import publishing_nodes
 from slip_detector.nodes.messages import state_qos
 from slip_detector.nodes.parameters import declare
 from slip_detector.parameters.fields import name_list
-from slip_detector.parameters.grasp import JOINT_STATE, GraspConfig
+from slip_detector.parameters.grasp import ACTIONS, JOINT_STATE, GraspConfig
 
 #: Length of the queues, so that no change is missed while this node is busy.
 DEPTH = 100
@@ -73,8 +74,6 @@ class GraspController(Node):
         # Whether both topics have been heard at the same time yet, and can be relied on now.
         self._heard = self._trusted = False
         self._commanded_s = time.monotonic()
-        message_type = JointState if config.command_type == JOINT_STATE else Float64MultiArray
-        self._command = self.create_publisher(message_type, config.command_topic, state_qos())
         for topic in self._states:
             on_message = functools.partial(self._on_message, topic)
             self.create_subscription(Bool, topic, on_message, state_qos(DEPTH, config.deadline_s))
@@ -82,7 +81,15 @@ class GraspController(Node):
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self.create_timer(1.0 / config.command_hz, self._command_grip, clock=steady)
         self.create_timer(config.deadline_s / CHECKS, self._check_silence, clock=steady)
-        self.create_timer(OTHERS_S, self._look_for_others, clock=steady)
+        self._send: Callable[[float], None] = self._publish
+        if config.command_type in ACTIONS:
+            from slip_detector.nodes.gripper_action import GripperAction  # Few need it.
+
+            self._send = GripperAction(self, config).send
+        else:
+            kind = JointState if config.command_type == JOINT_STATE else Float64MultiArray
+            self._command = self.create_publisher(kind, config.command_topic, state_qos())
+            self.create_timer(OTHERS_S, self._look_for_others, clock=steady)
         self.get_logger().info(
             f'grip {config.grip_n:g} to {config.limit_n:g} N, waiting for the detector'
         )
@@ -125,18 +132,19 @@ class GraspController(Node):
         if slip and force_n > before_n >= self.config.grip_n:
             self.get_logger().info(f'slip: grip raised to {force_n:.2f} N')
         if self._heard:
-            self._command.publish(self._command_of(force_n))
+            self._send(force_n)
 
-    def _command_of(self, force_n: float) -> JointState | Float64MultiArray:
-        """Return the gripper's message for a force."""
+    def _publish(self, force_n: float) -> None:
+        """Publish the gripper's message for a force."""
         config = self.config
         joints = list(config.command_joints)
         efforts = [config.command_factor * force_n] * len(joints)
-        if config.command_type != JOINT_STATE:
-            return Float64MultiArray(data=efforts)
-        message = JointState(name=joints, effort=efforts)
-        message.header.stamp = self.get_clock().now().to_msg()
-        return message
+        if config.command_type == JOINT_STATE:
+            message = JointState(name=joints, effort=efforts)
+            message.header.stamp = self.get_clock().now().to_msg()
+        else:
+            message = Float64MultiArray(data=efforts)
+        self._command.publish(message)
 
     def _log_trust(self, silent: list[str]) -> None:
         if self._trusted:

@@ -23,6 +23,9 @@ from slip_detector.parameters.sets import ParameterSet
 #: Message types of a grip command.
 JOINT_STATE, FLOAT64_ARRAY = 'sensor_msgs/msg/JointState', 'std_msgs/msg/Float64MultiArray'
 
+#: Actions of control_msgs that can be the command instead.
+ACTIONS = GRIPPER_COMMAND, PARALLEL_COMMAND = 'gripper_command', 'parallel_gripper_command'
+
 #: ROS topic names: relative, private or absolute; the length leaves room for a namespace.
 TOPIC_PATTERN = re.compile(r'(?!.{129})(/|~/)?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*')
 
@@ -69,15 +72,26 @@ class GraspConfig(ParameterSet):
     )
     command_type: str = parameter(
         JOINT_STATE,
-        'Message type of the command: with stamp and names, or plain numbers for ros2_control.',
-        choices=(JOINT_STATE, FLOAT64_ARRAY),
+        'Message type of the command: with stamp and names, plain numbers for ros2_control, or '
+        'the action of a gripper.',
+        choices=(JOINT_STATE, FLOAT64_ARRAY, *ACTIONS),
     )
-    command_topic: str = parameter('grip_force', 'Topic of the command, as <controller>/commands.')
+    command_topic: str = parameter(
+        'grip_force',
+        'Topic of the command, as <controller>/commands, or name of the action, as '
+        '<controller>/gripper_cmd.',
+    )
     command_joints: tuple[str, ...] = parameter(
         ('grip',), 'Joints that get the command, all the same, in the order of their controller.'
     )
     command_factor: float = parameter(
         1.0, 'Command of a joint per newton; negative if that closes it.', (-1e6, 1e6)
+    )
+    closed_position: float = parameter(
+        0.0, "Position in an action's goals, where the fingers are closed: m or rad.", (-1e6, 1e6)
+    )
+    goal_hz: float = parameter(
+        10.0, 'Most goals of an action a second; a change waits until then.', (0.1, 1000.0, 'Hz')
     )
 
     def __post_init__(self) -> None:
@@ -91,6 +105,11 @@ class GraspConfig(ParameterSet):
         self.require(bool(TOPIC_PATTERN.fullmatch(self.command_topic)), 'command_topic', text)
         self.require(len(self.command_joints) > 0, 'command_joints', 'at least one name')
         self.require(self.command_factor != 0.0, 'command_factor', 'not 0, else nothing grips')
+        if self.command_type in ACTIONS:
+            text = 'above 0: the effort of an action has no sign'
+            self.require(self.command_factor > 0.0, 'command_factor', text)
+            text = 'hold with the action of a gripper, which no lower effort opens'
+            self.require(self.on_invalid == 'hold', 'on_invalid', text)
 
 
 def commands_of_a_scene() -> dict[str, Any]:

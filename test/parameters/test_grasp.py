@@ -17,7 +17,7 @@
 import pytest
 
 from slip_detector.parameters import DetectorConfig, EvaluationConfig, GraspConfig
-from slip_detector.parameters.grasp import commands_of_a_scene
+from slip_detector.parameters.grasp import ACTIONS, commands_of_a_scene
 from support.config_cases import message_of
 
 TOPIC = 'names of letters, digits and _ with / between, no digit first, at most 128'
@@ -35,6 +35,14 @@ TOPIC = 'names of letters, digits and _ with / between, no digit first, at most 
         ({'command_joints': []}, 'command_joints is (), allowed: at least one name'),
         ({'command_joints': ['l', 'l']}, "command_joints has 'l' twice, allowed: each name once"),
         ({'command_factor': 0.0}, 'command_factor is 0, allowed: not 0, else nothing grips'),
+        *(
+            ({'command_type': action, **values}, said)
+            for action in ACTIONS
+            for values, said in (
+                ({'command_factor': -1.0}, 'command_factor is -1, allowed: above 0'),
+                ({'on_invalid': 'open'}, "on_invalid is 'open', allowed: hold with the action"),
+            )
+        ),
     ],
 )
 def test_a_gripper_that_could_not_grip_is_refused(values, said):
