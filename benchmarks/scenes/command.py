@@ -73,6 +73,7 @@ def options() -> argparse.ArgumentParser:
         'scenes',
         "Measure errors and run times of the live stepper and of SciPy's integrators on the "
         'shipped scenes against a tight reference.',
+        picture='scenes_work_precision.png',
     )
     parser.add_argument(
         '--scene', action='append', default=[], metavar='NAME',
