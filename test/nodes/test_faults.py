@@ -88,6 +88,20 @@ def test_a_burst_of_late_messages(bench):
     sensor.goes_on()
 
 
+def test_five_percent_lost_at_random(bench):
+    sensor = Sensor(bench)
+    sensor.slips()
+
+    def lossy(k, row):
+        if sensor.random.random() < 0.05:  # The one before this is lost.
+            sensor.next_s += PERIOD_S
+            sensor.clock_s += PERIOD_S
+        return row
+
+    sensor.play(lambda: sensor.told('input', 'lost and bridged'), 'the diagnostics', change=lossy)
+    assert sensor.says_slip()
+
+
 @pytest.mark.parametrize('leap_s', [-3600.0, 3600.0])
 def test_the_clock_of_the_samples_is_set(bench, leap_s):
     sensor = Sensor(bench)
@@ -175,6 +189,19 @@ def test_detector_ended_and_started_again(bench, number):
     bench.wait_for(lambda: not any(states[-1].data for states in heard), 'both to be withdrawn')
     sensor.process = bench.start('slip_detector')
     sensor.play(lambda: all(states[-1].data for states in heard), 'slip')
+
+
+def test_driver_killed_and_started_again(bench):
+    slip, valid = (bench.listen(Bool, topic, state_qos()) for topic in ('slip', 'slip_valid'))
+    given = {'source': 'scene', 'loop': 'true', 'wait_for_subscribers': 1}
+    bench.start('slip_detector')
+    driver = bench.start('slip_driver', parameters=given)
+    bench.wait_for(lambda: slip and slip[-1].data and valid[-1].data, 'slip')
+    driver.signal(signal.SIGKILL)
+    bench.wait_for(lambda: not slip[-1].data and not valid[-1].data, 'both to fall')
+    bench.wait_until_forgotten('slip_driver')
+    bench.start('slip_driver', parameters=given)
+    bench.wait_for(lambda: slip[-1].data and valid[-1].data, 'slip again')
 
 
 def test_a_flood_at_twenty_times_the_rate(bench):
