@@ -175,25 +175,27 @@ def answer_with(node: Node, service_type: type, callback: Callable[..., Any]) ->
 
 
 def survive_requests(node: Node) -> None:
-    """Log the error of a request, and go on; rclpy ends the process.
+    """Log the error of a request, or of a time on ``/clock``, and go on; rclpy ends the process.
 
-    Examples are a transition that is impossible in the present state, and a value of a type that
-    does not exist. The response is the one made so far, which by default says that nothing was
-    done. Relies on the ``callback`` of services, which may be replaced.
+    Examples are a transition that is impossible in the present state, a value of a type that does
+    not exist, and a negative time. The response is the one made so far, which by default says that
+    nothing was done. Relies on the ``callback`` of services and subscriptions, which may be
+    replaced.
     """
 
     def surviving(callback: Callable[..., Any]) -> Callable[..., Any]:
-        def call(request: Any, response: Any) -> Any:
+        def call(*arguments: Any) -> Any:
             try:
-                return callback(request, response)
+                return callback(*arguments)
             except Exception as error:
                 node.get_logger().warning(f'refused: {error}', throttle_duration_sec=1.0)
-                return response
+                return arguments[-1]
 
         return call
 
-    for service in node.services:
-        service.callback = surviving(service.callback)
+    clocks = [each for each in node.subscriptions if each.topic_name == '/clock']
+    for entity in [*node.services, *clocks]:
+        entity.callback = surviving(entity.callback)
 
 
 def destroy_state_machine(node: LifecycleNode) -> None:

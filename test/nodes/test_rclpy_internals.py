@@ -20,6 +20,7 @@ import sys
 
 import pytest
 import rclpy
+from builtin_interfaces.msg import Time
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState
 from rcl_interfaces.srv import GetParameters
@@ -28,6 +29,7 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.executors import ExternalShutdownException
 from rclpy.lifecycle import LifecycleNode
 from rclpy.node import Node
+from rosgraph_msgs.msg import Clock as ClockMessage
 from std_msgs.msg import Bool
 
 from slip_detector.nodes.messages import event_qos
@@ -80,6 +82,17 @@ def test_what_cannot_be_done_is_answered_with_no_and_the_node_goes_on(context):
     destroy_state_machine(node)
     with pytest.raises(InvalidHandle), node._state_machine:
         pass
+
+
+def test_a_negative_time_does_not_reach_the_clock_and_others_do(context):
+    words = ['--ros-args', '-p', 'use_sim_time:=true']
+    node = Node('of_test', context=context, cli_args=words)
+    survive_requests(node)
+    (subscription,) = node.subscriptions
+    for sec in (7, -1):
+        subscription.callback(ClockMessage(clock=Time(sec=sec)))
+        assert node.get_clock().now().nanoseconds == 7 * 10**9
+    node.destroy_node()
 
 
 def test_messages_timers_and_services_are_served(context, node):
