@@ -41,6 +41,9 @@ MOST_FACTOR = 1000
 #: Most rows that a step is taken over, and fewest steps for it, to measure the rate.
 MOST_AT_ONCE, FEWEST_STEPS = 16, 32
 
+#: Difference from the usual step, as a share of it, up to which steps are alike.
+ALIKE = 0.25
+
 
 def rates_differ(rate_hz: float, chain_rate_hz: float) -> bool:
     """Return whether a recording's rate is too far from the rate of the chain.
@@ -72,9 +75,9 @@ def rate_of(stamps_ns: Stamps, what: str) -> float:
     """Return the rate at which rows were taken, in Hz.
 
     It is the inverse of the mean step between rows, which averages jitter; gaps and steps
-    backwards are left out. Where many stamps are the same, the rows are counted. Where there are
-    many rows, the steps are those of some rows: a message that is late, as those without a header
-    are, makes one of them longer and the next one shorter, and both are kept or left out.
+    backwards are left out. Where many stamps are the same, the rows are counted. Where most steps
+    differ, those of some rows are taken: a message that is late, as those without a header are,
+    makes one of them longer and the next one shorter, and both are kept or left out.
 
     Parameters
     ----------
@@ -98,6 +101,11 @@ def rate_of(stamps_ns: Stamps, what: str) -> float:
     if steps_ns.sum() > 0 and np.mean(steps_ns == 0) > BUNCHED:  # a coarse clock
         return 1e9 / float(np.mean(steps_ns))
     rows = max(1, min(MOST_AT_ONCE, len(steps_ns) // FEWEST_STEPS))
+    if rows > 1:
+        usual_ns = np.median(steps_ns)
+        # Of steps that are alike each counts: sixteen together are seldom without a lost row.
+        alike = np.abs(steps_ns - usual_ns) < ALIKE * usual_ns
+        rows = 1 if np.mean(alike) > 0.5 else rows
     spans_ns = np.diff(stamps_ns[::rows])
     spans_ns = np.sort(spans_ns[spans_ns > 0])
     if not spans_ns.size:

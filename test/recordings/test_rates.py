@@ -52,6 +52,13 @@ def test_messages_that_come_late_and_in_bunches_do_not_change_it(rate_hz, seed, 
     assert rate(times_s) == pytest.approx(rate_hz, rel=2e-2)
 
 
+@given(RATES_HZ, st.integers(0, 99), st.floats(0.0, 0.2), st.floats(0.0, 0.3))
+def test_rows_that_are_lost_do_not_change_it(rate_hz, seed, lost, jitter):
+    rng = np.random.default_rng(seed)
+    moved = np.arange(1024) + jitter * rng.uniform(-0.5, 0.5, 1024)
+    assert rate(moved[rng.random(1024) >= lost] / rate_hz) == pytest.approx(rate_hz, rel=1e-2)
+
+
 @given(RATES_HZ, st.lists(st.integers(0, 98), max_size=5, unique=True), st.floats(3.0, 1e4))
 def test_gaps_and_steps_back_do_not_count(rate_hz, places, periods):
     steps = np.ones(99)
