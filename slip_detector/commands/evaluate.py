@@ -29,7 +29,8 @@ It uses no ROS: the chain runs over each recording from the first row, as in the
     together, see :func:`slip_detector.evaluation.figures.figures_of_merit`, and counts of their
     faults, see :func:`slip_detector.evaluation.evaluator.recording_figures`. Under
     ``recordings``, by the name of the file, the same for each recording, with ``lost`` (which
-    part of a damaged file could not be read), ``slip_events`` and ``alarm_events``, see
+    part of a damaged file could not be read), ``doubts`` (why damage may go unseen),
+    ``slip_events`` and ``alarm_events``, see
     :class:`slip_detector.evaluation.figures.TrueSlip` and ``Alarm``.
 ``all``
     The figures and counts over all sets.
@@ -154,6 +155,7 @@ def _alone(one: EvaluatedRecording) -> dict[str, Any]:
     return {
         **evaluator.recording_figures([one]),
         'lost': one.counts.damage,
+        'doubts': one.counts.doubts,
         'slip_events': [dataclasses.asdict(slip) for slip in one.outcome.slips],
         'alarm_events': [dataclasses.asdict(alarm) for alarm in one.outcome.alarms],
     }

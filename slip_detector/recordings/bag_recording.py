@@ -165,6 +165,7 @@ class BagRecording(Recording):
     def read(self) -> Iterator[Samples]:
         """Yield the rows of the topic, some thousands at a time."""
         edges_ns, last_ns = self._edges_ns(), None
+        self.counts.doubts = self._storage.doubts
         for some in self._decoded(self._topic, _Decoder(self._topic, self._field)):
             self.counts.dropped += some.dropped * self._per_message
             if len(some.volts):

@@ -16,16 +16,18 @@
 
 import contextlib
 import functools
+import os
 import re
 import shutil
 import struct
 import tempfile
 import weakref
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import IO, Any, NamedTuple
 
-from slip_detector.parameters.fields import shortened, shown_name
+from slip_detector.parameters.fields import name_list, shortened, shown_name
 from slip_detector.parameters.files import read_yaml
 
 #: A folder that has this file is a bag.
@@ -44,7 +46,10 @@ MAGIC = b'\x89MCAP0\r\n'
 
 #: Each record begins with its kind and its length in bytes.
 _RECORD = struct.Struct('<BQ')
-_FOOTER, _DATA_END = 2, 15
+_FOOTER, _MESSAGE, _CHUNK, _DATA_END = 2, 5, 6, 15
+
+#: Places in a chunk of its checksum (0: none) and, where it is not compressed, of its records.
+_CHECKSUM_AT, _RECORDS_AT = 24, 40
 
 #: What ends a file that has no index.
 _END = _RECORD.pack(_DATA_END, 4) + bytes(4) + _RECORD.pack(_FOOTER, 20) + bytes(20) + MAGIC
@@ -76,6 +81,8 @@ class BagStorage:
         Those with messages, sorted by name.
     damage : list of str
         One line for each part that could not be read so far.
+    doubts : str
+        Why damage may go unseen; empty if it cannot.
     custom_data : dict
         What the one who recorded has noted in ``metadata.yaml``, by key.
 
@@ -90,6 +97,10 @@ class BagStorage:
     def __init__(self, path: Path) -> None:
         load_rosbags()
         path.stat()
+        files = [path] if path.is_file() else _files(path)
+        some = [one.name for one in files if one.suffix == '.mcap' and not has_checksums(one)]
+        names = name_list(some)
+        self.doubts = f'{names}: without checksums, so that damage may go unseen' if some else ''
         #: What rosbags opens, one after the other: the bag or, if it is damaged, its files.
         self._parts = [path]
         self.damage: list[str] = []
@@ -100,7 +111,7 @@ class BagStorage:
                 self.custom_data = about.get('custom_data') or {}
             connections = _connections(path)
         except ValueError:
-            connections = self._open_singly([path] if path.is_file() else _files(path))
+            connections = self._open_singly(files)
         by_name = {
             one.topic: Topic(one.topic, one.msgtype, one.msgdef.format.name, one.msgdef.data)
             for one in connections
@@ -220,6 +231,38 @@ def typestore_of(topic: Topic) -> Any:
     return store
 
 
+def _records(file: IO[bytes]) -> Iterator[tuple[int, int, int]]:
+    """Yield kind, first byte and length of the content of each whole record before the index."""
+    begin, size = len(MAGIC) + _RECORD.size, os.fstat(file.fileno()).st_size
+    while begin <= size:
+        file.seek(begin - _RECORD.size)
+        kind, length = _RECORD.unpack(file.read(_RECORD.size))
+        if kind in (_DATA_END, _FOOTER) or begin + length > size:
+            return
+        yield kind, begin, length
+        begin += length + _RECORD.size
+
+
+def has_checksums(path: Path, write: bool = False) -> bool:
+    """Return whether all messages of an MCAP are in chunks with checksums.
+
+    With ``write`` chunks get those that are missing first, as rosbags leaves them out.
+    """
+    with open(path, 'r+b' if write else 'rb') as file:
+        for kind, begin, length in _records(file):
+            file.seek(begin + _CHECKSUM_AT)
+            if kind == _CHUNK and file.read(4) == bytes(4):
+                if not write:
+                    return False
+                file.seek(begin + _RECORDS_AT)
+                checksum = zlib.crc32(file.read(length - _RECORDS_AT))
+                file.seek(begin + _CHECKSUM_AT)
+                file.write(struct.pack('<I', checksum))
+            elif kind == _MESSAGE:
+                return False
+    return True
+
+
 def copy_whole_records(path: Path, copy: Path) -> int:
     """Copy an MCAP up to its last whole record before the index, so that rosbags reads the copy.
 
@@ -228,14 +271,11 @@ def copy_whole_records(path: Path, copy: Path) -> int:
     int
         The first byte that is not copied.
     """
-    size = path.stat().st_size
-    with open(path, 'rb') as file, open(copy, 'wb') as new:
-        new.write(file.read(len(MAGIC)))
-        while len(head := file.read(_RECORD.size)) == _RECORD.size:
-            kind, length = _RECORD.unpack(head)
-            if kind in (_DATA_END, _FOOTER) or file.tell() + length > size:
-                break
-            new.write(head + file.read(length))
-        end = new.tell()
+    with open(path, 'rb') as file, open(copy, 'w+b') as new:
+        *_, (_, begin, length) = [(0, 0, 0), *_records(file)]
+        file.seek(0)
+        shutil.copyfileobj(file, new)
+        new.truncate(begin + length)
+        new.seek(0, os.SEEK_END)
         new.write(_END)
-    return end
+    return begin + length

@@ -60,6 +60,8 @@ class RecordingCounts:
         are not those of the first message.
     damage : str
         One line on the part of a damaged bag that could not be read; empty if all was read.
+    doubts : str
+        One line on why damage may have gone unseen; empty if it would have been seen.
 
     Examples
     --------
@@ -74,6 +76,7 @@ class RecordingCounts:
     bad_samples: int = 0
     dropped: int = 0
     damage: str = ''
+    doubts: str = ''
 
 
 @contextlib.contextmanager

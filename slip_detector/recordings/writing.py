@@ -30,7 +30,7 @@ import numpy as np
 from slip_detector.chain.samples import Samples
 from slip_detector.parameters.files import file_errors_of, whole_file
 from slip_detector.recordings.bag_recording import BOOL, JOINT_STATE
-from slip_detector.recordings.bag_storage import ABOUT, load_rosbags
+from slip_detector.recordings.bag_storage import ABOUT, has_checksums, load_rosbags
 from slip_detector.recordings.labels import ACCURACY, KIND
 from slip_detector.recordings.messages import JointStateWriter
 
@@ -265,7 +265,7 @@ class BagWriter:
             self._writer.metapath.write_text(json.dumps(about), encoding='utf-8')
 
     def close(self) -> None:
-        """Write the index and ``metadata.yaml``.
+        """Write the index and ``metadata.yaml``, and give each chunk of an MCAP its checksum.
 
         Raises
         ------
@@ -273,6 +273,8 @@ class BagWriter:
             When these cannot be written. Flushed rows are kept; :meth:`abort` closes the file.
         """
         self._writer.close()
+        if self.path.suffix == '.mcap':
+            has_checksums(self.path, write=True)
 
     def abort(self) -> None:
         """Close the file as it is, after a failed write."""

@@ -220,7 +220,8 @@ def write_evaluation_report(
             one.observer.name = title
             overviews.append(one.observer)
             figures[title] = recording_figures([one])
-            notes += [f'{title}: {one.counts.damage}'] if one.counts.damage else []
+            faults = one.counts.damage, one.counts.doubts
+            notes += [f'{title}: {line}' for line in faults if line]
     figures['all recordings'] = recording_figures(every)
     given = Variant('given', overviews[0].config, overviews, figures)
     outcomes = [one.outcome for one in every]

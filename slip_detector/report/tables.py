@@ -195,7 +195,7 @@ def evaluation_tables(report: Mapping[str, Any]) -> str:
         if not any(whole[figure] for figure in TABLES['faults']):
             notes.append(f'{name}: no bad samples, no gaps, no rows dropped')
         for file, one in recordings.items():
-            notes += [f'{file}: {one["lost"]}'] if one['lost'] else []
+            notes += [f'{file}: {one[key]}' for key in ('lost', 'doubts') if one[key]]
     if len(report['sets']) > 1:
         blocks += _tables('all sets', {**report['sets'], 'all rows': report['all']})
     if any(cell == UNDEFINED for block in blocks for row in block for cell in row):

@@ -326,7 +326,7 @@ def _faults(counts: RecordingCounts) -> str:
         'rows dropped': counts.dropped,
     }
     parts = [f'{number} {what}' for what, number in many.items() if number > 0]
-    return ', '.join(filter(None, [*parts, counts.damage]))
+    return ', '.join(filter(None, [*parts, counts.damage, counts.doubts]))
 
 
 class TrainingFiles(NamedTuple):

@@ -163,6 +163,44 @@ def test_an_mcap_is_read_up_to_a_damaged_chunk(tmp_path, whole):
     assert 'what followed on /voltages is lost, 400 samples up to' in damage
 
 
+def test_a_bag_without_checksums_is_read_with_a_warning(tmp_path):
+    with Bag(tmp_path / 'b') as bag:
+        bag.write_rows(rows(20))
+    recording = open_recording(tmp_path / 'b' / 'b.mcap')
+    gathered(recording)
+    assert recording.counts.doubts == 'b.mcap: without checksums, so that damage may go unseen'
+
+
+# The metadata of a folder take longer to read than all of the file.
+@pytest.mark.parametrize(('in_folder', 'step'), [(True, 227), (False, 73)])
+def test_no_damage_changes_rows_unseen(tmp_path, in_folder, step):
+    path = tmp_path / ('a' if in_folder else 'a.mcap')
+    written = rows(60)
+    write_recording(path, [written], 380.0, NAMES)
+    file = path / 'a.mcap' if in_folder else path
+    whole = file.read_bytes()
+    seen = 0
+    for place in range(0, len(whole), step):
+        damaged = bytearray(whole)
+        damaged[place] ^= 1 << place % 8
+        file.write_bytes(damaged)
+        try:
+            recording = open_recording(path)
+            read = gathered(recording)
+        except ValueError:
+            seen += 1
+            continue
+        same = (
+            read.volts.tobytes() == written.volts.tobytes()
+            and np.array_equal(read.stamps_ns, written.stamps_ns)
+            and (read.truth is None or np.array_equal(read.truth, written.truth))
+        )
+        counts = recording.counts
+        seen += not same
+        assert same or counts.damage or counts.dropped or counts.doubts, place
+    assert seen > len(whole) / step / 2
+
+
 @pytest.mark.parametrize('ending', ['.db3', '.bag'])
 def test_of_a_cut_off_bag_of_another_kind_nothing_wrong_is_read(tmp_path, ending):
     written = rows(900)

@@ -35,18 +35,19 @@ from support import grasp_trials
 
 def evaluated(value, **figures):
     names = [name for figures in TABLES.values() for name in figures]
-    return {**dict.fromkeys(names, value), 'lost': '', **figures}
+    return {**dict.fromkeys(names, value), 'lost': '', 'doubts': '', **figures}
 
 
 def test_damage_of_a_recording_and_figures_that_are_not_defined_are_explained():
     recordings = {
         'a.mcap': evaluated(1, lost='is cut off at byte 9'),
         'b.mcap': evaluated(1),
+        'c.mcap': evaluated(1, doubts='without checksums'),
     }
     whole = {**evaluated(1), 'recordings': recordings}
     report = {'sets': {'x': whole}, 'all': whole}
     lines = evaluation_tables(report).splitlines()
-    assert lines[-1] == 'a.mcap: is cut off at byte 9'
+    assert lines[-2:] == ['a.mcap: is cut off at byte 9', 'c.mcap: without checksums']
     whole['auc_all'] = None
     assert evaluation_tables(report).endswith('the motion is not recorded)')
 
@@ -63,7 +64,7 @@ def test_tables_of_missed_slips_and_faults_are_left_out_where_there_are_none():
 def test_kinds_are_shown_where_they_were_recorded():
     rests = {'': (30.0, 0, 0.0), 'press': (30.0, 0, 0.0)}
     one = {**evaluated(0), **slip_figures([], [], [], rests)}
-    report = {'sets': {'x': {**one, 'recordings': {'a': {**one, 'lost': ''}}}}}
+    report = {'sets': {'x': {**one, 'recordings': {'a': {**one, 'lost': '', 'doubts': ''}}}}}
     lines = evaluation_tables({**report, 'all': one}).splitlines()
     at = next(k for k, line in enumerate(lines) if line.startswith('kinds'))
     assert ' '.join(lines[at].split()) == 'kinds press ON [%] press alarms per minute'
