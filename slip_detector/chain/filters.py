@@ -39,12 +39,6 @@ from slip_detector.parameters.files import whole_file, writable_folder
 
 Array = NDArray[np.float64]
 
-#: The parameters that determine the filters, but for the gain.
-PARAMETERS = (
-    'sample_rate_hz', 'passband_hz', 'passband_degree', 'stopbands_hz', 'stopband_degree',
-    'stopband_ripple_db', 'stopband_attenuation_db',
-)  # fmt: skip
-
 #: Folder in which designs are kept, in the user's cache (XDG base directory specification).
 FOLDER = Path(os.environ.get('XDG_CACHE_HOME') or '~/.cache').expanduser() / 'slip_detector'
 
@@ -98,8 +92,12 @@ def design(config: ChainConfig) -> Array:
     >>> design(ChainConfig(stopbands_hz=())).shape
     (2, 6)
     """
-    parameters = (getattr(config, name) for name in PARAMETERS)
-    sections: Array = _unit_gain_network('passband_hz', *parameters).copy()
+    rate_hz, degree = config.sample_rate_hz, config.stopband_degree
+    of_ripple = config.stopband_ripple_db, config.stopband_attenuation_db
+    filters = [_filter('passband_hz', rate_hz, config.passband_hz, config.passband_degree)]
+    for edges_hz in config.stopbands_hz:
+        filters.append(_filter('stopbands_hz', rate_hz, edges_hz, degree, *of_ripple))
+    sections = np.concatenate(filters)
     sections[0, :3] *= config.gain
     return sections
 
@@ -115,57 +113,50 @@ def design_low(config: ChainConfig) -> Array:
     if not config.low_band_hz:
         return np.zeros((0, 6))
     band = config.sample_rate_hz, config.low_band_hz, 4
-    sections: Array = _unit_gain_network('activity_band_hz', *band, (), 4, 1.0, 40.0).copy()
+    sections: Array = _filter('activity_band_hz', *band).copy()
     # SciPy has the two zeros at 0 Hz in one section, and those at half the rate in the other.
     sections[:, :3] = np.outer([sections[0, 0], 1.0], [1.0, 0.0, -1.0])
     return sections
 
 
-@functools.lru_cache(maxsize=64)
-def _unit_gain_network(*parameters: Any) -> Array:
-    """Return the network with a gain of 1, from the user's cache on disk if that saves time.
+@functools.lru_cache(maxsize=256)
+def _filter(*parameters: Any) -> Array:
+    """Return a filter with a gain of 1, from the user's cache on disk if that saves time.
 
     Loading SciPy's signal package takes longer than loading everything else that a chain needs. If
     it is loaded already, nothing is read or written.
     """
     if 'scipy.signal' in sys.modules:
-        return _designed_network(*parameters)
+        return _designed_filter(*parameters)
     source = zlib.crc32(Path(__file__).read_bytes())
     key = repr((scipy.__version__, np.__version__, source, parameters))
     path = FOLDER / f'design-{hashlib.sha256(key.encode()).hexdigest()[:32]}.npy'
     with contextlib.suppress(OSError, ValueError, EOFError):  # missing or damaged
         return np.asarray(np.load(path))
-    sections = _designed_network(*parameters)
+    sections = _designed_filter(*parameters)
     # Without the file the next start only takes longer.
     with contextlib.suppress(ValueError), whole_file(writable_folder(FOLDER) / path.name) as new:
         np.save(new, sections)
     return sections
 
 
-def _designed_network(*parameters: Any) -> Array:
-    """Design and check the network with a gain of 1."""
+def _designed_filter(
+    name: str, rate_hz: float, edges_hz: tuple[float, ...], degree: int, *of_ripple: float
+) -> Array:
+    """Design a band-pass, or a stop-band with ripple and attenuation; refuse one that is lost."""
     # A late import: it takes longer than loading everything else that a node needs.
     from scipy import signal
 
-    name, rate, (low, high), degree, stopbands_hz, *of_stopbands = parameters
-    stopband_degree, ripple_db, attenuation_db = of_stopbands
-    form = {'output': 'sos', 'fs': rate}
-    edges, kind = ([low, high], 'bandpass') if high else ([low], 'highpass')
-    passband = signal.butter(degree // len(edges), edges if high else low, kind, **form)
-    # At the edges of a Butterworth filter the power is halved.
-    _check(passband, edges, rate, name, np.sqrt(0.5))
-    parts = [passband]
-    for pair in stopbands_hz:
-        order = stopband_degree // 2
-        stopband = signal.ellip(order, ripple_db, attenuation_db, pair, 'bandstop', **form)
+    form = {'output': 'sos', 'fs': rate_hz}
+    if of_ripple:
+        sections = signal.ellip(degree // 2, *of_ripple, edges_hz, 'bandstop', **form)
         # By SciPy's definition the passband of an elliptic filter ends where the ripple does.
-        _check(stopband, list(pair), rate, 'stopbands_hz', 10 ** (-ripple_db / 20))
-        parts.append(stopband)
-    return np.concatenate(parts)
-
-
-def _check(sections: Array, edges_hz: list[float], rate_hz: float, name: str, gain: float) -> None:
-    """Raise an error for a filter that is unstable or has a wrong gain at its edges."""
+        gain = 10 ** (-of_ripple[0] / 20)
+    else:
+        edges_hz, kind = (edges_hz, 'bandpass') if edges_hz[1] else (edges_hz[:1], 'highpass')
+        sections = signal.butter(degree // len(edges_hz), np.squeeze(edges_hz), kind, **form)
+        # At the edges of a Butterworth filter the power is halved.
+        gain = np.sqrt(0.5)
     radius = largest_pole_radius(sections)
     measured = np.abs(response(sections, np.array(edges_hz), rate_hz))
     lost = not np.all(np.abs(measured - gain) <= EDGE_TOLERANCE * gain)
@@ -176,6 +167,7 @@ def _check(sections: Array, edges_hz: list[float], rate_hz: float, name: str, ga
             f'{rate_hz:g} Hz (largest pole radius {radius:.9f}), allowed: edges further apart and '
             f'between {1e-3 * rate_hz:g} and {0.49 * rate_hz:g} Hz, or a lower degree'
         )
+    return np.asarray(sections)
 
 
 def largest_pole_radius(sections: Array) -> float:

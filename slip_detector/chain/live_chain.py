@@ -14,7 +14,6 @@
 
 """A chain whose parameters change while it runs."""
 
-import dataclasses
 import threading
 from collections import deque
 from importlib import import_module
@@ -194,11 +193,8 @@ class LiveChain:
 
     def _differ(self, config: ChainConfig) -> set[str]:
         """Return the parameters of the chain and its input that differ from the running ones."""
-        names = (
-            INPUT_PARAMETERS | PARTS | {field.name for field in dataclasses.fields(ChainConfig)}
-        )
-        old, new = self.config, config
-        return {name for name in names if getattr(old, name, None) != getattr(new, name, None)}
+        names, old = INPUT_PARAMETERS | PARTS | {*ChainConfig.__dataclass_fields__}, self.config
+        return {name for name in names if getattr(old, name, None) != getattr(config, name, None)}
 
     def _build(self, config: ChainConfig) -> None:
         """Build a chain, unless it was ordered again, or another was, meanwhile."""

@@ -31,9 +31,7 @@ from slip_detector.chain.slip_chain import compile_chain
 from slip_detector.commands.command_line import Parser, run
 from slip_detector.compiled import COMPILED, LISTENERS
 from slip_detector.evaluation.replay import Replay
-from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.driver import DriverConfig
-from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.parameters import ChainConfig, DriverConfig, EvaluationConfig
 from slip_detector.parameters.files import shared_folder
 from slip_detector.sources import open_source
 from slip_detector.tuning.sweep import sweep_thresholds, vote_statistics

@@ -23,8 +23,7 @@ import numpy as np
 from slip_detector.chain.samples import Floats
 from slip_detector.evaluation.figures import Bound
 from slip_detector.grasp.loop import GraspTrial
-from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.grasp import GraspConfig
+from slip_detector.parameters import ChainConfig, GraspConfig
 
 #: The conditions: no controller, a grip that is always at the limit, the controller, and the
 #: controller with the paper's parameters for the detector.

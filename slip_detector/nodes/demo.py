@@ -43,8 +43,7 @@ from slip_detector.commands.command_line import INTERRUPTED, run
 from slip_detector.evaluation.protocol import Heard, demo_figures, states_at
 from slip_detector.nodes.finger_topics import PolledTopics
 from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos
-from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.parameters.driver import DriverConfig
+from slip_detector.parameters import DetectorConfig, DriverConfig
 from slip_detector.parameters.files import shared_folder, whole_file, writable_folder
 from slip_detector.recordings import write_recording
 from slip_detector.sources.played import SceneSource

@@ -146,10 +146,8 @@ class BagRecording(Recording):
         self._topic = self._rows_topic(config.recording_topic)
         usual = 'position' if self._topic.msgtype == JOINT_STATE else 'data'
         self._field = config.recording_field or usual
-        self._label_topic, self._still_m = (
-            self._found_label_topic(config),
-            config.recording_still_m,
-        )
+        self._label_topic = self._found_label_topic(config)
+        self._still_m = config.recording_still_m
         self.has_truth |= self._label_topic is not None
         if labels is None:
             self.accuracy_s, self.kind = accuracy_and_kind(self._storage.custom_data)

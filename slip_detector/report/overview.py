@@ -187,11 +187,9 @@ class Overview:
         self.truth, self.slip = OnIntervals(), OnIntervals()
         self.groups = {name: OnIntervals() for name in config.groups}
         self.events: Sequence[Event] = ()
+        self._intervals = self.slip, self.truth, *self.groups.values()
         # The numbers of rows, their volts and their codes, so far.
-        none = np.empty((0, config.channels), np.float32)
-        self._pieces: list[tuple[Ints, Volts, Codes]] = [
-            (np.empty(0, np.int64), none, none.astype(np.uint8))
-        ]
+        self._pieces: list[tuple[Ints, Volts, Codes]] = []
 
     def replay(self, replay: Replay, rows: Iterable[Samples]) -> ReplayOutcome:
         """Replay the whole recording, and finish the overview with its events."""
@@ -214,10 +212,9 @@ class Overview:
         samples = np.where(np.abs(volts) < MOST_VOLTS, volts, np.nan).astype(np.float32)
         numbers = self.rows + np.arange(len(volts))
         self._pieces.append((numbers, samples, level_codes(result, self.config)))
-        self.slip.add(result.slip, self.rows)
-        for group, on in zip(self.groups.values(), result.groups.T, strict=True):
-            group.add(on, self.rows)
-        self.truth.add(truth, self.rows)
+        signals = result.slip, truth, *result.groups.T
+        for intervals, on in zip(self._intervals, signals, strict=True):
+            intervals.add(on, self.rows)
         self.rows += len(volts)
 
     def gap(self, seconds: float) -> None:
@@ -240,7 +237,7 @@ class Overview:
         self.codes = _spread(np.maximum.reduceat(codes, firsts), filled, n, 0)
 
     def _close_intervals(self) -> None:
-        for intervals in (self.slip, *self.groups.values(), self.truth):
+        for intervals in self._intervals:
             intervals.close(self.rows)
 
 

@@ -28,15 +28,8 @@ import numpy as np
 
 from slip_detector.chain.samples import Floats
 from slip_detector.compiled import compiled
+from slip_detector.scenes import surface
 from slip_detector.scenes.friction import LIGHTEST_LOAD_N, MOST_ITERATIONS, skin_stage
-from slip_detector.scenes.surface import (
-    FINGERS,
-    RidgeNumbers,
-    RoughNumbers,
-    ridges_between,
-    roughness_between,
-    spread_load,
-)
 
 #: The times of the two stages as shares of a step; the first is also the method's coefficient on
 #: the diagonal.
@@ -80,8 +73,8 @@ class SceneConstants(NamedTuple):
     contact: Any
     skin: Any
     friction: Any
-    ridges: RidgeNumbers
-    rough: RoughNumbers
+    ridges: surface.RidgeNumbers
+    rough: surface.RoughNumbers
     body: Any
 
 
@@ -130,14 +123,14 @@ def _find_object(v_last, v_base, load_n, step, loads, base, patches, found, cons
     v = v_last
     for _ in range(MOST_ITERATIONS):
         force, slope = _find_stage(v, step, loads, base, patches, found, constants)
-        balance = load_n - FINGERS * force - inertia * (v - v_base)
+        balance = load_n - surface.FINGERS * force - inertia * (v - v_base)
         if balance > 0.0:
             low = v
         elif balance < 0.0:
             high = v
         else:
             break
-        change = balance / (inertia + FINGERS * slope)
+        change = balance / (inertia + surface.FINGERS * slope)
         following = v + change
         if not low < following < high:
             following = 0.5 * (low + high) if high - low < np.inf else v + 2.0 * change
@@ -157,7 +150,7 @@ def _step(i, drive, state, constants, loads, base, found):
     surface_v = 0.0
     for stage in range(2):
         force = 0.0 if body[LOST] else drive.force_n[i, stage]
-        spread_load(
+        surface.spread_load(
             force, drive.centre_x_m[i, stage], drive.centre_y_m[i, stage], constants.positions_m,
             constants.contact, constants.body.rest_patches, loads,
         )  # fmt: skip
@@ -208,9 +201,9 @@ def _sense(state, loads, position, constants, smooth, out):
         load = 0.5 * (before[0] + loads[c])
         texture = 0.0
         if load > 0.0 and constants.ridges.amplitudes.size:
-            texture += ridges_between(before[2], place, constants.ridges)
+            texture += surface.ridges_between(before[2], place, constants.ridges)
         if load > 0.0 and constants.rough.heights.size:
-            texture += roughness_between(before[2], place, constants.rough)
+            texture += surface.roughness_between(before[2], place, constants.rough)
         shear = constants.skin.shear_stiffness_n_m * 0.5 * (before[1] + displacement)
         value = constants.normal_v_n[c] * load * (1.0 + texture) + constants.shear_v_n[c] * shear
         if smooth:
@@ -259,7 +252,7 @@ def advance(drive, state, constants, begin, clean_v, position_m, sliding):
             last = j == steps - 1
             if smooth or last:
                 if not n_patches or start:
-                    spread_load(
+                    surface.spread_load(
                         drive.force_n[i, 1], drive.centre_x_m[i, 1], drive.centre_y_m[i, 1],
                         constants.positions_m, constants.contact, constants.body.rest_patches,
                         loads,

@@ -25,21 +25,11 @@ from slip_detector.chain.samples import Bools, Floats, Samples
 from slip_detector.parameters.detector import PAPER_CHANNELS, default_channel_names
 from slip_detector.parameters.fields import refuse, shown
 from slip_detector.parameters.files import read_yaml, shared_folder
+from slip_detector.scenes import motion
 from slip_detector.scenes.drive import Drive, drive_at, drive_numbers, normal_force_at
 from slip_detector.scenes.electronics import Frontend, taxel_positions
 from slip_detector.scenes.friction import Friction, Skin
 from slip_detector.scenes.mechanics import STAGE_TIMES, SceneConstants, State, advance
-from slip_detector.scenes.motion import (
-    ORDER_S,
-    ORDERS,
-    Orders,
-    Step,
-    held_force,
-    plate_at,
-    read_steps,
-    with_steps,
-    with_velocity,
-)
 from slip_detector.scenes.parts import PARTS, check_grip, check_parts, read_parts, read_sampling
 from slip_detector.scenes.surface import NO_RIDGES, NO_ROUGHNESS, FreeObject
 
@@ -106,7 +96,7 @@ class Scene:
     def __init__(self, description: Mapping[str, Any], trial: np.random.Generator) -> None:
         self.parts = parts = read_parts(description)
         sampling = read_sampling(description)
-        steps = read_steps(description.get('steps'))
+        steps = motion.read_steps(description.get('steps'))
         children = dict(zip(PARTS, trial.spawn(len(PARTS)), strict=True))
         self.channel_names = default_channel_names(PAPER_CHANNELS)
         self.sample_rate_hz = sampling.sample_rate_hz
@@ -178,7 +168,7 @@ class Scene:
             refuse(f'force_n is {force_n:g} N', '0 to 1000 N')
         if 'friction' in self.parts:
             check_grip(self.parts, 2.0 * force_n, f'a grip of {force_n:g} N')
-        held = held_force(self.drive_numbers.force, self._next / self.true_rate_hz, force_n)
+        held = motion.held_force(self.drive_numbers.force, self._next / self.true_rate_hz, force_n)
         self.drive_numbers = self.drive_numbers._replace(force=held)
 
     def order(self, what: str) -> None:
@@ -198,24 +188,25 @@ class Scene:
         Traceback (most recent call last):
         ValueError: order is 'dance', allowed: rest, slip, taps, press
         """
-        orders: Orders | None = self.parts.get('orders')
-        if orders is None or what not in ORDERS:
-            refuse(f'order is {shown(what)}', ', '.join(ORDERS) if orders else 'with that part')
+        orders: motion.Orders | None = self.parts.get('orders')
+        if orders is None or what not in motion.ORDERS:
+            allowed = ', '.join(motion.ORDERS) if orders else 'with that part'
+            refuse(f'order is {shown(what)}', allowed)
         now_s, numbers = self._next / self.true_rate_hz, self.drive_numbers
         force_n = float(numbers.force.command_n[-1])
-        steps = [Step(duration_s=0.3, force_n=orders.force_n)]
+        steps = [motion.Step(duration_s=0.3, force_n=orders.force_n)]
         if what == 'press':
             cycle = [(step_s, n) for n in orders.pressed_n for step_s in (0.3, 1.0)]
-            turns = round(ORDER_S / (1.3 * len(orders.pressed_n)))
-            steps = [Step(duration_s=step_s, force_n=n) for step_s, n in cycle] * turns
+            turns = round(motion.ORDER_S / (1.3 * len(orders.pressed_n)))
+            steps = [motion.Step(duration_s=step_s, force_n=n) for step_s, n in cycle] * turns
         every_s, taps = orders.tapped_every_s, np.zeros(0)
         if what == 'taps':
-            taps = now_s + np.arange(every_s, ORDER_S, every_s)
+            taps = now_s + np.arange(every_s, motion.ORDER_S, every_s)
         velocity_m_s = orders.velocity_m_s if what == 'slip' else 0.0
-        self.length = self._next + round(ORDER_S * self.true_rate_hz)
+        self.length = self._next + round(motion.ORDER_S * self.true_rate_hz)
         self.drive_numbers = numbers._replace(
-            force=with_steps(numbers.force, now_s, force_n, steps),
-            plate=with_velocity(numbers.plate, now_s, velocity_m_s, self.parts['motion']),
+            force=motion.with_steps(numbers.force, now_s, force_n, steps),
+            plate=motion.with_velocity(numbers.plate, now_s, velocity_m_s, self.parts['motion']),
             taps=numbers.taps._replace(times_s=taps),
         )
 
@@ -266,7 +257,7 @@ class Scene:
             volts = self._frontend.sample(clean_v, time_s, force_n)
             truth = self._truth(time_s, sliding)
             if 'object' not in self.parts:
-                position_m = plate_at(time_s, self.drive_numbers.plate)[1]
+                position_m = motion.plate_at(time_s, self.drive_numbers.plate)[1]
             stamps_ns = np.rint(time_s * 1e9).astype(np.int64)
             samples = Samples(volts, stamps_ns, truth, position_m)
             if 'drops' in self.parts:
@@ -280,7 +271,7 @@ class Scene:
             # An object slips when more than half of the load that holds it slides.
             return sliding > 0.5
         # The paper's Eq. 9: there is slip while the position of the platform changes.
-        velocity_m_s, _ = plate_at(time_s, self.drive_numbers.plate)
+        velocity_m_s, _ = motion.plate_at(time_s, self.drive_numbers.plate)
         return np.asarray((velocity_m_s != 0.0) & (self.force_n(time_s) > 0.0))
 
 

@@ -29,8 +29,7 @@ from slip_detector.chain.samples import Floats
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.evaluation.scores import MOTION, REST
-from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.parameters import ChainConfig, EvaluationConfig
 from slip_detector.recordings.rates import forward_filled
 from slip_detector.tuning.sweep import sweep_thresholds, thresholds, vote_statistics
 from slip_detector.tuning.tracks import Track, enabled, faults_of, load_track, load_tracks

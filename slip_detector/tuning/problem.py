@@ -28,16 +28,9 @@ from slip_detector.chain.filters import evidence_falls_s, settling_rows
 from slip_detector.chain.samples import Floats
 from slip_detector.evaluation.chance import HALF, saved_by_chance_s, sooner_than_chance
 from slip_detector.evaluation.scores import MOTION, REST, ScoreTally
-from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.evaluation import EvaluationConfig, TuneConfig
+from slip_detector.parameters import ChainConfig, EvaluationConfig, TuneConfig
+from slip_detector.tuning import sweep
 from slip_detector.tuning.space import SearchSpace
-from slip_detector.tuning.sweep import (
-    ThresholdSweep,
-    sweep_thresholds,
-    thresholds,
-    vote_statistics,
-    votes_of,
-)
 from slip_detector.tuning.tracks import Track
 
 #: Figures by name, None where one is not defined: ``coverage`` and those of :func:`.slip_figures`;
@@ -193,8 +186,9 @@ class Problem:
             When the chain cannot be built.
         """
         found = []
-        for vote, statistic in vote_statistics(chain, votes_of(chain), self.tracks).items():
-            limits = thresholds(chain, statistic, self.tracks)
+        of_votes = sweep.vote_statistics(chain, sweep.votes_of(chain), self.tracks)
+        for vote, statistic in of_votes.items():
+            limits = sweep.thresholds(chain, statistic, self.tracks)
             if limits.size:
                 voted = dataclasses.replace(chain, vote=vote)
                 found.append(self._cheapest(voted, statistic, limits, NEIGHBOURS))
@@ -209,7 +203,7 @@ class Problem:
         ValueError
             When the chain cannot be built.
         """
-        (statistic,) = vote_statistics(chain, [chain.vote], self.tracks).values()
+        (statistic,) = sweep.vote_statistics(chain, [chain.vote], self.tracks).values()
         return self._cheapest(chain, statistic, np.array([chain.threshold]), neighbours=0)
 
     def _cheapest(
@@ -217,12 +211,12 @@ class Problem:
     ) -> Candidate:
         """Return a chain with the threshold that, with so many neighbours, costs least."""
         rows, most_ms = settling_rows(chain), self.config.missed_costs_ms
-        sweep = sweep_thresholds(statistic, self.tracks, limits, self.evaluation, rows)
+        swept = sweep.sweep_thresholds(statistic, self.tracks, limits, self.evaluation, rows)
         # How late each slip is found. One that begins while a chain settles counts as missed, so
         # that a chain does not gain by settling for longer.
-        late_ms = np.clip(np.fmin(sweep.latencies_ms, most_ms), 0.0, most_ms)
-        costs_ms = self._event_costs_ms(sweep, late_ms)
-        costs_ms += self._hidden_costs_ms(chain, limits, sweep)
+        late_ms = np.clip(np.fmin(swept.latencies_ms, most_ms), 0.0, most_ms)
+        costs_ms = self._event_costs_ms(swept, late_ms)
+        costs_ms += self._hidden_costs_ms(chain, limits, swept)
         costs_ms = _with_neighbours(costs_ms, neighbours)
         at = int(np.argmin(costs_ms))
         chain = dataclasses.replace(chain, threshold=float(limits[at]))
@@ -236,31 +230,31 @@ class Problem:
         if self.figures is not None:
             lacking += WORSE_COUNTS * max((self.figures['auc'] or 0.0) - (auc or 0.0), 0.0)
         cost_ms = float(costs_ms[at]) + self.config.auc_costs_ms * lacking
-        figures = sweep.figures(at)
+        figures = swept.figures(at)
         alarms, on_percent = figures['false_alarms_per_minute'], figures['false_time_percent']
         off = 1.0 - (on_percent or 0.0) / 100.0
         per_minute_off = alarms / off if alarms is not None and off > 0.0 else None
         figures = {**figures, 'false_alarms_per_minute_off': per_minute_off, 'auc': auc}
-        return Candidate(chain, cost_ms, _error_of_mean(late_ms[sweep.scored, at]), figures)
+        return Candidate(chain, cost_ms, _error_of_mean(late_ms[swept.scored, at]), figures)
 
-    def _event_costs_ms(self, sweep: ThresholdSweep, late_ms: Floats) -> Floats:
+    def _event_costs_ms(self, swept: sweep.ThresholdSweep, late_ms: Floats) -> Floats:
         """Return the cost of slips and alarms at each of T thresholds, shape (T,).
 
         It is infinite where no slip or no rest is scored, which says nothing about the chain.
         """
-        config, given, scored = self.config, self.figures, sweep.scored
-        if not scored.any() or not sweep.rest_s:
+        config, given, scored = self.config, self.figures, swept.scored
+        if not scored.any() or not swept.rest_s:
             return np.full(late_ms.shape[1], np.inf)
         missed_costs, false_costs = config.missed_costs_ms, config.false_alarm_costs_ms
         time_costs, missed_time_costs = config.false_time_costs_ms, config.missed_time_costs_ms
-        leads_s, windows_s = sweep.leads_s[scored], sweep.windows_s[scored]
-        rates_hz = sweep.false_alarms / sweep.rest_s
+        leads_s, windows_s = swept.leads_s[scored], swept.windows_s[scored]
+        rates_hz = swept.false_alarms / swept.rest_s
         # Each kind of recordings counts as much as another, however long it was recorded.
-        kinds = {kind: one for kind, one in sweep.of_kinds.items() if one[0]}
+        kinds = {kind: one for kind, one in swept.of_kinds.items() if one[0]}
         per_minute = {kind: 60.0 * many / rest_s for kind, (rest_s, many, _) in kinds.items()}
         on_percent = {kind: 100.0 * (on_s / rest_s) for kind, (rest_s, _, on_s) in kinds.items()}
         # Labels that are not exact may leave no row that certainly slips.
-        missed_percent = 100.0 * (1.0 - np.nan_to_num(sweep.coverage, nan=1.0))
+        missed_percent = 100.0 * (1.0 - np.nan_to_num(swept.coverage, nan=1.0))
         costs = (
             late_ms.mean(axis=0)
             + 1e3 * saved_by_chance_s(leads_s, windows_s, rates_hz, missed_costs / 1e3)
@@ -272,12 +266,12 @@ class Problem:
             return np.asarray(costs)
         # A figure that is not defined is not worse.
         limit = {name: np.nan if one is None else one for name, one in given.items()}
-        sooner = sooner_than_chance(sweep.latencies_ms[scored] / 1e3, leads_s, windows_s, rates_hz)
+        sooner = sooner_than_chance(swept.latencies_ms[scored] / 1e3, leads_s, windows_s, rates_hz)
         median_ms = np.where(sooner >= HALF, np.median(late_ms, axis=0), missed_costs)
-        percent = 100.0 * (sweep.on_rest_s / sweep.rest_s)
+        percent = 100.0 * (swept.on_rest_s / swept.rest_s)
         off = np.maximum(1.0 - percent / 100.0, 0.0)
         # Per minute of rest that is OFF; 0 where none is.
-        every = 60.0 * sweep.false_alarms / sweep.rest_s
+        every = 60.0 * swept.false_alarms / swept.rest_s
         per_minute_off = np.divide(every, off, out=np.zeros(off.size), where=off > 0.0)
         more = [
             (1.0, median_ms - max(limit['latency_median_all_ms'], 0.0)),
@@ -293,7 +287,7 @@ class Problem:
         return np.asarray(costs + WORSE_COUNTS * worse)
 
     def _hidden_costs_ms(
-        self, chain: ChainConfig, limits: Floats, sweep: ThresholdSweep
+        self, chain: ChainConfig, limits: Floats, swept: sweep.ThresholdSweep
     ) -> Floats | float:
         """Return what a chain's memory costs about the ends of slips, where labels hide that.
 
@@ -301,7 +295,7 @@ class Problem:
         known: the rows of the mains comb and of windows, the time in which evidence falls from its
         limit to a threshold, and that in which it rises there in the loudest slip.
         """
-        rest_s, *_ = sweep.of_kinds.get('', (0.0,))
+        rest_s, *_ = swept.of_kinds.get('', (0.0,))
         if not rest_s:
             return 0.0
         holds_s = chain.mains_rows / chain.sample_rate_hz + chain.envelope_window_s

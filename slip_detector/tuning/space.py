@@ -28,12 +28,7 @@ from typing import Any
 from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
 from slip_detector.parameters.files import shared_folder
 from slip_detector.tuning.kinds import activity_range_db, contact_level_v
-from slip_detector.tuning.learning import (
-    LEAST_RATIO,
-    MAINS_HZ,
-    learnt_floors,
-    slip_steps_v,
-)
+from slip_detector.tuning.learning import LEAST_RATIO, MAINS_HZ, learnt_floors, slip_steps_v
 from slip_detector.tuning.sweep import rounded
 from slip_detector.tuning.tracks import Track
 

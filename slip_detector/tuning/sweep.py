@@ -29,17 +29,10 @@ import numpy as np
 from slip_detector.chain.samples import Bools, Floats, Ints
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.compiled import compiled
+from slip_detector.evaluation import matching
 from slip_detector.evaluation.chance import slip_figures
-from slip_detector.evaluation.matching import (
-    NONE,
-    ScoredRows,
-    beyond_accuracy,
-    give_alarm,
-    slip_not_over,
-)
 from slip_detector.evaluation.scores import SLIP
-from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.parameters import ChainConfig, EvaluationConfig
 from slip_detector.tuning.tracks import Track
 
 Vote = str | int
@@ -221,7 +214,7 @@ def _sweep(
             low = limits[above - 1] if above > 0 else -np.inf
             high = limits[above] if above < limits.size else np.inf
             if above > before and row >= settled:
-                slip = slip_not_over(row, slip, highs)
+                slip = matching.slip_not_over(row, slip, highs)
                 # Then no slip can have the alarm, whatever the threshold.
                 false = slip == lows.size or row < lows[slip]
                 for t in range(before, above):
@@ -230,7 +223,7 @@ def _sweep(
                     if false:
                         false_alarms[t] += 1
                     else:
-                        give_alarm(row, row, slip, lows, rises, t)
+                        matching.give_alarm(row, row, slip, lows, rises, t)
         rows_below[above, kinds[r]] += 1
 
 
@@ -326,8 +319,10 @@ def sweep_thresholds(
         rate_hz = track.sample_rate_hz
         stretches = [stretch.interval for stretch in track.stretches]
         accuracy_s = track.samples.accuracy_s
-        rows = ScoredRows(track.slips, stretches, settling_rows, config, rate_hz, accuracy_s)
-        rises = np.full((len(track.slips), limits.size), NONE, np.int64)
+        rows = matching.ScoredRows(
+            track.slips, stretches, settling_rows, config, rate_hz, accuracy_s
+        )
+        rises = np.full((len(track.slips), limits.size), matching.NONE, np.int64)
         false_alarms = np.zeros(limits.size, np.int64)
         rows_below = np.zeros((limits.size + 1, 3), np.int64)
         rest = np.stack(np.broadcast_arrays(rows.rest_starts, rows.rest_ends, 1), axis=1)
@@ -339,8 +334,8 @@ def sweep_thresholds(
                 rows.highs, intervals, rises, false_alarms, rows_below,
             )  # fmt: skip
         starts = np.array([slip.start for slip in track.slips], np.int64)[:, np.newaxis]
-        found = (rises != NONE) & rows.scored[:, np.newaxis]
-        late_s = beyond_accuracy((rises - starts) / rate_hz, accuracy_s)
+        found = (rises != matching.NONE) & rows.scored[:, np.newaxis]
+        late_s = matching.beyond_accuracy((rises - starts) / rate_hz, accuracy_s)
         latencies_ms: Floats = np.where(found, late_s * 1e3, np.nan)
         of_tracks.append((latencies_ms, rows.scored, rows.leads_s, rows.windows_s))
         # A row is ON at threshold k where more than k thresholds are below its value.

@@ -28,9 +28,7 @@ from types import FrameType
 from typing import Any, NamedTuple
 
 from slip_detector.evaluation.evaluator import RecordingLoader
-from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.driver import RecordingConfig
-from slip_detector.parameters.evaluation import EvaluationConfig, TuneConfig
+from slip_detector.parameters import ChainConfig, EvaluationConfig, RecordingConfig, TuneConfig
 from slip_detector.parameters.fields import name_list
 from slip_detector.recordings.labels import KINDS
 from slip_detector.tuning.kinds import contradictions

@@ -103,12 +103,6 @@ def test_a_gap_is_time_without_samples_and_one_of_years_costs_no_memory(monkeypa
             assert not overview.codes[1000:1400].any()
 
 
-def test_without_rows_there_is_no_bin():
-    overview = Overview('a.npz', CONFIG)
-    overview.finish([])
-    assert len(overview.low) == 0
-
-
 def test_codes_of_levels_are_above_the_threshold_where_and_only_where_the_channel_is_on():
     _, _, result = recorded()
     codes = level_codes(result, CONFIG)
