@@ -161,12 +161,12 @@ class ParameterSet:
         if name.startswith('qos_overrides'):  # As other nodes of rclpy have them.
             return 'the quality of service of the topics cannot be changed'
         owners = sections.nodes_that_know(name) if cls.NODE else []
-        if owners and cls.NODE not in owners:
+        if owners and not (is_own and cls.NODE in owners):
             return f'it is a parameter of {", ".join(owners)}' if is_own else ''
-        known = sorted(cls.__dataclass_fields__)
+        head, known = name.partition('.')[0], sorted(cls.__dataclass_fields__)
         # Most letters, or all but one.
-        share = 0.6 if is_own else min(0.8, 1.0 - 1.0 / max(len(name), 1))
-        near = difflib.get_close_matches(name, known, 1, share)
+        share = 0.6 if is_own else min(0.8, 1.0 - 1.0 / max(len(head), 1))
+        near = difflib.get_close_matches(head, known, 1, share)
         if near:
             return f'did you mean {near[0]}?'
         return f'allowed: {", ".join(known)}' if is_own else ''

@@ -57,7 +57,8 @@ def test_of_the_robots_parameters_only_what_is_nearly_ours_is_told(write, caplog
         """
         /**:
           ros__parameters:
-            {robot_name: a, rate: {arm: 9}, sed: 1, pakcet_scale: 1, qos_overrides: {/tf: 1}}
+            {robot_name: a, rate: {arm: 9}, sed: 1, lop: {arm: 1}, pakcet_scale: 1,
+             qos_overrides: {/tf: 1}}
         slip_driver: {ros__parameters: {loop: true}}
         """
     )
@@ -66,6 +67,7 @@ def test_of_the_robots_parameters_only_what_is_nearly_ours_is_told(write, caplog
         f'{path}: left out: parameter {label}, given to all nodes; {hint}'
         for label, hint in (
             ('sed = 1', 'did you mean seed?'),
+            ('lop.arm = 1', 'did you mean loop?'),
             ('pakcet_scale = 1', 'did you mean packet_scale_v?'),
             ('qos_overrides./tf = 1', 'the quality of service of the topics cannot be changed'),
         )
