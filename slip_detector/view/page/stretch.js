@@ -25,8 +25,13 @@ export class Columns {
   take(traces, arrays) {
     const came = [traces.samples, traces.levels].filter(({count}) => count);
     if (!came.length) return;
-    this.base ??= Math.min(...came.map(({first}) => first));
-    this.stop = Math.max(...came.map(({first, count}) => first + count));
+    const stop = Math.max(...came.map(({first, count}) => first + count));
+    // After a long gap, in which the page was hidden or no samples came, nothing of before is kept.
+    if (this.base === null || stop > this.stop + this.kept) {
+      this.base = Math.max(Math.min(...came.map(({first}) => first)), stop - this.kept);
+      for (const values of Object.values(this.parts).flat()) values.length = 0;
+    }
+    this.stop = stop;
     this.begun_s ??= 60 * Math.floor(this.base * this.width_s / 60);
     for (const [stream, parts] of Object.entries(PARTS)) {
       for (const [part, name] of Object.entries(parts)) this.put(this.parts[part], traces[stream], arrays[name]);
