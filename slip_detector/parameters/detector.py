@@ -95,7 +95,7 @@ class ChainConfig(ParameterSet):
         (), 'Channels (counted from 1) to leave out.', allows='1 to the number of channels'
     )
     valid_range_v: tuple[float, float] = decision_parameter(
-        (-1e9, 1e9), 'Values beyond these are bad samples.', (-1e12, 1e12, 'V'), rising=True
+        (-1e9, 1e9), 'A sample outside of this range is bad.', (-1e12, 1e12, 'V'), rising=True
     )
     flat_after_s: float = decision_parameter(
         1.0, 'A channel with one value for this long cannot vote; 0: no check.', (0.0, 3600.0, 's')
@@ -121,7 +121,7 @@ class ChainConfig(ParameterSet):
         heading='Filters',
     )
     passband_degree: int = searched(
-        4, 'Degree of band-pass (Eq. 1).', (1, 20), allows='even, 2 to 20; 1 to 20 for a high-pass'
+        4, 'Band-pass degree (Eq. 1).', (1, 20), allows='even, 2 to 20; 1 to 20 for a high-pass'
     )
     gain: float = parameter(100.0, 'Factor on the filtered signal.', (1e-6, 1e6))
     stopbands_hz: tuple[tuple[float, float], ...] = searched(
@@ -130,7 +130,7 @@ class ChainConfig(ParameterSet):
         (None, None, 'Hz'),
         allows='as passband_hz; at most 32 pairs',
     )
-    stopband_degree: int = parameter(4, 'Degree of stop-bands.', (2, 20), allows='even, 2 to 20')
+    stopband_degree: int = parameter(4, 'Degree of a stop-band.', (2, 20), allows='even, 2 to 20')
     stopband_ripple_db: float = parameter(0.01, 'Ripple outside stop-bands.', (1e-4, 3.0, 'dB'))
     stopband_attenuation_db: float = parameter(
         40.0, 'Attenuation in the middle of the stop-bands.', (6.0, 120.0, 'dB')
@@ -384,9 +384,9 @@ class DetectorConfig(ChainConfig):
         0.5, 'slip_valid becomes false within this time after a sample.', (0.01, 3600.0, 's')
     )
     max_age_s: float = parameter(
-        0.0, 'Stamps further from the clock make slip invalid; 0: no check.', (0.0, 3600.0, 's')
+        0.0, 'Stamps this far off the clock: slip_valid is false; 0: no check.', (0.0, 3600.0, 's')
     )
-    heartbeat_hz: float = parameter(10.0, 'Repeat rate of slip, slip_valid.', (0.1, 1000.0, 'Hz'))
+    heartbeat_hz: float = parameter(10.0, 'Least rate of slip, slip_valid.', (0.1, 1000.0, 'Hz'))
     publish_groups: bool = parameter(True, 'Publish slip/group/<name>.', affects='display')
     publish_channels: bool = parameter(True, 'Publish slip/channel/<name>.')
     autostart: bool = parameter(True, 'Activate itself; else a lifecycle manager does it.')

@@ -57,7 +57,7 @@ class GraspConfig(ParameterSet):
         1.0, 'Time from the last slip until the force begins to decrease.', (0.0, 3600.0, 's')
     )
     relax_n_s: float = parameter(0.1, 'How fast it decreases; 0: never.', (0.0, 1000.0, 'N/s'))
-    closing_n_s: float = parameter(5.0, 'Rate of closing and opening.', (0.001, 1e6, 'N/s'))
+    closing_n_s: float = parameter(5.0, 'Force rate of closing and opening.', (0.001, 1e6, 'N/s'))
     settle_s: float = parameter(
         0.3, 'After closing, slip is ignored for so long: contact looks like it.', (0.0, 60.0, 's')
     )
