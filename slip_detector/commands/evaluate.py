@@ -34,6 +34,8 @@ It uses no ROS: the chain runs over each recording from the first row, as in the
     :class:`slip_detector.evaluation.figures.TrueSlip` and ``Alarm``.
 ``all``
     The figures and counts over all sets.
+``not_evaluated``
+    After Ctrl-C: the recordings that were not evaluated.
 ``written``
     With ``--report``: the files.
 
@@ -50,7 +52,7 @@ from pathlib import Path
 from typing import Any
 
 from slip_detector.commands import workers
-from slip_detector.commands.command_line import Parser, run, whole_number
+from slip_detector.commands.command_line import INTERRUPTED, Parser, run, whole_number
 from slip_detector.evaluation import evaluator
 from slip_detector.evaluation.evaluator import EvaluatedRecording, RecordingLoader
 from slip_detector.parameters.detector import ChainConfig
@@ -73,7 +75,7 @@ def evaluate(
     loader: RecordingLoader,
     calls: workers.Calls | None = None,
     for_report: bool = False,
-) -> dict[str, dict[str, EvaluatedRecording]]:
+) -> tuple[dict[str, dict[str, EvaluatedRecording]], list[Path]]:
     """Evaluate sets of recordings, in parallel where there are several workers.
 
     Parameters
@@ -89,13 +91,17 @@ def evaluate(
 
     Returns
     -------
-    dict
+    sets : dict
         The evaluated recordings by the names of set and file, in the order of the arguments.
+    left : list of Path
+        The recordings that were not evaluated; empty unless Ctrl-C was pressed.
 
     Raises
     ------
     ValueError
         When a recording cannot be evaluated; names it.
+    KeyboardInterrupt
+        When Ctrl-C was pressed before the first recording was evaluated.
 
     Examples
     --------
@@ -104,9 +110,9 @@ def evaluate(
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     path = Path(folder) / 'rest.npz'
     ...     np.savez(path, volts=np.full((100, 16), 4.3), sample_rate_hz=380.0, slip=np.zeros(100))
-    ...     sets = evaluate([str(path)], RecordingLoader())
-    >>> as_report(sets)['all']['rows']
-    100
+    ...     sets, left = evaluate([str(path)], RecordingLoader())
+    >>> as_report(sets)['all']['rows'], left
+    (100, [])
     """
     sets = recording_sets(arguments)
     files = [file for several in sets.values() for file in several]
@@ -117,11 +123,20 @@ def evaluate(
         function = partial(evaluate_for_report, loader, len(files))
     found: dict[Path, EvaluatedRecording] = {}
     with workers.progress_bar(len(files), 'recording') as bar:
-        every = calls(function, files) if calls else enumerate(map(function, files))
-        for place, one in every:
-            found[files[place]] = one
-            bar.update()
-    return {name: {file.name: found[file] for file in several} for name, several in sets.items()}
+        try:
+            every = calls(function, files) if calls else enumerate(map(function, files))
+            for place, one in every:
+                found[files[place]] = one
+                bar.update()
+        except KeyboardInterrupt:
+            if not found:
+                raise
+    evaluated = {
+        name: {file.name: found[file] for file in several if file in found}
+        for name, several in sets.items()
+    }
+    left = [file for file in files if file not in found]
+    return {name: several for name, several in evaluated.items() if several}, left
 
 
 def as_report(sets: Mapping[str, Mapping[str, EvaluatedRecording]]) -> dict[str, Any]:
@@ -197,8 +212,10 @@ def _of_recordings(options: argparse.Namespace) -> tuple[dict[str, Any], Callabl
     workers.check_apart({'--report': page}, options.config, options.labels)
     workers.make_paths_whole(options, 'recordings')
     with workers.processes(options.jobs, options.cluster) as calls:
-        sets = evaluate(options.recordings, loader, calls, page is not None)
+        sets, left = evaluate(options.recordings, loader, calls, page is not None)
     report = as_report(sets)
+    if left:
+        report['not_evaluated'] = [str(path) for path in left]
     if page:
         from slip_detector.report.page import write_evaluation_report
 
@@ -230,12 +247,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        Exit code, see :func:`slip_detector.commands.command_line.run`.
+        Exit code, see :func:`slip_detector.commands.command_line.run`; 130 also where Ctrl-C left
+        recordings that were not evaluated.
     """
     options = _arguments(argv)
+    report: dict[str, Any] = {}
 
     def work() -> str:
-        report, layout = (_of_protocol if options.protocol else _of_recordings)(options)
+        figures, layout = (_of_protocol if options.protocol else _of_recordings)(options)
+        report.update(figures)
         return json.dumps(report, indent=2) if options.json else layout(report)
 
-    return run(NAME, work)
+    code = run(NAME, work)
+    return INTERRUPTED if not code and 'not_evaluated' in report else code

@@ -200,6 +200,8 @@ def evaluation_tables(report: Mapping[str, Any]) -> str:
         blocks += _tables('all sets', {**report['sets'], 'all rows': report['all']})
     if any(cell == UNDEFINED for block in blocks for row in block for cell in row):
         notes.append(LEGEND)
+    if 'not_evaluated' in report:
+        notes.append(f'Stopped early, not evaluated: {", ".join(report["not_evaluated"])}')
     if 'written' in report:
         notes.append(f'Written: {", ".join(report["written"])}')
     return '\n\n'.join([*(text_table(block, indent=0) for block in blocks), '\n'.join(notes)])

@@ -21,6 +21,8 @@ import numpy as np
 import pytest
 
 from slip_detector.commands.evaluate import main
+from slip_detector.evaluation import evaluator
+from slip_detector.evaluation.evaluator import evaluate_recording
 from support.evaluation_cases import (
     complaint,
     expected_scores,
@@ -89,6 +91,21 @@ def test_no_recordings_and_one_given_twice_are_refused_in_one_line(capsys, tmp_p
         f'{tmp_path / "empty"}: has no recordings, allowed: .npz, .csv, .mcap, .db3, .bag or bags'
     )
     assert complaint(capsys, path, path.parent) == f'{path}: is given twice, allowed: each once'
+
+
+def test_an_interrupt_leaves_what_was_evaluated(capsys, tmp_path, monkeypatch):
+    paths = [write(tmp_path / f'{name}.npz') for name in 'ab']
+
+    def one_done(loader, path):
+        if path.name == 'b.npz':
+            raise KeyboardInterrupt
+        return evaluate_recording(loader, path)
+
+    monkeypatch.setattr(evaluator, 'evaluate_recording', one_done)
+    assert main([*map(str, paths)]) == 130
+    assert capsys.readouterr().out.splitlines()[-1] == f'Stopped early, not evaluated: {paths[1]}'
+    with pytest.raises(KeyboardInterrupt):
+        main([str(paths[1])])
 
 
 @pytest.mark.skipif(not XELA.is_dir(), reason=f'no recordings at {XELA}')
