@@ -29,13 +29,10 @@ from slip_detector.chain.samples import Bools
 from slip_detector.chain.slip_chain import SlipResult
 from slip_detector.nodes import messages
 from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.recordings.messages import JointStateWriter
+from slip_detector.recordings.messages import STATES, JointStateWriter
 
 #: Longest silence of ``slip`` that the publisher promises, in periods of the heartbeat.
 DEADLINE_BEATS = 2.0
-
-#: Names of the positions of ``slip_state``.
-STATES = ('slip', 'slip_valid', 'slip_onset')
 
 #: Longest time, in seconds, for which subscribers are waited for that do not acknowledge; at the
 #: end the detectors of a process do so one after the other.

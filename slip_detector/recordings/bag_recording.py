@@ -144,6 +144,8 @@ class BagRecording(Recording):
         super().__init__(path, labels, config)
         self._storage = BagStorage(path)
         self._topic = self._rows_topic(config.recording_topic)
+        if _is_named(self._topic.name, TOPIC):
+            self.namespace = f'/{self._topic.name}'.rpartition('/')[0].replace('//', '/')
         usual = 'position' if self._topic.msgtype == JOINT_STATE else 'data'
         self._field = config.recording_field or usual
         self._label_topic = self._found_label_topic(config)

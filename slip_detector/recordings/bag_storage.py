@@ -39,7 +39,7 @@ ABOUT = 'rosbag2_bagfile_information'
 #: Endings of the files of a bag; the last is that of ROS 1.
 BAG_ENDINGS = ('.mcap', '.db3', '.bag')
 
-_HEADER = 'std_msgs/msg/Header'
+HEADER = 'std_msgs/msg/Header'
 
 #: The first bytes of an MCAP.
 MAGIC = b'\x89MCAP0\r\n'
@@ -214,9 +214,9 @@ def typestore_of(topic: Topic) -> Any:
         types: dict[str, Any] = {}
         if topic.encoding == 'MSG':
             types = get_types_from_msg(topic.definition, topic.msgtype)
-        if _HEADER in types:  # rosbags skips the number that only ROS 1 has
-            constants, fields = types[_HEADER]
-            types[_HEADER] = (constants, [field for field in fields if field[0] != 'seq'])
+        if HEADER in types:  # rosbags skips the number that only ROS 1 has
+            constants, fields = types[HEADER]
+            types[HEADER] = (constants, [field for field in fields if field[0] != 'seq'])
         store = get_typestore(Stores.EMPTY)
         store.register(types)
         store.get_msgdef(topic.msgtype)

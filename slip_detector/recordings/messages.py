@@ -54,6 +54,9 @@ TEXTS = ENCAPSULATION_BYTES + STAMP.size
 #: The fields of a JointState that are lists of numbers, in their order.
 JOINT_FIELDS = ('position', 'velocity', 'effort')
 
+#: Names of the positions of ``slip_state``.
+STATES = ('slip', 'slip_valid', 'slip_onset')
+
 _STEP = re.compile(r'(?P<name>[A-Za-z]\w*)(\[(?P<element>:|\d{0,9})\])?', re.ASCII)
 _SYNTAX = 'names joined by dots, each perhaps with [], [2] or, one of them, [:]'
 
@@ -278,6 +281,12 @@ class JointStateWriter:
         if effort is not None:
             self._raw[self._effort] = effort.tobytes()
         return bytes(self._raw)
+
+
+def header(stamp_ns: int) -> bytes:
+    """Return a serialised Header without a frame."""
+    stamp = STAMP.pack(*divmod(stamp_ns, 1_000_000_000))
+    return LITTLE_ENDIAN.ljust(ENCAPSULATION_BYTES, b'\0') + stamp + LENGTH.pack(1) + b'\0'
 
 
 class FieldReader:

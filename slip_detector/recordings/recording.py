@@ -116,6 +116,8 @@ class Recording(ABC):
         How exact the label is; 0: exact.
     kind : str
         One of :data:`.labels.KINDS`, in which nothing slides; '': none of them.
+    namespace : str
+        That of a bag's topic ``voltages``, for example ``/index``.
     counts : RecordingCounts
         Counts of the last reading.
     n_rows : int or None
@@ -127,6 +129,7 @@ class Recording(ABC):
     channel_names: tuple[str, ...]
     label_name: str
     n_rows: 'int | None' = None
+    namespace = ''
 
     def __init__(self, path: Path, labels: 'Labels | None', config: RecordingConfig) -> None:
         self.path, self._limit_mb = path, config.recording_limit_mb
@@ -134,6 +137,11 @@ class Recording(ABC):
         self._labels, self._resample = labels, config.recording_resample
         self.has_truth, self.accuracy_s = labels is not None, labels.accuracy_s if labels else 0.0
         self.kind = labels.kind if labels else ''
+
+    @property
+    def is_labelled(self) -> bool:
+        """Whether it is known where there is slip, or that there is none."""
+        return self.has_truth or bool(self.kind)
 
     @abstractmethod
     def read(self) -> Iterator[Samples]:

@@ -21,7 +21,7 @@ import errno
 import json
 import os
 import sqlite3
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +44,7 @@ PLUGINS = {'.mcap': 'MCAP', '.db3': 'SQLITE3'}
 TOPICS = {'/voltages': JOINT_STATE, '/slip_truth': BOOL, '/platform_position': JOINT_STATE}
 
 #: The serialised states of a Bool.
-_BOOLS = (b'\0\1\0\0\0', b'\0\1\0\0\1')
+BOOLS = (b'\0\1\0\0\0', b'\0\1\0\0\1')
 
 
 def write_recording(
@@ -92,12 +92,7 @@ def write_recording(
     (('a', 'b'), 100.0, False)
     """
     path = Path(path)
-    if path.suffix not in ('', '.npz', '.csv', *PLUGINS):
-        raise ValueError(
-            f'{path}: is {path.suffix}, allowed: .npz, .csv, .mcap, .db3 or without ending'
-        )
-    if path.exists():
-        raise ValueError(f'{path}: already exists, allowed: a new path')
+    check_new(path, '.npz', '.csv', *PLUGINS)
     with file_errors_of(path):
         path.parent.mkdir(parents=True, exist_ok=True)
     with whole_file(path) as new:
@@ -106,7 +101,25 @@ def write_recording(
         elif path.suffix == '.csv':
             _write_csv(new, pieces, channel_names)
         else:
-            _write_bag(new, pieces, channel_names, frame_id)
+            with new_bag(new, channel_names, frame_id=frame_id) as bag:
+                for piece in pieces:
+                    bag.write(piece)
+
+
+def check_new(path: Path, *endings: str) -> None:
+    """Raise an error where a recording to write exists already or has another ending.
+
+    Examples
+    --------
+    >>> check_new(Path('a.bag'), *PLUGINS)
+    Traceback (most recent call last):
+    ValueError: a.bag: is .bag, allowed: .mcap, .db3 or without ending
+    """
+    if path.suffix not in ('', *endings):
+        allowed = ', '.join(endings)
+        raise ValueError(f'{path}: is {path.suffix}, allowed: {allowed} or without ending')
+    if path.exists():
+        raise ValueError(f'{path}: already exists, allowed: a new path')
 
 
 def _write_csv(path: Path, pieces: Iterable[Samples], names: Sequence[str]) -> None:
@@ -131,12 +144,12 @@ def _write_npz(path: Path, pieces: Iterable[Samples], sample_rate_hz: float) -> 
     np.savez(path, sample_rate_hz=sample_rate_hz, **arrays)
 
 
-def _write_bag(path: Path, pieces: Iterable[Samples], names: Sequence[str], frame_id: str) -> None:
+@contextlib.contextmanager
+def new_bag(path: Path, names: Sequence[str], **more: Any) -> Iterator['BagWriter']:
     """Write the folder of a bag or, if the path has an ending, only the file with its messages."""
-    bag = BagWriter(path.with_suffix(''), names, frame_id, path.suffix or '.mcap')
+    bag = BagWriter(path.with_suffix(''), names, ending=path.suffix or '.mcap', **more)
     try:
-        for piece in pieces:
-            bag.write(piece)
+        yield bag
         bag.close()
     except BaseException as error:
         bag.abort()
@@ -167,6 +180,8 @@ class BagWriter:
         How exact the truth is, which is noted in ``metadata.yaml``.
     kind
         One of :data:`.labels.KINDS`, which is noted there too; '': none of them.
+    topics
+        The topics and their types.
 
     Raises
     ------
@@ -200,6 +215,7 @@ class BagWriter:
         ending: str = '.mcap',
         accuracy_s: float = 0.0,
         kind: str = '',
+        topics: Mapping[str, str] = TOPICS,
     ) -> None:
         rosbag2 = load_rosbags()
         from rosbags.typesys import Stores, get_typestore
@@ -217,12 +233,24 @@ class BagWriter:
             self._writer.open()
         except rosbag2.WriterError:
             raise FileExistsError(errno.EEXIST, 'already exists') from None
-        self._voltages, self._slip_truth, self._position = (
-            self._writer.add_connection(
+        self._topics = {
+            topic: self._writer.add_connection(
                 topic, msgtype, typestore=types, offered_qos_profiles=[_quality()]
             )
-            for topic, msgtype in TOPICS.items()
-        )
+            for topic, msgtype in topics.items()
+        }
+
+    def put(self, topic: str, at_ns: int, raw: bytes) -> None:
+        """Write a message.
+
+        Raises
+        ------
+        OSError
+            When the file cannot be written, or the time is negative, which MCAP cannot store.
+        """
+        if self.path.suffix == '.mcap' and at_ns < 0:
+            raise OSError(errno.EINVAL, 'a stamp is negative, which MCAP has no room for')
+        self._writer.write(self._topics[topic], at_ns, raw)
 
     def write(self, piece: Samples) -> None:
         """Write the next rows; all pieces have a truth, or none.
@@ -230,20 +258,18 @@ class BagWriter:
         Raises
         ------
         OSError
-            When the file cannot be written, or a stamp is negative, which MCAP cannot store.
+            As :meth:`put`.
         """
-        if self.path.suffix == '.mcap' and np.any(piece.stamps_ns < 0):
-            raise OSError(errno.EINVAL, 'a stamp is negative, which MCAP has no room for')
         truth = piece.truth
         for i, at_ns in enumerate(piece.stamps_ns.tolist()):
             # A state holds for the messages that are received after it.
             if truth is not None and truth[i] != self._last:
                 self._last = bool(truth[i])
-                self._writer.write(self._slip_truth, at_ns, _BOOLS[self._last])
+                self.put('/slip_truth', at_ns, BOOLS[self._last])
             if piece.position_m is not None:
                 position = self._platform.written(at_ns, piece.position_m[i])
-                self._writer.write(self._position, at_ns, position)
-            self._writer.write(self._voltages, at_ns, self._rows.written(at_ns, piece.volts[i]))
+                self.put('/platform_position', at_ns, position)
+            self.put('/voltages', at_ns, self._rows.written(at_ns, piece.volts[i]))
 
     def flush(self) -> None:
         """Pass all rows so far to the operating system, so that they survive a killed process.

@@ -107,7 +107,9 @@ def test_the_truth_is_taken_from_the_namespace_of_the_rows(tmp_path):
             bag.write_rows(written, finger)
     for finger, written in fingers.items():
         config = RecordingConfig(recording_topic=f'{finger}/voltages')
-        check_same(gathered(open_recording(tmp_path / 'a', config)), written)
+        recording = open_recording(tmp_path / 'a', config)
+        check_same(gathered(recording), written)
+        assert recording.namespace == finger
     said = complaint(tmp_path / 'a')
     assert (
         'has 2 topics voltages, there are: /left/voltages (sensor_msgs/msg/JointState), /r' in said
