@@ -14,7 +14,8 @@
 
 """The command ``slip_evaluate``.
 
-Run the slip chain over labelled recordings and print how well it does: areas under the ROC curve;
+Run the slip chain over recordings and print what it decides and, where slips are labelled, how
+well it does: areas under the ROC curve;
 delays, success rate and false positives as in the paper; slips and alarms matched one to one, with
 the latencies and their parts by stage. Or, with --protocol paper, simulate the trials of the paper
 and print delays, success rate and false positives beside those that it reports, and for each
@@ -30,14 +31,18 @@ It uses no ROS: the chain runs over each recording from the first row, as in the
     faults, see :func:`slip_detector.evaluation.evaluator.recording_figures`. Under
     ``recordings``, by the name of the file, the same for each recording, with ``lost`` (which
     part of a damaged file could not be read), ``doubts`` (why damage may go unseen),
+    ``on_intervals_s`` (start and end of each time ON),
+    ``invalid_percent`` (of the channels that are not always valid), ``labelled``, and
     ``slip_events`` and ``alarm_events``, see
-    :class:`slip_detector.evaluation.figures.TrueSlip` and ``Alarm``.
+    :class:`slip_detector.evaluation.figures.TrueSlip` and ``Alarm``; None without labels.
 ``all``
     The figures and counts over all sets.
+``note``
+    Where recordings have no labels: how to label them.
 ``not_evaluated``
     After Ctrl-C: the recordings that were not evaluated.
 ``written``
-    With ``--report``: the files.
+    With ``--report`` and ``--out``: the files.
 
 ``slip_evaluate --protocol paper`` takes no recordings: it simulates the paper's three plates, ten
 trials on each, and prints the paper's Table 2 beside ours (``evaluation/protocol.py``).
@@ -58,12 +63,12 @@ from slip_detector.evaluation.evaluator import EvaluatedRecording, RecordingLoad
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.files import writable_folder
 from slip_detector.recordings import recording_sets
-from slip_detector.report.tables import evaluation_tables
+from slip_detector.report.tables import evaluation_tables, labels_note
 
 NAME = 'slip_evaluate'
 
 #: Options that apply to recordings only, and to the protocol only.
-OF_RECORDINGS = ('topic', 'field', 'labels', 'resample', 'report', 'jobs', 'cluster')
+OF_RECORDINGS = ('topic', 'field', 'labels', 'resample', 'report', 'out', 'jobs', 'cluster')
 OF_PROTOCOL = ('plot', 'trials', 'seed')
 
 #: A larger number of simulated trials is taken for a typing error.
@@ -152,7 +157,8 @@ def as_report(sets: Mapping[str, Mapping[str, EvaluatedRecording]]) -> dict[str,
     dict
         ``sets`` and ``all``; see the module's docstring.
     """
-    return {
+    every = [one for files in sets.values() for one in files.items()]
+    report: dict[str, Any] = {
         'sets': {
             name: {
                 **evaluator.recording_figures(files.values()),
@@ -160,20 +166,25 @@ def as_report(sets: Mapping[str, Mapping[str, EvaluatedRecording]]) -> dict[str,
             }
             for name, files in sets.items()
         },
-        'all': evaluator.recording_figures(
-            [one for files in sets.values() for one in files.values()]
-        ),
+        'all': evaluator.recording_figures([one for _, one in every]),
     }
+    for note in labels_note(file for file, one in every if not one.labelled):
+        report['note'] = note
+    return report
 
 
 def _alone(one: EvaluatedRecording) -> dict[str, Any]:
-    return {
+    figures = {
         **evaluator.recording_figures([one]),
+        'labelled': one.labelled,
         'lost': one.counts.damage,
         'doubts': one.counts.doubts,
+        'on_intervals_s': one.outcome.on_s,
+        'invalid_percent': one.invalid_percent,
         'slip_events': [dataclasses.asdict(slip) for slip in one.outcome.slips],
         'alarm_events': [dataclasses.asdict(alarm) for alarm in one.outcome.alarms],
     }
+    return figures if one.labelled else {**figures, 'slip_events': None, 'alarm_events': None}
 
 
 def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
@@ -181,6 +192,11 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser = Parser(prog=NAME, description=__doc__.split('\n\n')[1])
     parser.add_argument('--json', action='store_true', help='print one JSON object')
     workers.add_options(parser, 'evaluate recordings in parallel')
+    parser.add_argument(
+        '--out', type=Path, metavar='FILE.mcap',
+        help='write the levels, decisions and onsets of one recording as a bag, on the names of '
+        "the detector's topics, for PlotJuggler or Foxglove",
+    )  # fmt: skip
     add = parser.add_argument_group('with --protocol').add_argument
     add(
         '--protocol', choices=('paper',),
@@ -206,10 +222,15 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
 
 def _of_recordings(options: argparse.Namespace) -> tuple[dict[str, Any], Callable[..., str]]:
     """Return the figures of the recordings, and the function that prints them as tables."""
-    page = options.report
+    page, out = options.report, options.out
     loader = RecordingLoader(*workers.sets_of_parameters(options, *map(type, RecordingLoader())))
     # An error is reported before an hour of recordings is read.
     workers.check_apart({'--report': page}, options.config, options.labels)
+    if out is not None:
+        first, *more = (one for of in recording_sets(options.recordings).values() for one in of)
+        if more:
+            raise ValueError(f'--out is for one recording, these are {1 + len(more)}')
+        evaluator.write_decisions_of(loader, first, out)
     workers.make_paths_whole(options, 'recordings')
     with workers.processes(options.jobs, options.cluster) as calls:
         sets, left = evaluate(options.recordings, loader, calls, page is not None)
@@ -220,7 +241,8 @@ def _of_recordings(options: argparse.Namespace) -> tuple[dict[str, Any], Callabl
         from slip_detector.report.page import write_evaluation_report
 
         write_evaluation_report(page, sets)
-        report['written'] = [str(page)]
+    if page or out:
+        report['written'] = [str(path) for path in (page, out) if path]
     return report, evaluation_tables
 
 

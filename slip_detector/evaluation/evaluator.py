@@ -21,16 +21,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from slip_detector.chain.samples import Bools, Samples
-from slip_detector.evaluation.figures import ReplayOutcome, figures_of_merit
+from slip_detector.chain.slip_chain import SlipChain, SlipResult
+from slip_detector.evaluation.figures import ReplayOutcome, decision_figures, figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig, default_channel_names
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.recordings import Recording, RecordingCounts, open_recording, rates_differ
+from slip_detector.recordings.decisions import write_decisions
 from slip_detector.recordings.labels import labels_name
 
 
-class LabelledRecording(NamedTuple):
+class OpenedRecording(NamedTuple):
     """A recording that suits the chain.
 
     Attributes
@@ -62,6 +64,11 @@ class LabelledRecording(NamedTuple):
     sample_rate_hz: float
     recording: Recording
 
+    def evaluated(self, outcome: ReplayOutcome, observer: Any = None) -> 'EvaluatedRecording':
+        """Return the outcome of a replay of all rows with what is known of the recording."""
+        of = self.recording
+        return EvaluatedRecording(outcome, of.counts, observer, of.channel_names, of.is_labelled)
+
 
 class RecordingLoader(NamedTuple):
     """Opens recordings and checks that they suit a chain.
@@ -91,7 +98,7 @@ class RecordingLoader(NamedTuple):
     recording_config: RecordingConfig = RecordingConfig()
     config: EvaluationConfig = EvaluationConfig()
 
-    def open(self, path: Path, require_truth: bool = True) -> LabelledRecording:
+    def open(self, path: Path, require_truth: bool = True) -> OpenedRecording:
         """Open a recording and check that it suits the chain.
 
         Parameters
@@ -120,7 +127,7 @@ class RecordingLoader(NamedTuple):
                 f'{path}: has the channels {", ".join(names)}, allowed: '
                 f'{", ".join(config.channel_names)}, the parameter channel_names'
             )
-        if require_truth and not (recording.has_truth or recording.kind):
+        if require_truth and not recording.is_labelled:
             raise ValueError(
                 f'{path}: has no {recording.label_name}; allowed: one to label the slips, or a '
                 f'file of labels beside it, {labels_name(path)} (--labels: elsewhere)'
@@ -129,7 +136,7 @@ class RecordingLoader(NamedTuple):
         rate_hz = recording.sample_rate_hz
         if rates_differ(rate_hz, config.sample_rate_hz):
             rate_hz = config.sample_rate_hz
-        return LabelledRecording(self._rows(recording), rate_hz, recording)
+        return OpenedRecording(self._rows(recording), rate_hz, recording)
 
     def _rows(self, recording: Recording) -> Iterator[Samples]:
         """Yield the pieces of a recording with their labels and the motion of the robot."""
@@ -168,6 +175,19 @@ class RecordingLoader(NamedTuple):
         return np.asarray(speed > self.config.moving_above)
 
 
+def write_decisions_of(loader: RecordingLoader, path: Path, out: Path) -> None:
+    """Write what the detector decides on a recording as a bag; see :func:`.write_decisions`."""
+    opened, chain = loader.open(path, require_truth=False), SlipChain(loader.chain_config)
+
+    def decided() -> Iterator[tuple[Samples, SlipResult]]:
+        for piece in opened.rows:
+            if piece.new_stretch:
+                chain.restart()
+            yield piece, chain.update(piece.volts, envelope=False)
+
+    write_decisions(out, decided(), chain.config, opened.recording.namespace)
+
+
 class EvaluatedRecording(NamedTuple):
     """The outcome of a recording's replay, and the faults of the recording.
 
@@ -178,6 +198,9 @@ class EvaluatedRecording(NamedTuple):
         Gaps, bad samples and losses.
     observer : Any
         What received the rows for a report; None without one.
+    channel_names : tuple of str
+    labelled : bool
+        Whether it is known where there is slip; else there are decisions, but no scores.
 
     Examples
     --------
@@ -191,6 +214,14 @@ class EvaluatedRecording(NamedTuple):
     outcome: ReplayOutcome
     counts: RecordingCounts
     observer: Any = None
+    channel_names: tuple[str, ...] = ()
+    labelled: bool = True
+
+    @property
+    def invalid_percent(self) -> dict[str, float]:
+        """In what share of the rows a channel was not valid; those always valid are left out."""
+        named = zip(self.channel_names, self.outcome.invalid_rows, strict=False)
+        return {name: 100.0 * rows / self.outcome.rows for name, rows in named if rows}
 
 
 def recording_figures(evaluations: Iterable[EvaluatedRecording]) -> dict[str, Any]:
@@ -199,7 +230,8 @@ def recording_figures(evaluations: Iterable[EvaluatedRecording]) -> dict[str, An
     Returns
     -------
     dict
-        As :func:`.figures_of_merit` returns them, and ``bad_samples``: values that are not
+        Those of :func:`.figures_of_merit` for recordings with labels, None where none has any; for
+        all of them those of :func:`.decision_figures`, and ``bad_samples``: values that are not
         numbers; ``gaps`` that were bridged, and by how many rows, ``bridged_rows``;
         ``long_gaps``, after which the chain was reset; ``dropped``: rows whose stamp is not after
         the one before.
@@ -214,8 +246,11 @@ def recording_figures(evaluations: Iterable[EvaluatedRecording]) -> dict[str, An
     """
     several = list(evaluations)
     counts = [one.counts for one in several]
+    labelled = [one.outcome for one in several if one.labelled]
+    figures = figures_of_merit(labelled)
     return {
-        **figures_of_merit([one.outcome for one in several]),
+        **(figures if labelled or not several else dict.fromkeys(figures)),
+        **decision_figures([one.outcome for one in several]),
         **{
             name: sum(getattr(one, name) for one in counts)
             for name in ('bad_samples', 'gaps', 'bridged_rows', 'dropped')
@@ -237,8 +272,8 @@ def evaluate_recording(loader: RecordingLoader, path: Path) -> EvaluatedRecordin
     Raises
     ------
     ValueError
-        When the chain cannot be built, or the recording cannot be read, does not suit the chain
-        or has no labels; names the file.
+        When the chain cannot be built, or the recording cannot be read or does not suit the chain;
+        names the file.
 
     Examples
     --------
@@ -253,6 +288,5 @@ def evaluate_recording(loader: RecordingLoader, path: Path) -> EvaluatedRecordin
     (1, 0, 0)
     """
     replay = Replay(loader.chain_config, loader.config)
-    opened = loader.open(path)
-    outcome = replay.run(opened.rows, opened.sample_rate_hz)
-    return EvaluatedRecording(outcome, opened.recording.counts)
+    opened = loader.open(path, require_truth=False)
+    return opened.evaluated(replay.run(opened.rows, opened.sample_rate_hz))

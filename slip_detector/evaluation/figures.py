@@ -274,7 +274,7 @@ def mean_and_sd(delays: Iterable[float | None]) -> tuple[float | None, float | N
     return mean, float(np.std(known, ddof=1)) if len(known) > 1 else None
 
 
-def percent(part: int, whole: int) -> float | None:
+def percent(part: float, whole: float) -> float | None:
     """Return a share in percent; None where the whole is 0.
 
     Examples
@@ -341,6 +341,10 @@ class ReplayOutcome:
         Scores of the decision statistic.
     kind : str
         The kind of the recording, see :mod:`slip_detector.recordings.labels`.
+    on_s : tuple of (float, float)
+        When the global decision was ON: start and end, in seconds from the start of the recording.
+    invalid_rows : tuple of int
+        For each channel the number of rows in which it was not valid; 0 if it is disabled.
 
     Examples
     --------
@@ -368,6 +372,32 @@ class ReplayOutcome:
     alarms: tuple[Alarm, ...]
     scores: ScoreCounts
     kind: str = ''
+    on_s: tuple[tuple[float, float], ...] = ()
+    invalid_rows: tuple[int, ...] = ()
+
+
+def decision_figures(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:
+    """Return what the detector decided, with or without labels.
+
+    Returns
+    -------
+    dict
+        ``rows`` and ``duration_s``; ``onsets``: how often the global decision turns ON, also after
+        the shortest OFF, and how often a minute; how long it is ON, ``on_s``, and the share of
+        the time, ``on_percent``; and the number of channels that are not always valid,
+        ``invalid_channels``.
+    """
+    seconds = sum(one.rows / one.sample_rate_hz for one in outcomes)
+    on = [end_s - start_s for one in outcomes for start_s, end_s in one.on_s]
+    return {
+        'rows': sum(one.rows for one in outcomes),
+        'duration_s': seconds,
+        'onsets': len(on),
+        'onsets_per_minute': 60.0 * len(on) / seconds if seconds else None,
+        'on_s': sum(on),
+        'on_percent': percent(sum(on), seconds),
+        'invalid_channels': int(np.count_nonzero(sum(np.array(o.invalid_rows) for o in outcomes))),
+    }
 
 
 def figures_of_merit(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:

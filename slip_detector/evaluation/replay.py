@@ -144,6 +144,7 @@ class _Run:
         self._chain, self._config = replay.chain, replay.chain.config
         self._row = 0  # Number of the next row; rows that are missing in gaps count.
         self._moving_rows: int | None = None
+        self._valid_rows = np.zeros(self._config.channels)
         self._last_ns = 0
         self._stretches, self._labels, self._on = OnIntervals(), OnIntervals(), OnIntervals()
         self._slips: list[_Slip] = []
@@ -196,6 +197,7 @@ class _Run:
         self._stretches.add(np.ones_like(on), row)
         self._labels.add(truth, row)
         self._on.add(on, row)
+        self._valid_rows += np.ones(len(on)) @ result.valid
         if truth[0]:
             _note_first(self._slips[-1].first[3], result.channels[: np.count_nonzero(truth)], row)
         if self._watching:
@@ -274,6 +276,8 @@ class _Run:
                     delay_s=mean_and_sd(delays_s)[0],
                 )
             )
+        invalid_rows = (_length(stretches) - self._valid_rows).astype(np.int64)
+        invalid_rows[[channel - 1 for channel in self._config.disabled_channels]] = 0
         found = []
         alarm_settles = scored.settling(rises)
         for a, (alarm, of) in enumerate(zip(alarms, slip_of, strict=True)):
@@ -297,6 +301,8 @@ class _Run:
             alarms=tuple(found),
             scores=self._replay.tally.collect(),
             kind=self._kind,
+            on_s=tuple((one.start / rate_hz, one.end / rate_hz) for one in on),
+            invalid_rows=tuple(invalid_rows.tolist()),
         )
 
     def _lost_at(self, slip: _Slip) -> str:

@@ -35,7 +35,7 @@ Volts = NDArray[np.float32]
 Codes = NDArray[np.uint8]
 
 #: Kinds of events, the most important first.
-EVENT_KINDS = ('false alarm', 'missed', 'late', 'detected')
+EVENT_KINDS = ('false alarm', 'missed', 'late', 'detected', 'onset')
 
 #: Most cells of the overviews of all recordings in a report: bins times channels.
 MOST_CELLS = 3 * 2**19
@@ -79,8 +79,10 @@ class Event(NamedTuple):
     note: str = ''
 
 
-def events_of(outcome: ReplayOutcome) -> list[Event]:
+def events_of(outcome: ReplayOutcome, labelled: bool = True) -> list[Event]:
     """Return the scored slips and the false alarms of a recording in the order of their starts.
+
+    Of one without labels these are the times in which the global decision is ON.
 
     Examples
     --------
@@ -89,6 +91,8 @@ def events_of(outcome: ReplayOutcome) -> list[Event]:
     >>> [(event.kind, event.start_s, event.note) for event in events_of(outcome)]
     [('missed', 0.5, 'lost at: filter')]
     """
+    if not labelled:
+        return [Event('onset', start_s, end_s) for start_s, end_s in outcome.on_s]
     events = [
         Event('false alarm', alarm.start_s, alarm.end_s)
         for alarm in outcome.alarms
@@ -160,6 +164,8 @@ class Overview:
     codes : ndarray of uint8, shape (bins, c)
         After :meth:`finish` the highest codes; see :func:`level_codes`.
     events : sequence of Event
+    labelled : bool
+        Whether it is known where there is slip.
 
     Examples
     --------
@@ -188,13 +194,14 @@ class Overview:
         self.groups = {name: OnIntervals() for name in config.groups}
         self.events: Sequence[Event] = ()
         self._intervals = self.slip, self.truth, *self.groups.values()
+        self.labelled = True
         # The numbers of rows, their volts and their codes, so far.
         self._pieces: list[tuple[Ints, Volts, Codes]] = []
 
     def replay(self, replay: Replay, rows: Iterable[Samples]) -> ReplayOutcome:
         """Replay the whole recording, and finish the overview with its events."""
         outcome = replay.run(rows, self.sample_rate_hz, self)
-        self.finish(events_of(outcome))
+        self.finish(events_of(outcome, self.labelled))
         return outcome
 
     def add(self, volts: Floats, result: SlipResult, truth: Bools) -> None:

@@ -46,6 +46,7 @@ from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.files import whole_file
 from slip_detector.report.overview import EVENT_KINDS, Codes, Overview, Volts
 from slip_detector.report.page_sections import Variant, sections
+from slip_detector.report.tables import labels_note, recording_notes
 from slip_detector.tuning.tracks import Track
 
 #: Scripts of a page; each comes after those that it needs.
@@ -161,7 +162,7 @@ def pack_recording(variants: Sequence[Overview]) -> tuple[dict[str, Any], str]:
         'channels': first.channel_names,
         'lowest_v': lowest.tolist(),
         'step_v': step.tolist(),
-        'truth': first.truth.edges,
+        'truth': first.truth.edges if first.labelled else None,
         'variants': [_variant(overview) for overview in variants],
     }
     return header, base64.b64encode(zlib.compress(b''.join(data))).decode()
@@ -188,11 +189,12 @@ def evaluate_for_report(
     loader: RecordingLoader, recordings: int, path: Path
 ) -> EvaluatedRecording:
     """Evaluate one of several recordings with its overview as the observer."""
-    opened, chain = loader.open(path), loader.chain_config
+    opened, chain = loader.open(path, require_truth=False), loader.chain_config
     names, rate_hz = opened.recording.channel_names, opened.sample_rate_hz
     overview = Overview(path.name, chain, names, 1 / recordings, rate_hz)
+    overview.labelled = opened.recording.is_labelled
     outcome = overview.replay(Replay(chain, loader.config), opened.rows)
-    return EvaluatedRecording(outcome, opened.recording.counts, overview)
+    return opened.evaluated(outcome, overview)
 
 
 def write_evaluation_report(
@@ -221,10 +223,13 @@ def write_evaluation_report(
             overviews.append(one.observer)
             figures[title] = recording_figures([one])
             faults = one.counts.damage, one.counts.doubts
-            notes += [f'{title}: {line}' for line in faults if line]
+            notes += recording_notes(title, faults, one.invalid_percent)
+    notes += labels_note(
+        title for title, one in zip(figures, every, strict=True) if not one.labelled
+    )
     figures['all recordings'] = recording_figures(every)
     given = Variant('given', overviews[0].config, overviews, figures)
-    outcomes = [one.outcome for one in every]
+    outcomes = [one.outcome for one in every if one.labelled]
     write_page(path, f'Slips and alarms: {", ".join(sets)}', [given], notes, outcomes)
 
 

@@ -96,7 +96,7 @@ def _figures(variants: Sequence[Variant]) -> str:
         return _table('figures', ['recording', 'variant', *map(heading, names)], cells)
 
     main = table(main_figures(figures for *_, figures in rows))
-    legend = f'{UNDEFINED}: not defined, as nothing of the kind occurred or it was not asked for'
+    legend = f'{UNDEFINED}: not defined: no labels, nothing of the kind, or it was not asked for'
     return f'{main}{_details("All figures", table(names))}<p class="legend">{legend}</p>'
 
 

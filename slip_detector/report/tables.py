@@ -19,7 +19,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from slip_detector.evaluation.figures import ALREADY_ON, STAGES
-from slip_detector.recordings.labels import KINDS
+from slip_detector.parameters.fields import name_list
+from slip_detector.recordings.labels import ENDING, KEY, KINDS
 
 #: The text of a figure that is not defined.
 UNDEFINED = '-'
@@ -31,6 +32,8 @@ HEADINGS = {
     'matched': 'detected',
     'settling_slips': 'while settling',
     'settling_alarms': 'while settling',
+    'on_s': 'ON [s]',
+    'on_percent': 'ON [% of the time]',
     'false_time_percent': 'ON without slip [%]',
     'false_time_s_per_hour': 'ON [s an hour]',
     'force_percent': 'mean grip [% of the limit]',
@@ -60,6 +63,7 @@ TABLES: dict[str, Sequence[str]] = {
         'rest_s', 'false_alarms_per_minute', 'false_time_percent', 'false_time_s_per_hour',
     ),
     'kinds': [f'{kind}_{what}' for kind in KINDS for what in ('on_percent', 'alarms_per_minute')],
+    'decisions': ('onsets', 'onsets_per_minute', 'on_s', 'on_percent', 'invalid_channels'),
     'mean latency, by stage': [f'{stage}_ms' for stage in STAGES],
     'of the late ones': [f'late_{stage}_ms' for stage in STAGES],
     'missed slips, lost at': [*(f'missed_at_{stage}' for stage in STAGES), f'missed_{ALREADY_ON}'],
@@ -69,14 +73,16 @@ TABLES: dict[str, Sequence[str]] = {
 #: The tables that are left out where all their figures are 0 or not defined.
 OPTIONAL = tuple(TABLES)[-4:]
 
-LEGEND = f'{UNDEFINED}: not defined (no such rows or events, or the motion is not recorded)'
+LEGEND = (
+    f'{UNDEFINED}: not defined (no labels, no such rows or events, or the motion is not recorded)'
+)
 
 #: The figures by which chains are compared, where they are defined.
 MAIN_FIGURES = (
     'slips', 'missed', 'late', 'recall', 'coverage', 'sooner_than_chance', 'precision',
     'false_alarms', 'false_alarms_per_minute', 'false_time_percent', 'latency_median_all_ms',
     'latency_median_ms', 'latency_p90_ms', 'latency_worst_ms', 'auc_all', 'auc_moving',
-    *TABLES['kinds'],
+    *TABLES['kinds'], *TABLES['decisions'],
 )  # fmt: skip
 
 
@@ -195,16 +201,51 @@ def evaluation_tables(report: Mapping[str, Any]) -> str:
         if not any(whole[figure] for figure in TABLES['faults']):
             notes.append(f'{name}: no bad samples, no gaps, no rows dropped')
         for file, one in recordings.items():
-            notes += [f'{file}: {one[key]}' for key in ('lost', 'doubts') if one[key]]
+            notes += recording_notes(file, [one['lost'], one['doubts']], one['invalid_percent'])
+            if not one['labelled']:
+                on = [f'{start_s:.3f} to {end_s:.3f}' for start_s, end_s in one['on_intervals_s']]
+                notes.append(
+                    f'{file}: ON from {name_list(on, 12)} s' if on else f'{file}: never ON'
+                )
     if len(report['sets']) > 1:
         blocks += _tables('all sets', {**report['sets'], 'all rows': report['all']})
     if any(cell == UNDEFINED for block in blocks for row in block for cell in row):
         notes.append(LEGEND)
+    notes += [report['note']] if 'note' in report else []
     if 'not_evaluated' in report:
         notes.append(f'Stopped early, not evaluated: {", ".join(report["not_evaluated"])}')
     if 'written' in report:
         notes.append(f'Written: {", ".join(report["written"])}')
     return '\n\n'.join([*(text_table(block, indent=0) for block in blocks), '\n'.join(notes)])
+
+
+def recording_notes(
+    name: str, faults: Iterable[str], invalid_percent: Mapping[str, float]
+) -> list[str]:
+    """Return lines on the faults of a recording and on its channels that are not always valid.
+
+    Examples
+    --------
+    >>> recording_notes('a.mcap', [''], {'ch3': 12.5, 'ch7': 100.0})
+    ['a.mcap: not valid: ch3 12.5 %, ch7 100 % of the time']
+    """
+    shares = [f'{channel} {share:.3g} %' for channel, share in invalid_percent.items()]
+    invalid = f'not valid: {name_list(shares)} of the time' if shares else ''
+    return [f'{name}: {text}' for text in (*faults, invalid) if text]
+
+
+def labels_note(names: Iterable[str]) -> list[str]:
+    """Return a line that says how to label recordings that have no labels; none if all have.
+
+    Examples
+    --------
+    >>> labels_note([])
+    []
+    """
+    several = list(names)
+    need = f'need {KEY}: [[start, end]] in seconds in a file NAME{ENDING} beside the recording'
+    line = f'{name_list(several)}: no labels; scores {need}, by hand or by slip_view --bag'
+    return [line] if several else []
 
 
 def _tables(name: str, rows: Mapping[str, Mapping[str, Any]]) -> list[list[list[str]]]:
@@ -213,7 +254,9 @@ def _tables(name: str, rows: Mapping[str, Mapping[str, Any]]) -> list[list[list[
     *_, whole = rows.values()
     tables = []
     for title, every in TABLES.items():
-        figures = [one for one in every if title != 'kinds' or whole.get(one) is not None]
+        # Without labels there are no scores.
+        may_lack = title == 'kinds' or whole['slips'] is None
+        figures = [one for one in every if not may_lack or whole.get(one) is not None]
         if not figures or (title in OPTIONAL and not any(whole[figure] for figure in figures)):
             continue
         heads = (heading(figure).removeprefix(f'{title} ') for figure in figures)

@@ -64,6 +64,22 @@ def test_a_recording_without_labels_has_no_slip_where_none_are_required(tmp_path
         loader().open(path)
 
 
+def test_a_recording_without_labels_has_decisions_and_leaves_the_scores_as_they_are(tmp_path):
+    one = evaluate_recording(loader(), write(tmp_path / 'a.npz'))
+    volts, _ = arrays(1)
+    np.savez(tmp_path / 'bare.npz', volts=volts, sample_rate_hz=RATE_HZ)
+    bare = evaluate_recording(loader(), tmp_path / 'bare.npz')
+    alone, of_bare, both = map(recording_figures, ([one], [bare], [one, bare]))
+    decided = ('rows', 'duration_s', 'onsets', 'on_s')
+    faults = ('bad_samples', 'gaps', 'bridged_rows', 'long_gaps', 'dropped')
+    assert of_bare['onsets'] > 0
+    assert [both[name] for name in decided] == [alone[name] + of_bare[name] for name in decided]
+    others = {*alone} - {*decided, 'onsets_per_minute', 'on_percent'}
+    assert {both[name] == alone[name] for name in others} == {True}
+    undefined = {name for name in others if of_bare[name] is None}
+    assert others - undefined == {*faults, 'invalid_channels'}
+
+
 def test_a_recording_of_another_rate_has_the_rows_and_rate_of_the_chain(tmp_path):
     path = write(tmp_path / 'a.npz', sample_rate_hz=2 * RATE_HZ)
     opened = loader(resample=True).open(path)

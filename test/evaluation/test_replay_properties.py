@@ -26,7 +26,7 @@ from slip_detector.chain.filters import settling_rows
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.compiled import COMPILED
 from slip_detector.evaluation import replay as replay_module
-from slip_detector.evaluation.figures import ALREADY_ON, STAGES, figures_of_merit
+from slip_detector.evaluation.figures import ALREADY_ON, STAGES, decision_figures, figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from support.reference_scores import Stretch, area, figures, runs
 from support.replay_cases import plain
@@ -82,8 +82,9 @@ def test_figures_are_those_of_an_independent_scorer(pieces, config, evaluation):
         scored = result.slip, part.truth, settling_rows(config), evaluation, RATE_HZ
         parts.append(Stretch(*scored))
         moving = np.zeros(len(part.truth), bool) if part.moving is None else part.moving
-        columns.append((*scored[:2], moving, result.vote_statistic[:, 0], result.channels))
-    on, truth, moving, statistic, _ = (
+        statistic = result.vote_statistic[:, 0]
+        columns.append((*scored[:2], moving, statistic, result.channels, result.valid))
+    on, truth, moving, statistic, _, valid = (
         np.concatenate(column) for column in zip(*columns, strict=True)
     )
     expected = {
@@ -103,9 +104,15 @@ def test_figures_are_those_of_an_independent_scorer(pieces, config, evaluation):
         assert found[auc] == (None if wanted is None else pytest.approx(wanted, abs=error))
     # The paper's figures: the first ON of each channel during each slip.
     enabled = [c for c in range(config.channels) if c + 1 not in config.disabled_channels]
+    invalid = np.count_nonzero(~valid, axis=0) * np.isin(range(config.channels), enabled)
+    assert outcome.invalid_rows == tuple(invalid)
+    decided = decision_figures([outcome])
+    assert decided['onsets'] == sum(len(runs(part_on)) for part_on, *_ in columns)
+    assert decided['on_s'] == pytest.approx(on.sum() / RATE_HZ)
+    assert decided['invalid_channels'] == np.count_nonzero(invalid)
     during = [
         (part_on[a:b].any(), [ons.argmax() / RATE_HZ if ons.any() else None for ons in every.T])
-        for part_on, its_truth, *_, channels in columns
+        for part_on, its_truth, *_, channels, _ in columns
         for a, b in runs(its_truth)
         for every in [channels[a:b, enabled]]
     ]

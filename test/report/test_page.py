@@ -25,6 +25,7 @@ from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.report import page as report
+from slip_detector.report.overview import EVENT_KINDS
 from slip_detector.report.page_sections import Variant, latency_figure, sections
 from support import report_scenes as scenes
 from support import tuning_cases
@@ -148,6 +149,22 @@ def test_the_report_of_an_evaluation_names_sets_and_has_events_latencies_and_roc
     assert sum(bar.get_height() for bar in latencies.patches) == found
     assert len(roc.lines) == 3  # curve, threshold and chance
     assert {'Latency', 'all recordings', 'x/a.npz'} <= set(page.texts)
+
+
+def test_the_report_of_a_recording_without_labels_has_its_onsets_and_how_to_label_it(tmp_path):
+    volts, _ = scenes.volts_and_truth()
+    np.savez(tmp_path / 'a.npz', volts=volts, sample_rate_hz=380.0)
+    one = report.evaluate_for_report(RecordingLoader(scenes.GIVEN), 1, tmp_path / 'a.npz')
+    report.write_evaluation_report(tmp_path / 'page.html', {'x': {'a.npz': one}})
+    page = read(tmp_path / 'page.html')
+    (recording,) = page.header['recordings']
+    assert recording['truth'] is None
+    onset = EVENT_KINDS.index('onset')
+    events = [tuple(event[:3]) for event in recording['variants'][0]['events']]
+    assert events == [(onset, *on_s) for on_s in one.outcome.on_s]
+    assert one.outcome.on_s
+    assert 'Latency' not in page.texts
+    assert any(text.startswith('a.npz: no labels; scores need slip_s: ') for text in page.texts)
 
 
 def test_a_chain_of_a_search_is_replayed_on_all_recordings():

@@ -19,6 +19,7 @@ import re
 import pytest
 
 from slip_detector.report import page as report
+from slip_detector.report.overview import Event
 from support import report_scenes as scenes
 from support.browsers import complaints_of, expect
 
@@ -40,6 +41,11 @@ def folder(tmp_path_factory):
     seen = scenes.overview('skin.npz', config, volts, truth)
     report.write_page(
         folder / 'skin.html', 'A title', [report.Variant('given', config, [seen], {})]
+    )
+    bare = scenes.overview('bare.npz', scenes.GIVEN, *scenes.volts_and_truth(800))
+    bare.labelled, bare.events = False, [Event('onset', 1.0, 1.5)]
+    report.write_page(
+        folder / 'bare.html', 'A title', [report.Variant('given', scenes.GIVEN, [bare], {})]
     )
     return folder
 
@@ -145,6 +151,14 @@ def test_it_renders(opened):
     page.check('#kinds input >> nth=3')
     links = set(page.locator('#event-list a').all_inner_texts())
     assert links == {'◆ late', '● detected', '✕ missed'}
+
+
+def test_without_labels_there_are_onsets_and_nothing_that_looks_like_a_score(opened):
+    page = opened('bare.html')
+    assert names_of_lanes(page)[:3] == ['events', 'slip', 'TP']
+    assert page.locator('#kinds').inner_text().strip() == '▼ onset (1)'
+    page.locator('#event-list a', has_text='onset').click()
+    assert view(page)[2:] == pytest.approx((0.7, 1.9))
 
 
 def test_many_channels_without_events_fit_into_the_window(opened):

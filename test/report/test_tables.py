@@ -35,7 +35,8 @@ from support import grasp_trials
 
 def evaluated(value, **figures):
     names = [name for figures in TABLES.values() for name in figures]
-    return {**dict.fromkeys(names, value), 'lost': '', 'doubts': '', **figures}
+    defaults = {'lost': '', 'doubts': '', 'invalid_percent': {}, 'labelled': True}
+    return {**dict.fromkeys(names, value), **defaults, **figures}
 
 
 def test_damage_of_a_recording_and_figures_that_are_not_defined_are_explained():
@@ -61,10 +62,25 @@ def test_tables_of_missed_slips_and_faults_are_left_out_where_there_are_none():
     assert 'missed slips, lost at' in evaluation_tables(report)
 
 
+def test_without_labels_there_are_decisions_and_how_to_label_but_no_scores():
+    decided = dict.fromkeys(('rows', *TABLES['decisions'], *TABLES['faults']), 1)
+    a = {'labelled': False, 'on_intervals_s': [[0.5, 1.25]], 'invalid_percent': {'ch3': 12.5}}
+    a = evaluated(None, **decided, **a)
+    b = {**a, 'on_intervals_s': [], 'invalid_percent': {}}
+    whole = {**a, 'recordings': {'a': a, 'b': b}}
+    text = evaluation_tables({'sets': {'x': whole}, 'all': whole, 'note': 'how to label'})
+    blocks = [block.split()[0] for block in text.split('\n\n')]
+    assert blocks == ['x', 'decisions', 'faults', 'a:']
+    assert text.splitlines()[-4:] == [
+        'a: not valid: ch3 12.5 % of the time', 'a: ON from 0.500 to 1.250 s', 'b: never ON',
+        'how to label',
+    ]  # fmt: skip
+
+
 def test_kinds_are_shown_where_they_were_recorded():
     rests = {'': (30.0, 0, 0.0), 'press': (30.0, 0, 0.0)}
     one = {**evaluated(0), **slip_figures([], [], [], rests)}
-    report = {'sets': {'x': {**one, 'recordings': {'a': {**one, 'lost': '', 'doubts': ''}}}}}
+    report = {'sets': {'x': {**one, 'recordings': {'a': one}}}}
     lines = evaluation_tables({**report, 'all': one}).splitlines()
     at = next(k for k, line in enumerate(lines) if line.startswith('kinds'))
     assert ' '.join(lines[at].split()) == 'kinds press ON [%] press alarms per minute'

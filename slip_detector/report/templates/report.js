@@ -41,10 +41,13 @@ function ticked() {
 }
 
 function fillList() {
+  const unlabelled = header.recordings.some(({truth}) => !truth);
   const all = header.recordings.flatMap((_, r) => eventsOf(r)), body = document.querySelector('#event-list tbody');
   KINDS.forEach(([name, mark], kind) => {
     const count = all.filter((event) => event[0] === kind).length;
-    element('kinds').children[kind].lastChild.textContent = ` ${mark} ${name} (${count})`;
+    const choice = element('kinds').children[kind];
+    choice.lastChild.textContent = ` ${mark} ${name} (${count})`;
+    choice.hidden = kind === ONSET ? !unlabelled : unlabelled && !count;
   });
   body.replaceChildren();
   const row = (key, ...cells) => {

@@ -3,8 +3,8 @@
 
 const NO_SAMPLE = 0xffff;
 const KINDS = [['false alarm', '\u25bc', '#d55e00'], ['missed', '\u2715', '#a3347f'],
-  ['late', '\u25c6', '#e69f00'], ['detected', '\u25cf', '#009e73']];
-const DETECTED = 3;
+  ['late', '\u25c6', '#e69f00'], ['detected', '\u25cf', '#009e73'], ['onset', '\u25bc', '#0072b2']];
+const DETECTED = 3, ONSET = 4;
 // The code of a level that equals the threshold, and the range of codes that a lane of levels shows.
 const THRESHOLD_CODE = 128, CODES_OF_OCTAVE = 16;
 const LEVEL_CODES = [-1, 1].map((sign) => THRESHOLD_CODE + sign * CODES_OF_OCTAVE * LEVEL_OCTAVES);
@@ -13,7 +13,7 @@ const header = JSON.parse(element('header').textContent);
 const recordings = header.recordings.map(() => null);
 const names = header.variants;
 const view = {recording: 0, variant: names.length - 1, from: 0, to: 1, chosen: null};
-const shown = new Set([0, 1, 2]);
+const shown = new Set([0, 1, 2, ONSET]);
 let pending = false, drawn = null;
 
 const now = () => header.recordings[view.recording];
@@ -129,8 +129,8 @@ function lanesOf(bins) {
   const channel = (c) => ({
     name: channels[c], height, channel: c, kind: 'channel', curve: true, below: STRIP + 3, paint: paintStrip(bins),
   });
-  const lanes = [{name: 'events', height: 16, paint: paintEvents},
-    {name: 'label', height: 16, paint: intervals(truth, LABEL)}];
+  const lanes = [{name: 'events', height: 16, paint: paintEvents}];
+  if (truth) lanes.push({name: 'label', height: 16, paint: intervals(truth, LABEL)});
   variants.forEach(({slip}, v) => lanes.push(
     {name: names.length > 1 ? `slip ${names[v]}` : 'slip', height: 16, paint: intervals(slip, ON)}));
   for (const {name, on, members} of groups) {
@@ -168,7 +168,7 @@ const paintStrip = ({rows, n, first, stop, codes}) => (pen, lane) => {
 
 function paintUnderAll(pen) {
   const {context, xOf, top, bottom} = pen;
-  bars(pen, xOfRow(pen), now().truth, top, bottom - top, '#e8f2f9');
+  bars(pen, xOfRow(pen), now().truth ?? [], top, bottom - top, '#e8f2f9');
   if (!view.chosen) return;
   const [, start, end, latency] = view.chosen, {top: upper, height} = timeline.lanes[0];
   context.fillStyle = '#fff3c4';
