@@ -20,11 +20,25 @@ import asyncio
 import os
 import secrets
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from slip_detector.commands.command_line import Parser, one_line, whole_number
 from slip_detector.nodes.run import on_signals
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+    from slip_detector.view.server import Server
+
+#: What the detector of a recording that is played has otherwise than in its file.
+AS_PLAYED = {
+    'input_type': 'sensor_msgs/msg/JointState',
+    'input_field': 'position',
+    'max_age_s': 0.0,
+}
 
 
 def main() -> None:
@@ -47,7 +61,7 @@ def main() -> None:
     try:
         arguments = _parser().parse_args(remove_ros_args(sys.argv)[1:])
         _check(arguments)
-        if arguments.scene:
+        if arguments.scene or arguments.bag:
             # All processes are on this machine.
             os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
         # The server uses the middleware until its pages are closed, also after a signal.
@@ -84,7 +98,9 @@ def _parser() -> argparse.ArgumentParser:
         help='the parameter file that the detectors were started with, for "as in the file"; '
         'or several, separated by commas, each for the namespace of its name',
     )
-    add('--scene', help='play this scene in a loop, its name or path')
+    played = parser.add_mutually_exclusive_group()
+    played.add_argument('--scene', help='play this scene in a loop, its name or path')
+    played.add_argument('--bag', type=Path, help='play this recording, to label it by hand')
     add('--fingers', default='index', help='names of the fingers that play it (%(default)s)')
     return parser
 
@@ -97,10 +113,13 @@ def _check(arguments: argparse.Namespace) -> None:
     for path in arguments.configs:
         if not path.is_file():
             raise ValueError(f'--config is {str(path)!r}, allowed: the path of a parameter file')
-    if arguments.scene and not arguments.configs:
+    if arguments.bag and ',' in arguments.fingers:
+        raise ValueError(f'--fingers is {arguments.fingers!r}, allowed: one, which plays --bag')
+    played = '--scene' if arguments.scene else '--bag' if arguments.bag else ''
+    if played and not arguments.configs:
         arguments.configs = [shared_folder() / 'config' / 'slip_detector.yaml']
-    if arguments.scene and len(arguments.configs) > 1:
-        raise ValueError('--scene is played with one detector a finger, allowed: one --config')
+    if played and len(arguments.configs) > 1:
+        raise ValueError(f'{played} is played with one detector a finger, allowed: one --config')
 
 
 async def _serve(arguments: argparse.Namespace, takedowns: list[Callable[[], object]]) -> None:
@@ -140,20 +159,56 @@ async def _serve(arguments: argparse.Namespace, takedowns: list[Callable[[], obj
             f'({getattr(error, "strerror", error)}), allowed: an address of this machine and a '
             'port that is free'
         ) from None
-    with NodeProcesses('scene', lambda: None) as nodes:
-        if arguments.scene:
+    with NodeProcesses('bag' if arguments.bag else 'scene', lambda: None) as nodes:
+        if arguments.scene or arguments.bag:
             (config,) = arguments.configs
-            fingers, scene = ('--fingers', arguments.fingers), {'scene': arguments.scene}
-            nodes.start('slip_detector', config, *fingers)
-            # A detector that is still starting must not miss samples.
-            scene |= {'source': 'scene', 'loop': 'true', 'wait_for_subscribers': '1'}
-            nodes.start('slip_driver', config, *fingers, **scene)
+            fingers = ('--fingers', arguments.fingers)
+            nodes.start('slip_detector', config, *fingers, **(AS_PLAYED if arguments.bag else {}))
             server.each_tick.append(nodes.check)
+        if arguments.bag:
+            _play(node, server, arguments)
+        elif arguments.scene:
+            # A detector that is still starting must not miss samples.
+            scene = {'source': 'scene', 'loop': 'true', 'wait_for_subscribers': '1'}
+            nodes.start('slip_driver', config, *fingers, scene=arguments.scene, **scene)
         print(f'slip_view: {page_address(arguments.host, port, token)}', flush=True)
         try:
             await server.run(stop)
         finally:
             detectors.close()
+
+
+def _play(node: 'Node', server: 'Server', arguments: argparse.Namespace) -> None:
+    """Publish the samples of ``--bag`` when they are due, while a page or a program listens."""
+    from sensor_msgs.msg import JointState
+    from std_msgs.msg import Bool
+
+    from slip_detector.nodes.messages import sensor_qos, state_qos
+    from slip_detector.parameters.detector import DetectorConfig
+    from slip_detector.parameters.driver import DriverConfig
+    from slip_detector.recordings.messages import JointStateWriter
+    from slip_detector.view.bag import PlayedBag
+
+    (config,) = arguments.configs
+    driver, finger = DriverConfig.from_yaml(config), f'/bag/{arguments.fingers}'
+    detector = DetectorConfig.from_yaml(config)
+    bag = PlayedBag(server, arguments.bag, detector, driver, f'{finger}/slip_detector')
+    writer = JointStateWriter(driver.frame_id, bag.channel_names)
+    voltages = node.create_publisher(JointState, f'{finger}/voltages', sensor_qos())
+    slip_truth = node.create_publisher(Bool, f'{finger}/slip_truth', state_qos())
+    truth = False
+
+    def publish() -> None:
+        nonlocal truth
+        if voltages.get_subscription_count() <= 1:  # That of the detector.
+            return
+        for stamp_ns, volts, slips in bag.due(time.monotonic()):
+            if slips != truth:
+                slip_truth.publish(Bool(data=bool(slips)))
+            voltages.publish(writer.written(stamp_ns, volts))
+            truth = slips
+
+    server.each_tick.append(publish)
 
 
 if __name__ == '__main__':

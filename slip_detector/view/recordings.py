@@ -21,6 +21,7 @@ Each recording is a bag. Its name is its kind and a number.
 import asyncio
 import re
 import shutil
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -31,7 +32,7 @@ from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.matching import OnIntervals
 from slip_detector.evaluation.replay import Replay
-from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.files import file_errors_of, write_yaml
 from slip_detector.recordings import labels, open_recording
 from slip_detector.recordings.writing import BagWriter
@@ -143,33 +144,12 @@ class RecordedFolder:
         del self.recordings[path.name]
 
     def trace(self, name: object, config: DetectorConfig) -> dict[str, Any]:
-        """Return what a chain makes of a recording, for a small picture of it.
+        """Return what a chain makes of a recording, see :func:`trace_of`; may raise a ValueError.
 
-        Returns
-        -------
-        dict
-            ``level`` from 0 to 2, 1 at the threshold, the mean of all channels in each bin;
-            ``slip_s`` and ``on_s``, the intervals of label and decision; and figures.
-
-        Raises
-        ------
-        ValueError
-            When no recording has this name, it cannot be read or is of other channels.
+        That is when no recording has this name, it cannot be read or is of other channels.
         """
         rows, rate_hz, _ = RecordingLoader(config).open(self.path_of(name), require_truth=False)
-        channels = config.channels
-        overview = Overview(str(name), config, (), TRACE_BINS * channels / MOST_CELLS, rate_hz)
-        outcome = overview.replay(Replay(config), rows)
-        figures = figures_of_merit([outcome])
-        level = overview.codes.mean(axis=1) / THRESHOLD_CODE
-        return {
-            'duration_s': overview.rows / rate_hz,
-            'bin_s': overview.bin_rows / rate_hz,
-            'level': level.round(2).tolist(),
-            'slip_s': _seconds(overview.truth, rate_hz),
-            'on_s': _seconds(overview.slip, rate_hz),
-            **{key: figures[key] for key in ('coverage', 'false_time_percent')},
-        }
+        return trace_of(str(name), config, rows, rate_hz)
 
     def label(self, name: object, edges_s: object, *, snap: bool) -> dict[str, Any]:
         """Take the ends of a recording's labels as a page has moved them, in seconds.
@@ -226,6 +206,31 @@ class RecordedFolder:
         if recording.counts.damage:
             note = f'was not ended: {recording.counts.damage}'
         return RecordingSummary(name, track.duration_s, slips, note)
+
+
+def trace_of(
+    name: str, config: ChainConfig, rows: Iterable[Samples], rate_hz: float, bins: int = TRACE_BINS
+) -> dict[str, Any]:
+    """Return what a chain makes of rows, for a small picture of them.
+
+    Returns
+    -------
+    dict
+        ``level`` from 0 to 2, 1 at the threshold, the mean of all channels in each bin; ``slip_s``
+        and ``on_s``, the intervals of label and decision; and figures.
+    """
+    overview = Overview(name, config, (), bins * config.channels / MOST_CELLS, rate_hz)
+    outcome = overview.replay(Replay(config), rows)
+    figures = figures_of_merit([outcome])
+    level = overview.codes.mean(axis=1) / THRESHOLD_CODE
+    return {
+        'duration_s': overview.rows / rate_hz,
+        'bin_s': overview.bin_rows / rate_hz,
+        'level': level.round(2).tolist(),
+        'slip_s': _seconds(overview.truth, rate_hz),
+        'on_s': _seconds(overview.slip, rate_hz),
+        **{key: figures[key] for key in ('coverage', 'false_time_percent')},
+    }
 
 
 def _seconds(intervals: OnIntervals, rate_hz: float) -> list[list[float]]:

@@ -86,12 +86,12 @@ class ViewRequest:
         )
         #: The channels of the traces, counted from 0.
         self.channels = np.array(sorted(set(channels)), np.intp) - 1
-        self._columns = int(_number('pixels', message, *PIXELS) or 900)
-        window_s = _number('window_s', message, *WINDOW_S) or 10.0
+        self._columns = int(number('pixels', message, *PIXELS) or 900)
+        window_s = number('window_s', message, *WINDOW_S) or 10.0
         self._width_ns = round(window_s * 1e9 / self._columns)
-        channel = _number('spectrum', message, 1, HIGHEST_CHANNEL)
+        channel = number('spectrum', message, 1, HIGHEST_CHANNEL)
         self._spectrum, self._spectrum_s = None if channel is None else int(channel), -math.inf
-        until_ns = _number('until_ns', message, *STAMPS_NS)
+        until_ns = number('until_ns', message, *STAMPS_NS)
         #: The stamp at which the traces end; None: at the newest sample.
         self.until_ns = None if until_ns is None else int(until_ns)
         # By finger, how many rows of levels were shown; by stream of the traces, the next column;
@@ -200,7 +200,8 @@ def _list(
     return values
 
 
-def _number(name: str, message: Mapping[str, Any], low: float, high: float) -> float | None:
+def number(name: str, message: Mapping[str, Any], low: float, high: float) -> float | None:
+    """Return a number that a page has sent, None if it has not; a ValueError if not allowed."""
     value = message.get(name)
     if value is not None and (not isinstance(value, int | float) or not low <= value <= high):
         raise ValueError(f'{name} is {str(value)[:40]}, allowed: {low:g} to {high:g}')

@@ -4,6 +4,7 @@ import {FingerCard} from './card.js';
 import {Connection} from './connection.js';
 import {News, Tool, tabs, write} from './elements.js';
 import {Parameters} from './parameters.js';
+import {Played} from './played.js';
 import {SpectrumPanel} from './spectrum.js';
 import {Teach} from './teach.js';
 import {Traces} from './traces.js';
@@ -21,6 +22,7 @@ class Drawings extends Tool {
 const connection = new Connection();
 const news = new News(element('news'));
 const parameters = new Parameters(connection), teach = new Teach(connection), drawings = new Drawings(connection, element('refusal'));
+new Played(connection);
 // The finger whose signals are shown, and the one that the user has chosen. The address keeps the
 // latter for when the page is loaded again.
 let chosen = null, wanted = new URLSearchParams(location.hash.slice(1)).get('finger');

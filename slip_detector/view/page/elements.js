@@ -15,6 +15,22 @@ export function write(where, words) {
   if (place.textContent !== words) place.textContent = words;
 }
 
+// Let a button be held. A click without a pointer comes from Enter or a screen reader, which cannot hold one: it presses,
+// and the next one releases.
+export function holdable(held, {press, release, isHeld}) {
+  held.addEventListener('pointerdown', (event) => {
+    if (event.button) return;
+    held.setPointerCapture(event.pointerId);
+    press();
+  });
+  for (const end of ['pointerup', 'pointercancel']) held.addEventListener(end, release);
+  held.addEventListener('contextmenu', (event) => event.preventDefault());
+  held.addEventListener('click', ({detail}) => detail || (isHeld() ? release() : press()));
+  // A hidden page does not notice that the button, or its key, is released.
+  window.addEventListener('blur', release);
+  document.addEventListener('visibilitychange', release);
+}
+
 export const tableRow = ([heading, ...cells]) => build('tr', build('th', heading, {scope: 'row'}), ...cells.map((cell) => build('td', cell)));
 
 // A part with controls: the fingers by their labels, requests, and the line that shows why one was refused.

@@ -1,7 +1,7 @@
 // Teaching: record rest, slips, taps and presses, tune the detector on them, apply and save. The recordings are
 // on the server; this page only shows them, and may be closed at any time.
 
-import {Slider, Tool, button, tableRow, write} from './elements.js';
+import {Slider, Tool, button, holdable, tableRow, write} from './elements.js';
 
 // Period, in milliseconds, at which the page reports that a slip is held; the server ends the slip
 // when the reports stop.
@@ -18,7 +18,7 @@ const percent = (share) => `${Number((100 * share).toPrecision(2))} %`;
 
 // A recording as a small picture: the level, the intervals of its label, and of what the detector as it
 // is would decide. The ends of the label can be dragged, snapped to where the signal changes, and saved.
-class RecordingTrace {
+export class RecordingTrace {
   // request(type, content): asks about this recording; resolves with the answer.
   constructor(name, request) {
     Object.assign(this, {name, request});
@@ -37,15 +37,15 @@ class RecordingTrace {
   async load() {
     this.loaded = true;
     const trace = await this.request('trace');
-    if (trace.refusal) {
-      write(this.words, `Not shown: ${trace.refusal}`);
-      return;
-    }
+    if (trace.refusal) return write(this.words, `Not shown: ${trace.refusal}`);
     this.trace = trace;
     this.saved = trace.slip_s.flat();
-    for (const end of this.ends) end.close();
-    this.ends = this.saved.map((_, i) => this.handle(i));
-    this.picture.append(...this.ends.map(({root}) => root));
+    // The same ends keep the focus.
+    if (this.ends.length !== this.saved.length) {
+      for (const end of this.ends) end.close();
+      this.ends = this.saved.map((_, i) => this.handle(i));
+      this.picture.append(...this.ends.map(({root}) => root));
+    }
     this.move(this.saved);
     this.allow(this.allowed);
   }
@@ -65,15 +65,14 @@ class RecordingTrace {
   allow(allowed) {
     this.allowed = allowed;
     for (const end of this.ends) end.allow(allowed);
-    this.edit.hidden = !allowed || !this.ends.length;
+    this.edit.hidden = !allowed;
   }
 
   async ask(type) {
     const pairs = this.saved.flatMap((_, i) => (i % 2 ? [] : [this.slip.slice(i, i + 2)]));
     const answer = await this.request(type, {slip_s: pairs});
     if (answer.refusal) return;
-    if (type === 'snap') this.move(answer.slip_s.flat());
-    else await this.load();
+    await (type === 'snap' ? this.move(answer.slip_s.flat()) : this.load());
   }
 
   move(slip) {
@@ -149,20 +148,7 @@ export class Teach extends Tool {
       });
     }
     const slip = this.buttons.slip;
-    slip.addEventListener('pointerdown', (event) => {
-      if (event.button) return;
-      slip.setPointerCapture(event.pointerId);
-      this.press();
-    });
-    for (const end of ['pointerup', 'pointercancel']) slip.addEventListener(end, () => this.release());
-    slip.addEventListener('contextmenu', (event) => event.preventDefault());
-    // A click without a pointer comes from Enter or a screen reader, which cannot hold a button: one click
-    // begins the slip, the next one ends it.
-    slip.addEventListener('click', ({detail}) => {
-      if (detail) return;
-      if (this.pressed === null) this.press();
-      else this.release();
-    });
+    holdable(slip, {press: () => this.press(), release: () => this.release(), isHeld: () => this.pressed !== null});
     // A clicked button loses the focus, so that the space bar records slips and does not click again.
     document.addEventListener('click', ({detail, target}) => {
       if (detail && !this.root.hidden) target.closest('button, summary')?.blur();
@@ -174,9 +160,6 @@ export class Teach extends Tool {
       if (event.target === slip) event.preventDefault();
       this.release();
     });
-    // A hidden page does not notice that the key is released.
-    window.addEventListener('blur', () => this.release());
-    document.addEventListener('visibilitychange', () => this.release());
   }
 
   onKey(event) {

@@ -1,0 +1,231 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""A recording that is played on the live page as if it were live, and labelled by hand."""
+
+import asyncio
+import math
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from slip_detector.chain.samples import Floats, Samples
+from slip_detector.evaluation.evaluator import RecordingLoader
+from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters.driver import DriverConfig
+from slip_detector.parameters.files import file_errors_of, write_yaml
+from slip_detector.recordings import labels
+from slip_detector.view.recordings import trace_of
+from slip_detector.view.server import Message, Server
+from slip_detector.view.view_request import number
+
+#: Allowed speeds, as multiples of real time.
+SPEEDS = 0.1, 10.0
+
+#: After so many seconds without a call of :meth:`PlayedBag.due` it has stood still.
+STILL_S = 0.5
+
+#: Time, in seconds, by which the stamps jump at least where it goes on after it stood still, or at
+#: another place. To the detector this is a long gap: it begins anew.
+JUMP_S = 1.0
+
+#: Bins of the trace: at least so many, and less than twice as many.
+BINS = 4000
+
+Ends = list[tuple[float, float]]
+
+
+class PlayedBag:
+    """A recording that pages play, stop and move, and whose labels they change.
+
+    The recording itself stays as it is. Each change of a label is written at once to the file of
+    labels beside it, which is made if there is none. Each end has an accuracy of its own: of one
+    given by a key the lateness of hands at the speed that was played, of one set on the trace
+    0.1 s, or a pixel if that is longer; the file has the largest.
+
+    Parameters
+    ----------
+    server
+        Gets the requests of its pages.
+    path
+        The recording.
+    config, driver
+        The parameters of the detector that it must suit, and where in it the samples are.
+    finger
+        Name of this detector.
+
+    Raises
+    ------
+    ValueError
+        When the recording cannot be read, does not suit the detector or is too large; names it.
+    """
+
+    def __init__(
+        self, server: Server, path: Path, config: DetectorConfig, driver: DriverConfig, finger: str
+    ) -> None:
+        self._server, self.path, self._finger = server, path, finger
+        opened = RecordingLoader(config, driver).open(path, require_truth=False)
+        recording, self._pieces, n_bytes = opened.recording, list[Samples](), 0
+        for piece in opened.rows:
+            self._pieces.append(piece)
+            n_bytes += piece.volts.nbytes
+            recording.check_size(n_bytes, 'what is played')
+        self.channel_names = config.channel_names or recording.channel_names
+        self._rate_hz, self._kind = opened.sample_rate_hz, recording.kind
+        self._rows = rows = self._pieces[0].then(*self._pieces[1:])
+        self._after_ns = after_ns = rows.stamps_ns - rows.stamps_ns[0]
+        if (np.diff(after_ns) < 0).any():
+            raise ValueError(f'{path}: its clock was set back, allowed: stamps that rise')
+        self.duration_s = float(after_ns[-1] * 1e-9)
+        file = labels.find_labels(driver.recording_labels, path)
+        self.file = file or path.parent / labels.labels_name(path)
+        if file is not None:
+            ends_s = labels.read_labels(file).edges_s
+        else:
+            changes = np.flatnonzero(np.diff(np.asarray(rows.truth), prepend=False, append=False))
+            ends_s = np.append(after_ns * 1e-9, self.duration_s)[changes].round(4)
+        self._accuracy_s = recording.accuracy_s
+        # The ends of all labels, in seconds from the first sample, and how exact each is; those
+        # before each change; and the number of changes.
+        self._ends = [(end_s, self._accuracy_s) for end_s in ends_s.ravel().tolist()]
+        self._before: list[Ends] = []
+        self._unlabelled = self._ends if file is None else None
+        self._changes = 0
+        self.speed, self.playing = 1.0, True
+        # The place, the next row, what its stamp has more, and the time of the last call.
+        self._at_s, self._next, self._later_ns, self._now_s = 0.0, 0, 0, -math.inf
+        server.each_tick.append(self.tick)
+        server.on_request('bag_play', self._play)
+        server.on_request('bag_trace', self._trace)
+        server.on_request('bag_label', self._label, changes=True)
+        server.on_request('bag_snap', self._snap, changes=True)
+        server.on_request('bag_undo', self._undo, changes=True)
+
+    def tick(self) -> None:
+        """Report to all pages what is played, and where it is."""
+        content = {'name': self.path.name, 'finger': self._finger, 'labels': str(self.file)}
+        state = {'at_s': round(self._at_s, 3), 'speed': self.speed, 'playing': self.playing}
+        changes = {'changes': self._changes, 'undoes': len(self._before)}
+        self._server.broadcast('bag', {**content, **state, **changes})
+
+    def due(self, now_s: float) -> Iterator[tuple[int, Floats, bool]]:
+        """Return the samples that are due: stamp as if live, volts, and the label.
+
+        Parameters
+        ----------
+        now_s
+            The time of :func:`time.monotonic`.
+        """
+        if not self.playing:
+            return iter(())
+        passed_s, self._now_s = now_s - self._now_s, now_s
+        if passed_s > STILL_S:
+            self.move(self._at_s)
+            passed_s = 0.0
+        self._at_s = min(self._at_s + passed_s * self.speed, self.duration_s)
+        begin, self._next = self._next, self._row_at(self._at_s, 'right')
+        self.playing = self._next < len(self._after_ns)
+        due = self._rows.take(slice(begin, self._next))
+        stamps_ns = self._after_ns[begin : self._next] + self._later_ns
+        return zip(stamps_ns.tolist(), due.volts, self._label_of(due)['truth'], strict=True)
+
+    def move(self, to_s: float) -> None:
+        """Go on at another place, in seconds from the first sample."""
+        last_ns = int(self._after_ns[max(self._next - 1, 0)]) + self._later_ns
+        self._at_s = min(to_s, self.duration_s)
+        self._next = self._row_at(self._at_s, 'left')
+        to_ns = int(self._after_ns[self._next])
+        self._later_ns = max(last_ns + round(JUMP_S * 1e9), time.time_ns()) - to_ns
+
+    def trace(self, config: DetectorConfig) -> dict[str, Any]:
+        """Return what a chain makes of the recording, see :func:`.trace_of`, and the labels."""
+        rows = (piece._replace(**self._label_of(piece)) for piece in self._pieces)
+        traced = trace_of(self.path.name, config, rows, self._rate_hz, BINS)
+        return {**traced, 'slip_s': _pairs(self._ends)}
+
+    def _row_at(self, at_s: float, side: Any) -> int:
+        return int(np.searchsorted(self._after_ns, round(at_s * 1e9), side))
+
+    def _label_of(self, rows: Samples) -> dict[str, Any]:
+        """Return the present labels of rows, see :func:`.label_at`."""
+        ends_ns = np.rint([1e9 * end_s for end_s, _ in self._ends]).astype(np.int64)
+        after_ns = rows.stamps_ns - self._rows.stamps_ns[0]
+        return labels.label_at(after_ns, ends_ns, self._accuracy_s)
+
+    def _keep(self, ends: Ends) -> None:
+        """Write other labels, and take them once they are written."""
+        accuracy_s = max((by_s for _, by_s in ends), default=0.0)
+        document: dict[str, Any] = {labels.KEY: _pairs(ends), labels.ACCURACY: accuracy_s}
+        if self._kind and not ends:
+            document = {labels.KIND: self._kind}
+        labels.labels_from(self.file, dict(document))
+        if ends is self._unlabelled:  # No labels are not the same as no slips.
+            with file_errors_of(self.file, 'deleted'):
+                self.file.unlink(missing_ok=True)
+        else:
+            write_yaml(self.file, document, ['Labelled by hand on the page of slip_view.'])
+        self._before.append(self._ends)
+        self._ends, self._accuracy_s = ends, accuracy_s
+        self._changes += 1
+
+    # What pages request.
+
+    async def _play(self, message: Message) -> None:
+        self.speed = number('speed', message, *SPEEDS) or self.speed
+        to_s = number('to_s', message, 0.0, math.inf)
+        self.playing = bool(message.get('playing', self.playing))
+        if to_s is None and message.get('playing') and self._next == len(self._after_ns):
+            to_s = 0.0
+        if to_s is not None:
+            self.move(to_s)
+
+    async def _trace(self, message: Message) -> dict[str, Any]:
+        config = self._server.detectors.finger_of(self._finger).config
+        return await asyncio.to_thread(self.trace, config)
+
+    async def _label(self, message: Message) -> None:
+        """Take all labels as a page has them; ``pixel_s`` is there if by eye, else by a key."""
+        wanted = labels.labels_from(self.file, {labels.KEY: message.get('slip_s')})
+        pixel_s = number('pixel_s', message, 0.0, 1e9)
+        late_s = labels.BY_HAND_S * self.speed if pixel_s is None else pixel_s
+        by_s = min(max(labels.BY_EYE_S, late_s), labels.MOST_S)
+        # A label that ended later would be refused where the recording is read.
+        last_s = math.floor(1e4 * self.duration_s) / 1e4
+        known, ends_s = dict(self._ends), np.minimum(wanted.edges_s, last_s).ravel()
+        self._keep([(end_s, known.get(end_s, by_s)) for end_s in ends_s.tolist()])
+
+    async def _snap(self, message: Message) -> None:
+        """Move the ends to where the power of the signal changes, as near as hands are exact."""
+        before, edges_s = self._ends, np.reshape(_pairs(self._ends), (-1, 2))
+        moved = await asyncio.to_thread(
+            labels.snapped, self._rows, edges_s, self._rate_hz, labels.BY_HAND_S
+        )
+        if before and before is self._ends:  # No page has changed them meanwhile.
+            ends = zip(moved.ravel().round(4).tolist(), before, strict=True)
+            self._keep([old if s == old[0] else (s, labels.BY_EYE_S) for s, old in ends])
+
+    async def _undo(self, message: Message) -> None:
+        if self._before:
+            self._keep(self._before[-1])
+            del self._before[-2:]
+
+
+def _pairs(ends: Ends) -> list[list[float]]:
+    return [
+        [start_s, end_s] for (start_s, _), (end_s, _) in zip(ends[::2], ends[1::2], strict=True)
+    ]

@@ -1,0 +1,117 @@
+// The recording that slip_view --bag plays: its trace, the place in it, and its labels, each change of which is kept at once.
+
+import {holdable, write} from './elements.js';
+import {RecordingTrace} from './teach.js';
+
+// A shorter move of the pointer is a click, a shorter slip a mistake; the widest canvas of a browser.
+const DRAG_PX = 4, LEAST_S = 0.02, MOST_PX = 30_000;
+const part = (name) => element(`bag-${name}`);
+
+export class Played extends RecordingTrace {
+  constructor(connection) {
+    super('recording', (type, content) => connection.request(`bag_${type}`, content));
+    Object.assign(this, {edit: part('edit'), line: build('div.play-head'), band: build('div.new-label'), pairs: [], held: null, factor: 1});
+    this.picture.append(this.band, this.line);
+    element('played').append(this.frame = build('div.long-trace', this.picture), this.words);
+    connection.on('bag', (state) => this.show(state));
+    connection.on('fingers', ({read_only: readOnly}) => this.allow(!readOnly));
+    connection.on('parameters', ({fingers}) => {
+      const its = fingers[this.state?.finger], decided = its && String(its.changes[0]?.[0]);
+      if (decided !== this.decided) this.load();
+      this.decided = decided;
+    });
+    const on = (place, kinds, act) => kinds.split(' ').forEach((kind) => place.addEventListener(kind, act));
+    on(part('play'), 'click', () => this.ask('play', {playing: !this.state.playing}));
+    on(part('speed'), 'change', ({target}) => this.ask('play', {speed: Number(target.value)}));
+    for (const [what, by] of [['shorter', 2], ['longer', 0.5]]) on(part(what), 'click', () => this.zoom(by));
+    on(part('remove'), 'click', () => this.ask('label', {slip_s: this.pairs.filter((pair) => pair !== this.here)}));
+    for (const what of ['snap', 'undo']) on(part(what), 'click', () => this.ask(what));
+    holdable(part('hold'), {press: () => this.press(true), release: () => this.press(false), isHeld: () => this.held !== null});
+    on(document, 'keydown keyup', ({type, key, repeat, ctrlKey, metaKey, altKey, target}) => {
+      const meant = key.toLowerCase() === 'l' && !repeat && !ctrlKey && !metaKey && !altKey && !target.matches('input, textarea');
+      if (meant && element('keys-act').checked) this.press(type === 'keydown');
+    });
+    on(this.picture, 'pointerdown pointermove pointerup pointercancel', (event) => this.onPointer(event));
+  }
+
+  // A click goes to a place; a drag is a label.
+  onPointer({type, button: which, clientX, pointerId}) {
+    const {left, width} = this.picture.getBoundingClientRect(), {drag} = this;
+    const to = Math.min(Math.max((clientX - left) / width, 0), 1) * this.trace?.duration_s;
+    if (type === 'pointerdown' && !which && this.trace) {
+      this.picture.setPointerCapture(pointerId);
+      this.drag = {from: to, x: clientX};
+    }
+    if (!drag || type === 'pointerdown') return;
+    if (type === 'pointermove') return this.mark(drag.from, to);
+    this.drag = null;
+    this.mark();
+    if (type === 'pointerup' && Math.abs(clientX - drag.x) < DRAG_PX) this.ask('play', {to_s: to});
+    else if (type === 'pointerup') this.add(drag.from, to, this.trace.duration_s / width);
+  }
+
+  // Whether the key is held: the slip is between the places that were shown then.
+  press(held) {
+    if (!this.trace || !this.allowed || held === (this.held !== null)) return;
+    const from = this.held, {at_s: to} = this.state;
+    this.held = held ? to : null;
+    this.mark();
+    if (!held && to - from >= LEAST_S) this.add(from, to);
+  }
+
+  show(state) {
+    const {trace, frame} = this, {at_s: at} = state, changed = state.changes !== this.state?.changes;
+    this.state = state;
+    element('played').hidden = false;
+    write('bag-play', state.playing ? 'Stop' : 'Play');
+    part('speed').value = state.speed;
+    part('undo').disabled = !state.undoes;
+    this.here = this.pairs.find(([from, to]) => from <= at && at < to);
+    part('remove').disabled = !this.here;
+    if (changed) this.load();
+    if (!trace) return;
+    const x = at / trace.duration_s * frame.scrollWidth;
+    write('bag-where', `${at.toFixed(1)} of ${trace.duration_s.toFixed(1)}\u00a0s of ${state.name}`);
+    this.line.style.left = `${x}px`;
+    if (this.held !== null) this.mark(this.held, at);
+    if (state.playing && (x < frame.scrollLeft || x > frame.scrollLeft + frame.clientWidth)) frame.scrollLeft = x - frame.clientWidth / 8;
+  }
+
+  // Show what is to become a label; without ends: nothing.
+  mark(from = 0, to = from) {
+    const share = 100 / this.trace.duration_s;
+    Object.assign(this.band.style, {left: `${share * Math.min(from, to)}%`, width: `${share * Math.abs(to - from)}%`});
+  }
+
+  zoom(by) {
+    const {frame} = this, middle = (frame.scrollLeft + frame.clientWidth / 2) / frame.scrollWidth;
+    this.factor = Math.max(1, Math.min(this.factor * by, MOST_PX / (frame.clientWidth * window.devicePixelRatio)));
+    this.picture.style.width = `${100 * this.factor}%`;
+    frame.scrollLeft = middle * frame.scrollWidth - frame.clientWidth / 2;
+  }
+
+  // Add a slip, and make one of it and those that it meets. pixel_s: seconds of a pixel, if it was set by eye.
+  add(from, to, pixel_s) {
+    const meets = ([start, end]) => start <= Math.max(from, to) && end >= Math.min(from, to);
+    const ends = [from, to, ...this.pairs.filter(meets).flat()].map((s) => Number(s.toFixed(4)));
+    const slip_s = [...this.pairs.filter((pair) => !meets(pair)), [Math.min(...ends), Math.max(...ends)]];
+    if (this.allowed) this.ask('label', {slip_s, pixel_s});
+  }
+
+  // Ask for a change, which comes as news to all pages.
+  async ask(type, content) {
+    const {refusal} = await this.request(type, content);
+    if (refusal) this.move(this.saved, `Refused: ${refusal}`);
+  }
+
+  // Show the labels that are kept; or, after an end was moved, keep them.
+  move(slip, refused) {
+    this.slip = slip;
+    this.pairs = slip.flatMap((s, i) => (i % 2 ? [] : [[s, slip[i + 1]]]));
+    if (slip !== this.saved) return this.ask('label', {slip_s: this.pairs, pixel_s: this.trace.duration_s / this.canvas.clientWidth});
+    super.move(slip);
+    part('snap').disabled = !slip.length;
+    write(this.words, refused ?? `Labels: ${this.pairs.length}, in ${this.state.labels}. ${this.words.textContent}`);
+    this.show(this.state);
+  }
+}
