@@ -22,8 +22,8 @@ are compared and not languages.
 import numpy as np
 
 from slip_detector.compiled import compiled
-from slip_detector.scenes.drive import drive_at
 from slip_detector.scenes.friction import LIGHTEST_LOAD_N
+from slip_detector.scenes.motion import drive_at
 from slip_detector.scenes.surface import FINGERS, ridges_between, roughness_between, spread_load
 
 #: Most iterations for the velocity of skin without mass; about six are needed.

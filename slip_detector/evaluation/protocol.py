@@ -68,6 +68,7 @@ from slip_detector.evaluation import figures
 from slip_detector.evaluation.figures import Bound, ReplayOutcome
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.fields import refuse
 from slip_detector.recordings import rates_differ
 from slip_detector.recordings.rates import rate_of
 from slip_detector.scenes import find_scene, load_scene
@@ -181,11 +182,9 @@ def evaluate_plates(
         rate = rate_of(trials[0].stamps_ns, f'the stamps of plate {plate}')
         channels = trials[0].volts.shape[1]
         if rates_differ(rate, config.sample_rate_hz) or channels != config.channels:
-            raise ValueError(
-                f'plate {plate} has {channels} channels at {rate:g} Hz, allowed: as the '
-                f'parameters channels and sample_rate_hz, {config.channels} at '
-                f'{config.sample_rate_hz:g} Hz'
-            )
+            text = f'{config.channels} at {config.sample_rate_hz:g} Hz'
+            text = f'as the parameters channels and sample_rate_hz, {text}'
+            refuse(f'plate {plate} has {channels} channels at {rate:g} Hz', text)
         outcomes[plate] = [replay.run([trial]) for trial in trials]
     return {
         'plates': {plate: plate_figures(several) for plate, several in outcomes.items()},

@@ -23,10 +23,10 @@ of the grasps that were played through the nodes.
 ``seeds``
     The seeds of the table.
 ``conditions``
-    For each condition the figures of :func:`slip_detector.grasp.comparison.grasp_figures`.
+    For each condition the figures of :func:`slip_detector.grasp.loop.grasp_figures`.
 ``harder``
     The same figures of the controller under harder conditions, see
-    :data:`slip_detector.grasp.comparison.HARDER`.
+    :data:`slip_detector.grasp.loop.HARDER`.
 ``transport_ms``
     The delay from sample to command that the simulated loop assumes.
 ``nodes``
@@ -53,9 +53,8 @@ from std_msgs.msg import Header
 
 from slip_detector.chain.samples import Floats
 from slip_detector.commands.command_line import whole_number
-from slip_detector.grasp import comparison
-from slip_detector.grasp.comparison import CONTROLLER, LiveGraspTrial, conditions, grasp_figures
-from slip_detector.grasp.loop import TRANSPORT_S, GraspTrial, object_scene, play_trial
+from slip_detector.grasp import loop
+from slip_detector.grasp.loop import CONTROLLER, GraspTrial, LiveGraspTrial
 from slip_detector.nodes.demo import TIMEOUT_S, NodeProcesses, Recorder, run_demonstration
 from slip_detector.nodes.messages import event_qos, sensor_qos, state_qos
 from slip_detector.parameters.detector import ChainConfig
@@ -83,7 +82,7 @@ def _play_live(recorder: Recorder, seed: int, config: Path, folder: Path) -> Liv
     """
     scene = folder / f'grasp_{seed}.yaml'
     with whole_file(scene) as new:
-        new.write_text(yaml.safe_dump(object_scene(seed), sort_keys=False), encoding='utf-8')
+        new.write_text(yaml.safe_dump(loop.object_scene(seed), sort_keys=False), encoding='utf-8')
     _say(f'seed {seed} through the nodes, in real time')
     played = {'source': 'scene', 'scene': scene, 'seed': seed, 'wait_for_grip': 'true'}
     recorder.messages.update({topic: [] for topic in TOPICS})
@@ -147,13 +146,13 @@ def _demonstrate(arguments: argparse.Namespace, picture: Path) -> tuple[dict[str
         name: str, chain: ChainConfig, grasp: GraspConfig, **factors: float
     ) -> list[GraspTrial]:
         _say(f'{len(seeds)} objects in simulated time: {name}')
-        return [play_trial(chain, grasp, seed, **factors) for seed in seeds]
+        return [loop.play_trial(chain, grasp, seed, **factors) for seed in seeds]
 
-    trials = {name: played(name, *both) for name, both in conditions(chain, grasp).items()}
-    parts = {name: grasp_figures(mine, grasp.limit_n) for name, mine in trials.items()}
+    trials = {name: played(name, *both) for name, both in loop.conditions(chain, grasp).items()}
+    parts = {name: loop.grasp_figures(mine, grasp.limit_n) for name, mine in trials.items()}
     harder = {
-        name: grasp_figures(played(name, chain, grasp, **factors), grasp.limit_n)
-        for name, factors in comparison.HARDER.items()
+        name: loop.grasp_figures(played(name, chain, grasp, **factors), grasp.limit_n)
+        for name, factors in loop.HARDER.items()
     }
     recorder = Recorder(NAMESPACE, TOPICS)
     heard = {
@@ -163,9 +162,9 @@ def _demonstrate(arguments: argparse.Namespace, picture: Path) -> tuple[dict[str
         'seeds': seeds,
         'conditions': parts,
         'harder': harder,
-        'transport_ms': TRANSPORT_S * 1e3,
-        **comparison.live_figures(heard, trials[CONTROLLER][: arguments.live], grasp.limit_n),
-        'wanted': comparison.check_wanted({**parts, **harder}),
+        'transport_ms': loop.TRANSPORT_S * 1e3,
+        **loop.live_figures(heard, trials[CONTROLLER][: arguments.live], grasp.limit_n),
+        'wanted': loop.check_wanted({**parts, **harder}),
     }
     from slip_detector.report.grasp import draw_grasp, grasp_table
 

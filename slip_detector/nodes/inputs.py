@@ -28,6 +28,7 @@ from sensor_msgs.msg import JointState
 
 from slip_detector.nodes.messages import stamp_ns
 from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters.fields import refuse
 from slip_detector.recordings.messages import FieldReader, JointStateReader, Sample
 
 #: Most messages of a publisher that may be lost in a row; after a larger step of the numbers it
@@ -69,10 +70,8 @@ class Input:
         self._field = FieldReader(config.input_field)
         fields = self.message_class.get_fields_and_field_types()
         if not self._field.begins_in(self.message_class):
-            raise ValueError(
-                f'parameter input_field is {config.input_field!r}, allowed: in a '
-                f'{config.input_type} a path that begins with {", ".join(fields)}'
-            )
+            text = f'in a {config.input_type} a path that begins with {", ".join(fields)}'
+            refuse(f'parameter input_field is {config.input_field!r}', text)
         self._has_header = fields.get('header') == 'std_msgs/Header'
         self.has_names = fields.get('name') == 'sequence<string>'
         self._type, self._channels = config.input_type, config.channels

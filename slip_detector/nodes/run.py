@@ -30,6 +30,7 @@ from pathlib import PurePath
 from typing import Any, NoReturn
 
 from slip_detector.commands.command_line import one_line
+from slip_detector.parameters.fields import refuse
 from slip_detector.parameters.files import shared_folder
 
 #: Allowed names of namespaces; the length leaves room for the names of topics.
@@ -227,10 +228,8 @@ def _arguments_of_each(executable: str) -> list[list[str] | None]:
 
 def _check_namespaces(option: str, names: list[str]) -> None:
     if not all(map(NAMESPACE.fullmatch, names)) or len(set(names)) < len(names):
-        raise ValueError(
-            f'{option} gives the namespaces {", ".join(names)}, allowed: different ones of up to '
-            '64 letters, digits and single _, no digit first'
-        )
+        text = 'different ones of up to 64 letters, digits and single _, no digit first'
+        refuse(f'{option} gives the namespaces {", ".join(names)}', text)
 
 
 def _check_files() -> None:

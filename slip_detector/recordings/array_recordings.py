@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from slip_detector.chain.samples import Samples
 from slip_detector.parameters.detector import default_channel_names
 from slip_detector.parameters.driver import RecordingConfig
-from slip_detector.parameters.fields import name_list, shortened, shown
+from slip_detector.parameters.fields import name_list, refuse, shortened, shown
 from slip_detector.recordings.labels import Labels, as_truth
 from slip_detector.recordings.rates import checked_rate, rate_of
 from slip_detector.recordings.recording import PIECE_ROWS, Recording, named_errors
@@ -74,10 +74,8 @@ class NpzRecording(Recording):
             missing = volts_key if volts is None else rate_key
             raise ValueError(f'has no array {missing}, there are: {there}')
         if volts.ndim != 2 or not volts.size or volts.dtype.kind not in 'fiu':
-            raise ValueError(
-                f'{volts_key} has the shape {volts.shape} and type {volts.dtype}, allowed: '
-                'numbers of shape (rows, channels)'
-            )
+            what = f'{volts_key} has the shape {volts.shape} and type {volts.dtype}'
+            refuse(what, 'numbers of shape (rows, channels)')
         if rate.size != 1 or rate.dtype.kind not in 'fiu':
             raise ValueError(f'{rate_key} is {shortened(str(rate))}, allowed: a rate in Hz')
         self.sample_rate_hz = checked_rate(float(rate.item()))
@@ -144,10 +142,8 @@ class CsvRecording(Recording):
         self._channels = [k for k, n in enumerate(names) if n not in (TIME, self._truth_key)]
         self.channel_names = tuple(names[k] for k in self._channels)
         if TIME not in names or not self.channel_names or len(set(names)) != len(names):
-            raise ValueError(
-                f'line 1 has the columns {name_list(names) or "none"}, allowed: {TIME} and one '
-                'for each channel, each name once'
-            )
+            text = f'{TIME} and one for each channel, each name once'
+            refuse(f'line 1 has the columns {name_list(names) or "none"}', text)
         first = next(self.read(), None)
         stamps_ns = np.empty(0, np.int64) if first is None else first.stamps_ns
         self.sample_rate_hz = checked_rate(rate_of(stamps_ns, f'the times in column {TIME}'))
@@ -182,8 +178,6 @@ class CsvRecording(Recording):
             except (ValueError, ArithmeticError, IndexError):
                 fits = False
             if not fits:
-                raise ValueError(
-                    f'line {number} is {shown(",".join(line))}, allowed: {n} decimal numbers, '
-                    f'{TIME} below {MOST_S:g}'
-                )
+                text = f'{n} decimal numbers, {TIME} below {MOST_S:g}'
+                refuse(f'line {number} is {shown(",".join(line))}', text)
             yield numbers, round(time_s * 1_000_000_000)

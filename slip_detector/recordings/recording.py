@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from slip_detector.chain.samples import Samples
 from slip_detector.chain.stamps import StampGrid
 from slip_detector.parameters.driver import RecordingConfig
+from slip_detector.parameters.fields import refuse
 from slip_detector.recordings.labels import Labels, label_at
 from slip_detector.recordings.rates import MOST_FACTOR, RATE_TOLERANCE, rates_differ, resampled
 
@@ -158,10 +159,8 @@ class Recording(ABC):
     def check_size(self, n_bytes: float, what: str) -> None:
         """Raise an error, before anything is allocated, for what is larger than the limit."""
         if n_bytes > 1e6 * self._limit_mb:
-            raise ValueError(
-                f'{self.path}: {what} takes {n_bytes / 1e6:.0f} MB, allowed: {self._limit_mb:g} '
-                'MB (recording_limit_mb)'
-            )
+            text = f'{self._limit_mb:g} MB (recording_limit_mb)'
+            refuse(f'{self.path}: {what} takes {n_bytes / 1e6:.0f} MB', text)
 
     def rows(self) -> Iterator[Samples]:
         """Yield all rows as they were recorded, with labels if there are any.

@@ -21,8 +21,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from slip_detector.chain.samples import Floats
-from slip_detector.grasp.comparison import CONTROLLER, PAPER, UNCONTROLLED
-from slip_detector.grasp.loop import GraspTrial
+from slip_detector.grasp.loop import CONTROLLER, PAPER, UNCONTROLLED, GraspTrial
 from slip_detector.report.pictures import COLORS, draw_decision, save_picture
 from slip_detector.report.tables import heading, number_text, text_table, verdict_cells
 

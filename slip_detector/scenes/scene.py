@@ -26,7 +26,6 @@ from slip_detector.parameters.detector import PAPER_CHANNELS, default_channel_na
 from slip_detector.parameters.fields import refuse, shown
 from slip_detector.parameters.files import read_yaml, shared_folder
 from slip_detector.scenes import motion
-from slip_detector.scenes.drive import Drive, drive_at, drive_numbers, normal_force_at
 from slip_detector.scenes.electronics import Frontend, taxel_positions
 from slip_detector.scenes.friction import Friction, Skin
 from slip_detector.scenes.mechanics import STAGE_TIMES, SceneConstants, State, advance
@@ -106,7 +105,7 @@ class Scene:
         self.length = round(self.duration_s * self.true_rate_hz)
         if not self.length:
             refuse(f'steps: all take {self.duration_s:g} s', 'at least one sample')
-        self.drive_numbers = drive_numbers(parts, steps, children['tremor'])
+        self.drive_numbers = motion.drive_numbers(parts, steps, children['tremor'])
         check_parts(parts, steps, self.true_rate_hz)
         self._frontend = Frontend(parts, children, self.true_rate_hz)
         self.constants = self._scene_constants(sampling.step_s, children['texture'])
@@ -212,7 +211,7 @@ class Scene:
 
     def force_n(self, time_s: Floats) -> Floats:
         """Return the normal force at given times, with disturbances."""
-        return np.asarray(normal_force_at(time_s, self.drive_numbers), dtype=np.float64)
+        return np.asarray(motion.normal_force_at(time_s, self.drive_numbers), dtype=np.float64)
 
     def clean(self, n: int) -> tuple[Floats, Floats, Floats, Floats]:
         """Advance by up to ``n`` samples and return the signals of the fingertip without noise.
@@ -238,8 +237,8 @@ class Scene:
         stages_s = (of_steps[:, np.newaxis] + np.array(STAGE_TIMES)) * constants.step_s
         if begin and m:
             stages_s = np.concatenate([np.zeros((1, 2)), stages_s])
-        flat = drive_at(stages_s.ravel(), self.drive_numbers)
-        drive = Drive(*(values.reshape(stages_s.shape) for values in flat))
+        flat = motion.drive_at(stages_s.ravel(), self.drive_numbers)
+        drive = motion.Drive(*(values.reshape(stages_s.shape) for values in flat))
         advance(drive, self.state, constants, begin, clean_v, position_m, sliding)
         time_s = np.arange(first, last) / self.true_rate_hz
         return time_s, clean_v, position_m, sliding

@@ -31,9 +31,8 @@ from slip_detector.chain.samples import Samples, Stamps
 from slip_detector.parameters.detector import default_channel_names
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.fields import refuse
-from slip_detector.sources.packets import LONGEST_BYTES, PacketDecoder
+from slip_detector.sources.packets import LONGEST_BYTES, LineDecoder, PacketDecoder
 from slip_detector.sources.source import WAIT_S, Source
-from slip_detector.sources.text_lines import LineDecoder
 
 #: Length, by the sender's clock, of the windows whose smallest delay is sought. The smaller delay
 #: of the present window and the one before is used.

@@ -25,6 +25,7 @@ import numpy as np
 from slip_detector.chain.samples import Floats
 from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.fields import refuse
 from slip_detector.tuning.learning import LEAST_RATIO, at_rest, envelopes, learnt_floors
 from slip_detector.tuning.tracks import Track, edges_of, enabled
 
@@ -121,10 +122,8 @@ def contact_level_v(chain: ChainConfig, tracks: Sequence[Track]) -> float:
         float(np.quantile(some, share)) if some.size else 0.0 for some, share in of_each
     )
     if not idle_v or slide_v < LEAST_RATIO * idle_v:
-        raise ValueError(
-            f'a finger that touches nothing has a level of {idle_v:.4g}, one that slides of '
-            f'{slide_v:.4g}, allowed: {LEAST_RATIO:g} times as much'
-        )
+        what = f'a finger that touches nothing has a level of {idle_v:.4g}, one that slides of '
+        refuse(f'{what}{slide_v:.4g}', f'{LEAST_RATIO:g} times as much')
     return float(f'{min(MOST_RATIO * idle_v, np.sqrt(idle_v * slide_v)):.4g}')
 
 

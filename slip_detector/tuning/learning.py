@@ -30,6 +30,7 @@ from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.evaluation.scores import MOTION, REST
 from slip_detector.parameters import ChainConfig, EvaluationConfig
+from slip_detector.parameters.fields import refuse
 from slip_detector.recordings.rates import forward_filled
 from slip_detector.tuning.sweep import sweep_thresholds, thresholds, vote_statistics
 from slip_detector.tuning.tracks import Track, enabled, faults_of, load_track, load_tracks
@@ -123,10 +124,8 @@ def learn_from_quiet(
     """
     by_evidence = chain.decision == 'evidence'
     if per_hour is None and not by_evidence:
-        raise ValueError(
-            'parameter decision is mean, allowed: evidence, whose noise floors --quiet learns, '
-            'or --false-alarms-per-hour, which sets the threshold'
-        )
+        text = 'evidence, whose noise floors --quiet learns, or --false-alarms-per-hour, which '
+        refuse('parameter decision is mean', f'{text}sets the threshold')
     track = load_track(path, loader)
     mains_hz, line = find_mains(chain, track)
     learnt: dict[str, Any] = {}
@@ -173,10 +172,8 @@ def quiet_threshold(track: Track, chain: ChainConfig, per_hour: float) -> tuple[
     shortest = -math.log(1.0 - CONFIDENCE) / per_hour
     if track.slips or hours < shortest:
         what = 'has slip' if track.slips else f'lasts {hours:.3g} h'
-        raise ValueError(
-            f'{track.name}: {what}, allowed: no slip, and at least {shortest:.3g} h to show a '
-            f'rate of {per_hour:g} an hour'
-        )
+        text = f'no slip, and at least {shortest:.3g} h to show a rate of {per_hour:g} an hour'
+        refuse(f'{track.name}: {what}', text)
     # Only a threshold needs it, and it takes longer to load than all else.
     from scipy import special
 
@@ -236,10 +233,9 @@ def learnt_floors(chain: ChainConfig, tracks: Sequence[Track]) -> tuple[float, .
     columns = [column[np.isfinite(column)] for column in np.concatenate(every).T]
     found = np.array([np.quantile(one, BELOW_FLOOR) if one.size else 0.0 for one in columns])
     if not found.any():
-        raise ValueError(
-            f'{", ".join(track.name for track in tracks)}: no channel has any noise, allowed: a '
-            'recording at rest that is longer than the chain settles'
-        )
+        names = ', '.join(track.name for track in tracks)
+        text = 'a recording at rest that is longer than the chain settles'
+        refuse(f'{names}: no channel has any noise', text)
     found[found == 0.0] = np.median(found[found > 0.0])
     return tuple(float(f'{floor:.4g}') for floor in found)
 
@@ -350,9 +346,7 @@ def learn_from_taps(
         are too similar.
     """
     if chain.decision != 'evidence':
-        raise ValueError(
-            f'parameter decision is {chain.decision}, allowed: evidence, which impact_v is for'
-        )
+        refuse(f'parameter decision is {chain.decision}', 'evidence, which impact_v is for')
     knocks, tracks = load_track(path, loader), load_tracks(slips, loader)
     impact_v, line = impact_step(chain, knocks, tracks)
     return {'impact_v': impact_v}, [*faults_of([knocks, *tracks]), f'{knocks.name}: {line}']
@@ -436,9 +430,7 @@ def impact_step(chain: ChainConfig, knocks: Track, tracks: Sequence[Track]) -> t
         f'slips of up to {slip_v:.4g} V'
     )
     if not slip_v or knock_v < LEAST_RATIO * slip_v:
-        raise ValueError(
-            f'{knocks.name}: its knocks cannot be told from slips: {numbers}, allowed: '
-            f'{LEAST_RATIO:g} times as much, and steps of both'
-        )
+        text = f'{LEAST_RATIO:g} times as much, and steps of both'
+        refuse(f'{knocks.name}: its knocks cannot be told from slips: {numbers}', text)
     impact_v = float(f'{math.sqrt(slip_v * knock_v):.4g}')
     return impact_v, f'impact_v {impact_v:g} V: {numbers}'

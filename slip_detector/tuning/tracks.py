@@ -30,6 +30,7 @@ from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.evaluation.matching import OnIntervals, RowInterval
 from slip_detector.evaluation.scores import kinds_of
 from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.fields import refuse
 from slip_detector.recordings import RecordingCounts, recording_sets
 
 
@@ -383,7 +384,5 @@ class TrainingFiles(NamedTuple):
                 held.append(part)
         if not all(any(track.slips for track in part) for part in (training, held)):
             names = ', '.join(track.name for track in training + held)
-            raise ValueError(
-                f'{names}: too few slips, allowed: some to tune on and others to hold out'
-            )
+            refuse(f'{names}: too few slips', 'some to tune on and others to hold out')
         return training, held, notes

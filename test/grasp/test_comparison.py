@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from slip_detector.grasp.comparison import (
+from slip_detector.grasp.loop import (
     ANSWER_S,
     AT_LIMIT,
     CONTROLLER,
@@ -28,8 +28,8 @@ from slip_detector.grasp.comparison import (
     LiveGraspTrial,
     conditions,
     grasp_figures,
+    play_trial,
 )
-from slip_detector.grasp.loop import play_trial
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.grasp import GraspConfig
 from support import grasp_trials

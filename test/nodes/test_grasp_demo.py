@@ -21,7 +21,7 @@ import sys
 
 import pytest
 
-from slip_detector.grasp.comparison import (
+from slip_detector.grasp.loop import (
     ANSWER_S,
     CONTROLLER,
     HARDER,
@@ -29,8 +29,8 @@ from slip_detector.grasp.comparison import (
     WANTED,
     conditions,
     grasp_figures,
+    play_trial,
 )
-from slip_detector.grasp.loop import play_trial
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.files import shared_folder
 from slip_detector.parameters.grasp import GraspConfig

@@ -15,7 +15,7 @@
 """Tables of text, and the texts of figures."""
 
 from slip_detector.evaluation.chance import slip_figures
-from slip_detector.grasp.comparison import (
+from slip_detector.grasp.loop import (
     CONTROLLER,
     HARDER,
     UNCONTROLLED,

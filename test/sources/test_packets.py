@@ -27,10 +27,10 @@ from slip_detector.sources.packets import (
     HEADER,
     LONGEST_BYTES,
     PACKET_KINDS,
+    LineDecoder,
     PacketDecoder,
     cobs_decode,
 )
-from slip_detector.sources.text_lines import LineDecoder
 from support.mutations import mutated_bytes
 from support.packet_cases import decoder, integers, packets, sent_by
 from support.pages import ROOT

@@ -19,7 +19,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.sources.text_lines import LineDecoder
+from slip_detector.sources.packets import LineDecoder
 
 MIXED_TEXT = st.lists(
     st.sampled_from([b'1', b'.5', b',', b'\n', b'\r\n', b'-', b'e9', b' ', b'nan', b'\0', b'\xff'])

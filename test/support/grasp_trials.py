@@ -16,8 +16,7 @@
 
 import numpy as np
 
-from slip_detector.grasp.comparison import AT_LIMIT, CONTROLLER, PAPER, UNCONTROLLED
-from slip_detector.grasp.loop import GraspTrial
+from slip_detector.grasp.loop import AT_LIMIT, CONTROLLER, PAPER, UNCONTROLLED, GraspTrial
 
 LENGTH_M = 0.1
 
