@@ -87,10 +87,8 @@ class Labels(NamedTuple):
         """Raise an error if an interval ends after the recording."""
         for start_s, last_s in self.edges_s[-1:]:
             if last_s > end_s:
-                raise ValueError(
-                    f'{self.path}: the slip [{start_s:g}, {last_s:g}] s is outside the recording '
-                    f'{recording.name}, allowed: 0 to {end_s:.6g} s'
-                )
+                what = f'the slip [{start_s:g}, {last_s:g}] s is outside the recording'
+                refuse(f'{self.path}: {what} {recording.name}', f'0 to {end_s:.6g} s')
 
 
 def labels_name(recording: Path) -> str:
