@@ -394,7 +394,7 @@ def decision_figures(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:
         'duration_s': seconds,
         'onsets': len(on),
         'onsets_per_minute': 60.0 * len(on) / seconds if seconds else None,
-        'on_s': sum(on),
+        'on_s': sum(on, 0.0),
         'on_percent': percent(sum(on), seconds),
         'invalid_channels': int(np.count_nonzero(sum(np.array(o.invalid_rows) for o in outcomes))),
     }

@@ -35,6 +35,9 @@ OTHERS = {'slip_state': JOINT_STATE, 'slip_onset': HEADER, 'slip_detector/envelo
 #: Rows, and a chain's result for them.
 Decided = Iterable[tuple[Samples, SlipResult]]
 
+#: Time, decisions and levels of a row, and whether to write also what has not changed.
+Row = tuple[int, Bools, Floats | None, bool]
+
 
 def write_decisions(path: Path, pieces: Decided, config: ChainConfig, namespace: str = '') -> None:
     """Write what the detector publishes on its topics, stamped as the samples.
@@ -104,10 +107,8 @@ def _messages(config: ChainConfig, topics: list[str], pieces: Decided) -> Iterat
         before = state
 
 
-def _rows(
-    config: ChainConfig, pieces: Decided
-) -> Iterator[tuple[int, Bools, Floats | None, bool]]:
-    """Yield time, decisions and levels of each row, and whether to write what has not changed."""
+def _rows(config: ChainConfig, pieces: Decided) -> Iterator[Row]:
+    """Yield all rows, the last one twice, and one without decisions in each long gap."""
     last_ns, state = None, np.zeros(0, np.bool_)
     for samples, result in pieces:
         if samples.new_stretch and last_ns is not None:  # Nothing is decided in a long gap.

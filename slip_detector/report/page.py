@@ -224,9 +224,7 @@ def write_evaluation_report(
             figures[title] = recording_figures([one])
             faults = one.counts.damage, one.counts.doubts
             notes += recording_notes(title, faults, one.invalid_percent)
-    notes += labels_note(
-        title for title, one in zip(figures, every, strict=True) if not one.labelled
-    )
+    notes += labels_note(one.name for one in overviews if not one.labelled)
     figures['all recordings'] = recording_figures(every)
     given = Variant('given', overviews[0].config, overviews, figures)
     outcomes = [one.outcome for one in every if one.labelled]

@@ -73,9 +73,7 @@ TABLES: dict[str, Sequence[str]] = {
 #: The tables that are left out where all their figures are 0 or not defined.
 OPTIONAL = tuple(TABLES)[-4:]
 
-LEGEND = (
-    f'{UNDEFINED}: not defined (no labels, no such rows or events, or the motion is not recorded)'
-)
+LEGEND = f'{UNDEFINED}: not defined (no labels, no such rows or events, or no record of motion)'
 
 #: The figures by which chains are compared, where they are defined.
 MAIN_FIGURES = (
@@ -203,9 +201,9 @@ def evaluation_tables(report: Mapping[str, Any]) -> str:
         for file, one in recordings.items():
             notes += recording_notes(file, [one['lost'], one['doubts']], one['invalid_percent'])
             if not one['labelled']:
-                on = [f'{start_s:.3f} to {end_s:.3f}' for start_s, end_s in one['on_intervals_s']]
+                on_s = [f'{start:.3f} to {end:.3f}' for start, end in one['on_intervals_s']]
                 notes.append(
-                    f'{file}: ON from {name_list(on, 12)} s' if on else f'{file}: never ON'
+                    f'{file}: {f"ON from {name_list(on_s, 12)} s" if on_s else "never ON"}'
                 )
     if len(report['sets']) > 1:
         blocks += _tables('all sets', {**report['sets'], 'all rows': report['all']})
@@ -219,9 +217,7 @@ def evaluation_tables(report: Mapping[str, Any]) -> str:
     return '\n\n'.join([*(text_table(block, indent=0) for block in blocks), '\n'.join(notes)])
 
 
-def recording_notes(
-    name: str, faults: Iterable[str], invalid_percent: Mapping[str, float]
-) -> list[str]:
+def recording_notes(name: str, faults: Iterable[str], invalid: Mapping[str, float]) -> list[str]:
     """Return lines on the faults of a recording and on its channels that are not always valid.
 
     Examples
@@ -229,9 +225,9 @@ def recording_notes(
     >>> recording_notes('a.mcap', [''], {'ch3': 12.5, 'ch7': 100.0})
     ['a.mcap: not valid: ch3 12.5 %, ch7 100 % of the time']
     """
-    shares = [f'{channel} {share:.3g} %' for channel, share in invalid_percent.items()]
-    invalid = f'not valid: {name_list(shares)} of the time' if shares else ''
-    return [f'{name}: {text}' for text in (*faults, invalid) if text]
+    shares = [f'{channel} {percent:.3g} %' for channel, percent in invalid.items()]
+    channels = f'not valid: {name_list(shares)} of the time' if shares else ''
+    return [f'{name}: {text}' for text in (*faults, channels) if text]
 
 
 def labels_note(names: Iterable[str]) -> list[str]:

@@ -50,7 +50,7 @@ def test_damage_of_a_recording_and_figures_that_are_not_defined_are_explained():
     lines = evaluation_tables(report).splitlines()
     assert lines[-2:] == ['a.mcap: is cut off at byte 9', 'c.mcap: without checksums']
     whole['auc_all'] = None
-    assert evaluation_tables(report).endswith('the motion is not recorded)')
+    assert evaluation_tables(report).endswith('or no record of motion)')
 
 
 def test_tables_of_missed_slips_and_faults_are_left_out_where_there_are_none():
