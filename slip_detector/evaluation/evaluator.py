@@ -27,6 +27,7 @@ from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig, default_channel_names
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.parameters.fields import refuse
 from slip_detector.recordings import Recording, RecordingCounts, open_recording, rates_differ
 from slip_detector.recordings.decisions import write_decisions
 from slip_detector.recordings.labels import labels_name
@@ -117,16 +118,12 @@ class RecordingLoader(NamedTuple):
         recording = open_recording(path, self.recording_config)
         config, names = self.chain_config, recording.channel_names
         if len(names) != config.channels:
-            raise ValueError(
-                f'{path}: has {len(names)} channels, allowed: {config.channels}, the parameter '
-                'channels'
-            )
+            text = f'{config.channels}, the parameter channels'
+            refuse(f'{path}: has {len(names)} channels', text)
         unnamed = default_channel_names(len(names))
         if config.channel_names and names not in (config.channel_names, unnamed):
-            raise ValueError(
-                f'{path}: has the channels {", ".join(names)}, allowed: '
-                f'{", ".join(config.channel_names)}, the parameter channel_names'
-            )
+            text = f'{", ".join(config.channel_names)}, the parameter channel_names'
+            refuse(f'{path}: has the channels {", ".join(names)}', text)
         if require_truth and not recording.is_labelled:
             raise ValueError(
                 f'{path}: has no {recording.label_name}; allowed: one to label the slips, or a '
@@ -159,18 +156,14 @@ class RecordingLoader(NamedTuple):
         if columns:
             known = [] if names is None else [str(name) for name in names.ravel()]
             if len(known) != table.shape[1] or {known.count(name) for name in columns} != {1}:
-                raise ValueError(
-                    f'{recording.path}: {key}_names has the names {known}, allowed: one for each '
-                    f'of {table.shape[1]} columns, with each of {columns} once'
-                )
+                text = f'one for each of {table.shape[1]} columns, with each of {columns} once'
+                refuse(f'{recording.path}: {key}_names has the names {known}', text)
             table = table[:, [known.index(name) for name in columns]]
         fits = table.dtype.kind in 'fiu' and table.ndim == 2 and len(table) == recording.n_rows
         if not fits or not np.isfinite(table).all():
-            raise ValueError(
-                f'{recording.path}: {key} has the shape {velocities.shape} and type '
-                f'{velocities.dtype}, allowed: finite numbers, a row or number for each of '
-                f'{recording.n_rows} rows'
-            )
+            what = f'{key} has the shape {velocities.shape} and type {velocities.dtype}'
+            text = f'finite numbers, a row or number for each of {recording.n_rows} rows'
+            refuse(f'{recording.path}: {what}', text)
         speed = np.linalg.norm(table.astype(np.float64), axis=1)
         return np.asarray(speed > self.config.moving_above)
 
