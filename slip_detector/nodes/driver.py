@@ -226,7 +226,7 @@ class Driver(Node):
         self._sleep(LINGER_S)
 
     def _sleep(self, seconds: float) -> None:
-        """Wait, at least not at all; end this thread if the node is destroyed meanwhile."""
+        """Wait, if the time is not negative; end this thread if the node is destroyed."""
         if self._stop.wait(max(0.0, seconds)):
             raise ExternalShutdownException
 

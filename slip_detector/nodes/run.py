@@ -45,7 +45,7 @@ RESPAWN_S = 2.0
 #: Variables with the path of a profile, in Fast DDS 2 and 3.
 PROFILE_VARIABLES = {'FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE'}
 
-#: How many functions each compiles that does so, as far as it matters for how far it is.
+#: How many functions an executable compiles, roughly, to say how far it is.
 FUNCTIONS = {'slip_detector': 47, 'slip_driver': 30}
 
 EXECUTABLES = ('slip_driver', 'slip_detector', 'grasp_controller')

@@ -76,8 +76,8 @@ def rate_of(stamps_ns: Stamps, what: str) -> float:
 
     It is the inverse of the mean step between rows, which averages jitter; gaps and steps
     backwards are left out. Where many stamps are the same, the rows are counted. Where most steps
-    differ, those of some rows are taken: a message that is late, as those without a header are,
-    makes one of them longer and the next one shorter, and both are kept or left out.
+    differ, rows are taken some at a time: a message that is late, as those without a header are,
+    makes one such step longer and the next one shorter, and both are kept or left out.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def rate_of(stamps_ns: Stamps, what: str) -> float:
     rows = max(1, min(MOST_AT_ONCE, len(steps_ns) // FEWEST_STEPS))
     if rows > 1:
         usual_ns = np.median(steps_ns)
-        # Of steps that are alike each counts: sixteen together are seldom without a lost row.
+        # Steps that are alike are taken singly: of many rows at a time one is often lost.
         alike = np.abs(steps_ns - usual_ns) < ALIKE * usual_ns
         rows = 1 if np.mean(alike) > 0.5 else rows
     spans_ns = np.diff(stamps_ns[::rows])

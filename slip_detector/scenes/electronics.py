@@ -251,5 +251,5 @@ class Frontend:
         return volts
 
     def arrived(self, n: int) -> Ints:
-        """Return which of the next ``n`` samples arrive."""
+        """Return the places, from 0, of those of the next ``n`` samples that arrive."""
         return np.flatnonzero(self._loss_draws.random(n) >= self._drops.share)
