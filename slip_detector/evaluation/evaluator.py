@@ -24,9 +24,8 @@ from slip_detector.chain.samples import Bools, Samples
 from slip_detector.chain.slip_chain import SlipChain, SlipResult
 from slip_detector.evaluation.figures import ReplayOutcome, decision_figures, figures_of_merit
 from slip_detector.evaluation.replay import Replay
+from slip_detector.parameters import EvaluationConfig, RecordingConfig
 from slip_detector.parameters.detector import ChainConfig, default_channel_names
-from slip_detector.parameters.driver import RecordingConfig
-from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.parameters.fields import refuse
 from slip_detector.recordings import Recording, RecordingCounts, open_recording, rates_differ
 from slip_detector.recordings.decisions import write_decisions

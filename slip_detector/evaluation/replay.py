@@ -32,8 +32,7 @@ from slip_detector.evaluation import figures
 from slip_detector.evaluation.figures import STAGES, Alarm, ReplayOutcome, TrueSlip, mean_and_sd
 from slip_detector.evaluation.matching import OnIntervals, RowInterval, ScoredRows, rows_on
 from slip_detector.evaluation.scores import Kinds, ScoreTally, kinds_of
-from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.parameters import ChainConfig, EvaluationConfig
 
 #: Number of values that the chain is given at a time, so that its results stay in the cache.
 BLOCK_VALUES = 131072

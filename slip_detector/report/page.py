@@ -34,15 +34,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.evaluation.evaluator import (
-    EvaluatedRecording,
-    RecordingLoader,
-    recording_figures,
-)
+from slip_detector.evaluation import evaluator
 from slip_detector.evaluation.figures import ReplayOutcome, figures_of_merit
 from slip_detector.evaluation.replay import Replay
-from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.parameters import ChainConfig, EvaluationConfig
 from slip_detector.parameters.files import whole_file
 from slip_detector.report.overview import EVENT_KINDS, Codes, Overview, Volts
 from slip_detector.report.page_sections import Variant, sections
@@ -186,8 +181,8 @@ def _variant(overview: Overview) -> dict[str, Any]:
 
 
 def evaluate_for_report(
-    loader: RecordingLoader, recordings: int, path: Path
-) -> EvaluatedRecording:
+    loader: evaluator.RecordingLoader, recordings: int, path: Path
+) -> evaluator.EvaluatedRecording:
     """Evaluate one of several recordings with its overview as the observer."""
     opened, chain = loader.open(path, require_truth=False), loader.chain_config
     names, rate_hz = opened.recording.channel_names, opened.sample_rate_hz
@@ -198,7 +193,7 @@ def evaluate_for_report(
 
 
 def write_evaluation_report(
-    path: Path, sets: Mapping[str, Mapping[str, EvaluatedRecording]]
+    path: Path, sets: Mapping[str, Mapping[str, evaluator.EvaluatedRecording]]
 ) -> None:
     """Write the page of an evaluation.
 
@@ -221,11 +216,11 @@ def write_evaluation_report(
             title = f'{name}/{file}' if len(sets) > 1 else file
             one.observer.name = title
             overviews.append(one.observer)
-            figures[title] = recording_figures([one])
+            figures[title] = evaluator.recording_figures([one])
             faults = one.counts.damage, one.counts.doubts
             notes += recording_notes(title, faults, one.invalid_percent)
     notes += labels_note(one.name for one in overviews if not one.labelled)
-    figures['all recordings'] = recording_figures(every)
+    figures['all recordings'] = evaluator.recording_figures(every)
     given = Variant('given', overviews[0].config, overviews, figures)
     outcomes = [one.outcome for one in every if one.labelled]
     write_page(path, f'Slips and alarms: {", ".join(sets)}', [given], notes, outcomes)

@@ -26,8 +26,7 @@ import numpy as np
 
 from slip_detector.chain.samples import Floats, Samples
 from slip_detector.evaluation.evaluator import RecordingLoader
-from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.parameters.driver import DriverConfig
+from slip_detector.parameters import DetectorConfig, DriverConfig
 from slip_detector.parameters.files import file_errors_of, write_yaml
 from slip_detector.recordings import labels
 from slip_detector.view.recordings import trace_of

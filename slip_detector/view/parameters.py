@@ -31,17 +31,10 @@ from itertools import chain
 from pathlib import Path
 from typing import Any, get_args
 
+from slip_detector.parameters import sections
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.fields import allowed, shortened, shown, under_headings
 from slip_detector.parameters.files import read_yaml, shared_folder, writable_folder, write_yaml
-from slip_detector.parameters.sections import (
-    ALL,
-    OF_RCLPY,
-    matches,
-    node_of,
-    nodes_that_know,
-    sections_of,
-)
 from slip_detector.view.detectors import Change, ParameterPanel, to_decide_as
 from slip_detector.view.server import Message, Server
 
@@ -324,22 +317,23 @@ def parameter_file(
     (['/**/slip_detector'], 0.25)
     """
     document: dict[str, Any] = {}
-    sections = [*sections_of(read_yaml(given) if given else {}, str(given))]
-    for section, parameters in sections:
+    every = [*sections.sections_of(read_yaml(given) if given else {}, str(given))]
+    for section, parameters in every:
         of_others = {
             key: value
             for key, value in parameters.items()
-            if node_of(section) not in ALL or nodes_that_know(key) != [DetectorConfig.NODE]
+            if sections.node_of(section) not in sections.ALL
+            or sections.nodes_that_know(key) != [DetectorConfig.NODE]
         }
-        if of_others and node_of(section) not in map(node_of, configs):
+        if of_others and sections.node_of(section) not in map(sections.node_of, configs):
             document[section] = {'ros__parameters': of_others}
     # Last, because of two sections for a node the later one holds.
     for name, config in configs.items():
-        section = name if len(configs) > 1 else f'/**/{node_of(name)}'
+        section = name if len(configs) > 1 else f'/**/{sections.node_of(name)}'
         (values,) = config.to_document().values()
         # Parameters that rclpy itself reads, such as use_sim_time, are kept.
-        given_to_it = [its.items() for of, its in sections if matches(of, name)]
-        kept = {key: value for key, value in chain(*given_to_it) if key in OF_RCLPY}
+        given_to_it = [its.items() for of, its in every if sections.matches(of, name)]
+        kept = {key: value for key, value in chain(*given_to_it) if key in sections.OF_RCLPY}
         document[section] = {'ros__parameters': {**kept, **values['ros__parameters']}}
     return document
 
