@@ -136,12 +136,9 @@ def evaluate(
         except KeyboardInterrupt:
             if not found:
                 raise
-    evaluated = {
-        name: {file.name: found[file] for file in several if file in found}
-        for name, several in sets.items()
-    }
     left = [file for file in files if file not in found]
-    return {name: several for name, several in evaluated.items() if several}, left
+    done = {name: [file for file in several if file in found] for name, several in sets.items()}
+    return {name: {file.name: found[file] for file in of} for name, of in done.items() if of}, left
 
 
 def as_report(sets: Mapping[str, Mapping[str, EvaluatedRecording]]) -> dict[str, Any]:

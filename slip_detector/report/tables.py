@@ -202,9 +202,8 @@ def evaluation_tables(report: Mapping[str, Any]) -> str:
             notes += recording_notes(file, [one['lost'], one['doubts']], one['invalid_percent'])
             if not one['labelled']:
                 on_s = [f'{start:.3f} to {end:.3f}' for start, end in one['on_intervals_s']]
-                notes.append(
-                    f'{file}: {f"ON from {name_list(on_s, 12)} s" if on_s else "never ON"}'
-                )
+                when = f'ON from {name_list(on_s, 12)} s' if on_s else 'never ON'
+                notes.append(f'{file}: {when}')
     if len(report['sets']) > 1:
         blocks += _tables('all sets', {**report['sets'], 'all rows': report['all']})
     if any(cell == UNDEFINED for block in blocks for row in block for cell in row):
