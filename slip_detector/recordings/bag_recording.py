@@ -145,7 +145,7 @@ class BagRecording(Recording):
         self._storage = BagStorage(path)
         self._topic = self._rows_topic(config.recording_topic)
         if _is_named(self._topic.name, TOPIC):
-            self.namespace = f'/{self._topic.name}'.rpartition('/')[0].replace('//', '/')
+            self.namespace = f'/{self._topic.name.lstrip("/")}'.rpartition('/')[0]
         usual = 'position' if self._topic.msgtype == JOINT_STATE else 'data'
         self._field = config.recording_field or usual
         self._label_topic = self._found_label_topic(config)

@@ -101,7 +101,7 @@ def test_batches_are_spread_over_their_time(tmp_path, samples):
 
 def test_the_truth_is_taken_from_the_namespace_of_the_rows(tmp_path):
     left = rows(300)
-    fingers = {'/left': left, '/right': left._replace(truth=~left.truth)}
+    fingers = {'': rows(300, seed=1), '/left': left, '/right': left._replace(truth=~left.truth)}
     with Bag(tmp_path / 'a') as bag:
         for finger, written in fingers.items():
             bag.write_rows(written, finger)
@@ -112,7 +112,7 @@ def test_the_truth_is_taken_from_the_namespace_of_the_rows(tmp_path):
         assert recording.namespace == finger
     said = complaint(tmp_path / 'a')
     assert (
-        'has 2 topics voltages, there are: /left/voltages (sensor_msgs/msg/JointState), /r' in said
+        'has 3 topics voltages, there are: /left/voltages (sensor_msgs/msg/JointState), /r' in said
     )
 
 
