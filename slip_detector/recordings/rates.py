@@ -103,9 +103,9 @@ def rate_of(stamps_ns: Stamps, what: str) -> float:
     rows = max(1, min(MOST_AT_ONCE, len(steps_ns) // FEWEST_STEPS))
     if rows > 1:
         usual_ns = np.median(steps_ns)
-        # Steps that are alike are taken singly: of many rows at a time one is often lost.
+        # Where most are alike they are taken singly: of many rows at a time one may be lost.
         alike = np.abs(steps_ns - usual_ns) < ALIKE * usual_ns
-        rows = 1 if np.mean(alike) > 0.5 else rows
+        rows = 1 if np.mean(alike) > 0.75 else rows
     spans_ns = np.diff(stamps_ns[::rows])
     spans_ns = np.sort(spans_ns[spans_ns > 0])
     if not spans_ns.size:
