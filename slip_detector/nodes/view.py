@@ -107,12 +107,10 @@ def _parser() -> argparse.ArgumentParser:
 
 def _check(arguments: argparse.Namespace) -> None:
     """Raise a ValueError for impossible arguments, before anything is started."""
-    from slip_detector.parameters.files import shared_folder
+    from slip_detector.parameters.files import find_parameter_file, shared_folder
 
-    arguments.configs = [Path(name.strip()) for name in arguments.config.split(',') if name]
-    for path in arguments.configs:
-        if not path.is_file():
-            raise ValueError(f'--config is {str(path)!r}, allowed: the path of a parameter file')
+    names = filter(None, arguments.config.split(','))
+    arguments.configs = [find_parameter_file(name.strip()) for name in names]
     if arguments.bag and ',' in arguments.fingers:
         raise ValueError(f'--fingers is {arguments.fingers!r}, allowed: one, which plays --bag')
     played = '--scene' if arguments.scene else '--bag' if arguments.bag else ''
@@ -148,7 +146,8 @@ async def _serve(arguments: argparse.Namespace, takedowns: list[Callable[[], obj
     takedowns.append(node.destroy_node)
     detectors = RosDetectors(node)
     server = Server(detectors, Access(arguments.host, token, arguments.read_only))
-    ParameterRequests(server, arguments.folder, arguments.configs)
+    otherwise = AS_PLAYED if arguments.bag else {}
+    ParameterRequests(server, arguments.folder, arguments.configs, otherwise)
     Teaching(server, arguments.folder)
     publish_markers(node, server)
     try:
@@ -163,7 +162,7 @@ async def _serve(arguments: argparse.Namespace, takedowns: list[Callable[[], obj
         if arguments.scene or arguments.bag:
             (config,) = arguments.configs
             fingers = ('--fingers', arguments.fingers)
-            nodes.start('slip_detector', config, *fingers, **(AS_PLAYED if arguments.bag else {}))
+            nodes.start('slip_detector', config, *fingers, **otherwise)
             server.each_tick.append(nodes.check)
         if arguments.bag:
             _play(node, server, arguments)

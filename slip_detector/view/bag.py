@@ -43,8 +43,8 @@ STILL_S = 0.5
 #: another place. To the detector this is a long gap: it begins anew.
 JUMP_S = 1.0
 
-#: Bins of the trace: at least so many, and less than twice as many.
-BINS = 4000
+#: Bins of the trace: at most so many, and more than half of them, unless it is short.
+BINS = 16_000
 
 Ends = list[tuple[float, float]]
 
@@ -100,11 +100,12 @@ class PlayedBag:
             ends_s = np.append(after_ns * 1e-9, self.duration_s)[changes].round(4)
         self._accuracy_s = recording.accuracy_s
         # The ends of all labels, in seconds from the first sample, and how exact each is; those
-        # before each change; and the number of changes.
+        # before each change; and the number of changes of labels and detector.
         self._ends = [(end_s, self._accuracy_s) for end_s in ends_s.ravel().tolist()]
         self._before: list[Ends] = []
         self._unlabelled = self._ends if file is None else None
         self._changes = 0
+        self._config: DetectorConfig | None = None
         self.speed, self.playing = 1.0, True
         # The place, the next row, what its stamp has more, and the time of the last call.
         self._at_s, self._next, self._later_ns, self._now_s = 0.0, 0, 0, -math.inf
@@ -117,7 +118,11 @@ class PlayedBag:
 
     def tick(self) -> None:
         """Report to all pages what is played, and where it is."""
-        content = {'name': self.path.name, 'finger': self._finger, 'labels': str(self.file)}
+        finger = self._server.detectors.fingers.get(self._finger)
+        if finger is not None and finger.config != self._config:
+            self._config = finger.config
+            self._changes += 1
+        content = {'name': self.path.name, 'labels': str(self.file)}
         state = {'at_s': round(self._at_s, 3), 'speed': self.speed, 'playing': self.playing}
         changes = {'changes': self._changes, 'undoes': len(self._before)}
         self._server.broadcast('bag', {**content, **state, **changes})

@@ -70,10 +70,20 @@ class ParameterRequests:
     files
         The parameter files that the detectors were started with: one for all, or one for each
         namespace, named after it.
+    otherwise
+        What the detectors have otherwise than in the file, as they were started so. It is not
+        saved: what the file says of this is kept.
     """
 
-    def __init__(self, server: Server, folder: Path, files: Sequence[Path] = ()) -> None:
+    def __init__(
+        self,
+        server: Server,
+        folder: Path,
+        files: Sequence[Path] = (),
+        otherwise: Mapping[str, Any] | None = None,
+    ) -> None:
         self._server, self._folder, self._files = server, folder.resolve(), files
+        self._otherwise = otherwise or {}
         #: By detector, what changes with all that a page shows of it.
         self._shown: dict[str, tuple[Any, ...]] = {}
         server.each_tick.append(self._broadcast)
@@ -125,7 +135,7 @@ class ParameterRequests:
         """Read the present content of a detector's file."""
         if file := self._file_of(name):
             config, panel = DetectorConfig.from_yaml(file, name), self._panel(name)
-            panel.file_values = config.to_parameters()
+            panel.file_values = {**config.to_parameters(), **self._otherwise}
 
     def _panel(self, name: object) -> ParameterPanel:
         panel = self._server.detectors.panels.get(name) if isinstance(name, str) else None
@@ -163,6 +173,11 @@ class ParameterRequests:
         configs = {each: self._panel(each).config for each in names}
         if not FILE_NAME.fullmatch(name):
             raise ValueError(f'name is {shown(name)}, allowed: {ALLOWED_NAME}')
+        if self._otherwise:
+            (file,) = self._files
+            in_file = DetectorConfig.from_yaml(file)
+            kept = {key: getattr(in_file, key) for key in self._otherwise}
+            configs = {each: dataclasses.replace(one, **kept) for each, one in configs.items()}
         path = writable_folder(self._folder) / f'{name}.yaml'
         if path.exists() and message.get('replace') is not True:
             return {'taken': f'{path}: already exists'}

@@ -47,7 +47,7 @@ _NAME = re.compile(rf'({"|".join(KINDS)})_([1-9][0-9]{{0,8}})')
 #: Note on a recording of kind ``slip`` that contains none.
 NO_SLIP = 'has no slip'
 
-#: Bins of a recording's trace: at least so many, and less than twice as many.
+#: Bins of a recording's trace: at most so many, and more than half of them, unless it is short.
 TRACE_BINS = 150
 
 #: Share of the recordings of each kind that is held out of the search.

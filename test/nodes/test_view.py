@@ -128,7 +128,7 @@ def test_beyond_loopback_the_printed_address_has_a_token_that_is_needed(bench):
     ('words', 'code', 'said'),
     [
         (['--prot', '0'], 2, 'unrecognized arguments: --prot 0'),
-        (['--config', 'none.yaml'], 1, "--config is 'none.yaml', allowed: the path of a"),
+        (['--config', 'none.yaml'], 1, "config is 'none.yaml', allowed: the path of a"),
         (['--host', '192.0.2.1'], 1, '--host 192.0.2.1 --port 8470 cannot be used (Cannot assign'),
         (['--ros-args', '-r', 'a b'], 1, "Couldn't parse remap rule: '-r a b'"),
     ],

@@ -46,9 +46,9 @@ NAME = '/index/slip_detector'
 NO_NAMES = None, '..', '../a', '/tmp/a', 'a.b', '', 'a\0', 'a\n', '-rf', 'Ä', 'a' * 65, 'a__b'
 
 
-def server_of(tmp_path, files=(), labels=('index',), **access):
+def server_of(tmp_path, files=(), labels=('index',), otherwise=None, **access):
     server = Server(SimulatedDetectors(labels, real_time=False), Access(**access))
-    ParameterRequests(server, tmp_path / 'saved', files)
+    ParameterRequests(server, tmp_path / 'saved', files, otherwise)
     (tmp_path / 'saved').mkdir()
     return server
 
@@ -154,6 +154,21 @@ def test_a_saved_file_is_named_and_replaced_on_request(tmp_path):
     saved.write_text('')
     assert ask(server, **save, replace=True)['refusal'] == ''
     assert DetectorConfig.from_yaml(saved) == DetectorConfig(threshold=0.25)
+
+
+def test_what_a_detector_has_otherwise_than_its_file_as_it_was_started_so_is_not_saved(tmp_path):
+    file = tmp_path / 'sensor.yaml'
+    config = DetectorConfig(input_field='data', gain=7.0)
+    write_yaml(file, config.to_document())
+    server = server_of(tmp_path, [file], otherwise={'input_field': 'position'})
+    server.tick()
+    assert ask(server, type='as_in_file')['refusal'] == ''
+    panel = server.detectors.panels[NAME]
+    assert (panel.values['input_field'], panel.values['gain']) == ('position', 7.0)
+    assert ask(server, type='set', values={'threshold': 0.25})['refusal'] == ''
+    assert ask(server, type='save', fingers=[NAME], name='kept')['refusal'] == ''
+    saved = DetectorConfig.from_yaml(tmp_path / 'saved' / 'kept.yaml')
+    assert saved == dataclasses.replace(config, threshold=0.25)
 
 
 def test_pages_get_changes_with_their_author_and_hear_that_a_detector_is_gone(tmp_path):

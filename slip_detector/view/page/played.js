@@ -15,11 +15,6 @@ export class Played extends RecordingTrace {
     element('played').append(this.frame = build('div.long-trace', this.picture), this.words);
     connection.on('bag', (state) => this.show(state));
     connection.on('fingers', ({read_only: readOnly}) => this.allow(!readOnly));
-    connection.on('parameters', ({fingers}) => {
-      const its = fingers[this.state?.finger], decided = its && String(its.changes[0]?.[0]);
-      if (decided !== this.decided) this.load();
-      this.decided = decided;
-    });
     const on = (place, kinds, act) => kinds.split(' ').forEach((kind) => place.addEventListener(kind, act));
     on(part('play'), 'click', () => this.ask('play', {playing: !this.state.playing}));
     on(part('speed'), 'change', ({target}) => this.ask('play', {speed: Number(target.value)}));
@@ -38,16 +33,13 @@ export class Played extends RecordingTrace {
   onPointer({type, button: which, clientX, pointerId}) {
     const {left, width} = this.picture.getBoundingClientRect(), {drag} = this;
     const to = Math.min(Math.max((clientX - left) / width, 0), 1) * this.trace?.duration_s;
-    if (type === 'pointerdown' && !which && this.trace) {
-      this.picture.setPointerCapture(pointerId);
-      this.drag = {from: to, x: clientX};
-    }
-    if (!drag || type === 'pointerdown') return;
-    if (type === 'pointermove') return this.mark(drag.from, to);
-    this.drag = null;
+    if (type === 'pointermove') return drag && this.mark(drag.from, to);
+    this.drag = type === 'pointerdown' && !which && this.trace ? {from: to, x: clientX} : null;
     this.mark();
-    if (type === 'pointerup' && Math.abs(clientX - drag.x) < DRAG_PX) this.ask('play', {to_s: to});
-    else if (type === 'pointerup') this.add(drag.from, to, this.trace.duration_s / width);
+    if (this.drag) this.picture.setPointerCapture(pointerId);
+    if (!drag || type !== 'pointerup') return;
+    if (Math.abs(clientX - drag.x) < DRAG_PX) this.ask('play', {to_s: to});
+    else this.add(drag.from, to, this.trace.duration_s / width);
   }
 
   // Whether the key is held: the slip is between the places that were shown then.
@@ -79,7 +71,7 @@ export class Played extends RecordingTrace {
 
   // Show what is to become a label; without ends: nothing.
   mark(from = 0, to = from) {
-    const share = 100 / this.trace.duration_s;
+    const share = 100 / this.trace?.duration_s;
     Object.assign(this.band.style, {left: `${share * Math.min(from, to)}%`, width: `${share * Math.abs(to - from)}%`});
   }
 
