@@ -170,6 +170,8 @@ def check_writable(path: Path) -> None:
     with file_errors_of(path):
         if path.exists() and not path.is_file():  # Writing would replace a device by a file.
             raise OSError(0, 'is no file')
+        if path.exists() and not os.access(path, os.W_OK):  # It would be replaced all the same.
+            raise OSError(0, 'is write-protected')
         # whole_file needs to write beside it.
         with tempfile.TemporaryFile(dir=os.path.dirname(os.path.realpath(path))):
             pass

@@ -144,7 +144,7 @@ def test_options_replace_parameters_of_recordings_and_a_cluster_gets_whole_paths
         assert options.recordings == [whole, '/b']
 
 
-def test_what_cannot_be_written_is_refused_and_nothing_is_changed(tmp_path):
+def test_what_cannot_be_written_is_refused_and_nothing_is_changed(tmp_path, monkeypatch):
     for path in (tmp_path / 'no' / 'a', tmp_path):
         assert message_of(workers.check_writable, path).startswith(f'{path}: cannot be written (')
     old, link = tmp_path / 'old', tmp_path / 'link'
@@ -152,6 +152,10 @@ def test_what_cannot_be_written_is_refused_and_nothing_is_changed(tmp_path):
     link.symlink_to(tmp_path / 'not there')
     for path in (old, link, tmp_path / 'new'):
         workers.check_writable(path)
+    # As its mode is for all users but root.
+    monkeypatch.setattr(workers.os, 'access', lambda path, how: how != os.W_OK)
+    said = f'{old}: cannot be written (is write-protected)'
+    assert message_of(workers.check_writable, old) == said
     assert {*tmp_path.iterdir()} == {old, link}
     assert old.read_text() == 'old'
 
