@@ -260,6 +260,11 @@ class BagRecording(Recording):
             found = found or [topic for topic in alike if _is_named(topic.name, name)]
             if len(found) == 1:
                 return found[0]
+            if name not in (
+                RecordingConfig.recording_truth_topic,
+                RecordingConfig.recording_position_topic,
+            ):
+                raise ValueError(f'has no {self.label_name}')
         return None
 
 

@@ -147,14 +147,12 @@ def test_without_a_truth_a_position_that_changes_is_slip(tmp_path_factory, posit
         np.testing.assert_array_equal(gathered(recording).truth, wanted)
 
 
-def test_without_the_topic_of_labels_those_that_are_there_are_named(tmp_path):
-    write_recording(tmp_path / 'a.mcap', [rows(50)], 380.0, NAMES)
-    config = RecordingConfig(recording_truth_topic='sliding')
-    recording = open_recording(tmp_path / 'a.mcap', config)
-    assert not recording.has_truth
-    assert recording.label_name == (
-        'topic sliding (Bool) or platform_position (JointState), there are: /slip_truth'
-    )
+def test_a_topic_of_labels_that_is_not_there_is_refused_if_it_was_named(tmp_path):
+    path = tmp_path / 'a.mcap'
+    write_recording(path, [rows(50, truth=False)], 380.0, NAMES)
+    assert not open_recording(path).has_truth
+    said = 'has no topic sliding (Bool) or platform_position (JointState), there are: none'
+    assert said in complaint(path, recording_truth_topic='sliding')
 
 
 def test_a_bag_without_samples_or_with_a_stopped_clock_says_so(tmp_path):
