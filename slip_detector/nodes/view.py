@@ -20,25 +20,11 @@ import asyncio
 import os
 import secrets
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from slip_detector.commands.command_line import Parser, one_line, whole_number
 from slip_detector.nodes.run import on_signals
-
-if TYPE_CHECKING:
-    from rclpy.node import Node
-
-    from slip_detector.view.server import Server
-
-#: What the detector of a recording that is played has otherwise than in its file.
-AS_PLAYED = {
-    'input_type': 'sensor_msgs/msg/JointState',
-    'input_field': 'position',
-    'max_age_s': 0.0,
-}
 
 
 def main() -> None:
@@ -126,6 +112,7 @@ async def _serve(arguments: argparse.Namespace, takedowns: list[Callable[[], obj
 
     from slip_detector.nodes.demo import NodeProcesses
     from slip_detector.nodes.markers import publish_markers
+    from slip_detector.nodes.played_bag import AS_PLAYED, publish_bag
     from slip_detector.nodes.view_fingers import RosDetectors
     from slip_detector.view.access import Access, is_loopback, page_address
     from slip_detector.view.parameters import ParameterRequests
@@ -165,7 +152,7 @@ async def _serve(arguments: argparse.Namespace, takedowns: list[Callable[[], obj
             nodes.start('slip_detector', config, *fingers, **otherwise)
             server.each_tick.append(nodes.check)
         if arguments.bag:
-            _play(node, server, arguments)
+            publish_bag(node, server, arguments.bag, config, f'/bag/{arguments.fingers}')
         elif arguments.scene:
             # A detector that is still starting must not miss samples.
             scene = {'source': 'scene', 'loop': 'true', 'wait_for_subscribers': '1'}
@@ -175,39 +162,6 @@ async def _serve(arguments: argparse.Namespace, takedowns: list[Callable[[], obj
             await server.run(stop)
         finally:
             detectors.close()
-
-
-def _play(node: 'Node', server: 'Server', arguments: argparse.Namespace) -> None:
-    """Publish the samples of ``--bag`` when they are due, while a page or a program listens."""
-    from sensor_msgs.msg import JointState
-    from std_msgs.msg import Bool
-
-    from slip_detector.nodes.messages import sensor_qos, state_qos
-    from slip_detector.parameters.detector import DetectorConfig
-    from slip_detector.parameters.driver import DriverConfig
-    from slip_detector.recordings.messages import JointStateWriter
-    from slip_detector.view.bag import PlayedBag
-
-    (config,) = arguments.configs
-    driver, finger = DriverConfig.from_yaml(config), f'/bag/{arguments.fingers}'
-    detector = DetectorConfig.from_yaml(config)
-    bag = PlayedBag(server, arguments.bag, detector, driver, f'{finger}/slip_detector')
-    writer = JointStateWriter(driver.frame_id, bag.channel_names)
-    voltages = node.create_publisher(JointState, f'{finger}/voltages', sensor_qos())
-    slip_truth = node.create_publisher(Bool, f'{finger}/slip_truth', state_qos())
-    truth = False
-
-    def publish() -> None:
-        nonlocal truth
-        if voltages.get_subscription_count() <= 1:  # That of the detector.
-            return
-        for stamp_ns, volts, slips in bag.due(time.monotonic()):
-            if slips != truth:
-                slip_truth.publish(Bool(data=bool(slips)))
-            voltages.publish(writer.written(stamp_ns, volts))
-            truth = slips
-
-    server.each_tick.append(publish)
 
 
 if __name__ == '__main__':

@@ -112,9 +112,9 @@ class PlayedBag:
         server.each_tick.append(self.tick)
         server.on_request('bag_play', self._play)
         server.on_request('bag_trace', self._trace)
-        server.on_request('bag_label', self._label, changes=True)
-        server.on_request('bag_snap', self._snap, changes=True)
-        server.on_request('bag_undo', self._undo, changes=True)
+        of_labels = {'label': self._label, 'snap': self._snap, 'undo': self._undo}
+        for kind, answer in of_labels.items():
+            server.on_request(f'bag_{kind}', answer, changes=True)
 
     def tick(self) -> None:
         """Report to all pages what is played, and where it is."""

@@ -1,0 +1,63 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Publishes the samples of a recording that pages play."""
+
+import time
+from pathlib import Path
+
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
+
+from slip_detector.nodes.messages import sensor_qos, state_qos
+from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters.driver import DriverConfig
+from slip_detector.recordings.messages import JointStateWriter
+from slip_detector.view.bag import PlayedBag
+from slip_detector.view.server import Server
+
+#: What the detector of such a recording has otherwise than in its file.
+AS_PLAYED = {
+    'input_type': 'sensor_msgs/msg/JointState',
+    'input_field': 'position',
+    'max_age_s': 0.0,
+}
+
+
+def publish_bag(node: Node, server: Server, path: Path, config: Path, finger: str) -> None:
+    """Publish the samples of a recording when they are due, while a page or a program listens.
+
+    ``config`` is the parameter file of the detector in the namespace ``finger``. May raise a
+    ValueError, see :class:`.PlayedBag`.
+    """
+    detector, driver = DetectorConfig.from_yaml(config), DriverConfig.from_yaml(config)
+    bag = PlayedBag(server, path, detector, driver, f'{finger}/slip_detector')
+    writer = JointStateWriter(driver.frame_id, bag.channel_names)
+    voltages = node.create_publisher(JointState, f'{finger}/voltages', sensor_qos())
+    slip_truth = node.create_publisher(Bool, f'{finger}/slip_truth', state_qos())
+    truth = False
+
+    def publish() -> None:
+        nonlocal truth
+        if voltages.get_subscription_count() <= 1:  # That of the detector.
+            return
+        for stamp_ns, volts, slips in bag.due(time.monotonic()):
+            if slips != truth:
+                slip_truth.publish(Bool(data=bool(slips)))
+            voltages.publish(writer.written(stamp_ns, volts))
+            truth = slips
+
+    server.each_tick.append(publish)
