@@ -85,29 +85,24 @@ def test_a_manager_takes_the_node_through_its_life(bench):
     assert not change(bench, Transition.TRANSITION_ACTIVATE)
     assert state(bench) == State.PRIMARY_STATE_UNCONFIGURED
 
-    assert change(bench, Transition.TRANSITION_CONFIGURE)
-    assert state(bench) == State.PRIMARY_STATE_INACTIVE
-    bench.wait_for(lambda: '/slip' in topics(bench), 'the topics')
-    assert not hears(bench)
-
-    assert change(bench, Transition.TRANSITION_ACTIVATE)
-    assert state(bench) == State.PRIMARY_STATE_ACTIVE
-    bench.wait_for(lambda: hears(bench), 'the subscription')
-    bench.wait_for(lambda: len(slip) > 3, 'the heartbeat')
-
-    assert change(bench, Transition.TRANSITION_DEACTIVATE)
-    assert state(bench) == State.PRIMARY_STATE_INACTIVE
-    bench.wait_for(lambda: not hears(bench), 'the subscription to go')
-    assert change(bench, Transition.TRANSITION_CLEANUP)
-    assert state(bench) == State.PRIMARY_STATE_UNCONFIGURED
-    bench.wait_for(lambda: not topics(bench), 'the topics to go')
-
-    assert change(bench, Transition.TRANSITION_CONFIGURE)
-    assert change(bench, Transition.TRANSITION_ACTIVATE)
-    bench.wait_for(lambda: hears(bench), 'the subscription')
-    assert change(bench, Transition.TRANSITION_ACTIVE_SHUTDOWN)
-    assert state(bench) == State.PRIMARY_STATE_FINALIZED
-    bench.wait_for(lambda: not topics(bench) and not hears(bench), 'all topics to go')
+    # Whether it has its topics and subscribes to samples, after each transition.
+    configured = Transition.TRANSITION_CONFIGURE, State.PRIMARY_STATE_INACTIVE, True, False
+    active = Transition.TRANSITION_ACTIVATE, State.PRIMARY_STATE_ACTIVE, True, True
+    for transition, wanted, has_topics, has_samples in (
+        configured,
+        active,
+        (Transition.TRANSITION_DEACTIVATE, State.PRIMARY_STATE_INACTIVE, True, False),
+        (Transition.TRANSITION_CLEANUP, State.PRIMARY_STATE_UNCONFIGURED, False, False),
+        configured,
+        active,
+        (Transition.TRANSITION_ACTIVE_SHUTDOWN, State.PRIMARY_STATE_FINALIZED, False, False),
+    ):
+        assert change(bench, transition)
+        assert state(bench) == wanted
+        bench.wait_for(lambda has=has_topics: bool(topics(bench)) == has, 'the topics')
+        bench.wait_for(lambda has=has_samples: hears(bench) == has, 'the subscription')
+        slip.clear()
+        bench.wait_for(lambda has=has_samples: not has or len(slip) > 3, 'the heartbeat')
     assert 'Traceback' not in process.log()
 
 

@@ -85,13 +85,12 @@ def free_udp_port():
         return probe.getsockname()[1]
 
 
-def make_packets(integers, rate_hz, samples=1, first=0):
-    """Cut rows of integers into packets of a number of samples."""
+def make_packets(integers, rate_hz):
+    """Return a packet for each row of integers."""
     period_ns = round(1e9 / rate_hz)
     return [
-        packet(integers[k : k + samples], 'int16', first + k // samples, at_ns // 1000, period_ns)
-        for k in range(0, len(integers), samples)
-        for at_ns in [k * period_ns]
+        packet([row], 'int16', k, k * period_ns // 1000, period_ns)
+        for k, row in enumerate(integers)
     ]
 
 
