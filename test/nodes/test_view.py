@@ -18,9 +18,11 @@ import asyncio
 import re
 import signal
 
+import numpy as np
 import pytest
 from tornado.httpclient import AsyncHTTPClient
 
+from support.bags import Bag
 from support.harness import DEADLINE_S
 from support.live_client import LiveClient
 
@@ -139,3 +141,32 @@ def test_what_is_impossible_is_refused_in_one_line(bench, words, code, said):
     (line,) = process.lines()
     assert line.startswith('slip_view: ')
     assert said in line
+
+
+def test_a_bag_of_ros_1_with_messages_of_a_sensor_is_played_to_its_detector(bench, tmp_path):
+    path, parts_of_six = tmp_path / 'old.bag', np.arange(6.0)
+    with Bag(path) as bag:
+        for k in range(500):
+            stamp_ns = 10**18 + k * 2_000_000
+            force, torque = (
+                bag.make('geometry_msgs/msg/Vector3', **dict(zip('xyz', values, strict=True)))
+                for values in np.split(parts_of_six + 1e-3 * (k % 7), 2)
+            )
+            wrench = bag.make('geometry_msgs/msg/Wrench', force=force, torque=torque)
+            header, kind = bag.header(stamp_ns), 'geometry_msgs/msg/WrenchStamped'
+            bag.write('/arm/wrench', bag.make(kind, header=header, wrench=wrench), stamp_ns)
+    words = ('--bag', str(path), '--config', 'sensors/wrench.yaml', '--folder', str(tmp_path))
+    _, address = bench.start_view(*words)
+
+    async def see(page):
+        await page.view(channels=[2, 6])
+        low = valid = None
+        while low is None or not valid:
+            header, arrays = await page.drawn_frame()
+            valid = valid or header['fingers'][0]['valid']
+            assert header['fingers'][0]['unfit'] == ''
+            if header['traces']['samples']['count']:
+                low = np.nanmin(arrays['volts/low'], axis=1)
+        assert low == pytest.approx([1.0, 5.0], abs=0.01)
+
+    with_page(address, see)

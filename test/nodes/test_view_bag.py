@@ -109,6 +109,9 @@ def test_a_bag_is_played_labelled_by_key_and_pointer_and_evaluated(
     figures = json.loads(capsys.readouterr().out)['all']
     assert figures['slips'] == 2
     assert figures['recall'] == 1.0
+    # Without a pointer.
+    page.locator('#bag-place').press('Home')
+    expect(where).to_have_text(re.compile(r'^0\.0 of'))
     # A third one by mistake is taken back, or deleted.
     page.mouse.move(*pixel(1.0))
     page.mouse.down()

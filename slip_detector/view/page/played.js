@@ -12,18 +12,19 @@ export class Played extends RecordingTrace {
     super('recording', (type, content) => connection.request(`bag_${type}`, content));
     Object.assign(this, {edit: part('edit'), line: build('div.play-head'), band: build('div.new-label'), pairs: [], held: null, factor: 1});
     this.picture.append(this.band, this.line);
-    element('played').append(this.frame = build('div.long-trace', this.picture), this.words);
+    element('played').append(this.frame = build('div.long-trace', this.picture), part('place'), this.words);
     connection.on('bag', (state) => this.show(state));
     connection.on('fingers', ({read_only: readOnly}) => this.allow(!readOnly));
     const on = (place, kinds, act) => kinds.split(' ').forEach((kind) => place.addEventListener(kind, act));
     on(part('play'), 'click', () => this.ask('play', {playing: !this.state.playing}));
+    on(part('place'), 'change', ({target}) => this.ask('play', {to_s: Number(target.value)}));
     on(part('speed'), 'change', ({target}) => this.ask('play', {speed: Number(target.value)}));
     for (const [what, by] of [['shorter', 2], ['longer', 0.5]]) on(part(what), 'click', () => this.zoom(by));
     on(part('remove'), 'click', () => this.ask('label', {slip_s: this.pairs.filter((pair) => pair !== this.here)}));
     for (const what of ['snap', 'undo']) on(part(what), 'click', () => this.ask(what));
     holdable(part('hold'), {press: () => this.press(true), release: () => this.press(false), isHeld: () => this.held !== null});
     on(document, 'keydown keyup', ({type, key, repeat, ctrlKey, metaKey, altKey, target}) => {
-      const meant = key.toLowerCase() === 'l' && !repeat && !ctrlKey && !metaKey && !altKey && !target.matches('input, textarea');
+      const meant = key.toLowerCase() === 'l' && !repeat && !ctrlKey && !metaKey && !altKey && !target.matches('input:not([type=range]), textarea');
       if (meant && element('keys-act').checked) this.press(type === 'keydown');
     });
     on(this.picture, 'pointerdown pointermove pointerup pointercancel', (event) => this.onPointer(event));
@@ -54,17 +55,17 @@ export class Played extends RecordingTrace {
   show(state) {
     const {trace, frame} = this, {at_s: at} = state, changed = state.changes !== this.state?.changes;
     this.state = state;
-    element('played').hidden = false;
     write('bag-play', state.playing ? 'Stop' : 'Play');
     part('speed').value = state.speed;
     part('undo').disabled = !state.undoes;
-    this.here = this.pairs.find(([from, to]) => from <= at && at < to);
-    part('remove').disabled = !this.here;
+    part('remove').disabled = !(this.here = this.pairs.find(([from, to]) => from <= at && at < to));
     if (changed) this.load();
     if (!trace) return;
     const x = at / trace.duration_s * frame.scrollWidth;
     write('bag-where', `${at.toFixed(1)} of ${trace.duration_s.toFixed(1)}\u00a0s of ${state.name}`);
     this.line.style.left = `${x}px`;
+    part('place').max = trace.duration_s;
+    if (!part('place').matches(':active')) part('place').value = at;
     if (this.held !== null) this.mark(this.held, at);
     if (state.playing && (x < frame.scrollLeft || x > frame.scrollLeft + frame.clientWidth)) frame.scrollLeft = x - frame.clientWidth / 8;
   }
@@ -86,8 +87,7 @@ export class Played extends RecordingTrace {
   add(from, to, pixel_s) {
     const meets = ([start, end]) => start <= Math.max(from, to) && end >= Math.min(from, to);
     const ends = [from, to, ...this.pairs.filter(meets).flat()].map((s) => Number(s.toFixed(4)));
-    const slip_s = [...this.pairs.filter((pair) => !meets(pair)), [Math.min(...ends), Math.max(...ends)]];
-    if (this.allowed) this.ask('label', {slip_s, pixel_s});
+    if (this.allowed) this.ask('label', {slip_s: [...this.pairs.filter((pair) => !meets(pair)), [Math.min(...ends), Math.max(...ends)]], pixel_s});
   }
 
   // Ask for a change, which comes as news to all pages.
