@@ -318,9 +318,8 @@ class SlipChain:
         flags = np.empty((n, self._padded_width), BOOL_TYPE)
         signals = self._new_signals((n, self._kept_columns + many))
         kernel.compiled_run()(rows, flags, signals, self.state, self._plan, self._kept)
-        return SlipResult(
-            flags[:, : self._width], signals, (self._groups, channels, many), self._kept
-        )
+        shape = self._groups, channels, many
+        return SlipResult(flags[:, : self._width], signals, shape, self._kept)
 
 
 def _rest_db(config: ChainConfig, rows: ArrayLike) -> Floats:

@@ -97,11 +97,8 @@ def _play_live(recorder: Recorder, seed: int, config: Path, folder: Path) -> Liv
         times_s = recorder.stamps_s(topic) - begin_s
         return np.column_stack([times_s, recorder.values(topic, field)])
 
-    return LiveGraspTrial(
-        course('platform_position', 'position'),
-        course('grip_force', 'effort'),
-        recorder.stamps_s('slip_onset') - begin_s,
-    )
+    position, command = course('platform_position', 'position'), course('grip_force', 'effort')
+    return LiveGraspTrial(position, command, recorder.stamps_s('slip_onset') - begin_s)
 
 
 def seed_range(text: str) -> range:
@@ -170,12 +167,9 @@ def _demonstrate(arguments: argparse.Namespace, picture: Path) -> tuple[dict[str
 
     drawn = min(SHOWN, len(seeds) - 1)
     shown = heard.get(seeds[drawn])
-    draw_grasp(
-        picture,
-        {name: mine[drawn] for name, mine in trials.items()},
-        grasp.limit_n,
-        shown._asdict() if shown else {},
-    )
+    live = shown._asdict() if shown else {}
+    one = {name: mine[drawn] for name, mine in trials.items()}
+    draw_grasp(picture, one, grasp.limit_n, live)
     return result, grasp_table(result)
 
 

@@ -102,11 +102,9 @@ class RemoteDetector:
         """Return all parameters of the node."""
         names = (await self._ask('list_parameters')).result.names
         described = (await self._ask('describe_parameters', names=names)).descriptors
-        return Reading(
-            await self._get(names),
-            frozenset(each.name for each in described if each.read_only),
-            {each.name: each.description for each in described},
-        )
+        read_only = frozenset(each.name for each in described if each.read_only)
+        meanings = {each.name: each.description for each in described}
+        return Reading(await self._get(names), read_only, meanings)
 
     async def set(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Set parameters, all or none, None deletes one; return what they are now."""

@@ -165,10 +165,8 @@ class _Loader(yaml.SafeLoader):
 
 
 # launch_ros writes a list among the parameters of a launch file as a Python tuple.
-_Loader.add_constructor(
-    'tag:yaml.org,2002:python/tuple',
-    _Loader.construct_yaml_seq,  # type: ignore[type-var]
-)
+_as_list: Any = _Loader.construct_yaml_seq
+_Loader.add_constructor('tag:yaml.org,2002:python/tuple', _as_list)
 
 
 class _Dumper(yaml.SafeDumper):

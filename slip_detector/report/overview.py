@@ -93,11 +93,8 @@ def events_of(outcome: ReplayOutcome, labelled: bool = True) -> list[Event]:
     """
     if not labelled:
         return [Event('onset', start_s, end_s) for start_s, end_s in outcome.on_s]
-    events = [
-        Event('false alarm', alarm.start_s, alarm.end_s)
-        for alarm in outcome.alarms
-        if alarm.kind == FALSE
-    ]
+    alarms = [alarm for alarm in outcome.alarms if alarm.kind == FALSE]
+    events = [Event('false alarm', alarm.start_s, alarm.end_s) for alarm in alarms]
     for slip in outcome.slips:
         if slip.settling:
             continue

@@ -230,10 +230,8 @@ class Scene:
         clean_v, position_m, sliding = np.empty((m, PAPER_CHANNELS)), np.empty(m), np.empty(m)
         begin = first == 0
         # Step times are multiples since the scene's start: any cut into reads gives the same bits.
-        of_steps = np.arange(
-            max(first - 1, 0) * constants.steps_per_sample,
-            max(last - 1, 0) * constants.steps_per_sample,
-        )
+        places = (max(k - 1, 0) * constants.steps_per_sample for k in (first, last))
+        of_steps = np.arange(*places)
         stages_s = (of_steps[:, np.newaxis] + np.array(STAGE_TIMES)) * constants.step_s
         if begin and m:
             stages_s = np.concatenate([np.zeros((1, 2)), stages_s])

@@ -151,11 +151,9 @@ class LiveSource(Source):
         rate_hz, channels = config.text_rate_hz if is_text else 0.0, config.channels
         super().__init__(name, default_channel_names(channels), rate_hz)
         scale_v, offset_v = config.packet_scale_v, config.packet_offset_v
-        self._decoder: Any = (
-            LineDecoder(channels, rate_hz)
-            if is_text
-            else PacketDecoder(channels, config.packet_values, scale_v, offset_v)
-        )
+        self._decoder: Any = LineDecoder(channels, rate_hz)
+        if not is_text:
+            self._decoder = PacketDecoder(channels, config.packet_values, scale_v, offset_v)
         self._config, self._now_ns, self._clock = config, now_ns, DeviceClock()
         self.counts = self._decoder.counts
         self._line: Any = None  # The port or the socket.

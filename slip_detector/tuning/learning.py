@@ -132,8 +132,8 @@ def learn_from_quiet(
     lines = [*faults_of([track]), f'On {track.name}: {line}']
     if by_evidence:
         if track.duration_s < LEAST_S:
-            short = f'lasts {track.duration_s:.3g} s, allowed: at least {LEAST_S:g} s at rest'
-            raise ValueError(f'{track.name}: {short}')
+            lasts = f'{track.name}: lasts {track.duration_s:.3g} s'
+            refuse(lasts, f'at least {LEAST_S:g} s at rest')
         if mains_hz and not chain.mains_hz:
             try:
                 chain = dataclasses.replace(chain, mains_hz=mains_hz)

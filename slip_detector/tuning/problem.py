@@ -305,17 +305,13 @@ class Problem:
             rises_s = limits / chain.evidence_cap_db
             over = np.maximum(1.0 - limits / chain.evidence_limit_db_s, 0.0)
             falls_s = evidence_falls_s(chain) * over
+        inexact = [(len(track.slips), track.samples.accuracy_s) for track in self.tracks]
         off_s, on_s = (
-            sum(
-                len(track.slips) * np.minimum(holds_s + more_s, track.samples.accuracy_s)
-                for track in self.tracks
-            )
+            sum(slips * np.minimum(holds_s + more_s, by_s) for slips, by_s in inexact)
             for more_s in (rises_s, falls_s)
         )
-        slips_s = sum(
-            sum(end - start for start, end in track.slips) / track.sample_rate_hz
-            for track in self.tracks
-        )
+        of_slips = ((sum(b - a for a, b in one.slips), one.sample_rate_hz) for one in self.tracks)
+        slips_s = sum(rows / rate_hz for rows, rate_hz in of_slips)
         return np.asarray(
             self.config.false_time_costs_ms * 100.0 * on_s / rest_s
             + self.config.missed_time_costs_ms * 100.0 * off_s / slips_s

@@ -299,8 +299,7 @@ def load_tracks(
             rows = (one._replace(kind=kind or one.kind) for one in opened.rows)
             track = track_of(shown, rows, opened.sample_rate_hz)
             if track.kind and track.slips:
-                of_kind = f'allowed: none in a recording of the kind {track.kind}'
-                raise ValueError(f'{file}: has slips, {of_kind}')
+                refuse(f'{file}: has slips', f'none in a recording of the kind {track.kind}')
             tracks.append(dataclasses.replace(track, faults=_faults(opened.recording.counts)))
     return tracks
 
