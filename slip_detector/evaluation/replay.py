@@ -41,6 +41,22 @@ BLOCK_VALUES = 131072
 NEVER = np.iinfo(np.int64).max
 
 
+def only_filters(config: ChainConfig) -> ChainConfig:
+    """Return the configuration of a chain whose envelope is the filtered signal of another.
+
+    Its windows have one sample, so the signal is only rectified and raised to the exponent.
+
+    Examples
+    --------
+    >>> only_filters(ChainConfig(sample_rate_hz=500.0)).envelope_window_s
+    0.002
+    """
+    one_s = 1.0 / config.sample_rate_hz
+    return dataclasses.replace(
+        config, envelope_window_s=one_s, decision_window_s=one_s, decision='mean'
+    )
+
+
 class Replay:
     """Runs one chain over recordings, each from its first row as the detector node would.
 
@@ -71,13 +87,7 @@ class Replay:
     def __init__(self, chain_config: ChainConfig, config: EvaluationConfig | None = None) -> None:
         self.config = config or EvaluationConfig()
         self.chain = SlipChain(chain_config)
-        # With windows of one sample the envelope is the filtered signal, rectified and raised to
-        # the exponent.
-        one_s = 1.0 / chain_config.sample_rate_hz
-        filters = dataclasses.replace(
-            chain_config, envelope_window_s=one_s, decision_window_s=one_s, decision='mean'
-        )
-        self.tally, self.filters = ScoreTally(), SlipChain(filters)
+        self.tally, self.filters = ScoreTally(), SlipChain(only_filters(chain_config))
 
     def run(
         self,

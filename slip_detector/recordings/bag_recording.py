@@ -247,6 +247,7 @@ class BagRecording(Recording):
     def _found_label_topic(self, config: RecordingConfig) -> 'Topic | None':
         """Find what labels the rows: the topic in their namespace, else the only one in others."""
         truth, position = config.recording_truth_topic, config.recording_position_topic
+        usual = RecordingConfig()
         others = [topic for topic in self._storage.topics if topic != self._topic]
         known = [one.name for one in others if one.msgtype in (BOOL, JOINT_STATE)]
         self.label_name = (
@@ -260,10 +261,7 @@ class BagRecording(Recording):
             found = found or [topic for topic in alike if _is_named(topic.name, name)]
             if len(found) == 1:
                 return found[0]
-            if name not in (
-                RecordingConfig.recording_truth_topic,
-                RecordingConfig.recording_position_topic,
-            ):
+            if name not in (usual.recording_truth_topic, usual.recording_position_topic):
                 raise ValueError(f'has no {self.label_name}')
         return None
 

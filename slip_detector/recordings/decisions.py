@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from slip_detector.chain.samples import Bools, Floats, Samples
+from slip_detector.chain.samples import Bools, Samples
 from slip_detector.chain.slip_chain import SlipResult
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.files import whole_file
@@ -34,9 +34,6 @@ OTHERS = {'slip_state': JOINT_STATE, 'slip_onset': HEADER, 'slip_detector/envelo
 
 #: Rows, and a chain's result for them.
 Decided = Iterable[tuple[Samples, SlipResult]]
-
-#: Time, decisions and levels of a row, and whether to write also what has not changed.
-Row = tuple[int, Bools, Floats | None, bool]
 
 
 def write_decisions(path: Path, pieces: Decided, config: ChainConfig, namespace: str = '') -> None:
@@ -91,7 +88,11 @@ def _messages(config: ChainConfig, topics: list[str], pieces: Decided) -> Iterat
     """Yield topic, time and bytes of each message."""
     levels, both = JointStateWriter('', config.names, efforts=True), JointStateWriter('', STATES)
     before, onset_ns = np.zeros(len(topics), np.bool_), 0
-    for at_ns, state, level, every in _rows(config, pieces):
+    last_ns: int | None = None
+
+    def states(at_ns: int, state: Bools, every: bool = False) -> Iterator[Any]:
+        """Yield the states that have changed, or all of them."""
+        nonlocal before, onset_ns
         changed = np.flatnonzero((state != before) | every).tolist()
         if state[0] > before[0]:
             onset_ns = at_ns
@@ -101,23 +102,19 @@ def _messages(config: ChainConfig, topics: list[str], pieces: Decided) -> Iterat
         if {0, 1} & {*changed}:
             position = np.array([*state[:2], onset_ns * 1e-9])
             yield 'slip_state', at_ns, both.written(at_ns, position)
-        if level is not None:
-            on = state[-len(level) :].astype(np.float64)
-            yield 'slip_detector/envelope', at_ns, levels.written(at_ns, level, on)
         before = state
 
-
-def _rows(config: ChainConfig, pieces: Decided) -> Iterator[Row]:
-    """Yield all rows, the last one twice, and one without decisions in each long gap."""
-    last_ns, state = None, np.zeros(0, np.bool_)
     for samples, result in pieces:
         if samples.new_stretch and last_ns is not None:  # Nothing is decided in a long gap.
-            yield last_ns + round(1e9 / config.sample_rate_hz), np.zeros_like(state), None, False
+            period_ns = round(1e9 / config.sample_rate_hz)
+            yield from states(last_ns + period_ns, np.zeros_like(before))
         valid = result.can_vote.any(axis=1)
-        states = np.column_stack([result.slip, valid, result.groups, result.channels])
-        levels = np.where(result.valid, result.level, np.nan)
-        for at_ns, state, level in zip(samples.stamps_ns.tolist(), states, levels, strict=True):
-            yield at_ns, state, level, last_ns is None
+        rows = np.column_stack([result.slip, valid, result.groups, result.channels])
+        level = np.where(result.valid, result.level, np.nan)
+        on = result.channels.astype(np.float64)
+        for i, at_ns in enumerate(samples.stamps_ns.tolist()):
+            yield from states(at_ns, rows[i], every=last_ns is None)
+            yield 'slip_detector/envelope', at_ns, levels.written(at_ns, level[i], on[i])
             last_ns = at_ns
     if last_ns is not None:  # So that curves reach the end.
-        yield last_ns, state, None, True
+        yield from states(last_ns, before, every=True)

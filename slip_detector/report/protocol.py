@@ -26,6 +26,7 @@ from matplotlib.ticker import MaxNLocator
 from slip_detector.chain.samples import Floats, Samples
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation.protocol import PAPER_DELAY_MS, PAPER_FALSE_POSITIVE_PERCENT
+from slip_detector.evaluation.replay import only_filters
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report.pictures import COLORS, draw_decision, draw_trial, save_picture
 from slip_detector.report.tables import number_text, text_table, verdict_cells
@@ -115,11 +116,7 @@ def stage_signals(trial: Samples, config: ChainConfig, channel: int) -> dict[str
     >>> {signal.shape for signal in stage_signals(trial, ChainConfig(), channel=1).values()}
     {(760,)}
     """
-    # With windows of one sample the envelope is the filtered signal, rectified and raised.
-    one_s, at = 1.0 / config.sample_rate_hz, channel - 1
-    sharp = dataclasses.replace(
-        config, envelope_window_s=one_s, decision_window_s=one_s, decision='mean'
-    )
+    at, sharp = channel - 1, only_filters(config)
     half = dataclasses.replace(sharp, exponent=1, rectify='half', valid_range_v=(-1e9, 1e9))
     above, below, powered = (
         SlipChain(chain).update(volts).envelope[:, at]

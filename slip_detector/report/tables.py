@@ -209,10 +209,10 @@ def evaluation_tables(report: Mapping[str, Any]) -> str:
     if any(cell == UNDEFINED for block in blocks for row in block for cell in row):
         notes.append(LEGEND)
     notes += [report['note']] if 'note' in report else []
-    if 'not_evaluated' in report:
-        notes.append(f'Stopped early, not evaluated: {", ".join(report["not_evaluated"])}')
-    if 'written' in report:
-        notes.append(f'Written: {", ".join(report["written"])}')
+    endings = {'not_evaluated': 'Stopped early, not evaluated', 'written': 'Written'}
+    notes += [
+        f'{what}: {", ".join(report[key])}' for key, what in endings.items() if key in report
+    ]
     return '\n\n'.join([*(text_table(block, indent=0) for block in blocks), '\n'.join(notes)])
 
 
