@@ -93,8 +93,7 @@ class OnIntervals:
 
     def closed(self) -> list[RowInterval]:
         """Return the intervals that have ended, the oldest first."""
-        pairs = zip(self.edges[::2], self.edges[1::2], strict=False)
-        return [RowInterval(*pair) for pair in pairs]
+        return list(map(RowInterval, self.edges[::2], self.edges[1::2]))
 
 
 def rows_on(on: Sequence[RowInterval], starts: Rows, ends: Rows) -> Ints:

@@ -90,10 +90,7 @@ class Replay:
         self.tally, self.filters = ScoreTally(), SlipChain(only_filters(chain_config))
 
     def run(
-        self,
-        pieces: Iterable[Samples],
-        sample_rate_hz: float | None = None,
-        observer: Any = None,
+        self, pieces: Iterable[Samples], sample_rate_hz: float | None = None, observer: Any = None
     ) -> ReplayOutcome:
         """Replay a recording.
 

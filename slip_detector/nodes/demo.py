@@ -223,10 +223,9 @@ def main() -> None:
     parser.add_argument('--scene', default='plate_400um', help='name or path of the scene')
     parser.add_argument('--seed', type=int, default=0, help='seed of the scene')
     parser.add_argument(
-        '--record',
-        metavar='FILE',
+        '--record', metavar='FILE',
         help='write the trial with its labels: .mcap, .db3, .npz, .csv, or a folder that is a bag',
-    )
+    )  # fmt: skip
     run_demonstration(parser, _demonstrate)
 
 

@@ -146,8 +146,7 @@ def pack_recording(variants: Sequence[Overview]) -> tuple[dict[str, Any], str]:
 
     # In bins of one row both are the same.
     data = [packed(extreme) for extreme in (first.low, first.high)[: min(first.bin_rows, 2)]]
-    for overview in variants:
-        data.append(_bytes(overview.codes))
+    data += [_bytes(overview.codes) for overview in variants]
     header = {
         'name': first.name,
         'rate_hz': first.sample_rate_hz,
