@@ -15,8 +15,9 @@
 """A slow, plainly written reference of the slip-detection chain.
 
 After Romeo et al., 'Slippage Detection with Piezoresistive Tactile Sensors', Sensors 17 (2017)
-1844: band-pass, two stop-bands, rectify, raise to a power, RMS envelope, windowed mean, threshold,
-vote; or evidence in place of the mean.
+1844: band-pass, two stop-bands, rectify, raise to a power, RMS envelope, windowed mean, threshold;
+and the vote. What evidence makes of the envelope is in :mod:`support.reference_evidence`, a
+function for each equation.
 
 Every rule is written out on its own, in the order it is stated, and for a whole recording at once;
 nothing is shared with the fast kernel it is compared with.
@@ -27,7 +28,7 @@ from types import SimpleNamespace
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from support.reference_evidence import decide_by_evidence, low_band, mains_rows, take_off_mains
+from support.reference_evidence import after_impact, low_band, mains_rows, take_off_mains
 from support.reference_filters import filter_input, filter_sections, low_sections, run_filter
 
 
@@ -44,10 +45,8 @@ def reference(volts, config):
     Returns
     -------
     types.SimpleNamespace
-        slip (n,) bool, groups (n, g) bool, can_vote (n, g) bool, channels (n, c) bool,
-        valid (n, c) bool, envelope (n, c) float, level (n, c) float, held (n, c) float: what is
-        held against the threshold; with evidence also floor, excess, low (n, c) float,
-        after_impact and contact (n,) bool.
+        valid (n, c) bool, envelope (n, c) float; by the mean level (n, c) float and channels
+        (n, c) bool; by evidence low (n, c) float and after_impact (n,) bool.
     """
     enabled = np.ones(volts.shape[1], dtype=bool)
     enabled[np.array(config.disabled_channels, dtype=int) - 1] = False
@@ -67,36 +66,23 @@ def reference(volts, config):
     envelope = np.sqrt(_trailing_mean(powered**2, envelope_rows))
     # Cleared here, so that level follows; a disabled channel never shows a number.
     envelope[:, ~enabled] = 0.0
+    found = SimpleNamespace(valid=valid, envelope=envelope)
     if config.decision == 'evidence':
-        low, rate = np.zeros(volts.shape), config.sample_rate_hz
+        found.low, rate = np.zeros(volts.shape), config.sample_rate_hz
         if low_band(config) is not None:
             slow = run_filter(deviations, ok, low_sections(config))
-            low = np.sqrt(_trailing_mean(slow**2, envelope_rows))
-        rows = SimpleNamespace(
-            settle=comb_rows + envelope_rows,
-            step=window_rows(config.impact_s, rate),
-            impact_hold=window_rows(config.impact_hold_s, rate),
-            contact_hold=window_rows(config.contact_hold_s, rate),
+            found.low = np.sqrt(_trailing_mean(slow**2, envelope_rows))
+        step_rows, hold_rows = (
+            window_rows(seconds, rate) for seconds in (config.impact_s, config.impact_hold_s)
         )
-        decided = decide_by_evidence(volts, ok, valid, enabled, envelope, low, rows, config)
-        decided.low = low
+        found.after_impact = after_impact(volts, ok, enabled, config, step_rows, hold_rows)
     else:
         decision_rows = window_rows(config.decision_window_s, config.sample_rate_hz)
-        level = _trailing_mean(envelope, decision_rows)
+        found.level = _trailing_mean(envelope, decision_rows)
         # Validity is not asked here: a bad sample holds the filter's input, it doesn't
         # switch the channel off. It only bars the channel from the vote.
-        decided = SimpleNamespace(level=level, held=level, channels=level > config.threshold)
-    decided.channels &= enabled
-
-    in_groups, can_vote = vote_of(config, decided.held, decided.channels, valid)
-    return SimpleNamespace(
-        slip=in_groups.any(axis=1),
-        groups=in_groups,
-        can_vote=can_vote,
-        valid=valid,
-        envelope=envelope,
-        **vars(decided),
-    )
+        found.channels = (found.level > config.threshold) & enabled
+    return found
 
 
 def window_rows(seconds, sample_rate_hz):

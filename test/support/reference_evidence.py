@@ -19,8 +19,6 @@ can be held against what the chain gives for it. Arrays have the shape (n, c), b
 impact, (n,).
 """
 
-from types import SimpleNamespace
-
 import numpy as np
 
 #: The floor is the quantile below which a tenth of a channel's rest lies.
@@ -123,24 +121,6 @@ def moved_floor(floor_db, level_db, config):
     )
 
 
-def floors_of(level_db, counts, config):
-    """Follow the noise floor of each channel, in dB; the least before the first row that counts.
-
-    A learnt floor begins with the least, any other with the first level.
-    """
-    floors = np.zeros(level_db.shape)
-    least = np.broadcast_to(np.asarray(config.noise_floor, dtype=float), level_db.shape[1:])
-    floor_db = least_db = 20 * np.log10(least)
-    begun = np.full(least.shape, config.noise_floor_learnt)
-    for row in range(level_db.shape[0]):
-        moved = np.where(begun, moved_floor(floor_db, level_db[row], config), level_db[row])
-        moved = np.clip(moved, least_db, least_db + config.noise_floor_range_db)
-        floor_db = np.where(counts[row], moved, floor_db)
-        begun = begun | counts[row]
-        floors[row] = floor_db
-    return floors
-
-
 def lifted_floors(floors_db, low, moves, config):
     """Return the floors that count: where floors move, they follow the low level.
 
@@ -195,36 +175,3 @@ def largest_threshold(evidence):
         since = np.minimum.accumulate(came_on, axis=0)
         largest[row] = np.minimum(came_on, 2 * since).max(axis=0)
     return largest
-
-
-def decide_by_evidence(volts, ok, valid, enabled, envelope, low, rows, config):
-    """Decide on each channel by the evidence for slip.
-
-    ``low`` is the low level, shape (n, c), and ``rows`` has the numbers of rows: settle, step,
-    impact_hold, contact_hold.
-
-    Returns
-    -------
-    types.SimpleNamespace
-        level (the evidence), floor (that counts), excess, held (what is held against a
-        threshold), channels (n, c); after_impact, contact (n,).
-    """
-    blanked = after_impact(volts, ok, enabled, config, rows.step, rows.impact_hold)
-    contact = rows_in_contact(low, valid, config, rows.contact_hold)
-    counts = rows_that_count(ok, valid, rows.settle)
-    moves = counts & contact[:, None]
-    level_db = decibels(envelope)
-    floors = floors_of(level_db, moves, config)
-    if low_band(config) is not None:
-        floors = lifted_floors(floors, low, moves, config)
-    excess = excess_of(level_db, floors, counts, blanked | ~contact, config.evidence_cap_db)
-    evidence = evidence_of(excess, counts, config)
-    return SimpleNamespace(
-        level=evidence,
-        floor=floors,
-        excess=excess,
-        held=largest_threshold(evidence),
-        channels=channels_on(evidence, config.threshold),
-        after_impact=blanked,
-        contact=contact,
-    )
