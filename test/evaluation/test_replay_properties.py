@@ -28,6 +28,7 @@ from slip_detector.compiled import COMPILED
 from slip_detector.evaluation import replay as replay_module
 from slip_detector.evaluation.figures import ALREADY_ON, STAGES, decision_figures, figures_of_merit
 from slip_detector.evaluation.replay import Replay
+from support.recorded import stretches_of
 from support.reference_scores import Stretch, area, figures, runs
 from support.replay_cases import plain
 from support.track_cases import EVALUATIONS, RATE_HZ, chains, recordings
@@ -43,16 +44,6 @@ def cut(pieces, cuts):
             yield piece.take(slice(a, b))._replace(new_stretch=piece.new_stretch and not a)
 
 
-def stretches(pieces):
-    """Join the pieces between two gaps."""
-    groups = []
-    for piece in pieces:
-        if piece.new_stretch or not groups:
-            groups.append([])
-        groups[-1].append(piece)
-    return [first.then(*others) for first, *others in groups]
-
-
 @SOME
 @given(
     recordings(),
@@ -63,7 +54,7 @@ def stretches(pieces):
 )
 def test_any_cut_of_the_rows_gives_the_same_outcome(pieces, config, evaluation, cuts, block_rows):
     replay = Replay(config, evaluation)
-    whole = replay.run(stretches(pieces), RATE_HZ)
+    whole = replay.run(stretches_of(pieces), RATE_HZ)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(replay_module, 'BLOCK_VALUES', block_rows * config.channels)
         assert plain(replay.run(cut(pieces, cuts), RATE_HZ)) == plain(whole)
@@ -75,7 +66,7 @@ def test_figures_are_those_of_an_independent_scorer(pieces, config, evaluation):
     outcome = Replay(config, evaluation).run(pieces, RATE_HZ)
     found = figures_of_merit([outcome])
     chain, parts, columns = SlipChain(config), [], []
-    for number, part in enumerate(stretches(pieces)):
+    for number, part in enumerate(stretches_of(pieces)):
         if number:
             chain.restart()
         result = chain.update(part.volts, votes=(config.vote,))
@@ -126,7 +117,7 @@ def test_figures_are_those_of_an_independent_scorer(pieces, config, evaluation):
 def test_the_parts_of_a_latency_sum_to_it_and_end_where_their_stage_passes(
     pieces, config, evaluation
 ):
-    whole = stretches(pieces)[0]
+    whole = stretches_of(pieces)[0]
     outcome = Replay(config, evaluation).run([whole], RATE_HZ)
     one_s, evidence = 1.0 / config.sample_rate_hz, config.decision == 'evidence'
     sharp = dataclasses.replace(

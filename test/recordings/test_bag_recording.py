@@ -51,7 +51,7 @@ def test_any_message_type_is_read_by_topic_and_field(tmp_path, plugin):
     check_same(gathered(recording), Samples(volts.astype(np.float64), stamps(300), None))
     assert recording.channel_names == ('ch1', 'ch2', 'ch3', 'ch4')
     one = RecordingConfig(recording_topic='sensor_0', recording_field='pillars[2].fz')
-    np.testing.assert_array_equal(recorded.read_recording(path, one).volts, volts[:, 2:3])
+    np.testing.assert_array_equal(gathered(open_recording(path, one)).volts, volts[:, 2:3])
     assert f'has no topics voltages, there are: /hub/sensor_0 ({state})' in complaint(path)
     said = complaint(path, recording_topic='sensor_0')
     assert 'field data: no numbers at data, there are: header, id, pillars, gfx; --field' in said

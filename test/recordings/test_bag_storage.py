@@ -24,9 +24,7 @@ import pytest
 
 pytest.importorskip('rosbags', reason='needs rosbags')
 
-from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
-from rosbags.typesys import Stores, get_typestore
 
 from slip_detector.recordings import open_recording, write_recording
 from slip_detector.recordings.bag_storage import Topic, typestore_of
@@ -56,27 +54,10 @@ def test_bags_that_the_recorder_compressed_are_read(tmp_path, plugin, mode):
     check_same(gathered(open_recording(tmp_path / 'a')), written)
 
 
-def write_ros_1(path, written):
-    store = get_typestore(Stores.ROS1_NOETIC)
-    types = store.types
-    joints, bool_type = types[JOINT_STATE], 'std_msgs/msg/Bool'
-    with Ros1Writer(path) as bag:
-        volts = bag.add_connection('/left/voltages', JOINT_STATE, typestore=store)
-        slip = bag.add_connection('/left/slip_truth', bool_type, typestore=store)
-        for k, (at_ns, row) in enumerate(zip(written.stamps_ns, written.volts, strict=True)):
-            if k == 0 or written.truth[k] != written.truth[k - 1]:
-                state = types[bool_type](data=bool(written.truth[k]))
-                bag.write(slip, int(at_ns), store.serialize_ros1(state, bool_type))
-            stamp = types['builtin_interfaces/msg/Time'](*divmod(int(at_ns), 1_000_000_000))
-            header = types['std_msgs/msg/Header'](seq=k, stamp=stamp, frame_id='tip')
-            nothing = np.empty(0)
-            message = joints(header, list(NAMES), np.array(row), nothing, nothing)
-            bag.write(volts, int(at_ns), store.serialize_ros1(message, JOINT_STATE))
-
-
 def test_a_bag_of_ros_1_is_read_with_names_and_truth(tmp_path):
     written = rows(300)
-    write_ros_1(tmp_path / 'a.bag', written)
+    with Bag(tmp_path / 'a.bag') as bag:
+        bag.write_rows(written, '/left')
     recording = open_recording(tmp_path / 'a.bag')
     assert recording.channel_names == NAMES
     check_same(gathered(recording), written)
@@ -206,7 +187,8 @@ def test_of_a_cut_off_bag_of_another_kind_nothing_wrong_is_read(tmp_path, ending
     written = rows(900)
     path = tmp_path / f'a{ending}'
     if ending == '.bag':
-        write_ros_1(path, written)
+        with Bag(path) as bag:
+            bag.write_rows(written)
     else:
         write_recording(path, [written], 380.0, NAMES)
     content = path.read_bytes()

@@ -18,12 +18,12 @@ import numpy as np
 import pytest
 
 from slip_detector.recordings import open_recording
-from support.recorded import complaint, read_recording, save_text
+from support.recorded import complaint, save_text
 
 
 def test_the_mark_that_spreadsheets_write_is_no_part_of_a_name(tmp_path):
     path = save_text(tmp_path / 'a.csv', '\ufefftime_s,a\n0,1\n1,2\n')
-    assert read_recording(path).channel_names == ('a',)
+    assert open_recording(path).channel_names == ('a',)
 
 
 COLUMNS = ': line 1 has the columns '

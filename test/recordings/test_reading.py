@@ -38,9 +38,9 @@ def test_keys_are_taken_from_the_configuration(tmp_path):
     keys = RecordingConfig(
         recording_volts_key='tactile', recording_rate_key='fs', recording_truth_key='label'
     )
-    recording = read_recording(path, keys)
+    recording, rows = read_recording(path, keys)
     assert recording.sample_rate_hz == 60.0
-    np.testing.assert_array_equal(recording.truth, [True, False, False])
+    np.testing.assert_array_equal(rows.truth, [True, False, False])
 
 
 def test_a_missing_file_a_folder_and_an_unknown_ending_are_named(tmp_path):

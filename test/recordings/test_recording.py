@@ -54,9 +54,10 @@ def test_however_it_is_cut_a_recording_is_mended_as_its_stamps_are(
     mended = StampGrid(1 / RATE_HZ, max_gap_s).mend(stamps_ns)
     for mine, of_stretch in zip(stretches, mended.stretches, strict=True):
         places = mended.places[of_stretch]
-        wanted = volts[places], mended.stamps_ns[of_stretch], truth[places], places
-        for column, other in zip(mine, wanted, strict=True):
-            np.testing.assert_array_equal(column, other)
+        np.testing.assert_array_equal(mine.volts, volts[places])
+        np.testing.assert_array_equal(mine.stamps_ns, mended.stamps_ns[of_stretch])
+        np.testing.assert_array_equal(mine.truth, truth[places])
+        np.testing.assert_array_equal(mine.row_numbers, places)
     found = recording.counts
     assert (found.rows, found.stretches) == (mended.places.size, len(stretches))
     judged = mended.gaps, mended.bridged, mended.dropped

@@ -14,33 +14,17 @@
 
 """Whole recordings, and small ones, for tests that look at all rows at once."""
 
-import re
-from typing import NamedTuple
-
 import numpy as np
-import pytest
 
 from slip_detector.recordings import open_recording
-
-
-class WholeRecording(NamedTuple):
-    volts: np.ndarray
-    sample_rate_hz: float
-    channel_names: tuple
-    truth: np.ndarray | None
+from support.config_cases import message_of
 
 
 def read_recording(path, config=None):
-    """Read all rows of a recording as they were recorded."""
+    """Return a recording, and all its rows as they were recorded."""
     recording = open_recording(path, config)
-    rows = list(recording.rows())
-    truth = [part.truth for part in rows if part.truth is not None]
-    return WholeRecording(
-        np.concatenate([part.volts for part in rows]),
-        recording.sample_rate_hz,
-        recording.channel_names,
-        np.concatenate(truth) if truth else None,
-    )
+    first, *others = recording.rows()
+    return recording, first.then(*others)
 
 
 #: Of the rows that :func:`save_rows` writes.
@@ -63,10 +47,9 @@ def save_text(path, text):
 
 def complaint(path, config=None):
     """Return the message about a recording that cannot be read, after its path."""
-    with pytest.raises(ValueError, match=re.escape(str(path))) as caught:
-        read_recording(path, config)
-    assert '\n' not in str(caught.value)
-    return str(caught.value).removeprefix(str(path))
+    message = message_of(read_recording, path, config)
+    assert message.startswith(str(path))
+    return message.removeprefix(str(path))
 
 
 def save_rows(path, volts, stamps_ns=None, rate_hz=RATE_HZ, **arrays):
@@ -77,16 +60,10 @@ def save_rows(path, volts, stamps_ns=None, rate_hz=RATE_HZ, **arrays):
 
 
 def stretches_of(pieces):
-    """Return the stretches of pieces: volts, stamps, truth and source rows of each."""
+    """Join the pieces between two gaps."""
     stretches = []
     for piece in pieces:
-        if piece.new_stretch:
+        if piece.new_stretch or not stretches:
             stretches.append([])
         stretches[-1].append(piece)
-    return [
-        [
-            np.concatenate([getattr(part, name) for part in parts])
-            for name in ('volts', 'stamps_ns', 'truth', 'row_numbers')
-        ]
-        for parts in stretches
-    ]
+    return [first.then(*others) for first, *others in stretches]
