@@ -69,10 +69,16 @@ def slips(seed, duration_s=12.0, slip_hz=18.0, slips=True, noise_v=0.05):
     return volts, truth
 
 
+def track_with(volts, truth=None, name='a', rate_hz=RATE_HZ, kind=''):
+    """Return rows of volts as a track; without a truth nothing in them slips."""
+    truth = np.zeros(len(volts), bool) if truth is None else truth
+    return track_of(name, [Samples.evenly(volts, rate_hz, truth, kind=kind)], rate_hz)
+
+
 def track(seed, kind='', **what):
     """Return the noise and slips of a seed as a track; one of a kind has no slips."""
     volts, truth = slips(seed, **{'slips': not kind, **what})
-    return track_of(f'seed {seed}', [Samples.evenly(volts, RATE_HZ, truth, kind=kind)], RATE_HZ)
+    return track_with(volts, truth, f'seed {seed}', kind=kind)
 
 
 def write(path, seed, label=True, **what):

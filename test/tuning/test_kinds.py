@@ -22,7 +22,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmarks.tune.families import disturbances
-from slip_detector.chain.samples import Samples
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters.detector import ChainConfig
@@ -30,7 +29,7 @@ from slip_detector.parameters.files import read_yaml
 from slip_detector.scenes import Scene, find_scene
 from slip_detector.tuning.kinds import activity_range_db, contact_level_v, contradictions
 from slip_detector.tuning.tracks import track_of
-from support.tuning_cases import CHAIN, RATE_HZ, slips
+from support.tuning_cases import CHAIN, RATE_HZ, slips, track_with
 
 HIGH = dataclasses.replace(
     CHAIN,
@@ -52,11 +51,6 @@ def band(n, low_hz, high_hz, seed):
     return rows / rows.std()
 
 
-def of_kind(volts, kind='', truth=None):
-    label = np.zeros(len(volts), bool) if truth is None else truth
-    return track_of(kind or 'slips', [Samples.evenly(volts, RATE_HZ, label, kind=kind)], RATE_HZ)
-
-
 def sliding(seed, untouched_s=0.0):
     """Return slips at 14 Hz in noise that contact makes, after some time without."""
     volts, truth = slips(seed, slip_hz=14.0)
@@ -67,8 +61,8 @@ def sliding(seed, untouched_s=0.0):
 def test_contact_begins_above_a_finger_that_touches_nothing_and_below_one_that_slides():
     volts, truth = sliding(1)
     idle = 4.3 + 0.002 * np.random.default_rng(2).standard_normal((4000, 4))
-    of_idle = [of_kind(volts, truth=truth), of_kind(idle, 'idle')]
-    of_beginning = [of_kind(*sliding(1, untouched_s=2.0)[:1], truth=sliding(1, 2.0)[1])]
+    of_idle = [track_with(volts, truth), track_with(idle, kind='idle')]
+    of_beginning = [track_with(*sliding(1, untouched_s=2.0))]
     for tracks in (of_idle, of_beginning):
         level_v = contact_level_v(HIGH, tracks)
         gated = SlipChain(dataclasses.replace(HIGH, contact_level_v=level_v))
@@ -79,9 +73,9 @@ def test_contact_begins_above_a_finger_that_touches_nothing_and_below_one_that_s
 
 def test_where_a_finger_always_touches_there_is_no_level_of_contact():
     volts, truth = sliding(1)
-    for more in ([], [of_kind(volts, 'idle')]):
+    for more in ([], [track_with(volts, kind='idle')]):
         with pytest.raises(ValueError, match=r'touches nothing has a level of .* allowed: 1\.5 t'):
-            contact_level_v(HIGH, [of_kind(volts, truth=truth), *more])
+            contact_level_v(HIGH, [track_with(volts, truth), *more])
 
 
 @settings(deadline=None, max_examples=10)
@@ -91,12 +85,13 @@ def test_the_range_of_activity_is_how_far_noise_in_the_pass_band_is_below_the_lo
 ):
     quiet = 1e-3 * np.random.default_rng(seed).standard_normal((6000, 4))
     low, high = band(6000, 9.0, 18.0, seed), band(6000, 80.0, 170.0, seed + 1)
-    press = of_kind(level_v * (low + 10 ** (-range_db / 20) * high) + quiet, 'press')
+    volts = level_v * (low + 10 ** (-range_db / 20) * high) + quiet
+    press = track_with(volts, kind='press')
     # Over a long window, so that noise in the narrow low band has about its mean power.
     long = dataclasses.replace(HIGH, envelope_window_s=0.5)
-    assert activity_range_db(long, [of_kind(quiet), press]) == pytest.approx(range_db, abs=1.5)
+    assert activity_range_db(long, [track_with(quiet), press]) == pytest.approx(range_db, abs=1.5)
     with pytest.raises(ValueError, match='presses are hardly above the noise floors'):
-        activity_range_db(HIGH, [of_kind(quiet), of_kind(quiet, 'press')])
+        activity_range_db(HIGH, [track_with(quiet), track_with(quiet, kind='press')])
 
 
 def played(parts, seed, name='plate_400um', kind='', accuracy_s=0.0):
@@ -145,7 +140,7 @@ def test_honest_recordings_contradict_nothing_and_others_their_kind(family, chai
 
 def test_where_slips_are_no_louder_than_rest_nothing_is_said():
     volts, truth = slips(3, slip_hz=40.0)
-    tracks = [of_kind(volts, truth=truth), of_kind(volts, 'rest')]
+    tracks = [track_with(volts, truth), track_with(volts, kind='rest')]
     deaf = dataclasses.replace(HIGH, passband_hz=(100.0, 0.0))
     assert contradictions(deaf, tracks) == ([], [])
     assert len(contradictions(CHAIN, tracks)[0]) == 1

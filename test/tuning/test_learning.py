@@ -22,7 +22,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slip_detector.chain.samples import Samples
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.evaluation.replay import Replay
@@ -36,8 +35,7 @@ from slip_detector.tuning.learning import (
     quiet_threshold,
     steps_v,
 )
-from slip_detector.tuning.tracks import track_of
-from support.tuning_cases import CHAIN, RATE_HZ, slips, track
+from support.tuning_cases import CHAIN, RATE_HZ, slips, track, track_with
 
 PIEZO_HZ = 312.5
 HIGH = {'passband_hz': (60.0, 0.0), 'passband_degree': 2, 'stopbands_hz': (), 'exponent': 1}
@@ -50,8 +48,7 @@ def noise(rows=10_000, seed=0):
 
 
 def rest(volts, truth=None, rate_hz=PIEZO_HZ):
-    truth = np.zeros(len(volts), bool) if truth is None else truth
-    return track_of('rest', [Samples.evenly(volts, rate_hz, truth)], rate_hz)
+    return track_with(volts, truth, 'rest', rate_hz)
 
 
 def hum(mains_hz, rows, rate_hz, amplitudes):
@@ -121,16 +118,12 @@ def test_noise_has_no_mains_nor_has_a_line_that_one_channel_lacks(seed):
     assert find_mains(without, rest(volts))[0] == 50.0
 
 
-def recorded(volts, name='knocks', slip=False):
-    return track_of(name, [Samples.evenly(volts, RATE_HZ, np.full(len(volts), slip))], RATE_HZ)
-
-
 def with_knocks(step_v, many=20, seed=3):
     volts = 0.05 * np.random.default_rng(seed).standard_normal((1000 * many, 4))
     for k in range(many):
         shape = np.exp(-np.arange(60) / 10.0) * np.cos(np.arange(60))
         volts[500 + 1000 * k : 560 + 1000 * k] += step_v * shape[:, np.newaxis]
-    return recorded(volts)
+    return track_with(volts, name='knocks')
 
 
 @given(channels=st.integers(1, 4), rows=st.integers(1, 9), seed=st.integers(0, 2**32 - 1))
@@ -145,7 +138,7 @@ def test_a_step_over_some_rows_is_one_that_so_many_channels_exceed(channels, row
     expected = np.zeros((30, channels))
     for k in range(rows, 30):
         expected[k] = np.sort(np.nan_to_num(np.abs(filled[k] - filled[k - rows])))[::-1]
-    found = steps_v(ChainConfig(channels=channels), recorded(volts), rows)
+    found = steps_v(ChainConfig(channels=channels), track_with(volts), rows)
     np.testing.assert_allclose(found, expected)
 
 
@@ -153,7 +146,7 @@ def test_each_knock_counts_once_however_long_it_rings():
     steps_v = knocks_v(CHAIN, with_knocks(20.0))
     assert steps_v.size == 20
     assert steps_v.min() > 15.0
-    assert knocks_v(CHAIN, recorded(np.zeros((100, 4)))).size == 0
+    assert knocks_v(CHAIN, track_with(np.zeros((100, 4)))).size == 0
 
 
 def test_the_chain_ignores_the_knocks_and_no_slip_at_the_step_that_is_found():
@@ -170,7 +163,7 @@ def test_the_chain_ignores_the_knocks_and_no_slip_at_the_step_that_is_found():
 
 
 def test_knocks_like_slips_are_refused_with_the_numbers():
-    still = recorded(np.zeros((100, 4)))
+    still = track_with(np.zeros((100, 4)), name='knocks')
     for knocks, of_slips, numbers in (
         (with_knocks(0.6), track(1), r'20 knocks have a step above 0\.\d+ V, slips of up to 0\.'),
         (with_knocks(20.0), track(1, slips=False), r'20 knocks .* slips of up to 0 V'),
@@ -209,7 +202,7 @@ def test_the_rate_holds_in_the_recording_and_in_another_but_not_below_the_thresh
 def test_a_recording_that_cannot_show_the_rate_is_refused():
     minute = track(5, duration_s=60.0, slips=False)
     noisy = dataclasses.replace(EVIDENCE, noise_floor=(1e-6,), noise_floor_range_db=10.0)
-    silent = recorded(np.zeros((4560, 4)), 'seed 5')
+    silent = track_with(np.zeros((4560, 4)), name='seed 5')
     for recording, chain, per_hour, line in (
         (minute, CHAIN, 100.0, '5: lasts 0.0167 h, allowed: no slip, and at least 0.03 h to show'),
         (track(6), CHAIN, 1000.0, '6: has slip, allowed: no slip'),

@@ -24,7 +24,6 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from slip_detector.chain.filters import settling_rows
-from slip_detector.chain.samples import Samples
 from slip_detector.compiled import COMPILED
 from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
@@ -35,7 +34,7 @@ from slip_detector.tuning.sweep import thresholds, vote_statistics
 from slip_detector.tuning.tracks import track_of
 from slip_detector.tuning.verdict import COMPARED, choose, judge, worse_than
 from support.track_cases import EVALUATIONS, RATE_HZ, chains, recordings
-from support.tuning_cases import CHAIN, problem, slips, study_of, track
+from support.tuning_cases import CHAIN, problem, slips, study_of, track, track_with
 
 QUICK = dataclasses.replace(CHAIN, threshold=0.02)
 
@@ -163,7 +162,7 @@ def test_alarms_are_counted_per_minute_of_off():
 def test_a_chain_does_not_gain_by_settling_for_longer():
     volts, truth = slips(1)
     # a slip after 0.2 s
-    late = track_of('a', [Samples.evenly(volts[500:], RATE_HZ, truth[500:])], RATE_HZ)
+    late = track_with(volts[500:], truth[500:])
     objective = Problem([late])
     for each in (QUICK, dataclasses.replace(QUICK, passband_hz=(0.5, 50.0))):
         candidate = objective.as_it_is(each)
@@ -173,8 +172,7 @@ def test_a_chain_does_not_gain_by_settling_for_longer():
 
 def test_a_recording_that_ends_before_the_chain_has_settled_has_no_figures():
     volts, truth = slips(1)
-    short = track_of('a', [Samples.evenly(volts[600:680], RATE_HZ, truth[600:680])], RATE_HZ)
-    objective = Problem([short])
+    objective = Problem([track_with(volts[600:680], truth[600:680])])
     assert objective.as_it_is(CHAIN).cost_ms == math.inf
     assert not any(objective.as_it_is(CHAIN).figures[name] for name in [*COMPARED][:4])
     assert objective.best(CHAIN) == []

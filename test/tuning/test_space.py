@@ -22,14 +22,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.chain.samples import Samples
 from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.tuning.kinds import activity_range_db, contact_level_v
 from slip_detector.tuning.learning import learnt_floors, steps_v
 from slip_detector.tuning.space import SearchSpace, presets
-from slip_detector.tuning.tracks import track_of
-from support.tuning_cases import CHAIN, track
+from support.tuning_cases import CHAIN, track, track_with
 
 XELA = ChainConfig.from_yaml(Path(__file__).resolve().parents[2] / 'config' / 'xela_uskin.yaml')
 
@@ -74,7 +72,7 @@ SHARES = st.lists(st.floats(0.0, 1.0), min_size=21, max_size=21)
 
 def noise_at(rate_hz):
     volts = np.random.default_rng(0).standard_normal((9000, 4)) * [0.01, 0.02, 0.03, 0.04]
-    return track_of('noise', [Samples.evenly(volts, rate_hz, np.arange(9000) > 8500)], rate_hz)
+    return track_with(volts, np.arange(9000) > 8500, rate_hz=rate_hz)
 
 
 @given(rate_hz=st.sampled_from([30.0, 60.0, 380.0, 2000.0]), shares=SHARES)

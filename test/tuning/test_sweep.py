@@ -22,7 +22,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slip_detector.chain.filters import settling_rows
-from slip_detector.chain.samples import Samples
 from slip_detector.compiled import COMPILED
 from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
@@ -30,6 +29,7 @@ from slip_detector.parameters.detector import ChainConfig
 from slip_detector.tuning.sweep import sweep_thresholds, thresholds, vote_statistics, votes_of
 from slip_detector.tuning.tracks import track_of
 from support.track_cases import EVALUATIONS, RATE_HZ, chains, recordings
+from support.tuning_cases import track_with
 
 
 @settings(max_examples=25 if COMPILED else 3, deadline=None)
@@ -81,9 +81,8 @@ def test_the_votes_are_all_counts_of_small_groups_and_shares_of_large_ones(group
 )
 def test_thresholds_rise_in_even_steps_of_amplitude_up_to_where_nothing_is_on(values, exponent):
     statistic = np.array(values)
-    quiet = Samples.evenly(np.zeros((len(values), 1)), RATE_HZ, np.zeros(len(values), bool))
     chain = ChainConfig(exponent=exponent)
-    limits = thresholds(chain, [statistic], [track_of('a', [quiet], 380.0)])
+    limits = thresholds(chain, [statistic], [track_with(np.zeros((len(values), 1)))])
     assert limits[-1] >= statistic.max() > 0.999 * limits[-1]
     np.testing.assert_allclose(limits[1:] / limits[:-1], 1.03**exponent, rtol=3e-3)
     assert (
@@ -93,7 +92,7 @@ def test_thresholds_rise_in_even_steps_of_amplitude_up_to_where_nothing_is_on(va
     assert [float(f'{limit:.4g}') for limit in limits] == limits.tolist()
 
 
-QUIET = track_of('a', [Samples.evenly(np.zeros((20, 1)), 380.0, np.zeros(20, bool))], 380.0)
+QUIET = track_with(np.zeros((20, 1)))
 
 
 @pytest.mark.parametrize(
