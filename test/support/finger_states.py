@@ -28,14 +28,13 @@ def slip_rows(rows=380):
     return rest_rows(rows) + 0.2 * np.sin(2 * np.pi * 20.0 * seconds)[:, np.newaxis]
 
 
-def dead_rows():
-    rows = rest_rows()
+def without_channel_7(rows):
     rows[:, 6] = np.nan
     return rows
 
 
 #: By state the rows that bring a finger into it.
 STATES = {
-    'rest': rest_rows(), 'slip': slip_rows(), 'dead': dead_rows(), 'none': np.empty((0, 16)),
-    'invalid': np.full((380, 16), np.nan),
+    'rest': rest_rows(), 'slip': slip_rows(), 'dead': without_channel_7(rest_rows()),
+    'none': np.empty((0, 16)), 'invalid': np.full((380, 16), np.nan),
 }  # fmt: skip

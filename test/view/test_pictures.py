@@ -20,12 +20,12 @@ With ``SLIP_FIGURES`` naming a folder they are written there; without it only on
 import os
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.view.detectors import Diagnosis
 from support.browsers import expect
+from support.finger_states import without_channel_7
 from support.page_parts import card, recording, recording_now
 from support.simulated_detectors import SimulatedDetectors
 from support.training import write_recordings
@@ -93,11 +93,6 @@ def stay_in_slip(detectors):
         play(seconds)
 
     simulated.play = play_on
-
-
-def without_channel_7(rows):
-    rows[:, 6] = np.nan
-    return rows
 
 
 def with_a_dead_channel(detectors):
