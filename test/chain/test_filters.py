@@ -44,16 +44,6 @@ def decibels(sections, frequency_hz, rate=RATE):
     return 20 * np.log10(np.abs(response(sections, np.atleast_1d(frequency_hz), rate)))
 
 
-def test_the_papers_network_has_six_sections_and_each_stopband_is_two_of_them():
-    whole = design(ChainConfig(gain=1.0))
-    assert whole.shape == (6, 6)
-    # The degree of the polynomials is 4, so SciPy's order is 2.
-    passband = signal.butter(2, [7, 50], 'bandpass', output='sos', fs=RATE)
-    assert np.array_equal(whole[:2], passband)
-    assert np.array_equal(design(ChainConfig(gain=1.0, stopbands_hz=((0.5, 7.0),))), whole[:4])
-    assert np.array_equal(design(ChainConfig(gain=1.0, stopbands_hz=())), passband)
-
-
 @pytest.mark.parametrize('degree', [1, 2, 3, 7])
 @pytest.mark.parametrize('edge', [0.5, 7.0, 95.0])
 def test_a_high_edge_of_zero_makes_a_high_pass(edge, degree):

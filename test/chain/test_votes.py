@@ -25,8 +25,8 @@ from hypothesis import strategies as st
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.chain.votes import NO_VOTE, find_statistics, vote_numbers
 from slip_detector.compiled import LANES
-from slip_detector.parameters.detector import ChainConfig
 from support.chain_cases import noise
+from support.random_chains import configs, recordings
 
 VOTES = ('all', 'mean', 1, 2, 3, 4)
 
@@ -85,40 +85,24 @@ def test_the_mean_of_equal_levels_is_that_level(members, level):
     assert numbers_of([level] * members)['mean'] == level
 
 
-def volts_of(config, seed, n=300):
-    volts = 4.0 + 0.02 * noise(seed, n, config.channels)
-    rng = np.random.default_rng(seed)
-    volts[rng.random(volts.shape) < 0.05] = np.nan
-    volts[100:180, : config.channels // 2] = np.nan
-    return volts
-
-
-@st.composite
-def configs(draw):
-    channels = draw(st.integers(1, 20))
-    order = draw(st.permutations(range(1, channels + 1)))
-    count = draw(st.integers(1, min(channels, 4)))
-    groups = {f'g{i}': tuple(order[i::count]) for i in range(count)}
-    values = {}
-    if draw(st.booleans(), label='evidence'):
-        values = {'decision': 'evidence', 'noise_floor': 1e-4, 'noise_floor_learnt': True}
-    return ChainConfig(channels=channels, groups=groups, threshold=0.05, **values)
-
-
-@given(configs(), st.integers(0, 1000), st.floats(0.0, 1.0))
+@given(st.data(), st.booleans(), st.floats(0.0, 1.0))
 def test_each_statistic_says_of_any_threshold_where_a_chain_with_that_vote_is_on(
-    config, seed, share
+    data, evidence, share
 ):
-    volts = volts_of(config, seed)
-    votes = ('all', 'mean', *range(1, min(map(len, config.groups.values())) + 1))
-    unit = dataclasses.replace(config, threshold=1.0)
+    unit = data.draw(configs(threshold=1.0))
+    if evidence:
+        floors = {'noise_floor': 1e-4, 'noise_floor_learnt': True}
+        unit = dataclasses.replace(unit, decision='evidence', **floors)
+    volts = data.draw(recordings(unit))
+    enabled = [len({*members} - {*unit.disabled_channels}) for members in unit.groups.values()]
+    votes = ('all', 'mean', *range(1, min(*enabled, 4) + 1))
     together = SlipChain(unit).update(volts, votes=votes).vote_statistic
     assert together.shape == (len(volts), len(votes))
     for v, vote in enumerate(votes):
         # A number that occurs is the hardest threshold.
         rank = int(share * (len(volts) - 1))
         threshold = min(max(float(np.sort(together[:, v])[rank]), 1e-30), 1.29)
-        chain = SlipChain(dataclasses.replace(config, vote=vote, threshold=threshold))
+        chain = SlipChain(dataclasses.replace(unit, vote=vote, threshold=threshold))
         result = chain.update(volts, votes=[vote])
         np.testing.assert_array_equal(result.vote_statistic[:, 0] > 1.0, result.slip)
         np.testing.assert_array_equal(together[:, v] > threshold, result.slip)

@@ -45,8 +45,8 @@ def reference(volts, config):
     Returns
     -------
     types.SimpleNamespace
-        valid (n, c) bool, envelope (n, c) float; by the mean level (n, c) float and channels
-        (n, c) bool; by evidence low (n, c) float and after_impact (n,) bool.
+        enabled (c,) bool, valid (n, c) bool, envelope (n, c) float; by the mean level (n, c) float
+        and channels (n, c) bool; by evidence low (n, c) float and after_impact (n,) bool.
     """
     enabled = np.ones(volts.shape[1], dtype=bool)
     enabled[np.array(config.disabled_channels, dtype=int) - 1] = False
@@ -66,7 +66,7 @@ def reference(volts, config):
     envelope = np.sqrt(_trailing_mean(powered**2, envelope_rows))
     # Cleared here, so that level follows; a disabled channel never shows a number.
     envelope[:, ~enabled] = 0.0
-    found = SimpleNamespace(valid=valid, envelope=envelope)
+    found = SimpleNamespace(enabled=enabled, valid=valid, envelope=envelope)
     if config.decision == 'evidence':
         found.low, rate = np.zeros(volts.shape), config.sample_rate_hz
         if low_band(config) is not None:
