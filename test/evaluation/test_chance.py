@@ -16,6 +16,7 @@
 
 import numpy as np
 import pytest
+from evaluation.test_matching import intervals
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -25,18 +26,10 @@ from slip_detector.evaluation.chance import (
     slip_figures,
     sooner_than_chance,
 )
-from slip_detector.evaluation.matching import OnIntervals, RowInterval, ScoredRows, rows_on
+from slip_detector.evaluation.matching import RowInterval, ScoredRows, rows_on
 from slip_detector.parameters.evaluation import EvaluationConfig
 
 RATE_HZ = 100.0
-
-
-def intervals(on):
-    """Return where decisions are ON."""
-    found = OnIntervals()
-    found.add(on, 0)
-    found.close(len(on))
-    return found.closed()
 
 
 @st.composite
@@ -64,7 +57,7 @@ def test_alarms_shifted_to_every_time_are_on_average_no_better_than_chance(drawn
         # In the first turn the chain settles; in the second each alarm of a turn begins once.
         turns = np.tile(np.roll(on, shift), 2)
         rows = ScoredRows([slip], [RowInterval(0, 2 * n)], n, config, RATE_HZ)
-        rises = [alarm.start for alarm in rows.alarms(intervals(turns))]
+        rises = [alarm.start for alarm in rows.alarms(intervals(turns, [(0, 2 * n)]))]
         ((alarm,), _) = rows.match(rises)
         latencies_s.append(np.nan if alarm is None else (rises[alarm] - slip.start) / RATE_HZ)
         alarms.add(int((~rows.settling(rises)).sum()))

@@ -54,7 +54,6 @@ PUSHED = [
     {'duration_s': 0.5},
     {'duration_s': 0.3, 'velocity_m_s': 10e-3},
 ]
-PUSH_S = 0.6
 
 
 def scene(steps=PUSHED, seed=0, **parts):

@@ -15,7 +15,6 @@
 """Scene files: what is wrong is said in one line, and those of the package play."""
 
 import dataclasses
-import re
 
 import numpy as np
 import pytest
@@ -24,6 +23,7 @@ from slip_detector import ChainConfig, SlipChain
 from slip_detector.parameters.files import shared_folder
 from slip_detector.scenes import find_scene, load_scene
 from slip_detector.scenes.electronics import CONTACT_N
+from support.config_cases import message_of
 
 ALL = 10**9
 SHIPPED = sorted(path.stem for path in (shared_folder() / 'config' / 'scenes').glob('*.yaml'))
@@ -83,10 +83,9 @@ WRONG = [
 def test_a_wrong_scene_file_is_named_with_part_parameter_and_what_is_allowed(tmp_path, text, said):
     path = tmp_path / 'wrong.yaml'
     path.write_text(text if 'steps' in text else f'steps: [{{}}]\n{text}')
-    with pytest.raises(ValueError, match=re.escape(said)) as caught:
-        load_scene(path, np.random.default_rng(0))
-    assert str(caught.value).startswith(f'{path}:')
-    assert '\n' not in str(caught.value)
+    message = message_of(load_scene, path, np.random.default_rng(0))
+    assert message.startswith(f'{path}:')
+    assert said in message
 
 
 # The scenes that come with the package.
