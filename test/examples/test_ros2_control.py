@@ -37,32 +37,23 @@ def test_the_controllers_of_the_example_take_what_it_commands():
 @pytest.mark.nodes
 def test_each_joint_gets_its_share_of_the_force_through_slip(bench):
     from rclpy.qos import qos_profile_system_default
-    from std_msgs.msg import Bool, Float64MultiArray
+    from std_msgs.msg import Float64MultiArray
 
-    from slip_detector.nodes.messages import state_qos
+    from support.harness import Beating
 
     config = GraspConfig.from_yaml(EXAMPLE)
     # The profile with which ros2_control's controllers subscribe.
     commands = bench.listen(Float64MultiArray, config.command_topic, qos_profile_system_default)
-    state = {'slip': False, 'slip_valid': True}
-    publishers = {
-        topic: bench.node.create_publisher(Bool, topic, state_qos(deadline_s=0.2))
-        for topic in state
-    }
+    detector = Beating(bench)
     quick = {'closing_n_s': 50.0, 'settle_s': 0.0}
     bench.start('grasp_controller', '--params-file', EXAMPLE, parameters=quick)
-
-    def beaten(condition):
-        for topic, publisher in publishers.items():
-            publisher.publish(Bool(data=state[topic]))
-        return condition()
 
     def commanded(force_n):
         wanted = [config.command_factor * force_n] * 2
         return lambda: commands and list(commands[-1].data) == pytest.approx(wanted)
 
-    bench.wait_for(lambda: beaten(commanded(config.grip_n)), 'the grip to close')
-    state['slip'] = True
-    bench.wait_for(lambda: beaten(commanded(config.limit_n)), 'the limit')
+    detector.wait_for(commanded(config.grip_n), 'the grip to close')
+    detector.say(slip=True)
+    detector.wait_for(commanded(config.limit_n), 'the limit')
     assert {len(command.data) for command in commands} == {2}
     assert bench.node.count_publishers('grip_force') == 0

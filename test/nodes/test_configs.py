@@ -17,7 +17,6 @@
 import signal
 
 import pytest
-from rcl_interfaces.srv import GetParameters
 from std_msgs.msg import Bool, Header
 
 from slip_detector.nodes.messages import event_qos, stamp_ns, state_qos
@@ -57,9 +56,7 @@ def test_each_file_is_a_detector_of_its_own_on_the_same_input(bench, files):
     first_ns = {name: stamp_ns(heard[0].stamp) for name, heard in onsets.items()}
     assert first_ns['soon'] < first_ns['late']
     for name, threshold in THRESHOLDS.items():
-        request = GetParameters.Request(names=['threshold'])
-        answer = bench.ask(GetParameters, f'index/{name}/slip_detector/get_parameters', request)
-        assert answer.values[0].double_value == threshold
+        assert bench.values_of(f'index/{name}/slip_detector', 'threshold') == [threshold]
     assert driver.wait() == 0
     detector.signal(signal.SIGINT)
     assert detector.wait() == 0

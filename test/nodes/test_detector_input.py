@@ -18,14 +18,14 @@ import itertools
 
 import numpy as np
 import pytest
-from std_msgs.msg import Float32MultiArray, Float64MultiArray, Header, MultiArrayDimension
+from std_msgs.msg import Float32MultiArray, Float64MultiArray, Header
 
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.nodes.messages import event_qos, stamp_ns
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.sources import open_source
-from support.harness import PERIOD_NS, START_NS, Detected, reliable_qos
+from support.harness import PERIOD_NS, START_NS, Detected, batch_of, reliable_qos
 
 
 def test_without_a_header_the_middlewares_stamp_counts(bench):
@@ -57,13 +57,7 @@ def test_late_batches_are_rows_with_their_own_times_and_a_lost_one_is_bridged(be
     rows[200:] += np.random.default_rng(0).standard_normal((200, 4)).astype(np.float32)
 
     def send(batch):
-        message = Float32MultiArray(data=batch.ravel().tolist())
-        samples, channels = batch.shape
-        message.layout.dim = [
-            MultiArrayDimension(label='sample', size=samples, stride=batch.size),
-            MultiArrayDimension(label='channel', size=channels, stride=channels),
-        ]
-        detected.voltages.publish(message)
+        detected.voltages.publish(batch_of(batch))
 
     bench.wait_for(lambda: send(rows[:1]) or envelope, 'a decision')
     # The decision on a step too small for slip is the last of those on single rows.

@@ -15,13 +15,8 @@
 """Parameters of the detector, changed while it runs."""
 
 import numpy as np
-from rcl_interfaces.srv import (
-    GetParameters,
-    ListParameters,
-    SetParameters,
-    SetParametersAtomically,
-)
-from rclpy.parameter import Parameter, parameter_dict_from_yaml_file, parameter_value_to_python
+from rcl_interfaces.srv import ListParameters, SetParameters
+from rclpy.parameter import parameter_dict_from_yaml_file
 from std_msgs.msg import Bool
 
 from slip_detector.nodes.messages import state_qos
@@ -30,24 +25,13 @@ from slip_detector.parameters.files import shared_folder
 from support.harness import PERIOD_NS, START_NS, Detected
 
 
-def ask(bench, service_type, service, request):
-    return bench.ask(service_type, f'slip_detector/{service}', request)
-
-
 def set_all(bench, **values):
-    """Set parameters as a set; a double underscore stands for a dot."""
-    parameters = [
-        Parameter(name.replace('__', '.'), value=value).to_parameter_msg()
-        for name, value in values.items()
-    ]
-    request = SetParametersAtomically.Request(parameters=parameters)
-    return ask(bench, SetParametersAtomically, 'set_parameters_atomically', request).result
+    """Set parameters as a set."""
+    return bench.set_whole('slip_detector', values)
 
 
 def values_of(bench, names):
-    request = GetParameters.Request(names=names)
-    answer = ask(bench, GetParameters, 'get_parameters', request)
-    return dict(zip(names, map(parameter_value_to_python, answer.values), strict=True))
+    return dict(zip(names, bench.values_of('slip_detector', *names), strict=True))
 
 
 def test_a_set_is_refused_whole_with_the_reason_and_nothing_changes(bench):
@@ -73,16 +57,16 @@ def test_a_set_is_refused_whole_with_the_reason_and_nothing_changes(bench):
 
 def test_what_only_fits_together_is_taken_together(bench):
     detected = Detected(bench)
-    old = {f'groups__{name}': None for name in ('TP', 'TD', 'LR', 'LU')}
+    groups = {f'groups.{name}': None for name in ('TP', 'TD', 'LR', 'LU')}
     topic = bench.listen(Bool, 'slip/group/front', state_qos())
-    assert set_all(bench, channels=2, groups__front=[2, 1], **old).successful
+    assert set_all(bench, channels=2, **{'groups.front': [2, 1], **groups}).successful
     detected.envelope.clear()
     begin = detected.settle([1.0, 2.0], START_NS, PERIOD_NS)
     detected.send_all(np.ones((5, 2)), begin, PERIOD_NS)
     assert list(detected.envelope[-1].name) == ['ch1', 'ch2']
     bench.wait_for(lambda: topic, 'the new group')
     request = ListParameters.Request(prefixes=['groups'])
-    listed = ask(bench, ListParameters, 'list_parameters', request).result.names
+    listed = bench.ask(ListParameters, 'slip_detector/list_parameters', request).result.names
     assert listed == ['groups.front']
 
 
@@ -92,7 +76,7 @@ def test_files_are_loaded_whole_as_ros2_param_load_sends_them(bench):
         path = shared_folder() / 'config' / f'{file}.yaml'
         sent = parameter_dict_from_yaml_file(str(path))  # of all nodes
         request = SetParameters.Request(parameters=[*sent.values()])
-        results = ask(bench, SetParameters, 'set_parameters', request).results
+        results = bench.ask(SetParameters, 'slip_detector/set_parameters', request).results
         refused = {name for name, each in zip(sent, results, strict=True) if not each.successful}
         values = DetectorConfig.from_yaml(path).to_parameters()
         assert refused == sent.keys() - values.keys() | ({'autostart'} & sent.keys()), file
@@ -114,9 +98,7 @@ def test_what_comes_one_by_one_is_used_as_a_whole_even_what_has_to_wait(bench):
     for name, value in [
         ('gain', 1.0), *6 * [('decision', 'evidence')], ('noise_floor', [0.001]),
     ]:  # fmt: skip
-        parameters = [Parameter(name, value=value).to_parameter_msg()]
-        request = SetParameters.Request(parameters=parameters)
-        (result,) = ask(bench, SetParameters, 'set_parameters', request).results
+        (result,) = bench.set_each('slip_detector', {name: value})
         reasons.append(result.reason.partition(' (')[2])
         assert changes() == 1
     assert reasons == ['', *6 * ['not yet: it waits 0.5 s for others)'], '']
@@ -133,11 +115,7 @@ def test_no_sample_is_lost_while_all_parameters_are_loaded(bench):
     values = DetectorConfig().to_parameters()
     values |= {'gain': 50.0, 'passband_hz': [8.0, 60.0], 'threshold': 0.4, 'max_gap_s': 0.2}
     values |= {'stopbands_hz': [0.5, 6.0, 60.0, 170.0], 'groups.TP': [9, 11, 14, 16]}
-    parameters = [
-        Parameter(name, value=value).to_parameter_msg() for name, value in values.items()
-    ]
-    request = SetParameters.Request(parameters=parameters)
-    results = ask(bench, SetParameters, 'set_parameters', request).results
+    results = bench.set_each('slip_detector', values)
     refused = {name for name, each in zip(values, results, strict=True) if not each.successful}
     assert refused == {'autostart'}
     bench.wait_for(lambda: 'new filters have taken over' in process.log(), 'the new filters')

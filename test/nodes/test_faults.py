@@ -28,11 +28,11 @@ import time
 
 import pytest
 from rcl_interfaces.srv import SetParametersAtomically
-from rclpy.parameter import Parameter
 from std_msgs.msg import Bool, Header
 
 from slip_detector.chain.live_chain import GATHER_S
 from slip_detector.nodes.messages import event_qos, state_qos
+from support.harness import parameter_messages
 from support.slipping_sensor import PERIOD_S, SLACK_S, TIMEOUT_S, Sensor
 
 
@@ -263,8 +263,8 @@ def test_a_parameter_changed_in_the_middle_of_a_slip(bench):
 
 def change(sensor, client, values):
     """Change parameters of the detector while the sensor goes on."""
-    parameters = [Parameter(n, value=v).to_parameter_msg() for n, v in values.items()]
-    future = client.call_async(SetParametersAtomically.Request(parameters=parameters))
+    request = SetParametersAtomically.Request(parameters=parameter_messages(values))
+    future = client.call_async(request)
     sensor.play(future.done, 'the answer')
     assert future.result().result.successful, future.result().result.reason
 

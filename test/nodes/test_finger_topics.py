@@ -22,16 +22,13 @@ import numpy as np
 import pytest
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool, Float32MultiArray, MultiArrayDimension
+from std_msgs.msg import Bool, Float32MultiArray
 
 from slip_detector.nodes.finger_topics import FingerTopics
-from slip_detector.nodes.messages import (
-    sensor_qos,
-    state_qos,
-    time_message,
-)
+from slip_detector.nodes.messages import sensor_qos, state_qos, time_message
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.view.detectors import Finger
+from support.harness import batch_of
 
 TWO = DetectorConfig(channels=2, groups={'pair': (1, 2)}, passband_hz=(7, 50), stopbands_hz=[])
 AT_NS = 10**18
@@ -144,20 +141,14 @@ def test_a_batch_has_its_rows_a_period_apart(bench):
     )
     sensor = Sensor(bench, config)
 
-    def batch(*values):
-        message = Float32MultiArray(data=values)
-        message.layout.dim = [
-            MultiArrayDimension(label='sample', size=len(values) // 2, stride=len(values)),
-            MultiArrayDimension(label='channel', size=2, stride=2),
-        ]
-        return message
-
+    rows = np.arange(1.0, 7.0).reshape(3, 2)
     for _ in range(3):
-        sensor.voltages.publish(batch())  # Nothing was sampled between two messages.
-    sensor.voltages.publish(batch(1.0, 2.0, 3.0, 4.0, 5.0, 6.0))
+        # Nothing was sampled between two messages.
+        sensor.voltages.publish(batch_of(rows[:0]))
+    sensor.voltages.publish(batch_of(rows))
     samples = sensor.finger.track.samples
     sensor.until(lambda: len(samples), 'the batch')
-    assert samples.field('volts').tolist() == [[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]
+    assert samples.field('volts').tolist() == rows.tolist()
     periods_ns = np.diff(samples.stamps_ns())
     assert np.abs(periods_ns - 1e9 / config.sample_rate_hz).max() <= 1
     sensor.close()

@@ -17,8 +17,6 @@
 import itertools
 import signal
 
-from rcl_interfaces.srv import SetParameters
-from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
@@ -53,9 +51,7 @@ def test_each_finger_has_nodes_and_parameters_of_its_own_and_all_samples_come(be
         steps_ns = [b - a for a, b in itertools.pairwise(stamps_ns)]
         assert max(steps_ns) - min(steps_ns) <= 1
     # A change at one finger is no change at another.
-    none_valid = Parameter('valid_range_v', value=[-2.0, -1.0]).to_parameter_msg()
-    request = SetParameters.Request(parameters=[none_valid])
-    bench.ask(SetParameters, 'left/index/slip_detector/set_parameters', request)
+    bench.set_each('left/index/slip_detector', {'valid_range_v': [-2.0, -1.0]})
     bench.wait_for(lambda: not valid['index'][-1].data, 'the finger to be invalid')
     others = [len(valid[finger]) for finger in ('thumb', 'little')]
     bench.wait_for(

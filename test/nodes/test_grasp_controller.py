@@ -20,14 +20,11 @@ import time
 
 import pytest
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool
 
 from slip_detector.nodes.grasp_controller import PERIODS_COUNTED
 from slip_detector.nodes.messages import state_qos
 from slip_detector.parameters.grasp import GraspConfig
-
-#: As the detector offers it.
-DEADLINE_S = 0.2
+from support.harness import Beating
 
 #: Quick, so that no test has to wait.
 QUICK = {
@@ -42,44 +39,23 @@ QUICK = {
 }
 
 
-class Controlled:
+class Controlled(Beating):
     """A controller process, the test in place of its detector."""
 
     def __init__(self, bench, **parameters):
-        self.bench = bench
+        super().__init__(bench)
         self.forces = bench.listen(JointState, 'grip_force', state_qos(depth=1000))
-        self._says = {
-            topic: bench.node.create_publisher(Bool, topic, state_qos(deadline_s=DEADLINE_S))
-            for topic in ('slip', 'slip_valid')
-        }
-        self.state = {'slip': False, 'slip_valid': True}
         self.process = bench.start('grasp_controller', parameters={**QUICK, **parameters})
         bench.wait_for(
             lambda: (
-                all(says.get_subscription_count() for says in self._says.values())
+                all(says.get_subscription_count() for says in self.says.values())
                 and bench.node.count_publishers('grip_force')
             ),
             'the controller to connect',
         )
 
-    def say(self, **state):
-        """Say what slip is from now on, and say it once."""
-        self.state.update(state)
-        for topic, says in self._says.items():
-            says.publish(Bool(data=self.state[topic]))
-
     def force_n(self):
         return self.forces[-1].effort[0] if self.forces else None
-
-    def wait_for(self, condition, what, beating=True):
-        """Wait until the condition holds, the heart of the detector beating meanwhile."""
-
-        def beaten():
-            if beating:
-                self.say()
-            return condition()
-
-        self.bench.wait_for(beaten, what)
 
     def close(self):
         self.wait_for(lambda: self.force_n() == QUICK['grip_n'], 'the grip to close')

@@ -23,11 +23,10 @@ from rclpy.action import ActionServer, CancelResponse, GoalResponse
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.task import Future
-from std_msgs.msg import Bool
 
 from slip_detector.nodes.health import ERROR, OK, WARN
-from slip_detector.nodes.messages import event_qos, state_qos
-from support.harness import ended_quietly
+from slip_detector.nodes.messages import event_qos
+from support.harness import Beating, ended_quietly
 from support.interfaces import build
 
 #: The definitions in control_msgs.
@@ -142,15 +141,11 @@ class Gripper:
             self._end('abort', True, False)
 
 
-class Hand:
+class Hand(Beating):
     """A controller process, the test in place of its detector, and what is said of its gripper."""
 
     def __init__(self, bench, kind, **parameters):
-        self.bench, self.state = bench, {'slip': False, 'slip_valid': True}
-        self._says = {
-            topic: bench.node.create_publisher(Bool, topic, state_qos(deadline_s=0.2))
-            for topic in self.state
-        }
+        super().__init__(bench)
         self._heard = bench.listen(DiagnosticArray, '/diagnostics', event_qos())
         given = {
             'command_type': kind, 'command_topic': ACTION, 'command_joints': '[knuckle]',
@@ -159,14 +154,6 @@ class Hand:
             'settle_s': 0.0, 'relax_n_s': 0.0, 'deadline_s': 5.0, **parameters,
         }  # fmt: skip
         self.process = bench.start('grasp_controller', parameters=given)
-
-    def wait_for(self, condition, what):
-        def beaten():
-            for topic, says in self._says.items():
-                says.publish(Bool(data=self.state[topic]))
-            return condition()
-
-        self.bench.wait_for(beaten, what)
 
     def hears(self, level, words):
         """Wait until the diagnostics say so."""

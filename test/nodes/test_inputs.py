@@ -14,18 +14,16 @@
 
 """Rows, stamps and names out of messages of any type, read as the middleware hands them over."""
 
-import array
-
 import numpy as np
 import pytest
 from geometry_msgs.msg import WrenchStamped
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Float32MultiArray, MultiArrayDimension
 
 from slip_detector.nodes.inputs import Input, message_class
 from slip_detector.nodes.messages import time_message
 from slip_detector.parameters.detector import DetectorConfig
+from support.harness import batch_of
 
 PUBLISHED = {'source_timestamp': 5, 'publication_sequence_number': 8}
 
@@ -57,12 +55,7 @@ def test_a_field_in_the_depth_of_a_stamped_message_is_read():
 
 def test_a_batch_without_a_header_has_a_row_for_each_sample_and_the_time_of_publication():
     rows = np.arange(6, dtype=np.float32).reshape(3, 2)
-    message = Float32MultiArray(data=array.array('f', rows.tobytes()))
-    message.layout.dim = [
-        MultiArrayDimension(label='sample', size=3, stride=6),
-        MultiArrayDimension(label='channel', size=2, stride=2),
-    ]
-    _, sample = read(message, input_type='std_msgs/Float32MultiArray', input_field='data')
+    _, sample = read(batch_of(rows), input_type='std_msgs/Float32MultiArray', input_field='data')
     np.testing.assert_array_equal(sample.rows, rows)
     assert sample.stamp_ns == PUBLISHED['source_timestamp']
     assert sample.number == PUBLISHED['publication_sequence_number']

@@ -16,9 +16,7 @@
 
 import pytest
 import rclpy
-from rcl_interfaces.srv import GetParameters
 from rclpy.node import Node
-from rclpy.parameter import parameter_value_to_python
 
 from slip_detector.nodes.parameters import declare
 from slip_detector.parameters.detector import DetectorConfig
@@ -75,12 +73,6 @@ def test_numbers_have_their_range_in_the_description(make):
     assert (channels.from_value, channels.to_value) == (1, 1_000_000)
 
 
-def values_of(bench, node, *names):
-    request = GetParameters.Request(names=names)
-    values = bench.ask(GetParameters, f'{node}/get_parameters', request).values
-    return [parameter_value_to_python(value) for value in values]
-
-
 def test_a_file_whose_sections_are_for_nodes_of_other_names_stops_the_start(bench, tmp_path):
     file = tmp_path / 'robot.yaml'
     # The second is for all nodes.
@@ -109,7 +101,7 @@ def test_a_section_is_taken_where_ros_takes_it(bench, tmp_path, section, words, 
         text += '/**/slip_driver:\n  ros__parameters: {source: udp}\n'
     file.write_text(text)
     bench.start('slip_detector', '--params-file', file, *words)
-    assert values_of(bench, name, 'threshold') == [0.7]
+    assert bench.values_of(name, 'threshold') == [0.7]
 
 
 @pytest.mark.parametrize('node', NODES)
@@ -134,7 +126,7 @@ def test_what_all_nodes_are_given_ends_none_and_what_may_be_meant_for_one_is_tol
     # As SetParameter of a launch file gives it.
     words = ['-p', 'robot_name:=a', '--params-file', file, '-r', '__ns:=/ring']
     process = bench.start('slip_detector', *words)
-    assert values_of(bench, '/ring/slip_detector', 'gain', 'threshold') == [50.0, 0.5]
+    assert bench.values_of('/ring/slip_detector', 'gain', 'threshold') == [50.0, 0.5]
     warnings = [line.partition(']: ')[2] for line in process.lines() if '[WARN]' in line]
     assert warnings == [
         'left out: parameter treshold = 0.7, given to all nodes; did you mean threshold?',
@@ -143,7 +135,7 @@ def test_what_all_nodes_are_given_ends_none_and_what_may_be_meant_for_one_is_tol
     for node in ('slip_driver', 'grasp_controller'):
         given = {'source': 'scene'} if node == 'slip_driver' else {}
         process = bench.start(node, *words, parameters=given)
-        assert values_of(bench, f'/ring/{node}', 'use_sim_time') == [False]
+        assert bench.values_of(f'/ring/{node}', 'use_sim_time') == [False]
         # A busy machine may be late with the scene.
         warned = [line for line in process.lines() if '[WARN]' in line]
         assert [line for line in warned if ' late: ' not in line] == []

@@ -20,9 +20,7 @@ import time
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 
 from slip_detector.nodes.messages import event_qos, sensor_qos, time_message
@@ -146,11 +144,7 @@ def test_a_detector_whose_parameters_change_and_that_ends_and_comes_again(bench)
         it.watched = {INDEX}
         await it.until(lambda: it.detectors.fingers[INDEX].config.threshold == 0.75, 'the change')
         groups = {f'groups.{name}': None for name in ('TP', 'TD', 'LR', 'LU')}
-        values = {n: Parameter(n, value=v) for n, v in {'channels': 4, **groups}.items()}
-        request = SetParametersAtomically.Request(
-            parameters=[each.to_parameter_msg() for each in values.values()]
-        )
-        bench.ask(SetParametersAtomically, f'{INDEX}/set_parameters_atomically', request)
+        bench.set_whole(INDEX, {'channels': 4, **groups})
         await it.until(lambda: it.detectors.fingers[INDEX].config.channels == 4, 'the channels')
         assert list(it.detectors.fingers[INDEX].config.groups) == ['all']
         assert [change.by for change in panel.changes] == ['page 1', OUTSIDE]

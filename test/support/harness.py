@@ -33,11 +33,17 @@ from support.domains import own_domain
 
 rclpy = pytest.importorskip('rclpy', reason='needs rclpy')
 
+from rcl_interfaces.srv import (  # noqa: E402
+    GetParameters,
+    SetParameters,
+    SetParametersAtomically,
+)
 from rclpy.executors import SingleThreadedExecutor  # noqa: E402
 from rclpy.node import Node  # noqa: E402
+from rclpy.parameter import Parameter, parameter_value_to_python  # noqa: E402
 from rclpy.qos import QoSProfile, ReliabilityPolicy  # noqa: E402
 from sensor_msgs.msg import JointState  # noqa: E402
-from std_msgs.msg import Bool  # noqa: E402
+from std_msgs.msg import Bool, Float32MultiArray, MultiArrayDimension  # noqa: E402
 
 from slip_detector.chain.slip_chain import compile_chain  # noqa: E402
 from slip_detector.nodes.messages import (  # noqa: E402
@@ -242,6 +248,23 @@ class Bench:
         self.wait_for(future.done, service)
         return future.result()
 
+    def values_of(self, node, *names):
+        """Return the values of parameters of a node."""
+        request = GetParameters.Request(names=names)
+        values = self.ask(GetParameters, f'{node}/get_parameters', request).values
+        return [*map(parameter_value_to_python, values)]
+
+    def set_each(self, node, values):
+        """Set parameters one by one; return the result of each."""
+        request = SetParameters.Request(parameters=parameter_messages(values))
+        return self.ask(SetParameters, f'{node}/set_parameters', request).results
+
+    def set_whole(self, node, values):
+        """Set parameters as a set; return the result."""
+        request = SetParametersAtomically.Request(parameters=parameter_messages(values))
+        service = f'{node}/set_parameters_atomically'
+        return self.ask(SetParametersAtomically, service, request).result
+
     def client(self, service_type, service):
         """Return a client that the service knows: its responses arrive.
 
@@ -315,6 +338,48 @@ class Bench:
             self.node.destroy_node()
             rclpy.try_shutdown(context=self.context)
             os.close(self._lock)
+
+
+def parameter_messages(values):
+    return [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
+
+
+def batch_of(rows):
+    """Return rows as one message; they are an array of the shape (samples, channels)."""
+    samples, channels = rows.shape
+    message = Float32MultiArray(data=rows.ravel().tolist())
+    message.layout.dim = [
+        MultiArrayDimension(label='sample', size=samples, stride=rows.size),
+        MultiArrayDimension(label='channel', size=channels, stride=channels),
+    ]
+    return message
+
+
+class Beating:
+    """The test in place of a detector: it says what slip is, again and again while it waits."""
+
+    def __init__(self, bench):
+        self.bench, self.state = bench, {'slip': False, 'slip_valid': True}
+        self.says = {
+            topic: bench.node.create_publisher(Bool, topic, state_qos(deadline_s=0.2))
+            for topic in self.state
+        }
+
+    def say(self, **state):
+        """Say what slip is from now on, and say it once."""
+        self.state.update(state)
+        for topic, says in self.says.items():
+            says.publish(Bool(data=self.state[topic]))
+
+    def wait_for(self, condition, what, beating=True):
+        """Wait until the condition holds, the heart of the detector beating meanwhile."""
+
+        def beaten():
+            if beating:
+                self.say()
+            return condition()
+
+        self.bench.wait_for(beaten, what)
 
 
 class Detected:
