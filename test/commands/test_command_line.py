@@ -23,6 +23,7 @@ from pathlib import Path
 import pytest
 
 from slip_detector.commands.command_line import whole_number
+from support.python_runs import run_python
 
 INTERRUPTED = """
 import sys
@@ -41,13 +42,7 @@ sys.exit(command_line.{command}())
 
 @pytest.mark.parametrize('command', ['evaluate', 'tune'])
 def test_an_interrupt_while_a_command_loads_is_one_line(command):
-    done = subprocess.run(
-        [sys.executable, '-c', INTERRUPTED.format(command=command)],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=60,
-    )
+    done = run_python('-c', INTERRUPTED.format(command=command))
     assert done.returncode == 130
     assert done.stderr == f'slip_{command}: ended before it was done\n'
 

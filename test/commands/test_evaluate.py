@@ -31,7 +31,6 @@ from support.evaluation_cases import (
     roc_auc,
     write,
 )
-from support.limits import full_disk
 from support.pages import ROOT
 
 #: Recordings of a real finger.
@@ -77,12 +76,6 @@ def test_a_report_that_cannot_be_written_is_refused_before_anything_is_read(caps
     assert line == f'{tmp_path}: cannot be written (is no file)'
     line = complaint(capsys, path.parent, '--report', path)
     assert line == f'--report {path}: is a recording, allowed: a file of its own'
-    page = tmp_path / 'page.html'
-    page.write_bytes(b'of yesterday')
-    with full_disk(left_bytes=20_000):
-        line = complaint(capsys, path, '--report', page)
-    assert line == f'{page}: cannot be written (File too large)'
-    assert page.read_bytes() == b'of yesterday'
 
 
 def test_decisions_are_written_on_the_topics_of_the_detector_as_the_chain_makes_them(

@@ -43,6 +43,20 @@ def of_ros1(definition):
     return f'Header header\n{upper}'
 
 
+def of_pillars(package, x, y, definition_of):
+    """Return the entry of Contactile's sensor; x and y are the fields of a pillar."""
+    definitions = {
+        f'{package}/msg/PillarState': definition_of(PILLAR),
+        f'{package}/msg/SensorState': definition_of(PILLARS),
+    }
+
+    def message_of(make, rows):
+        pillars = rows.reshape(2, 9).T
+        return make(pillars=[make('PillarState', **{x: dx, y: dy}) for dx, dy in pillars])
+
+    return np.float32, definitions, message_of
+
+
 #: Of each sensor: the type of its numbers, the definitions, the last of which is that of its
 #: topic, and its message of some rows, by a function that makes messages of fields.
 SENSORS = {
@@ -62,26 +76,8 @@ SENSORS = {
             ]
         ),
     ),
-    'papillarray': (
-        np.float32,
-        {
-            'sensor_interfaces/msg/PillarState': PILLAR,
-            'sensor_interfaces/msg/SensorState': PILLARS,
-        },
-        lambda make, rows: make(
-            pillars=[make('PillarState', dx=x, dy=y) for x, y in rows.reshape(2, 9).T]
-        ),
-    ),
-    'papillarray of ROS 1': (
-        np.float32,
-        {
-            'papillarray_ros_v2/msg/PillarState': of_ros1(PILLAR),
-            'papillarray_ros_v2/msg/SensorState': of_ros1(PILLARS),
-        },
-        lambda make, rows: make(
-            pillars=[make('PillarState', dX=x, dY=y) for x, y in rows.reshape(2, 9).T]
-        ),
-    ),
+    'papillarray': of_pillars('sensor_interfaces', 'dx', 'dy', str),
+    'papillarray of ROS 1': of_pillars('papillarray_ros_v2', 'dX', 'dY', of_ros1),
     'anyskin': (
         np.float32,
         {'std_msgs/msg/Float32MultiArray': ''},

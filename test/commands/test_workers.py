@@ -18,7 +18,6 @@ import argparse
 import os
 import signal
 import socket
-import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 
@@ -28,6 +27,7 @@ from slip_detector.commands import workers
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.parameters.files import write_yaml
 from support.config_cases import message_of
+from support.python_runs import run_python
 from support.worker_calls import die, process_of, refuse
 
 
@@ -57,11 +57,9 @@ def test_a_call_that_fails_or_dies_is_one_line(call, said):
 
 
 def run(code):
-    return subprocess.run(
-        [sys.executable, '-c', f'from slip_detector.commands.workers import processes\n{code}'],
-        env={**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)},
-        stdout=subprocess.PIPE, text=True, timeout=60, check=False,
-    )  # fmt: skip
+    code = f'from slip_detector.commands.workers import processes\n{code}'
+    environment = {**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)}
+    return run_python('-c', code, env=environment)
 
 
 def test_a_process_ends_with_the_one_that_started_it():

@@ -25,7 +25,6 @@ import os
 import re
 import shlex
 import shutil
-import subprocess
 import sys
 
 import numpy as np
@@ -33,6 +32,7 @@ import pytest
 
 from slip_detector.scenes import find_scene, load_scene
 from support.pages import PAGES, ROOT, blocks, file_name, identifier
+from support.python_runs import run_python
 
 #: For one command of a page; only ends what hangs.
 PATIENCE_S = 500.0
@@ -167,14 +167,8 @@ def in_its_own_process(name, words):
     """Return what a command with nodes prints."""
     module, function = SCRIPTS[name]
     code = f'import sys; from slip_detector.{module} import {function}; sys.exit({function}())'
-    done = subprocess.run(
-        [sys.executable, '-c', code, *words],
-        env={**os.environ, 'PYTHONPATH': str(ROOT)},
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE_S,
-        check=False,
-    )
+    environment = {**os.environ, 'PYTHONPATH': str(ROOT)}
+    done = run_python('-c', code, *words, timeout=PATIENCE_S, env=environment)
     assert done.returncode == 0, f'{name} {" ".join(words)}:\n{done.stderr}'
     return done.stdout
 

@@ -15,21 +15,19 @@
 """examples/chain_on_an_array.py."""
 
 import re
-import subprocess
-import sys
 
 import numpy as np
 
 from slip_detector.scenes import find_scene, load_scene
 from support.pages import ROOT
+from support.python_runs import run_python
 
 EXAMPLE = ROOT / 'examples' / 'chain_on_an_array.py'
 
 
 def test_it_prints_the_slips_of_the_plate(tmp_path):
-    done = subprocess.run(
-        [sys.executable, EXAMPLE], cwd=tmp_path, capture_output=True, text=True, check=True
-    )
+    done = run_python(EXAMPLE, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
     printed = re.findall(r'^slip from ([\d.]+) s to ([\d.]+) s$', done.stdout, re.M)
     assert len(printed) == len(done.stdout.splitlines())
     scene = load_scene(find_scene('plate_400um'), np.random.default_rng(0))

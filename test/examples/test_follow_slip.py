@@ -19,13 +19,10 @@ import signal
 import numpy as np
 import pytest
 
-from support.harness import Detected
+from support.harness import PERIOD_NS, START_NS, Detected
 from support.pages import ROOT
 
 pytestmark = pytest.mark.nodes
-
-PERIOD_NS = round(1e9 / 380)
-BEGIN_NS = 10**18
 
 SLIP = 'raise the grip: slip'
 NO_SLIP = 'keep or relax the grip: no slip'
@@ -36,39 +33,24 @@ REST = np.full((20, 16), 4.3)
 VIBRATION = 4.3 + 0.1 * np.sin(2 * np.pi * 25 / 380 * np.arange(60))[:, None] * np.ones(16)
 
 
-@pytest.fixture
-def follower(bench):
-    return bench.start_python(ROOT / 'examples' / 'follow_slip.py')
-
-
 def said(process):
     """Return what it has said to do, the last one last."""
     lines = process.log().splitlines()
     return [text for line in lines for text in (SLIP, NO_SLIP, UNKNOWN) if line.endswith(text)]
 
 
-# A timeout longer than any pause of a busy machine: only the end of the detector is noticed.
-def detector(bench):
-    return Detected(bench, parameters={'input_timeout_s': 60.0})
-
-
-def test_it_follows_slip(bench, follower):
-    detected = detector(bench)
-    at_ns = detected.settle(REST[0], BEGIN_NS, PERIOD_NS)
+@pytest.mark.parametrize('number', [signal.SIGKILL, signal.SIGSTOP])
+def test_it_follows_slip_and_holds_on_when_the_detector_is_killed_or_hangs(bench, number):
+    follower = bench.start_python(ROOT / 'examples' / 'follow_slip.py')
+    # A timeout longer than any pause of a busy machine: only the end of the detector is noticed.
+    detected = Detected(bench, parameters={'input_timeout_s': 60.0})
+    at_ns = detected.settle(REST[0], START_NS, PERIOD_NS)
     at_ns = detected.send_all(REST, at_ns, PERIOD_NS)
     bench.wait_for(lambda: said(follower)[-1:] == [NO_SLIP], NO_SLIP)
     detected.send_all(VIBRATION, at_ns, PERIOD_NS)
     bench.wait_for(lambda: said(follower)[-1:] == [SLIP], SLIP)
+    detected.process.signal(number)
+    bench.wait_for(lambda: said(follower)[-1:] == [UNKNOWN], UNKNOWN)
     follower.signal(signal.SIGINT)
     assert follower.wait() == 0
     assert 'Traceback' not in follower.log()
-
-
-@pytest.mark.parametrize('number', [signal.SIGKILL, signal.SIGSTOP])
-def test_it_holds_on_when_the_detector_is_killed_or_hangs(bench, follower, number):
-    detected = detector(bench)
-    at_ns = detected.settle(REST[0], BEGIN_NS, PERIOD_NS)
-    detected.send_all(REST, at_ns, PERIOD_NS)
-    bench.wait_for(lambda: said(follower)[-1:] == [NO_SLIP], NO_SLIP)
-    detected.process.signal(number)
-    bench.wait_for(lambda: said(follower)[-1:] == [UNKNOWN], UNKNOWN)

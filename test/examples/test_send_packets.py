@@ -14,6 +14,7 @@
 
 """examples/send_packets.c and .py: what they send is what the driver's decoder takes."""
 
+import contextlib
 import shutil
 import subprocess
 import sys
@@ -104,20 +105,12 @@ def test_c_stuffs_long_packets_as_it_should(tmp_path):
         assert cobs_decode(line[:-1]) == plain
 
 
-@pytest.fixture
-def source():
-    """A driver's source that listens to a free UDP port."""
+def test_python_as_a_program_sends_volts_that_vibrate_with_the_right_times():
     config = DriverConfig(source='udp', udp_port=free_udp_port())
     source = open_source(config)
     source.start()
-    yield source, config
-    source.close()
-
-
-def test_python_as_a_program_sends_volts_that_vibrate_with_the_right_times(source):
-    source, config = source
     command = [sys.executable, EXAMPLE_PYTHON, '127.0.0.1', str(config.udp_port)]
-    with subprocess.Popen(command) as program:
+    with contextlib.closing(source), subprocess.Popen(command) as program:
         try:
             stamps_ns, rows = [], []
             while len(rows) < 900:

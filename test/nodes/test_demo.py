@@ -16,8 +16,6 @@
 
 import json
 import signal
-import subprocess
-import sys
 import time
 
 import numpy as np
@@ -28,6 +26,7 @@ from slip_detector.parameters.driver import DriverConfig
 from slip_detector.recordings import open_recording
 from slip_detector.sources import open_source
 from support.harness import DEADLINE_S, ROOT
+from support.python_runs import run_python
 
 pytest.importorskip('rosbags', reason='needs rosbags')
 
@@ -36,10 +35,7 @@ from slip_detector.nodes.demo import NodeProcesses
 
 def run(*words, code):
     """Run a demonstration as a user does; return what it prints on both streams."""
-    command = [sys.executable, '-m', 'slip_detector.nodes.demo', *map(str, words)]
-    done = subprocess.run(
-        command, capture_output=True, text=True, timeout=2 * DEADLINE_S, check=False
-    )
+    done = run_python('-m', 'slip_detector.nodes.demo', *words, timeout=2 * DEADLINE_S)
     assert done.returncode == code, done.stderr
     return done.stdout, done.stderr
 
@@ -117,9 +113,7 @@ def test_nodes_end_with_the_process_that_started_them_even_if_it_is_killed():
         f'os.kill(os.getpid(), {signal.SIGKILL:d})'
     )
     # It does not return before the last process that has the pipe has ended.
-    done = subprocess.run(
-        [sys.executable, '-c', code], stdout=subprocess.PIPE, timeout=DEADLINE_S, check=False
-    )
+    done = run_python('-c', code, timeout=DEADLINE_S)
     assert done.returncode == -signal.SIGKILL
 
 

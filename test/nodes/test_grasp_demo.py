@@ -16,8 +16,6 @@
 
 import argparse
 import json
-import subprocess
-import sys
 
 import pytest
 
@@ -35,6 +33,7 @@ from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.files import shared_folder
 from slip_detector.parameters.grasp import GraspConfig
 from support.harness import compile_nodes
+from support.python_runs import run_python
 
 from slip_detector.nodes.grasp_demo import seed_range  # isort: skip, needs rclpy as the harness does
 
@@ -58,8 +57,7 @@ def finished(tmp_path_factory):
 
 
 def run(*words):
-    command = [sys.executable, '-m', 'slip_detector.nodes.grasp_demo', *words]
-    return subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S, check=False)
+    return run_python('-m', 'slip_detector.nodes.grasp_demo', *words, timeout=TIMEOUT_S)
 
 
 def test_the_objects_are_held_and_those_through_the_nodes_are_beside_the_simulated_ones(finished):

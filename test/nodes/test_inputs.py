@@ -18,7 +18,6 @@ import numpy as np
 import pytest
 from geometry_msgs.msg import WrenchStamped
 from rclpy.serialization import serialize_message
-from sensor_msgs.msg import JointState
 
 from slip_detector.nodes.inputs import Input, message_class
 from slip_detector.nodes.messages import time_message
@@ -31,15 +30,6 @@ PUBLISHED = {'source_timestamp': 5, 'publication_sequence_number': 8}
 def read(message, **parameters):
     source = Input(DetectorConfig(**parameters))
     return source, source.read(serialize_message(message), PUBLISHED)
-
-
-def test_a_joint_state_has_rows_names_stamp_and_frame():
-    message = JointState(name=['a', 'b'], position=[1.5, -2.5])
-    message.header.stamp, message.header.frame_id = time_message(7), 'tip'
-    source, sample = read(message)
-    assert source.has_names
-    assert sample.rows.tolist() == [[1.5, -2.5]]
-    assert sample[1:] == (7, ['a', 'b'], 'tip', None)
 
 
 def test_a_field_in_the_depth_of_a_stamped_message_is_read():

@@ -15,8 +15,6 @@
 """What is relied on in rclpy, in the version that is installed."""
 
 import signal
-import subprocess
-import sys
 
 import pytest
 import rclpy
@@ -41,6 +39,7 @@ from slip_detector.nodes.rclpy_internals import (
     survive_requests,
     take_answer,
 )
+from support.python_runs import run_python
 
 
 @pytest.fixture
@@ -155,6 +154,5 @@ LOCKED = 'import ctypes; ctypes.PyDLL(None).sleep(3600)'
     [('time.sleep(3600)', 7, ''), (LOCKED, -signal.SIGALRM, ''), ('pass', 7, 'all is down')],
 )
 def test_a_process_ends_when_all_is_down_even_if_the_middleware_hangs(hang, code, said):
-    words = [sys.executable, '-c', LEAVING.format(hang=hang)]
-    done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=60)
+    done = run_python('-c', LEAVING.format(hang=hang))
     assert (done.returncode, done.stdout) == (code, said), done.stderr

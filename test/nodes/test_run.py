@@ -16,7 +16,6 @@
 
 import re
 import signal
-import subprocess
 import sys
 import time
 
@@ -27,6 +26,7 @@ from slip_detector.compiled import COMPILED
 from slip_detector.nodes.messages import state_qos
 from slip_detector.nodes.run import EXECUTABLES, _arguments_of_each, transport_environment
 from support.harness import ROOT, compile_nodes
+from support.python_runs import run_python
 
 #: What an executable does not start without.
 STARTED_WITH = {'slip_driver': {'source': 'scene'}}
@@ -36,8 +36,7 @@ GRASP = str(ROOT / 'config' / 'grasp.yaml')
 
 
 def run(*words):
-    command = [sys.executable, '-m', 'slip_detector.nodes.run', *words]
-    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+    return run_python('-m', 'slip_detector.nodes.run', *words)
 
 
 @pytest.fixture(autouse=True, scope='module')

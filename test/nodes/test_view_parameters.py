@@ -27,17 +27,11 @@ from slip_detector.view.detectors import Reading
 
 
 @pytest.fixture
-def remote_of(bench):
-    """Return what makes the client of a detector; all are closed at the end."""
-    made = []
-
-    def make(name='/slip_detector'):
-        made.append(RemoteDetector(bench.node, name))
-        return made[-1]
-
-    yield make
-    for remote in made:
-        remote.close()
+def remote(bench):
+    """The client of a detector."""
+    remote = RemoteDetector(bench.node, '/slip_detector')
+    yield remote
+    remote.close()
 
 
 def read(remote) -> Reading:
@@ -51,9 +45,8 @@ def read(remote) -> Reading:
     return asyncio.run(asyncio.wait_for(until_there(), 90.0))
 
 
-def test_all_parameters_are_read_and_set_or_refused_as_a_whole(bench, remote_of):
+def test_all_parameters_are_read_and_set_or_refused_as_a_whole(bench, remote):
     bench.start('slip_detector', parameters={'exponent': 2})
-    remote = remote_of()
     reading = read(remote)
     wanted = {**DetectorConfig().to_parameters(), 'exponent': 2}
     assert {name: reading.values[name] for name in wanted} == wanted
@@ -86,10 +79,9 @@ def test_all_parameters_are_read_and_set_or_refused_as_a_whole(bench, remote_of)
 
 
 def test_a_detector_that_hangs_or_is_gone_is_reported_within_the_deadline(
-    bench, remote_of, monkeypatch
+    bench, remote, monkeypatch
 ):
     process = bench.start('slip_detector')
-    remote = remote_of()
     read(remote)
     assert asyncio.run(remote.set({'threshold': 0.25})) == {'threshold': 0.25}
     process.signal(signal.SIGSTOP)

@@ -17,13 +17,12 @@
 import functools
 import json
 import pkgutil
-import subprocess
-import sys
 
 import pytest
 
 import slip_detector
 from support.pages import ROOT
+from support.python_runs import run_python
 
 CORE = tuple(
     sorted(
@@ -62,13 +61,7 @@ print(json.dumps(loaded))
 @functools.cache
 def loaded_by(*groups):
     """Import groups of modules in a new interpreter; return all that is loaded after each."""
-    done = subprocess.run(
-        [sys.executable, '-c', IMPORT.format(groups=groups)],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    done = run_python('-c', IMPORT.format(groups=groups), cwd=ROOT)
     assert done.returncode == 0, done.stderr
     return [set(loaded) for loaded in json.loads(done.stdout)]
 
