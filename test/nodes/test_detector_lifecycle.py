@@ -24,17 +24,14 @@ from slip_detector.nodes.messages import state_qos
 from support.harness import PERIOD_NS, START_NS, Detected
 
 
-def ask(bench, service_type, service, request):
-    return bench.ask(service_type, f'slip_detector/{service}', request)
-
-
 def change(bench, transition):
     request = ChangeState.Request(transition=Transition(id=transition))
-    return ask(bench, ChangeState, 'change_state', request).success
+    return bench.ask(ChangeState, 'slip_detector/change_state', request).success
 
 
 def state(bench):
-    return ask(bench, GetState, 'get_state', GetState.Request()).current_state.id
+    answer = bench.ask(GetState, 'slip_detector/get_state', GetState.Request())
+    return answer.current_state.id
 
 
 def known(bench):

@@ -68,9 +68,6 @@ class Gripped:
             f'{seconds} s of samples',
         )
 
-    def moved_m(self):
-        return self.position[-1].position[0]
-
     def said(self, *words):
         self.bench.wait_for(
             lambda: all(word in self.process.log() for word in words), f'the log to say {words}'
@@ -124,4 +121,4 @@ def test_a_command_that_makes_no_sense_is_named_and_changes_nothing(
     driver.hold(*efforts)
     driver.said(*words)
     driver.play(0.5)
-    assert driver.moved_m() < 1e-4
+    assert driver.position[-1].position[0] < 1e-4

@@ -51,9 +51,6 @@ class Sensor:
         self.finger = Finger('/f/slip_detector', config)
         self.node = Node('page', context=bench.context)
         self.topics = FingerTopics(self.node, self.finger, '/f/voltages')
-        self.connect()
-
-    def connect(self):
         every = (self.voltages, self.truth, self.envelope, self.slip, self.valid)
         self.bench.wait_for(lambda: all(p.get_subscription_count() for p in every), 'the page')
 
