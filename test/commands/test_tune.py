@@ -26,6 +26,7 @@ from slip_detector.commands.tune import main, with_parameters
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.files import write_yaml
 from slip_detector.tuning.problem import searched
+from support.evaluation_cases import complaint
 from support.interrupts import check_interrupted_search
 from support.tuning_cases import PARAMETERS, journal, run, trials_of, write
 
@@ -148,15 +149,8 @@ def test_wrong_arguments_are_refused_in_one_line(words, line, code, tmp_path, mo
     Path('given.yaml').write_text(PARAMETERS)
     write('a.npz', 1)
     write('still.npz', 1, slips=False)
-    try:
-        status = main([*words.split(), '--config', 'given.yaml'])
-    except SystemExit as left:
-        status = left.code
-    assert status == code
-    error = capsys.readouterr().err
-    assert error.startswith('slip_tune: ')
-    assert line in error
-    assert error.count('\n') == 1
+    given = *words.split(), '--config', 'given.yaml'
+    assert line in complaint(capsys, *given, code=code, command=main)
     assert not Path('o.yaml').exists()
 
 

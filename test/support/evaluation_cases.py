@@ -50,10 +50,10 @@ def report_of(capsys, *arguments):
     return json.loads(captured.out)['sets']
 
 
-def complaint(capsys, *arguments, code=1):
+def complaint(capsys, *arguments, code=1, command=main):
     """Run a command that must fail; return its one-line message."""
     try:
-        status = main([*map(str, arguments)])
+        status = command([*map(str, arguments)])
     except SystemExit as leave:
         status = leave.code
     captured = capsys.readouterr()
@@ -61,7 +61,9 @@ def complaint(capsys, *arguments, code=1):
     assert captured.out == ''
     assert captured.err.count('\n') == 1
     assert captured.err.endswith('\n')
-    return captured.err.removeprefix('slip_evaluate: ').rstrip('\n')
+    name, _, line = captured.err.rstrip('\n').partition(': ')
+    assert name == f'slip_{command.__module__.rpartition(".")[2]}'
+    return line
 
 
 def roc_auc(score, label):
