@@ -47,9 +47,9 @@ def test_the_comb_takes_the_mains_and_all_its_harmonics_off():
 # --- contact and activity ------------------------------------------------------------------
 
 
-def slow(n, size, hz=20.0):
+def slow(n, size):
     """Return a sine whose RMS within the low band is the size: at an edge that has half power."""
-    return 2.0 * size * np.sin(2 * np.pi * hz / 400.0 * np.arange(n))[:, None]
+    return 2.0 * size * np.sin(2 * np.pi * 20.0 / 400.0 * np.arange(n))[:, None]
 
 
 @pytest.mark.parametrize('channels', [2, 3])

@@ -40,8 +40,8 @@ RATE = 380.0
 HALF_POWER_DB = 10 * np.log10(0.5)  # -3.01 dB
 
 
-def decibels(sections, frequency_hz, rate=RATE):
-    return 20 * np.log10(np.abs(response(sections, np.atleast_1d(frequency_hz), rate)))
+def decibels(sections, frequency_hz):
+    return 20 * np.log10(np.abs(response(sections, np.atleast_1d(frequency_hz), RATE)))
 
 
 @pytest.mark.parametrize('degree', [1, 2, 3, 7])

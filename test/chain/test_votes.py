@@ -42,15 +42,15 @@ levels_of_a_row = st.lists(
 )
 
 
-def numbers_of(levels, votes=VOTES):
+def numbers_of(levels):
     """Return the number of one group by each vote, the same in all rows of a vector."""
     of_rows = np.repeat(np.array(levels, float)[:, None], LANES, axis=1)
-    statistics = np.full((len(votes), LANES), np.nan)
+    statistics = np.full((len(VOTES), LANES), np.nan)
     members, bounds = np.arange(len(levels)), np.array([0, len(levels)])
     with np.errstate(all='ignore'):
-        find_statistics(of_rows, members, bounds, LANES, vote_numbers(votes), statistics)
+        find_statistics(of_rows, members, bounds, LANES, vote_numbers(VOTES), statistics)
     assert (statistics == statistics[:, :1]).all()
-    return dict(zip(votes, statistics[:, 0].tolist(), strict=True))
+    return dict(zip(VOTES, statistics[:, 0].tolist(), strict=True))
 
 
 @given(levels_of_a_row)

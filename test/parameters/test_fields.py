@@ -24,7 +24,6 @@ from slip_detector.parameters import (
     DetectorConfig,
     DriverConfig,
     EvaluationConfig,
-    GraspConfig,
 )
 from slip_detector.parameters.fields import shown, under_headings
 from support.config_cases import message_of
@@ -99,7 +98,6 @@ REFUSED = [
     (ChainConfig, 'valid_range_v', (0, INF), 'is inf V, allowed: -1e+12 to 1e+12 V'),
     (DetectorConfig, 'taxel_positions_m', (0, 0, 10.5), 'is 10.5 m, allowed: three numbers a'),
     (EvaluationConfig, 'motion_columns', ['v_x', ''], "has '', allowed: a list of names"),
-    (GraspConfig, 'command_joints', 'grip', "is 'grip', allowed: a list"),
     # Names.
     (ChainConfig, 'channel_names', 'ab', "is 'ab', allowed: a list"),
     *(

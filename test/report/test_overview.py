@@ -40,24 +40,24 @@ CONFIG = scenes.THREE_CHANNELS
 SAMPLES = 1000
 
 
-def recorded(rows=SAMPLES, seed=0):
+def recorded():
     """Return volts with two bursts that all channels feel, their truth and the chain's result."""
-    rng = np.random.default_rng(seed)
-    truth = np.zeros(rows, bool)
-    truth[rows // 4 : rows // 3] = truth[rows // 2 : rows // 2 + rows // 6] = True
-    burst = 0.02 * np.sin(2 * np.pi * 20.0 * np.arange(rows) / CONFIG.sample_rate_hz)
-    volts = 4.0 + np.arange(3) + 1e-4 * rng.standard_normal((rows, 3))
+    rng = np.random.default_rng(0)
+    truth = np.zeros(SAMPLES, bool)
+    truth[250:333] = truth[500:666] = True
+    burst = 0.02 * np.sin(2 * np.pi * 20.0 * np.arange(SAMPLES) / CONFIG.sample_rate_hz)
+    volts = 4.0 + np.arange(3) + 1e-4 * rng.standard_normal((SAMPLES, 3))
     volts += (truth * burst)[:, None]
     volts[100:130, 1] = np.nan
     volts[7, 2] = np.inf
     return volts, truth, SlipChain(CONFIG).update(volts)
 
 
-def overview_of(volts, truth, cuts=(), events=()):
+def overview_of(volts, truth, cuts):
     overview, chain = Overview('a.npz', CONFIG), SlipChain(CONFIG)
     for a, b in itertools.pairwise([0, *sorted(cuts), len(volts)]):
         overview.add(volts[a:b], chain.update(volts[a:b]), truth[a:b])
-    overview.finish(events)
+    overview.finish([])
     return overview
 
 

@@ -56,12 +56,12 @@ PUSHED = [
 ]
 
 
-def scene(steps=PUSHED, seed=0, **parts):
+def scene(steps, **parts):
     description = {
         'steps': steps, 'contact': CONTACT, 'motion': MOTION, 'skin': SKIN, 'friction': LUGRE,
         'electronics': SHEAR_ONLY, **parts,
     }  # fmt: skip
-    return Scene(description, np.random.default_rng(seed))
+    return Scene(description, np.random.default_rng(0))
 
 
 # Any cut.

@@ -23,9 +23,9 @@ def rest_rows(rows=380, seed=0):
     return 4.3 + 1e-4 * np.random.default_rng(seed).normal(size=(rows, 16))
 
 
-def slip_rows(rows=380):
-    seconds = np.arange(rows) / RATE_HZ
-    return rest_rows(rows) + 0.2 * np.sin(2 * np.pi * 20.0 * seconds)[:, np.newaxis]
+def slip_rows():
+    seconds = np.arange(380) / RATE_HZ
+    return rest_rows() + 0.2 * np.sin(2 * np.pi * 20.0 * seconds)[:, np.newaxis]
 
 
 def without_channel_7(rows):

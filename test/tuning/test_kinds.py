@@ -94,11 +94,11 @@ def test_the_range_of_activity_is_how_far_noise_in_the_pass_band_is_below_the_lo
         activity_range_db(HIGH, [track_with(quiet), track_with(quiet, kind='press')])
 
 
-def played(parts, seed, name='plate_400um', kind='', accuracy_s=0.0):
+def played(parts, seed, name='plate_400um', kind=''):
     scene = Scene({**read_yaml(find_scene(name)), **parts}, np.random.default_rng(seed))
     samples = scene.read(round(60.0 * scene.sample_rate_hz))
     truth = samples.truth & (not kind)
-    rows = samples._replace(truth=truth, kind=kind, accuracy_s=accuracy_s)
+    rows = samples._replace(truth=truth, kind=kind)
     return track_of(f'{kind or "slip"} {seed}', [rows], scene.sample_rate_hz)
 
 

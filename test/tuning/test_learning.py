@@ -118,9 +118,9 @@ def test_noise_has_no_mains_nor_has_a_line_that_one_channel_lacks(seed):
     assert find_mains(without, rest(volts))[0] == 50.0
 
 
-def with_knocks(step_v, many=20, seed=3):
-    volts = 0.05 * np.random.default_rng(seed).standard_normal((1000 * many, 4))
-    for k in range(many):
+def with_knocks(step_v):
+    volts = 0.05 * np.random.default_rng(3).standard_normal((20_000, 4))
+    for k in range(20):
         shape = np.exp(-np.arange(60) / 10.0) * np.cos(np.arange(60))
         volts[500 + 1000 * k : 560 + 1000 * k] += step_v * shape[:, np.newaxis]
     return track_with(volts, name='knocks')
