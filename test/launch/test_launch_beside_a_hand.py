@@ -17,14 +17,13 @@
 import os
 import re
 import signal
-import subprocess
 
 from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import Bool
 
 from slip_detector.nodes.messages import event_qos, state_qos
 from support.harness import DEADLINE_S
-from support.launching import launch_file, launching
+from support.launching import launch_file, start_launch
 
 CONFIG = """
 /**/left_slip:
@@ -63,13 +62,7 @@ def test_a_detector_has_the_name_topics_and_log_level_of_its_hand_and_comes_back
     def starts():
         return re.findall(r'slip_detector-1\]: process started .*?(\d+)', log.read_text())
 
-    with log.open('w') as output:
-        launched = subprocess.Popen(
-            launching(file),
-            env={**os.environ, 'ROS_DOMAIN_ID': str(bench.domain)},
-            stdout=output,
-            stderr=subprocess.STDOUT,
-        )
+    launched = start_launch(bench, log, file)
     try:
         bench.wait_for(lambda: slip, 'the topic that was renamed')
         bench.wait_for(lambda: '[DEBUG]' in log.read_text(), 'a line of the level debug')

@@ -16,7 +16,6 @@
 
 import os
 import signal
-import subprocess
 from pathlib import Path
 
 import pytest
@@ -24,7 +23,7 @@ from std_msgs.msg import Bool
 
 from slip_detector.nodes.messages import state_qos
 from support.harness import DEADLINE_S
-from support.launching import launching
+from support.launching import start_launch
 
 
 def living(group):
@@ -53,14 +52,9 @@ def living(group):
 )
 def test_a_signal_leaves_no_node_behind(bench, tmp_path, send, number, code):
     valid = bench.listen(Bool, 'slip_valid', state_qos())
-    with (tmp_path / 'log').open('w') as log:
-        launched = subprocess.Popen(
-            launching('slip_detector', 'source:=scene'),
-            env={**os.environ, 'ROS_DOMAIN_ID': str(bench.domain)},
-            stdout=log,
-            stderr=subprocess.STDOUT,
-            start_new_session=True,
-        )
+    log = tmp_path / 'log'
+    words = 'slip_detector', 'source:=scene'
+    launched = start_launch(bench, log, *words, start_new_session=True)
     try:
         bench.wait_for(lambda: valid and valid[-1].data, 'slip_valid')
         assert len(living(launched.pid)) == 3
@@ -72,4 +66,4 @@ def test_a_signal_leaves_no_node_behind(bench, tmp_path, send, number, code):
         for process in living(launched.pid):
             os.kill(process, signal.SIGKILL)
         launched.wait()
-    assert 'Traceback' not in (tmp_path / 'log').read_text()
+    assert 'Traceback' not in log.read_text()

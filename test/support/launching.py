@@ -18,6 +18,7 @@ A module that imports this one is skipped where launch or the installed package 
 """
 
 import os
+import subprocess
 import sys
 from pathlib import Path
 
@@ -76,6 +77,15 @@ def launching(name, *arguments):
     """Return the command that launches a file, ours by name, with arguments as ``name:=value``."""
     file = name if isinstance(name, Path) else launch_file(name)
     return [sys.executable, '-c', LAUNCH, str(file), *arguments]
+
+
+def start_launch(bench, log, *words, **options):
+    """Launch a file in the domain of a bench, with its output in a file; return the process."""
+    environment = {**os.environ, 'ROS_DOMAIN_ID': str(bench.domain)}
+    with log.open('w') as output:
+        return subprocess.Popen(
+            launching(*words), env=environment, stdout=output, stderr=subprocess.STDOUT, **options
+        )
 
 
 def defaults_of(name):
