@@ -132,7 +132,9 @@ def _filter(*parameters: Any) -> Array:
     key = repr((scipy.__version__, np.__version__, source, parameters))
     path = FOLDER / f'design-{hashlib.sha256(key.encode()).hexdigest()[:32]}.npy'
     with contextlib.suppress(OSError, ValueError, EOFError):  # missing or damaged
-        return np.asarray(np.load(path))
+        sections: Array = np.load(path)
+        if sections.shape[1:] == (6,) and sections.dtype == np.float64:
+            return sections
     sections = _designed_filter(*parameters)
     # Without the file the next start only takes longer.
     with contextlib.suppress(ValueError), whole_file(writable_folder(FOLDER) / path.name) as new:
