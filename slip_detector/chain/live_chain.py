@@ -15,6 +15,7 @@
 """A chain whose parameters change while it runs."""
 
 import threading
+import time
 from collections import deque
 from importlib import import_module
 
@@ -39,8 +40,8 @@ DECISION_PARAMETERS = names_that_affect(ChainConfig, 'decision')
 PARTS = {'low_band_hz', 'impact_rows'}
 
 #: A chain is built when no other change has followed for this time: parameters that come one by
-#: one are complete then.
-GATHER_S = WAIT_S
+#: one are complete then. Where they never end, this is the longest time from the first one.
+GATHER_S, GATHER_AT_MOST_S = WAIT_S, 10.0
 
 #: Parameters after whose change the kept rows cannot be used; some are the detector's: another
 #: field of a message is another signal.
@@ -96,6 +97,7 @@ class LiveChain:
         self._rows_at_rest = 0
         # Waits for other changes, then builds the chain that was ordered last.
         self._builder: threading.Thread | None = None
+        self._first_s = 0.0
         # A configuration that can be taken, with a new chain if it is for the chain, and the rows
         # in which that settles.
         self._ready: tuple[ChainConfig, SlipChain | None, int] | None = None
@@ -141,9 +143,12 @@ class LiveChain:
         If not, a chain is built first. An order replaces an earlier one that has not been swapped
         in yet.
         """
-        builder = threading.Timer(GATHER_S, self._build, [config])
-        builder.daemon = True
+        now_s = time.monotonic()
         with self._lock:
+            self._first_s = self._first_s if self._builder else now_s
+            wait_s = min(GATHER_S, max(0.0, self._first_s + GATHER_AT_MOST_S - now_s))
+            builder = threading.Timer(wait_s, self._build, [config])
+            builder.daemon = True
             differ = self._differ(config)
             at_once = differ <= DECISION_PARAMETERS
             self._ready = (config, SlipChain(config) if differ else None, 0) if at_once else None

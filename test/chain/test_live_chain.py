@@ -185,6 +185,20 @@ def test_what_is_changed_within_a_short_time_is_built_once_after_the_last_order(
     assert bed.chain.config == config
 
 
+def test_changes_that_never_end_are_used_all_the_same(timers, monkeypatch):
+    monkeypatch.setattr(live_chain, 'GATHER_S', 4.0)
+    monkeypatch.setattr(live_chain, 'GATHER_AT_MOST_S', 10.0)
+    bed, waits_s = Bed(), []
+    for now_s in (0.0, 3.0, 6.0, 9.0, 12.0):
+        monkeypatch.setattr(time, 'monotonic', lambda now_s=now_s: now_s)
+        bed.change(gain=10.0, threshold=1.0 + now_s)
+        waits_s.append(timers[-1].interval)
+    timers[-1].go_off()
+    # From the first order on it is never longer than at most.
+    assert waits_s == [4.0, 4.0, 4.0, 1.0, 0.0]
+    assert bed.chain.swap()
+
+
 def test_rows_come_in_one_thread_while_another_changes_the_configuration():
     rows = noise(4000)
     bed = Bed()
