@@ -32,7 +32,7 @@ class EvaluationConfig(ParameterSet):
 
     NODE = 'slip_evaluate'
 
-    early_s: float = parameter(0.0, 'An alarm so long before a slip counts.', (0.0, 10.0, 's'))
+    early_s: float = parameter(0.0, 'An alarm this long before a slip counts.', (0.0, 10.0, 's'))
     tail_s: float = parameter(0.1, 'An alarm so long after a slip still counts.', (0.0, 10.0, 's'))
     off_before_s: float = parameter(
         0.1, 'OFF for a shorter time than this does not end an alarm.', (0.0, 10.0, 's')
