@@ -243,24 +243,31 @@ def _records(file: IO[bytes]) -> Iterator[tuple[int, int, int]]:
         begin += length + _RECORD.size
 
 
-def has_checksums(path: Path, write: bool = False) -> bool:
-    """Return whether all messages of an MCAP are in chunks with checksums.
-
-    With ``write`` chunks get those that are missing first, as rosbags leaves them out.
-    """
-    with open(path, 'r+b' if write else 'rb') as file:
-        for kind, begin, length in _records(file):
+def has_checksums(path: Path) -> bool:
+    """Return whether all messages of an MCAP are in chunks with checksums."""
+    with open(path, 'rb') as file:
+        for kind, begin, _ in _records(file):
             file.seek(begin + _CHECKSUM_AT)
-            if kind == _CHUNK and file.read(4) == bytes(4):
-                if not write:
-                    return False
+            if kind == _MESSAGE or (kind == _CHUNK and file.read(4) == bytes(4)):
+                return False
+    return True
+
+
+def write_checksums(path: Path) -> None:
+    """Give each chunk of an MCAP, none of which is compressed, the checksum that rosbags omits.
+
+    Raises
+    ------
+    OSError
+        When the file cannot be written.
+    """
+    with open(path, 'r+b') as file:
+        for kind, begin, length in _records(file):
+            if kind == _CHUNK:
                 file.seek(begin + _RECORDS_AT)
                 checksum = zlib.crc32(file.read(length - _RECORDS_AT))
                 file.seek(begin + _CHECKSUM_AT)
                 file.write(struct.pack('<I', checksum))
-            elif kind == _MESSAGE:
-                return False
-    return True
 
 
 def copy_whole_records(path: Path, copy: Path) -> int:

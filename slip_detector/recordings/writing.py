@@ -30,7 +30,7 @@ import numpy as np
 from slip_detector.chain.samples import Samples
 from slip_detector.parameters.files import file_errors_of, whole_file
 from slip_detector.recordings.bag_recording import BOOL, JOINT_STATE
-from slip_detector.recordings.bag_storage import ABOUT, has_checksums, load_rosbags
+from slip_detector.recordings.bag_storage import ABOUT, load_rosbags, write_checksums
 from slip_detector.recordings.labels import ACCURACY, KIND
 from slip_detector.recordings.messages import JointStateWriter
 
@@ -300,7 +300,7 @@ class BagWriter:
         """
         self._writer.close()
         if self.path.suffix == '.mcap':
-            has_checksums(self.path, write=True)
+            write_checksums(self.path)
 
     def abort(self) -> None:
         """Close the file as it is, after a failed write."""
