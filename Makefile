@@ -66,7 +66,7 @@ view: $(VENV)/installed
 	@$(BIN)/slip_view --scene obedient --folder out/recordings
 
 benchmark: $(VENV)/installed
-	@for command in chain scenes extremes tune lessons soak view; do \
+	@for command in chain scenes extremes paper tune lessons soak view; do \
 		echo "python -m benchmarks $$command --quick" && \
 		$(BIN)/python -m benchmarks $$command --quick || exit 1; \
 	done
@@ -129,11 +129,9 @@ $(CHECKS)/numpy1: $(PACKAGE) $(TESTS) | $(CHECKS)
 	else echo 'NumPy 1.26 is left out: it needs Python 3.12 or older.'; fi
 	touch $@
 
-# But for the trials of the protocol: a simulated fingertip takes minutes a trial so.
 $(CHECKS)/interpreted: $(VENV)/installed $(PACKAGE) $(TESTS) | $(CHECKS)
 	@echo 'The chain without Numba:'
-	PYTHONPATH=test $(BIN)/python $(PYTEST) -p support.without_numba $(CHAIN_TESTS) \
-		--ignore-glob='*/test_protocol*.py'
+	PYTHONPATH=test $(BIN)/python $(PYTEST) -p support.without_numba $(CHAIN_TESTS)
 	touch $@
 
 # As on a robot: build, test what was built, run the executables from where they were installed.

@@ -34,12 +34,14 @@ from benchmarks.measurement import as_text, machine, verdicts
 
 #: The subcommands. Each is a folder with a ``command.py``: ``options()`` returns a parser,
 #: ``measure(words)`` takes the parsed arguments and returns the figures by part, and ``WANTED``
-#: has the bounds of some of them, by ``part.figure``.
+#: has the bounds of some of them, by ``part.figure``. ``as_table(figures)``, where there is one,
+#: returns them as text.
 COMMANDS = {
     'chain': 'run time and numerical error of the chain',
     'scenes': 'error of the simulated fingertip against run time',
     'extremes': 'stiff and extreme cases of the simulated fingertip',
     'tune': 'recordings read, evaluated, searched and reported; what tuning brings',
+    'paper': "the paper's protocol, its figures beside ours",
     'lessons': 'what teaching by late and careless hands brings',
     'soak': 'drivers and detectors that run for long',
     'view': 'the live page: frames, memory, and what it costs the detectors',
@@ -67,7 +69,8 @@ def main(arguments: list[str] | None = None) -> int:
         parts = command.measure(words)
         wanted = verdicts(command.WANTED, parts, judged=not words.quick)
         figures = {'machine': machine(), 'quick': words.quick, **parts, 'wanted': wanted}
-        print(json.dumps(figures, indent=2) if words.json else as_text(figures))
+        table = getattr(command, 'as_table', None)
+        print(json.dumps(figures, indent=2) if words.json else as_text(figures, table))
     except KeyboardInterrupt:
         return 130
     except (RuntimeError, OSError, ValueError, ModuleNotFoundError) as error:

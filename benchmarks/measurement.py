@@ -123,8 +123,13 @@ def verdicts(
     return found
 
 
-def as_text(figures: Mapping[str, Any]) -> str:
-    """Return what ``--json`` prints as text: the machine, the claims as a table, all figures."""
+def as_text(
+    figures: Mapping[str, Any], as_table: Callable[[Mapping[str, Any]], str] | None = None
+) -> str:
+    """Return what ``--json`` prints as text: the machine, the claims as a table, all figures.
+
+    ``as_table`` returns all figures as text; without it they are in the form of YAML.
+    """
     facts, parts = figures['machine'], dict(figures)
     for name in ('machine', 'quick', 'wanted'):
         del parts[name]
@@ -146,7 +151,9 @@ def as_text(figures: Mapping[str, Any]) -> str:
             text_table(rows, '<>><', indent=0),
             '',
             # By way of JSON, as YAML does not take tuples and NumPy's numbers.
-            yaml.safe_dump(json.loads(json.dumps(parts)), sort_keys=False),
+            as_table(parts)
+            if as_table
+            else yaml.safe_dump(json.loads(json.dumps(parts)), sort_keys=False),
         )
     )
 

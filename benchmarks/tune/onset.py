@@ -37,9 +37,9 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.paper.protocol import SCENES
 from benchmarks.tune.families import play_scenes
 from slip_detector.evaluation.figures import figures_of_merit
-from slip_detector.evaluation.protocol import SCENES
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.files import read_yaml, shared_folder

@@ -17,9 +17,7 @@
 Run the slip chain over recordings and print what it decides and, where slips are labelled, how
 well it does: areas under the ROC curve;
 delays, success rate and false positives as in the paper; slips and alarms matched one to one, with
-the latencies and their parts by stage. Or, with --protocol paper, simulate the trials of the paper
-and print delays, success rate and false positives beside those that it reports, and for each
-wanted figure its bound and whether it is met. The exit code is 0 whatever the figures are.
+the latencies and their parts by stage. The exit code is 0 whatever the figures are.
 
 It uses no ROS: the chain runs over each recording from the first row, as in the detector node.
 
@@ -43,36 +41,24 @@ It uses no ROS: the chain runs over each recording from the first row, as in the
     After Ctrl-C: the recordings that were not evaluated.
 ``written``
     With ``--report`` and ``--out``: the files.
-
-``slip_evaluate --protocol paper`` takes no recordings: it simulates the paper's three plates, ten
-trials on each, and prints the paper's Table 2 beside ours (``evaluation/protocol.py``).
 """
 
 import argparse
 import dataclasses
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from slip_detector.commands import workers
-from slip_detector.commands.command_line import INTERRUPTED, Parser, run, whole_number
+from slip_detector.commands.command_line import INTERRUPTED, Parser, run
 from slip_detector.evaluation import evaluator
 from slip_detector.evaluation.evaluator import EvaluatedRecording, RecordingLoader
-from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.files import writable_folder
 from slip_detector.recordings import recording_sets
 from slip_detector.report.tables import evaluation_tables, labels_note
 
 NAME = 'slip_evaluate'
-
-#: Options that apply to recordings only, and to the protocol only.
-OF_RECORDINGS = ('topic', 'field', 'labels', 'resample', 'report', 'out', 'jobs', 'cluster')
-OF_PROTOCOL = ('plot', 'trials', 'seed')
-
-#: A larger number of simulated trials is taken for a typing error.
-MOST_TRIALS = 1000
 
 
 def evaluate(
@@ -194,31 +180,14 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         help='write the levels, decisions and onsets of one recording as a bag, on the names of '
         "the detector's topics, for PlotJuggler or Foxglove",
     )  # fmt: skip
-    add = parser.add_argument_group('with --protocol').add_argument
-    add(
-        '--protocol', choices=('paper',),
-        help='simulate the protocol of the paper instead of reading recordings: plates of 400, 440'
-        ' and 480 um, and the same trials with other windows and bands of the chain',
-    )  # fmt: skip
-    add(
-        '--plot', nargs='?', const=Path('out'), type=Path, metavar='FOLDER',
-        help="draw the paper's figures 2, 4, 5, 6 and 7 to a folder (default: out)",
-    )  # fmt: skip
-    trials, seeds = whole_number(1, MOST_TRIALS), whole_number(0, 2**31 - 1)
-    add('--trials', type=trials, metavar='N', help='trials on each plate (default: 10)')
-    add('--seed', type=seeds, metavar='FIRST', help='seed of the first trial (default: 0)')
     options = parser.parse_args(argv)
-    what, where = ('recordings', 'without') if options.protocol else ('simulated trials', 'with')
-    for name in OF_RECORDINGS if options.protocol else OF_PROTOCOL:
-        if getattr(options, name) is not None:
-            parser.error(f'--{name} is for {what}, allowed: {where} --protocol')
-    if bool(options.protocol) == bool(options.recordings):
-        parser.error('required: either RECORDINGs or --protocol, which simulates its trials')
+    if not options.recordings:
+        parser.error('the following arguments are required: RECORDING')
     return options
 
 
-def _of_recordings(options: argparse.Namespace) -> tuple[dict[str, Any], Callable[..., str]]:
-    """Return the figures of the recordings, and the function that prints them as tables."""
+def _figures(options: argparse.Namespace) -> dict[str, Any]:
+    """Return the figures of the recordings."""
     page, out = options.report, options.out
     loader = RecordingLoader(*workers.sets_of_parameters(options, *map(type, RecordingLoader())))
     # An error is reported before an hour of recordings is read.
@@ -240,19 +209,7 @@ def _of_recordings(options: argparse.Namespace) -> tuple[dict[str, Any], Callabl
         write_evaluation_report(page, sets)
     if page or out:
         report['written'] = [str(path) for path in (page, out) if path]
-    return report, evaluation_tables
-
-
-def _of_protocol(options: argparse.Namespace) -> tuple[dict[str, Any], Callable[..., str]]:
-    """Return the figures of the paper's protocol, and the function that prints them as tables."""
-    # The simulation is loaded only where it is needed.
-    from slip_detector.evaluation import protocol
-    from slip_detector.report.protocol import draw_protocol, protocol_table
-
-    (config,) = workers.sets_of_parameters(options, ChainConfig)
-    trials = options.trials or protocol.TRIALS
-    draw = partial(draw_protocol, writable_folder(options.plot)) if options.plot else None
-    return protocol.run_protocol(config, trials, options.seed or 0, draw), protocol_table
+    return report
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -273,9 +230,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     report: dict[str, Any] = {}
 
     def work() -> str:
-        figures, layout = (_of_protocol if options.protocol else _of_recordings)(options)
-        report.update(figures)
-        return json.dumps(report, indent=2) if options.json else layout(report)
+        report.update(_figures(options))
+        return json.dumps(report, indent=2) if options.json else evaluation_tables(report)
 
     code = run(NAME, work)
     return INTERRUPTED if not code and 'not_evaluated' in report else code

@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recordings run through the chain: slips matched with alarms, scores, the paper's protocol."""
+"""Recordings run through the chain: slips matched with alarms, scores."""

@@ -40,7 +40,7 @@ from std_msgs.msg import Bool
 
 from slip_detector.chain.samples import Floats
 from slip_detector.commands.command_line import INTERRUPTED, run
-from slip_detector.evaluation.protocol import Heard, demo_figures, states_at
+from slip_detector.evaluation.demo import Heard, demo_figures, states_at
 from slip_detector.nodes.finger_topics import PolledTopics
 from slip_detector.nodes.messages import sensor_qos, stamp_ns, state_qos
 from slip_detector.parameters import DetectorConfig, DriverConfig

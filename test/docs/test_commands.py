@@ -41,7 +41,7 @@ PATIENCE_S = 500.0
 #: need what a page cannot show. Their tests are those of their rooms.
 NOT_HERE = re.compile(
     r'(ros2 run slip_detector )?(slip_detector|slip_view)\b.*|slip_demo --out out|slip_grasp .*'
-    r'|slip_evaluate (xela_uskin_slip|--protocol|trial\.(?:mcap|bag)|/data)\b.*|slip_tune /data.*'
+    r'|slip_evaluate (xela_uskin_slip|trial\.(?:mcap|bag)|/data)\b.*|slip_tune /data.*'
 )
 
 #: What the programs of others are asked for; the package has tests that do the same.

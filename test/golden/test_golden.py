@@ -18,9 +18,7 @@ The golden files are written anew by ``python test/golden/test_golden.py``; a ch
 decision, which the message of its commit names.
 """
 
-import contextlib
 import hashlib
-import io
 import json
 import platform
 import sys
@@ -32,8 +30,8 @@ import numpy as np
 import pytest
 import scipy
 
+from benchmarks.paper import protocol
 from slip_detector import ChainConfig, SlipChain
-from slip_detector.commands import evaluate
 from slip_detector.scenes import load_scene
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -84,9 +82,9 @@ def decided(scene, preset):
 
 
 def paper_figures():
-    with contextlib.redirect_stdout(io.StringIO()) as printed:
-        assert evaluate.main(['--protocol', 'paper', '--trials', '1', '--json']) == 0
-    return json.loads(printed.getvalue())
+    scenes = protocol.SCENES.items()
+    plates = {plate: protocol.simulate_trials(scene, [0]) for plate, scene in scenes}
+    return json.loads(json.dumps(protocol.run_protocol(plates, ChainConfig())))
 
 
 def grasp_figures():
@@ -102,7 +100,7 @@ def grasp_figures():
 
 def figures_of_the_demo():
     """Return the figures of ``slip_demo`` as if each message arrived at once."""
-    from slip_detector.evaluation.protocol import Heard, demo_figures
+    from slip_detector.evaluation.demo import Heard, demo_figures
     from slip_detector.parameters.detector import DetectorConfig
 
     config = DetectorConfig.from_yaml(ROOT / 'config' / 'slip_detector.yaml')

@@ -12,18 +12,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Pictures of trials, of the paper's protocol and of the grasp."""
+"""Pictures of trials and of the grasp."""
 
 import numpy as np
 import pytest
 
-from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.evaluation.protocol import SCENES, simulate_trials
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report import pictures
 from slip_detector.report.grasp import draw_grasp
 from slip_detector.report.pictures import draw_trial
-from slip_detector.report.protocol import stage_signals
 from support import grasp_trials
 
 TIME_S = np.arange(400) / 100.0
@@ -51,27 +48,6 @@ def test_each_group_shows_its_channels_and_its_decision(figures, tmp_path, motio
     np.testing.assert_array_equal(raw_b.lines[0].get_ydata(), volts[:, 2])
     labels = [axis.get_ylabel() for axis in (decided_a, decided_b, slip)]
     assert labels == ['a', 'b', 'slip']
-
-
-@pytest.mark.parametrize(
-    'changes',
-    [
-        {},
-        {'exponent': 2, 'rectify': 'half', 'common_mode': 'median'},
-        {'decision': 'evidence', 'noise_floor': 1e-3, 'exponent': 1, 'mains_hz': 50.0},
-    ],
-)
-def test_the_stages_that_are_drawn_are_those_of_the_chain(changes):
-    config = ChainConfig(valid_range_v=(0.0, 5.0), **changes)
-    (trial,) = simulate_trials(SCENES['400'], [0])
-    raw, filtered, power, envelope, level = stage_signals(trial, config, 5).values()
-    np.testing.assert_array_equal(raw, trial.volts[:, 4])
-    np.testing.assert_array_equal(level, SlipChain(config).update(trial.volts).level[:, 4])
-    rectified = np.abs(filtered) if config.rectify == 'full' else np.maximum(filtered, 0.0)
-    np.testing.assert_allclose(power, rectified**config.exponent, atol=1e-9 * power.max())
-    window = np.full(15, 1 / 15)  # 40 ms
-    rms = np.sqrt(np.convolve(power**2, window)[: len(power)])
-    np.testing.assert_allclose(rms, envelope, rtol=1e-6, atol=1e-9 * envelope.max())
 
 
 @pytest.mark.parametrize('live', [True, False])

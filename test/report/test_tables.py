@@ -23,7 +23,6 @@ from slip_detector.grasp.loop import (
     grasp_figures,
 )
 from slip_detector.report.grasp import grasp_table
-from slip_detector.report.protocol import protocol_table
 from slip_detector.report.tables import (
     MAIN_FIGURES,
     TABLES,
@@ -98,36 +97,6 @@ def test_given_and_tuned_are_beside_each_other():
     assert 'latency worst [ms] 1 ON 120.0 before' in lines
     # What is undefined for both is left out.
     assert len(lines) == len(MAIN_FIGURES)
-
-
-def plate(mean_ms):
-    return {
-        'mean_delay_ms': mean_ms, 'sd_delay_ms': None, 'trial_delays_ms': [mean_ms, None],
-        'detected': 1, 'trials': 2, 'success_percent': 50.0,
-        'false_positive_percent': 0.5, 'channels_without_on': 3,
-    }  # fmt: skip
-
-
-def test_the_paper_is_beside_the_protocol():
-    ours, other = ({'plates': {'400': plate(ms)}, 'all': plate(ms)} for ms in (30.0, 28.0))
-    of_paper = {'400': {'mean_delay_ms': 36.02, 'sd_delay_ms': 3.91}}
-    result = {
-        **ours,
-        'seeds': [4, 5],
-        'paper': {'plates': of_paper, 'false_positive_percent': 1.01},
-        'windows': {'20': ours},
-        'bands': {'10-100': other},
-        'wanted': {'detected_percent': {'value': 50.0, 'bound': '>= 100', 'met': False}},
-        'plots': ['a.png'],
-    }
-    lines = [' '.join(line.split()) for line in protocol_table(result).splitlines()]
-    for line in (
-        '400 um all', 'seed 4 30.00', 'seed 5 -', 'mean 30.00 30.00', 'mean, paper 36.02',
-        'sd - -', 'detected 1 of 2 1 of 2', 'success [%] 50.0 50.0', 'Written: a.png',
-        '20 30.00 1 of 2 0.50',
-        'detected_percent 50.00 wanted >= 100 NOT met',
-    ):  # fmt: skip
-        assert line in lines
 
 
 def test_the_table_of_the_grasp_has_conditions_wanted_figures_and_the_nodes():

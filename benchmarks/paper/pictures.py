@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The figures of the paper's protocol as text, and the counterparts of the paper's pictures."""
+"""The counterparts of the paper's Figs. 2, 4, 5, 6 and 7."""
 
 import dataclasses
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,81 +23,15 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from benchmarks.paper.protocol import PAPER_DELAY_MS, PAPER_FALSE_POSITIVE_PERCENT
 from slip_detector.chain.samples import Floats, Samples
 from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.evaluation.protocol import PAPER_DELAY_MS, PAPER_FALSE_POSITIVE_PERCENT
 from slip_detector.evaluation.replay import only_filters
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report.pictures import COLORS, draw_decision, draw_trial, save_picture
-from slip_detector.report.tables import number_text, text_table, verdict_cells
 
 #: The time about the start of the motion that is shown enlarged.
 ENLARGED_S = (-0.04, 0.16)
-
-
-def protocol_table(result: Mapping[str, Any]) -> str:
-    """Return the figures as text: the paper's beside ours, and at the end the wanted ones.
-
-    Parameters
-    ----------
-    result
-        As :func:`slip_detector.evaluation.protocol.run_protocol` returns it.
-    """
-    plates, seeds = result['plates'], result['seeds']
-    bands = {'as configured': result, **result['bands']}
-    wanted = [[name, *verdict_cells(one)] for name, one in result['wanted'].items()]
-    blocks = [
-        f"The paper's protocol: {len(plates)} plates, {len(seeds)} trials on each, "
-        f'seeds {seeds[0]} to {seeds[-1]}\n'
-        'Delay [ms] from the start of the plate to the first ON, mean over the channels (Eq. 10)',
-        text_table(_delays(result)),
-        'False positives: share of the time at which the plate stands; in the paper '
-        f'{result["paper"]["false_positive_percent"]:.2f} %',
-        'Mean delay [ms] by the length of both windows [ms] (as Fig. 4)',
-        text_table(_variants(plates, result['windows'])),
-        'Mean delay [ms] by band [Hz], without the high stop-band (as Fig. 7)',
-        text_table(_variants(plates, bands)),
-        'Wanted',
-        text_table(wanted),
-    ]
-    if result['plots']:
-        blocks.append(f'Written: {", ".join(result["plots"])}')
-    return '\n\n'.join(blocks)
-
-
-def _delays(result: Mapping[str, Any]) -> list[list[str]]:
-    """Return the delays of the single trials and the figures of all, by plate."""
-    plates, paper = result['plates'], result['paper']
-    columns = [*plates.values(), result['all']]
-    rows = [['', *(f'{plate} um' for plate in plates), 'all']]
-
-    def add(head: str, values: Iterable[Any], form: str = '.2f') -> None:
-        rows.append([head, *(number_text(value, form) for value in values)])
-
-    for k, seed in enumerate(result['seeds']):
-        add(f'seed {seed}', (one['trial_delays_ms'][k] for one in plates.values()))
-    for head, key in (('mean', 'mean_delay_ms'), ('sd', 'sd_delay_ms')):
-        add(head, (column[key] for column in columns))
-        add(f'{head}, paper', (paper['plates'][plate][key] for plate in plates))
-    rows.append(['detected', *map(_detected, columns)])
-    add('success [%]', (column['success_percent'] for column in columns), '.1f')
-    add('false positives [%]', (column['false_positive_percent'] for column in columns))
-    add('channels without ON', (column['channels_without_on'] for column in columns), 'd')
-    return rows
-
-
-def _variants(plates: Sequence[str], variants: Mapping[str, Mapping[str, Any]]) -> list[list[str]]:
-    """Return the mean delays and false positives of variants of the chain, by their names."""
-    rows = [['', *(f'{plate} um' for plate in plates), 'detected', 'false positives [%]']]
-    for name, part in variants.items():
-        delays = (number_text(one['mean_delay_ms'], '.2f') for one in part['plates'].values())
-        false_percent = number_text(part['all']['false_positive_percent'], '.2f')
-        rows.append([name, *delays, _detected(part['all']), false_percent])
-    return rows
-
-
-def _detected(part: Mapping[str, Any]) -> str:
-    return f'{part["detected"]} of {part["trials"]}'
 
 
 def stage_signals(trial: Samples, config: ChainConfig, channel: int) -> dict[str, Floats]:
@@ -151,7 +85,7 @@ def draw_protocol(
     config
         The parameters of the chain.
     result
-        The figures of these trials, from :func:`slip_detector.evaluation.protocol.run_protocol`.
+        The figures of these trials, from :func:`benchmarks.paper.protocol.run_protocol`.
 
     Returns
     -------

@@ -1,0 +1,107 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a program has heard of a trial on the topics of the nodes, and its figures of merit."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slip_detector.chain.samples import Bools, Floats
+from slip_detector.evaluation import figures
+from slip_detector.parameters.detector import ChainConfig
+
+
+class Heard(NamedTuple):
+    """What a program has heard of a trial.
+
+    Times (since the first sample) and volts of the samples, times and positions of the plate, the
+    time from the stamp of each sample to the receipt of its decision, and for each topic of a
+    decision the times at which its state changed, and the new states.
+    """
+
+    stamps_s: Floats
+    volts: Floats
+    position_stamps_s: Floats
+    positions_m: Floats
+    latencies_s: Floats
+    changes: Mapping[str, tuple[Floats, Bools]]
+
+    @property
+    def motion_s(self) -> tuple[float, float] | None:
+        """When the plate started and stopped (Eq. 9); None if it did not move."""
+        moved = np.flatnonzero(np.diff(self.positions_m))
+        if not moved.size:
+            return None
+        return self.position_stamps_s[moved[0]], self.position_stamps_s[moved[-1] + 1]
+
+
+def states_at(changed_at: NDArray[Any], states: Bools, at: NDArray[Any]) -> Bools:
+    """Return the state at each time: that of the last change at or before it.
+
+    Parameters
+    ----------
+    changed_at : ndarray of int or float, shape (k,)
+        Times at which the state was published, in rising order.
+    states : ndarray of bool, shape (k,)
+        The states.
+    at : ndarray of int or float, shape (n,)
+        The times for which the state is wanted, in the same unit.
+
+    Returns
+    -------
+    ndarray of bool, shape (n,)
+        False before the first change.
+
+    Examples
+    --------
+    >>> states_at(np.array([10, 20]), np.array([True, False]), np.array([5, 10, 19, 20]))
+    array([False,  True,  True, False])
+    """
+    from_none_on = np.concatenate([[False], states])
+    return np.asarray(from_none_on[np.searchsorted(changed_at, at, side='right')])
+
+
+def demo_figures(heard: Heard, config: ChainConfig) -> dict[str, Any]:
+    """Compute the paper's figures of merit from the received messages.
+
+    A delay begins at the stamp of the last sample at which the plate still stood (Eq. 9) and ends
+    at the receipt of the first ON after it, as a grasp controller would see it. It is None if
+    there is no such ON, or nothing moves.
+    """
+    times_s, moves = heard.stamps_s, heard.motion_s
+    start_s, end_s = moves or (np.inf, np.inf)
+
+    def delay_ms(topic: str) -> float | None:
+        at_s, states = heard.changes[topic]
+        on_s = at_s[states & (at_s >= start_s)]
+        return (float(on_s[0]) - start_s) * 1e3 if on_s.size else None
+
+    slip = states_at(*heard.changes['slip'], times_s)
+    rest = (times_s < start_s) | (times_s > end_s)
+    channels = {name: delay_ms(f'slip/channel/{name}') for name in config.names}
+    mean, sd = figures.mean_and_sd(channels.values())
+    median, p99 = np.percentile(heard.latencies_s, [50, 99]) * 1e3
+    return {
+        'motion': {'start_s': start_s, 'end_s': end_s} if moves else None,
+        'channel_delay_ms': channels,
+        'mean_delay_ms': mean,
+        'sd_delay_ms': sd,
+        'group_delay_ms': {name: delay_ms(f'slip/group/{name}') for name in config.groups},
+        'global_delay_ms': delay_ms('slip'),
+        'false_positive_percent': figures.percent(int((slip & rest).sum()), int(rest.sum())),
+        'latency_ms': {'median': median, 'p99': p99},
+    }

@@ -1,0 +1,150 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The paper's protocol: its trials, figures, variants of the chain, claims, table and pictures."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+from matplotlib import image
+
+from benchmarks.__main__ import main
+from benchmarks.measurement import verdicts
+from benchmarks.paper import command
+from benchmarks.paper.command import TRIALS, as_table
+from benchmarks.paper.pictures import stage_signals
+from benchmarks.paper.protocol import (
+    SCENES,
+    WANTED,
+    claims,
+    evaluate_plates,
+    run_protocol,
+    simulate_trials,
+    with_band,
+)
+from slip_detector.chain.samples import Samples
+from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters.files import read_yaml
+from slip_detector.scenes import find_scene
+
+RATE_HZ = 100.0
+CHAIN = ChainConfig(sample_rate_hz=RATE_HZ, channels=2, passband_hz=(7.0, 40.0), stopbands_hz=())
+
+
+def test_the_plates_differ_only_in_their_spatial_period():
+    descriptions = {plate: read_yaml(find_scene(scene)) for plate, scene in SCENES.items()}
+    for plate, description in descriptions.items():
+        assert description['texture'].pop('spatial_period_m') == pytest.approx(int(plate) * 1e-6)
+    assert descriptions['440'] == descriptions['400'] == descriptions['480']
+
+
+def test_a_trial_that_does_not_suit_the_chain_is_refused_with_its_plate():
+    trial = Samples.evenly(np.zeros((3, 2)), RATE_HZ, [False, True, True])
+    for changes in ({'channels': 1, 'groups': {'a': (1,)}}, {'sample_rate_hz': 200.0}):
+        with pytest.raises(ValueError, match=r'^plate 400 has 2 channels at 100 Hz, '):
+            evaluate_plates({'400': [trial]}, dataclasses.replace(CHAIN, **changes))
+
+
+def test_a_high_pass_keeps_all_stop_bands_and_a_band_pass_those_below_its_upper_edge():
+    stopbands_hz = ((45.0, 55.0), (60.0, 180.0))
+    for high_hz, kept in ((50.0, stopbands_hz[:1]), (0.0, stopbands_hz)):
+        config = ChainConfig(passband_hz=(7.0, high_hz), stopbands_hz=stopbands_hz, vote=2)
+        other = with_band(config, (10.0, 150.0))
+        assert (other.passband_hz, other.stopbands_hz, other.vote) == ((10.0, 150.0), kept, 2)
+
+
+def test_the_papers_results_are_reproduced_and_each_variant_has_the_figures_of_its_chain():
+    plates = {plate: simulate_trials(scene, range(TRIALS)) for plate, scene in SCENES.items()}
+    result = run_protocol(plates, ChainConfig())
+    assert (result['all']['detected'], result['all']['trials']) == (30, 30)
+    wanted = verdicts(WANTED, result)
+    assert [entry['met'] for entry in wanted.values()] == [True] * 10
+    assert wanted['claims.mean_delay_ms_440']['bound'] == '31.00 to 52.56'
+    # The paper's own windows are the default.
+    assert result['windows']['40'] == {key: result[key] for key in ('plates', 'all')}
+    short = ChainConfig(envelope_window_s=0.02, decision_window_s=0.02)
+    wide = ChainConfig(passband_hz=(10.0, 150.0), stopbands_hz=((0.5, 7.0),))
+    assert result['windows']['20'] == evaluate_plates(plates, short)
+    assert result['bands']['10-150'] == evaluate_plates(plates, wide)
+    result['plates']['440']['mean_delay_ms'] = None
+    undefined = {name for name, figure in claims(result).items() if figure is None}
+    assert {'mean_delay_ms_440', 'least_rise_ms', 'bands_10-100_least_shortening_ms'} <= undefined
+
+
+def plate(mean_ms):
+    return {
+        'mean_delay_ms': mean_ms, 'sd_delay_ms': None, 'trial_delays_ms': [mean_ms, None],
+        'detected': 1, 'trials': 2, 'success_percent': 50.0,
+        'false_positive_percent': 0.5, 'channels_without_on': 3,
+    }  # fmt: skip
+
+
+def test_the_paper_is_beside_the_protocol():
+    ours, other = ({'plates': {'400': plate(ms)}, 'all': plate(ms)} for ms in (30.0, 28.0))
+    of_paper = {'400': {'mean_delay_ms': 36.02, 'sd_delay_ms': 3.91}}
+    result = {
+        **ours,
+        'trials': {'seeds': [4, 5]},
+        'paper': {'plates': of_paper, 'false_positive_percent': 1.01},
+        'windows': {'20': ours},
+        'bands': {'10-100': other},
+    }
+    lines = [' '.join(line.split()) for line in as_table(result).splitlines()]
+    for line in (
+        '400 um all', 'seed 4 30.00', 'seed 5 -', 'mean 30.00 30.00', 'mean, paper 36.02',
+        'sd - -', 'detected 1 of 2 1 of 2', 'success [%] 50.0 50.0',
+        '20 30.00 1 of 2 0.50',
+    ):  # fmt: skip
+        assert line in lines
+
+
+def test_the_pictures_are_written_and_show_something(capsys, tmp_path):
+    words = ['--json', '--quick', '--seed', '7', '--plot', str(tmp_path)]
+    assert main(['paper', *words]) == 0
+    result = json.loads(capsys.readouterr().out)
+    documented = [*result, *result['plates']['440']]
+    undocumented = {'machine', 'quick', 'wanted'}
+    assert all(f'``{key}``' in command.__doc__ for key in documented if key not in undocumented)
+    assert (result['trials']['seeds'], result['all']['trials']) == ([7, 8], 6)
+    names = [f'paper_fig{number}.png' for number in (2, 4, 5, 6, 7)]
+    assert sorted(path.name for path in tmp_path.iterdir()) == names
+    for name in names:
+        picture = image.imread(tmp_path / name)[..., :3]
+        assert min(picture.shape[:2]) > 300
+        # Something in the outermost tenths, too: labels and axes are not cut away.
+        assert all((part < 0.5).any() for part in np.array_split(picture, 10, axis=0)[::9])
+
+
+@pytest.mark.parametrize(
+    'changes',
+    [
+        {},
+        {'exponent': 2, 'rectify': 'half', 'common_mode': 'median'},
+        {'decision': 'evidence', 'noise_floor': 1e-3, 'exponent': 1, 'mains_hz': 50.0},
+    ],
+)
+def test_the_stages_that_are_drawn_are_those_of_the_chain(changes):
+    config = ChainConfig(valid_range_v=(0.0, 5.0), **changes)
+    (trial,) = simulate_trials(SCENES['400'], [0])
+    raw, filtered, power, envelope, level = stage_signals(trial, config, 5).values()
+    np.testing.assert_array_equal(raw, trial.volts[:, 4])
+    np.testing.assert_array_equal(level, SlipChain(config).update(trial.volts).level[:, 4])
+    rectified = np.abs(filtered) if config.rectify == 'full' else np.maximum(filtered, 0.0)
+    np.testing.assert_allclose(power, rectified**config.exponent, atol=1e-9 * power.max())
+    window = np.full(15, 1 / 15)  # 40 ms
+    rms = np.sqrt(np.convolve(power**2, window)[: len(power)])
+    np.testing.assert_allclose(rms, envelope, rtol=1e-6, atol=1e-9 * envelope.max())
