@@ -115,7 +115,7 @@ def whole_file(path: str | Path) -> Iterator[Path]:
         file_errors_of(path),
         tempfile.TemporaryDirectory(dir=place.parent, prefix=UNFINISHED) as folder,
     ):
-        new = Path(folder) / place.name
+        new = Path(folder) / Path(path).name  # Its ending may say what to write.
         yield new
         for file in filter(Path.is_file, [new, *new.rglob('*')]):
             with open(file, 'rb') as opened:
