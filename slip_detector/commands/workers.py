@@ -26,7 +26,8 @@ import signal
 import tempfile
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor, as_completed
+from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
+from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
@@ -246,8 +247,8 @@ def processes(jobs: int | None = None, cluster: str | None = None) -> Iterator[C
     Examples
     --------
     >>> with processes(jobs=2) as calls:
-    ...     dict(calls(abs, [3, -4]))
-    {0: 3, 1: 4}
+    ...     sorted(calls(abs, [3, -4]))
+    [(0, 3), (1, 4)]
     """
     if cluster is not None:
         try:
@@ -266,22 +267,21 @@ def processes(jobs: int | None = None, cluster: str | None = None) -> Iterator[C
         with client:  # When it closes, the scheduler drops its calls.
             executor = client.get_executor(pure=False)
             # Dask has errors of its own: a call killed its workers, or one lacks this package.
-            yield functools.partial(_results, executor, Exception, f'cluster {cluster}: was lost')
+            yield functools.partial(_results, executor, f'cluster {cluster}: was lost')
     elif jobs is not None and jobs > 1:
-        pool = ProcessPoolExecutor(jobs, multiprocessing.get_context('spawn'), _end_with_parent)
         died = f'a worker process died, allowed: fewer --jobs than {jobs} where memory is short'
-        try:
-            yield functools.partial(_results, pool, BrokenExecutor, died)
-        finally:
-            results: Any = pool._result_queue  # type: ignore[attr-defined]
-            processes = list((pool._processes or {}).values())
-            pool.shutdown(wait=False, cancel_futures=True)
-            # A process that is ended while it writes its result leaves a part of it in the pipe;
-            # the pool waits for the rest until nobody has the pipe open for writing.
-            results._writer.close()
-            for process in processes:
-                process.kill()
-                process.join()
+        of_thread, started = threading.local(), list[Any]()
+        start: Any = functools.partial(_start_process, of_thread, started)
+        with ThreadPoolExecutor(jobs, initializer=start) as threads:
+            try:
+                yield lambda function, every: _results(
+                    threads, died, functools.partial(_call, of_thread, function), every
+                )
+            finally:
+                threads.shutdown(wait=False, cancel_futures=True)
+                for process in started:
+                    process.kill()
+                    process.join()
     else:
         yield None
 
@@ -297,34 +297,54 @@ async def _check_scheduler(address: str) -> None:
 
 
 def _results(
-    executor: Executor,
-    failures: type[Exception],
-    failed: str,
-    function: Callable[[Any], Any],
-    arguments: Sequence[Any],
+    executor: Executor, failed: str, function: Callable[[Any], Any], arguments: Sequence[Any]
 ) -> Iterator[tuple[int, Any]]:
-    # Ctrl-C goes to all processes of a terminal, but only this one is to react. A signal that is
-    # blocked while the others start stays blocked in them; here it is only delayed.
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        calls = {executor.submit(function, one): k for k, one in enumerate(arguments)}
-    finally:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    calls = {executor.submit(function, one): k for k, one in enumerate(arguments)}
     try:
         for call in as_completed(calls):
             yield calls[call], call.result()
     except ValueError:
         raise
-    except failures as error:
-        raise ValueError(f'{failed} ({error})') from None
+    except Exception as error:
+        raise ValueError(f'{failed} ({error or type(error).__name__})') from None
+
+
+def _start_process(of_thread: threading.local, started: list[Any]) -> None:
+    """Start the process of this thread, which makes its calls."""
+    # Ctrl-C goes to all processes of a terminal, but only the main thread of this one is to react.
+    # A signal that is blocked while another process starts stays blocked in it.
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+    context = multiprocessing.get_context('spawn')
+    of_thread.connection, there = context.Pipe()
+    process = context.Process(target=_make_calls, args=(there,), daemon=True)
+    process.start()
+    started.append(process)
+    there.close()
+
+
+def _call(of_thread: threading.local, function: Callable[[Any], Any], argument: Any) -> Any:
+    """Let the process of this thread call a function."""
+    of_thread.connection.send((function, argument))
+    refused, result = of_thread.connection.recv()
+    if refused:
+        raise ValueError(refused)
+    return result
+
+
+def _make_calls(connection: Connection) -> None:
+    """Make calls, as the only thing of this process; it ends with the one that started it."""
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    with contextlib.suppress(EOFError):  # Nobody calls any more.
+        while True:
+            function, argument = connection.recv()
+            try:
+                done = '', function(argument)
+            except (ValueError, OSError) as error:
+                done = str(error), None
+            connection.send(done)
 
 
 def _end_with_parent() -> None:
-    """End this process as soon as the one that started it has ended for any reason."""
     parent: Any = multiprocessing.parent_process()
-
-    def wait() -> None:
-        parent.join()
-        os._exit(1)
-
-    threading.Thread(target=wait, daemon=True).start()
+    parent.join()
+    os._exit(1)
