@@ -256,6 +256,7 @@ def load_tracks(
     labelled: bool = True,
     left_out: Sequence[str] = (),
     kind: str = '',
+    unusable: list[str] | None = None,
 ) -> list[Track]:
     """Read recordings into memory.
 
@@ -271,12 +272,15 @@ def load_tracks(
         Recordings and folders of recordings to leave out.
     kind
         The kind of all of them; '': what each says itself.
+    unusable
+        Recordings that cannot be read or do not suit the chain are left out, and why is added to
+        this. None: such a recording is an error.
 
     Raises
     ------
     ValueError
-        When a recording cannot be read, does not suit the chain, or has slips that recordings of
-        its kind do not have; names it.
+        When a recording cannot be read, does not suit the chain, does not exist, or has slips that
+        recordings of its kind do not have; names it.
 
     Examples
     --------
@@ -294,10 +298,16 @@ def load_tracks(
     tracks = []
     for name, files in sets.items():
         for file in (file for file in files if file.resolve() not in unwanted):
-            opened = loader.open(file, labelled)
             shown = f'{name}/{file.name}' if len(sets) > 1 else file.name
-            rows = (one._replace(kind=kind or one.kind) for one in opened.rows)
-            track = track_of(shown, rows, opened.sample_rate_hz)
+            try:
+                opened = loader.open(file, labelled)
+                rows = (one._replace(kind=kind or one.kind) for one in opened.rows)
+                track = track_of(shown, rows, opened.sample_rate_hz)
+            except ValueError as error:
+                if unusable is None or not file.exists():
+                    raise
+                unusable.append(f'Left out: {error}')
+                continue
             if track.kind and track.slips:
                 refuse(f'{file}: has slips', f'none in a recording of the kind {track.kind}')
             tracks.append(dataclasses.replace(track, faults=_faults(opened.recording.counts)))
@@ -360,18 +370,20 @@ class TrainingFiles(NamedTuple):
         training, held : list of Track
             The recordings to tune on and those that are held out; both have slips.
         notes : list of str
-            See :func:`faults_of`.
+            Why recordings are left out that cannot be used, and see :func:`faults_of`.
 
         Raises
         ------
         ValueError
-            When a recording cannot be read, or there are too few slips; names the recordings.
+            When there are no recordings, or too few slips; names them and what is left out.
         """
-        training = load_tracks(self.paths, self.loader, left_out=self.left_out)
+        left_out: list[str] = []
+        load = functools.partial(load_tracks, loader=self.loader, unusable=left_out)
+        training = load(self.paths, left_out=self.left_out)
         for kind, path in self.of_kinds:
-            training += load_tracks([path], self.loader, labelled=False, kind=kind)
-        held = load_tracks(self.left_out, self.loader)
-        notes = faults_of(training + held)
+            training += load([path], labelled=False, kind=kind)
+        held = load(self.left_out)
+        notes = left_out + faults_of(training + held)
         if not self.left_out:
             training, held = held_out(training, self.share)
         # Of a kind that is not held out the end of the last recording is.
@@ -382,6 +394,7 @@ class TrainingFiles(NamedTuple):
                 training[last], part = _parted(training[last], cut)
                 held.append(part)
         if not all(any(track.slips for track in part) for part in (training, held)):
-            names = ', '.join(track.name for track in training + held)
-            refuse(f'{names}: too few slips', 'some to tune on and others to hold out')
+            names = ', '.join(track.name for track in training + held) or 'no recording'
+            what = 'some to tune on and others to hold out'
+            refuse(f'{names}: too few slips', '. '.join([what, *left_out]))
         return training, held, notes

@@ -81,6 +81,19 @@ def test_a_share_or_those_named_are_held_out(folder):
     assert [track.name for track in held] == [link.name]
 
 
+def test_what_cannot_be_used_is_left_out_with_a_line_and_what_is_not_there_is_refused(folder):
+    np.savez(folder / 'aa.npz', volts=np.zeros((99, 3)), label=np.zeros(99), sample_rate_hz=380.0)
+    training, held, notes = TrainingFiles([str(folder)], LOADER, share=1 / 3).load()
+    assert [track.name for track in training + held] == ['a.npz', 'b.npz', 'c.npz']
+    assert notes == [
+        f'Left out: {folder}/aa.npz: has 3 channels, allowed: 4, the parameter channels'
+    ]
+    with pytest.raises(ValueError, match=r'^no recording: too few slips, .* Left out: .*/aa\.npz'):
+        TrainingFiles([str(folder / 'aa.npz')], LOADER).load()
+    with pytest.raises(ValueError, match=r'nix\.npz: '):
+        TrainingFiles([str(folder), str(folder / 'nix.npz')], LOADER).load()
+
+
 def test_more_recordings_may_be_of_a_kind_without_labels(folder, tmp_path_factory):
     presses = tmp_path_factory.mktemp('presses')
     for seed in (4, 5):
