@@ -26,6 +26,7 @@ next one.
 
 import contextlib
 import dataclasses
+import fcntl
 import functools
 import pickle
 from collections.abc import Callable, Iterator
@@ -240,8 +241,30 @@ def _opened(storage: str) -> Any:
 
     if '://' in storage:  # the URL of a database
         return storage
-    opened = JournalStorage(JournalFileBackend(storage))
+    lock: Any = _JournalLock(storage)
+    opened = JournalStorage(JournalFileBackend(storage, lock))
     lines = Path(storage).read_bytes().splitlines(keepends=True)
     if lines and not lines[-1].endswith(b'\n'):
         raise ValueError(f'line {len(lines)} is cut off, allowed: whole lines, as those before it')
     return opened
+
+
+class _JournalLock:
+    """Held while an entry is written; the system releases it when its process ends or is killed.
+
+    Optuna's own lock is a link that a killed process leaves. The next one then waits for half a
+    minute, or for ever where the path is relative, without a word.
+    """
+
+    def __init__(self, path: str) -> None:
+        self._path = path
+
+    def acquire(self) -> bool:
+        """Wait until no other process holds it."""
+        self._file = open(self._path, 'ab')  # noqa: SIM115, release closes it
+        fcntl.flock(self._file, fcntl.LOCK_EX)
+        return True
+
+    def release(self) -> None:
+        """Let other processes write."""
+        self._file.close()
