@@ -12,23 +12,30 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What all commands share: errors of one line, exit codes, and output into a closed pipe.
+"""What all commands share: errors of one line, exit codes, interrupts, output into a closed pipe.
 
 The commands start here. Loading the modules that they compute with takes a second. Ctrl-C must not
 end in a traceback in this second either: therefore this module imports nothing large.
 """
 
 import argparse
+import contextlib
 import functools
 import importlib
 import os
 import re
+import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from types import FrameType
 from typing import NoReturn
 
-#: Exit code after Ctrl-C.
+#: Exit code after Ctrl-C or SIGTERM.
 INTERRUPTED = 130
+
+#: A pipe takes so many characters whole or not at all. Of more, a signal may cut off the rest if
+#: Python is told not to buffer its output.
+ATOMIC = 1000
 
 #: Characters of the beginning and of the end of a message that is too long.
 SHOWN = 1500, 450
@@ -85,6 +92,49 @@ def whole_number(low: int, high: int = 10**9) -> Callable[[str], int]:
     return read
 
 
+@contextlib.contextmanager
+def interrupts_noted(said: str = '') -> Iterator[Callable[[], bool]]:
+    """Within this context Ctrl-C and SIGTERM raise KeyboardInterrupt; the first may be noted.
+
+    Parameters
+    ----------
+    said
+        What to say on stderr when the first one is noted.
+
+    Yields
+    ------
+    callable
+        Returns whether to stop. From the first call on the first interrupt is only noted.
+
+    Examples
+    --------
+    >>> with interrupts_noted('stopping') as stop:
+    ...     stop()
+    False
+    """
+    noting = noted = False
+
+    def note(number: int, frame: FrameType | None) -> None:
+        nonlocal noted
+        if noted or not noting:
+            raise KeyboardInterrupt
+        noted = True
+        with contextlib.suppress(OSError):  # Python's own stderr may be in the midst of a line.
+            os.write(2, said.encode())
+
+    def stop() -> bool:
+        nonlocal noting
+        noting = True
+        return noted
+
+    before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield stop
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
 def run(name: str, work: Callable[[], str]) -> int:
     """Do the work of a command and print what it returns.
 
@@ -99,7 +149,8 @@ def run(name: str, work: Callable[[], str]) -> int:
     -------
     int
         The exit code: 0, or 1 after an error, which is one line on stderr. A full disk is an
-        error, but a reader that stops early, like ``head``, is not.
+        error, but a reader that stops early, like ``head``, is not. A first interrupt while the
+        text is printed does not cut it off; a second one is a KeyboardInterrupt.
 
     Examples
     --------
@@ -113,10 +164,16 @@ def run(name: str, work: Callable[[], str]) -> int:
         sys.stderr.write(f'{name}: {one_line(error)}\n')
         return 1
     try:
-        print(text, flush=True)
-    except OSError as error:
+        with interrupts_noted('\nstill printing (Ctrl-C again: end at once)\n') as stop:
+            stop()
+            for k in range(0, len(text), ATOMIC):
+                sys.stdout.write(text[k : k + ATOMIC])
+            print(flush=True)
+    except (OSError, KeyboardInterrupt) as error:
         # The interpreter flushes the rest of the buffer at exit, which must not fail again.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if isinstance(error, KeyboardInterrupt):
+            raise
         if not isinstance(error, BrokenPipeError):
             sys.stderr.write(f'{name}: the output cannot be written ({error.strerror})\n')
             return 1
@@ -125,7 +182,8 @@ def run(name: str, work: Callable[[], str]) -> int:
 
 def _start(command: str) -> int:
     try:
-        return int(importlib.import_module(f'slip_detector.commands.{command}').main())
+        with interrupts_noted():
+            return int(importlib.import_module(f'slip_detector.commands.{command}').main())
     except KeyboardInterrupt:
         sys.stderr.write(f'slip_{command}: ended before it was done\n')
         return INTERRUPTED

@@ -32,7 +32,7 @@ from pathlib import Path
 from typing import Any
 
 from slip_detector.commands import workers
-from slip_detector.commands.command_line import Parser, run, whole_number
+from slip_detector.commands.command_line import Parser, interrupts_noted, run, whole_number
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.files import read_yaml, write_yaml
 from slip_detector.parameters.sections import ALL, node_of, sections_of
@@ -55,6 +55,8 @@ OF_KINDS = {
     'roll': 'rolled',
     'idle': 'not touched by anything',
 }
+
+STOPPING = '\nstopping; results so far are kept (Ctrl-C again: end at once)\n'
 
 #: Number of lines on the progress of a search where no bar can be shown.
 LINES = 10
@@ -166,9 +168,9 @@ def _names_of(tracks: Sequence[Track]) -> str:
 
 
 def _search(
-    options: argparse.Namespace, parameters: TuningParameters, where: str
-) -> tuple[dict[str, Any], list[str]]:
-    """Search, and write the report; return the parameters that are found, and lines about them."""
+    options: argparse.Namespace, parameters: TuningParameters, where: str, stop: Callable[[], bool]
+) -> tuple[dict[str, Any], list[str], Callable[[Path], None]]:
+    """Search; return what is found, lines about it, and a function that writes the report."""
     workers.make_paths_whole(options, 'recordings', 'held_out', *OF_KINDS)
     of_kinds = [(kind, path) for kind in OF_KINDS for path in getattr(options, kind)]
     held_out = options.held_out, options.hold_out
@@ -179,7 +181,7 @@ def _search(
     ):
         more: Any = {'seed': options.seed, 'storage': where, 'progress': _progress(bar)}
         more['doubt'] = lambda sentences: bar.write('\n'.join(sentences), file=sys.stderr)
-        result = tune(files, parameters, options.trials, calls=calls, **more)
+        result = tune(files, parameters, options.trials, stop=stop, calls=calls, **more)
     # It takes a while to load.
     from slip_detector.report.page import replay_variant, write_page
 
@@ -197,13 +199,15 @@ def _search(
     ]
     if verdict.kept:
         lines.append(f'The given parameters are kept: {verdict.kept}')
-    if options.report is not None:
-        title = 'Tuning of the slip detector'
-        write_page(options.report, title, [given, tuned], lines)
+    if not tuned.figures['all held out']['recall']:
+        slips = sum(len(track.slips) for track in held)
+        lines.insert(0, f'The result detects none of {slips} slips that are held out')
+    title, notes = 'Tuning of the slip detector', [*lines]
     for what in ('held out', 'tuned on'):
         figures = (one.figures[f'all {what}'] for one in (given, tuned))
         lines += [f'On what was {what}:', *comparison_table(*figures).splitlines()]
-    return {} if verdict.kept else searched(verdict.chain), lines
+    changes = {} if verdict.kept else searched(verdict.chain)
+    return changes, lines, lambda path: write_page(path, title, [given, tuned], notes)
 
 
 def with_parameters(given: str | Path | None, changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -271,16 +275,22 @@ def main(argv: Sequence[str] | None = None) -> int:
         workers.check_apart({'--report': options.report}, options.config)
         paths = [path for path in written.values() if path is not None]
         of, rate = (parameters.chain, parameters.loader), options.false_alarms_per_hour
-        if options.quiet is not None:
-            changes, lines = learn_from_quiet(options.quiet, *of, rate)
-        elif options.taps is not None:
-            changes, lines = learn_from_taps(options.taps, options.recordings, *of)
-        else:
-            changes, lines = _search(options, parameters, where)
-        now = datetime.datetime.now(datetime.timezone.utc)
-        command = shlex.join([NAME, *(sys.argv[1:] if argv is None else argv)])
-        comments = [f'Written by {NAME} on {now:%Y-%m-%d %H:%M} UTC:', f'  {command}', *lines]
-        write_yaml(options.out, with_parameters(options.config, changes), comments)
+        with interrupts_noted(STOPPING) as stop:
+            if options.quiet is not None:
+                changes, lines = learn_from_quiet(options.quiet, *of, rate)
+            elif options.taps is not None:
+                changes, lines = learn_from_taps(options.taps, options.recordings, *of)
+            else:
+                changes, lines, write_report = _search(options, parameters, where, stop)
+            now = datetime.datetime.now(datetime.timezone.utc)
+            command = shlex.join([NAME, *(sys.argv[1:] if argv is None else argv)])
+            comments = [f'Written by {NAME} on {now:%Y-%m-%d %H:%M} UTC:', f'  {command}', *lines]
+            write_yaml(options.out, with_parameters(options.config, changes), comments)
+            if options.report is not None:
+                try:
+                    write_report(options.report)
+                except ValueError as error:
+                    raise ValueError(f'{error}; {options.out} is written') from None
         return '\n'.join([*lines, f'Written: {", ".join(map(str, paths))}'])
 
     return run(NAME, work)

@@ -34,9 +34,8 @@ from slip_detector.tuning.space import SearchSpace
 from slip_detector.tuning.tracks import Track
 
 #: Figures by name, None where one is not defined: ``coverage`` and those of :func:`.slip_figures`;
-#: ``false_alarms_per_minute_off``, the false alarms per minute of rest in which the decision is
-#: OFF, as one that is mostly ON has few alarms; and ``auc``, the area under the ROC curve of rows
-#: with slip against rows of motion, or, where no motion is known, all rows without slip.
+#: and ``auc``, the area under the ROC curve of rows with slip against rows of motion, or, where no
+#: motion is known, all rows without slip.
 Figures = dict[str, float | None]
 
 #: The cost of a threshold is averaged with those of this many neighbours on each side, which are
@@ -230,11 +229,7 @@ class Problem:
         if self.figures is not None:
             lacking += WORSE_COUNTS * max((self.figures['auc'] or 0.0) - (auc or 0.0), 0.0)
         cost_ms = float(costs_ms[at]) + self.config.auc_costs_ms * lacking
-        figures = swept.figures(at)
-        alarms, on_percent = figures['false_alarms_per_minute'], figures['false_time_percent']
-        off = 1.0 - (on_percent or 0.0) / 100.0
-        per_minute_off = alarms / off if alarms is not None and off > 0.0 else None
-        figures = {**figures, 'false_alarms_per_minute_off': per_minute_off, 'auc': auc}
+        figures = {**swept.figures(at), 'auc': auc}
         return Candidate(chain, cost_ms, _error_of_mean(late_ms[swept.scored, at]), figures)
 
     def _event_costs_ms(self, swept: sweep.ThresholdSweep, late_ms: Floats) -> Floats:
@@ -268,17 +263,16 @@ class Problem:
         limit = {name: np.nan if one is None else one for name, one in given.items()}
         sooner = sooner_than_chance(swept.latencies_ms[scored] / 1e3, leads_s, windows_s, rates_hz)
         median_ms = np.where(sooner >= HALF, np.median(late_ms, axis=0), missed_costs)
-        percent = 100.0 * (swept.on_rest_s / swept.rest_s)
-        off = np.maximum(1.0 - percent / 100.0, 0.0)
-        # Per minute of rest that is OFF; 0 where none is.
-        every = 60.0 * swept.false_alarms / swept.rest_s
-        per_minute_off = np.divide(every, off, out=np.zeros(off.size), where=off > 0.0)
+        more_percent = 100.0 * (swept.on_rest_s / swept.rest_s) - limit['false_time_percent']
+        more_alarms = 60.0 * rates_hz - limit['false_alarms_per_minute']
+        more_missed_percent = missed_percent - 100.0 * (1.0 - limit['coverage'])
+        # As verdict.worse_than does.
         more = [
             (1.0, median_ms - max(limit['latency_median_all_ms'], 0.0)),
             (missed_costs, limit['sooner_than_chance'] - sooner),
-            (false_costs, per_minute_off - limit['false_alarms_per_minute_off']),
-            (time_costs, percent - limit['false_time_percent']),
-            (missed_time_costs, missed_percent - 100.0 * (1.0 - limit['coverage'])),
+            (false_costs, np.where(more_percent < -ON_STEP, 0.0, more_alarms)),
+            (time_costs, more_percent),
+            (missed_time_costs, more_missed_percent + np.minimum(more_percent, 0.0)),
         ]
         for kind, its_percent in on_percent.items():
             most = limit.get(f'{kind}_on_percent', np.nan) + ON_STEP

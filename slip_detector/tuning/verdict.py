@@ -14,20 +14,16 @@
 
 """A whole search, as command and live page call it, and its verdict by held-out recordings."""
 
-import contextlib
 import dataclasses
 import functools
 import importlib.util
 import math
 import pickle
-import signal
-import sys
-import threading
-from collections.abc import Callable, Iterator, Sequence
-from types import FrameType
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from slip_detector.evaluation.evaluator import RecordingLoader
+from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters import ChainConfig, EvaluationConfig, RecordingConfig, TuneConfig
 from slip_detector.parameters.fields import name_list
 from slip_detector.recordings.labels import KINDS
@@ -43,17 +39,20 @@ JUDGED = 20
 #: other figures.
 AUC_STEP, COVERAGE_STEP, EQUAL = 1e-3, 5e-3, 1e-9
 
-#: The figures that must not get worse: words, unit, whether more is better, and the step up to
-#: which two count as equal.
+#: The figures that must not get worse: words, unit, whether more is better, the step up to which
+#: two count as equal, and by how much one of them may get worse where ``trade`` is set.
 COMPARED = {
-    'latency_median_all_ms': ('median latency', ' ms', False, EQUAL),
-    'false_alarms_per_minute_off': ('false alarms', ' in a minute of OFF', False, EQUAL),
-    'false_time_percent': ('false time', ' %', False, EQUAL),
-    'sooner_than_chance': ('sooner than chance', '', True, EQUAL),
-    'coverage': ('time of slips that is ON', '', True, COVERAGE_STEP),
-    'auc': ('area under the ROC curve', '', True, AUC_STEP),
-    **{f'{kind}_on_percent': (f'time ON in {kind}', ' %', False, ON_STEP) for kind in KINDS},
+    'false_time_percent': ('false time', ' %', False, EQUAL, 5.0),
+    'false_alarms_per_minute': ('false alarms', ' in a minute of rest', False, EQUAL, 5.0),
+    'latency_median_all_ms': ('median latency', ' ms', False, EQUAL, 50.0),
+    'sooner_than_chance': ('sooner than chance', '', True, EQUAL, 0.1),
+    'coverage': ('time of slips that is ON', '', True, COVERAGE_STEP, 0.1),
+    'auc': ('area under the ROC curve', '', True, AUC_STEP, 0.02),
+    **{f'{kind}_on_percent': (f'time ON in {kind}', ' %', False, ON_STEP, 5.0) for kind in KINDS},
 }
+
+#: In less rest than this, in seconds, false alarms hardly show.
+LEAST_REST_S = 60.0
 
 
 class TuningParameters(NamedTuple):
@@ -80,8 +79,7 @@ class TuningParameters(NamedTuple):
         """Return the problem of a search on tracks."""
         problem = Problem(tracks, self.chain, None, self.evaluation, self.tune, self.running)
         running = self.running or self.chain
-        figures = None if self.tune.trade else problem.as_it_is(running).figures
-        return dataclasses.replace(problem, figures=figures)
+        return dataclasses.replace(problem, figures=problem.as_it_is(running).figures)
 
 
 class Verdict(NamedTuple):
@@ -95,6 +93,8 @@ class Verdict(NamedTuple):
         Why the running chain is kept; empty where it is not.
     tried : ChainConfig or None
         The best chain found, also where it is not taken; None where none was found.
+    traded : str
+        In what it is worse nevertheless, as ``trade`` is set; empty: in nothing.
 
     Examples
     --------
@@ -105,6 +105,7 @@ class Verdict(NamedTuple):
     chain: ChainConfig
     kept: str
     tried: ChainConfig | None = None
+    traded: str = ''
 
 
 class TuningResult(NamedTuple):
@@ -121,8 +122,9 @@ class TuningResult(NamedTuple):
     verdict : Verdict
         The best chain found, or the given one.
     notes : list of str
-        A line for each recording with faults or that contradicts its kind, one where Ctrl-C ended
-        the search, and one where the cheapest chain is not the one that was judged or taken.
+        A line for each recording that has faults, is left out or contradicts its kind; one where
+        the search was stopped, where little rest is held out, where the cheapest chain is not the
+        one that was judged or taken, and where that is worse in one figure.
     """
 
     problem: Problem
@@ -141,11 +143,10 @@ def tune(
     storage: str | None = None,
     progress: Callable[[int, Candidate | None], None] = lambda count, best: None,
     doubt: Callable[[list[str]], None] = lambda sentences: None,
+    stop: Callable[[], bool] = lambda: False,
     calls: Calls | None = None,
 ) -> TuningResult:
     """Search for a better chain, and judge the best one on the held-out recordings.
-
-    Once the recordings are read, the first Ctrl-C ends the search with the result so far.
 
     Parameters
     ----------
@@ -163,8 +164,11 @@ def tune(
         Called with the number of trials so far and the chain that would be judged if the search
         ended now, before the first trial, and after each trial and each batch.
     doubt
-        Called before the search with a sentence on each recording that contradicts its kind, if
-        there are any; see :func:`.kinds.contradictions`.
+        Called before the search with a line on each recording that has faults, is left out or
+        contradicts its kind, if there are any; see :func:`.kinds.contradictions`.
+    stop
+        Returns whether to end the search with the result so far; first called when the recordings
+        are read.
     calls
         Makes the calls for the points of a batch. None: they are made in this process.
 
@@ -184,30 +188,32 @@ def tune(
         training, held = parts
         left_out = name_list([track.name for track in wrong])
         sentences.append(f'Left out, as keys that were pressed by mistake: {left_out}')
-    if sentences:
-        doubt(sentences)
     notes += sentences
-    with _first_interrupt_noted() as stop:
-        problem = parameters.problem(training)
-        name = problem.study_name()
-        study = Study(problem.space.distributions, seed, storage, name)
-        # It has a few kilobytes, without any rows.
-        names = {track.name for track in training}
-        pickled = pickle.dumps((files, names, dataclasses.replace(problem, tracks=()), name))
+    if notes:
+        doubt(notes)
+    problem = parameters.problem(training)
+    name = problem.study_name()
+    study = Study(problem.space.distributions, seed, storage, name)
+    # It has a few kilobytes, without any rows.
+    names = {track.name for track in training}
+    pickled = pickle.dumps((files, names, dataclasses.replace(problem, tracks=()), name))
 
-        @functools.lru_cache(maxsize=1)
-        def chosen(known: int) -> Candidate | None:
-            with study.errors_in_one_line():  # Its trials may be damaged.
-                return choose(problem, study.trials)
+    @functools.lru_cache(maxsize=1)
+    def chosen(known: int) -> Candidate | None:
+        with study.errors_in_one_line():  # Its trials may be damaged.
+            return choose(problem, study.trials)
 
-        def show(count: int) -> None:
-            progress(count, chosen(len(study.trials)))
+    def show(count: int) -> None:
+        progress(count, chosen(len(study.trials)))
 
-        show(study.follow())
-        results = calls and functools.partial(calls, functools.partial(candidates_at, pickled))
-        search(problem, study, trials, stop.is_set, show, results)
-    if stop.is_set():
+    show(study.follow())
+    results = calls and functools.partial(calls, functools.partial(candidates_at, pickled))
+    search(problem, study, trials, stop, show, results)
+    if stop():
         notes.append('Stopped early.')
+    rest_s = sum((one.kinds < SLIP).sum() / one.sample_rate_hz for one in held)
+    if rest_s < LEAST_REST_S:
+        notes.append(f'Only {rest_s:.3g} s of rest are held out: false alarms hardly show in it')
     best, others = chosen(len(study.trials)), cheapest(problem, study.trials, JUDGED)
     verdict = judge(problem, held, best, others)
     if best and best.cost_ms > others[0].cost_ms:
@@ -218,34 +224,27 @@ def tune(
     if best and not verdict.kept and verdict.chain != best.chain:
         notes.append(
             f'Of {1 + len(others)} chains that were judged the one was taken that costs least on '
-            'what was held out, and is worse in nothing'
+            f'what was held out, and is worse in {"one figure" if verdict.traded else "nothing"}'
         )
+    if verdict.traded:
+        notes.append(f'Worse on what was held out, as trade allows: {verdict.traded}')
     return TuningResult(problem, held, study, verdict, notes)
 
 
-@contextlib.contextmanager
-def _first_interrupt_noted() -> Iterator[threading.Event]:
-    """Within this context the first SIGINT only sets an event; the second one interrupts."""
-    stop = threading.Event()
-
-    def note(number: int, frame: FrameType | None) -> None:
-        if stop.is_set():
-            raise KeyboardInterrupt
-        stop.set()
-        sys.stderr.write('\nstopping; results so far are kept (Ctrl-C again: end at once)\n')
-
-    before = signal.signal(signal.SIGINT, note)
-    try:
-        yield stop
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-def worse_than(figures: Figures, other: Figures) -> list[str]:
+def worse_than(figures: Figures, other: Figures, trade: bool = False) -> list[str]:
     """Return a text for each figure that is worse, or not defined where the other's is.
 
     Only the area under the ROC curve is compared where the other's figures are no better than
-    chance. The latency of the slips found is not, as it falls where late slips are missed.
+    chance. The latency of the slips found is not, as it falls where late slips are missed. What is
+    ON for much of the rest has few alarms, and is ON in slips by chance: alarms are not compared
+    where the time ON is less, and coverage may fall by as much as it.
+
+    Parameters
+    ----------
+    figures, other
+        See :data:`.problem.Figures`.
+    trade
+        Only figures that are worse by more than ``trade`` allows.
 
     Examples
     --------
@@ -253,18 +252,31 @@ def worse_than(figures: Figures, other: Figures) -> list[str]:
     >>> worse_than({**given, 'sooner_than_chance': 0.9}, given)
     ['sooner than chance 0.9 against 1']
     """
+    of_two = [{name: _known(one[name]) for name in COMPARED} for one in (figures, other)]
+    on_percent, its_on_percent = (one['false_time_percent'] for one in of_two)
+    less_percent = max((its_on_percent or 0.0) - (on_percent or 0.0), 0.0)
     texts = []
-    for name, (words, unit, more_is_better, step) in COMPARED.items():
-        figure, its = figures[name], other[name]
+    for name, (words, unit, more_is_better, step, most) in COMPARED.items():
+        figure, its = (one[name] for one in of_two)
         if its is None or (name != 'auc' and not better_than_chance(other)):
             continue
         if name.startswith('latency'):  # That an alarm is before its slip brings nothing.
             figure, its = figure and max(figure, 0.0), max(its, 0.0)
         if figure is None:
             texts.append(f'no {words} defined against {its:.4g}{unit}')
-        elif (its - figure if more_is_better else figure - its) > step:
+            continue
+        worse_by = its - figure if more_is_better else figure - its
+        if name == 'coverage':
+            worse_by -= less_percent / 100.0
+        if worse_by > (most if trade else step) and not (
+            name == 'false_alarms_per_minute' and less_percent > ON_STEP
+        ):
             texts.append(f'{words} {figure:.4g} against {its:.4g}{unit}')
     return texts
+
+
+def _known(figure: float | None) -> float | None:
+    return None if figure is None or math.isnan(figure) else figure
 
 
 def cheapest(problem: Problem, trials: Sequence[Any], most: int = 1) -> list[Candidate]:
@@ -310,9 +322,10 @@ def judge(
 ) -> Verdict:
     """Choose between the running chain and those found, by the held-out recordings.
 
-    A chain holds there if it costs less, at least one of :data:`COMPARED` is better and, unless
-    ``trade`` is set, none is worse. If the best one does not, or labels by hand leave little to
-    tell chains by, the others are judged too, and the one is taken that holds and costs least.
+    A chain holds there if it costs less, is better than chance and in at least one of
+    :data:`COMPARED`, and is worse in none, or where ``trade`` is set in one, by no more than is
+    allowed. If the best one does not, or labels by hand leave little to tell chains by, the others
+    are judged too, and the one is taken that holds and costs least.
 
     Parameters
     ----------
@@ -334,28 +347,42 @@ def judge(
     if best is None:
         return Verdict(running, 'no trial found a chain that detects slip')
     on_held = dataclasses.replace(problem, tracks=held, figures=None)
-    before, judged = on_held.as_it_is(running), [on_held.as_it_is(best.chain)]
-    why = _why_not(on_held, judged[0], before)
+    before = on_held.as_it_is(running)
+
+    def judged(chain: ChainConfig) -> tuple[Candidate, str, str]:
+        after = on_held.as_it_is(chain)
+        return after, *_comparison(on_held, after, before)
+
+    every = [judged(best.chain)]
+    why = every[0][1]
     if why or any(track.samples.accuracy_s for track in held):
-        judged += [on_held.as_it_is(one.chain) for one in more]
-    holding = [one for one in judged if not _why_not(on_held, one, before)]
+        every += [judged(one.chain) for one in more]
+    holding = [(after, traded) for after, why_not, traded in every if not why_not]
     if not holding:
-        why = f'on the held-out recordings the best found is {why}'
-        return Verdict(running, why, best.chain)
-    taken = min(holding, key=lambda one: one.cost_ms).chain
-    return Verdict(taken, '', taken)
+        return Verdict(running, f'on the held-out recordings the best found is {why}', best.chain)
+    taken, traded = min(holding, key=lambda one: one[0].cost_ms)
+    return Verdict(taken.chain, '', taken.chain, traded)
 
 
-def _why_not(on_held: Problem, after: Candidate, before: Candidate) -> str:
-    """Return why a chain is not taken in place of the running one; empty where it is."""
-    worse = [] if on_held.config.trade else worse_than(after.figures, before.figures)
+def _comparison(on_held: Problem, after: Candidate, before: Candidate) -> tuple[str, str]:
+    """Return why a chain is not taken in place of the running one, and in what it is worse.
+
+    The first is empty where it is taken, the second unless that was traded.
+    """
+    worse, traded = worse_than(after.figures, before.figures), ''
+    if on_held.config.trade and len(worse) == 1:
+        (traded,), worse = worse, worse_than(after.figures, before.figures, trade=True)
     slips = sum(len(track.slips) for track in on_held.tracks)
-    recalls = [one.figures['recall'] or 0.0 for one in (before, after)]
+    recalls = [_known(one.figures['recall']) or 0.0 for one in (before, after)]
     if recalls[1] < recalls[0] and better_than_chance(before.figures):
         worse.insert(0, f'misses {slips - round(recalls[1] * slips)} of {slips} slips')
     if after.cost_ms > before.cost_ms:
         worse.append(f'a cost of {after.cost_ms:.4g} against {before.cost_ms:.4g} ms')
     if worse:
-        return f'worse: {", ".join(worse)}'
+        return f'worse: {", ".join(worse)}', ''
+    if not recalls[1]:
+        return f'no better: it detects none of {slips} slips', ''
+    if not better_than_chance(after.figures):
+        return 'no better than chance', ''
     better = after.cost_ms < before.cost_ms and worse_than(before.figures, after.figures)
-    return '' if better else 'no better'
+    return ('', traded) if better else ('no better', '')

@@ -18,7 +18,6 @@
 import asyncio
 import contextlib
 import functools
-import io
 import itertools
 import multiprocessing
 import os
@@ -29,6 +28,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from slip_detector.commands.command_line import interrupts_noted
 from slip_detector.commands.tune import in_short
 from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
@@ -182,10 +182,10 @@ def work(job: TuneJob, connection: Connection) -> None:
     """Do a job, as the only thing of this process; report changes of the run's attributes."""
     os.setsid()  # Ctrl-C in the terminal is for slip_view.
     os.nice(NICE)
-    signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
-        threading.Thread(target=_obey, args=(connection,), daemon=True).start()
-        _tune(job, lambda **changes: connection.send(changes))
+        with interrupts_noted() as stop:
+            threading.Thread(target=_obey, args=(connection,), daemon=True).start()
+            _tune(job, lambda **changes: connection.send(changes), stop)
     except KeyboardInterrupt:
         connection.send({'failed': 'stopped before anything was found'})
     except ValueError as error:
@@ -201,7 +201,7 @@ def _obey(connection: Connection) -> None:
         os._exit(1)
 
 
-def _tune(job: TuneJob, report: Callable[..., None]) -> None:
+def _tune(job: TuneJob, report: Callable[..., None], stop: Callable[[], bool]) -> None:
     """Learn, search and compare."""
     folder = writable_folder(job.folder / 'tuning')
     begin, lines = learnt(job, beginning(DetectorConfig.from_parameters(job.running)), report)
@@ -219,12 +219,10 @@ def _tune(job: TuneJob, report: Callable[..., None]) -> None:
     report(step='searching')
     to_tune_on = job.paths(itertools.chain(*job.to_tune_on.values()))
     files = TrainingFiles(to_tune_on, parameters.loader, job.paths(job.held_out))
-    with contextlib.redirect_stderr(io.StringIO()):  # It says how to go on in a terminal.
-        journal = str(folder / 'tuned.yaml.study.journal')
-        calls: Any = {'progress': progress, 'doubt': lambda said: report(lines=lines + said)}
-        result = tune(files, parameters, job.trials, storage=journal, **calls)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    report(step='comparing on what was held out')
+    journal = str(folder / 'tuned.yaml.study.journal')
+    calls: Any = {'progress': progress, 'doubt': lambda said: report(lines=lines + said)}
+    result = tune(files, parameters, job.trials, storage=journal, stop=stop, **calls)
+    report(step='comparing on what was held out', lines=lines + result.notes)
     verdict = result.verdict
     tried = verdict.tried
     tuned = {**begin, **searched(tried)} if tried else job.running
@@ -296,17 +294,23 @@ def compared(
 ) -> list[tuple[str, str, str, str]]:
     """Return two sets of figures side by side, each with its title and 'better' or 'worse'.
 
+    Of what finds no slip nothing is better; and the latency of the slips found is neither where
+    more of them are missed, as it falls where late ones are.
+
     Examples
     --------
     >>> compared({'recall': 0.8}, {'recall': 0.95})
     [('recall', '0.800', '0.950', 'better')]
     """
-    rows = []
+    rows, recalls = [], [one.get('recall') or 0.0 for one in (before, after)]
     for name in main_figures([before, after]):
         was, now, change = before[name], after[name], ''
         known = was is not None and now is not None and was != now and name != 'slips'
         # A negative latency, ON before the slip, is neither better nor worse.
         if known and not (name.startswith('latency') and min(was, now) < 0.0):
             change = 'better' if (now > was) == (name in LARGER_IS_BETTER) else 'worse'
+        late_missed = name.startswith('latency') and '_all' not in name and recalls[1] < recalls[0]
+        if change == 'better' and (late_missed or not recalls[1]):
+            change = ''
         rows.append((heading(name), figure_text(name, before), figure_text(name, after), change))
     return rows

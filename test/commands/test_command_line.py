@@ -16,6 +16,7 @@
 
 import argparse
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -64,6 +65,28 @@ def test_a_reader_that_leaves_early_is_no_error_and_a_full_disk_is_one():
         )  # fmt: skip
         os.close(output)
         assert (done.returncode, done.stderr) == wanted
+
+
+@pytest.mark.parametrize('interrupts', [1, 2])
+def test_an_interrupt_while_it_prints_does_not_cut_off_the_text_and_a_second_one_ends(interrupts):
+    code = 'import sys; from slip_detector.commands import command_line as c, tune; '
+    code += 'tune.main = lambda: c.run("slip_tune", lambda: "x" * 9_999_999); sys.exit(c.tune())'
+    with subprocess.Popen(
+        [sys.executable, '-c', code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, bufsize=0
+    ) as process:
+        printed = process.stdout.read(1)
+        process.send_signal(signal.SIGINT)
+        assert process.stderr.read(15) == b'\nstill printing'
+        if interrupts == 2:
+            process.send_signal(signal.SIGTERM)
+            assert process.wait(60) == 130
+        with process.stdout as stdout:
+            for part in iter(lambda: stdout.read(1_000_000), b''):
+                printed += part
+        said = process.stderr.read().decode().splitlines()[1:]
+        assert process.wait(60) == (130 if interrupts == 2 else 0)
+    assert (len(printed) == 10_000_000) == (interrupts == 1)
+    assert said == ['slip_tune: ended before it was done'] * (interrupts - 1)
 
 
 @pytest.mark.parametrize('text', ['٣', '³', '1_0', '+3', '-1', '', '9' * 5000])

@@ -14,6 +14,9 @@
 
 """``slip_tune``: the files that it writes, studies that go on, what it refuses, how it ends."""
 
+import contextlib
+import importlib
+import signal
 import sys
 from pathlib import Path
 
@@ -28,7 +31,7 @@ from slip_detector.parameters.files import write_yaml
 from slip_detector.tuning.problem import searched
 from support.evaluation_cases import complaint
 from support.interrupts import check_interrupted_search
-from support.tuning_cases import PARAMETERS, journal, run, trials_of, write
+from support.tuning_cases import PARAMETERS, journal, run, slips, trials_of, write
 
 
 def test_the_file_has_the_figures_and_all_that_was_not_searched(case, capsys):
@@ -155,10 +158,63 @@ def test_wrong_arguments_are_refused_in_one_line(words, line, code, tmp_path, mo
 
 
 def test_an_interrupt_keeps_what_was_found_and_the_same_command_goes_on(case):
-    words, store = check_interrupted_search(case, '--jobs', 2)
+    words, store = check_interrupted_search(case, '--jobs', 2, number=signal.SIGTERM)
     before = len(trials_of(journal(store)))
     run(*words, '--trials', before + 2)
     assert len(trials_of(journal(store))) == before + 2
+
+
+#: Where an interrupt comes: the module, the function, and whether there is something to keep.
+PHASES = [
+    ('slip_detector.tuning.tracks', 'load_tracks', False),
+    ('slip_detector.tuning.verdict', 'contradictions', False),
+    ('slip_detector.tuning.verdict', 'judge', True),
+    ('slip_detector.report.page', 'replay_variant', True),
+    ('slip_detector.commands.tune', 'write_yaml', True),
+    ('slip_detector.report.page', 'write_page', True),
+]
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize(('module', 'name', 'kept'), PHASES)
+def test_an_interrupt_at_any_moment_keeps_what_was_found(
+    module, name, kept, number, case, monkeypatch
+):
+    folder, words = case
+    of, left = importlib.import_module(module), [number]
+    function = getattr(of, name)
+
+    def interrupted(*args, **kwargs):
+        while left:
+            signal.raise_signal(left.pop())
+        return function(*args, **kwargs)
+
+    monkeypatch.setattr(of, name, interrupted)
+    files = [folder / 'out.yaml', folder / 'report.html']
+    end = contextlib.nullcontext() if kept else pytest.raises(KeyboardInterrupt)
+    with end:
+        run(*words, '--out', files[0], '--report', files[1], '--trials', 3)
+    assert [file.exists() for file in files] == [kept, kept]
+
+
+def test_a_report_that_cannot_be_written_costs_only_the_report(case, monkeypatch, capsys):
+    folder, words = case
+    out, report = folder / 'out.yaml', folder / 'no' / 'report.html'
+    monkeypatch.setattr('slip_detector.commands.workers.check_writable', lambda path: None)
+    run(*words, '--out', out, '--report', report, '--trials', 2, code=1)
+    assert f'{report}: cannot be written (' in (said := capsys.readouterr().err)
+    assert said.endswith(f'; {out} is written\n')
+    assert DetectorConfig.from_yaml(out).channels == 4
+
+
+def test_what_detects_none_of_the_held_out_slips_says_so_first(case, capsys):
+    folder, words = case
+    volts, _ = slips(6, slips=False)
+    np.savez(folder / 'c.npz', volts=volts, label=slips(6)[1], sample_rate_hz=380.0)
+    run(*words, '--out', folder / 'out.yaml', '--trials', 2)
+    said = capsys.readouterr().out
+    assert said.startswith('The result detects none of 4 slips that are held out\n')
+    assert 'The given parameters are kept: on the held-out recordings the best found is ' in said
 
 
 def test_a_file_of_the_package_is_named_without_its_folder_and_keeps_its_sensor(tmp_path):

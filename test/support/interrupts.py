@@ -38,7 +38,7 @@ def wait_for(condition, *processes):
         time.sleep(0.1)
 
 
-def check_interrupted_search(case, *words):
+def check_interrupted_search(case, *words, number=signal.SIGINT):
     """See that a search leaves what it found; return its words but the trials, and its study."""
     folder, of_case = case
     out = folder / 'out.yaml'
@@ -48,9 +48,10 @@ def check_interrupted_search(case, *words):
         [sys.executable, '-c', SLIP_TUNE, *map(str, [*mine, '--trials', 100_000, *words])],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         env={**os.environ, 'PYTHONWARNINGS': 'ignore', 'PYTHONPATH': str(ROOT)},
+        start_new_session=True,
     )  # fmt: skip
     wait_for(lambda: store.exists() and store.read_bytes().count(b'"op_code":4') >= 4, process)
-    process.send_signal(signal.SIGINT)
+    os.killpg(process.pid, number)
     shown, err = process.communicate(timeout=DEADLINE_S)
     assert process.returncode == 0, err
     assert 'Traceback' not in err, err

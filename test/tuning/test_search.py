@@ -16,17 +16,20 @@
 
 import pickle
 import signal
+from pathlib import Path
 
 import numpy as np
 import optuna
 import pytest
 
+from slip_detector.commands.command_line import interrupts_noted
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.tuning.search import Study
 from slip_detector.tuning.tracks import TrainingFiles
 from slip_detector.tuning.verdict import TuningParameters, tune
 from support.limits import full_disk
+from support.python_runs import run_python
 from support.tuning_cases import CHAIN, problem, study_of, track, write
 
 PARAMETERS = TuningParameters(CHAIN, RecordingConfig(recording_truth_key='label'))
@@ -96,16 +99,20 @@ def interrupted_at(*counts):
     return progress
 
 
-def test_a_first_interrupt_keeps_the_result_so_far_and_a_second_ends_at_once(files, capsys):
+def test_a_first_interrupt_keeps_the_result_so_far_and_a_second_ends_at_once(files, capfd):
     before = signal.getsignal(signal.SIGINT)
-    result = tune(files, PARAMETERS, 1000, progress=interrupted_at(3))
-    assert result.notes == ['Stopped early.']
+    with interrupts_noted('stopping') as stop:
+        result = tune(files, PARAMETERS, 1000, progress=interrupted_at(3), stop=stop)
+    assert result.notes == [
+        'Stopped early.',
+        'Only 9.21 s of rest are held out: false alarms hardly show in it',
+    ]
     assert result.study.follow() == 3
     assert [track.name for track in result.held] == ['b.npz']
-    with pytest.raises(KeyboardInterrupt):
-        tune(files, PARAMETERS, 1000, progress=interrupted_at(3, 3))
+    with pytest.raises(KeyboardInterrupt), interrupts_noted('stopping') as stop:
+        tune(files, PARAMETERS, 1000, progress=interrupted_at(3, 3), stop=stop)
     assert signal.getsignal(signal.SIGINT) is before
-    assert capsys.readouterr().err.count('stopping') == 2
+    assert capfd.readouterr().err.count('stopping') == 2
 
 
 @pytest.mark.parametrize('where', ['{}/study.journal', 'sqlite:///{}/study.db'])
@@ -142,6 +149,24 @@ def test_a_damaged_journal_is_refused_in_one_line_and_is_not_changed(more, tmp_p
         Study(X, 0, str(path))
     assert ('is cut off' in str(refused.value)) == (not more.endswith('\n'))
     assert path.read_text() == damaged
+
+
+@pytest.mark.timeout(60)
+def test_what_a_killed_search_leaves_beside_a_journal_does_not_hold_up_the_next(
+    tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    Path('out').mkdir()
+    # Killed while it writes; and as Optuna's own lock is left.
+    done = run_python(
+        '-c',
+        'import os, signal; from slip_detector.tuning.search import Study, _JournalLock\n'
+        'Study({}, 0, "out/study.journal")\n_JournalLock("out/study.journal").acquire()\n'
+        'os.kill(os.getpid(), signal.SIGKILL)',
+    )
+    assert done.returncode == -signal.SIGKILL
+    Path('out/study.journal.lock').symlink_to('out/study.journal')
+    Study(X, 0, 'out/study.journal').tell({'x': 0.25}, [{'cost_ms': 3.0}])
 
 
 def test_damaged_trials_are_refused_in_one_line(files, tmp_path):

@@ -16,16 +16,19 @@
 """Tuning on what the page recorded: stopped, failing, and when slip_view is killed."""
 
 import asyncio
+import signal
 import time
 from pathlib import Path
 
 import pytest
 
+from slip_detector.commands.command_line import interrupts_noted
 from slip_detector.parameters import DetectorConfig
 from slip_detector.report.tables import MAIN_FIGURES, heading
+from slip_detector.tuning import verdict
 from slip_detector.view import tuning
 from slip_detector.view.recordings import RecordedFolder
-from slip_detector.view.tuning import TuneRun
+from slip_detector.view.tuning import TuneJob, TuneRun
 from support.training import write_recordings
 
 DEADLINE_S = 120.0
@@ -118,6 +121,35 @@ def test_what_tunes_ends_when_nobody_listens_any_more_as_slip_view_was_killed(re
     run._connection.close()
     run._process.join(DEADLINE_S)
     assert run._process.exitcode == 1
+
+
+def test_a_stop_while_what_was_found_is_judged_keeps_it(recorded, monkeypatch):
+    reports, judge = {}, verdict.judge
+
+    def stopped(*args):
+        signal.raise_signal(signal.SIGINT)
+        return judge(*args)
+
+    monkeypatch.setattr(verdict, 'judge', stopped)
+    files = listed(recorded)
+    to_tune_on, held_out = files.divided()
+    job = TuneJob(DetectorConfig().to_parameters(), to_tune_on, held_out, recorded, 3)
+    with interrupts_noted() as stop:
+        tuning._tune(job, lambda **changes: reports.update(changes), stop)
+    assert isinstance(reports['found'], DetectorConfig)
+    assert 'Stopped early.' not in reports['lines']
+    assert any(line.startswith('Only ') for line in reports['lines'])
+
+
+def test_of_what_finds_no_slip_nothing_is_better():
+    before = {**dict.fromkeys(MAIN_FIGURES, 1.0), 'latency_p90_ms': 90.0}
+    never = {**dict.fromkeys(MAIN_FIGURES, 0.0), 'latency_p90_ms': None}
+    assert {row[3] for row in tuning.compared(before, never)} == {'worse', ''}
+    rows = {
+        row[0]: row[3]
+        for row in tuning.compared(before, {**before, 'recall': 0.5, 'latency_p90_ms': 50.0})
+    }
+    assert rows[heading('latency_p90_ms')] == ''
 
 
 def test_that_slip_was_on_before_its_label_is_neither_better_nor_worse():
