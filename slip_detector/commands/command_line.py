@@ -184,8 +184,8 @@ def _start(command: str) -> int:
     try:
         with interrupts_noted():
             return int(importlib.import_module(f'slip_detector.commands.{command}').main())
-    except KeyboardInterrupt:
-        sys.stderr.write(f'slip_{command}: ended before it was done\n')
+    except KeyboardInterrupt as interrupt:
+        sys.stderr.write(f'slip_{command}: {str(interrupt) or "ended before it was done"}\n')
         return INTERRUPTED
 
 

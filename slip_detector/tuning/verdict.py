@@ -177,6 +177,8 @@ def tune(
     ValueError
         When a recording cannot be read, there are too few slips, or the storage fails; names what
         is wrong.
+    KeyboardInterrupt
+        When it was stopped before it found anything.
     """
     if importlib.util.find_spec('optuna') is None:
         raise ValueError("needs optuna, which is not installed: pip install 'slip_detector[tune]'")
@@ -191,6 +193,7 @@ def tune(
     notes += sentences
     if notes:
         doubt(notes)
+    stop()
     problem = parameters.problem(training)
     name = problem.study_name()
     study = Study(problem.space.distributions, seed, storage, name)
@@ -210,6 +213,8 @@ def tune(
     results = calls and functools.partial(calls, functools.partial(candidates_at, pickled))
     search(problem, study, trials, stop, show, results)
     if stop():
+        if not study.trials:
+            raise KeyboardInterrupt('stopped before anything was found')
         notes.append('Stopped early.')
     rest_s = sum((one.kinds < SLIP).sum() / one.sample_rate_hz for one in held)
     if rest_s < LEAST_REST_S:

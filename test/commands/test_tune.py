@@ -168,6 +168,7 @@ def test_an_interrupt_keeps_what_was_found_and_the_same_command_goes_on(case):
 PHASES = [
     ('slip_detector.tuning.tracks', 'load_tracks', False),
     ('slip_detector.tuning.verdict', 'contradictions', False),
+    ('slip_detector.tuning.verdict', 'Study', False),
     ('slip_detector.tuning.verdict', 'judge', True),
     ('slip_detector.report.page', 'replay_variant', True),
     ('slip_detector.commands.tune', 'write_yaml', True),
