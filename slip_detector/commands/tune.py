@@ -128,7 +128,7 @@ def _progress(bar: Any) -> Callable[[int, Candidate | None], None]:
 
     def show(count: int, best: Candidate | None) -> None:
         nonlocal printed
-        found = 'no result yet' if best is None else f'result so far: {in_short(best)}'
+        found = in_short(best)
         bar.set_postfix_str(found, refresh=False)
         bar.update(count - bar.n)
         if bar.disable and (count - printed) * LINES >= bar.total:
@@ -138,20 +138,22 @@ def _progress(bar: Any) -> Callable[[int, Candidate | None], None]:
     return show
 
 
-def in_short(found: Candidate) -> str:
-    """Return the figures of a chain as a short text.
+def in_short(found: Candidate | None) -> str:
+    """Return the figures of the best chain so far, if there is one, as a short text.
 
     Examples
     --------
     >>> from slip_detector.parameters import ChainConfig
     >>> figures = {'latency_median_all_ms': 41.0, 'sooner_than_chance': 0.95}
     >>> figures |= {'false_alarms_per_minute': 1.5, 'false_time_percent': None}
-    >>> in_short(Candidate(ChainConfig(), cost_ms=91.0, error_ms=9.0, figures=figures))
-    'costs 91.0 ms, latency 41.0 ms, sooner than chance 0.95, 1.5 false/min, - % false time'
+    >>> in_short(Candidate(ChainConfig(), cost_ms=91.0, error_ms=9.0, figures=figures))[:46]
+    'result so far: costs 91.0 ms, latency 41.0 ms,'
     """
+    if found is None:
+        return 'no result yet'
     figures = found.figures
     return (
-        f'costs {found.cost_ms:.1f} ms, '
+        f'result so far: costs {found.cost_ms:.1f} ms, '
         f'latency {number_text(figures["latency_median_all_ms"], ".1f")} ms, '
         f'sooner than chance {number_text(figures["sooner_than_chance"], ".2f")}, '
         f'{number_text(figures["false_alarms_per_minute"], ".2g")} false/min, '

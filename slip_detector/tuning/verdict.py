@@ -257,25 +257,24 @@ def worse_than(figures: Figures, other: Figures, trade: bool = False) -> list[st
     >>> worse_than({**given, 'sooner_than_chance': 0.9}, given)
     ['sooner than chance 0.9 against 1']
     """
-    of_two = [{name: _known(one[name]) for name in COMPARED} for one in (figures, other)]
-    on_percent, its_on_percent = (one['false_time_percent'] for one in of_two)
-    less_percent = max((its_on_percent or 0.0) - (on_percent or 0.0), 0.0)
-    texts = []
+    both, texts = (figures, other), []
+    on_percent, its_on_percent = (_known(one['false_time_percent']) or 0.0 for one in both)
+    less_percent = max(its_on_percent - on_percent, 0.0)
     for name, (words, unit, more_is_better, step, most) in COMPARED.items():
-        figure, its = (one[name] for one in of_two)
+        figure, its = (_known(one[name]) for one in both)
         if its is None or (name != 'auc' and not better_than_chance(other)):
             continue
-        if name.startswith('latency'):  # That an alarm is before its slip brings nothing.
-            figure, its = figure and max(figure, 0.0), max(its, 0.0)
         if figure is None:
             texts.append(f'no {words} defined against {its:.4g}{unit}')
             continue
+        if name.startswith('latency'):  # That an alarm is before its slip brings nothing.
+            figure, its = max(figure, 0.0), max(its, 0.0)
         worse_by = its - figure if more_is_better else figure - its
         if name == 'coverage':
             worse_by -= less_percent / 100.0
-        if worse_by > (most if trade else step) and not (
-            name == 'false_alarms_per_minute' and less_percent > ON_STEP
-        ):
+        elif name == 'false_alarms_per_minute' and less_percent > ON_STEP:
+            continue
+        if worse_by > (most if trade else step):
             texts.append(f'{words} {figure:.4g} against {its:.4g}{unit}')
     return texts
 
@@ -352,31 +351,23 @@ def judge(
     if best is None:
         return Verdict(running, 'no trial found a chain that detects slip')
     on_held = dataclasses.replace(problem, tracks=held, figures=None)
-    before = on_held.as_it_is(running)
-
-    def judged(chain: ChainConfig) -> tuple[Candidate, str, str]:
-        after = on_held.as_it_is(chain)
-        return after, *_comparison(on_held, after, before)
-
-    every = [judged(best.chain)]
-    why = every[0][1]
+    before, judged = on_held.as_it_is(running), [on_held.as_it_is(best.chain)]
+    why = _why_not(on_held, judged[0], before)
     if why or any(track.samples.accuracy_s for track in held):
-        every += [judged(one.chain) for one in more]
-    holding = [(after, traded) for after, why_not, traded in every if not why_not]
+        judged += [on_held.as_it_is(one.chain) for one in more]
+    holding = [one for one in judged if not _why_not(on_held, one, before)]
     if not holding:
         return Verdict(running, f'on the held-out recordings the best found is {why}', best.chain)
-    taken, traded = min(holding, key=lambda one: one[0].cost_ms)
+    taken = min(holding, key=lambda one: one.cost_ms)
+    traded = ', '.join(worse_than(taken.figures, before.figures))
     return Verdict(taken.chain, '', taken.chain, traded)
 
 
-def _comparison(on_held: Problem, after: Candidate, before: Candidate) -> tuple[str, str]:
-    """Return why a chain is not taken in place of the running one, and in what it is worse.
-
-    The first is empty where it is taken, the second unless that was traded.
-    """
-    worse, traded = worse_than(after.figures, before.figures), ''
+def _why_not(on_held: Problem, after: Candidate, before: Candidate) -> str:
+    """Return why a chain is not taken in place of the running one; empty where it is."""
+    worse = worse_than(after.figures, before.figures)
     if on_held.config.trade and len(worse) == 1:
-        (traded,), worse = worse, worse_than(after.figures, before.figures, trade=True)
+        worse = worse_than(after.figures, before.figures, trade=True)
     slips = sum(len(track.slips) for track in on_held.tracks)
     recalls = [_known(one.figures['recall']) or 0.0 for one in (before, after)]
     if recalls[1] < recalls[0] and better_than_chance(before.figures):
@@ -384,10 +375,10 @@ def _comparison(on_held: Problem, after: Candidate, before: Candidate) -> tuple[
     if after.cost_ms > before.cost_ms:
         worse.append(f'a cost of {after.cost_ms:.4g} against {before.cost_ms:.4g} ms')
     if worse:
-        return f'worse: {", ".join(worse)}', ''
+        return f'worse: {", ".join(worse)}'
     if not recalls[1]:
-        return f'no better: it detects none of {slips} slips', ''
+        return f'no better: it detects none of {slips} slips'
     if not better_than_chance(after.figures):
-        return 'no better than chance', ''
+        return 'no better than chance'
     better = after.cost_ms < before.cost_ms and worse_than(before.figures, after.figures)
-    return ('', traded) if better else ('no better', '')
+    return '' if better else 'no better'

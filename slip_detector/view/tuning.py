@@ -210,11 +210,8 @@ def _tune(job: TuneJob, report: Callable[..., None], stop: Callable[[], bool]) -
     parameters = _parameters(begin)._replace(running=running)
 
     def progress(count: int, best: Candidate | None) -> None:
-        words = f'result so far: {in_short(best)}' if best else 'no result yet'
-        report(
-            share=count / job.trials,
-            step=f'searching: {count} of {job.trials} chains tried, {words}',
-        )
+        tried = f'{count} of {job.trials} chains tried'
+        report(share=count / job.trials, step=f'searching: {tried}, {in_short(best)}')
 
     report(step='searching')
     to_tune_on = job.paths(itertools.chain(*job.to_tune_on.values()))
