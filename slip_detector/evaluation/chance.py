@@ -155,7 +155,8 @@ def slip_figures(
     Returns
     -------
     dict
-        ``recall``: the share of the slips that are found; :func:`recall_by_chance` and
+        How many slips are ``matched`` to an alarm, and ``missed``; ``recall``: the share of the
+        slips that are found; :func:`recall_by_chance` and
         :func:`sooner_than_chance`; ``false_alarms_per_minute`` of rest; ``false_time_percent``:
         the share of the rest that is ON, and ``false_time_s_per_hour``, the same in another unit;
         ``latency_median_ms``, ``latency_p90_ms`` and ``latency_worst_ms`` of the slips found,
@@ -192,6 +193,8 @@ def slip_figures(
     if sooner is not None and sooner >= HALF:
         median_all = float(np.median(np.where(np.isnan(latencies), np.inf, latencies)))
     return {
+        'matched': found.size,
+        'missed': latencies.size - found.size,
         'recall': found.size / latencies.size if latencies.size else None,
         'recall_by_chance': by_chance,
         'sooner_than_chance': sooner,

@@ -216,9 +216,7 @@ def event_figures(outcomes: Sequence['ReplayOutcome']) -> dict[str, Any]:
     return {
         'slips': len(slips),
         'settling_slips': len(slips) - len(scored),
-        'matched': matched,
         'late': len(late),
-        'missed': len(lost),
         'alarms': len(kinds),
         'repeated_alarms': kinds.count(REPEAT),
         'false_alarms': false_alarms,

@@ -77,7 +77,8 @@ LEGEND = f'{UNDEFINED}: not defined (no labels, no such rows or events, or no re
 
 #: The figures by which chains are compared, where they are defined.
 MAIN_FIGURES = (
-    'slips', 'missed', 'late', 'recall', 'coverage', 'sooner_than_chance', 'precision',
+    'slips', 'settling_slips', 'missed', 'late', 'recall', 'coverage', 'sooner_than_chance',
+    'precision',
     'false_alarms', 'false_alarms_per_minute', 'false_time_percent', 'latency_median_all_ms',
     'latency_median_ms', 'latency_p90_ms', 'latency_worst_ms', 'auc_all', 'auc_moving',
     *TABLES['kinds'], *TABLES['decisions'],

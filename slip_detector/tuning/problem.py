@@ -36,7 +36,7 @@ from slip_detector.tuning.tracks import Track
 #: Figures by name, None where one is not defined: ``coverage`` and those of :func:`.slip_figures`;
 #: and ``auc``, the area under the ROC curve of rows with slip against rows of motion, or, where no
 #: motion is known, all rows without slip.
-Figures = dict[str, float | None]
+Figures = dict[str, Any]
 
 #: The cost of a threshold is averaged with those of this many neighbours on each side, which are
 #: :data:`slip_detector.tuning.sweep.STEP` apart: from day to day, contact and sensor change
@@ -115,6 +115,8 @@ class Problem:
         The weights of the cost.
     running : ChainConfig or None
         The chain that the result has to be better than; None: the given one.
+    settling_rows : int
+        No chain settles in fewer rows, so that several are scored on the same slips.
 
     Examples
     --------
@@ -137,6 +139,7 @@ class Problem:
     evaluation: EvaluationConfig = dataclasses.field(default_factory=EvaluationConfig)
     config: TuneConfig = dataclasses.field(default_factory=TuneConfig)
     running: ChainConfig | None = None
+    settling_rows: int = 0
 
     def study_name(self) -> str:
         """Return a name for the study that no other problem has, however recordings are named."""
@@ -209,7 +212,8 @@ class Problem:
         self, chain: ChainConfig, statistic: Sequence[Floats], limits: Floats, neighbours: int
     ) -> Candidate:
         """Return a chain with the threshold that, with so many neighbours, costs least."""
-        rows, most_ms = settling_rows(chain), self.config.missed_costs_ms
+        rows = max(settling_rows(chain), self.settling_rows)
+        most_ms = self.config.missed_costs_ms
         swept = sweep.sweep_thresholds(statistic, self.tracks, limits, self.evaluation, rows)
         # How late each slip is found. One that begins while a chain settles counts as missed, so
         # that a chain does not gain by settling for longer.

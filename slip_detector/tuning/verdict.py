@@ -22,6 +22,7 @@ import pickle
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
+from slip_detector.chain.filters import settling_rows
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters import ChainConfig, EvaluationConfig, RecordingConfig, TuneConfig
@@ -365,13 +366,18 @@ def judge(
 
 def _why_not(on_held: Problem, after: Candidate, before: Candidate) -> str:
     """Return why a chain is not taken in place of the running one; empty where it is."""
+    slips = sum(len(track.slips) for track in on_held.tracks)
+    if any(one.figures['matched'] + one.figures['missed'] < slips for one in (before, after)):
+        # A slip that begins while one of them settles is counted for neither.
+        rows = max(settling_rows(one.chain) for one in (before, after))
+        on_held = dataclasses.replace(on_held, settling_rows=rows)
+        before, after = (on_held.as_it_is(one.chain) for one in (before, after))
     worse = worse_than(after.figures, before.figures)
     if on_held.config.trade and len(worse) == 1:
         worse = worse_than(after.figures, before.figures, trade=True)
-    slips = sum(len(track.slips) for track in on_held.tracks)
-    recalls = [_known(one.figures['recall']) or 0.0 for one in (before, after)]
-    if recalls[1] < recalls[0] and better_than_chance(before.figures):
-        worse.insert(0, f'misses {slips - round(recalls[1] * slips)} of {slips} slips')
+    missed, found = after.figures['missed'], after.figures['matched']
+    if missed > before.figures['missed'] and better_than_chance(before.figures):
+        worse.insert(0, f'misses {missed} of {missed + found} slips')
     if after.cost_ms > before.cost_ms:
         worse.append(f'a cost of {after.cost_ms:.4g} against {before.cost_ms:.4g} ms')
     if worse:

@@ -302,7 +302,7 @@ def compared(
     rows, recalls = [], [one.get('recall') or 0.0 for one in (before, after)]
     for name in main_figures([before, after]):
         was, now, change = before[name], after[name], ''
-        known = was is not None and now is not None and was != now and name != 'slips'
+        known = was is not None and now is not None and was != now and 'slips' not in name
         # A negative latency, ON before the slip, is neither better nor worse.
         if known and not (name.startswith('latency') and min(was, now) < 0.0):
             change = 'better' if (now > was) == (name in LARGER_IS_BETTER) else 'worse'

@@ -326,6 +326,13 @@ def test_with_trade_one_figure_may_get_worse_within_its_bound_and_that_is_said()
         assert judge(dataclasses.replace(asked, config=TuneConfig()), [], verdict).kept
 
 
+def test_slips_are_counted_that_begin_when_both_chains_have_settled():
+    tracks = [track_with(*(rows[round(0.9 * RATE_HZ) :] for rows in slips(1)))]
+    slow = dataclasses.replace(CHAIN, threshold=1e3, envelope_window_s=1.0)
+    kept = judge(problem(tracks), tracks, Problem(tracks).as_it_is(slow)).kept
+    assert 'worse: misses 3 of 3 slips, ' in kept
+
+
 def test_a_chain_that_remembers_for_longer_costs_more_where_labels_hide_it():
     rows = track(1).samples
     edges_ns = rows.stamps_ns[np.flatnonzero(np.diff(rows.truth)) + 1]
