@@ -7,7 +7,7 @@
 #   make benchmark          how fast and how exact it is: the quick form of each measurement
 #   make test               all checks
 #   make test-matrix        what computes, with NumPy 1.26 and without Numba
-#   make fuzz seconds=600   hostile packets, messages, parameters, YAML, recordings and scenes, for so long
+#   make fuzz seconds=600   hostile packets, messages, requests, parameters, YAML, recordings and scenes, for so long
 #   make test ROS=kilted    the same on the wheels of another distribution, in .venv-kilted
 #
 # Each step leaves a stamp and is done again only when something it depends on has changed.

@@ -48,8 +48,11 @@ def one_line(message: object) -> str:
     --------
     >>> one_line('rest\n1.npz: is no recording'), len(one_line('a' * 100_000))
     ('rest 1.npz: is no recording', 1955)
+    >>> print(one_line('\x1b[2J.npz'))
+    \x1b[2J.npz
     """
     line, (first, last) = ' '.join(str(message).split()), SHOWN
+    line = ''.join(each if each.isprintable() else ascii(each)[1:-1] for each in line)
     return line if len(line) <= first + last else f'{line[:first]} ... {line[-last:]}'
 
 

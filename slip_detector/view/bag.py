@@ -15,7 +15,6 @@
 
 """A recording that is played on the live page as if it were live, and labelled by hand."""
 
-import asyncio
 import math
 import time
 from collections.abc import Iterator
@@ -27,6 +26,7 @@ import numpy as np
 from slip_detector.chain.samples import Floats, Samples
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.parameters import DetectorConfig, DriverConfig
+from slip_detector.parameters.fields import shown
 from slip_detector.parameters.files import file_errors_of, write_yaml
 from slip_detector.recordings import labels
 from slip_detector.view.recordings import trace_of
@@ -110,10 +110,9 @@ class PlayedBag:
         # The place, the next row, what its stamp has more, and the time of the last call.
         self._at_s, self._next, self._later_ns, self._now_s = 0.0, 0, 0, -math.inf
         server.each_tick.append(self.tick)
-        server.on_request('bag_play', self._play)
-        server.on_request('bag_trace', self._trace)
-        of_labels = {'label': self._label, 'snap': self._snap, 'undo': self._undo}
-        for kind, answer in of_labels.items():
+        server.on_request('bag_trace', self._trace, latest_only=True)
+        server.on_request('bag_snap', self._snap, changes=True, latest_only=True)
+        for kind, answer in {'play': self._play, 'label': self._label, 'undo': self._undo}.items():
             server.on_request(f'bag_{kind}', answer, changes=True)
 
     def tick(self) -> None:
@@ -190,9 +189,11 @@ class PlayedBag:
     # What pages request.
 
     async def _play(self, message: Message) -> None:
-        self.speed = number('speed', message, *SPEEDS) or self.speed
-        to_s = number('to_s', message, 0.0, math.inf)
-        self.playing = bool(message.get('playing', self.playing))
+        speed, to_s = number('speed', message, *SPEEDS), number('to_s', message, 0.0, math.inf)
+        playing = message.get('playing', self.playing)
+        if not isinstance(playing, bool):
+            raise ValueError(f'playing is {shown(playing)}, allowed: true, false')
+        self.speed, self.playing = speed or self.speed, playing
         if to_s is None and message.get('playing') and self._next == len(self._after_ns):
             to_s = 0.0
         if to_s is not None:
@@ -200,7 +201,7 @@ class PlayedBag:
 
     async def _trace(self, message: Message) -> dict[str, Any]:
         config = self._server.detectors.finger_of(self._finger).config
-        return await asyncio.to_thread(self.trace, config)
+        return await self._server.work(self.trace, config)
 
     async def _label(self, message: Message) -> None:
         """Take all labels as a page has them; ``pixel_s`` is there if by eye, else by a key."""
@@ -216,9 +217,8 @@ class PlayedBag:
     async def _snap(self, message: Message) -> None:
         """Move the ends to where the power of the signal changes, as near as hands are exact."""
         before, edges_s = self._ends, np.reshape(_pairs(self._ends), (-1, 2))
-        moved = await asyncio.to_thread(
-            labels.snapped, self._rows, edges_s, self._rate_hz, labels.BY_HAND_S
-        )
+        of = self._rows, edges_s, self._rate_hz, labels.BY_HAND_S
+        moved = await self._server.work(labels.snapped, *of)
         if before and before is self._ends:  # No page has changed them meanwhile.
             ends = zip(moved.ravel().round(4).tolist(), before, strict=True)
             self._keep([old if s == old[0] else (s, labels.BY_EYE_S) for s, old in ends])

@@ -36,7 +36,7 @@ from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.fields import allowed, shortened, shown, under_headings
 from slip_detector.parameters.files import read_yaml, shared_folder, writable_folder, write_yaml
 from slip_detector.view.detectors import Change, ParameterPanel, to_decide_as
-from slip_detector.view.server import Message, Server
+from slip_detector.view.server import MOST_NAME, Message, Server
 
 #: Heading of the parameters that do not belong to this package.
 OF_ROS = 'Of every node'
@@ -148,7 +148,7 @@ class ParameterRequests:
     ) -> None:
         """Set the values that a request asks for, if any."""
         if values := values_of(self._panel(message.get('finger')), message):
-            page = f'page {message.get("page")}'
+            page = f'page {message.get("page")}'[:MOST_NAME]
             await self._server.detectors.change(message['finger'], values, page)
 
     def _typed(self, panel: ParameterPanel, message: Message) -> Values:

@@ -21,7 +21,7 @@ Each recording is a bag. Its name is its kind and a number.
 import asyncio
 import re
 import shutil
-from collections.abc import Iterable
+from collections.abc import Awaitable, Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -70,6 +70,8 @@ class RecordingSummary(NamedTuple):
     slips: int
     #: What is wrong with it; empty if nothing is.
     note: str = ''
+    #: How exact each end of its labels is; empty where that was not set here.
+    exact_s: tuple[float, ...] = ()
 
     @property
     def kind(self) -> str:
@@ -97,12 +99,13 @@ class RecordedFolder:
         #: The recordings by their names, within a kind in the order of recording.
         self.recordings: dict[str, RecordingSummary] = {}
 
-    async def refresh(self) -> None:
-        """Update the list from the folder; recordings in the list are not read again."""
-        names = self._bags().difference(self.recordings)
-        new = await asyncio.to_thread(lambda: [self._summary(name) for name in names])
-        # A recording that was added meanwhile may have been read above before it had ended.
-        self.add(*(one for one in new if one.name not in self.recordings))
+    async def refresh(self, work: Callable[..., Awaitable[Any]] = asyncio.to_thread) -> None:
+        """Update the list from the folder; ``work`` reads what is not in the list yet."""
+        for name in self._bags().difference(self.recordings):
+            new = await work(self._summary, name)
+            # One that was added meanwhile may have been read above before it had ended.
+            if name not in self.recordings:
+                self.add(new)
         for name in self.recordings.keys() - self._bags():
             del self.recordings[name]
 
@@ -151,11 +154,12 @@ class RecordedFolder:
         rows, rate_hz, _ = RecordingLoader(config).open(self.path_of(name), require_truth=False)
         return trace_of(str(name), config, rows, rate_hz)
 
-    def label(self, name: object, edges_s: object, *, snap: bool) -> dict[str, Any]:
+    def label(self, name: object, edges_s: object, by_s: float, *, snap: bool) -> dict[str, Any]:
         """Take the ends of a recording's labels as a page has moved them, in seconds.
 
         Either nothing is changed and the ends are returned where the power changes, as near as
-        hands are exact; or they are written beside the recording.
+        hands are exact; or they are written beside the recording. Ends that were moved are exact
+        to ``by_s``, the others as before.
 
         Raises
         ------
@@ -164,17 +168,24 @@ class RecordedFolder:
         """
         path = self.path_of(name)
         file = path.parent / labels.labels_name(path)
-        document = {labels.KEY: edges_s, labels.ACCURACY: labels.BY_EYE_S}
-        wanted = labels.labels_from(file, dict(document))
+        wanted = labels.labels_from(file, {labels.KEY: edges_s})
         wanted.check_end(self.recordings[path.name].duration_s + labels.BY_EYE_S, path)
+        recording = open_recording(path)
+        track = track_of(path.name, recording.rows(), recording.sample_rate_hz)
         if snap:
-            recording = open_recording(path)
-            first, *more = recording.rows()
-            rows, rate_hz = first.then(*more), recording.sample_rate_hz
-            edges = labels.snapped(rows, wanted.edges_s, rate_hz, labels.BY_HAND_S)
-            return {'slip_s': edges.tolist()}
+            sought = wanted.edges_s, track.sample_rate_hz, labels.BY_HAND_S
+            return {'slip_s': labels.snapped(track.samples, *sought).tolist()}
+        # The page has seen the ends as rows.
+        row_s, were = 1.0 / track.sample_rate_hz, np.ravel(track.slips) / track.sample_rate_hz
+        before_s = self.recordings[path.name].exact_s or [recording.accuracy_s] * len(were)
+        known = [*zip(were, before_s, strict=False)]
+        exact_s = [
+            min((before_s for at_s, before_s in known if abs(at_s - s) <= row_s), default=by_s)
+            for s in wanted.edges_s.ravel()
+        ]
+        document = {labels.KEY: edges_s, labels.ACCURACY: max(exact_s, default=0.0)}
         write_yaml(file, document, ['Moved by hand on the page of slip_view.'])
-        self.recordings[path.name] = self._summary(path.name)
+        self.recordings[path.name] = self._summary(path.name)._replace(exact_s=tuple(exact_s))
         return {'slip_s': edges_s}
 
     def divided(self) -> tuple[dict[str, list[str]], list[str]]:

@@ -23,9 +23,11 @@ import logging
 import resource
 import socket
 import time
+import traceback
 from collections.abc import Awaitable, Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from tornado import web, websocket
 from tornado.httpserver import HTTPServer
@@ -44,15 +46,21 @@ FRAME_S = 1 / 30
 #: Period of the server's loop, in seconds, while no page is open and no finger is recorded.
 IDLE_S = 0.2
 
-#: Period, in seconds, at which a page is pinged. It is closed if it does not answer in time, as is
-#: a connection that asks for nothing.
+#: A page that has not read all it was sent, and answered a ping, for so many seconds is closed, as
+#: is a connection that asks for nothing.
 PING_S = 10.0
 
 #: Longest time, in seconds, for which the server waits at its end for pages to have heard of it.
 GOODBYE_S = 1.0
 
 #: Longest message of a page, in bytes.
-MOST_BYTES = 1 << 20
+MOST_BYTES = 1 << 18
+
+#: Most requests of a page without an answer that is sent: until then no more are read.
+MOST_UNANSWERED = 16
+
+#: Most characters of the name of a page, which is kept with what it has changed.
+MOST_NAME = 40
 
 #: Most pages that are open at once.
 MOST_PAGES = 32
@@ -89,12 +97,27 @@ NO_TOKEN = 'this address lacks its token: open the one that slip_view has printe
 
 READ_ONLY = 'slip_view was started with --read-only: nothing can be changed from a page'
 
+REPLACED = 'a later request of this page has taken its place'
+
+T = TypeVar('T')
+
 #: The content of a message of a page, which is not trusted.
 Message = Mapping[str, Any]
 
 #: Returns the answer to a request of a page, None where "done" is all there is to say, or raises a
 #: ValueError that says why not.
 Answer = Callable[[Message], Awaitable[Mapping[str, Any] | None]]
+
+
+def in_one_line(record: logging.LogRecord) -> bool:
+    """Make one line of a record, whatever a page has sent: of an error, what it is and where."""
+    text = record.getMessage()
+    if record.exc_info and record.exc_info[1]:
+        calls = reversed(traceback.extract_tb(record.exc_info[2]))
+        where = ' < '.join(f'{Path(each.filename).name}:{each.lineno}' for each in calls)
+        text = f'{text}: {record.exc_info[1]!r} at {where}'
+    record.msg, record.args, record.exc_info = one_line(text), (), None
+    return True
 
 
 class Server:
@@ -112,21 +135,21 @@ class Server:
         #: Connections that are no open page, the oldest first; some may be closed.
         self.strangers: list[IOStream] = []
         self._accepting: dict[socket.socket, asyncio.Task[None]] = {}
-        #: By kind of request its answer, and whether it changes the robot or a file.
+        #: By kind of request its answer, and whether it changes what others see.
         self.requests: dict[str, tuple[Answer, bool]] = {}
-        # Keeping a spectrum changes nothing on the robot.
-        self.on_request('keep_rest', self._keep_rest)
+        #: Kinds of which a page gets only what it asked for last.
+        self.latest_only: list[str] = []
+        self._worker = ThreadPoolExecutor(1, 'slow requests')
+        self.on_request('keep_rest', self._keep_rest, changes=True, latest_only=True)
         #: The present content of each kind, for a page that is opened later.
         self.news: dict[str, str] = {}
         application = web.Application(
             [
                 ('/live', LivePage),
                 ('/()', File, {'path': FOLDERS['page'], 'default_filename': 'index.html'}),
-                *((f'/{name}/(.*)', File, {'path': path}) for name, path in FOLDERS.items()),
+                *((rf'/{name}/([\w./]+)', File, {'path': path}) for name, path in FOLDERS.items()),
             ],
             server=self,
-            websocket_ping_interval=PING_S,
-            websocket_ping_timeout=PING_S,  # Older versions of tornado wait three times as long.
             websocket_max_message_size=MOST_BYTES,
         )
         self.connections = HTTPServer(
@@ -136,9 +159,30 @@ class Server:
             body_timeout=PING_S,
         )
 
-    def on_request(self, kind: str, answer: Answer, *, changes: bool = False) -> None:
-        """Let a function answer the requests of one kind."""
+    def on_request(
+        self, kind: str, answer: Answer, *, changes: bool = False, latest_only: bool = False
+    ) -> None:
+        """Let a function answer the requests of one kind.
+
+        Parameters
+        ----------
+        kind, answer
+            The kind, and what answers. It does what takes long by :meth:`work`.
+        changes
+            Whether it changes the robot, a file, or what other pages see.
+        latest_only
+            Whether a page that asks again, or leaves, needs no answer any more.
+        """
         self.requests[kind] = answer, changes
+        if latest_only:
+            self.latest_only.append(kind)
+
+    async def work(self, function: Callable[..., T], *arguments: Any) -> T:
+        """Return the result of a function that takes long, beside the loop, one at a time.
+
+        It is not begun if the request is cancelled before.
+        """
+        return await asyncio.get_running_loop().run_in_executor(self._worker, function, *arguments)
 
     def broadcast(self, kind: str, content: Mapping[str, Any]) -> None:
         """Send this content to all pages, also to those that are opened later.
@@ -160,8 +204,10 @@ class Server:
             When the port is not available.
         """
         # A malformed request is answered with its error; it need not be in a robot's log.
-        for name in ('tornado.access', 'tornado.general'):
-            logging.getLogger(name).setLevel(logging.ERROR)
+        logging.getLogger('tornado.access').setLevel(logging.CRITICAL)
+        logging.getLogger('tornado.general').setLevel(logging.ERROR)
+        for name in ('tornado.general', 'tornado.application', 'asyncio', __name__):
+            logging.getLogger(name).addFilter(in_one_line)
         sockets = bind_sockets(port, self.access.host)
         loop = asyncio.get_running_loop()
         self._accepting = {each: loop.create_task(self._accept(each)) for each in sockets}
@@ -220,7 +266,7 @@ class Server:
             try:
                 page.send_news()
             except Exception:
-                # The other pages and the recording go on; the log has the traceback.
+                # The other pages and the recording go on.
                 logging.getLogger(__name__).exception('a page cannot be sent to')
                 page.close(1011, 'slip_view has failed at this page, its log says where')
 
@@ -239,12 +285,14 @@ class Server:
         while self.pages and time.monotonic() < until_s:
             await asyncio.sleep(0.01)
         await self.connections.close_all_connections()
+        self._worker.shutdown(wait=False, cancel_futures=True)
 
     async def answer(self, message: Message) -> dict[str, Any]:
         """Answer a request of a page."""
         kind = message.get('type')
         answer = {'type': 'answer', 'id': message.get('id'), 'refusal': ''}
         try:
+            json.dumps(message, ensure_ascii=False).encode()  # No halves of characters.
             if not isinstance(kind, str) or kind not in self.requests:
                 known = ', '.join(sorted(self.requests))
                 raise ValueError(f'{str(kind)[:40]} is no request, allowed: {known}')
@@ -252,16 +300,16 @@ class Server:
             if changes and self.access.read_only:
                 raise ValueError(READ_ONLY)
             answer.update(await act(message) or {})
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             answer['refusal'] = str(error)
         except Exception as error:
-            # The page must not wait for ever; the log has the traceback.
+            # The page must not wait for ever.
             logging.getLogger(__name__).exception('a request failed: %s', kind)
             answer['refusal'] = f'slip_view has failed at this, its log says where: {error!r}'
         return {**answer, 'refusal': one_line(answer['refusal'])}
 
     async def _keep_rest(self, message: Message) -> None:
-        self.detectors.finger_of(message.get('finger')).keep_rest()
+        await self.work(self.detectors.finger_of(message.get('finger')).keep_rest)
 
 
 class _Guarded(web.RequestHandler):
@@ -308,7 +356,11 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         self.news: dict[str, str] = {}
         self._draws = False
         self._sending: asyncio.Future[None] | None = None
+        #: When it last answered a ping, and had read all else.
+        self._alive_s = time.monotonic()
         self._answers: set[asyncio.Task[None]] = set()
+        #: By kind of request the latest, if only that counts.
+        self._latest: dict[str, asyncio.Task[dict[str, Any]]] = {}
 
     def check_origin(self, origin: str) -> bool:
         """Tell tornado that the origin has been checked."""
@@ -319,16 +371,23 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         self.set_nodelay(True)
         self.news = dict(self.server.news)
         self.server.pages.add(self)
-        stream = getattr(self.ws_connection, 'stream', None)
-        self.server.strangers = [each for each in self.server.strangers if each is not stream]
+        self._stream: Any = getattr(self.ws_connection, 'stream', None)
+        self.server.strangers = [one for one in self.server.strangers if one is not self._stream]
 
     def on_close(self) -> None:
         """Forget the page."""
         self.server.pages.discard(self)
         self.past = None
+        for task in self._latest.values():
+            task.cancel()
 
-    def on_message(self, message: str | bytes) -> None:
-        """Handle a message of the page."""
+    def on_pong(self, data: bytes) -> None:
+        """Note that the page reads, unless it answers without having read all."""
+        if not self._stream.writing():
+            self._alive_s = time.monotonic()
+
+    async def on_message(self, message: str | bytes) -> None:
+        """Handle a message of the page; until this has returned no other is read."""
         try:
             content = json.loads(message)
         except (ValueError, RecursionError):
@@ -340,15 +399,22 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         elif content.get('type') == 'view':
             self._change_view(content)
         else:
-            task = asyncio.get_running_loop().create_task(self._answer(content))
+            if len(self._answers) >= MOST_UNANSWERED:
+                await asyncio.wait(self._answers, return_when=asyncio.FIRST_COMPLETED)
+            kind, begun = content.get('type'), asyncio.create_task(self.server.answer(content))
+            if kind in self.server.latest_only:
+                if before := self._latest.get(kind):
+                    before.cancel()
+                self._latest[kind] = begun
+            task = asyncio.create_task(self._answer(content, begun))
             self._answers.add(task)
             task.add_done_callback(self._answers.discard)
 
     def _change_view(self, content: Message) -> None:
         try:
             self.view = ViewRequest(content) if content.get('fingers') else None
-        except ValueError as error:
-            self.close(1003, str(error)[:30])  # A reason has at most 123 bytes.
+        except (ValueError, RecursionError) as error:
+            self.close(1003, one_line(error)[:30])  # A reason has at most 123 bytes.
             return
         # A pause may last longer than the track: keep what the page shows.
         paused = sum(page.past is not None for page in self.server.pages)
@@ -358,11 +424,17 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
             finger = self.server.detectors.fingers.get(self.view.finger)
             self.past = copy.deepcopy(finger.track) if finger else None
 
-    async def _answer(self, content: Message) -> None:
-        await self._send([json.dumps(await self.server.answer(content), allow_nan=False)])
+    async def _answer(self, content: Message, begun: 'asyncio.Task[dict[str, Any]]') -> None:
+        try:
+            answer = await begun
+        except asyncio.CancelledError:
+            answer = {'type': 'answer', 'id': content.get('id'), 'refusal': REPLACED}
+        await self._send([json.dumps(answer)])
 
     def send_news(self) -> None:
-        """Send what is new, unless something is still being sent."""
+        """Send what is new, unless something is still being sent; close a page that is gone."""
+        if time.monotonic() - self._alive_s > PING_S:
+            self._stream.close()
         if self._sending is not None and not self._sending.done():
             return
         content: list[str | bytes] = [*self.news.values()]
@@ -376,5 +448,7 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
     async def _send(self, content: Sequence[str | bytes]) -> None:
         # The page may close meanwhile, which is no error.
         with contextlib.suppress(websocket.WebSocketClosedError):
+            if time.monotonic() - self._alive_s > PING_S / 2:
+                self.ping()
             for each in content:
                 await self.write_message(each, binary=isinstance(each, bytes))

@@ -24,10 +24,12 @@ from typing import Any
 
 import numpy as np
 
+from slip_detector.recordings import labels
 from slip_detector.view.detectors import Finger
 from slip_detector.view.recordings import RecordedFolder, Recorder, RecordingSummary
-from slip_detector.view.server import Message, Server
+from slip_detector.view.server import MOST_NAME, Message, Server
 from slip_detector.view.tuning import TuneRun
+from slip_detector.view.view_request import number
 
 #: Seconds of rest in the recording of a slip, before the key is pressed and after it is released.
 #: If the chain has not settled in the rest before a slip, the slip is not scored.
@@ -68,12 +70,11 @@ class Teaching:
         self.words = ''
         self._run: TuneRun | None = None
         self._tuning: asyncio.Task[None] | None = None
-        self._one_trace = asyncio.Lock()
         server.each_tick.append(self.tick)
         server.at_end.append(self.close)
-        server.on_request('recordings', self._recordings)
-        server.on_request('trace', self._trace)
-        server.on_request('snap', functools.partial(self._label, snap=True))
+        server.on_request('recordings', self._recordings, latest_only=True)
+        server.on_request('trace', self._trace, latest_only=True)
+        server.on_request('snap', functools.partial(self._label, snap=True), latest_only=True)
         server.on_request('label', functools.partial(self._label, snap=False), changes=True)
         server.on_request('teach', self._teach, changes=True)
         server.on_request('delete_recording', self._delete, changes=True)
@@ -242,19 +243,19 @@ class Teaching:
 
     async def _recordings(self, message: Message) -> None:
         """Update the list of a finger's recordings."""
-        await self.folder_of(message.get('finger')).refresh()
+        await self.folder_of(message.get('finger')).refresh(self._server.work)
 
     async def _trace(self, message: Message) -> dict[str, Any]:
         """Return what the detector as it is would decide in a recording."""
         finger, name = message.get('finger'), message.get('recording')
         folder, config = self.folder_of(finger), self._detectors.finger_of(finger).config
-        async with self._one_trace:
-            return await asyncio.to_thread(folder.trace, name, config)
+        return await self._server.work(folder.trace, name, config)
 
     async def _label(self, message: Message, snap: bool) -> dict[str, Any]:
         folder, name = self.folder_of(message.get('finger')), message.get('recording')
-        edges_s = message.get('slip_s')
-        return await asyncio.to_thread(functools.partial(folder.label, name, edges_s, snap=snap))
+        pixel_s = min(number('pixel_s', message, 0.0, 1e9) or 0.0, labels.MOST_S)
+        of = name, message.get('slip_s'), max(labels.BY_EYE_S, pixel_s)
+        return await self._server.work(functools.partial(folder.label, *of, snap=snap))
 
     async def _teach(self, message: Message) -> None:
         finger, what = message.get('finger'), message.get('do')
@@ -276,7 +277,7 @@ class Teaching:
     async def _tune(self, message: Message) -> None:
         name = message.get('finger')
         folder = self.folder_of(name)
-        await folder.refresh()
+        await folder.refresh(self._server.work)
         # Meanwhile another page may have begun to tune, or the finger may have gone.
         finger = self._detectors.finger_of(name)
         if self._run is not None and self._run.running:
@@ -294,6 +295,6 @@ class Teaching:
             raise ValueError('there is nothing to apply: tune first')
         values = self._run.to_apply(self._detectors.finger_of(self._run.finger).config)
         if values:
-            page = f'page {message.get("page")}'
+            page = f'page {message.get("page")}'[:MOST_NAME]
             await self._detectors.change(self._run.finger, values, page)
         self.words = f'the detector runs with what was found: {len(values)} values set'

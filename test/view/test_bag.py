@@ -110,8 +110,13 @@ def test_it_stands_still_when_paused_unwatched_or_at_the_end_and_goes_on_with_a_
     assert not unlabelled.state['playing']
     unlabelled.ask('play', playing=True)
     np.testing.assert_array_equal(unlabelled.play(0.0)[1][0], ROWS.volts[0])
-    for wrong in ({'speed': 0.0}, {'speed': 'fast'}, {'to_s': -1.0}, {'to_s': float('nan')}):
-        assert 'allowed' in unlabelled.ask('play', **wrong)['refusal']
+    before = unlabelled.state
+    for wrong in ({'to_s': -1.0}, {'to_s': float('nan')}, {'playing': 'no'}, {'speed': 'fast'}):
+        refusal = unlabelled.ask(
+            'play', **{'speed': 4.0, 'playing': not before['playing'], **wrong}
+        )
+        assert 'allowed' in refusal['refusal']
+    assert unlabelled.state == before
 
 
 @pytest.mark.parametrize('name', ['old.mcap', 'old.npz', 'old.csv', 'old'])
@@ -186,8 +191,7 @@ def test_what_cannot_be_kept_is_said_and_changes_nothing(tmp_path, unlabelled):
     assert unlabelled.ask('trace')['slip_s'] == [[1.0, 2.0]]
     tmp_path.mkdir()
     looked_at = Played(tmp_path / 'old.npz', read_only=True)
-    assert looked_at.ask('play', speed=2.0)['refusal'] == ''
-    for kind in ('label', 'snap', 'undo'):
+    for kind in ('play', 'label', 'snap', 'undo'):
         assert looked_at.ask(kind, slip_s=[])['refusal'] == READ_ONLY
 
 

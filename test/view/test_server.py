@@ -22,6 +22,7 @@ import os
 import re
 import resource
 import socket
+import threading
 from urllib.parse import parse_qs, urlsplit
 
 import pytest
@@ -33,6 +34,15 @@ from slip_detector.view.server import FOLDERS
 from slip_detector.view.view_request import ViewRequest
 from support.live_client import LiveClient
 from support.simulated_detectors import SimulatedDetectors, served_pages
+
+#: How a page begins; and what one says that reads nothing: an answer to a ping that it has not
+#: read, and a request whose answer is long.
+UPGRADE = (
+    b'GET /live HTTP/1.1\r\nHost: localhost\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n'
+    b'Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n\r\n'
+)
+ASKS = json.dumps({'type': 'none', 'id': 'x' * 60_000}).encode()
+FLOOD = b'\x8a\x80' + bytes(4) + b'\x81\xfe' + len(ASKS).to_bytes(2, 'big') + bytes(4) + ASKS
 
 LOCAL = Access('127.0.0.1')
 OPEN = Access('0.0.0.0', token='secret')
@@ -142,7 +152,7 @@ async def test_pages_hear_of_fingers_that_come_and_go_and_of_the_end_of_the_serv
         assert page._socket.close_reason == 'slip_view was stopped'
 
 
-async def test_requests_are_answered_and_refusals_are_in_words():
+async def test_requests_are_answered_and_refusals_are_in_words(caplog):
     async def answer(message):
         if message.get('value') != 7:
             raise ValueError('value is no 7')
@@ -159,11 +169,13 @@ async def test_requests_are_answered_and_refusals_are_in_words():
         refusal = (await page.request('subtract'))['refusal']
         assert refusal == 'subtract is no request, allowed: add, fail, keep_rest'
         assert 'slip_view has failed' in (await page.request('fail'))['refusal']
+        (line,) = caplog.text.splitlines()
+        assert "a request failed: fail: KeyError('gone') at test_server.py:" in line
         refusal = (await page.request('keep_rest', finger='/none'))['refusal']
         assert refusal == "there is no finger '/none'"
 
 
-async def test_the_files_of_the_page_are_served_and_nothing_else():
+async def test_the_files_of_the_page_are_served_and_nothing_else(caplog):
     async with served() as (it, _):
         index = await AsyncHTTPClient().fetch(it.url)
         assert b'slip_view' in index.body
@@ -175,10 +187,21 @@ async def test_the_files_of_the_page_are_served_and_nothing_else():
             assert not re.search(r'(?:https?:)?//[a-z][\w-]*\.[a-z]+', text), 'from elsewhere'
         for path in set(wanted):
             assert (await status_of(it.url + path))[0] == 200
-        for path in ('page/../server.py', 'page/%2e%2e/server.py', 'page/none', 'etc/passwd'):
+        outside = ['page/../server.py', 'page/%2e%2e/server.py', 'etc/passwd']
+        for path in [*outside, 'page/none', 'page/index.html%00', 'page/%0a', f'page/{"a" * 999}']:
             assert (await status_of(it.url + path))[0] in (403, 404)
+        assert caplog.text == ''
         # It cannot be changed either.
         assert (await status_of(HTTPRequest(it.url, method='POST', body='')))[0] == 405
+
+
+async def test_what_tornado_cannot_take_is_one_line_in_the_log(caplog):
+    async with served() as (it, _):
+        reader, writer = await asyncio.open_connection('127.0.0.1', port_of(it))
+        writer.write(b'GET / HTTP/1.1\r\nHost: a:' + 5000 * b'9' + b'\r\n\r\n')
+        await reader.read()
+        writer.close()
+    assert len(caplog.text.splitlines()) <= 1
 
 
 async def test_another_site_reaches_neither_page_nor_connection():
@@ -217,6 +240,58 @@ async def test_a_page_that_reads_nothing_delays_no_other_and_gets_only_the_lates
         assert len(asleep.news) <= 3
         stuck.set_result(None)
         assert (await page.until('teaching'))['count'] == 19
+        other.close()
+
+
+async def test_a_page_that_does_not_read_is_closed_and_little_waits_for_it(monkeypatch):
+    monkeypatch.setattr(server, 'PING_S', 0.5)
+    async with served() as (it, page):
+        await page.view()
+        _, writer = await asyncio.open_connection('127.0.0.1', port_of(it), limit=1000)
+        writer.write(UPGRADE)
+        while len(it.server.pages) < 2:
+            await page.drawn_frame()
+        (deaf,) = (each for each in it.server.pages if each.view is None)
+        most = 0
+        while deaf in it.server.pages:
+            if writer.transport.get_write_buffer_size() < 1 << 20:
+                writer.write(20 * FLOOD)
+            most = max(most, len(deaf._answers))
+            await page.drawn_frame()
+        assert 1 < most <= server.MOST_UNANSWERED
+        writer.close()
+
+
+async def test_of_what_takes_long_a_page_gets_the_last_and_one_that_has_left_nothing():
+    begun, goes_on = [], threading.Event()
+
+    def work(number):
+        begun.append(number)
+        goes_on.wait(60.0)
+        return {}
+
+    async with served() as (it, page):
+
+        async def answer(message):
+            return await it.server.work(work, message['id'])
+
+        it.server.on_request('slow', answer, latest_only=True)
+        for number in range(300):
+            await page.say('slow', id=number)
+        asked = await page.until('answer', lambda answer: answer['id'] == 298)
+        assert asked['refusal'] == server.REPLACED
+        leaves, other = [await LiveClient.open(it.url) for _ in range(2)]
+        await leaves.say('slow', id='of one that leaves')
+        await leaves.request('of no kind')
+        leaves.close()
+        while len(it.server.pages) > 2:
+            await ticks(it, 1)
+        waits = asyncio.create_task(other.request('slow'))
+        goes_on.set()
+        asked = await page.until('answer', lambda answer: answer['id'] == 299)
+        assert (asked['refusal'], (await waits)['refusal']) == ('', '')
+        assert begun[-2:] == [299, 1]
+        assert len(begun) == 3  # The first one had begun at once.
         other.close()
 
 
@@ -309,9 +384,10 @@ async def test_of_many_paused_pages_some_keep_the_past():
 @pytest.mark.parametrize(
     'text',
     ['', '[]', '[' * 100_000, '{"type": ["view"]}', '{"type": "view", "fingers": 3}',
-     '{"type": "view", "fingers": ["x"], "channels": [1e400]}', b'\xff'],
+     '{"type": "view", "fingers": ["x"], "channels": [1e400]}', b'\xff',
+     '{"type": "view", "fingers": "\\ud800"}', '{"type": "view", "fingers": 1' + 4000 * '0' + '}'],
 )  # fmt: skip
-async def test_a_message_that_is_no_request_does_not_disturb_other_pages(text):
+async def test_a_message_that_is_no_request_does_not_disturb_other_pages(text, caplog):
     async with served() as (it, page):
         await page.view()
         other = await LiveClient.open(it.url)
@@ -319,6 +395,7 @@ async def test_a_message_that_is_no_request_does_not_disturb_other_pages(text):
         for _ in range(3):
             await page.drawn_frame()
         other.close()
+    assert caplog.text == ''
 
 
 async def test_a_page_that_cannot_be_drawn_is_closed_and_others_are_served(monkeypatch, caplog):

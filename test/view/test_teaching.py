@@ -27,7 +27,7 @@ import pytest
 
 from slip_detector.parameters import DetectorConfig
 from slip_detector.recordings import open_recording
-from slip_detector.recordings.labels import BY_EYE_S
+from slip_detector.recordings.labels import BY_EYE_S, BY_HAND_S
 from slip_detector.view import teaching as teaching_module
 from slip_detector.view.access import Access
 from slip_detector.view.parameters import ParameterRequests
@@ -270,7 +270,7 @@ async def test_a_page_that_may_only_look_is_answered_only_what_changes_nothing(t
     ParameterRequests(one.server, tmp_path)
     asked = {kind: await one.ask(kind) for kind in one.server.requests}
     answered = {kind for kind, refusal in asked.items() if refusal != READ_ONLY}
-    assert answered == {'recordings', 'keep_rest', 'trace', 'snap'}
+    assert answered == {'recordings', 'trace', 'snap'}
     assert [*tmp_path.iterdir()] == []
 
 
@@ -342,8 +342,15 @@ async def test_the_ends_of_a_label_are_seen_beside_the_decision_snapped_and_save
     assert np.min(seen['level']) < 1.0 < np.max(seen['level']) <= 2.0
     assert seen['duration_s'] <= seen['bin_s'] * len(seen['level']) < seen['duration_s'] + 0.1
     late_s = [[start_s + 0.05, end_s + 0.05]]
-    assert (await ask('label', slip_s=late_s))['refusal'] == ''
-    assert open_recording(tmp_path / 'index' / 'slip_1').accuracy_s == BY_EYE_S
+    # The file says how exact the worse end is; the end that nobody has moved was set by a key.
+    for ends_s, exact_s, how in (
+        ([start_s + 0.05, end_s], BY_HAND_S, {}),
+        ([start_s + 0.05, end_s + 0.05], 0.2, {'pixel_s': 0.2}),
+        ([start_s + 0.05, end_s + 0.1], BY_EYE_S, {}),
+        (*late_s, BY_EYE_S, {}),
+    ):
+        assert (await ask('label', slip_s=[ends_s], **how))['refusal'] == ''
+        assert open_recording(tmp_path / 'index' / 'slip_1').accuracy_s == exact_s
     assert (await ask('snap', slip_s=late_s))['slip_s'][0][0] < start_s
     # Nothing is saved unasked.
     assert (await ask('trace'))['slip_s'] == [pytest.approx(late_s[0], abs=0.01)]

@@ -15,7 +15,6 @@ class Drawings extends Tool {
     const here = this.finger in this.labels;
     traces.line.allow(here && !this.locked);
     spectrum.allowChanges(here && !this.locked);
-    element('keep-rest').disabled = !here || Boolean(connection.words);
   }
 }
 

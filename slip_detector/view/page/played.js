@@ -17,8 +17,7 @@ export class Played extends RecordingTrace {
     connection.on('fingers', ({read_only: readOnly}) => this.allow(!readOnly));
     const on = (place, kinds, act) => kinds.split(' ').forEach((kind) => place.addEventListener(kind, act));
     on(part('play'), 'click', () => this.ask('play', {playing: !this.state.playing}));
-    on(part('place'), 'change', ({target}) => this.ask('play', {to_s: Number(target.value)}));
-    on(part('speed'), 'change', ({target}) => this.ask('play', {speed: Number(target.value)}));
+    for (const [what, name] of [['place', 'to_s'], ['speed', 'speed']]) on(part(what), 'change', ({target}) => this.ask('play', {[name]: Number(target.value)}));
     for (const [what, by] of [['shorter', 2], ['longer', 0.5]]) on(part(what), 'click', () => this.zoom(by));
     on(part('remove'), 'click', () => this.ask('label', {slip_s: this.pairs.filter((pair) => pair !== this.here)}));
     for (const what of ['snap', 'undo']) on(part(what), 'click', () => this.ask(what));

@@ -50,7 +50,7 @@ export class SpectrumPanel {
 
   allowChanges(allowed) {
     this.allowed = allowed;
-    this.mains.disabled = !allowed;
+    this.mains.disabled = element('keep-rest').disabled = !allowed;
     for (const line of this.lines.values()) line.allow(allowed);
     if (this.finger) this.updateBands();
   }

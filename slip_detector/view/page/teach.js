@@ -14,6 +14,8 @@ const LEAST_SLIPS = 2;
 const NOT_BETTER = 'Nothing better was found';
 
 const STEP_S = 0.01, LEVEL = '#3d5a73';
+// Traces are asked for one after the other, as many wait at once when a page opens.
+let turn = Promise.resolve();
 const percent = (share) => `${Number((100 * share).toPrecision(2))} %`;
 
 // A recording as a small picture: the level, the intervals of its label, and of what the detector as it
@@ -26,7 +28,7 @@ export class RecordingTrace {
     this.picture = build('div.trace', this.canvas);
     this.words = build('p.hint');
     this.snap = button('Snap', () => this.ask('snap'), {title: 'Move the ends to where the power of the signal changes, 0.35 s away at most'});
-    this.save = button('Save labels', () => this.ask('label'), {title: 'Both ends are right to 0.1 s'});
+    this.save = button('Save labels', () => this.ask('label'), {title: 'An end that was moved is right to 0.1 s, or a pixel; the others as before'});
     this.reset = button('Reset', () => this.move(this.saved));
     this.edit = build('span.buttons', this.snap, this.save, this.reset);
     this.root = build('div.recording-trace', this.picture, this.words, this.edit);
@@ -36,7 +38,7 @@ export class RecordingTrace {
 
   async load() {
     this.loaded = true;
-    const trace = await this.request('trace');
+    const trace = await (turn = turn.then(() => this.request('trace')));
     if (trace.refusal) return write(this.words, `Not shown: ${trace.refusal}`);
     this.trace = trace;
     this.saved = trace.slip_s.flat();
@@ -70,7 +72,7 @@ export class RecordingTrace {
 
   async ask(type) {
     const pairs = this.saved.flatMap((_, i) => (i % 2 ? [] : [this.slip.slice(i, i + 2)]));
-    const answer = await this.request(type, {slip_s: pairs});
+    const answer = await this.request(type, {slip_s: pairs, pixel_s: this.trace.duration_s / this.canvas.clientWidth});
     if (answer.refusal) return;
     await (type === 'snap' ? this.move(answer.slip_s.flat()) : this.load());
   }
