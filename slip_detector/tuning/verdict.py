@@ -382,8 +382,8 @@ def _why_not(on_held: Problem, after: Candidate, before: Candidate) -> str:
         worse.append(f'a cost of {after.cost_ms:.4g} against {before.cost_ms:.4g} ms')
     if worse:
         return f'worse: {", ".join(worse)}'
-    if not recalls[1]:
-        return f'no better: it detects none of {slips} slips'
+    if not found:
+        return f'no better: it detects none of {missed} slips'
     if not better_than_chance(after.figures):
         return 'no better than chance'
     better = after.cost_ms < before.cost_ms and worse_than(before.figures, after.figures)

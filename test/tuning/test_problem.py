@@ -175,13 +175,18 @@ class Known(Problem):
 def costs():
     """Draw what a chain costs, with figures any of which may not be known."""
     figure = st.sampled_from([0.0, 0.003, 0.01, 0.3, 0.9, 1.0, 20.0, 75.0, math.nan, None])
-    figures = st.fixed_dictionaries(dict.fromkeys([*COMPARED, 'recall'], figure))
+    counts = dict.fromkeys(['matched', 'missed'], st.sampled_from([0, 3, 10]))
+    figures = st.fixed_dictionaries(dict.fromkeys(COMPARED, figure) | counts)
     return st.builds(Candidate, st.just(QUICK), st.sampled_from([1.0, 2.0]), st.just(0.0), figures)
 
 
 #: What is never ON, and what finds slips by chance.
-BLIND = Candidate(QUICK, 2.0, 0.0, compared(0.0, 0.0, None, 0.0, 0.0, 0.7) | {'recall': 0.0})
-CHANCE = Candidate(QUICK, 1.0, 0.0, compared(30.0, 99.0, None, -0.2, 0.9, 0.9) | {'recall': 0.4})
+BLIND, CHANCE = (
+    Candidate(QUICK, cost_ms, 0.0, compared(*figures) | {'matched': found, 'missed': 10 - found})
+    for cost_ms, found, figures in (
+        (2.0, 0, (0.0, 0.0, None, 0.0, 0.0, 0.7)), (1.0, 4, (30.0, 99.0, None, -0.2, 0.9, 0.9)),
+    )
+)  # fmt: skip
 
 
 @settings(max_examples=500)
@@ -209,7 +214,7 @@ def test_nothing_is_taken_that_is_blind_or_chance_or_worse_or_in_nothing_better(
         assert verdict.chain is asked.given
         return
     assert after.cost_ms < before.cost_ms
-    assert now['recall'] > 0.0 < now['sooner_than_chance']
+    assert now['matched'] > 0 < now['sooner_than_chance']
     assert len(worse) <= trade
     assert bool(verdict.traded) == bool(worse)
     assert not worse_than(now, was, trade=True)
