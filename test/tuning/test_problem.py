@@ -314,13 +314,13 @@ def test_another_problem_has_another_name():
 
 
 def test_with_trade_one_figure_may_get_worse_within_its_bound_and_that_is_said():
-    given_ = compared(0.5, 1.0, 20.0, 0.8, 0.9, 0.99) | {'recall': 1.0}
+    given_ = compared(0.5, 1.0, 20.0, 0.8, 0.9, 0.99) | {'matched': 10, 'missed': 0}
     before = Candidate(CHAIN, 2.0, 0.0, given_)
     for changes, said in (
         ({'false_time_percent': 5.0}, 'false time 5 against 0.5 %'),
         ({'false_time_percent': 75.0}, None),
         ({'false_time_percent': 5.0, 'auc': 0.98}, None),
-        ({'recall': 0.9}, None),
+        ({'matched': 9, 'missed': 1}, None),
     ):
         now = {**given_, 'latency_median_all_ms': 10.0, **changes}
         asked = Known([], config=TuneConfig(trade=True), costs=(before, before._replace(
