@@ -233,11 +233,14 @@ def _check_namespaces(option: str, names: list[str]) -> None:
 
 
 def _check_files() -> None:
-    """Read the parameter files before rcl does, whose error messages are hard to understand."""
-    from slip_detector.parameters.files import read_yaml
-    from slip_detector.parameters.sections import sections_of
+    """Read the parameters before rcl does, whose error messages are hard to understand."""
+    from slip_detector.parameters.files import parsed_yaml, read_yaml
+    from slip_detector.parameters.sections import check_values, sections_of
 
     for option, text in pairwise(sys.argv):
+        name, assigned, value = text.partition(':=')
+        if option in ('-p', '--param') and assigned:
+            check_values({name: parsed_yaml(os.fsencode(value), f'{option} {name}')}, option)
         for path in {'--params-file': [text], '--configs': _items(text)}.get(option, []):
             list(sections_of(read_yaml(path), path))
 

@@ -146,7 +146,7 @@ def shortened(text: str) -> str:
 
 def shown(value: Any) -> str:
     """Return the representation of a value for a message, shortened to keep that readable."""
-    return shortened(repr(value))
+    return shortened(repr(value).replace('\n', ' '))  # NumPy shows arrays in lines.
 
 
 def shown_name(name: str) -> str:
@@ -201,7 +201,7 @@ def converted(value: Any, field: Field, where: str) -> Any:
     >>> converted([0.5, 7, '48', 52], stopbands, 'parameter stopbands_hz')
     ((0.5, 7.0), (48.0, 52.0))
     """
-    kind, items = field.type, get_args(field.type)
+    kind, items, value = field.type, get_args(field.type), _of_python(value)
     if field.name == 'vote':
         return _vote(value, where)
     if get_origin(kind) is dict:
@@ -211,7 +211,8 @@ def converted(value: Any, field: Field, where: str) -> Any:
     if field.name in PATHS and not _is_single(value):
         value = ', '.join(map(str, value))
     if kind in (bool, str):
-        if isinstance(value, kind) and value in (field.metadata['choices'] or (value,)):
+        choices = field.metadata['choices'] or (value,)
+        if isinstance(value, kind) and value in choices and '\0' not in str(value):
             return value
         _refuse_value(value, where, allowed(field) or 'text')
     if field.name == 'noise_floor' and _is_single(value):
@@ -221,6 +222,11 @@ def converted(value: Any, field: Field, where: str) -> Any:
     if items[0] is str:
         return _names(value, where, for_topics=field.name == 'channel_names')
     return _numbers(value, items, where, field)
+
+
+def _of_python(value: Any) -> Any:
+    """Return a value of NumPy, a number or an array, as one of Python."""
+    return value.tolist() if hasattr(value, 'tolist') else value
 
 
 def _is_single(value: Any) -> bool:
@@ -233,9 +239,9 @@ def _refuse_value(value: Any, where: str, allowed_text: str) -> NoReturn:
 
 def _number(value: Any, kind: Any, where: str, field: Field | None = None) -> Any:
     """Return a value as int or float, within the bounds of its field."""
-    # PyYAML reads 1e9 as text (YAML 1.1 wants 1.0e+9), ROS reads it as a number.
+    # A number in quotes is a text.
     able = int | float if kind is int else int | float | str
-    number = math.nan
+    number, value = math.nan, _of_python(value)
     if isinstance(value, able) and not isinstance(value, bool):
         with contextlib.suppress(ValueError, OverflowError):
             number = float(value)
@@ -273,7 +279,7 @@ def _vote(value: Any, where: str) -> str | int:
 
 def _names(values: Iterable[Any], where: str, for_topics: bool = True) -> tuple[str, ...]:
     """Return names, each once; those of channels and groups become parts of topic names."""
-    names = tuple(values)
+    names = tuple(map(_of_python, values))
     for name in names:
         if not isinstance(name, str) or not (NAME_PATTERN.fullmatch(name) if for_topics else name):
             text = 'up to 64 letters, digits, _, letter first' if for_topics else 'a list of names'
@@ -285,7 +291,7 @@ def _names(values: Iterable[Any], where: str, for_topics: bool = True) -> tuple[
 
 
 def _groups(value: Any, where: str) -> dict[str, tuple[int, ...]]:
-    if not isinstance(value, Mapping) or any(map(_is_single, value.values())):
+    if not isinstance(value, Mapping) or any(_is_single(_of_python(v)) for v in value.values()):
         _refuse_value(value, where, 'a list of channel numbers per name')
     return {
         name: tuple(_number(member, int, f'{where}.{name}') for member in value[name])

@@ -20,7 +20,7 @@ import re
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, ClassVar, NoReturn
 
 import yaml
 
@@ -32,8 +32,25 @@ UNFINISHED = '.unfinished_'
 #: Largest size of a YAML file. A parameter file for a hundred channels has some 10 kB.
 MOST_BYTES = 1_000_000
 
-#: Numbers that YAML 1.1 reads otherwise than a user expects: ``1:30`` as 90, ``020`` as 16.
-_ODD_NUMBER = re.compile('.*[:_]|[-+]?0(b|[0-9]+$)')
+#: The folder of the user's cache (XDG base directory specification), an absolute path; without a
+#: home it is one where nothing can be written.
+_CACHES = os.environ.get('XDG_CACHE_HOME', ''), os.path.expanduser('~/.cache'), os.devnull
+CACHE = next(filter(os.path.isabs, _CACHES))
+
+# What a parser of YAML calls the types of values; an odd one may not be given.
+_TYPES = ('odd', 'bool', 'int', 'float', 'null', 'str', 'python/tuple')
+_ODD, _BOOL, _INT, _FLOAT, _NULL, _STR, _TUPLE = (f'tag:yaml.org,2002:{name}' for name in _TYPES)
+
+#: The plain values that ROS takes for no text. Odd are those that it or YAML does not take for
+#: what they look like: ``020`` is 16, ``1:30`` is 90, and ``y`` is true.
+_PLAIN = {
+    _ODD: r'[yYnN]|[-+]?((?i:inf|nan|infinity)|0[0-9]+|0[bBxX][\w.]+([pP][-+]?[0-9]+)?'
+    r'|[0-9][0-9_:]*[_:][0-9_:.]*)',
+    _BOOL: 'yes|Yes|YES|no|No|NO|true|True|TRUE|false|False|FALSE|on|On|ON|off|Off|OFF',
+    _INT: '[-+]?[0-9]+',
+    _FLOAT: r'[-+]?(([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?|\.(inf|Inf|INF|nan|NaN|NAN))',
+    _NULL: '~|null|Null|NULL|',
+}
 
 
 def shared_folder() -> Path:
@@ -143,33 +160,53 @@ def _refuse(place: Any, problem: str) -> NoReturn:
     raise yaml.MarkedYAMLError(problem=problem, problem_mark=place.start_mark)
 
 
-class _Loader(yaml.SafeLoader):
-    """Refuses, while it parses, what YAML 1.1 would read otherwise than it looks."""
+class _Types:
+    """Gives plain values the types that they have for ROS, when files are read and written."""
+
+    yaml_implicit_resolvers: ClassVar = {
+        None: [(kind, re.compile(f'({pattern})\\Z')) for kind, pattern in _PLAIN.items()]
+    }
+
+
+class _Loader(_Types, yaml.SafeLoader):
+    """Refuses, while it parses, what YAML or ROS would read otherwise than it looks."""
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
         """Parse the next node."""
         event: Any = self.peek_event()  # type: ignore[no-untyped-call]
         if isinstance(event, yaml.AliasEvent):  # As ROS does: some lines can stand for billions.
             _refuse(event, 'has an alias, allowed: the value itself')
+        if event.tag not in (None, _STR, _TUPLE):  # ROS ignores it.
+            _refuse(event, f'has the tag {shortened(event.tag)}, allowed: none')
         node: Any = super().compose_node(parent, index)  # type: ignore[arg-type]
-        if node.tag.endswith((':int', ':float')) and _ODD_NUMBER.match(str(node.value)):
-            number = f'{shortened(str(node.value))} is not a number as it looks'
-            _refuse(node, f'{number}, allowed: a decimal number, or a text in quotes')
+        is_scalar = isinstance(node, yaml.ScalarNode)
+        if isinstance(parent, yaml.MappingNode) and index is None:
+            if not is_scalar or not node.value:
+                _refuse(node, 'has a name that is no text, allowed: a text')
+            node.tag = _STR
+        elif is_scalar and _is_odd(node.tag, node.value):
+            what = f'{shortened(node.value)} is not what it looks like'
+            _refuse(node, f'{what}, allowed: a decimal number, or a text in quotes')
         names = set()
         for key, _ in node.value if isinstance(node, yaml.MappingNode) else ():
-            name = str(key.value)  # YAML takes the last one. `1` and `'1'` are the same name.
-            if name in names:
-                _refuse(key, f'has {shortened(name)} again, allowed: once')
-            names.add(name)
+            if key.value in names:  # YAML takes the last one.
+                _refuse(key, f'has {shortened(key.value)} again, allowed: once')
+            names.add(key.value)
         return node  # type: ignore[no-any-return]
+
+
+def _is_odd(kind: str, text: str) -> bool:
+    """Return whether YAML or ROS reads a value otherwise than it looks."""
+    too_long = kind == _INT and not -(2**63) <= int(text[:21]) < 2**63
+    return too_long or kind == _ODD or '\0' in text  # For ROS a text ends there.
 
 
 # launch_ros writes a list among the parameters of a launch file as a Python tuple.
 _as_list: Any = _Loader.construct_yaml_seq
-_Loader.add_constructor('tag:yaml.org,2002:python/tuple', _as_list)
+_Loader.add_constructor(_TUPLE, _as_list)
 
 
-class _Dumper(yaml.SafeDumper):
+class _Dumper(_Types, yaml.SafeDumper):
     """Writes a value that occurs twice twice, not as an alias, which ROS does not read."""
 
     def ignore_aliases(self, data: Any) -> bool:
@@ -179,7 +216,8 @@ class _Dumper(yaml.SafeDumper):
 def read_yaml(path: str | Path) -> dict[str, Any]:
     """Read a YAML file of names and values.
 
-    Each name may occur once in its mapping, a number must be decimal, and there are no aliases.
+    Each name may occur once in its mapping, a number must be decimal, and there are no aliases and
+    no tags. Values have the types that ROS gives them.
 
     Raises
     ------
@@ -196,19 +234,30 @@ def read_yaml(path: str | Path) -> dict[str, Any]:
         content = file.read(MOST_BYTES + 1)  # A device may never end.
     if len(content) > MOST_BYTES:
         raise ValueError(f'{path}: has more than {MOST_BYTES} bytes, allowed: fewer')
+    document = parsed_yaml(content, path)
+    if isinstance(document, dict):
+        return document
+    raise ValueError(f'{path}: is not a YAML file of names and values')
+
+
+def parsed_yaml(content: bytes, where: object) -> Any:
+    """Return what YAML says, as in :func:`read_yaml`; a ValueError begins with ``where``.
+
+    Examples
+    --------
+    >>> parsed_yaml(b'[1e-3, .5]', 'a.yaml')
+    [0.001, 0.5]
+    """
     try:
-        document = _Loader(content.decode()).get_single_data()
-        if isinstance(document, dict):
-            return {str(name): value for name, value in document.items()}
-        said = 'is not a YAML file of names and values'
+        return _Loader(content.decode()).get_single_data()
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
         said = f'line {line}: {shortened(error.problem or "is not YAML")}'
-    except (yaml.YAMLError, ValueError, LookupError, AttributeError, ArithmeticError):
-        said = 'is not YAML (it is not text, or a value is not what its tag or its form says)'
+    except (yaml.YAMLError, ValueError):
+        said = 'is not YAML (it is not text)'
     except RecursionError:
         said = 'is nested too deeply, allowed: 200 levels'
-    raise ValueError(f'{path}: {said}')
+    raise ValueError(f'{where}: {said}')
 
 
 def write_yaml(path: Path, document: Mapping[str, Any], comments: Iterable[str] = ()) -> None:

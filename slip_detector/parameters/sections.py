@@ -19,14 +19,16 @@ from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from slip_detector.parameters.fields import refuse
+from slip_detector.parameters.fields import refuse, shown, shown_name
 from slip_detector.parameters.files import read_yaml
 
-#: The parameter set of each section of a parameter file, by the name of its node or command. The
-#: definition of a set's class enters it here, in place of its base class, as ``DetectorConfig``
-#: replaces ``ChainConfig``.
+#: The parameter set of each section of a parameter file of this package, by the name of its node
+#: or command; ``slip_detector.parameters``, which defines the sets, enters them.
 SECTIONS: dict[str, Any] = {}
 
+#: What ROS takes for the full name of a node, with ``*`` for any name and ``**`` for any names.
+_NAME = r'(\*\*?|[A-Za-z_][A-Za-z0-9_]{0,254})'
+SECTION = re.compile(f'/?{_NAME}(/{_NAME})*')
 
 #: Full name and parameters of a section. ``**`` in the name stands for any namespaces, or for all
 #: nodes; names of parameters may be nested.
@@ -84,18 +86,43 @@ def sections_of(document: Mapping[str, Any], path: object, above: str = '') -> I
     [('hand/slip_driver', {'seed': 3})]
     """
     for name, content in document.items():
-        section = f'{above}/{name}' if above else str(name)
-        own = content.get('ros__parameters', content) if isinstance(content, dict) else None
-        if not isinstance(own, dict) or not content:
+        section = f'{above}/{name}' if above else name
+        below = dict(content) if isinstance(content, dict) else {}
+        own = below.pop('ros__parameters', {} if below else None)
+        if not isinstance(own, dict):
             raise ValueError(f'{path}: section {section} has no names under ros__parameters')
-        if own is content:
-            yield from sections_of(content, path, section)
-        else:
+        yield from sections_of(below, path, section)
+        if 'ros__parameters' in content:
+            if not SECTION.fullmatch(section):
+                text = 'letters, digits, _, as in /finger/slip_detector or /**/slip_detector'
+                refuse(f'{path}: section {shown(section)} is no name of a node', text)
+            check_values(own, path)
             yield section, own
 
 
-def our_sections(path: str | Path) -> list[Section]:
-    """Return the sections of a ROS parameter file for nodes and commands of this package.
+def check_values(parameters: Mapping[str, Any], where: object) -> None:
+    """Check that ROS reads these values too; a ValueError begins with ``where``.
+
+    Examples
+    --------
+    >>> check_values({'passband_hz': [10, 100.0]}, 'a.yaml')
+    Traceback (most recent call last):
+    ValueError: a.yaml: passband_hz is [10, 100.0], allowed: numbers of one kind: write 10.0
+    """
+    for name, value in flattened(parameters).items():
+        items = value if isinstance(value, list) else [value]
+        kinds = {type(item) for item in items}
+        if len(kinds) > 1 or not kinds <= {bool, int, float, str}:
+            text = 'a number, a text, true or false, or a list of one of these kinds'
+            if kinds == {int, float}:
+                whole = next(item for item in items if isinstance(item, int))
+                text = f'numbers of one kind: write {float(whole)}'
+            said = 'nothing' if value is None else shown(value)
+            refuse(f'{where}: {shown_name(name)} is {said}', text)
+
+
+def our_sections(path: str | Path, *nodes: str) -> list[Section]:
+    """Return the sections of a ROS parameter file for these nodes and those of this package.
 
     Raises
     ------
@@ -111,7 +138,7 @@ def our_sections(path: str | Path) -> list[Section]:
     ['/**/slip_detector', '/**/grasp_controller', '/**/slip_driver']
     """
     every = sections_of(read_yaml(path), path)
-    ours = [section for section in every if node_of(section[0]) in (*SECTIONS, *ALL)]
+    ours = [section for section in every if node_of(section[0]) in (*SECTIONS, *ALL, *nodes)]
     if not ours:
         refuse(f'{path}: has no section of this package', ', '.join(SECTIONS))
     return ours
@@ -151,7 +178,7 @@ def parameters_for(path: str | Path, node: str) -> tuple[dict[str, Any], set[str
     if node.startswith('/'):
         sections = [each for each in sections_of(read_yaml(path), path) if matches(each[0], node)]
     else:
-        sections = [each for each in our_sections(path) if node_of(each[0]) in (node, *ALL)]
+        sections = [each for each in our_sections(path, node) if node_of(each[0]) in (node, *ALL)]
         named = [name for name, _ in sections if '*' not in name]
         if len(named) > 1:
             refuse(f'{path}: has sections for {", ".join(named)}', 'one namespace')
@@ -211,7 +238,8 @@ def flattened(values: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
     flat: dict[str, Any] = {}
     for key, value in values.items():
         name = f'{prefix}{key}'
-        flat |= flattened(value, f'{name}.') if isinstance(value, Mapping) else {name: value}
+        nested = isinstance(value, Mapping) and value
+        flat |= flattened(value, f'{name}.') if nested else {name: value}
     return flat
 
 

@@ -72,10 +72,8 @@ class ParameterSet:
     __dataclass_fields__: ClassVar[dict[str, Field]]
 
     def __init_subclass__(cls) -> None:
-        """Make this class a dataclass, and the set of its node's section if it has ``NODE``."""
+        """Make this class a dataclass."""
         dataclasses.dataclass(frozen=True)(cls)
-        if cls.NODE:
-            sections.SECTIONS[cls.NODE] = cls
 
     def __post_init__(self) -> None:
         """Convert and check every field on its own."""
@@ -175,9 +173,9 @@ class ParameterSet:
     def from_yaml(cls: type[ConfigType], path: str | Path, node: str = '') -> ConfigType:
         """Read the node's section of a ROS parameter file.
 
-        The whole section is checked, also if this set has only some of the parameters. Of the
-        sections for all nodes (``/**``) only parameters of this node are taken; on what may have
-        been meant for it there is a warning on the log.
+        The whole section is checked, also if this set of the package has only some of the
+        parameters. Of the sections for all nodes (``/**``) only parameters of this node are taken;
+        on what may have been meant for it there is a warning on the log.
 
         Parameters
         ----------
@@ -193,8 +191,14 @@ class ParameterSet:
             a value that is not allowed; names the file.
         """
         values, own = sections.parameters_for(path, node or cls.NODE)
-        whole = sections.SECTIONS[cls.NODE].from_parameters(values, str(path), own)
-        return cls(**{field.name: getattr(whole, field.name) for field in dataclasses.fields(cls)})
+        whole, mine = sections.SECTIONS.get(cls.NODE, cls), cls.__dataclass_fields__
+        if issubclass(whole, cls):
+            every = whole.from_parameters(values, str(path), own)
+            return cls(**{name: getattr(every, name) for name in mine})
+        # A user's set, which has others beside those of the package.
+        others = whole.__dataclass_fields__.keys() - mine
+        its = {name: value for name, value in values.items() if name not in others}
+        return cls.from_parameters(its, str(path), own)
 
     def to_parameters(self) -> dict[str, Any]:
         """Return names and values in the form that ROS uses: flat lists, ``groups.TP``."""

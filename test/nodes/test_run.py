@@ -81,12 +81,16 @@ def test_a_word_that_is_not_known_or_allowed_stops_the_start_with_one_line(words
     assert 'Traceback' not in done.stderr
 
 
-def test_a_parameter_file_is_refused_in_our_words_before_rcl_reads_it(tmp_path):
+def test_parameters_are_refused_in_our_words_before_rcl_reads_them(tmp_path):
     file = tmp_path / 'a.yaml'
-    file.write_text('a: 1\na: 2\n')
-    done = run('slip_detector', '--ros-args', '--params-file', str(file))
-    assert done.returncode == 1
-    assert done.stderr == f'slip_detector: {file}: line 2: has a again, allowed: once\n'
+    file.write_text('slip_detector: {ros__parameters: {passband_hz: [10, 100.0]}}\n')
+    said = 'passband_hz is [10, 100.0], allowed: numbers of one kind: write 10.0\n'
+    for where, *words in (
+        (file, '--params-file', str(file)),
+        ('-p', '-p', 'passband_hz:=[10, 100.0]'),
+    ):
+        done = run('slip_detector', '--ros-args', *words)
+        assert (done.returncode, done.stderr) == (1, f'slip_detector: {where}: {said}')
 
 
 @pytest.mark.skipif(not COMPILED, reason='without Numba nothing is compiled')

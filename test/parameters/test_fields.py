@@ -17,6 +17,7 @@
 import dataclasses
 import math
 
+import numpy as np
 import pytest
 
 from slip_detector.parameters import (
@@ -56,6 +57,12 @@ def test_fields_are_under_the_heading_before_them_in_the_order_of_the_set():
         ({'vote': '3'}, 3),
         ({'vote': 'mean'}, 'mean'),
         ({'groups': {'a': (1.0, 2.0)}, 'channels': 2}, {'a': (1, 2)}),
+        ({'threshold': np.float32(0.5)}, 0.5),
+        ({'noise_floor': [np.float32(0.5), np.int8(2)], 'channels': 2}, (0.5, 2.0)),
+        ({'channels': np.int64(4)}, 4),
+        ({'stopbands_hz': np.array([[1, 2], [48, 52]])}, ((1.0, 2.0), (48.0, 52.0))),
+        ({'channel_names': np.array(['a', 'b']), 'channels': 2}, ('a', 'b')),
+        ({'groups': {'a': np.array([1, 2])}, 'channels': 2}, {'a': (1, 2)}),
     ],
 )
 def test_values_are_converted_to_the_type_of_the_parameter(values, expected):

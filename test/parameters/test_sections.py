@@ -120,6 +120,16 @@ def test_a_file_with_sections_for_other_names_of_the_node_is_refused(write):
         ('slip_driver: {ros__parameters: {seed: -1}}', 'parameter seed is -1, allowed: 0 to'),
         ('slip_driver: {ros__parameters: {sed: 1}}', 'unknown parameter sed = 1; did you mean'),
         (
+            'a-b: {ros__parameters: {seed: 1}}',
+            "section 'a-b' is no name of a node, allowed: letters",
+        ),
+        ('nav: {ros__parameters: {a: [1, x]}}', "a is [1, 'x'], allowed: a number, a text, true"),
+        ('nav: {ros__parameters: {a: }}', 'a is nothing, allowed: a number'),
+        (
+            'nav: {ros__parameters: {a: {b: [0.5, 10]}}}',
+            'a.b is [0.5, 10], allowed: numbers of one kin',
+        ),
+        (
             'slip_driver: {ros__parameters: {qos_overrides: {/slip: {publisher: {depth: 1}}}}}',
             'unknown parameter qos_overrides./slip.publisher.depth = 1; the quality of service',
         ),

@@ -24,9 +24,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slip_detector.parameters import ChainConfig, DetectorConfig, DriverConfig
+from slip_detector.parameters.fields import parameter
 from slip_detector.parameters.files import shared_folder, write_yaml
 from slip_detector.parameters.sections import parameters_for
-from slip_detector.parameters.sets import WAIT_S, Judge, changed
+from slip_detector.parameters.sets import WAIT_S, Judge, ParameterSet, changed
 from support.config_cases import SETS, message_of
 
 # --- names and values ------------------------------------------------------------------------
@@ -92,7 +93,10 @@ WORDS = ('on', 'no', 'null', 'y', 'NaN', 'e1')
     groups=st.permutations(WORDS),
     gain=st.floats(1e-6, 1e6),
     stopbands=st.lists(st.tuples(st.floats(0.1, 9.0), st.floats(9.5, 180.0)), max_size=3),
-    text=st.one_of(st.text(min_size=1), st.sampled_from(['1e9', '~', '0x1', *WORDS])),
+    text=st.one_of(
+        st.text(st.characters(exclude_characters='\0'), min_size=1),
+        st.sampled_from(['1e9', '~', '0x1', *WORDS]),
+    ),
 )
 def test_parameters_written_to_yaml_are_read_back_equal(
     tmp_path_factory, groups, gain, stopbands, text
@@ -122,6 +126,23 @@ def test_the_defaults_written_to_yaml_are_a_ros_parameter_file(kind, tmp_path):
         items = value if isinstance(value, list) else [value]
         assert len({type(item) for item in items}) <= 1, name
         assert all(isinstance(item, (bool, int, float, str)) for item in items), name
+
+
+def test_sets_of_users_are_read_beside_those_of_the_package(tmp_path):
+    path = tmp_path / 'a.yaml'
+    text = 'slip_detector: {ros__parameters: {gain: 2.0, tip: 3, heartbeat_hz: 5.0}}\n'
+    path.write_text(f'{text}finger: {{ros__parameters: {{tip: 4}}}}\n')
+
+    class Tip(ChainConfig):
+        tip: int = parameter(1, 'Number of the fingertip.', (0, 9))
+
+    class Finger(ParameterSet):
+        NODE = 'finger'
+        tip: int = parameter(1, 'Number of the fingertip.', (0, 9))
+
+    assert Tip.from_yaml(path) == Tip(gain=2.0, tip=3)
+    assert Finger.from_yaml(path) == Finger(tip=4)
+    assert 'unknown parameter tip = 3' in message_of(ChainConfig.from_yaml, path)
 
 
 # --- changes in use --------------------------------------------------------------------------
