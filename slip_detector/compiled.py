@@ -35,6 +35,7 @@ import hashlib
 import inspect
 import logging
 import operator
+import os
 import pickle
 import zlib
 from collections import namedtuple
@@ -44,10 +45,13 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from slip_detector.parameters.files import whole_file
+from slip_detector.parameters.files import CACHE, whole_file
 from slip_detector.parameters.sets import ParameterSet
 
 LOG = logging.getLogger(__name__)
+
+# Without an absolute one Numba would make a folder ``~`` in the working directory.
+os.environ['XDG_CACHE_HOME'] = CACHE
 
 try:
     from numba import __version__ as numba_version

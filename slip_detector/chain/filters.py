@@ -23,7 +23,6 @@ import contextlib
 import functools
 import hashlib
 import math
-import os
 import sys
 import zlib
 from pathlib import Path
@@ -35,12 +34,12 @@ from numpy.typing import NDArray
 
 from slip_detector.chain.stages import floor_steps_db
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.files import whole_file, writable_folder
+from slip_detector.parameters.files import CACHE, whole_file, writable_folder
 
 Array = NDArray[np.float64]
 
-#: Folder in which designs are kept, in the user's cache (XDG base directory specification).
-FOLDER = Path(os.environ.get('XDG_CACHE_HOME') or '~/.cache').expanduser() / 'slip_detector'
+#: Folder in which designs are kept.
+FOLDER = Path(CACHE) / 'slip_detector'
 
 #: Largest relative error of the designed gain at an edge; a design with a larger one is refused.
 EDGE_TOLERANCE = 1e-3

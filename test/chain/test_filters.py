@@ -44,6 +44,24 @@ def decibels(sections, frequency_hz):
     return 20 * np.log10(np.abs(response(sections, np.atleast_1d(frequency_hz), RATE)))
 
 
+#: A user without a home and without an entry in the list of users, then one more module.
+NOBODY = """
+import pwd
+def nobody(uid): raise KeyError(uid)
+pwd.getpwuid = nobody
+import slip_detector.chain.slip_chain, slip_detector.report.page
+slip_detector.chain.slip_chain.SlipChain()
+"""
+
+
+@pytest.mark.parametrize('cache', [{}, {'XDG_CACHE_HOME': 'relative'}])
+def test_a_user_without_a_home_needs_none_and_nothing_is_left_where_he_is(tmp_path, cache):
+    environment = {name: value for name, value in os.environ.items() if name != 'HOME'}
+    words = [sys.executable, '-B', '-c', NOBODY]
+    subprocess.run(words, check=True, cwd=tmp_path, env={**environment, **cache})
+    assert list(tmp_path.iterdir()) == []
+
+
 @pytest.mark.parametrize('degree', [1, 2, 3, 7])
 @pytest.mark.parametrize('edge', [0.5, 7.0, 95.0])
 def test_a_high_edge_of_zero_makes_a_high_pass(edge, degree):
