@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from slip_detector.chain.filters import evidence_falls_s, settling_rows
 from slip_detector.chain.slip_chain import SlipChain, SlipResult
 from slip_detector.chain.stages import CONTACT_ROWS, FLOOR, HOLD_ROWS
+from slip_detector.chain.watch import Found, Watch
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.fields import names_that_affect
 from slip_detector.parameters.sets import WAIT_S
@@ -32,6 +33,9 @@ from slip_detector.parameters.sets import WAIT_S
 #: Time for which rows are kept; a new chain starts with them. The slowest response of the paper's
 #: filters falls to a thousandth in two seconds. As many rows at rest are kept during slip.
 HISTORY_S = 5.0
+
+#: Most pieces of rows that are kept until the chain is looked at.
+MOST_UNSEEN = 10_000
 
 #: Parameters that can change at once, as the state of the chain does not depend on them.
 DECISION_PARAMETERS = names_that_affect(ChainConfig, 'decision')
@@ -87,6 +91,9 @@ class LiveChain:
         self.config = config
         self.unsettled_rows = 0
         self._chain = SlipChain(config)
+        self._watch = Watch(self._chain)
+        # The rows since the last look, and what was made of them.
+        self._unseen: deque[tuple[NDArray[np.float64], SlipResult]] = deque(maxlen=MOST_UNSEEN)
         # Rows wait for this lock: nothing may hold it for long.
         self._lock = threading.Lock()
         self._history: deque[NDArray[np.float64]] = deque()
@@ -113,6 +120,7 @@ class LiveChain:
             while self._rows_in_history - len(self._history[0]) >= self._kept_rows:
                 self._rows_in_history -= len(self._history.popleft())
             result = self._chain.update(rows, envelope=False, level=level)
+            self._unseen.append((rows, result))
             if 1 not in result.slip.tobytes():  # Faster than NumPy.
                 self._rows_at_rest += len(rows)
             elif self._rows_at_rest:
@@ -120,6 +128,13 @@ class LiveChain:
                     self._rest = list(self._history)
                 self._rows_at_rest = 0
             return result
+
+    def look(self) -> Found:
+        """Return why decisions may mean nothing, see :class:`.Watch`."""
+        with self._lock:
+            found = self._watch.look(self._unseen)
+            self._unseen.clear()
+            return found
 
     def reset(self) -> None:
         """Forget all rows; the next row is treated as the first."""
@@ -190,7 +205,8 @@ class LiveChain:
                     # They are those of now, not of the first of these rows.
                     np.copyto(chain.state[:, FLOOR], floors, where=~np.isnan(floors))
                 settling -= self._rows_in_history
-            self._chain = chain
+            self._chain, self._watch = chain, Watch(chain)
+            self._unseen.clear()
             responds = evidence_falls_s(config) if config.decision == 'evidence' else 0.0
             settling = max(settling, config.samples(responds))
             self.unsettled_rows = max(self.unsettled_rows, settling)

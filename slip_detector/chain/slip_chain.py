@@ -240,6 +240,25 @@ class SlipChain:
         known = np.flatnonzero(np.isfinite(floors_db))
         self.state[:, FLOOR].flat[known] = floors_db[known]
 
+    def floor_and_level_db(self) -> tuple[Floats, Floats]:
+        """Return noise floors and levels after the last row, both of shape (c,), with evidence.
+
+        A floor that has not begun is NaN.
+
+        Examples
+        --------
+        >>> chain = SlipChain(ChainConfig(channels=2, decision='evidence', noise_floor=1e-3))
+        >>> chain.floor_and_level_db()[0]
+        array([nan, nan])
+        """
+        window = DELAYS + 2 * len(self._sections) + 1 + self.config.mains_rows
+        position = int(self.state[:, window, 0].max())  # 0 in a tile without enabled channels.
+        power = self.state[:, window + 1] + self.state[:, window + 2 + position]
+        with np.errstate(divide='ignore'):
+            level_db = 10.0 * np.log10(power / self.config.samples(self.config.envelope_window_s))
+        floor_db = self.state[:, FLOOR]
+        return floor_db.flatten()[: self._channels], level_db.flatten()[: self._channels]
+
     def take_filters(self, other: 'SlipChain') -> None:
         """Take over the state of another chain's filters, with empty windows.
 

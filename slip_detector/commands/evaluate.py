@@ -29,6 +29,7 @@ It uses no ROS: the chain runs over each recording from the first row, as in the
     faults, see :func:`slip_detector.evaluation.evaluator.recording_figures`. Under
     ``recordings``, by the name of the file, the same for each recording, with ``lost`` (which
     part of a damaged file could not be read), ``doubts`` (why damage may go unseen),
+    ``warnings`` (why decisions may mean nothing),
     ``on_intervals_s`` (start and end of each time ON),
     ``invalid_percent`` (of the channels that are not always valid), ``labelled``, and
     ``slip_events`` and ``alarm_events``, see
@@ -162,6 +163,7 @@ def _alone(one: EvaluatedRecording) -> dict[str, Any]:
         'labelled': one.labelled,
         'lost': one.counts.damage,
         'doubts': one.counts.doubts,
+        'warnings': one.warnings,
         'on_intervals_s': one.outcome.on_s,
         'invalid_percent': one.invalid_percent,
         'slip_events': [dataclasses.asdict(slip) for slip in one.outcome.slips],

@@ -22,6 +22,7 @@ import numpy as np
 
 from slip_detector.chain.samples import Bools, Samples
 from slip_detector.chain.slip_chain import SlipChain, SlipResult
+from slip_detector.chain.watch import words_of
 from slip_detector.evaluation.figures import ReplayOutcome, decision_figures, figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters import EvaluationConfig, RecordingConfig
@@ -214,6 +215,11 @@ class EvaluatedRecording(NamedTuple):
         """In what share of the rows a channel was not valid; those always valid are left out."""
         named = zip(self.channel_names, self.outcome.invalid_rows, strict=False)
         return {name: 100.0 * rows / self.outcome.rows for name, rows in named if rows}
+
+    @property
+    def warnings(self) -> list[str]:
+        """Why decisions on the recording may mean nothing, and what to do."""
+        return words_of(self.outcome.wrong, self.channel_names)
 
 
 def recording_figures(evaluations: Iterable[EvaluatedRecording]) -> dict[str, Any]:

@@ -15,7 +15,7 @@
 """True slips, alarms and the outcome of a replay, and the figures of several together."""
 
 import dataclasses
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -343,6 +343,8 @@ class ReplayOutcome:
         When the global decision was ON: start and end, in seconds from the start of the recording.
     invalid_rows : tuple of int
         For each channel the number of rows in which it was not valid; 0 if it is disabled.
+    wrong : mapping
+        Why decisions may mean nothing: the channels, from 0, by :mod:`the kind <.watch>`.
 
     Examples
     --------
@@ -372,6 +374,7 @@ class ReplayOutcome:
     kind: str = ''
     on_s: tuple[tuple[float, float], ...] = ()
     invalid_rows: tuple[int, ...] = ()
+    wrong: Mapping[str, Sequence[int]] = dataclasses.field(default_factory=dict)
 
 
 def decision_figures(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:

@@ -28,6 +28,7 @@ from slip_detector.chain.filters import settling_rows
 from slip_detector.chain.samples import Bools, Floats, Ints, Samples
 from slip_detector.chain.slip_chain import SlipChain, SlipResult
 from slip_detector.chain.stamps import missing_rows
+from slip_detector.chain.watch import Watch
 from slip_detector.evaluation import figures
 from slip_detector.evaluation.figures import STAGES, Alarm, ReplayOutcome, TrueSlip, mean_and_sd
 from slip_detector.evaluation.matching import OnIntervals, RowInterval, ScoredRows, rows_on
@@ -36,6 +37,10 @@ from slip_detector.parameters import ChainConfig, EvaluationConfig
 
 #: Number of values that the chain is given at a time, so that its results stay in the cache.
 BLOCK_VALUES = 131072
+
+#: The chain is looked at (:mod:`.watch`) after each of these blocks, and after each of so many
+#: seconds at the beginning of a piece, which may be all there is.
+FIRST_LOOKS = 10
 
 #: Takes the place of a row that has not come.
 NEVER = np.iinfo(np.int64).max
@@ -154,6 +159,7 @@ class _Run:
         self._last_ns = 0
         self._stretches, self._labels, self._on = OnIntervals(), OnIntervals(), OnIntervals()
         self._slips: list[_Slip] = []
+        self._watch, self._wrong = Watch(replay.chain), dict[str, list[int]]()
         self._watching = False  # whether the alarm of the last slip may still rise
 
     def add(self, piece: Samples) -> None:
@@ -174,7 +180,8 @@ class _Run:
         # A block ends before each slip, so that the stages can be watched from that row on.
         starts = np.flatnonzero(truth & ~np.concatenate([[self._labels.on], truth[:-1]]))
         block_rows = max(BLOCK_VALUES // self._config.channels, 1)
-        cuts = {*range(0, n, block_rows), *starts.tolist(), n}
+        seconds = range(0, n, self._config.samples(1.0))[:FIRST_LOOKS]
+        cuts = {*range(0, n, block_rows), *seconds, *starts.tolist(), n}
         for a, b in itertools.pairwise(sorted(cuts)):
             self._block(volts[a:b], truth[a:b], kinds[a:b])
         self._last_ns = int(piece.stamps_ns[-1])
@@ -199,6 +206,7 @@ class _Run:
             floor=self._watching and self._config.decision == 'evidence',
             votes=(self._config.vote,),
         )
+        self._wrong.update(self._watch.look([(volts, result)]))
         on = np.ascontiguousarray(result.slip)
         self._stretches.add(np.ones_like(on), row)
         self._labels.add(truth, row)
@@ -207,13 +215,13 @@ class _Run:
         if truth[0]:
             _note_first(self._slips[-1].first[3], result.channels[: np.count_nonzero(truth)], row)
         if self._watching:
-            self._watch(volts, result)
+            self._follow(volts, result)
         self._replay.tally.add(result.vote_statistic[:, 0], kinds)
         if self._observer:
             self._observer.add(volts, result, truth)
         self._row += len(on)
 
-    def _watch(self, volts: Floats, result: SlipResult) -> None:
+    def _follow(self, volts: Floats, result: SlipResult) -> None:
         """Follow the last slip through the stages until its alarm comes or can come no more.
 
         Filtered signal and envelope are compared with the threshold; where evidence decides, with
@@ -309,6 +317,7 @@ class _Run:
             kind=self._kind,
             on_s=tuple((one.start / rate_hz, one.end / rate_hz) for one in on),
             invalid_rows=tuple(invalid_rows.tolist()),
+            wrong=self._wrong,
         )
 
     def _lost_at(self, slip: _Slip) -> str:

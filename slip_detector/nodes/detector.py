@@ -30,6 +30,7 @@ from slip_detector.chain.live_chain import HISTORY_S, INPUT_PARAMETERS, LiveChai
 from slip_detector.chain.samples import Floats
 from slip_detector.chain.slip_chain import check_memory
 from slip_detector.chain.stamps import DROPPED, StampGrid
+from slip_detector.chain.watch import words_of
 from slip_detector.nodes.health import Diagnostics, Health
 from slip_detector.nodes.inputs import Input, Senders, publishing_nodes
 from slip_detector.nodes.messages import sensor_qos
@@ -264,6 +265,7 @@ class Detector(LifecycleNode):
         health.totals['onsets'] = outputs.onsets
         health.totals['taken, stamp too late'] = self._stamp_grid.wrong
         health.stamps = self._stamp_grid.kind
+        health.warnings = words_of(self._chain.look(), self._active.names)
         health.senders = self._several('voltages', self._senders, self._samples)
         health.detectors = self._several('slip', self._detectors, self._heartbeats)
         self._diagnostics.publish(health.summary(outputs.slip, outputs.valid), self._frame_id)

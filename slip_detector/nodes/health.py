@@ -122,6 +122,8 @@ class Health:
         self.detectors: Sequence[str] = ()
         #: What the stamps are (:attr:`.StampGrid.kind`).
         self.stamps = 'regular'
+        #: Why decisions may mean nothing (:mod:`.watch`).
+        self.warnings: Sequence[str] = ()
         #: Counts since the start, by kind of event.
         self.totals: Counter[str] = Counter()
         self._totals_before: Counter[str] = Counter()
@@ -270,7 +272,7 @@ class Health:
     def _decisions(
         self, since: Counter[str], passed_s: float, slip: bool, valid: bool
     ) -> DiagnosticStatus:
-        complaints = []
+        complaints = [(WARN, words) for words in self.warnings]
         spent_ms = [spent_s * 1e3 for *_, spent_s in self._noted]
         if self.detectors:
             who = name_list(self.detectors, LISTED)

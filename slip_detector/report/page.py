@@ -216,7 +216,7 @@ def write_evaluation_report(
             one.observer.name = title
             overviews.append(one.observer)
             figures[title] = evaluator.recording_figures([one])
-            faults = one.counts.damage, one.counts.doubts
+            faults = one.counts.damage, one.counts.doubts, *one.warnings
             notes += recording_notes(title, faults, one.invalid_percent)
     notes += labels_note(one.name for one in overviews if not one.labelled)
     figures['all recordings'] = evaluator.recording_figures(every)

@@ -200,7 +200,8 @@ def evaluation_tables(report: Mapping[str, Any]) -> str:
         if not any(whole[figure] for figure in TABLES['faults']):
             notes.append(f'{name}: no bad samples, no gaps, no rows dropped')
         for file, one in recordings.items():
-            notes += recording_notes(file, [one['lost'], one['doubts']], one['invalid_percent'])
+            faults = one['lost'], one['doubts'], *one['warnings']
+            notes += recording_notes(file, faults, one['invalid_percent'])
             if not one['labelled']:
                 on_s = [f'{start:.3f} to {end:.3f}' for start, end in one['on_intervals_s']]
                 when = f'ON from {name_list(on_s, 12)} s' if on_s else 'never ON'

@@ -57,6 +57,24 @@ def test_json_has_the_figures_of_each_recording_of_each_set_and_of_all(capsys, t
     assert re.search(r'^all sets .*\nx +600 .*\ny +600 .*\nall rows +1200 +300 ', tables, re.M)
 
 
+def test_decisions_that_mean_nothing_are_warned_of_in_line_json_and_report(capsys, tmp_path):
+    counts = 20000 + np.round(20 * np.random.default_rng(0).standard_normal((8 * 250, 2)))
+    np.savez(tmp_path / 'a.npz', volts=counts, sample_rate_hz=250.0)
+    (tmp_path / 'c.yaml').write_text(
+        'slip_detector: {ros__parameters: {sample_rate_hz: 250.0, channels: 2, stopbands_hz: [], '
+        'decision: evidence, noise_floor: [1.0e-9], gain: 1.0, exponent: 1}}'
+    )
+    page = tmp_path / 'page.html'
+    words = [str(tmp_path / 'a.npz'), '--config', str(tmp_path / 'c.yaml'), '--report', str(page)]
+    said = 'noise floor of ch1, ch2 at its upper limit, noise_floor_range_db above noise_floor: '
+    assert main(words) == 0
+    assert f'\na.npz: {said}' in capsys.readouterr().out
+    assert f'<li>a.npz: {said}' in page.read_text(encoding='utf-8')
+    assert main([*words, '--json']) == 0
+    (one,) = json.loads(capsys.readouterr().out)['sets'].values()
+    assert one['recordings']['a.npz']['warnings'][0].startswith(said)
+
+
 def test_any_number_of_jobs_gives_the_same_figures_and_report(capsys, tmp_path):
     paths = [write(tmp_path / f'{name}.npz', seed) for seed, name in enumerate('abc')]
     outputs, page = [], tmp_path / 'page.html'

@@ -135,6 +135,15 @@ def test_that_nothing_has_been_heard_is_no_error_at_first():
     assert [status.level for status in summed(health, valid=False)] == [ERROR] * 3
 
 
+def test_decisions_that_mean_nothing_are_warned_of():
+    health = Health(CONFIG)
+    fed(health, good(380))
+    health.warnings = ['noise floor of ch1 at its upper limit: learn it']
+    statuses = summed(health)
+    assert [status.level for status in statuses] == [OK, OK, WARN]
+    assert statuses[2].message == health.warnings[0]
+
+
 def test_what_is_odd_about_the_stamps_is_said():
     health = Health(CONFIG)
     health.stamps = 'coarse'

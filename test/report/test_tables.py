@@ -34,7 +34,7 @@ from support import grasp_trials
 
 def evaluated(value, **figures):
     names = [name for figures in TABLES.values() for name in figures]
-    defaults = {'lost': '', 'doubts': '', 'invalid_percent': {}, 'labelled': True}
+    defaults = {'lost': '', 'doubts': '', 'warnings': [], 'invalid_percent': {}, 'labelled': True}
     return {**dict.fromkeys(names, value), **defaults, **figures}
 
 
