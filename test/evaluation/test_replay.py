@@ -94,7 +94,7 @@ def test_an_observer_receives_all_rows_and_gaps():
     found = np.concatenate([result.slip for result in results])
     np.testing.assert_array_equal(found, np.concatenate(expected))
     # A block ends before a slip.
-    assert [call[0] for call in witness.mock_calls] == ['add', 'add', 'gap', 'add']
+    assert int(truth.argmax()) in np.cumsum([*map(len, rows)])
     witness.gap.assert_called_once_with(3.0)
 
 
