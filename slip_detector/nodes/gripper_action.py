@@ -14,7 +14,6 @@
 
 """Commands a gripper by the goals of an action; ``/diagnostics`` says what becomes of them."""
 
-import functools
 import math
 import time
 from typing import Any
@@ -31,8 +30,17 @@ from slip_detector.parameters.grasp import GRIPPER_COMMAND, GraspConfig
 #: them all the time, and the gripper never have the time to say that it has stalled.
 LOWER = 0.95
 
-#: Period of the reports in seconds, after which a goal that failed is sent again.
+#: Period of the reports in seconds, after which a goal that was refused is sent again, and in
+#: which an answer is expected.
 REPORT_S = 1.0
+
+#: Time in seconds after which a goal without an answer is given up: a request may be lost while
+#: its server is being discovered.
+ANSWER_S = 10.0
+
+#: Period in seconds at which the servers are looked for. One counts when it is found twice: of one
+#: that has just come, the part that takes goals may not be known yet.
+LOOK_S = 0.25
 
 
 class GripperAction:
@@ -40,8 +48,14 @@ class GripperAction:
 
     A goal that holds an object never reaches its position: it stalls, and may be aborted for it.
     The gripper goes on gripping then, as it does when a goal is refused or lost. A goal is
-    replaced by the next one and never cancelled, which would end the grip. One that was refused or
-    lost is sent again. ``/diagnostics`` says what becomes of the last goal.
+    replaced by the next one and never cancelled, which would end the grip. ``/diagnostics`` says
+    what becomes of the last goal. When the next one is sent:
+
+    - A goal is sent when the effort that is wanted is not that of the last goal.
+    - The next one waits until the last one is answered, then the newest effort follows at once.
+    - A goal that was refused, or given up, is sent again.
+    - A server that has come after the last goal has none: it gets one at once. Of the one before
+      it, which may have been killed, nothing is expected any more.
 
     Parameters
     ----------
@@ -66,68 +80,94 @@ class GripperAction:
         simple = config.command_type == GRIPPER_COMMAND
         self._type: Any = GripperCommand if simple else ParallelGripperCommand
         self._client = ActionClient(node, self._type, config.command_topic)
-        self._effort, self._sent_s = 0.0, -math.inf
-        # The last goal's request; what the goal is called, how bad what became of it is, and what.
+        # The servers, by what no other process has: those of the last look, those of the last two,
+        # and those that the last goal was sent to.
+        self._found = self._servers = self._told = frozenset[tuple[int, ...]]()
+        self._wanted, self._effort, self._sent_s = 0.0, 0.0, -math.inf
+        # The last goal's request, and its end if it was accepted.
         self._asked: Future | None = None
-        self._goal, self._level, self._words = 'no goal yet', OK, ''
+        self._ended = Future()
+        self._said: list[tuple[bytes, str]] = []
         self._diagnostics = Diagnostics(node)
-        node.create_timer(REPORT_S, self._report, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        node.create_timer(LOOK_S, self._look, clock=steady)
+        node.create_timer(REPORT_S, self._report, clock=steady)
 
     def send(self, force_n: float) -> None:
-        """Send a goal for a force, if it is another one and the last goal is not too recent."""
-        config, now_s = self._config, time.monotonic()
-        effort = config.command_factor * force_n
-        too_soon = now_s < self._sent_s + 1.0 / config.goal_hz
-        if too_soon or LOWER * self._effort <= effort <= self._effort:
+        """Have a force commanded, by a goal now or as soon as one may be sent."""
+        self._wanted = self._config.command_factor * force_n
+        self._advance()
+
+    def _look(self) -> None:
+        """Look which servers are there."""
+        of_type = f'control_msgs/action/{self._type.__name__}_FeedbackMessage'
+        topic = f'{self._config.command_topic}/_action/feedback'
+        infos = self._node.get_publishers_info_by_topic(topic)
+        found = frozenset(tuple(each.endpoint_gid) for each in infos if each.topic_type == of_type)
+        self._servers, self._found = found & self._found, found
+        self._told &= self._found
+        self._advance()
+
+    def _advance(self) -> None:
+        """Send a goal of the newest effort, if one is due."""
+        config, wanted, age_s = self._config, self._wanted, time.monotonic() - self._sent_s
+        answer = self._asked.result() if self._asked else None
+        all_told = self._servers <= self._told
+        if self._asked and answer is None and all_told and age_s < ANSWER_S:
             return
-        self._sent_s = now_s
-        if not self._client.server_is_ready():
+        failed = answer is None or (not answer.accepted and age_s > REPORT_S)
+        effort = self._effort if all_told and not failed else 0.0
+        too_soon = age_s < 1.0 / config.goal_hz
+        if too_soon or not self._servers or LOWER * effort <= wanted <= effort:
             return
-        self._effort, self._goal = effort, f'goal of effort {effort:.3g}'
         goal, n = self._type.Goal(), len(config.command_joints)
         if config.command_type == GRIPPER_COMMAND:
-            goal.command.position, goal.command.max_effort = config.closed_position, effort
+            goal.command.position, goal.command.max_effort = config.closed_position, wanted
         else:
             goal.command.name = list(config.command_joints)
-            goal.command.position, goal.command.effort = [config.closed_position] * n, [effort] * n
-        self._asked = self._client.send_goal_async(goal)
+            goal.command.position, goal.command.effort = [config.closed_position] * n, [wanted] * n
+        self._effort, self._told, self._sent_s = wanted, self._servers, time.monotonic()
+        self._asked, self._ended = self._client.send_goal_async(goal), Future()
         self._asked.add_done_callback(self._on_answer)
 
     def _on_answer(self, asked: Future) -> None:
-        goal = asked.result()
-        if asked is self._asked and not goal.accepted:
-            self._note(ERROR, 'refused, the grip stays as it is')
-        elif asked is self._asked:
-            self._note(OK, 'under way')
-            goal.get_result_async().add_done_callback(functools.partial(self._on_end, asked))
+        goal: Any = asked.result()
+        if asked is self._asked and goal.accepted:  # Else a later goal has replaced it.
+            self._ended = goal.get_result_async()
+        self._advance()
 
-    def _on_end(self, asked: Future, end: Future) -> None:
-        result = end.result().result
-        if asked is not self._asked:  # The next goal has replaced it.
-            return
-        if result.reached_goal or result.stalled:
-            words = 'reached its position' if result.reached_goal else 'stalled, as on an object'
-            self._note(OK, f'{words}, the grip stays as it is')
-        else:
-            words = 'ended, neither reached nor stalled: does another node command the gripper?'
-            self._note(WARN, words)
-
-    def _note(self, level: bytes, words: str) -> None:
-        """Note what has become of the last goal; log it if that is bad news."""
-        words = f'{self._goal}: {words}'
-        if level != OK and words != self._words:
-            self._node.get_logger().warning(words)
-        self._level, self._words = level, words
+    def _state(self) -> tuple[bytes, str]:
+        """Return what has become of the last goal, and how bad that is."""
+        if not self._found:
+            return ERROR, f'{self._config.command_topic} has no server'
+        if self._asked is None:
+            return OK, 'the gripper is there'
+        if not self._found <= self._told:
+            return WARN, 'another server has come, which gets it next'
+        if not self._asked.done():
+            late = time.monotonic() - self._sent_s > REPORT_S
+            return (ERROR, 'no answer yet') if late else (OK, 'sent')
+        if not self._asked.result().accepted:
+            return ERROR, 'refused, the grip stays as it is'
+        if not self._ended.done():
+            return OK, 'under way'
+        end: Any = self._ended.result()
+        if end.result.reached_goal or end.result.stalled:
+            reached = end.result.reached_goal
+            words = 'reached its position' if reached else 'stalled, as on an object'
+            return OK, f'{words}, the grip stays as it is'
+        return WARN, 'ended, neither reached nor stalled: does another node command the gripper?'
 
     def _report(self) -> None:
-        """Look for lost goals, have goals that failed sent again, and publish the diagnostics."""
-        if not self._client.server_is_ready():
-            self._note(ERROR, f'{self._config.command_topic} has no server')
-        elif self._asked is None:
-            self._note(OK, 'the gripper is there')
-        elif not self._asked.done() and time.monotonic() - self._sent_s > REPORT_S:
-            self._note(ERROR, 'lost, it has no answer')
-        if self._level == ERROR:
-            self._effort = 0.0
-        each = status('gripper', '', [(self._level, self._words)], {})
+        """Publish what has become of the last goal; log it if that is bad news."""
+        level, words = self._state()
+        goal = f'goal of effort {self._effort:.3g}' if self._asked else 'no goal yet'
+        complaints = [(level, f'{goal}: {words}')]
+        if level != OK and complaints != self._said:
+            self._node.get_logger().warning(f'{goal}: {words}')
+        self._said = complaints[:1]
+        if len(self._found) > 1:
+            words = f'there are {len(self._found)} servers, allowed: 1'
+            complaints.append((WARN, f'{words} (one that was killed counts for some 20 s)'))
+        each = status('gripper', '', complaints, {})
         self._diagnostics.publish([each], self._config.command_topic)

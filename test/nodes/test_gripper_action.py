@@ -16,41 +16,21 @@
 
 import importlib.util
 import os
+import signal
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.action import ActionServer, CancelResponse, GoalResponse
-from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.action import ActionServer
 from rclpy.node import Node
-from rclpy.task import Future
 
 from slip_detector.nodes.health import ERROR, OK, WARN
 from slip_detector.nodes.messages import event_qos
-from support.harness import Beating, ended_quietly
+from support.gripper import ACTION, CLOSED, DEFINITIONS, DEPENDS, Gripper
+from support.harness import ROOT, Beating, ended_quietly
 from support.interfaces import build
 
-#: The definitions in control_msgs.
-STATE = 'float64 position\nfloat64 effort\nbool stalled\nbool reached_goal\n'
-STATES = 'sensor_msgs/JointState state\n'
-DEFINITIONS = {
-    'msg/GripperCommand.msg': 'float64 position\nfloat64 max_effort\n',
-    'action/GripperCommand.action': f'GripperCommand command\n---\n{STATE}---\n{STATE}',
-    'action/ParallelGripperCommand.action': (
-        f'sensor_msgs/JointState command\n---\n{STATES}'
-        f'bool stalled\nbool reached_goal\n---\n{STATES}'
-    ),
-}
-DEPENDS = ('sensor_msgs', 'std_msgs', 'geometry_msgs', 'builtin_interfaces', 'action_msgs')
-DEPENDS += ('service_msgs', 'unique_identifier_msgs')
-
-ACTION = '/gripper_controller/gripper_cmd'
-
-#: Where the fingers are open, where closed, and where they meet the object.
-OPEN, CLOSED, OBJECT = 0.04, 0.002, 0.03
-
-#: Period of the gripper's controller, what the fingers move in it, how near is reached, and after
-#: how many periods without motion a goal has stalled.
-PERIOD_S, STEP, TOLERANCE, STALL = 0.01, 0.002, 0.0005, 20
+#: Its server as a process of its own.
+GRIPPER = ROOT / 'test' / 'support' / 'gripper.py'
 
 #: Raises from the grip to the limit, one at each command unless goals are limited.
 RAISES = 100
@@ -67,78 +47,6 @@ def control_msgs(tmp_path_factory):
             patch.syspath_prepend(folder)
             patch.setenv('PYTHONPATH', str(folder), prepend=os.pathsep)
         yield importlib.import_module('control_msgs.action')
-
-
-class Gripper:
-    """A gripper with an object between its fingers, and the server of its action.
-
-    As in parallel_gripper_action_controller and gripper_action_controller a new goal ends the one
-    before as cancelled, though nobody has asked for it; a goal ends when the position is reached,
-    and is aborted when the fingers have stalled; the command stays in force. The parallel one
-    refuses a goal that has not one position.
-    """
-
-    def __init__(self, node, kind):
-        self.goals, self.cancels, self.refuses = [], 0, False
-        self.in_force, self.position, self.object = None, OPEN, OBJECT
-        self._kind, self._running, self._still = kind, None, 0
-        self._server = ActionServer(
-            node, kind, ACTION, self._execute,
-            goal_callback=self._on_goal, cancel_callback=self._on_cancel,
-        )  # fmt: skip
-        self._timer = node.create_timer(PERIOD_S, self._update)
-        self._node = node
-
-    def destroy(self):
-        self._node.destroy_timer(self._timer)
-        self._server.destroy()
-
-    def _on_cancel(self, _):
-        self.cancels += 1
-        return CancelResponse.ACCEPT
-
-    def _on_goal(self, goal):
-        command = goal.command
-        if hasattr(command, 'max_effort'):
-            goal = command.position, command.max_effort
-        elif len(command.position) == len(command.effort) == 1:
-            assert list(command.name) == ['knuckle']
-            goal = command.position[0], command.effort[0]
-        else:
-            return GoalResponse.REJECT
-        self.goals.append(goal)
-        return GoalResponse.REJECT if self.refuses else GoalResponse.ACCEPT
-
-    async def _execute(self, handle):
-        self.preempt()
-        self.in_force, self._still = self.goals[-1], 0
-        self._running = running = Future()
-        end, stalled, reached = await running
-        if end == 'canceled':
-            handle._update_state(rclpy_implementation.GoalEvent.CANCEL_GOAL)
-        getattr(handle, end)()
-        return self._kind.Result(stalled=stalled, reached_goal=reached)
-
-    def preempt(self):
-        """End the goal as another client's goal does."""
-        self._end('canceled', False, False)
-
-    def _end(self, *how):
-        running, self._running = self._running, None
-        if running:
-            running.set_result(how)
-
-    def _update(self):
-        if self.in_force is None:
-            return
-        way = self.in_force[0] - self.position
-        moved = max(self.position + max(-STEP, min(STEP, way)), self.object)
-        self._still = self._still + 1 if moved == self.position else 0
-        self.position = moved
-        if abs(self.in_force[0] - moved) < TOLERANCE:
-            self._end('succeed', False, True)
-        elif self._still > STALL:
-            self._end('abort', True, False)
 
 
 class Hand(Beating):
@@ -158,9 +66,12 @@ class Hand(Beating):
     def hears(self, level, words):
         """Wait until the diagnostics say so."""
         self.wait_for(lambda: self._last() and self._last().level == level, words)
-        self.wait_for(lambda: words in self._last().message, words)
+        self.wait_for(lambda: words in self.words(), words)
         assert self._last().level == level
         assert self._last().name == 'grasp_controller: gripper'
+
+    def words(self):
+        return self._last().message
 
     def _last(self):
         return self._heard[-1].status[0] if self._heard else None
@@ -196,7 +107,7 @@ def test_a_goal_that_is_refused_or_lost_leaves_the_grip_is_reported_and_sent_aga
     deaf = Node('deaf', context=bench.context)
     silent = ActionServer(deaf, kind, ACTION, lambda handle: None)
     hand = Hand(bench, 'parallel_gripper_command')
-    hand.hears(ERROR, 'lost, it has no answer')
+    hand.hears(ERROR, 'no answer yet')
     silent.destroy()
     deaf.destroy_node()
     hand.hears(ERROR, f'{ACTION} has no server')
@@ -218,6 +129,33 @@ def test_a_goal_that_is_refused_or_lost_leaves_the_grip_is_reported_and_sent_aga
     hand.hears(OK, 'stalled')
     assert gripper.in_force == before
     assert 'refused' in hand.process.log()
+
+
+def test_a_server_that_was_killed_and_comes_back_gets_the_last_goal(bench, control_msgs):
+    hand = Hand(bench, 'gripper_command')
+    killed = bench.start_python('-P', GRIPPER, '0.0')
+    hand.hears(OK, 'goal of effort 0.08: stalled')
+    killed.signal(signal.SIGKILL)
+    killed.wait()
+    # The middleware goes on knowing the killed one.
+    back = bench.start_python('-P', GRIPPER, '0.0')
+    hand.wait_for(lambda: 'goal of effort 0.08' in back.log(), 'the last goal')
+    hand.wait_for(lambda: 'goal of effort 0.08: stalled' in hand.words(), 'what became of it')
+    # Another one beside it.
+    Gripper(bench.node, control_msgs.GripperCommand)
+    hand.hears(WARN, 'servers, allowed: 1')
+
+
+def test_the_newest_effort_follows_an_answer_and_no_other_waits_for_one(bench, control_msgs):
+    hand = Hand(bench, 'gripper_command')
+    gripper = bench.start_python('-P', GRIPPER, '3.0')
+    hand.wait_for(lambda: 'goal of effort 0.08' in gripper.log(), 'the first goal')
+    hand.state['slip'] = True
+    hand.hears(ERROR, 'goal of effort 0.08: no answer yet')
+    hand.state['slip'] = False
+    limit = f'goal of effort {FACTOR * LIMIT_N:.3g}'
+    hand.wait_for(lambda: limit in gripper.log(), 'the limit')
+    assert gripper.log().count('goal of') == 2
 
 
 def test_a_goal_that_another_client_replaces_is_reported_and_not_fought_for(bench, control_msgs):
