@@ -44,43 +44,51 @@ PLAYED = {'input_type': 'sensor_msgs/msg/JointState', 'input_field': 'position'}
 def set_configs(context):
     """Set ``configs``, the paths of all parameter files, which have to be there.
 
-    Without that the nodes would silently run on their defaults.
+    Without that the nodes would silently run on their defaults. A recording beside another source
+    would not be played.
     """
     names = LaunchConfiguration('config').perform(context) or 'slip_detector.yaml'
     paths = [str(find_parameter_file(name.strip())) for name in names.split(',')]
+    source, recording = (
+        LaunchConfiguration(name).perform(context) for name in ('source', 'recording')
+    )
+    if recording and source not in ('', 'recording'):
+        raise ValueError(f'recording is {recording!r}, allowed: none beside source:={source}')
     return [SetLaunchConfiguration('configs', ','.join(paths))]
 
 
 def nodes(context):
     """Start the nodes; an argument that is given replaces the value in the parameter file."""
-    config, source, recording, voltages = (
+    config, source, recording, voltages, name = (
         LaunchConfiguration(name).perform(context)
-        for name in ('config', 'source', 'recording', 'voltages')
+        for name in ('config', 'source', 'recording', 'voltages', 'name')
     )
     configs = LaunchConfiguration('configs').perform(context).split(',')
-    if not config:
+    if not source and (recording or not config):
         # Without a parameter file, or a source, the demonstration is played.
-        source = source or 'scene'
+        source = 'recording' if recording else 'scene'
     fingers = LaunchConfiguration('fingers').perform(context)
     arguments = ['--fingers', fingers] if fingers else []
     several = len(configs) > 1
     settings, clock = node_settings(context), sim_time(context)
-    settings['remappings'] = [('voltages', voltages)] if voltages else []
-    in_batches = any('samples_per_message' in its for _, its in our_sections(configs[0]))
-    played = [PLAYED] if source == 'recording' and not in_batches else []
+    settings['remappings'] = remappings = [('voltages', voltages)] if voltages else []
+    in_file = {key: value for _, its in our_sections(configs[0]) for key, value in its.items()}
+    played = (source or in_file.get('source')) == 'recording'
+    in_batches = in_file.get('samples_per_message', 1) != 1
+    given = [*([PLAYED] if played and not in_batches else []), *clock]
     detector = Node(
         executable='slip_detector',
-        name=LaunchConfiguration('name').perform(context) or None,
         arguments=[*arguments, '--configs', ','.join(configs)] if several else arguments,
-        parameters=clock if several else [*configs, *played, *clock],
-        **settings,
+        parameters=given if several else [*configs, *given],
+        # With `name` launch gives the parameters to that of no finger.
+        **settings | {'remappings': [*remappings, *([('__node', name)] if name else [])]},
     )
     # The driver waits for all detectors, so that none misses samples while it starts.
     given = {'wait_for_subscribers': len(configs)}
     if source:
         given['source'] = source
     # A simulation goes on until it is ended, unless the file says otherwise.
-    if source == 'scene' and not any('loop' in its for _, its in our_sections(configs[0])):
+    if source == 'scene' and 'loop' not in in_file:
         given['loop'] = True
     if recording:
         given['recording'] = ParameterValue(recording, value_type=str)
@@ -88,7 +96,8 @@ def nodes(context):
         executable='slip_driver',
         arguments=arguments,
         parameters=[configs[0], given, *clock],
-        **settings,
+        # What has been played is not played again.
+        **settings | {'respawn': settings['respawn'] and not played},
     )
     return [detector] if source == 'none' else [detector, driver]
 

@@ -27,6 +27,14 @@ from launch_ros.actions import Node
 
 from slip_detector.nodes.run import node_settings, sim_time
 
+# As users of other launch files write them.
+TRUE_OR_FALSE = ['true', 'True', 'TRUE', '1', 'false', 'False', 'FALSE', '0']
+LEVELS = [
+    write(level)
+    for level in ('debug', 'info', 'warn', 'error', 'fatal')
+    for write in (str.lower, str.title, str.upper)
+]
+
 
 def page(context):
     """Start the node that serves the page."""
@@ -56,7 +64,7 @@ def generate_launch_description():
             DeclareLaunchArgument(
                 'view',
                 default_value='false',
-                choices=['true', 'false'],
+                choices=TRUE_OR_FALSE,
                 description='Whether slip_view serves a live page of all fingers.',
             ),
             DeclareLaunchArgument(
@@ -74,19 +82,19 @@ def generate_launch_description():
             DeclareLaunchArgument(
                 'use_sim_time',
                 default_value='false',
-                choices=['true', 'false'],
+                choices=TRUE_OR_FALSE,
                 description='true: time comes from /clock; false: as in the parameter file.',
             ),
             DeclareLaunchArgument(
                 'log_level',
                 default_value='info',
-                choices=['debug', 'info', 'warn', 'error', 'fatal'],
+                choices=LEVELS,
                 description='Least severity of what the nodes log.',
             ),
             DeclareLaunchArgument(
                 'use_respawn',
                 default_value='false',
-                choices=['true', 'false'],
+                choices=TRUE_OR_FALSE,
                 description='Whether a node that dies is started again after 2 s. Not the grasp '
                 'controller: it would begin with an open grip.',
             ),

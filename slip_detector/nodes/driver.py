@@ -43,6 +43,9 @@ READ_ROWS = 32
 #: Delay of a sample, in seconds, above which a warning is logged.
 LATE_S = 0.05
 
+#: Longest time, in seconds, that a driver waits to begin together with others.
+ALIGNED_S = 0.1
+
 #: Period, in seconds, at which the driver checks for the subscribers that it waits for.
 POLL_S = 0.02
 
@@ -190,11 +193,9 @@ class Driver(Node):
         rows, obeyed = 1 if obeys else READ_ROWS, self._obey(source, None)
         # The first read opens the file and loads compiled code, so it comes before the start.
         samples = source.read(rows)
-        # The samples of all drivers with the same rate are due at the same moments, so that the
-        # detectors wake up once for all fingers.
         now_s, now_ns = time.monotonic(), self.get_clock().now().nanoseconds
         period_s = config.samples_per_message / (source.sample_rate_hz * config.rate)
-        start_s = math.ceil(now_s / period_s) * period_s
+        start_s = aligned(now_s, period_s)
         # The stamps are the samples' own times, from this time of the node's clock on.
         first_stamp_ns = now_ns + round((start_s - now_s) * 1e9)
         played = repetition = begin_ns = end_ns = 0
@@ -285,7 +286,16 @@ class Driver(Node):
         self._voltages.publish(message)
 
 
-def drivers(arguments_of_each: list[list[str] | None]) -> list[Driver]:
+def aligned(now_s: float, period_s: float) -> float:
+    """Return when to begin with messages of a period: soon, and all drivers at the same moments.
+
+    The detectors of all fingers then wake up once for all; with rare messages that saves nothing.
+    """
+    period_s = min(period_s, ALIGNED_S)
+    return math.ceil(now_s / period_s) * period_s
+
+
+def drivers(arguments_of_each: list[list[str]]) -> list[Driver]:
     """Create the drivers of a process, each with its ROS arguments, and start them.
 
     Each publishes in a thread of its own; the main thread spins the nodes.

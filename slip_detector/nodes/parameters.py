@@ -27,7 +27,7 @@ from rclpy.parameter import Parameter
 
 from slip_detector.nodes.rclpy_internals import answer_with, given_parameters
 from slip_detector.parameters.fields import allowed
-from slip_detector.parameters.sections import OF_RCLPY, names_given_to, sections_for_others
+from slip_detector.parameters.sections import OF_RCLPY, given_to, sections_for_others
 from slip_detector.parameters.sets import ConfigType, Judge, ParameterSet, changed
 
 #: The field of a descriptor for a range of numbers, and its type.
@@ -68,10 +68,12 @@ def declare(
     # Of `-p slip_detector:threshold:=0.5`; without a node's name it is for all nodes.
     rules = [text.partition(':=')[0] for option, text in pairs if option in ('-p', '--param')]
     own = {rule.rpartition(':')[2] for rule in rules if ':' in rule}
+    given: dict[str, Any] = {}
     for option, path in pairs:
         if option == '--params-file':
-            own |= names_given_to(path, config_class.NODE, node.get_fully_qualified_name())
-    given = {
+            given |= given_to(path, config_class.NODE, node.get_fully_qualified_name())
+    own |= given.keys()
+    given |= {
         each.name: [] if each.type_ == Parameter.Type.NOT_SET else each.value
         for each in _ours(given_parameters(node))
     }

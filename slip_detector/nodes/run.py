@@ -31,7 +31,7 @@ from typing import Any, NoReturn
 
 from slip_detector.commands.command_line import one_line
 from slip_detector.parameters.fields import refuse
-from slip_detector.parameters.files import shared_folder
+from slip_detector.parameters.files import find_parameter_file, shared_folder
 
 #: Allowed names of namespaces; the length leaves room for the names of topics.
 NAMESPACE = re.compile('(?!.*__)[A-Za-z_][A-Za-z0-9_]{0,63}')
@@ -47,6 +47,9 @@ PROFILE_VARIABLES = {'FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES
 
 #: How many functions an executable compiles, roughly, to say how far it is.
 FUNCTIONS = {'slip_detector': 47, 'slip_driver': 30}
+
+#: Options of ROS that give parameters.
+GIVE_PARAMETERS = ('--params-file', '-p', '--param')
 
 EXECUTABLES = ('slip_driver', 'slip_detector', 'grasp_controller')
 
@@ -125,7 +128,7 @@ def node_settings(context: Any) -> dict[str, Any]:
         'additional_env': transport_environment(given['transport']),
         'ros_arguments': ['--log-level', given['log_level']],
         'on_exit': ends_launch(),
-        'respawn': given['use_respawn'] == 'true',
+        'respawn': is_true(context, 'use_respawn'),
         'respawn_delay': RESPAWN_S,
     }
 
@@ -133,8 +136,12 @@ def node_settings(context: Any) -> dict[str, Any]:
 def sim_time(context: Any) -> list[dict[str, bool]]:
     """Return the parameters that the launch argument ``use_sim_time`` adds to each node."""
     # Only true is given: otherwise what the parameter file says holds.
-    simulated = context.launch_configurations['use_sim_time'] == 'true'
-    return [{'use_sim_time': True}] if simulated else []
+    return [{'use_sim_time': True}] if is_true(context, 'use_sim_time') else []
+
+
+def is_true(context: Any, name: str) -> bool:
+    """Return whether a launch argument is true, written as for a condition of launch."""
+    return context.launch_configurations[name].lower() in ('true', '1')
 
 
 def ends_launch() -> Callable[[Any, Any], None]:
@@ -166,7 +173,8 @@ def transport_environment(transport: str) -> dict[str, str]:
         return {'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'}
     # For this range the middleware adds shared memory to any profile; so the profile has it.
     profile = str(shared_folder() / 'config' / 'fastdds_udp_localhost.xml')
-    ranges = {here[0]: 'SYSTEM_DEFAULT', 'ROS_LOCALHOST_ONLY': '0'}
+    # An empty one counts as not given; any other logs that it is deprecated.
+    ranges = {here[0]: 'SYSTEM_DEFAULT', 'ROS_LOCALHOST_ONLY': ''}
     return ranges | dict.fromkeys(PROFILE_VARIABLES, profile)
 
 
@@ -195,12 +203,15 @@ def _items(text: str) -> list[str]:
     return [item.strip() for item in text.split(',')]
 
 
-def _arguments_of_each(executable: str) -> list[list[str] | None]:
+def _arguments_of_each(executable: str) -> list[list[str]]:
     """Return the ROS arguments of each node, from the command line.
 
     ``--fingers`` gives a node in the namespace of each finger. ``--configs`` gives, below that, a
     node for each parameter file, in a namespace named after the file; all nodes of a finger
     receive the same ``voltages``.
+
+    Each is given again what follows the first parameter file, or all beside ``--configs``, to hold
+    over the file: with rcl it does not where something before it is for all nodes.
     """
     _check_files()
     options = _options(executable)
@@ -210,16 +221,18 @@ def _arguments_of_each(executable: str) -> list[list[str] | None]:
     hand = whole[-1].strip('/') if whole else ''
     above = ['/' + '/'.join(filter(None, (hand, finger))) for finger in fingers or ['']]
     _check_namespaces('--fingers', fingers or [])
-    if fingers is None and configs is None:
-        return [None]
+    after = sys.argv if configs else [*itertools.dropwhile('--params-file'.__ne__, sys.argv)][2:]
+    again = [word for pair in pairwise(after) if pair[0] in GIVE_PARAMETERS for word in pair]
     if configs is None:
-        return [['--ros-args', '-r', f'__ns:={namespace}'] for namespace in above]
+        of_each = [['-r', f'__ns:={namespace}'] for namespace in above] if fingers else [[]]
+        return [['--ros-args', *words, *again] for words in of_each]
     names = [PurePath(path).stem for path in configs]
     _check_namespaces('--configs', names)
     return [
         [
             *('--ros-args', '-r', f'__ns:={namespace.rstrip("/")}/{name}'),
-            *('-r', f'voltages:={namespace.rstrip("/")}/voltages', '--params-file', path),
+            *('-r', f'voltages:={namespace.rstrip("/")}/voltages', '--params-file'),
+            *(str(find_parameter_file(path)), *again),
         ]
         for namespace in above
         for name, path in zip(names, configs, strict=True)
@@ -241,11 +254,12 @@ def _check_files() -> None:
         name, assigned, value = text.partition(':=')
         if option in ('-p', '--param') and assigned:
             check_values({name: parsed_yaml(os.fsencode(value), f'{option} {name}')}, option)
-        for path in {'--params-file': [text], '--configs': _items(text)}.get(option, []):
+        names = _items(text) if option == '--configs' else []
+        for path in [text] if option == '--params-file' else map(find_parameter_file, names):
             list(sections_of(read_yaml(path), path))
 
 
-def _maker(executable: str) -> Callable[[list[list[str] | None]], list[Any]]:
+def _maker(executable: str) -> Callable[[list[list[str]]], list[Any]]:
     """Return the function that creates an executable's nodes from the arguments of each."""
     if executable == 'grasp_controller':
         from slip_detector.nodes.grasp_controller import GraspController

@@ -191,23 +191,32 @@ def parameters_for(path: str | Path, node: str) -> tuple[dict[str, Any], set[str
     return {name: value for name, value in values.items() if name not in OF_RCLPY}, own
 
 
-def names_given_to(path: str | Path, executable: str, node: str) -> set[str]:
-    """Return the names that a parameter file gives to a node, by its full name, not to all nodes.
+def given_to(path: str | Path, executable: str, node: str) -> dict[str, Any]:
+    """Return what a parameter file gives to a node, by its full name, not to all nodes.
 
-    ROS ignores sections that do not match, so that the node would run with its defaults.
+    ROS ignores sections that do not match, so that the node would run with its defaults. A node
+    of another name than its executable's is given what is for that, if nothing is for itself.
 
     Raises
     ------
     ValueError
         When all sections for the executable, the default name of the node, are for nodes of other
-        names, or no section is for this package.
+        names, or no section is for this package; for a node of another name, when the file has a
+        name for the executable and for all nodes, as ROS gives it the latter.
     """
-    _, own = parameters_for(path, node)
+    values, own = parameters_for(path, node)
+    if own:
+        return {name: values[name] for name in own}
+    for_all, default = values, f'{node.rpartition("/")[0]}/{executable}'
+    values, own = parameters_for(path, default)
+    if twice := sorted(own & for_all.keys()):
+        what = f'{path}: has {", ".join(twice)} for {default} and for all nodes'
+        refuse(what, f'a section for this node, {node}')
     ours = [] if own else [name for name, _ in our_sections(path) if node_of(name) == executable]
-    if ours and not any(matches(name, node) for name in ours):
+    if ours and not any(matches(name, default) for name in ours):
         what = f'{path}: has sections for {", ".join(ours)}, none for this node, {node}'
         refuse(what, f'{node} or /**/{node_of(node)}')
-    return own
+    return {name: values[name] for name in own}
 
 
 def sections_for_others(path: str | Path, executable: str, nodes: Collection[str]) -> list[str]:
@@ -222,9 +231,10 @@ def sections_for_others(path: str | Path, executable: str, nodes: Collection[str
     ...     sections_for_others(file, 'slip_driver', ['/ring/slip_driver'])
     ['/ringg/slip_driver']
     """
-    kinds = {executable, *map(node_of, nodes)}
+    known = [*nodes, *(f'{node.rpartition("/")[0]}/{executable}' for node in nodes)]
+    kinds = {*map(node_of, known)}
     names = [name for name, _ in sections_of(read_yaml(path), path) if node_of(name) in kinds]
-    return [name for name in names if not any(matches(name, node) for node in nodes)]
+    return [name for name in names if not any(matches(name, node) for node in known)]
 
 
 def flattened(values: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:

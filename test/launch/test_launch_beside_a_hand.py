@@ -26,29 +26,31 @@ from support.harness import DEADLINE_S
 from support.launching import launch_file, start_launch
 
 CONFIG = """
-/**/left_slip:
+/**/slip_detector:
   ros__parameters: {heartbeat_hz: 20.0}
 /**/slip_driver:
-  ros__parameters: {source: scene}
+  ros__parameters: {source: udp}
 """
 
 OF_A_HAND = """
 from launch import LaunchDescription
 from launch.actions import GroupAction, IncludeLaunchDescription
 from launch.launch_description_sources import PythonLaunchDescriptionSource
-from launch_ros.actions import SetRemap
+from launch_ros.actions import SetParameter, SetRemap
 
 # Fast DDS may delete the shared memory of a process that follows a killed one: hence udp.
+# True as Nav2 has it.
 ARGUMENTS = {{
-    'namespace': 'hand', 'name': 'left_slip', 'log_level': 'debug', 'use_sim_time': 'true',
-    'use_respawn': 'true', 'transport': 'udp', 'config': {config!r},
+    'namespace': 'hand', 'name': 'left_slip', 'log_level': 'DEBUG', 'use_sim_time': 'True',
+    'use_respawn': 'True', 'transport': 'udp', 'config': {config!r}, 'source': 'scene',
 }}
+OF_THE_ROBOT = SetRemap('slip', '/grip/slip'), SetParameter('use_sim_time', True)
 
 
 def generate_launch_description():
     ours = PythonLaunchDescriptionSource({ours!r})
     included = IncludeLaunchDescription(ours, launch_arguments=ARGUMENTS.items())
-    return LaunchDescription([GroupAction([SetRemap('slip', '/grip/slip'), included])])
+    return LaunchDescription([GroupAction([*OF_THE_ROBOT, included])])
 """
 
 

@@ -32,16 +32,17 @@ def refused(name, *arguments, started=False):
 
 
 @pytest.mark.parametrize(
-    ('argument', 'words'),
+    ('name', 'arguments', 'words'),
     [
-        ('scene:=plate_400um', "scene is 'plate_400um', allowed: a scene with an object"),
-        ('scene:=plate', "no scene 'plate', allowed: dead_channel, "),
-        ('seed:=-1', "seed is '-1', allowed: a whole number from 0"),
-        ('config:=none.yaml', "config is 'none.yaml', allowed: the path of a parameter file"),
+        ('grasp', ['scene:=plate_400um'], "scene is 'plate_400um', allowed: a scene with an obj"),
+        ('grasp', ['scene:=plate'], "no scene 'plate', allowed: dead_channel, "),
+        ('grasp', ['seed:=-1'], "seed is '-1', allowed: a whole number from 0"),
+        ('grasp', ['config:=none.yaml'], "config is 'none.yaml', allowed: the path of a param"),
+        ('hand', ['source:=none', 'recording:=a'], "recording is 'a', allowed: none beside sour"),
     ],
 )
-def test_a_wrong_argument_of_a_grasp_is_refused_in_one_line_and_no_node_starts(argument, words):
-    said = refused('grasp', argument)
+def test_a_wrong_argument_is_refused_in_one_line_and_no_node_starts(name, arguments, words):
+    said = refused(name, *arguments)
     (line,) = [line for line in said.splitlines() if 'ERROR' in line]
     assert words in line
     assert 'Traceback' not in said
@@ -49,7 +50,7 @@ def test_a_wrong_argument_of_a_grasp_is_refused_in_one_line_and_no_node_starts(a
 
 @pytest.mark.parametrize('name', ['hand', 'grasp'])
 def test_no_node_starts_where_an_argument_of_the_page_is_refused(name):
-    assert "Valid options are: ['true', 'false']" in refused(name, 'view:=maybe')
+    assert "Valid options are: ['true', 'True', " in refused(name, 'view:=maybe')
 
 
 @pytest.mark.parametrize(

@@ -42,7 +42,7 @@ def generate_test_description():
             bag.write(
                 '/rh/tactile', bag.make(every, header=bag.header(at_ns), tactiles=fingers), at_ns
             )
-    arguments = {'config': 'sensors/biotac.yaml', 'source': 'recording', 'recording': str(path)}
+    arguments = {'config': 'sensors/biotac.yaml', 'recording': str(path)}
     description, context = launched('slip_detector', {**arguments, 'voltages': '/rh/pac'})
     return description, {**context, 'folder': folder}
 

@@ -91,10 +91,13 @@ def test_a_file_whose_sections_are_for_nodes_of_other_names_stops_the_start(benc
         ('/**/slip_detector', ['-r', '__ns:=/left/index'], '/left/index/slip_detector'),
         ('/*/slip_detector', ['-r', '__ns:=/index'], '/index/slip_detector'),
         ('/mine', ['-r', '__node:=mine'], '/mine'),
+        ('/**/slip_detector', ['-r', '__node:=mine'], '/mine'),
         ('/index/**', ['-r', '__ns:=/index'], '/index/slip_detector'),
     ],
 )
-def test_a_section_is_taken_where_ros_takes_it(bench, tmp_path, section, words, name):
+def test_a_section_is_taken_where_ros_takes_it_and_for_another_name(
+    bench, tmp_path, section, words, name
+):
     file = tmp_path / 'robot.yaml'
     text = f'{section}:\n  ros__parameters: {{threshold: 0.7}}\n'
     if '*' in section:  # else as ros2 param dump writes it
@@ -124,9 +127,10 @@ def test_what_all_nodes_are_given_ends_none_and_what_may_be_meant_for_one_is_tol
         '/ringg/slip_detector:\n  ros__parameters: {gain: 60.0}\n'
     )
     # As SetParameter of a launch file gives it.
-    words = ['-p', 'robot_name:=a', '--params-file', file, '-r', '__ns:=/ring']
+    words = ['-p', 'robot_name:=a', '--params-file', file, '-r', '__ns:=/ring', '-p', 'gain:=70.0']
     process = bench.start('slip_detector', *words)
-    assert bench.values_of('/ring/slip_detector', 'gain', 'threshold') == [50.0, 0.5]
+    # What comes after the file holds over it, though for all nodes as what came before.
+    assert bench.values_of('/ring/slip_detector', 'gain', 'threshold') == [70.0, 0.5]
     warnings = [line.partition(']: ')[2] for line in process.lines() if '[WARN]' in line]
     assert warnings == [
         'left out: parameter treshold = 0.7, given to all nodes; did you mean threshold?',

@@ -125,6 +125,14 @@ def test_a_finger_is_a_namespace_in_that_of_the_process(monkeypatch, of_ros, wan
     assert found == [['--ros-args', '-r', f'__ns:={wanted}']]
 
 
+def test_what_follows_a_parameter_file_is_given_to_each_node_again(monkeypatch):
+    words = '--ros-args', '-p', 'a:=1', '--params-file', GRASP
+    assert arguments_of_each(monkeypatch, *words) == [['--ros-args']]
+    later = ['-p', 'gain:=2.0', '--params-file', GRASP, '--param', 'vote:=2']
+    found = arguments_of_each(monkeypatch, *words, *later, '-r', 'slip:=/slip')
+    assert found == [['--ros-args', *later]]
+
+
 @pytest.mark.parametrize(
     ('words', 'above'),
     [
@@ -137,16 +145,20 @@ def test_each_parameter_file_is_a_namespace_and_all_of_a_finger_have_the_same_in
     monkeypatch, tmp_path, words, above
 ):
     monkeypatch.chdir(tmp_path)
-    for name in ('onset.yaml', 'sure.yaml'):
+    for name in ('mine.yaml', 'sure.yaml'):
         (tmp_path / name).write_text('/**: {ros__parameters: {gain: 1.0}}')
-    given = '--configs', f'onset.yaml, {tmp_path}/sure.yaml'
-    assert arguments_of_each(monkeypatch, *given, *words) == [
+    # The first comes with the package.
+    given = '--configs', f'onset.yaml, mine.yaml, {tmp_path}/sure.yaml'
+    of_package = str(ROOT / 'config' / 'onset.yaml')
+    paths = {'onset': of_package, 'mine': 'mine.yaml', 'sure': f'{tmp_path}/sure.yaml'}
+    parameter = ['-p', 'gain:=2.0']
+    assert arguments_of_each(monkeypatch, *given, *words, '--ros-args', *parameter) == [
         [
             *('--ros-args', '-r', f'__ns:={namespace}/{name}'),
-            *('-r', f'voltages:={namespace}/voltages', '--params-file', path),
+            *('-r', f'voltages:={namespace}/voltages', '--params-file', path, *parameter),
         ]
         for namespace in above
-        for name, path in (('onset', 'onset.yaml'), ('sure', f'{tmp_path}/sure.yaml'))
+        for name, path in paths.items()
     ]
 
 
@@ -176,6 +188,7 @@ def test_a_node_without_shared_memory_is_heard_by_one_with_it(
     process = bench.start('slip_detector', environment=given)
     bench.wait_for(lambda: slip, 'slip')
     assert ('/dev/shm/fast' in process.memory_maps()) == shares
+    assert 'deprecated' not in process.log()
 
 
 def test_a_transport_is_refused_beside_a_profile_that_may_give_another(monkeypatch):

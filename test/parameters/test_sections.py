@@ -17,7 +17,7 @@
 import pytest
 
 from slip_detector.parameters import ChainConfig, DetectorConfig, DriverConfig, GraspConfig
-from slip_detector.parameters.sections import names_given_to, sections_for_others
+from slip_detector.parameters.sections import given_to, sections_for_others
 from support.config_cases import message_of
 
 
@@ -46,10 +46,8 @@ def test_sections_for_all_nodes_count_and_those_of_other_nodes_do_not(write):
     assert ChainConfig.from_yaml(path) == ChainConfig(channels=2, groups=groups)
     assert DriverConfig.from_yaml(path) == DriverConfig(seed=3, channels=2)
     assert GraspConfig.from_yaml(path) == GraspConfig(limit_n=8.0)
-    assert names_given_to(path, 'slip_detector', '/finger/slip_detector') == {
-        'groups.left',
-        'groups.right',
-    }
+    own = {'groups.left': [1], 'groups.right': [2]}
+    assert given_to(path, 'slip_detector', '/finger/slip_detector') == own
 
 
 def test_of_the_robots_parameters_only_what_is_nearly_ours_is_told(write, caplog):
@@ -91,7 +89,8 @@ def test_a_running_node_has_what_ros_would_give_it(write):
     for finger, threshold in (('thumb', 0.4), ('index', 0.6), ('little', 0.3)):
         config = DetectorConfig.from_yaml(path, f'/{finger}/slip_detector')
         assert config == DetectorConfig(threshold=threshold, gain=5.0, heartbeat_hz=20.0)
-    assert names_given_to(path, 'slip_detector', '/little/slip_detector') == {'threshold', 'gain'}
+    own = {'threshold': 0.3, 'gain': 5.0}
+    assert given_to(path, 'slip_detector', '/little/slip_detector') == own
     nodes = ['/thumb/slip_detector', '/little/slip_detector']
     assert sections_for_others(path, 'slip_detector', nodes) == ['/index/slip_detector']
     said = 'has sections for /thumb/slip_detector, /index/slip_detector, allowed: one namespace'
@@ -100,14 +99,30 @@ def test_a_running_node_has_what_ros_would_give_it(write):
 
 def test_a_file_with_sections_for_other_names_of_the_node_is_refused(write):
     path = write('/thumb/slip_driver: {ros__parameters: {seed: 3}}\n')
-    message = message_of(names_given_to, path, 'slip_driver', '/index/slip_driver')
+    message = message_of(given_to, path, 'slip_driver', '/index/slip_driver')
     assert message == (
         f'{path}: has sections for /thumb/slip_driver, none for this node, /index/slip_driver, '
         'allowed: /index/slip_driver or /**/slip_driver'
     )
-    assert names_given_to(write('/mine: {ros__parameters: {gain: 2}}'), 'slip_detector', '/mine')
+    assert given_to(write('/mine: {ros__parameters: {gain: 2}}'), 'slip_detector', '/mine')
     empty = write('/**/slip_driver: {ros__parameters: {}}\n')
-    assert names_given_to(empty, 'slip_driver', '/index/slip_driver') == set()
+    assert given_to(empty, 'slip_driver', '/index/slip_driver') == {}
+
+
+def test_a_node_of_another_name_takes_what_is_for_its_executable_unless_it_has_a_section(write):
+    path = write('/hand/slip_detector: {ros__parameters: {gain: 2}}\n')
+    assert given_to(path, 'slip_detector', '/hand/mine') == {'gain': 2}
+    assert sections_for_others(path, 'slip_detector', ['/hand/mine']) == []
+    assert 'none for this node, /mine' in message_of(given_to, path, 'slip_detector', '/mine')
+    both = path.read_text() + '/hand/mine: {ros__parameters: {vote: 2}}\n'
+    assert given_to(write(both), 'slip_detector', '/hand/mine') == {'vote': 2}
+    # ROS has given it what is for all nodes.
+    both = path.read_text() + '/**: {ros__parameters: {gain: 3}}\n'
+    path = write(both.replace('/hand/mine', '/other'))
+    said = 'has gain for /hand/slip_detector and for all nodes, allowed: a section for this node'
+    assert message_of(given_to, path, 'slip_detector', '/hand/mine') == (
+        f'{path}: {said}, /hand/mine'
+    )
 
 
 @pytest.mark.parametrize(
