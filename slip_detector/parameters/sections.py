@@ -144,7 +144,9 @@ def our_sections(path: str | Path, *nodes: str) -> list[Section]:
     return ours
 
 
-def parameters_for(path: str | Path, node: str) -> tuple[dict[str, Any], set[str]]:
+def parameters_for(
+    path: str | Path, node: str, executable: str = ''
+) -> tuple[dict[str, Any], set[str]]:
     """Return the parameters that a ROS parameter file has for a node of this package.
 
     Parameters
@@ -153,6 +155,8 @@ def parameters_for(path: str | Path, node: str) -> tuple[dict[str, Any], set[str
         The YAML file.
     node
         Name of the node: in full, or without namespace for the sections in any namespace.
+    executable
+        Name of its executable, whose sections count where none is for a node's own full name.
 
     Returns
     -------
@@ -176,7 +180,10 @@ def parameters_for(path: str | Path, node: str) -> tuple[dict[str, Any], set[str
     [14, 16, 11, 9]
     """
     if node.startswith('/'):
-        sections = [each for each in sections_of(read_yaml(path), path) if matches(each[0], node)]
+        every, names = [*sections_of(read_yaml(path), path)], [node]
+        if not any(matches(name, node) and node_of(name) not in ALL for name, _ in every):
+            names += [f'{node.rpartition("/")[0]}/{executable}']
+        sections = [each for each in every if any(matches(each[0], name) for name in names)]
     else:
         sections = [each for each in our_sections(path, node) if node_of(each[0]) in (node, *ALL)]
         named = [name for name, _ in sections if '*' not in name]
@@ -204,14 +211,12 @@ def given_to(path: str | Path, executable: str, node: str) -> dict[str, Any]:
         names, or no section is for this package; for a node of another name, when the file has a
         name for the executable and for all nodes, as ROS gives it the latter.
     """
-    values, own = parameters_for(path, node)
-    if own:
-        return {name: values[name] for name in own}
-    for_all, default = values, f'{node.rpartition("/")[0]}/{executable}'
-    values, own = parameters_for(path, default)
-    if twice := sorted(own & for_all.keys()):
-        what = f'{path}: has {", ".join(twice)} for {default} and for all nodes'
+    values, own = parameters_for(path, node, executable)
+    for_all, its = parameters_for(path, node)
+    if twice := sorted((own - its) & for_all.keys()):
+        what = f'{path}: has {", ".join(twice)} for {executable} and for all nodes'
         refuse(what, f'a section for this node, {node}')
+    default = f'{node.rpartition("/")[0]}/{executable}'
     ours = [] if own else [name for name, _ in our_sections(path) if node_of(name) == executable]
     if ours and not any(matches(name, default) for name in ours):
         what = f'{path}: has sections for {", ".join(ours)}, none for this node, {node}'
