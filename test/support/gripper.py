@@ -65,11 +65,6 @@ class Gripper:
             goal_callback=self._on_goal, cancel_callback=self._on_cancel,
         )  # fmt: skip
         self._timer = node.create_timer(PERIOD_S, self._update)
-        self._node = node
-
-    def destroy(self):
-        self._node.destroy_timer(self._timer)
-        self._server.destroy()
 
     def _on_cancel(self, _):
         self.cancels += 1
