@@ -18,6 +18,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from slip_detector.parameters.driver import RecordingConfig
+from slip_detector.parameters.files import check_plain
 from slip_detector.recordings.array_recordings import CsvRecording, NpzRecording
 from slip_detector.recordings.bag_recording import BagRecording
 from slip_detector.recordings.bag_storage import BAG_ENDINGS, METADATA
@@ -93,9 +94,7 @@ def open_recording(path: 'str | Path', config: 'RecordingConfig | None' = None) 
     labels_file = find_labels(config.recording_labels, path)
     labels = None if labels_file is None else read_labels(labels_file)
     with named_errors(path):
-        # A device such as /dev/zero may have no end.
-        if path.is_char_device() or path.is_block_device():
-            raise ValueError('is no file, allowed: a file or the folder of a bag')
+        check_plain(path)
         if path.suffix == '.csv':
             return CsvRecording(path, config, labels)
         if path.suffix == '.npz':
@@ -104,6 +103,12 @@ def open_recording(path: 'str | Path', config: 'RecordingConfig | None' = None) 
             return BagRecording(path, config, labels)
         ending = path.suffix or 'without ending'
         raise ValueError(f'is {ending}, allowed: {", ".join(ENDINGS)} or the folder of a bag')
+
+
+def _is_inside(path: Path) -> bool:
+    """Return whether what is in a folder is a recording, also a bag whose recorder was killed."""
+    first = (path / f'{path.name}_0{ending}' for ending in BAG_ENDINGS)
+    return is_recording(path) or any(map(Path.is_file, first))
 
 
 def recording_sets(arguments: Sequence[str]) -> dict[str, list[Path]]:
@@ -135,7 +140,7 @@ def recording_sets(arguments: Sequence[str]) -> dict[str, list[Path]]:
     for argument in map(Path, arguments):
         folder = argument.is_dir() and not is_recording(argument)
         with named_errors(argument):
-            files = sorted(filter(is_recording, argument.iterdir())) if folder else [argument]
+            files = sorted(filter(_is_inside, argument.iterdir())) if folder else [argument]
             if not files:
                 raise ValueError(f'has no recordings, allowed: {", ".join(ENDINGS)} or bags')
         for file in files:

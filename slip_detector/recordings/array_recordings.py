@@ -25,12 +25,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain.samples import Samples
+from slip_detector.chain.samples import Samples, Stamps
 from slip_detector.parameters.detector import default_channel_names
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.parameters.fields import name_list, refuse, shortened, shown
 from slip_detector.recordings.labels import Labels, as_truth
-from slip_detector.recordings.rates import checked_rate, rate_of
+from slip_detector.recordings.rates import RATE_TOLERANCE, checked_rate, rate_of
 from slip_detector.recordings.recording import PIECE_ROWS, Recording, named_errors
 
 #: Name of the array of stamps in an npz, as this package writes it.
@@ -86,10 +86,18 @@ class NpzRecording(Recording):
             if column is not None and column.size != n:
                 raise ValueError(f'{key} has the shape {column.shape}, allowed: ({n},)')
         if stamps_ns is None:
-            stamps_ns = np.rint(np.arange(n) * (1e9 / self.sample_rate_hz))
+            stamps_ns = np.rint(np.arange(n) * (1e9 / self.sample_rate_hz)).astype(np.int64)
+        else:
+            stamps_ns = _as_stamps(stamps_ns.reshape(-1))
+            rate_hz = self.sample_rate_hz
+            stamped_hz = rate_of(stamps_ns, STAMPS_KEY) if n > 1 else rate_hz
+            # Of few rows jitter changes the rate.
+            if abs(stamped_hz - rate_hz) > (RATE_TOLERANCE + 1 / n) * rate_hz:
+                what = f'{STAMPS_KEY} has {stamped_hz:g} Hz, {rate_key} {rate_hz:g} Hz'
+                refuse(what, 'the same rate in both')
         truth = None if label is None else as_truth(label, truth_key)
         self.has_truth |= truth is not None
-        self._samples = Samples(volts, stamps_ns.astype(np.int64).reshape(-1), truth)
+        self._samples = Samples(volts, stamps_ns, truth)
 
     def read(self) -> Iterator[Samples]:
         """Yield the rows of the file, some thousands at a time."""
@@ -115,6 +123,18 @@ class NpzRecording(Recording):
             yield archive
 
 
+def _as_stamps(stamps: NDArray[Any]) -> Stamps:
+    """Return stamps as whole nanoseconds; a ValueError for what is none."""
+    if stamps.dtype.kind not in 'iuf':
+        raise ValueError(f'{STAMPS_KEY} has the type {stamps.dtype}, allowed: whole nanoseconds')
+    with np.errstate(invalid='ignore', over='ignore'):
+        fits = (np.abs(stamps.astype(np.float64)) < MOST_S * 1e9) & (stamps % 1 == 0)
+    if not fits.all():
+        wrong = stamps[~fits][0]
+        refuse(f'{STAMPS_KEY} has {wrong}', f'whole nanoseconds below {MOST_S * 1e9:g}')
+    return stamps.astype(np.int64)
+
+
 class CsvRecording(Recording):
     """A csv file with the time of each row in the column ``time_s``.
 
@@ -136,14 +156,18 @@ class CsvRecording(Recording):
     def __init__(self, path: Path, config: RecordingConfig, labels: 'Labels | None') -> None:
         super().__init__(path, labels, config)
         self._truth_key = config.recording_truth_key
-        self._names = names = [name.strip() for name in next(self._lines(), [])]
+        # In many countries a semicolon or a tab is in place of the comma.
+        self._delimiter = max(',;\t', key=next(self._text(), '').count)
+        names = [name.strip() for name in next(self._lines(), [])]
+        self._names = names = names[:-1] if names[-1:] == [''] else names
         self.has_truth |= self._truth_key in names
         self.label_name = f'label {self._truth_key}, there are: {name_list(names)}'
         self._channels = [k for k, n in enumerate(names) if n not in (TIME, self._truth_key)]
         self.channel_names = tuple(names[k] for k in self._channels)
-        if TIME not in names or not self.channel_names or len(set(names)) != len(names):
-            text = f'{TIME} and one for each channel, each name once'
-            refuse(f'line 1 has the columns {name_list(names) or "none"}', text)
+        if TIME not in names or not self.channel_names or len({*names, ''}) <= len(names):
+            text = f'{TIME} and one for each channel, each with a name of its own'
+            there = name_list([name or '(without name)' for name in names]) or 'none'
+            refuse(f'line 1 has the columns {there}', text)
         first = next(self.read(), None)
         stamps_ns = np.empty(0, np.int64) if first is None else first.stamps_ns
         self.sample_rate_hz = checked_rate(rate_of(stamps_ns, f'the times in column {TIME}'))
@@ -159,25 +183,42 @@ class CsvRecording(Recording):
                 truth = as_truth(label, self._truth_key)
             yield Samples(numbers[:, self._channels], stamps_ns, truth)
 
-    def _lines(self) -> Iterator[list[str]]:
+    def _text(self) -> Iterator[str]:
+        """Yield the lines; the last only if it has an end, as it may be cut off in a number."""
         # utf-8-sig: spreadsheets begin the file with a byte order mark.
         with open(self.path, newline='', encoding='utf-8-sig') as file:
-            yield from csv.reader(file)
+            for number, line in enumerate(file, 1):
+                if number == 1 or line.endswith(('\n', '\r')):
+                    yield line
+                else:
+                    what = f'line {number} has no end, so it may be cut off, and is left out'
+                    self.counts.damage = f'{self.path.name}: {what}'
+
+    def _lines(self) -> Any:
+        """Return a reader of the cells of each line."""
+        return csv.reader(self._text(), delimiter=self._delimiter)
 
     def _rows(self) -> Iterator[tuple[list[float], int]]:
         """Yield the numbers and the exact stamp of each line."""
         time_at, n = self._names.index(TIME), len(self._names)
-        for number, line in enumerate(self._lines(), 1):
-            if number == 1 or not line:  # many programs write an empty line at the end
+        lines = self._lines()
+        for cells in itertools.islice(lines, 1, None):
+            text = ''.join(cells)
+            if not text.strip():  # many programs write empty lines at the end
                 continue
             try:
-                numbers = list(map(float, line))
+                numbers = [float(cell.strip() or 'nan') for cell in cells[:n]]
                 # float64 would lose the digits of a date.
-                time_s = decimal.Decimal(line[time_at].strip())
-                fits = len(line) == n and abs(time_s) < MOST_S
+                time_s = decimal.Decimal(cells[time_at].strip())
+                # Many programs write a comma at the end of each line. Python takes 1_0 for 10.
+                fits = len(numbers) == n and not ''.join(cells[n:]).strip() and '_' not in text
+                fits = fits and abs(time_s) < MOST_S
             except (ValueError, ArithmeticError, IndexError):
                 fits = False
             if not fits:
-                text = f'{n} decimal numbers, {TIME} below {MOST_S:g}'
-                refuse(f'line {number} is {shown(",".join(line))}', text)
+                line = shown(self._delimiter.join(cells))
+                refuse(
+                    f'line {lines.line_num} is {line}',
+                    f'{n} decimal numbers, {TIME} below {MOST_S:g}',
+                )
             yield numbers, round(time_s * 1_000_000_000)

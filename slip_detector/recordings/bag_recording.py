@@ -26,8 +26,9 @@ from slip_detector.chain.stamps import GAP_PERIODS
 from slip_detector.parameters.detector import default_channel_names
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.parameters.fields import name_list
-from slip_detector.recordings.bag_storage import BagStorage, Message, Topic, typestore_of
+from slip_detector.recordings.bag_storage import BagStorage, Message, typestore_of
 from slip_detector.recordings.labels import Labels, accuracy_and_kind, label_at
+from slip_detector.recordings.mcap import Topic
 from slip_detector.recordings.messages import JOINT_FIELDS, FieldReader, joint_state_table
 from slip_detector.recordings.rates import checked_rate, rate_of
 from slip_detector.recordings.recording import PIECE_ROWS, Recording
@@ -165,7 +166,8 @@ class BagRecording(Recording):
     def read(self) -> Iterator[Samples]:
         """Yield the rows of the topic, some thousands at a time."""
         edges_ns, last_ns = self._edges_ns(), None
-        self.counts.doubts = self._storage.doubts
+        self.counts.doubts = '; '.join(self._storage.doubts)
+        self.counts.damage = '; '.join(self._storage.damage)
         for some in self._decoded(self._topic, _Decoder(self._topic, self._field)):
             self.counts.dropped += some.dropped * self._per_message
             if len(some.volts):
@@ -177,9 +179,6 @@ class BagRecording(Recording):
                     at_ns = stamps_ns + (late_ns if self._has_states else 0)
                     label = label_at(at_ns, edges_ns, self.accuracy_s)
                 yield Samples(some.volts, stamps_ns, **label)
-        if self._storage.damage:
-            where = '; '.join(self._storage.damage)
-            self.counts.damage = f'{where}: what followed on {self._topic.name} is lost'
 
     def _decoded(self, topic: Topic, decoder: _Decoder) -> Iterator[_Decoded]:
         """Yield the messages of a topic, some thousands of rows at a time."""

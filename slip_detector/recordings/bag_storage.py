@@ -12,23 +12,33 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Reads the messages of a bag with rosbags, and of a damaged bag what comes before the damage."""
+"""Reads the messages of bags in the order of their files; of a damaged one what comes before."""
 
 import contextlib
 import functools
-import os
+import glob
+import importlib
 import re
 import shutil
-import struct
+import sqlite3
 import tempfile
 import weakref
-import zlib
-from collections.abc import Iterator
-from pathlib import Path
-from typing import IO, Any, NamedTuple
+from collections import Counter
+from collections.abc import Callable, Iterator
+from pathlib import Path, PurePath
+from typing import Any
 
-from slip_detector.parameters.fields import name_list, shortened, shown_name
+from slip_detector.chain.stamps import SEVERAL
+from slip_detector.parameters.fields import name_list, refuse, shortened, shown_name
 from slip_detector.parameters.files import read_yaml
+from slip_detector.recordings.mcap import (
+    MODULES,
+    BagFile,
+    DamageError,
+    Received,
+    Topic,
+    mcap_messages,
+)
 
 #: A folder that has this file is a bag.
 METADATA = 'metadata.yaml'
@@ -36,35 +46,25 @@ METADATA = 'metadata.yaml'
 #: The only key of that file.
 ABOUT = 'rosbag2_bagfile_information'
 
-#: Endings of the files of a bag; the last is that of ROS 1.
-BAG_ENDINGS = ('.mcap', '.db3', '.bag')
+#: Ending of a file that was compressed as a whole.
+PACKED = '.zstd'
+
+#: Endings of the files of a bag; .bag is that of ROS 1.
+BAG_ENDINGS = ('.mcap', '.db3', '.bag', PACKED)
 
 HEADER = 'std_msgs/msg/Header'
 
-#: The first bytes of an MCAP.
-MAGIC = b'\x89MCAP0\r\n'
+#: The first bytes of what zstd compressed.
+_ZSTD = b'\x28\xb5\x2f\xfd'
 
-#: Each record begins with its kind and its length in bytes.
-_RECORD = struct.Struct('<BQ')
-_FOOTER, _MESSAGE, _CHUNK, _DATA_END = 2, 5, 6, 15
+#: A time of receipt that is further from the one before is wrong, unless several in a row are.
+FAR_NS = 86_400_000_000_000
 
-#: Places in a chunk of its checksum (0: none) and, where it is not compressed, of its records.
-_CHECKSUM_AT, _RECORDS_AT = 24, 40
-
-#: What ends a file that has no index.
-_END = _RECORD.pack(_DATA_END, 4) + bytes(4) + _RECORD.pack(_FOOTER, 20) + bytes(20) + MAGIC
+#: Number of messages of which most have the right time, to begin with.
+FIRST_TIMES = 9
 
 #: Time of receipt in nanoseconds, serialised message (CDR).
 Message = tuple[int, bytes]
-
-
-class Topic(NamedTuple):
-    """A topic of a bag: its name, and name, format (MSG, IDL, NONE) and definition of its type."""
-
-    name: str
-    msgtype: str
-    encoding: str
-    definition: str
 
 
 class BagStorage:
@@ -80,9 +80,9 @@ class BagStorage:
     topics : list of Topic
         Those with messages, sorted by name.
     damage : list of str
-        One line for each part that could not be read so far.
-    doubts : str
-        Why damage may go unseen; empty if it cannot.
+        One line for each part that cannot be read, is left out or contradicts another.
+    doubts : list of str
+        Why damage may go unseen, or a part may not be wanted; empty if there is no reason.
     custom_data : dict
         What the one who recorded has noted in ``metadata.yaml``, by key.
 
@@ -97,62 +97,117 @@ class BagStorage:
     def __init__(self, path: Path) -> None:
         load_rosbags()
         path.stat()
-        files = [path] if path.is_file() else _files(path)
-        some = [one.name for one in files if one.suffix == '.mcap' and not has_checksums(one)]
-        names = name_list(some)
-        self.doubts = f'{names}: without checksums, so that damage may go unseen' if some else ''
-        #: What rosbags opens, one after the other: the bag or, if it is damaged, its files.
-        self._parts = [path]
         self.damage: list[str] = []
+        self.doubts: list[str] = []
         self.custom_data: dict[str, Any] = {}
-        try:
-            if path.is_dir():  # what is nested too deep ends the parser of rosbags
-                about = read_yaml(path / METADATA).get(ABOUT) or {}
-                self.custom_data = about.get('custom_data') or {}
-            connections = _connections(path)
-        except ValueError:
-            connections = self._open_singly(files)
-        by_name = {
-            one.topic: Topic(one.topic, one.msgtype, one.msgdef.format.name, one.msgdef.data)
-            for one in connections
-            if one.msgcount
-        }
-        self.topics = sorted(by_name.values())
+        listed, n_listed = self._about(path if path.is_dir() else path.parent)
+        if path.is_dir():
+            files = self._files(path, listed)
+        else:  # What is beside a single file is no part of it.
+            files, n_listed, self.damage, self.custom_data = [path], None, [], {}
+            if path.name in listed and len(listed) > 1:
+                what = f'one of the {len(listed)} files of a bag, read as a whole by its folder'
+                self.doubts.append(f'{path.name}: {what}')
+        self._files_read: list[BagFile] = []
+        topics, n, times_ns = dict[str, Topic](), 0, list[int]()
+        for path_of_one in files:
+            file, counts = BagFile(self._plain(path_of_one)), Counter[int]()
+            try:
+                for channel, at_ns, _ in _messages_of(file):
+                    counts[channel] += 1
+                    if len(times_ns) < FIRST_TIMES and at_ns < 2**63:
+                        times_ns.append(at_ns)
+            except DamageError as error:
+                self.damage.append(f'{path_of_one.name} {error}')
+            # A -wal or a -journal.
+            for journal in path_of_one.parent.glob(f'{glob.escape(path_of_one.name)}-*l'):
+                mend = f'sqlite3 {path_of_one} "PRAGMA wal_checkpoint" takes it in'
+                self.damage.append(f'{journal.name} beside it is not read: {mend}')
+            if file.doubts:
+                self.doubts.append(f'{path_of_one.name}: {file.doubts}')
+            if nameless := sum(counts[key] for key in counts.keys() - file.topics.keys()):
+                self.damage.append(f'{path_of_one.name} has {nameless} messages of no topic')
+            topics |= {one.name: one for key, one in file.topics.items() if counts[key]}
+            self._files_read.append(file)
+            n += counts.total()
+        if n_listed not in (None, n) and not self.damage:
+            counted = shortened(str(n_listed))
+            self.damage.append(f'{METADATA} counts {counted} messages, there are {n}')
+        self._begin_ns = sorted(times_ns)[(len(times_ns) - 1) // 2] if times_ns else 0
+        self.topics = sorted(topics.values())
+        if self.damage and not self.topics:
+            raise ValueError('; '.join(self.damage))
 
     def messages(self, topic: Topic) -> Iterator[Message]:
-        """Yield the messages of a topic in order of receipt, up to any damage."""
-        for part in self._parts:
-            try:
-                with _reader(part) as reader:
-                    wanted = [one for one in reader.connections if one.topic == topic.name]
-                    for _, received_ns, raw in reader.messages(wanted) if wanted else ():
-                        cdr = raw
-                        if part.suffix == '.bag':
-                            cdr = bytes(typestore_of(topic).ros1_to_cdr(raw, topic.msgtype))
-                        yield received_ns, cdr
-            except ValueError as error:
-                self.damage += [] if str(error) in self.damage else [str(error)]
+        """Yield the messages of a topic in order of receipt, up to any damage.
 
-    def _open_singly(self, files: list[Path]) -> list[Any]:
-        """Open each file for itself, and a copy of an MCAP that was cut off."""
-        if not files:
-            raise ValueError('has no files of a bag, allowed: .mcap or .db3')
+        A time of receipt that is always 0, beyond 64 bits or far from all others is wrong: it
+        becomes that of the message before and a nanosecond, so that the order is right.
+        """
+        last_ns, far, zeros = self._begin_ns, 0, 0
+        for file in self._files_read:
+            wanted = {key for key, one in file.topics.items() if one.name == topic.name}
+            with contextlib.suppress(DamageError):  # It is noted already.
+                for channel, at_ns, raw in _messages_of(file):
+                    far = far + 1 if abs(at_ns - last_ns) > FAR_NS else 0
+                    zeros = zeros + 1 if at_ns == 0 else 0  # Simulated time begins with some.
+                    wrong = zeros > SEVERAL or at_ns >= 2**63 or 0 < far < SEVERAL
+                    last_ns = last_ns + 1 if wrong else at_ns
+                    if channel in wanted:
+                        yield last_ns, _cdr(raw, topic)
+
+    def _about(self, folder: Path) -> tuple[list[str], Any]:
+        """Return the names of the files and the number of messages by ``metadata.yaml``."""
+        if not (folder / METADATA).exists():
+            return [], None
+        try:
+            about = read_yaml(folder / METADATA).get(ABOUT) or {}
+            self.custom_data = dict(about.get('custom_data') or {})
+            names = [PurePath(name).name for name in about.get('relative_file_paths') or ()]
+            return names, about.get('message_count')
+        except (ValueError, TypeError, AttributeError) as error:
+            why = shortened(str(error).removeprefix(f'{folder / METADATA}: '))
+            self.damage.append(f'{METADATA} is not used ({why})')
+            return [], None
+
+    def _files(self, folder: Path, listed: list[str]) -> list[Path]:
+        """Return the files of a bag in the order of their numbers."""
+        there: dict[str, Path] = {}
+        for file in sorted(folder.iterdir()):  # A file comes before what it was compressed to.
+            if Path(name := file.name.removesuffix(PACKED)).suffix in _READERS and file.is_file():
+                there.setdefault(name, file)
+        wanted = [name.removesuffix(PACKED) for name in listed] or list(there)
+        if not listed and len({re.sub(r'\d+', '', name) for name in there}) > 1:
+            refuse(f'has files of several bags: {name_list(sorted(there))}', 'those of one')
+        if missing := name_list([name for name in wanted if name not in there]):
+            self.damage.append(f'{METADATA} lists {missing}, which is not there')
+        if more := name_list([name for name in there if name not in wanted]):
+            text = f'{METADATA} does not list {more}, so that it is left out'
+            self.damage.append(f'{text}: ros2 bag reindex {folder} lists all')
+        if not there.keys() & {*wanted}:
+            raise ValueError(
+                '; '.join([*self.damage, 'has no files of a bag, allowed: .mcap or .db3'])
+            )
+        numbers = {name: [int(n) for n in re.findall(r'\d+', name)] for name in there}
+        return [there[name] for name in sorted(there, key=numbers.__getitem__) if name in wanted]
+
+    def _plain(self, file: Path) -> Path:
+        """Return a file, or an unpacked copy of one that was compressed as a whole."""
+        if file.suffix != PACKED:
+            return file
         folder = Path(tempfile.mkdtemp(prefix='slip_detector_'))
         weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
-        self._parts, connections = [], []
-        for file in files:
-            part = file
-            try:
-                connections += _connections(part)
-            except ValueError:
-                if file.suffix != '.mcap':
-                    raise
-                part = folder / file.name
-                end = copy_whole_records(file, part)
-                self.damage.append(f'{file.name} is cut off at byte {end}')
-                connections += _connections(part)
-            self._parts.append(part)
-        return connections
+        copy = folder / file.stem
+        try:
+            with _zstd().open(file, 'rb') as packed, open(copy, 'wb') as new:
+                shutil.copyfileobj(packed, new)
+        except (EOFError, _zstd().ZstdError) as error:
+            self.damage.append(f'{file.name} is damaged ({error})')
+        return copy
+
+
+def _zstd() -> Any:
+    return importlib.import_module(MODULES['zstd'])
 
 
 def load_rosbags() -> Any:
@@ -170,29 +225,66 @@ def load_rosbags() -> Any:
     return rosbag2
 
 
-@contextlib.contextmanager
-def _reader(part: Path) -> Iterator[Any]:
-    """Open a bag or one of its files; errors are one line with its name."""
-    from rosbags import rosbag1, rosbag2
+def _database_messages(file: BagFile) -> Iterator[Received]:
+    """Yield the messages of a database of rosbag2 in the order in which they were written."""
+    # Nothing is written beside a database that is immutable.
+    uri = f'{file.path.absolute().as_uri()}?immutable=1'
+    with contextlib.closing(sqlite3.connect(uri, uri=True)) as database:
+        database.execute('PRAGMA writable_schema = ON')  # Else one that is cut off is not read.
+        described: dict[str, list[str]] = {}
+        with contextlib.suppress(sqlite3.OperationalError):  # Older bags have no definitions.
+            columns = 'topic_type, encoding, encoded_message_definition'
+            query = f'SELECT {columns} FROM message_definitions'
+            described = {msgtype: texts for msgtype, *texts in database.execute(query)}
+        for key, name, msgtype in database.execute('SELECT id, name, type FROM topics'):
+            file.topics[key] = Topic(name, msgtype, *described.get(msgtype, ('', '')))
+        for row in database.execute('SELECT topic_id, timestamp, data FROM messages'):
+            if [*map(type, row)] != [int, int, bytes]:
+                raise DamageError('is damaged')
+            yield row
+        # Pages and the index of times are checked so; what is in a message has no checksum.
+        ((verdict,),) = database.execute('PRAGMA integrity_check(1)')
+        if verdict != 'ok':
+            raise DamageError(f'is damaged ({shortened(verdict)})')
 
+
+def _ros1_messages(file: BagFile) -> Iterator[Received]:
+    """Yield the messages of a bag of ROS 1 in order of receipt."""
+    from rosbags import rosbag1
+
+    with rosbag1.Reader(file.path) as reader:
+        for one in reader.connections:
+            file.topics[one.id] = Topic(one.topic, one.msgtype, 'ros1msg', one.msgdef.data)
+        for one, at_ns, raw in reader.messages():
+            yield one.id, at_ns, raw
+
+
+_READERS: dict[str, Callable[[BagFile], Iterator[Received]]] = {
+    '.mcap': mcap_messages,
+    '.db3': _database_messages,
+    '.bag': _ros1_messages,
+}
+
+
+def _messages_of(file: BagFile) -> Iterator[Received]:
+    """Yield the messages of a file; a DamageError after those before the damage."""
+    if file.path.suffix not in _READERS:
+        raise DamageError(f'is none of {", ".join(_READERS)}')
     try:
-        with (rosbag1 if part.suffix == '.bag' else rosbag2).Reader(part) as reader:
-            yield reader
-    except Exception as error:  # rosbags raises many kinds of error for a damaged file
-        why = shortened(' '.join(str(error).split()))
-        raise ValueError(f'{part.name} is damaged ({why})') from None
+        yield from _READERS[file.path.suffix](file)
+    except DamageError:
+        raise
+    except Exception as error:  # A damaged file raises many kinds of error.
+        repair = ', rosbag reindex may repair it' if file.path.suffix == '.bag' else ''
+        why = shortened(' '.join(str(getattr(error, 'strerror', None) or error).split()))
+        raise DamageError(f'is damaged ({why}){repair}') from None
 
 
-def _connections(part: Path) -> list[Any]:
-    """Return what rosbags says about the topics."""
-    with _reader(part) as reader:
-        return list(reader.connections)
-
-
-def _files(folder: Path) -> list[Path]:
-    """Return the files of a bag in the order of their numbers."""
-    files = [file for file in folder.iterdir() if file.suffix in BAG_ENDINGS]
-    return sorted(files, key=lambda file: [int(n) for n in re.findall(r'\d+', file.name)])
+def _cdr(raw: bytes, topic: Topic) -> bytes:
+    """Return a message as ROS 2 serialises it, unpacked if it was compressed by itself."""
+    if topic.encoding == 'ros1msg':
+        return bytes(typestore_of(topic).ros1_to_cdr(raw, topic.msgtype))
+    return bytes(_zstd().decompress(raw)) if raw.startswith(_ZSTD) else raw
 
 
 @functools.lru_cache(maxsize=64)
@@ -212,7 +304,7 @@ def typestore_of(topic: Topic) -> Any:
 
     try:
         types: dict[str, Any] = {}
-        if topic.encoding == 'MSG':
+        if topic.encoding in ('ros2msg', 'ros1msg'):
             types = get_types_from_msg(topic.definition, topic.msgtype)
         if HEADER in types:  # rosbags skips the number that only ROS 1 has
             constants, fields = types[HEADER]
@@ -229,60 +321,3 @@ def typestore_of(topic: Topic) -> Any:
                 f'no definition that can be read ({why})'
             ) from None
     return store
-
-
-def _records(file: IO[bytes]) -> Iterator[tuple[int, int, int]]:
-    """Yield kind, first byte and length of the content of each whole record before the index."""
-    begin, size = len(MAGIC) + _RECORD.size, os.fstat(file.fileno()).st_size
-    while begin <= size:
-        file.seek(begin - _RECORD.size)
-        kind, length = _RECORD.unpack(file.read(_RECORD.size))
-        if kind in (_DATA_END, _FOOTER) or begin + length > size:
-            return
-        yield kind, begin, length
-        begin += length + _RECORD.size
-
-
-def has_checksums(path: Path) -> bool:
-    """Return whether all messages of an MCAP are in chunks with checksums."""
-    with open(path, 'rb') as file:
-        for kind, begin, _ in _records(file):
-            file.seek(begin + _CHECKSUM_AT)
-            if kind == _MESSAGE or (kind == _CHUNK and file.read(4) == bytes(4)):
-                return False
-    return True
-
-
-def write_checksums(path: Path) -> None:
-    """Give each chunk of an MCAP, none of which is compressed, the checksum that rosbags omits.
-
-    Raises
-    ------
-    OSError
-        When the file cannot be written.
-    """
-    with open(path, 'r+b') as file:
-        for kind, begin, length in _records(file):
-            if kind == _CHUNK:
-                file.seek(begin + _RECORDS_AT)
-                checksum = zlib.crc32(file.read(length - _RECORDS_AT))
-                file.seek(begin + _CHECKSUM_AT)
-                file.write(struct.pack('<I', checksum))
-
-
-def copy_whole_records(path: Path, copy: Path) -> int:
-    """Copy an MCAP up to its last whole record before the index, so that rosbags reads the copy.
-
-    Returns
-    -------
-    int
-        The first byte that is not copied.
-    """
-    with open(path, 'rb') as file, open(copy, 'w+b') as new:
-        *_, (_, begin, length) = [(0, 0, 0), *_records(file)]
-        file.seek(0)
-        shutil.copyfileobj(file, new)
-        new.truncate(begin + length)
-        new.seek(0, os.SEEK_END)
-        new.write(_END)
-    return begin + length

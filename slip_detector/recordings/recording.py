@@ -17,6 +17,7 @@
 import contextlib
 import dataclasses
 import itertools
+import sys
 import textwrap
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
@@ -55,12 +56,12 @@ class RecordingCounts:
     stretches : int
         Stretches: runs of rows without a long gap; at least one.
     bad_samples : int
-        Values that are NaN or infinite.
+        Values that are NaN, infinite or outside of ``valid_range_v``.
     dropped : int
         Rows that were left out because their stamp does not fit those before or their channels
         are not those of the first message.
     damage : str
-        One line on the part of a damaged bag that could not be read; empty if all was read.
+        One line on the part of a recording that could not be read; empty if all was read.
     doubts : str
         One line on why damage may have gone unseen; empty if it would have been seen.
 
@@ -121,6 +122,8 @@ class Recording(ABC):
         That of a bag's topic ``voltages``, for example ``/index``.
     counts : RecordingCounts
         Counts of the last reading.
+    valid_range_v : tuple of float
+        Values outside of it count as bad samples, as do NaN and infinity.
     n_rows : int or None
         Number of rows; None: not known before all are read.
     """
@@ -131,6 +134,7 @@ class Recording(ABC):
     label_name: str
     n_rows: 'int | None' = None
     namespace = ''
+    valid_range_v = (-sys.float_info.max, sys.float_info.max)
 
     def __init__(self, path: Path, labels: 'Labels | None', config: RecordingConfig) -> None:
         self.path, self._limit_mb = path, config.recording_limit_mb
@@ -177,7 +181,7 @@ class Recording(ABC):
             place.
         """
         self.counts = RecordingCounts()
-        labels = self._labels
+        labels, (low_v, high_v) = self._labels, self.valid_range_v
         n = first_ns = last_ns = 0
         with named_errors(self.path):
             for rows in self.read():
@@ -185,7 +189,8 @@ class Recording(ABC):
                     continue
                 first_ns = first_ns if n else int(rows.stamps_ns[0])
                 last_ns, n = int(rows.stamps_ns[-1]), n + len(rows.volts)
-                self.counts.bad_samples += int(np.count_nonzero(~np.isfinite(rows.volts)))
+                good = (rows.volts >= low_v) & (rows.volts <= high_v)
+                self.counts.bad_samples += int(np.count_nonzero(~good))
                 label: dict[str, Any] = {}
                 if labels is not None:
                     after_ns = rows.stamps_ns - first_ns
@@ -195,7 +200,7 @@ class Recording(ABC):
             if not n:
                 raise ValueError(f'has no samples{f" ({damage})" if damage else ""}')
         if damage:
-            self.counts.damage = f'{damage}, {n} samples up to {seconds:.3f} s are read'
+            self.counts.damage = f'{damage}: {n} samples up to {seconds:.3f} s are read'
         elif labels is not None:
             labels.check_end(seconds + 1 / self.sample_rate_hz, self.path)
 

@@ -30,8 +30,9 @@ import numpy as np
 from slip_detector.chain.samples import Samples
 from slip_detector.parameters.files import file_errors_of, whole_file
 from slip_detector.recordings.bag_recording import BOOL, JOINT_STATE
-from slip_detector.recordings.bag_storage import ABOUT, load_rosbags, write_checksums
+from slip_detector.recordings.bag_storage import ABOUT, METADATA, load_rosbags
 from slip_detector.recordings.labels import ACCURACY, KIND
+from slip_detector.recordings.mcap import McapStorage
 from slip_detector.recordings.messages import JointStateWriter
 
 #: Version of the bag metadata for ROS 2 Jazzy and later.
@@ -161,7 +162,7 @@ def new_bag(path: Path, names: Sequence[str], **more: Any) -> Iterator['BagWrite
 
 
 class BagWriter:
-    """A bag that is written piece by piece.
+    """A bag that is written piece by piece; an MCAP has a chunk for each second.
 
     The rows are on ``voltages``, the truth on ``slip_truth`` and the position on
     ``platform_position``. The time of receipt of a message is its stamp.
@@ -226,13 +227,18 @@ class BagWriter:
         self._platform = JointStateWriter(frame_id, ['platform'])
         self._last: bool | None = None
         plugin = rosbag2.StoragePlugin[PLUGINS[ending]]
+        plugins = rosbag2.Writer.STORAGE_PLUGINS | {rosbag2.StoragePlugin.MCAP: McapStorage}
+        writer = type('Writer', (rosbag2.Writer,), {'STORAGE_PLUGINS': plugins})
         try:
-            self._writer = rosbag2.Writer(folder, version=BAG_VERSION, storage_plugin=plugin)
+            self._writer = writer(folder, version=BAG_VERSION, storage_plugin=plugin)
             self._writer.set_custom_data(ACCURACY, f'{accuracy_s:g}')
             self._writer.set_custom_data(KIND, kind)
             self._writer.open()
         except rosbag2.WriterError:
             raise FileExistsError(errno.EEXIST, 'already exists') from None
+        # How exact the truth is, and the kind, are known even if this process is killed.
+        about = {ABOUT: {'custom_data': {ACCURACY: f'{accuracy_s:g}', KIND: kind}}}
+        (folder / METADATA).write_text(json.dumps(about), encoding='utf-8')
         self._topics = {
             topic: self._writer.add_connection(
                 topic, msgtype, typestore=types, offered_qos_profiles=[_quality()]
@@ -274,24 +280,17 @@ class BagWriter:
     def flush(self) -> None:
         """Pass all rows so far to the operating system, so that they survive a killed process.
 
-        Only for MCAP: the rows since the last call become a chunk. The first call notes how exact
-        the truth is, and the kind.
+        Only for MCAP.
 
         Raises
         ------
         OSError
             When the disk is full, for example.
         """
-        storage = self._writer.storage
-        if storage.chunk.msgs:
-            storage.close_chunk()
-        storage.bio.flush()
-        if not self._writer.metapath.exists():
-            about = {ABOUT: {'custom_data': self._writer.custom_data}}
-            self._writer.metapath.write_text(json.dumps(about), encoding='utf-8')
+        self._writer.storage.flush()
 
     def close(self) -> None:
-        """Write the index and ``metadata.yaml``, and give each chunk of an MCAP its checksum.
+        """Write the index and the rest of ``metadata.yaml``.
 
         Raises
         ------
@@ -299,8 +298,6 @@ class BagWriter:
             When these cannot be written. Flushed rows are kept; :meth:`abort` closes the file.
         """
         self._writer.close()
-        if self.path.suffix == '.mcap':
-            write_checksums(self.path)
 
     def abort(self) -> None:
         """Close the file as it is, after a failed write."""

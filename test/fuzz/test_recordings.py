@@ -14,6 +14,7 @@
 
 """Recordings of all kinds with damage anywhere."""
 
+import contextlib
 import io
 import struct
 import zipfile
@@ -120,3 +121,32 @@ def test_any_bytes_are_read_or_refused_in_one_line_and_never_take_much_memory(tm
         lambda ending: st.tuples(st.just(ending), mutated_bytes(originals[ending], most=6))
     )
     fuzz(cases, check, corpus=list(corpus(found)), few=40, refusal='some[.:]')
+
+
+def test_of_an_mcap_all_rows_before_the_damage_are_read_as_they_were(tmp_path):
+    written = rows(1000)
+    path = tmp_path / 'some.mcap'
+    write_recording(path, [written], 380.0, ['left', 'right', 'tip'])
+    whole = path.read_bytes()
+    ends = [whole.index(row.tobytes()) + row.nbytes for row in written.volts]
+
+    def check(case):
+        damage, place, length = case
+        place %= len(whole)
+        end = len(whole) if damage == 'cut' else place + length
+        there = bytearray(whole)
+        there[place:end] = bytes(b ^ 1 << place % 8 for b in there[place:end])
+        if damage != 'flip':
+            there[place:end] = bytes(end - place if damage == 'zero' else 0)
+        path.write_bytes(there)
+        read = written.volts[:0]
+        with contextlib.suppress(ValueError):
+            read = np.concatenate([one.volts for one in open_recording(path, CONFIG).rows()])
+        np.testing.assert_array_equal(read, written.volts[: len(read)])
+        # Of a chunk whose checksum is wrong nothing is read.
+        assert len(read) > np.searchsorted(ends, place) - 381 * (damage != 'cut') - 2
+
+    cases = st.tuples(
+        st.sampled_from(['cut', 'zero', 'flip']), st.integers(0, 10**9), st.integers(1, 5000)
+    )
+    fuzz(cases, check, corpus=(), few=60)

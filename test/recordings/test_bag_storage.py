@@ -14,8 +14,9 @@
 
 """Bags: whole, compressed, split, of ROS 1, cut off, damaged, or none at all."""
 
-import contextlib
 import re
+import sqlite3
+import struct
 import subprocess
 import sys
 
@@ -27,8 +28,8 @@ pytest.importorskip('rosbags', reason='needs rosbags')
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 
 from slip_detector.recordings import open_recording, write_recording
-from slip_detector.recordings.bag_storage import Topic, typestore_of
-from slip_detector.recordings.writing import BagWriter
+from slip_detector.recordings.bag_storage import typestore_of
+from slip_detector.recordings.mcap import Topic
 from support.bags import JOINT_STATE, NAMES, PLUGINS, Bag, check_same, gathered, rows
 
 
@@ -97,35 +98,11 @@ def test_without_rosbags_npz_is_read_and_a_bag_says_what_to_install(tmp_path):
 
 @pytest.fixture(scope='module')
 def whole(tmp_path_factory):
-    """Write a bag in chunks as the live page does; tests cut and damage copies of it."""
+    """Write a bag in chunks of a second, 380 rows; tests cut and damage copies of it."""
     written = rows(900)
-    bag = BagWriter(tmp_path_factory.mktemp('whole') / 'a', NAMES)
-    for first in range(0, 900, 100):
-        bag.write(written.take(slice(first, first + 100)))
-        bag.flush()
-    bag.close()
-    return written, bag.path
-
-
-@pytest.mark.parametrize('in_folder', [True, False])
-def test_wherever_an_mcap_is_cut_off_its_beginning_is_read(tmp_path, whole, in_folder):
-    written, file = whole
-    content = file.read_bytes()
-    path = tmp_path / 'a.mcap'
-    for share in np.linspace(0.0, 1.0, 13)[:-1]:
-        path.write_bytes(content[: int(share * len(content))])
-        if share < 0.15:  # not even the definitions are there, or no sample is
-            with pytest.raises(ValueError, match=r'a\.mcap is (damaged|cut off)'):
-                open_recording(path)
-            continue
-        read, damage = read_of(tmp_path if in_folder else path)
-        check_same(read, written.take(slice(len(read.volts))))
-        # A chunk that is cut off is lost.
-        assert len(read.volts) >= share * 900 - 120
-        n = f'{len(read.volts)} samples up to'
-        assert re.search(
-            rf'^a\.mcap is cut off at byte \d+: what .* /voltages is lost, {n}', damage
-        )
+    path = tmp_path_factory.mktemp('whole') / 'a.mcap'
+    write_recording(path, [written], 380.0, NAMES)
+    return written, path
 
 
 def test_an_mcap_is_read_up_to_a_damaged_chunk(tmp_path, whole):
@@ -138,10 +115,9 @@ def test_an_mcap_is_read_up_to_a_damaged_chunk(tmp_path, whole):
     # Labels after the damage are no error.
     (tmp_path / 'a.labels.yaml').write_text('slip_s: [[0.5, 1.0], [2.0, 2.1]]')
     read, damage = read_of(path)
-    np.testing.assert_array_equal(read.volts, written.volts[:400])
+    np.testing.assert_array_equal(read.volts, written.volts[:380])
     assert read.truth.sum() == 190
-    assert damage.startswith('a.mcap is damaged (')
-    assert 'what followed on /voltages is lost, 400 samples up to' in damage
+    assert re.fullmatch(r'a\.mcap has a damaged chunk at byte \d+: 380 samples up to .*', damage)
 
 
 def test_a_bag_without_checksums_is_read_with_a_warning(tmp_path):
@@ -182,26 +158,118 @@ def test_no_damage_changes_rows_unseen(tmp_path, in_folder, step):
     assert seen > len(whole) / step / 2
 
 
-@pytest.mark.parametrize('ending', ['.db3', '.bag'])
-def test_of_a_cut_off_bag_of_another_kind_nothing_wrong_is_read(tmp_path, ending):
-    written = rows(900)
+@pytest.mark.parametrize('ending', ['.mcap', '.db3', '.bag'])
+@pytest.mark.parametrize('tail', [0, 100_000])
+def test_of_a_bag_whose_end_is_lost_or_zero_the_beginning_is_read(tmp_path, whole, ending, tail):
+    written, file = whole
     path = tmp_path / f'a{ending}'
     if ending == '.bag':
         with Bag(path) as bag:
             bag.write_rows(written)
-    else:
+    elif ending == '.db3':
         write_recording(path, [written], 380.0, NAMES)
+    content = file.read_bytes() if ending == '.mcap' else path.read_bytes()
+    for share in np.linspace(0.0, 1.0, 9)[:-1]:
+        path.write_bytes(content[: int(share * len(content))] + bytes(tail))
+        if ending == '.bag' or share < (0.2 if ending == '.db3' else 0.1):
+            with pytest.raises(ValueError, match=r'a\.\w+ is (damaged|cut off)'):
+                open_recording(path)
+            continue
+        read, damage = read_of(path)
+        check_same(read, written.take(slice(len(read.volts))))
+        assert re.search(rf': {len(read.volts)} samples up to', damage)
+        # The other bytes are indexes.
+        assert len(read.volts) >= share * 900 - 170
+
+
+def test_of_a_wrong_index_or_summary_nothing_is_believed(tmp_path):
+    written = rows(900, truth=False)
+    path = tmp_path / 'a.mcap'
+    write_recording(path, [written], 380.0, NAMES)
     content = path.read_bytes()
-    for share in np.linspace(0.0, 1.0, 13)[:-1]:
-        path.write_bytes(content[: int(share * len(content))])
-        with contextlib.suppress(ValueError):
-            read, damage = read_of(path)
-            np.testing.assert_array_equal(read.volts, written.volts[: len(read.volts)])
-            assert damage
+    summary = content.rindex(b'\x0f\4' + bytes(11))
+    path.write_bytes(content[:summary] + bytes(len(content) - summary))
+    read, damage = read_of(path)
+    check_same(read, written)
+    assert 'a.mcap is cut off at byte ' in damage
+    path.write_bytes(content.replace(struct.pack('<QH', 900, 2), struct.pack('<QH', 9, 2)))
+    read, damage = read_of(path)
+    check_same(read, written)
+    assert 'a.mcap has 900 messages, and counts 9 in its summary' in damage
+
+
+@pytest.mark.parametrize('plugin', PLUGINS)
+@pytest.mark.parametrize('wrong', ['one', 'all', 'first', 'highest'])
+def test_a_wrong_time_of_receipt_moves_no_row_and_no_label(tmp_path, plugin, wrong):
+    if (plugin, wrong) == (StoragePlugin.SQLITE3, 'highest'):
+        pytest.skip('a database has no room for such a time')
+    written = rows(400)
+    with Bag(tmp_path / 'a', plugin) as bag:
+        for k, stamp_ns in enumerate(written.stamps_ns):
+            far_ns = (2**64 - 1 if plugin is StoragePlugin.MCAP else 0) if k % 2 else 2**62
+            is_wrong = k in {'one': (150, 250), 'first': (0,)}.get(wrong, range(400))
+            far_ns = {'all': 0, 'highest': 2**64 - 1}.get(wrong, far_ns)
+            received_ns = far_ns if is_wrong else stamp_ns
+            if k == 0 or written.truth[k] != written.truth[k - 1]:
+                slip = bag.make('std_msgs/msg/Bool', data=bool(written.truth[k]))
+                bag.write('/slip_truth', slip, received_ns)
+            bag.write('/voltages', bag.joints(stamp_ns, written.volts[k]), received_ns)
+    check_same(gathered(open_recording(tmp_path / 'a')), written)
+
+
+def test_files_that_are_missing_not_listed_or_beside_are_named(tmp_path):
+    written, folder = rows(900), tmp_path / 'split'
+    folder.mkdir()
+    for k in range(3):
+        part = written.take(slice(300 * k, 300 * (k + 1)))
+        write_recording(folder / f'split_{k}.mcap', [part], 380.0, NAMES)
+    listed = 'rosbag2_bagfile_information: {relative_file_paths: [split_0.mcap, split_%d.mcap]}'
+
+    def damage_with(last):
+        (folder / 'metadata.yaml').write_text(listed % last)
+        return read_of(folder)[1]
+
+    left_out = 'metadata.yaml does not list split_2.mcap, so that it is left out'
+    assert damage_with(1).startswith(f'{left_out}: ros2 bag reindex {folder} lists all')
+    assert damage_with(3).startswith('metadata.yaml lists split_3.mcap, which is not there; ')
+    recording = open_recording(folder / 'split_0.mcap')
+    gathered(recording)
+    assert recording.counts.doubts == (
+        'split_0.mcap: one of the 2 files of a bag, read as a whole by its folder'
+    )
+    (folder / 'metadata.yaml').unlink()
+    write_recording(folder / 'other.mcap', [written], 380.0, NAMES)
+    with pytest.raises(ValueError, match=r'has files of several bags: other\.mcap, split_0\.mcap'):
+        open_recording(folder)
+
+
+def test_what_is_beside_a_database_or_not_in_its_table_of_topics_is_named(tmp_path):
+    path = tmp_path / 'a.db3'
+    write_recording(path, [rows(60)], 380.0, NAMES)
+    database = sqlite3.connect(path)
+    database.execute('DELETE FROM topics WHERE name = "/slip_truth"')
+    database.commit()
+    database.close()
+    (tmp_path / 'a.db3-wal').write_bytes(b'rows')
+    _, damage = read_of(path)
+    assert damage.startswith('a.db3-wal beside it is not read: sqlite3 ')
+    assert '; a.db3 has 1 messages of no topic: 60 samples' in damage
+
+
+def test_a_database_that_contradicts_its_index_is_read_with_a_line(tmp_path):
+    path, written = tmp_path / 'a.db3', rows(60)
+    write_recording(path, [written], 380.0, NAMES)
+    content = path.read_bytes()
+    stamp, other = (struct.pack('>q', stamps_ns) for stamps_ns in written.stamps_ns[[7, 9]])
+    place = content.rindex(stamp)
+    path.write_bytes(content[:place] + other + content[place + 8 :])
+    read, damage = read_of(path)
+    check_same(read, written)
+    assert damage.startswith('a.db3 is damaged (')
 
 
 def test_where_a_definition_is_broken_that_of_ros_is_used_and_an_unknown_type_is_named():
-    assert JOINT_STATE in typestore_of(Topic('/a', JOINT_STATE, 'MSG', 'no [type')).types
-    for encoding in ('MSG', 'IDL', 'NONE'):
+    assert JOINT_STATE in typestore_of(Topic('/a', JOINT_STATE, 'ros2msg', 'no [type')).types
+    for encoding in ('ros2msg', 'ros2idl', ''):
         with pytest.raises(ValueError, match=r'/a is skin/msg/Tactile, of which the bag has no d'):
             typestore_of(Topic('/a', 'skin/msg/Tactile', encoding, 'no [type'))

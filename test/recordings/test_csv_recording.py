@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 
 from slip_detector.recordings import open_recording
-from support.recorded import complaint, save_text
+from support.recorded import complaint, read_recording, save_text
 
 
 def test_the_mark_that_spreadsheets_write_is_no_part_of_a_name(tmp_path):
@@ -33,7 +33,11 @@ TIMES = ': the times in column time_s do not rise, allowed: two or more rows, ea
 @pytest.mark.parametrize(
     ('text', 'said'),
     [
-        ('', f'{COLUMNS}none, allowed: time_s and one for each channel, each name once'),
+        (
+            '',
+            f'{COLUMNS}none, allowed: time_s and one for each channel, each with a '
+            'name of its own',
+        ),
         ('t,a\n0,1\n', f'{COLUMNS}t, a, allowed'),
         ('time_s,a,a\n0,1,1\n1,2,2\n', f'{COLUMNS}time_s, a, a, allowed'),
         ('time_s,slip\n0,1\n1,1\n', f'{COLUMNS}time_s, slip, allowed'),
@@ -47,12 +51,45 @@ TIMES = ': the times in column time_s do not rise, allowed: two or more rows, ea
             )
             for line in ('1,x', '1,2,3', '1', 'nan,1', '1e300,1', '1e-99999999999999999999,1')
         ),
+        ('time_s,a\n0,1\n1,1_0\n', ": line 3 is '1,1_0', allowed: 2 decimal numbers, time_s"),
+        ('time_s;a\n0;1,5\n', ": line 2 is '0;1,5', allowed: 2 decimal numbers, time_s"),
+        (',time_s,a\n0,0,1\n1,1,2\n', f'{COLUMNS}(without name), time_s, a, allowed'),
         ('time_s,a,slip\n0,1,0\n1,1,nan\n', ': slip has nan, allowed: 0 and 1'),
         ('\0', f"{COLUMNS}'\\x00', allowed"),
     ],
 )
 def test_csv_that_is_wrong_is_named_with_its_line_or_column(tmp_path, text, said):
     assert complaint(save_text(tmp_path / 'a.csv', text)).startswith(said)
+
+
+@pytest.mark.parametrize(
+    'text',
+    [
+        'time_s,a,b,\n0,1,\n1,2,3,\n2,3,4,\n',
+        'time_s,a,b\r\n0,1,,\r\n1,2,3,\r\n2,3,4,\r\n,,\r\n \r\n',
+        'time_s;a;b\n0;1;nan\n1;2;3\n2;3;4\n',
+        'time_s\ta\tb\n0\t1\t \n1\t2\t3\n2\t3\t4\n',
+    ],
+)
+def test_what_loggers_write_is_read_and_an_empty_cell_is_a_bad_sample(tmp_path, text):
+    (tmp_path / 'a.csv').write_text(text, newline='')
+    recording, rows = read_recording(tmp_path / 'a.csv')
+    np.testing.assert_array_equal(rows.volts, [[1, np.nan], [2, 3], [3, 4]])
+    assert recording.counts.bad_samples == 1
+    assert not recording.counts.damage
+
+
+def test_a_last_line_without_an_end_may_be_cut_off_and_is_left_out(tmp_path):
+    text = 'time_s,a\n0,20.5\n1,20.6\n2,20.7\n'
+    for end in range(text.index('2,20.7') + 1, len(text)):
+        for rest in ('', '\0' * 9):
+            path = save_text(tmp_path / 'a.csv', text[:end] + rest)
+            recording, rows = read_recording(path)
+            assert rows.volts.ravel().tolist() == [20.5, 20.6]
+            said = (
+                'a.csv: line 4 has no end, so it may be cut off, and is left out: 2 samples up to'
+            )
+            assert recording.counts.damage.startswith(said)
 
 
 def test_binary_in_a_csv_is_said(tmp_path):
@@ -64,7 +101,7 @@ def test_binary_in_a_csv_is_said(tmp_path):
 def test_a_csv_keeps_its_gaps_and_its_nanoseconds(tmp_path):
     lines = ['1700000000.123456789,1', '1700000000.133456789,2', '1700000000.143456788,3']
     again = [f'1700000009.0{k},4' for k in range(4)]  # The last of four in a row is taken.
-    (tmp_path / 'a.csv').write_text('\n'.join(['time_s,a', *lines, *again]))
+    (tmp_path / 'a.csv').write_text('\n'.join(['time_s,a', *lines, *again, '']))
     recording = open_recording(tmp_path / 'a.csv')
     pieces = list(recording.pieces())
     stamps_ns = np.concatenate([piece.stamps_ns for piece in pieces]) - 1_700_000_000_000_000_000

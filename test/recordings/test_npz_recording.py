@@ -54,6 +54,27 @@ def test_npz_of_any_number_type_keeps_every_value(tmp_path_factory, volts, rate_
         ({'slip': [0, 1]}, ': slip has the shape (2,), allowed: (3,)'),
         ({'slip': [0, np.nan, 1]}, ': slip has nan, allowed: 0 and 1'),
         ({'slip': ['False'] * 3}, ": slip has 'False', allowed: 0 and 1"),
+        *(
+            ({'stamps_ns': stamps}, f': stamps_ns has {said}, allowed: whole nanoseconds')
+            for stamps, said in (
+                ([0.0, np.nan, 2.0], 'nan'),
+                ([0.0, 0.5, 1.0], '0.5'),
+                ([0.0, 1e300, 1.0], '1e+300'),
+                (np.array([0, 1, 2**63 + 5], np.uint64), '9223372036854775813'),
+                (['0', '1', '2'], 'the type <U1'),
+                ([False, True, True], 'the type bool'),
+            )
+        ),
+        (
+            {'stamps_ns': [5, 5, 4]},
+            ': stamps_ns do not rise, allowed: two or more rows, each with its time',
+        ),
+        (
+            {'stamps_ns': [0, 8_000_000, 16_000_000]},
+            ': stamps_ns has 125 Hz, sample_rate_hz 380 Hz, allowed: the same rate in both',
+        ),
+        ({'sample_rate_hz': True}, ': sample_rate_hz is True, allowed: a rate in Hz'),
+        ({'sample_rate_hz': 380j}, ': sample_rate_hz is 380j, allowed: a rate in Hz'),
         ({'volts': [[None]]}, ': Object arrays cannot be loaded when allow_pickle=False'),
     ],
 )

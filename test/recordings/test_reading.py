@@ -14,6 +14,7 @@
 
 """Opening of recordings: by their endings, however long they are."""
 
+import os
 import tracemalloc
 
 import numpy as np
@@ -29,6 +30,7 @@ from slip_detector.recordings import (
     recording_sets,
     write_recording,
 )
+from support.config_cases import message_of
 from support.recorded import VOLTS, complaint, read_recording
 
 
@@ -48,16 +50,23 @@ def test_a_missing_file_a_folder_and_an_unknown_ending_are_named(tmp_path):
     folder.mkdir()
     assert complaint(tmp_path / 'no.npz') == ': cannot be read (No such file or directory)'
     assert complaint(folder) == ': cannot be read (Is a directory)'
-    allowed = 'allowed: .npz, .csv, .mcap, .db3, .bag or the folder of a bag'
+    allowed = 'allowed: .npz, .csv, .mcap, .db3, .bag, .zstd or the folder of a bag'
     assert complaint(tmp_path / 'a.wav') == f': is .wav, {allowed}'
     assert complaint(tmp_path / 'bag') == f': is without ending, {allowed}'
 
 
-@pytest.mark.parametrize('ending', ['.npz', '.csv', '.mcap'])
-def test_a_device_is_no_recording(tmp_path, ending):
-    path = tmp_path / f'a{ending}'
-    path.symlink_to('/dev/zero')
-    assert complaint(path) == ': is no file, allowed: a file or the folder of a bag'
+@pytest.mark.parametrize('ending', ['.npz', '.csv', '.mcap', '.db3', '.bag', '.labels.yaml'])
+def test_a_pipe_or_a_device_is_no_recording_and_no_file_of_labels(tmp_path, ending):
+    pipe, device = tmp_path / f'pipe{ending}', tmp_path / f'device{ending}'
+    os.mkfifo(pipe)
+    device.symlink_to('/dev/zero')
+    for path in (pipe, device):
+        labels = str(path) if ending == '.labels.yaml' else ''
+        recording = tmp_path / 'a.npz' if labels else path
+        config = RecordingConfig(recording_labels=labels)
+        assert (
+            message_of(open_recording, recording, config) == f'{path}: is no file, allowed: a file'
+        )
 
 
 def test_a_recording_is_known_by_its_ending_or_its_metadata(tmp_path):
@@ -73,6 +82,10 @@ def test_files_of_one_folder_are_one_set_and_folders_are_sorted(tmp_path):
     for name in ('x/b.npz', 'x/a.csv', 'x/notes.txt', 'y/c.npz', 'z/x/d.npz'):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).touch()
+    # A bag whose recorder was killed has no metadata.yaml.
+    (tmp_path / 'w' / 'bag').mkdir(parents=True)
+    (tmp_path / 'w' / 'bag' / 'bag_0.mcap').touch()
+    assert recording_sets([str(tmp_path / 'w')]) == {'w': [tmp_path / 'w' / 'bag']}
     x, y, zx = tmp_path / 'x', tmp_path / 'y', tmp_path / 'z' / 'x'
     given_files = [str(x / 'b.npz'), str(y / 'c.npz'), str(y / '..' / 'x' / 'a.csv')]
     assert {k: [f.name for f in v] for k, v in recording_sets(given_files).items()} == {
@@ -126,7 +139,7 @@ SMALL = RecordingConfig(recording_limit_mb=20.0, recording_resample=True)
             {
                 'volts': np.zeros((1000, 16)),
                 'sample_rate_hz': 1e6,
-                'stamps_ns': np.arange(1000) * 90_000_000,
+                'stamps_ns': np.cumsum(np.repeat([1000, 90_000_000], [900, 100])),
             },
             'what bridges the gaps takes',
         ),
