@@ -138,6 +138,7 @@ class RecordingLoader(NamedTuple):
     def _rows(self, recording: Recording) -> Iterator[Samples]:
         """Yield the pieces of a recording with their labels and the motion of the robot."""
         moving, config = self._moving(recording), self.chain_config
+        recording.valid_range_v = config.valid_range_v
         for piece in recording.pieces(config.sample_rate_hz, config.max_gap_s):
             truth = np.zeros(len(piece.volts), bool) if piece.truth is None else piece.truth
             its = None if moving is None else moving[piece.row_numbers]
@@ -230,9 +231,9 @@ def recording_figures(evaluations: Iterable[EvaluatedRecording]) -> dict[str, An
     dict
         Those of :func:`.figures_of_merit` for recordings with labels, None where none has any; for
         all of them those of :func:`.decision_figures`, and ``bad_samples``: values that are not
-        numbers; ``gaps`` that were bridged, and by how many rows, ``bridged_rows``;
-        ``long_gaps``, after which the chain was reset; ``dropped``: rows whose stamp is not after
-        the one before.
+        numbers, or outside ``valid_range_v``; ``gaps`` that were bridged, and by how many rows,
+        ``bridged_rows``; ``long_gaps``, after which the chain was reset; ``dropped``: rows whose
+        stamp is not after the one before.
 
     Examples
     --------

@@ -95,6 +95,20 @@ def find_parameter_file(name: str) -> Path:
     return found[0]
 
 
+def check_plain(path: str | Path) -> None:
+    """Raise an error if a path is a pipe, a device or a socket, which may never end.
+
+    Examples
+    --------
+    >>> check_plain('/dev/zero')
+    Traceback (most recent call last):
+    ValueError: /dev/zero: is no file, allowed: a file
+    """
+    # These take an error, as of a folder that may not be read, for "no".
+    if os.path.exists(path) and not (os.path.isfile(path) or os.path.isdir(path)):
+        raise ValueError(f'{path}: is no file, allowed: a file')
+
+
 @contextlib.contextmanager
 def whole_file(path: str | Path) -> Iterator[Path]:
     """Write a file or folder atomically: it replaces ``path`` only after the block succeeds.
@@ -128,6 +142,7 @@ def whole_file(path: str | Path) -> Iterator[Path]:
     # Replace the target of a symbolic link, not the link: in a workspace built with
     # --symlink-install the configurations are links.
     place = Path(os.path.realpath(path))
+    check_plain(place)
     with (
         file_errors_of(path),
         tempfile.TemporaryDirectory(dir=place.parent, prefix=UNFINISHED) as folder,
@@ -230,8 +245,9 @@ def read_yaml(path: str | Path) -> dict[str, Any]:
     >>> list(read_yaml(shared_folder() / 'config' / 'slip_detector.yaml'))
     ['/**/slip_detector', '/**/slip_driver']
     """
+    check_plain(path)
     with file_errors_of(path, 'read'), open(path, 'rb') as file:
-        content = file.read(MOST_BYTES + 1)  # A device may never end.
+        content = file.read(MOST_BYTES + 1)
     if len(content) > MOST_BYTES:
         raise ValueError(f'{path}: has more than {MOST_BYTES} bytes, allowed: fewer')
     document = parsed_yaml(content, path)

@@ -264,7 +264,8 @@ def replay_variant(
     for what, tracks in (('held out', held_out), ('tuned on', tuned_on)):
         outcomes = []
         for track in tracks:
-            overviews.append(Overview(track.name, chain, (), share, track.sample_rate_hz))
+            names, rate_hz = track.channel_names, track.sample_rate_hz
+            overviews.append(Overview(track.name, chain, names, share, rate_hz))
             outcomes.append(overviews[-1].replay(replay, track.rows()))
             of_each[f'{track.name} ({what})'] = figures_of_merit(outcomes[-1:])
         of_all[f'all {what}'] = figures_of_merit(outcomes)

@@ -33,6 +33,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from slip_detector.parameters.files import check_plain
 from slip_detector.tuning.problem import Candidate, Problem
 
 #: Number of trials in a batch, which is the largest number of processes that are useful.
@@ -239,6 +240,7 @@ def _opened(storage: str) -> Any:
     from optuna.storages import JournalStorage
     from optuna.storages.journal import JournalFileBackend
 
+    check_plain(storage.removeprefix('sqlite:///'))
     if '://' in storage:  # the URL of a database
         return storage
     lock: Any = _JournalLock(storage)

@@ -76,6 +76,8 @@ class Track:
         True slips, in rows that are numbered like ``first_row`` of a stretch.
     faults : str
         What is wrong with its file: bad samples, gaps and losses; empty if nothing is.
+    channel_names : tuple of str
+        Those of its file; empty: unknown.
     kinds : ndarray of int8, shape (n,)
         ``REST`` to ``UNCERTAIN``; see :mod:`slip_detector.evaluation.scores`.
 
@@ -92,6 +94,7 @@ class Track:
     stretches: tuple[Stretch, ...]
     sample_rate_hz: float
     faults: str = ''
+    channel_names: tuple[str, ...] = ()
 
     @functools.cached_property
     def kinds(self) -> NDArray[np.int8]:
@@ -310,7 +313,8 @@ def load_tracks(
                 continue
             if track.kind and track.slips:
                 refuse(f'{file}: has slips', f'none in a recording of the kind {track.kind}')
-            tracks.append(dataclasses.replace(track, faults=_faults(opened.recording.counts)))
+            faults, names = _faults(opened.recording.counts), opened.recording.channel_names
+            tracks.append(dataclasses.replace(track, faults=faults, channel_names=names))
     return tracks
 
 
@@ -330,7 +334,7 @@ def faults_of(tracks: Iterable[Track]) -> list[str]:
 def _faults(counts: RecordingCounts) -> str:
     """Return a text on the faults of a recording; empty where there are none."""
     many = {
-        'values that are not numbers': counts.bad_samples,
+        'bad samples': counts.bad_samples,
         'rows bridged': counts.bridged_rows,
         'long gaps': counts.stretches - 1,
         'rows dropped': counts.dropped,

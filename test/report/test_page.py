@@ -15,6 +15,7 @@
 """What is in the file of a report; how it behaves in a browser is in test_page_in_browser.py."""
 
 import base64
+import dataclasses
 import re
 import zlib
 
@@ -169,12 +170,16 @@ def test_the_report_of_a_recording_without_labels_has_its_onsets_and_how_to_labe
 
 def test_a_chain_of_a_search_is_replayed_on_all_recordings():
     held, tuned_on = (tuning_cases.track(seed, duration_s=6.0) for seed in (0, 1))
+    names = tuple(f'L{k}' for k in range(held.volts.shape[1]))
+    held = dataclasses.replace(held, channel_names=names)
     given = report.replay_variant(
         'given', tuning_cases.CHAIN, EvaluationConfig(), [held], [tuned_on]
     )
     for overview in given.overviews:
         slips = [event for event in overview.events if event.kind != 'false alarm']
         assert len(slips) == 2
+    default = tuning_cases.CHAIN.names
+    assert [one.channel_names for one in given.overviews] == [names, default]
     figures = given.figures['all tuned on']
     assert figures == given.figures['seed 1 (tuned on)'] != given.figures['all held out']
     assert set(figures) == set(figures_of_merit([]))

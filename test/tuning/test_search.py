@@ -14,6 +14,7 @@
 
 """A search in this process and in others, its study and its end."""
 
+import os
 import pickle
 import signal
 from pathlib import Path
@@ -130,11 +131,14 @@ def test_workers_of_one_study_read_each_others_trials(where, tmp_path):
     assert Study(X, 0, where, 'other').follow() == 0
 
 
-@pytest.mark.parametrize('where', ['nix://study', 'sqlite:///old.journal', 'folder.journal'])
+@pytest.mark.parametrize(
+    'where', ['nix://study', 'sqlite:///old.journal', 'folder.journal', 'pipe', 'sqlite:///pipe']
+)
 def test_what_is_no_storage_is_refused_in_one_line(where, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / 'old.journal').write_text('no journal')
     (tmp_path / 'folder.journal').mkdir()
+    os.mkfifo(tmp_path / 'pipe')
     with pytest.raises(ValueError, match=f'^storage {where}: [^\n]+$'):
         Study(X, 0, where)
 

@@ -64,10 +64,11 @@ def test_tracks_hold_the_rows_and_slips_of_their_files(folder):
     np.testing.assert_array_equal(track.volts, volts)
     np.testing.assert_array_equal(track.kinds == 2, truth)
     assert [one.name for one in others] == ['b.npz', 'c.npz']
+    assert track.channel_names == tuple(f'ch{k + 1}' for k in range(volts.shape[1]))
     volts[5, 0] = np.nan
     np.savez(folder / 'd.npz', volts=volts, label=truth, sample_rate_hz=380.0)
     found = load_tracks([str(folder)], LOADER)
-    assert faults_of(found) == ['d.npz: 1 values that are not numbers']
+    assert faults_of(found) == ['d.npz: 1 bad samples']
 
 
 def test_a_share_or_those_named_are_held_out(folder):
