@@ -123,7 +123,8 @@ def test_no_recordings_and_one_given_twice_are_refused_in_one_line(capsys, tmp_p
     path = write(tmp_path / 'in' / 'a.npz')
     (tmp_path / 'empty').mkdir()
     assert complaint(capsys, tmp_path / 'empty') == (
-        f'{tmp_path / "empty"}: has no recordings, allowed: .npz, .csv, .mcap, .db3, .bag, .zstd or bags'
+        f'{tmp_path / "empty"}: has no recordings, '
+        'allowed: .npz, .csv, .mcap, .db3, .bag, .zstd or bags'
     )
     assert complaint(capsys, path, path.parent) == f'{path}: is given twice, allowed: each once'
 
