@@ -20,6 +20,7 @@ import threading
 import time
 from array import array
 from collections import Counter
+from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 
 import numpy as np
@@ -105,8 +106,8 @@ class Driver(Node):
             self.create_subscription(JointState, 'grip_force', self._on_grip_force, state_qos())
         if source.takes_orders:
             self.create_subscription(String, 'scene_order', self._on_order, state_qos())
-        #: What publishes the samples, in another thread, and what ends it.
-        self.run: Future[None] = Future()
+        #: What publishes the samples, in another thread, once it was started, and what ends it.
+        self.runs: list[Future[None]] = []
         self._stop = threading.Event()
         if source.is_live:
             self._diagnostics = Diagnostics(self)
@@ -119,7 +120,7 @@ class Driver(Node):
     def destroy_node(self) -> None:
         """Stop playing, then destroy the node."""
         self._stop.set()
-        wait([self.run])
+        wait(self.runs)
         super().destroy_node()
 
     def _on_grip_force(self, message: JointState) -> None:
@@ -295,14 +296,15 @@ def aligned(now_s: float, period_s: float) -> float:
     return math.ceil(now_s / period_s) * period_s
 
 
-def drivers(arguments_of_each: list[list[str]]) -> list[Driver]:
-    """Create the drivers of a process, each with its ROS arguments, and start them.
+def play_all(nodes: Sequence[Driver]) -> None:
+    """Let the drivers of a process publish, each in a thread of its own.
 
-    Each publishes in a thread of its own; the main thread spins the nodes.
+    The main thread spins the nodes.
     """
-    nodes = [Driver(arguments) for arguments in arguments_of_each]
     threads = ThreadPoolExecutor(len(nodes))
-    runs = [threads.submit(node.relay if node.source.is_live else node.play) for node in nodes]
+    for node in nodes:
+        node.runs.append(threads.submit(node.relay if node.source.is_live else node.play))
+    runs = [run for node in nodes for run in node.runs]
 
     def check() -> None:
         """Raise the exception of a thread; end the spinning when everything has been played."""
@@ -312,7 +314,4 @@ def drivers(arguments_of_each: list[list[str]]) -> list[Driver]:
         if all(run.done() for run in runs):
             raise ExternalShutdownException
 
-    for node, run in zip(nodes, runs, strict=True):
-        node.run = run
     nodes[0].create_timer(LOOK_S, check, clock=Clock(clock_type=ClockType.STEADY_TIME))
-    return nodes

@@ -41,64 +41,10 @@ of the grasps that were played through the nodes.
 """
 
 import argparse
-import sys
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-import yaml
-from rclpy.qos import QoSProfile
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Header
-
-from slip_detector.chain.samples import Floats
 from slip_detector.commands.command_line import whole_number
-from slip_detector.grasp import loop
-from slip_detector.grasp.loop import CONTROLLER, GraspTrial, LiveGraspTrial
-from slip_detector.nodes.demo import TIMEOUT_S, NodeProcesses, Recorder, run_demonstration
-from slip_detector.nodes.messages import event_qos, sensor_qos, state_qos
-from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.files import shared_folder, whole_file
-from slip_detector.parameters.grasp import GraspConfig, commands_of_a_scene
-
-NAMESPACE = 'slip_grasp'
-
-#: Topics of the nodes, with their types and qualities of service.
-TOPICS: dict[str, tuple[Any, QoSProfile]] = {
-    'voltages': (JointState, sensor_qos()),
-    'platform_position': (JointState, sensor_qos()),
-    'grip_force': (JointState, state_qos(depth=1000)),
-    'slip_onset': (Header, event_qos()),
-}
-
-#: Index of the object that is drawn, if there are as many; the default one slips five times.
-SHOWN = 2
-
-
-def _play_live(recorder: Recorder, seed: int, config: Path, folder: Path) -> LiveGraspTrial:
-    """Play a scene through a driver, a detector and a controller, each a process of its own.
-
-    The scene of the seed is written to the folder. A ValueError says that a node has failed.
-    """
-    scene = folder / f'grasp_{seed}.yaml'
-    with whole_file(scene) as new:
-        new.write_text(yaml.safe_dump(loop.object_scene(seed), sort_keys=False), encoding='utf-8')
-    _say(f'seed {seed} through the nodes, in real time')
-    played = {'source': 'scene', 'scene': scene, 'seed': seed, 'wait_for_grip': 'true'}
-    recorder.messages.update({topic: [] for topic in TOPICS})
-    with NodeProcesses(NAMESPACE, recorder.receive) as nodes:
-        nodes.start('slip_detector', config, input_timeout_s=TIMEOUT_S)
-        nodes.start('grasp_controller', config, **commands_of_a_scene())
-        nodes.start('slip_driver', config, wait_for_subscribers=2, **played)
-        nodes.wait_for_end('slip_driver')
-    begin_s = recorder.stamps_s('voltages')[0]
-
-    def course(topic: str, field: str) -> Floats:
-        times_s = recorder.stamps_s(topic) - begin_s
-        return np.column_stack([times_s, recorder.values(topic, field)])
-
-    position, command = course('platform_position', 'position'), course('grip_force', 'effort')
-    return LiveGraspTrial(position, command, recorder.stamps_s('slip_onset') - begin_s)
+from slip_detector.nodes.demo import run_demonstration
 
 
 def seed_range(text: str) -> range:
@@ -114,11 +60,6 @@ def seed_range(text: str) -> range:
     return range(first, last + 1)
 
 
-def _say(words: str) -> None:
-    """Say what goes on, as it takes a while."""
-    print(f'slip_grasp: {words}', file=sys.stderr, flush=True)
-
-
 def main() -> None:
     """Entry point of ``slip_grasp``."""
     parser = argparse.ArgumentParser(prog='slip_grasp', description=__doc__.splitlines()[0])
@@ -131,46 +72,7 @@ def main() -> None:
         help='how many of them, the first ones, through the nodes (default: %(default)s)',
     )  # fmt: skip
     parser.add_argument('--config', type=Path, help='parameter file of all nodes')
-    run_demonstration(parser, _demonstrate)
-
-
-def _demonstrate(arguments: argparse.Namespace, picture: Path) -> tuple[dict[str, Any], str]:
-    config = arguments.config or shared_folder() / 'config' / 'grasp.yaml'
-    chain, grasp = ChainConfig.from_yaml(config), GraspConfig.from_yaml(config)
-    seeds = list(arguments.seeds)
-
-    def played(
-        name: str, chain: ChainConfig, grasp: GraspConfig, **factors: float
-    ) -> list[GraspTrial]:
-        _say(f'{len(seeds)} objects in simulated time: {name}')
-        return [loop.play_trial(chain, grasp, seed, **factors) for seed in seeds]
-
-    trials = {name: played(name, *both) for name, both in loop.conditions(chain, grasp).items()}
-    parts = {name: loop.grasp_figures(mine, grasp.limit_n) for name, mine in trials.items()}
-    harder = {
-        name: loop.grasp_figures(played(name, chain, grasp, **factors), grasp.limit_n)
-        for name, factors in loop.HARDER.items()
-    }
-    recorder = Recorder(NAMESPACE, TOPICS)
-    heard = {
-        seed: _play_live(recorder, seed, config, arguments.out) for seed in seeds[: arguments.live]
-    }
-    result = {
-        'seeds': seeds,
-        'conditions': parts,
-        'harder': harder,
-        'transport_ms': loop.TRANSPORT_S * 1e3,
-        **loop.live_figures(heard, trials[CONTROLLER][: arguments.live], grasp.limit_n),
-        'wanted': loop.check_wanted({**parts, **harder}),
-    }
-    from slip_detector.report.grasp import draw_grasp, grasp_table
-
-    drawn = min(SHOWN, len(seeds) - 1)
-    shown = heard.get(seeds[drawn])
-    live = shown._asdict() if shown else {}
-    one = {name: mine[drawn] for name, mine in trials.items()}
-    draw_grasp(picture, one, grasp.limit_n, live)
-    return result, grasp_table(result)
+    run_demonstration(parser)
 
 
 if __name__ == '__main__':

@@ -36,10 +36,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.subscription import Subscription
 
-#: Longest time, in seconds, for the shutdown of the middleware, which normally takes some
-#: hundredths of a second. Other processes see a node that has ended without it for some twenty
-#: seconds more.
-SHUTDOWN_S = 2.0
+from slip_detector.nodes.ending import SHUTDOWN_S
 
 #: Most messages of a topic that are taken before other topics and timers have their turn.
 AT_MOST = 32

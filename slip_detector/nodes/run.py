@@ -30,6 +30,7 @@ from pathlib import PurePath
 from typing import Any, NoReturn
 
 from slip_detector.commands.command_line import one_line
+from slip_detector.nodes.ending import ASKED, end_on_signals, init_ros, on_signals
 from slip_detector.parameters.fields import refuse
 from slip_detector.parameters.files import find_parameter_file, shared_folder
 
@@ -51,69 +52,103 @@ FUNCTIONS = {'slip_detector': 47, 'slip_driver': 30}
 #: Options of ROS that give parameters.
 GIVE_PARAMETERS = ('--params-file', '-p', '--param')
 
+#: Longest time, in seconds, until an executable sees that it is to end.
+LOOK_S = 0.1
+
+#: What to do where there is no rclpy.
+GET_ROS = "source the setup.bash of a distribution, or pip install 'slip_detector[ros]'"
+
+#: What is called at the end of an executable, in this order.
+Takedowns = list[Callable[[], object]]
+
 EXECUTABLES = ('slip_driver', 'slip_detector', 'grasp_controller')
 
 
-def main(executable: str) -> NoReturn:
+def main(executable: str) -> None:
     """Spin the nodes of an executable until they end or a signal arrives, and end the process.
 
     There is one node; with ``--fingers`` one in each of these namespaces; of the detector with
-    ``--configs`` one for each parameter file. All run in this process. The exit code is 0, or 1
-    after an error, which is reported as one line on stderr.
-
-    Slow imports come after the signal handlers are set: otherwise a signal during start-up ends in
-    a traceback.
+    ``--configs`` one for each parameter file. All run in this process.
     """
-    # Before rclpy is initialised there is nothing to clean up, and an exception could break an
-    # import.
-    on_signals(lambda *_: os._exit(0))
-    import rclpy
-    from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-    from rclpy.signals import SignalHandlerOptions
+    run(executable, functools.partial(_spin, executable))
 
-    from slip_detector.nodes import rclpy_internals
-    from slip_detector.nodes.parameters import tell_of_other_names
 
-    takedowns: list[Callable[[], object]] = []
+def run(name: str, work: Callable[[Takedowns], int | None], words: str = '') -> None:
+    """Do the work of an executable, and end the process, unless there is nothing to take down.
+
+    Slow imports belong into the work: before this function is called a signal ends in a traceback.
+
+    Parameters
+    ----------
+    name
+        Name of the executable.
+    work
+        Adds to a list what is to be called at the end. Returns the exit code, None for 0; after a
+        signal that is 0, too. An error is reported as one line on stderr, with exit code 1.
+    words
+        What is said on stderr when the work was interrupted by a signal.
+    """
+    end_on_signals()
+    takedowns: Takedowns = []
     code = 0
     try:
-        arguments = _arguments_of_each(executable)
-        make = _maker(executable)
-        # rclpy's own handlers would shut the middleware down in the middle of a call.
-        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-        on_signals(signal.default_int_handler)
-        nodes = make(arguments)
-        takedowns = [node.destroy_node for node in nodes]
-        tell_of_other_names(nodes, executable)
-        gc.freeze()  # A collection of what lives until the end would hold up samples.
-        # The controller takes few messages; rclpy serves its events, which tell of a detector with
-        # an incompatible quality of service.
-        grasps = executable == 'grasp_controller'
-        executor = SingleThreadedExecutor() if grasps else rclpy_internals.SampleExecutor()
-        for node in nodes:
-            rclpy_internals.survive_requests(node)
-            executor.add_node(node)
-        takedowns.insert(0, executor.shutdown)
-        executor.spin()
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    except (ValueError, *rclpy_internals.ROS_ERRORS) as error:
-        print(f'{executable}: {one_line(error)}', file=sys.stderr)
+        import rclpy
+        from rclpy.executors import ExternalShutdownException
+
+        from slip_detector.nodes.rclpy_internals import ROS_ERRORS, leave
+    except ImportError as error:
+        sys.exit(f'{name}: needs ROS 2 ({one_line(error)}): {GET_ROS}')
+    try:
+        code = work(takedowns) or 0
+    except ExternalShutdownException:
+        if words and ASKED.is_set():
+            print(words, file=sys.stderr)
+    except (ImportError, ValueError, OSError, *ROS_ERRORS) as error:
+        print(f'{name}: {one_line(error)}', file=sys.stderr)
         code = 1
     except Exception:
         traceback.print_exc()
         code = 1
-    # A second signal (ros2 launch sends two) must not interrupt the shutdown.
-    on_signals(signal.SIG_IGN)
     # A node that is only partly made is not in the takedowns. Its objects refer to each other, and
     # the middleware has it until they are collected.
-    rclpy_internals.leave(takedowns or [gc.collect], code)
+    if code or takedowns or ASKED.is_set():
+        leave([*takedowns, gc.collect], code)
+    on_signals(signal.SIG_IGN)  # What was to be done is done; the interpreter ends.
+    rclpy.try_shutdown()
 
 
-def on_signals(handler: Any) -> None:
-    """Set the handler of the signals that end a process."""
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, handler)
+def _spin(executable: str, takedowns: Takedowns) -> None:
+    """Make and spin the nodes of an executable."""
+    from rclpy.executors import SingleThreadedExecutor
+
+    from slip_detector.nodes.parameters import tell_of_other_names
+    from slip_detector.nodes.rclpy_internals import SampleExecutor, survive_requests
+
+    arguments_of_each = _arguments_of_each(executable)
+    node_class = _node_class(executable)
+    init_ros()
+    nodes = []
+    for arguments in arguments_of_each:
+        nodes.append(node_class(arguments))
+        takedowns.append(nodes[-1].destroy_node)
+        if ASKED.is_set():
+            return
+    if executable == 'slip_driver':
+        from slip_detector.nodes.driver import play_all
+
+        play_all(nodes)
+    tell_of_other_names(nodes, executable)
+    gc.freeze()  # A collection of what lives until the end would hold up samples.
+    # The controller takes few messages; rclpy serves its events, which tell of a detector with
+    # an incompatible quality of service.
+    grasps = executable == 'grasp_controller'
+    executor = SingleThreadedExecutor() if grasps else SampleExecutor()
+    for node in nodes:
+        survive_requests(node)
+        executor.add_node(node)
+    takedowns.insert(0, executor.shutdown)
+    while not ASKED.is_set():
+        executor.spin_once(LOOK_S)
 
 
 def node_settings(context: Any) -> dict[str, Any]:
@@ -259,12 +294,13 @@ def _check_files() -> None:
             list(sections_of(read_yaml(path), path))
 
 
-def _maker(executable: str) -> Callable[[list[list[str]]], list[Any]]:
-    """Return the function that creates an executable's nodes from the arguments of each."""
+def _node_class(executable: str) -> Callable[[list[str]], Any]:
+    """Return the class of an executable's nodes, which takes ROS arguments."""
     if executable == 'grasp_controller':
         from slip_detector.nodes.grasp_controller import GraspController
 
-        return lambda of_each: [GraspController(arguments) for arguments in of_each]
+        return GraspController
+    from rclpy.executors import ExternalShutdownException
     from rclpy.logging import get_logger
 
     from slip_detector.compiled import LISTENERS
@@ -272,6 +308,8 @@ def _maker(executable: str) -> Callable[[list[list[str]]], list[Any]]:
     logger, count, total = get_logger(executable), itertools.count(1), FUNCTIONS[executable]
 
     def tell(module: str) -> None:
+        if ASKED.is_set():  # A driver compiles in the thread that plays.
+            raise ExternalShutdownException
         logger.info(
             f'compiling {module}, {next(count)} of some {total} functions, kept for the next '
             'start (slip_compile does it beforehand)',
@@ -280,14 +318,14 @@ def _maker(executable: str) -> Callable[[list[list[str]]], list[Any]]:
 
     LISTENERS.append(tell)
     if executable == 'slip_driver':
-        from slip_detector.nodes.driver import drivers
+        from slip_detector.nodes.driver import Driver
 
-        return drivers
+        return Driver
     from slip_detector.chain.slip_chain import compile_chain
     from slip_detector.nodes.detector import Detector
 
     compile_chain()  # Before the first node, as a signal then ends the process at once.
-    return lambda of_each: [Detector(arguments) for arguments in of_each]
+    return Detector
 
 
 # The entry points.

@@ -20,11 +20,11 @@ import asyncio
 import os
 import secrets
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
-from slip_detector.commands.command_line import Parser, one_line, whole_number
-from slip_detector.nodes.run import on_signals
+from slip_detector.commands.command_line import Parser, whole_number
+from slip_detector.nodes.ending import ASKED, init_ros
+from slip_detector.nodes.run import Takedowns, run
 
 
 def main() -> None:
@@ -32,31 +32,20 @@ def main() -> None:
 
     The exit code is 0, 1 after an error, or 2 after a wrong argument, which is reported as one
     line on stderr.
-
-    Slow imports come after the signal handlers are set: otherwise a signal during start-up ends in
-    a traceback.
     """
-    on_signals(lambda *_: os._exit(0))
-    import rclpy
-    from rclpy.signals import SignalHandlerOptions
+    run('slip_view', _work)
+
+
+def _work(takedowns: Takedowns) -> None:
     from rclpy.utilities import remove_ros_args
 
-    from slip_detector.nodes.rclpy_internals import leave
-
-    takedowns: list[Callable[[], object]] = []
-    try:
-        arguments = _parser().parse_args(remove_ros_args(sys.argv)[1:])
-        _check(arguments)
-        if arguments.scene or arguments.bag:
-            # All processes are on this machine.
-            os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-        # The server uses the middleware until its pages are closed, also after a signal.
-        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-        asyncio.run(_serve(arguments, takedowns))
-    except (ValueError, RuntimeError, OSError) as error:
-        print(f'slip_view: {one_line(error)}', file=sys.stderr)
-        leave(takedowns, 1)
-    leave(takedowns, 0)
+    arguments = _parser().parse_args(remove_ros_args(sys.argv)[1:])
+    _check(arguments)
+    if arguments.scene or arguments.bag:
+        # All processes are on this machine.
+        os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    init_ros()
+    asyncio.run(_serve(arguments, takedowns))
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -106,7 +95,7 @@ def _check(arguments: argparse.Namespace) -> None:
         raise ValueError(f'{played} is played with one detector a finger, allowed: one --config')
 
 
-async def _serve(arguments: argparse.Namespace, takedowns: list[Callable[[], object]]) -> None:
+async def _serve(arguments: argparse.Namespace, takedowns: Takedowns) -> None:
     """Serve the page until a signal arrives, or a node that plays the scene fails."""
     from rclpy.node import Node
 
@@ -119,14 +108,6 @@ async def _serve(arguments: argparse.Namespace, takedowns: list[Callable[[], obj
     from slip_detector.view.server import Server
     from slip_detector.view.teaching import Teaching
 
-    stop, loop = asyncio.Event(), asyncio.get_running_loop()
-
-    def end(*_: object) -> None:
-        # A second signal (ros2 launch sends two) must not interrupt the shutdown.
-        if not loop.is_closed():
-            loop.call_soon_threadsafe(stop.set)
-
-    on_signals(end)
     token = arguments.token or ('' if is_loopback(arguments.host) else secrets.token_urlsafe(16))
     # As the node is not spun, services of its own would leave requests unanswered.
     node = Node('slip_view', start_parameter_services=False)
@@ -159,7 +140,7 @@ async def _serve(arguments: argparse.Namespace, takedowns: list[Callable[[], obj
             nodes.start('slip_driver', config, *fingers, scene=arguments.scene, **scene)
         print(f'slip_view: {page_address(arguments.host, port, token)}', flush=True)
         try:
-            await server.run(stop)
+            await server.run(ASKED)
         finally:
             detectors.close()
 

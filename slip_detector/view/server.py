@@ -22,6 +22,7 @@ import json
 import logging
 import resource
 import socket
+import threading
 import time
 import traceback
 from collections.abc import Awaitable, Callable, Mapping, Sequence
@@ -232,16 +233,14 @@ class Server:
             self.strangers.append(stream := IOStream(connection))
             self.connections.handle_stream(stream, address)
 
-    async def run(self, stop: asyncio.Event) -> None:
+    async def run(self, stop: asyncio.Event | threading.Event) -> None:
         """Poll the detectors and send frames until the event is set; then close all pages."""
         try:
             while not stop.is_set():
                 begin_s = time.monotonic()
                 self.tick()
                 period_s = FRAME_S if self.pages or any(self.wanted.values()) else IDLE_S
-                left_s = max(0.001, begin_s + period_s - time.monotonic())
-                with contextlib.suppress(asyncio.TimeoutError):
-                    await asyncio.wait_for(stop.wait(), left_s)
+                await asyncio.sleep(max(0.001, begin_s + period_s - time.monotonic()))
         finally:
             await self.close()
 

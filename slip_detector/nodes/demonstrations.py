@@ -1,0 +1,227 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What ``slip_demo`` and ``slip_grasp`` do with real nodes, and the recorder of their messages."""
+
+import argparse
+import functools
+import sys
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool, Header
+
+from slip_detector.chain.samples import Floats
+from slip_detector.evaluation.protocol import Heard, demo_figures, states_at
+from slip_detector.grasp import loop
+from slip_detector.grasp.loop import CONTROLLER, GraspTrial, LiveGraspTrial
+from slip_detector.nodes.demo import NodeProcesses
+from slip_detector.nodes.ending import ASKED, init_ros
+from slip_detector.nodes.finger_topics import PolledTopics
+from slip_detector.nodes.messages import event_qos, sensor_qos, stamp_ns, state_qos
+from slip_detector.parameters import ChainConfig, DetectorConfig, DriverConfig, GraspConfig
+from slip_detector.parameters.files import shared_folder, whole_file
+from slip_detector.parameters.grasp import commands_of_a_scene
+from slip_detector.recordings import write_recording
+from slip_detector.report.grasp import draw_grasp, grasp_table
+from slip_detector.report.pictures import draw_trial
+from slip_detector.report.tables import demo_table
+from slip_detector.sources.played import SceneSource
+
+ENVELOPE = 'slip_detector/envelope'
+
+#: Period, in seconds, at which messages are received.
+POLL_S = 0.05
+
+#: Timeout of the detector's input: from the end of the driver to its own it does not miss samples.
+TIMEOUT_S = 10.0
+
+#: Topics of the nodes of a grasp, with their types and qualities of service.
+TOPICS: dict[str, tuple[Any, QoSProfile]] = {
+    'voltages': (JointState, sensor_qos()),
+    'platform_position': (JointState, sensor_qos()),
+    'grip_force': (JointState, state_qos(depth=1000)),
+    'slip_onset': (Header, event_qos()),
+}
+
+#: Index of the object that is drawn, if there are as many; the default one slips five times.
+SHOWN = 2
+
+
+class Recorder(PolledTopics):
+    """Records all messages of some topics with their times of arrival.
+
+    These times come from the middleware of this process, so that its work does not count as
+    latency of the nodes.
+    """
+
+    def __init__(self, namespace: str, topics: Mapping[str, tuple[Any, QoSProfile]]) -> None:
+        super().__init__(Node('recorder', namespace=namespace))
+        #: By topic, the messages and their times of arrival in nanoseconds.
+        self.messages: dict[str, list[tuple[int, Any]]] = {topic: [] for topic in topics}
+        for topic, (message_type, qos) in topics.items():
+            self.add(message_type, topic, qos, functools.partial(self._keep, topic))
+
+    def _keep(self, topic: str, message: Any, info: dict[str, int]) -> None:
+        self.messages[topic].append((info['received_timestamp'], message))
+
+    def receive(self) -> None:
+        """Wait for a moment, and receive messages; an ExternalShutdownException after a signal."""
+        if ASKED.wait(POLL_S):
+            raise ExternalShutdownException
+        self.poll()
+
+    def received_s(self, topic: str) -> Floats:
+        """Return when the messages of a topic arrived."""
+        return np.array([at_ns for at_ns, _ in self.messages[topic]]) * 1e-9
+
+    def stamps_s(self, topic: str) -> Floats:
+        """Return the stamps of the messages of a topic, which have headers or are such."""
+        headers = (getattr(message, 'header', message) for _, message in self.messages[topic])
+        return np.array([stamp_ns(header.stamp) for header in headers]) * 1e-9
+
+    def values(self, topic: str, field: str) -> NDArray[Any]:
+        """Return a field of the messages of a topic."""
+        return np.array([getattr(message, field) for _, message in self.messages[topic]])
+
+
+def slip_demo(arguments: argparse.Namespace, picture: Path) -> tuple[dict[str, Any], str]:
+    """Play a trial through both nodes, draw it, and return its figures and their table."""
+    init_ros()
+    # A wrong argument is reported before anything is started.
+    source = SceneSource(DriverConfig(scene=arguments.scene, seed=arguments.seed))
+    if arguments.record:
+        samples = source.read(round(source.duration_s * source.sample_rate_hz) + 1)
+        samples = samples._replace(stamps_ns=time.time_ns() + samples.stamps_ns)
+        write_recording(arguments.record, [samples], source.sample_rate_hz, source.channel_names)
+        print(f'Written: {arguments.record}')
+    file = shared_folder() / 'config' / 'slip_detector.yaml'
+    config = DetectorConfig.from_yaml(file)
+    heard = _play(arguments, file, config)
+    result = demo_figures(heard, config)
+    states = {topic: states_at(*each, heard.stamps_s) for topic, each in heard.changes.items()}
+    groups = {name: states[f'slip/group/{name}'] for name in config.groups}
+    draw_trial(
+        picture, heard.stamps_s, heard.volts, config, groups, states['slip'], heard.motion_s
+    )
+    return result, demo_table(result)
+
+
+def _play(arguments: argparse.Namespace, file: Path, config: DetectorConfig) -> Heard:
+    """Run both nodes on a scene, and record what they publish."""
+    decisions = ['slip', *(f'slip/group/{name}' for name in config.groups)]
+    decisions += [f'slip/channel/{name}' for name in config.names]
+    topics: dict[str, tuple[Any, QoSProfile]] = {
+        topic: (JointState, sensor_qos()) for topic in ('voltages', 'platform_position', ENVELOPE)
+    }
+    topics |= dict.fromkeys(decisions, (Bool, state_qos(depth=1000)))
+    recorder = Recorder('slip_demo', topics)
+    with NodeProcesses('slip_demo', recorder.receive) as nodes:
+        nodes.start('slip_detector', file, input_timeout_s=TIMEOUT_S)
+        nodes.wait_until(lambda: all(map(recorder.messages.get, decisions)))
+        scene = {'scene': arguments.scene, 'seed': arguments.seed, 'loop': 'false'}
+        nodes.start('slip_driver', file, source='scene', wait_for_subscribers=2, **scene)
+        nodes.wait_for_end('slip_driver')
+    begin_s, changes = recorder.stamps_s('voltages')[0], {}
+    for topic in decisions:
+        states = recorder.values(topic, 'data')
+        changed = np.diff(states, prepend=~states[:1])
+        changes[topic] = recorder.received_s(topic)[changed] - begin_s, states[changed]
+    return Heard(
+        recorder.stamps_s('voltages') - begin_s,
+        recorder.values('voltages', 'position'),
+        recorder.stamps_s('platform_position') - begin_s,
+        recorder.values('platform_position', 'position').ravel(),
+        recorder.received_s(ENVELOPE) - recorder.stamps_s(ENVELOPE),
+        changes,
+    )
+
+
+def slip_grasp(arguments: argparse.Namespace, picture: Path) -> tuple[dict[str, Any], str]:
+    """Play the grasps, draw one, and return the figures and their table."""
+    config = arguments.config or shared_folder() / 'config' / 'grasp.yaml'
+    chain, grasp = ChainConfig.from_yaml(config), GraspConfig.from_yaml(config)
+    seeds = list(arguments.seeds)
+
+    def played(
+        name: str, chain: ChainConfig, grasp: GraspConfig, **factors: float
+    ) -> list[GraspTrial]:
+        _say(f'{len(seeds)} objects in simulated time: {name}')
+        return [loop.play_trial(chain, grasp, seed, **factors) for seed in seeds]
+
+    trials = {name: played(name, *both) for name, both in loop.conditions(chain, grasp).items()}
+    parts = {name: loop.grasp_figures(mine, grasp.limit_n) for name, mine in trials.items()}
+    harder = {
+        name: loop.grasp_figures(played(name, chain, grasp, **factors), grasp.limit_n)
+        for name, factors in loop.HARDER.items()
+    }
+    init_ros()
+    recorder = Recorder('slip_grasp', TOPICS)
+    heard = {
+        seed: _play_live(recorder, seed, config, arguments.out) for seed in seeds[: arguments.live]
+    }
+    result = {
+        'seeds': seeds,
+        'conditions': parts,
+        'harder': harder,
+        'transport_ms': loop.TRANSPORT_S * 1e3,
+        **loop.live_figures(heard, trials[CONTROLLER][: arguments.live], grasp.limit_n),
+        'wanted': loop.check_wanted({**parts, **harder}),
+    }
+    drawn = min(SHOWN, len(seeds) - 1)
+    shown = heard.get(seeds[drawn])
+    live = shown._asdict() if shown else {}
+    one = {name: mine[drawn] for name, mine in trials.items()}
+    draw_grasp(picture, one, grasp.limit_n, live)
+    return result, grasp_table(result)
+
+
+def _play_live(recorder: Recorder, seed: int, config: Path, folder: Path) -> LiveGraspTrial:
+    """Play a scene through a driver, a detector and a controller, each a process of its own.
+
+    The scene of the seed is written to the folder. A ValueError says that a node has failed.
+    """
+    scene = folder / f'grasp_{seed}.yaml'
+    with whole_file(scene) as new:
+        new.write_text(yaml.safe_dump(loop.object_scene(seed), sort_keys=False), encoding='utf-8')
+    _say(f'seed {seed} through the nodes, in real time')
+    played = {'source': 'scene', 'scene': scene, 'seed': seed, 'wait_for_grip': 'true'}
+    recorder.messages.update({topic: [] for topic in TOPICS})
+    with NodeProcesses('slip_grasp', recorder.receive) as nodes:
+        nodes.start('slip_detector', config, input_timeout_s=TIMEOUT_S)
+        nodes.start('grasp_controller', config, **commands_of_a_scene())
+        nodes.start('slip_driver', config, wait_for_subscribers=2, **played)
+        nodes.wait_for_end('slip_driver')
+    begin_s = recorder.stamps_s('voltages')[0]
+
+    def course(topic: str, field: str) -> Floats:
+        times_s = recorder.stamps_s(topic) - begin_s
+        return np.column_stack([times_s, recorder.values(topic, field)])
+
+    position, command = course('platform_position', 'position'), course('grip_force', 'effort')
+    return LiveGraspTrial(position, command, recorder.stamps_s('slip_onset') - begin_s)
+
+
+def _say(words: str) -> None:
+    """Say what goes on, as it takes a while."""
+    print(f'slip_grasp: {words}', file=sys.stderr, flush=True)

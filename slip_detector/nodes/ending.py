@@ -1,0 +1,69 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Ends a process on SIGINT and SIGTERM, whatever it does then and however many of them come."""
+
+import os
+import signal
+import threading
+import time
+
+#: Longest time, in seconds, from the first signal, or from the beginning of the shutdown, to the
+#: end of the process. A shutdown normally takes some hundredths of a second. Other processes see
+#: a node that has ended without it for some twenty seconds more.
+SHUTDOWN_S = 2.0
+
+#: Set by the first signal: what runs is to end, and to be taken down.
+ASKED = threading.Event()
+
+# Set when there is something to take down. Until then a signal ends the process at once.
+_tidy = threading.Event()
+
+
+def end_on_signals() -> None:
+    """Let SIGINT and SIGTERM end the process with exit code 0, within ``SHUTDOWN_S``.
+
+    Python calls a handler between any two steps of the main thread: what it raises may fall into a
+    call of the middleware, into an import, or into the shutdown. So these handlers do nothing;
+    Python also writes signals to a pipe, which a thread reads.
+    """
+    reads, writes = os.pipe()
+    os.set_blocking(writes, False)
+    signal.set_wakeup_fd(writes, warn_on_full_buffer=False)
+    on_signals(lambda *_: None)
+    threading.Thread(target=_end, args=[reads], daemon=True).start()
+
+
+def on_signals(handler: object) -> None:
+    """Set the handler of the signals that end a process."""
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, handler)  # type: ignore[arg-type]
+
+
+def _end(reads: int) -> None:
+    os.read(reads, 1)
+    if _tidy.is_set():
+        ASKED.set()
+        time.sleep(SHUTDOWN_S)
+    os._exit(0)
+
+
+def init_ros() -> None:
+    """Initialise rclpy; from here on a signal sets ``ASKED``, as other processes see the nodes."""
+    import rclpy
+    from rclpy.signals import SignalHandlerOptions
+
+    # rclpy's own handlers would shut the middleware down in the middle of a call.
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    _tidy.set()
