@@ -29,7 +29,6 @@ from pathlib import Path
 
 from slip_detector.commands import command_line
 from slip_detector.nodes.run import run
-from slip_detector.parameters.files import whole_file, writable_folder
 
 #: Time, in seconds, for which messages are still received after a node has ended.
 DRAIN_S = 0.5
@@ -106,6 +105,8 @@ def run_demonstration(parser: argparse.ArgumentParser) -> None:
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
 
     def work() -> str:
+        from slip_detector.parameters.files import whole_file, writable_folder
+
         writable_folder(arguments.out)
         demonstrations = importlib.import_module('slip_detector.nodes.demonstrations')
         result, table = getattr(demonstrations, parser.prog)(arguments, picture)

@@ -32,7 +32,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Header
 
 from slip_detector.chain.samples import Floats
-from slip_detector.evaluation.protocol import Heard, demo_figures, states_at
+from slip_detector.evaluation.demo import Heard, demo_figures, states_at
 from slip_detector.grasp import loop
 from slip_detector.grasp.loop import CONTROLLER, GraspTrial, LiveGraspTrial
 from slip_detector.nodes.demo import NodeProcesses

@@ -31,6 +31,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float32MultiArray, MultiArrayDimension, String
 
 from slip_detector.chain.samples import Floats, Samples
+from slip_detector.nodes.ending import ASKED
 from slip_detector.nodes.health import ERROR, WARN, Diagnostics, status
 from slip_detector.nodes.messages import sensor_qos, state_qos
 from slip_detector.nodes.parameters import declare
@@ -64,6 +65,21 @@ GOOD = ('packets', 'samples')
 #: it; shorter than the input timeout of a detector, which would report silence.
 LINGER_S = 0.2
 
+#: Longest time, in seconds, for which a thread that plays is waited for: while it compiles or
+#: loads code it does not see that it is to stop. It publishes no sample any more.
+STOP_S = 0.3
+
+
+def _opened(config: DriverConfig, clock: Clock) -> Source:
+    """Open the source, which may take long; an ExternalShutdownException after a signal."""
+    opening = ThreadPoolExecutor(1).submit(
+        open_source, config, now_ns=lambda: clock.now().nanoseconds
+    )
+    while not wait([opening], POLL_S).done:
+        if ASKED.is_set():
+            raise ExternalShutdownException
+    return opening.result()
+
 
 class Driver(Node):
     """Publishes each sample when it is due, however late the samples before it were.
@@ -86,9 +102,7 @@ class Driver(Node):
     def __init__(self, cli_args: list[str] | None = None) -> None:
         super().__init__('slip_driver', cli_args=cli_args)
         self.config = config = declare(self, DriverConfig)
-        self.source = source = open_source(
-            config, now_ns=lambda: self.get_clock().now().nanoseconds
-        )
+        self.source = source = _opened(config, self.get_clock())
         message_type = JointState if config.samples_per_message == 1 else Float32MultiArray
         self._voltages = self.create_publisher(message_type, 'voltages', sensor_qos())
         self._writer = JointStateWriter(config.frame_id, source.channel_names)
@@ -120,7 +134,7 @@ class Driver(Node):
     def destroy_node(self) -> None:
         """Stop playing, then destroy the node."""
         self._stop.set()
-        wait(self.runs)
+        wait(self.runs, STOP_S)
         super().destroy_node()
 
     def _on_grip_force(self, message: JointState) -> None:

@@ -31,8 +31,6 @@ from typing import Any, NoReturn
 
 from slip_detector.commands.command_line import one_line
 from slip_detector.nodes.ending import ASKED, end_on_signals, init_ros, on_signals
-from slip_detector.parameters.fields import refuse
-from slip_detector.parameters.files import find_parameter_file, shared_folder
 
 #: Allowed names of namespaces; the length leaves room for the names of topics.
 NAMESPACE = re.compile('(?!.*__)[A-Za-z_][A-Za-z0-9_]{0,63}')
@@ -51,9 +49,6 @@ FUNCTIONS = {'slip_detector': 47, 'slip_driver': 30}
 
 #: Options of ROS that give parameters.
 GIVE_PARAMETERS = ('--params-file', '-p', '--param')
-
-#: Longest time, in seconds, until an executable sees that it is to end.
-LOOK_S = 0.1
 
 #: What to do where there is no rclpy.
 GET_ROS = "source the setup.bash of a distribution, or pip install 'slip_detector[ros]'"
@@ -76,7 +71,8 @@ def main(executable: str) -> None:
 def run(name: str, work: Callable[[Takedowns], int | None], words: str = '') -> None:
     """Do the work of an executable, and end the process, unless there is nothing to take down.
 
-    Slow imports belong into the work: before this function is called a signal ends in a traceback.
+    Slow imports belong into the work, also that of :mod:`slip_detector.parameters`: before this
+    function is called a signal ends in a traceback.
 
     Parameters
     ----------
@@ -122,7 +118,7 @@ def _spin(executable: str, takedowns: Takedowns) -> None:
     from rclpy.executors import SingleThreadedExecutor
 
     from slip_detector.nodes.parameters import tell_of_other_names
-    from slip_detector.nodes.rclpy_internals import SampleExecutor, survive_requests
+    from slip_detector.nodes.rclpy_internals import LOOK_NS, SampleExecutor, survive_requests
 
     arguments_of_each = _arguments_of_each(executable)
     node_class = _node_class(executable)
@@ -148,7 +144,7 @@ def _spin(executable: str, takedowns: Takedowns) -> None:
         executor.add_node(node)
     takedowns.insert(0, executor.shutdown)
     while not ASKED.is_set():
-        executor.spin_once(LOOK_S)
+        executor.spin_once(LOOK_NS * 1e-9)
 
 
 def node_settings(context: Any) -> dict[str, Any]:
@@ -198,6 +194,8 @@ def transport_environment(transport: str) -> dict[str, str]:
 
     Fast DDS, used over shared memory, can hold up a node for 0.4 s when another one joins.
     """
+    from slip_detector.parameters.files import shared_folder
+
     if not transport:
         return {}
     given = os.environ
@@ -275,6 +273,8 @@ def _arguments_of_each(executable: str) -> list[list[str]]:
 
 
 def _check_namespaces(option: str, names: list[str]) -> None:
+    from slip_detector.parameters.fields import refuse
+
     if not all(map(NAMESPACE.fullmatch, names)) or len(set(names)) < len(names):
         text = 'different ones of up to 64 letters, digits and single _, no digit first'
         refuse(f'{option} gives the namespaces {", ".join(names)}', text)
@@ -300,7 +300,6 @@ def _node_class(executable: str) -> Callable[[list[str]], Any]:
         from slip_detector.nodes.grasp_controller import GraspController
 
         return GraspController
-    from rclpy.executors import ExternalShutdownException
     from rclpy.logging import get_logger
 
     from slip_detector.compiled import LISTENERS
@@ -308,8 +307,6 @@ def _node_class(executable: str) -> Callable[[list[str]], Any]:
     logger, count, total = get_logger(executable), itertools.count(1), FUNCTIONS[executable]
 
     def tell(module: str) -> None:
-        if ASKED.is_set():  # A driver compiles in the thread that plays.
-            raise ExternalShutdownException
         logger.info(
             f'compiling {module}, {next(count)} of some {total} functions, kept for the next '
             'start (slip_compile does it beforehand)',

@@ -16,9 +16,7 @@
 """``slip_view``: a live page of all fingers, for any browser."""
 
 import argparse
-import asyncio
 import os
-import secrets
 import sys
 from pathlib import Path
 
@@ -37,6 +35,8 @@ def main() -> None:
 
 
 def _work(takedowns: Takedowns) -> None:
+    import asyncio
+
     from rclpy.utilities import remove_ros_args
 
     arguments = _parser().parse_args(remove_ros_args(sys.argv)[1:])
@@ -97,6 +97,8 @@ def _check(arguments: argparse.Namespace) -> None:
 
 async def _serve(arguments: argparse.Namespace, takedowns: Takedowns) -> None:
     """Serve the page until a signal arrives, or a node that plays the scene fails."""
+    import secrets
+
     from rclpy.node import Node
 
     from slip_detector.nodes.demo import NodeProcesses

@@ -15,6 +15,7 @@
 """The demonstration, run as a user runs it."""
 
 import json
+import os
 import signal
 import time
 
@@ -96,6 +97,7 @@ def test_the_end_of_a_node_is_waited_for_and_leaving_ends_the_others(nodes, tmp_
     nodes.start('slip_driver', FILE, source='scene', wait_for_subscribers=1)
     process = nodes._processes['slip_driver']
     assert process.poll() is None
+    assert os.getpgid(process.pid) != os.getpgid(0)  # Ctrl-C of the terminal is not for it.
     nodes.__exit__()
     assert process.poll() is not None
 
@@ -129,7 +131,8 @@ def test_a_node_that_fails_is_named(nodes):
 def test_a_signal_ends_a_demonstration_and_its_nodes_quietly(bench, tmp_path, number):
     process = bench.start_python('-m', 'slip_detector.nodes.demo', '--out', tmp_path)
     bench.wait_for(lambda: 'channels at' in process.log(), 'a node')
-    process.signal(number)
+    for each in (number, signal.SIGTERM):
+        process.signal(each)
     assert process.wait() == 0
     assert process.lines()[-1] == 'slip_demo: interrupted before it was done'
     assert 'Traceback' not in process.log()

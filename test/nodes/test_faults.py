@@ -178,13 +178,14 @@ def test_detector_killed_and_started_again(bench):
     sensor.goes_on()
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_detector_ended_and_started_again(bench, number):
+@pytest.mark.parametrize('numbers', [[signal.SIGTERM], [signal.SIGINT, signal.SIGTERM]])
+def test_detector_ended_and_started_again(bench, numbers):
     sensor = Sensor(bench)
     # With the default quality of service nobody is told that the detector has gone.
     heard = [bench.listen(Bool, topic, 10) for topic in ('slip', 'slip_valid')]
     sensor.play(lambda: all(states and states[-1].data for states in heard), 'slip')
-    sensor.process.signal(number)
+    for number in numbers:
+        sensor.process.signal(number)
     assert sensor.process.wait() == 0
     bench.wait_for(lambda: not any(states[-1].data for states in heard), 'both to be withdrawn')
     sensor.process = bench.start('slip_detector')

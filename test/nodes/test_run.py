@@ -48,12 +48,32 @@ def _compiled():
 def test_a_node_that_ends_says_goodbye(bench, executable):
     process = bench.start(executable, parameters=STARTED_WITH.get(executable))
     bench.wait_for(lambda: executable in bench.node.get_node_names(), 'the node')
-    process.signal(signal.SIGTERM)
+    # Those of a terminal and of a parent come at once.
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGINT):
+        process.signal(number)
     assert process.wait() == 0
+    assert 'Traceback' not in process.log()
     ended_s = time.monotonic()
     bench.wait_until_forgotten(executable)
     # One that says nothing is forgotten after 14 to 20 s.
     assert time.monotonic() - ended_s < 8.0
+
+
+@pytest.mark.parametrize(
+    ('module', 'start', 'name'),
+    [
+        ('run', 'driver', 'slip_driver'),
+        ('view', 'main', 'slip_view'),
+        ('demo', 'main', 'slip_demo'),
+    ],
+)
+def test_without_rclpy_one_line_says_what_is_needed(module, start, name):
+    begin = "import sys; sys.modules['rclpy'] = None"
+    done = run_python(
+        '-c', f'{begin}; from slip_detector.nodes.{module} import {start}; {start}()'
+    )
+    assert done.returncode == 1
+    assert re.fullmatch(rf'{name}: needs ROS 2 \(.*rclpy.*\): source .*\n', done.stderr)
 
 
 def test_help_says_how_a_parameter_file_is_given():

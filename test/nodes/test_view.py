@@ -82,7 +82,8 @@ def test_a_scene_is_played_and_all_ends_with_a_signal(bench, tmp_path):
                 assert traces['name'] == names[0]
                 assert arrays['level/low'].shape == arrays['level/high'].shape
         # One page more, which is open when it ends.
-        process.signal(signal.SIGINT)
+        for number in (signal.SIGINT, signal.SIGTERM):
+            process.signal(number)
         while await page._socket.read_message() is not None:
             pass
         assert page._socket.close_reason == 'slip_view was stopped'
