@@ -44,7 +44,6 @@ def _work(takedowns: Takedowns) -> None:
     if arguments.scene or arguments.bag:
         # All processes are on this machine.
         os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-    init_ros()
     asyncio.run(_serve(arguments, takedowns))
 
 
@@ -110,6 +109,7 @@ async def _serve(arguments: argparse.Namespace, takedowns: Takedowns) -> None:
     from slip_detector.view.server import Server
     from slip_detector.view.teaching import Teaching
 
+    init_ros()
     token = arguments.token or ('' if is_loopback(arguments.host) else secrets.token_urlsafe(16))
     # As the node is not spun, services of its own would leave requests unanswered.
     node = Node('slip_view', start_parameter_services=False)
