@@ -36,7 +36,7 @@ DEADLINE_BEATS = 2.0
 
 #: Longest time, in seconds, for which subscribers are waited for that do not acknowledge; at the
 #: end the detectors of a process do so one after the other.
-RECEIVED_S = 0.1
+RECEIVED_S = 0.3
 
 #: What a column of :attr:`.SlipResult.flags` is: kind, name, and number of channels. Channels are
 #: the same only where there are as many.
