@@ -20,7 +20,7 @@ import threading
 import time
 from array import array
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 
 import numpy as np
@@ -70,11 +70,9 @@ LINGER_S = 0.2
 STOP_S = 0.3
 
 
-def _opened(config: DriverConfig, clock: Clock) -> Source:
+def _opened(config: DriverConfig, now_ns: Callable[[], int]) -> Source:
     """Open the source, which may take long; an ExternalShutdownException after a signal."""
-    opening = ThreadPoolExecutor(1).submit(
-        open_source, config, now_ns=lambda: clock.now().nanoseconds
-    )
+    opening = ThreadPoolExecutor(1).submit(open_source, config, now_ns=now_ns)
     while not wait([opening], POLL_S).done:
         if ASKED.is_set():
             raise ExternalShutdownException
@@ -102,7 +100,8 @@ class Driver(Node):
     def __init__(self, cli_args: list[str] | None = None) -> None:
         super().__init__('slip_driver', cli_args=cli_args)
         self.config = config = declare(self, DriverConfig)
-        self.source = source = _opened(config, self.get_clock())
+        clock = self.get_clock()  # A thread that opens the source is not to keep the node.
+        self.source = source = _opened(config, lambda: clock.now().nanoseconds)
         message_type = JointState if config.samples_per_message == 1 else Float32MultiArray
         self._voltages = self.create_publisher(message_type, 'voltages', sensor_qos())
         self._writer = JointStateWriter(config.frame_id, source.channel_names)
