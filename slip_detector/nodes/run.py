@@ -246,6 +246,8 @@ def _arguments_of_each(executable: str) -> list[list[str]]:
     Each is given again what follows the first parameter file, or all beside ``--configs``, to hold
     over the file: with rcl it does not where something before it is for all nodes.
     """
+    from slip_detector.parameters.files import find_parameter_file
+
     _check_files()
     options = _options(executable)
     fingers, configs = options.fingers, options.configs
@@ -282,7 +284,7 @@ def _check_namespaces(option: str, names: list[str]) -> None:
 
 def _check_files() -> None:
     """Read the parameters before rcl does, whose error messages are hard to understand."""
-    from slip_detector.parameters.files import parsed_yaml, read_yaml
+    from slip_detector.parameters.files import find_parameter_file, parsed_yaml, read_yaml
     from slip_detector.parameters.sections import check_values, sections_of
 
     for option, text in pairwise(sys.argv):
