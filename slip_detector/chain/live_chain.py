@@ -44,7 +44,8 @@ DECISION_PARAMETERS = names_that_affect(ChainConfig, 'decision')
 PARTS = {'low_band_hz', 'impact_rows'}
 
 #: A chain is built when no other change has followed for this time: parameters that come one by
-#: one are complete then. Where they never end, this is the longest time from the first one.
+#: one are complete then. Where they never end, this is the longest time from the first one. What
+#: comes while a chain is built is for the next one.
 GATHER_S, GATHER_AT_MOST_S = WAIT_S, 10.0
 
 #: Parameters after whose change the kept rows cannot be used; some are the detector's: another
@@ -80,14 +81,14 @@ class LiveChain:
 
     Examples
     --------
-    >>> chain = LiveChain(ChainConfig(channels=2))
-    >>> chain.change(ChainConfig(channels=2, threshold=0.1)) and chain.swap()
+    >>> chain = LiveChain(DetectorConfig(channels=2))
+    >>> chain.change(DetectorConfig(channels=2, threshold=0.1)) and chain.swap()
     True
     >>> chain.update(np.zeros((5, 2)), level=False).slip.shape
     (5,)
     """
 
-    def __init__(self, config: ChainConfig) -> None:
+    def __init__(self, config: DetectorConfig) -> None:
         self.config = config
         self.unsettled_rows = 0
         self._chain = SlipChain(config)
@@ -102,12 +103,14 @@ class LiveChain:
         # The history when slip last came ON, if it had none until then, and the rows since slip.
         self._rest: list[NDArray[np.float64]] = []
         self._rows_at_rest = 0
-        # Waits for other changes, then builds the chain that was ordered last.
+        # Waits for other changes, then builds the chain that was ordered last: one at a time.
         self._builder: threading.Thread | None = None
-        self._first_s = 0.0
+        self._building = threading.Lock()
+        # When the first of the changes came, and whether what is being built is still wanted.
+        self._first_s, self._wanted = 0.0, False
         # A configuration that can be taken, with a new chain if it is for the chain, and the rows
         # in which that settles.
-        self._ready: tuple[ChainConfig, SlipChain | None, int] | None = None
+        self._ready: tuple[DetectorConfig, SlipChain | None, int] | None = None
         # Loaded while rows come: the first design of other filters would hold them up for it.
         threading.Thread(target=import_module, args=['scipy.signal'], daemon=True).start()
 
@@ -152,33 +155,34 @@ class LiveChain:
             self._history.clear()
             self._rows_in_history, self._rows_at_rest = 0, -1  # A slip may go on.
 
-    def change(self, config: ChainConfig) -> bool:
+    def change(self, config: DetectorConfig) -> bool:
         """Order another configuration; return whether :meth:`swap` may be called for it at once.
 
-        If not, a chain is built first. An order replaces an earlier one that has not been swapped
-        in yet.
+        If not, a chain is built first. An order replaces an earlier one for which that has not
+        begun yet; what is built already is swapped in until then. If it can be swapped in at once,
+        it replaces all earlier ones.
         """
         now_s = time.monotonic()
         with self._lock:
+            differ = self._differ(config)
+            if differ <= DECISION_PARAMETERS:
+                self._ready = config, SlipChain(config) if differ else None, 0
+                self._builder, self._wanted = None, False
+                return True
             self._first_s = self._first_s if self._builder else now_s
             wait_s = min(GATHER_S, max(0.0, self._first_s + GATHER_AT_MOST_S - now_s))
-            builder = threading.Timer(wait_s, self._build, [config])
+            self._builder = builder = threading.Timer(wait_s, self._build, [config])
             builder.daemon = True
-            differ = self._differ(config)
-            at_once = differ <= DECISION_PARAMETERS
-            self._ready = (config, SlipChain(config) if differ else None, 0) if at_once else None
-            self._builder = None if at_once else builder
-        if not at_once:
-            builder.start()
-        return at_once
+        builder.start()
+        return False
 
     def swap(self) -> bool:
-        """Replace the running chain by the one that was ordered last.
+        """Replace the running chain by the one that became ready last.
 
         Returns
         -------
         bool
-            False if no chain is ready or the last one has been swapped in already.
+            False if none is ready, or it has been swapped in already.
         """
         with self._lock:
             if self._ready is None:
@@ -212,26 +216,29 @@ class LiveChain:
             self.unsettled_rows = max(self.unsettled_rows, settling)
             return True
 
-    def _differ(self, config: ChainConfig) -> set[str]:
+    def _differ(self, config: DetectorConfig) -> set[str]:
         """Return the parameters of the chain and its input that differ from the running ones."""
         names, old = INPUT_PARAMETERS | PARTS | {*ChainConfig.__dataclass_fields__}, self.config
         return {name for name in names if getattr(old, name, None) != getattr(config, name, None)}
 
-    def _build(self, config: ChainConfig) -> None:
+    def _build(self, config: DetectorConfig) -> None:
         """Build a chain, unless it was ordered again, or another was, meanwhile."""
-        if self._builder is not threading.current_thread():
-            return
-        chain = SlipChain(config)
-        settling = min(settling_rows(config), config.samples(HISTORY_S))
-        with self._lock:
-            slipped = self._rows_at_rest < self._rows_in_history
-            rest = (slipped and self._rest) or list(self._history)
-            other_input = self._differ(config) & INPUT_PARAMETERS
-        if config.decision == 'evidence' and rest and not other_input:
-            chain.take_floors(self._chain, np.concatenate(rest))
-        with self._lock:
-            if self._builder is threading.current_thread():
-                self._builder, self._ready = None, (config, chain, settling)
+        with self._building:
+            with self._lock:
+                if self._builder is not threading.current_thread():
+                    return
+                self._builder, self._wanted = None, True
+            chain = SlipChain(config)
+            settling = min(settling_rows(config), config.samples(HISTORY_S))
+            with self._lock:
+                slipped = self._rows_at_rest < self._rows_in_history
+                rest = (slipped and self._rest) or list(self._history)
+                other_input = self._differ(config) & INPUT_PARAMETERS
+            if config.decision == 'evidence' and rest and not other_input:
+                chain.take_floors(self._chain, np.concatenate(rest))
+            with self._lock:
+                if self._wanted:
+                    self._ready = config, chain, settling
 
     def _forget(self) -> None:
         self._history.clear()

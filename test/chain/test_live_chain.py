@@ -15,6 +15,7 @@
 """A chain whose parameters change while it runs."""
 
 import dataclasses
+import itertools
 import threading
 import time
 
@@ -197,6 +198,30 @@ def test_changes_that_never_end_are_used_all_the_same(timers, monkeypatch):
     # From the first order on it is never longer than at most.
     assert waits_s == [4.0, 4.0, 4.0, 1.0, 0.0]
     assert bed.chain.swap()
+
+
+@pytest.mark.parametrize('back', [False, True])
+def test_what_is_built_is_used_though_changes_go_on_unless_it_is_taken_back(
+    timers, monkeypatch, back
+):
+    bed, gains = Bed(), itertools.count(1)
+
+    def change():
+        return bed.change(gain=CONFIG.gain if back else next(gains))
+
+    class Slow(SlipChain):
+        def __init__(self, config):
+            change()
+            super().__init__(config)
+
+    bed.change(gain=next(gains))
+    monkeypatch.setattr(live_chain, 'SlipChain', Slow)
+    for gain in [CONFIG.gain] if back else [1, 3, 5]:
+        timers[-1].go_off()
+        change()
+        assert bed.chain.swap()
+        assert bed.chain.config.gain == gain
+    assert not bed.chain.swap()
 
 
 def test_rows_come_in_one_thread_while_another_changes_the_configuration():
