@@ -41,8 +41,8 @@ from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.fields import name_list
 
 #: Number of checks of the input within ``input_timeout_s``, and the share of the timeout after
-#: which it counts as lost, from the last check that found a sample. That is between 0.8 and 0.9 of
-#: the timeout after the last sample.
+#: which it counts as lost, from the last check that found a sample. That is between 0.75 and 0.95
+#: of the timeout after the last sample, as it is checked before each heartbeat too.
 CHECKS, LOST_AFTER = 10, 0.75
 
 #: Longest time, in seconds, until a chain that was built is used, until a failed subscription is
@@ -100,8 +100,8 @@ class Detector(LifecycleNode):
         follow_changes(self, lambda: self.requested, self._check, self._apply)
         self._configured = False
         self._samples: Subscription | None = None
-        # The node is active while it has timers.
-        self._running: list[Timer] = []
+        # The node is active while it has timers, here by period and callback.
+        self._running: dict[tuple[float, Callable[[], None]], Timer] = {}
         if self.requested.autostart:
             for trigger in (self.trigger_configure, self.trigger_activate):
                 if trigger() is not SUCCESS:
@@ -129,15 +129,19 @@ class Detector(LifecycleNode):
         self._chain.reset()
         self._forget_input()
         self._diagnostics = Diagnostics(self)
-        # Whether a sample has come since the last check, when the last one had that found some,
-        # and whether the loss of the input has been noted. The timeout begins with the first one.
-        self._heard, self._heard_ns, self._lost = True, 0, False
-        self._now_ns = self._moved_ns = 0
+        # Whether a sample has come since the last check, and for how long none had before. The
+        # timeout begins with the first check.
+        self._heard, self._silent_ns, self._now_ns = True, 0, 0
+        # By the machine's clock: the last check, and when the clock of the timeout last moved.
+        self._checked_ns = self._moved_ns = time.monotonic_ns()
+        # When the last message came, and was sent by another clock; by that clock, when those were
+        # sent that wait since this node was held up.
+        self._came_ns, self._sent_ns, self._waiting_ns = 0, 0, range(0)
         self._listen_s = time.monotonic() + LISTEN_S
-        self._senders = Senders(max(SEVERAL_S, self._active.input_timeout_s))
+        self._senders = Senders(lambda: max(SEVERAL_S, self._active.input_timeout_s))
         self._start_timers()
         # The heartbeat of another detector that publishes on the same topics.
-        self._detectors = Senders(max(SEVERAL_S, 3 / self._active.heartbeat_hz))
+        self._detectors = Senders(lambda: max(SEVERAL_S, 3 / self._active.heartbeat_hz))
         self._heartbeats = self.create_subscription(
             Bool, 'slip_valid', self._on_slip_valid, sensor_qos(), raw=True
         )
@@ -153,7 +157,7 @@ class Detector(LifecycleNode):
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Publish that slip is not valid, then stop publishing."""
         self._outputs.withdraw()
-        self._stop_timers()
+        self._run_timers()
         self._stop_input()
         self.destroy_subscription(self._heartbeats)
         self._diagnostics.destroy()
@@ -192,7 +196,7 @@ class Detector(LifecycleNode):
         """Use the new chain from the next row on, if it is ready; return whether it was."""
         if not self._chain.swap():
             return False
-        before, config = self._active, self.requested
+        before, config = self._active, self._chain.config
         self._active = config
         differ = {name for name in vars(config) if getattr(config, name) != getattr(before, name)}
         self._health.config = config
@@ -204,37 +208,45 @@ class Detector(LifecycleNode):
         if differ & {*INPUT_PARAMETERS, 'channel_names'}:
             self._forget_input()
         self._stamp_grid.max_gap_s = config.max_gap_s
-        if differ & {'heartbeat_hz', 'input_timeout_s'}:
-            self._start_timers()
+        self._start_timers()
+        self._check_silence()  # Where changes never end, its timer never is due.
         return True
 
     # Timers.
 
     def _start_timers(self) -> None:
-        """Start all timers anew, by a clock that is never set: a replayed one may stand still."""
-        self._stop_timers()
+        """Run timers of the present periods."""
         config = self._active
-        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._running = [
-            self.create_timer(period_s, call, clock=self._steady)
-            for period_s, call in (
-                (1 / config.heartbeat_hz, self._outputs.beat),
-                (min(config.input_timeout_s / CHECKS, SWAP_S), self._check_input),
-                (1.0, self._report),
-            )
-        ]
+        self._run_timers(
+            (1 / config.heartbeat_hz, self._beat),
+            (config.input_timeout_s / CHECKS, self._check_silence),
+            (SWAP_S, self._check_input),
+            (1.0, self._report),
+        )
 
-    def _stop_timers(self) -> None:
-        for timer in self._running:
+    def _run_timers(self, *wanted: tuple[float, Callable[[], None]]) -> None:
+        """Run these timers, of those that run already the same, and no others.
+
+        They go by a clock that is never set: a replayed one may stand still.
+        """
+        steady, before, self._running = Clock(clock_type=ClockType.STEADY_TIME), self._running, {}
+        for each in wanted:
+            timer = before.pop(each, None)
+            self._running[each] = timer or self.create_timer(*each, clock=steady)
+        for timer in before.values():
             self.destroy_timer(timer)
-        self._running = []
+
+    def _beat(self) -> None:
+        """Repeat the decisions, if samples still arrive."""
+        self._check_silence()
+        self._outputs.beat()
 
     def _check_input(self) -> None:
-        """Withdraw the decisions if samples have stopped arriving; use a chain that was built."""
+        """Subscribe to the input; use a chain that was built."""
         if self._samples is None:
             # Subscribers that have heard another detector before hear false first.
             outputs, now_s = self._outputs, time.monotonic()
-            outputs.beat()
+            self._beat()
             if outputs.slip_subscribers() and outputs.received():
                 # Others of the same process are known soon.
                 self._listen_s = min(self._listen_s, now_s + SWAP_S)
@@ -242,22 +254,29 @@ class Detector(LifecycleNode):
                 self._listen()
         if self._swap():
             self.get_logger().info('the new filters have taken over')
+
+    def _check_silence(self) -> None:
+        """Withdraw the decisions if samples have stopped arriving, or this node was held up."""
+        timeout_ns = round(1e9 * self._active.input_timeout_s)
+        steady_ns = time.monotonic_ns()
+        if steady_ns - self._checked_ns > timeout_ns:
+            # What came before is too old, and so is some of what was sent since then.
+            self._heard = False
+            away_ns = steady_ns - self._came_ns
+            self._waiting_ns = range(self._sent_ns + 1, self._sent_ns + away_ns)
         # The timeout follows the replayed clock while that moves, else the machine's.
         self._replayed = self.get_clock().ros_time_is_active
-        steady_ns = self._steady.now().nanoseconds
         now_ns = self.get_clock().now().nanoseconds if self._replayed else steady_ns
-        heard = self._heard or now_ns < self._heard_ns  # The clock may be set back.
-        if heard or now_ns != self._now_ns:
-            self._now_ns, self._moved_ns = now_ns, steady_ns
-        if heard:
-            self._heard, self._heard_ns, self._lost = False, now_ns, False
-        elif not self._lost:
-            silent_ns = max(now_ns - self._heard_ns, steady_ns - self._moved_ns)
-            self._lost = silent_ns >= LOST_AFTER * self._active.input_timeout_s * 1e9
-            # There is no last row, too, if the input was changed and has been silent since.
-            if self._lost and (self._last_row is not None or self._outputs.valid):
+        step_ns, self._now_ns, self._checked_ns = now_ns - self._now_ns, now_ns, steady_ns
+        if self._heard or step_ns:
+            self._moved_ns = steady_ns
+        # The clock may be set back.
+        self._silent_ns = 0 if self._heard else self._silent_ns + max(step_ns, 0)
+        self._heard = False
+        if max(self._silent_ns, steady_ns - self._moved_ns) >= LOST_AFTER * timeout_ns:
+            if self._outputs.valid:
                 self._note('silent', 'no input any more')
-                self._outputs.withdraw()
+            self._outputs.withdraw()
 
     def _report(self) -> None:
         """Publish the diagnostics."""
@@ -321,7 +340,9 @@ class Detector(LifecycleNode):
 
     def _on_voltages(self, raw: bytes, info: dict[str, int | None]) -> None:
         """Check the samples of a message, run them through the chain, publish what changes."""
-        began_s = time.perf_counter()
+        began_ns, timeout_ns = time.monotonic_ns(), 1e9 * self._active.input_timeout_s
+        if began_ns - self._checked_ns > timeout_ns:
+            self._check_silence()
         source, senders, outputs, chain = self._input, self._senders, self._outputs, self._chain
         publishers = 0 if self._samples is None else self._samples.get_publisher_count()
         if not senders.accepts(info['publication_sequence_number'], publishers):
@@ -330,6 +351,11 @@ class Detector(LifecycleNode):
                 self._heard = True
                 outputs.withdraw()
             return
+        sent_ns = info['source_timestamp'] or 0
+        late_ns = began_ns - self._came_ns - (sent_ns - self._sent_ns)
+        waited = sent_ns in self._waiting_ns and late_ns > timeout_ns
+        if not waited:
+            self._came_ns, self._sent_ns = began_ns, sent_ns
         try:
             rows, at_ns, names, frame_id, number = source.read(raw, info, self._replayed)
         except ValueError as error:
@@ -357,7 +383,7 @@ class Detector(LifecycleNode):
         result = chain.update(rows, level=listened)
         self._last_row, self._frame_id = rows[-1:], frame_id
         age_s = (self.get_clock().now().nanoseconds - at_ns) * 1e-9
-        is_old = 0 < self._active.max_age_s < abs(age_s)
+        is_old = waited or 0 < self._active.max_age_s < abs(age_s)
         # Subscribers could not tell these decisions from another detector's.
         if is_old or self._stamp_grid.mostly_bad:
             outputs.withdraw()
@@ -368,14 +394,14 @@ class Detector(LifecycleNode):
                 outputs.announce(flags, stamp_ns, frame_id, settled=i >= unsettled)
         if listened:
             outputs.show_envelope(at_ns, result)
-        spent_s = time.perf_counter() - began_s
+        spent_s = (time.monotonic_ns() - began_ns) * 1e-9
         self._health.note_rows(rows, result.valid, at_ns, age_s, spent_s)
 
     def _fits(self, rows: Floats, names: list[str]) -> bool:
         """Return whether a message has the channels of those before; note what is wrong if not."""
         number, channels = rows.shape[1], self._active.channels
         if number != channels:
-            allowed = f'{channels}{self._input.advice(number)}'
+            allowed = f'{channels}{self._input.advice(number, channels)}'
             words = f'a message has {number} channels, allowed: {allowed}: dropped'
             self._note('dropped, wrong number of channels', words)
             return False

@@ -19,6 +19,7 @@ import importlib
 import re
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -74,7 +75,7 @@ class Input:
             refuse(f'parameter input_field is {config.input_field!r}', text)
         self._has_header = fields.get('header') == 'std_msgs/Header'
         self.has_names = fields.get('name') == 'sequence<string>'
-        self._type, self._channels = config.input_type, config.channels
+        self._type = config.input_type
         # The usual kind of input, one message for each sample, for which there is a faster reader.
         quick = self.message_class is JointState and config.input_field == 'position'
         self._reader = JointStateReader() if quick else None
@@ -123,19 +124,19 @@ class Input:
             stamp_ns=info['source_timestamp'], number=info['publication_sequence_number']
         )
 
-    def advice(self, numbers: int) -> str:
-        """Return what a message with so many channels lacks, if it may be a batch of samples.
+    def advice(self, numbers: int, channels: int) -> str:
+        """Return what a message of so many numbers lacks, if it may be a batch of samples.
 
         Examples
         --------
         >>> batches = DetectorConfig(input_type='std_msgs/Float32MultiArray', input_field='data')
-        >>> Input(batches).advice(64), Input(batches).advice(63)
+        >>> Input(batches).advice(64, 16), Input(batches).advice(63, 16)
         (' (a batch needs layout.dim: sample of size 4, channel of size 16)', '')
         """
-        samples, left = divmod(numbers, self._channels)
+        samples, left = divmod(numbers, channels)
         if left or samples < 2 or not self._type.endswith('MultiArray'):
             return ''
-        sizes = f'sample of size {samples}, channel of size {self._channels}'
+        sizes = f'sample of size {samples}, channel of size {channels}'
         return f' (a batch needs layout.dim: {sizes})'
 
 
@@ -186,20 +187,20 @@ class Senders:
     Parameters
     ----------
     window_s
-        Time for which several publishers count as sending after they were heard in turns, and for
-        which an accepted publisher may be silent.
+        Returns the time, which may change, for which several publishers count as sending after
+        they were heard in turns, and for which an accepted publisher may be silent.
 
     Examples
     --------
-    >>> senders = Senders(window_s=1.0)
+    >>> senders = Senders(window_s=lambda: 1.0)
     >>> [senders.accepts(number, publishers=1) for number in (7, 8, 10)], senders.several
     ([True, True, True], False)
     >>> [senders.accepts(number, publishers=2) for number in (11, 1, 12, 2)], senders.several
     ([True, False, False, False], True)
     """
 
-    def __init__(self, window_s: float) -> None:
-        self.window_s = window_s
+    def __init__(self, window_s: Callable[[], float]) -> None:
+        self._window_s = window_s
         self._several_s = float('-inf')
         # The last number of the accepted publisher, and when it was heard.
         self._accepted, self._accepted_s = 0, float('-inf')
@@ -207,7 +208,7 @@ class Senders:
     @property
     def several(self) -> bool:
         """Whether several publishers have been heard in turns within the window."""
-        return time.monotonic() - self._several_s < self.window_s
+        return time.monotonic() - self._several_s < self._window_s()
 
     def accepts(self, number: int | None, publishers: int) -> bool:
         """Note a message; return whether it comes from the only publisher that sends.
@@ -223,7 +224,7 @@ class Senders:
         if number is None:
             self._several_s = now_s if publishers > 1 else float('-inf')
             return publishers < 2
-        if publishers < 2 or now_s - self._accepted_s >= self.window_s:
+        if publishers < 2 or now_s - self._accepted_s >= self._window_s():
             self._several_s = float('-inf')
         elif not 0 < number - self._accepted <= MOST_LOST:
             self._several_s = now_s

@@ -15,6 +15,7 @@
 """The detector's publishers: decisions are published on change, slip and slip_valid repeatedly."""
 
 import time
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -42,6 +43,9 @@ RECEIVED_S = 0.3
 #: the same only where there are as many.
 Column = tuple[str, str, int]
 
+#: What follows from these columns, behind them.
+SLIP_VALID: Column = ('slip_valid', '', 0)
+
 
 def columns_of(config: DetectorConfig) -> list[Column]:
     """Return what each column of :attr:`.SlipResult.flags` is."""
@@ -55,10 +59,11 @@ def columns_of(config: DetectorConfig) -> list[Column]:
 class Outputs:
     """The publishers of the present configuration, and the latest decisions.
 
+    What each topic says follows from one state: the row of flags that was published last, and
+    behind it whether any group could vote.
+
     Attributes
     ----------
-    slip, valid : bool
-        The decision that was published last, and whether any group could vote.
     onsets : int
         Number of onsets that were published.
     slip_subscribers, envelope_subscribers : callable
@@ -70,20 +75,30 @@ class Outputs:
         # By topic and deadline.
         self._publishers: dict[tuple[str, int], Publisher] = {}
         self._columns: list[Column] = []
-        self._flags = np.zeros(0, np.bool_)
-        self.slip, self.valid, self.onsets = False, False, 0
+        self._states = b''  # A byte for each column.
+        self.onsets = 0
         # Stamps of the latest sample, or 0, and of the last onset.
         self._at_ns = self._onset_ns = 0
         self._frame_id = ''
         self._messages = (Bool(data=False), Bool(data=True))
         self.configure(config)
 
+    @property
+    def slip(self) -> bool:
+        """The decision that was published last."""
+        return bool(self._states[0])
+
+    @property
+    def valid(self) -> bool:
+        """Whether any group could vote on it."""
+        return bool(self._states[-1])
+
     def configure(self, config: DetectorConfig) -> None:
         """Take another configuration.
 
         Decisions on the same groups, and on channels if there are as many, are carried over.
         Publishers that stay the same are kept; the others are destroyed once all have published
-        the present state.
+        the present state, which on a topic that ends is OFF.
         """
         self._config = config
         before, self._publishers = self._publishers, {}
@@ -103,8 +118,9 @@ class Outputs:
         self._writer: JointStateWriter | None = None
         self._envelope = publisher(JointState, '~/envelope', messages.sensor_qos())
         self.envelope_subscribers = self._envelope.get_subscription_count
-        flags = dict(zip(self._columns, self._flags, strict=True))
-        self._columns = columns_of(config)
+        states = dict(zip(self._columns, self._states, strict=True))
+        self._columns = [*columns_of(config), SLIP_VALID]
+        self._states = bytes(states.get(column, False) for column in self._columns)
         published = {'group': config.publish_groups, 'channel': config.publish_channels}
         disabled = {('channel', config.names[channel - 1]) for channel in config.disabled_channels}
         # By column, the publisher of its changes; without slip, column 0.
@@ -113,11 +129,15 @@ class Outputs:
             for column, (kind, name, _) in enumerate(self._columns)
             if published.get(kind) and (kind, name) not in disabled
         }
-        self._flags = np.array([flags.get(column, False) for column in self._columns], np.bool_)
         self._can_vote = slice(1 + len(config.groups), 1 + 2 * len(config.groups))
         for column, each in self._listeners.items():
-            each.publish(self._messages[bool(self._flags[column])])
+            each.publish(self._messages[self._states[column]])
         self.beat()
+        # Other publishers of slip, slip_valid and slip_state have said what holds.
+        ended = [each for (topic, _), each in before.items() if topic.startswith('slip/')]
+        for each in ended:
+            each.publish(self._messages[False])
+        self.received(ended)
         for each in before.values():
             self._node.destroy_publisher(each)
 
@@ -129,14 +149,20 @@ class Outputs:
 
     def end(self) -> None:
         """Publish all decisions as OFF and not valid, whatever was interrupted, and destroy."""
-        self._flags, self.valid = np.ones_like(self._flags), True
+        self._states = b'\x01' * len(self._states)
         self.withdraw()
         self.destroy()
 
-    def received(self) -> bool:
-        """Wait, briefly, until all subscribers have what was published; return whether they do."""
+    def received(self, publishers: Iterable[Publisher] | None = None) -> bool:
+        """Wait, briefly, until all subscribers have what these or all publishers have published.
+
+        Returns
+        -------
+        bool
+            Whether they have.
+        """
         until_s = time.monotonic() + RECEIVED_S
-        for publisher in self._publishers.values():
+        for publisher in self._publishers.values() if publishers is None else publishers:
             left_s = max(0.0, until_s - time.monotonic())
             if not publisher.wait_for_all_acked(Duration(seconds=left_s)):
                 return False
@@ -144,7 +170,7 @@ class Outputs:
 
     def withdraw(self) -> None:
         """Publish all decisions as OFF and not valid, for late subscribers too."""
-        self.announce(np.zeros_like(self._flags), 0, self._frame_id)
+        self.announce(np.zeros(len(self._states) - 1, np.bool_), 0, self._frame_id)
 
     def announce(self, flags: Bools, at_ns: int, frame_id: str, *, settled: bool = True) -> None:
         """Publish the decisions on a sample that differ from those on the sample before.
@@ -162,13 +188,12 @@ class Outputs:
         self._at_ns = at_ns
         if frame_id != self._frame_id:
             self._frame_id, self._writer = frame_id, None
-        flags_bytes, bytes_before = flags.tobytes(), self._flags.tobytes()
-        if flags_bytes == bytes_before:
+        flags_bytes, before = flags.tobytes(), self._states
+        states = flags_bytes + (b'\x01' if 1 in flags_bytes[self._can_vote] else b'\x00')
+        if states == before:
             return
-        slip, was_on = flags_bytes[0], bytes_before[0]
-        before, self._flags, self.slip = self._flags, flags, bool(slip)
-        valid = 1 in flags_bytes[self._can_vote]
-        was_valid, self.valid = self.valid, valid
+        self._states = states
+        slip, was_on, valid, was_valid = states[0], before[0], states[-1], before[-1]
         onset = slip > was_on and settled
         if onset:
             self._onset_ns = at_ns
@@ -179,10 +204,10 @@ class Outputs:
             self._slip.publish(self._messages[slip])
         if slip != was_on or valid != was_valid:
             self._publish_state()
-        for column in np.flatnonzero(flags != before).tolist():
-            publisher = self._listeners.get(column)
-            if publisher is not None:
-                publisher.publish(self._messages[bool(flags[column])])
+        differ = np.frombuffer(states, np.uint8) != np.frombuffer(before, np.uint8)
+        for column in np.flatnonzero(differ).tolist():
+            if column in self._listeners:
+                self._listeners[column].publish(self._messages[states[column]])
         if onset:
             self.onsets += 1
             self._onset.publish(Header(stamp=messages.time_message(at_ns), frame_id=frame_id))

@@ -32,8 +32,11 @@ from std_msgs.msg import Bool, Header
 
 from slip_detector.chain.live_chain import GATHER_S
 from slip_detector.nodes.messages import event_qos, state_qos
+from slip_detector.parameters.detector import DetectorConfig
 from support.harness import parameter_messages
 from support.slipping_sensor import PERIOD_S, SLACK_S, TIMEOUT_S, Sensor
+
+GROUPS = [f'groups.{name}' for name in DetectorConfig().groups]
 
 
 @pytest.mark.parametrize('parameters', [{}, {'use_sim_time': 'true'}])
@@ -178,6 +181,22 @@ def test_detector_killed_and_started_again(bench):
     sensor.goes_on()
 
 
+def test_detector_stopped_and_continued(bench):
+    # Where this test is held up for long, slip_valid would fall for want of samples.
+    sensor = Sensor(bench, input_timeout_s=2.0)
+    sensor.slips()
+    sensor.process.signal(signal.SIGSTOP)
+    until_s = time.monotonic() + 5.0
+    sensor.play(lambda: time.monotonic() > until_s, 'the samples meanwhile')
+    known = len(sensor.valid)
+    sensor.process.signal(signal.SIGCONT)
+    sensor.play(lambda: len(sensor.valid) > known + 10, 'the heart to beat again')
+    # Nothing is said on what came meanwhile.
+    states = [valid for _, valid in sensor.valid[known:]]
+    assert states == sorted(states)
+    assert (states[0], states[-1]) == (False, True)
+
+
 @pytest.mark.parametrize('numbers', [[signal.SIGTERM], [signal.SIGINT, signal.SIGTERM]])
 def test_detector_ended_and_started_again(bench, numbers):
     sensor = Sensor(bench)
@@ -262,11 +281,11 @@ def test_a_parameter_changed_in_the_middle_of_a_slip(bench):
     sensor.goes_on()
 
 
-def change(sensor, client, values):
+def change(sensor, client, values, slipping=True):
     """Change parameters of the detector while the sensor goes on."""
     request = SetParametersAtomically.Request(parameters=parameter_messages(values))
     future = client.call_async(request)
-    sensor.play(future.done, 'the answer')
+    sensor.play(future.done, 'the answer', slipping)
     assert future.result().result.successful, future.result().result.reason
 
 
@@ -275,14 +294,16 @@ def change(sensor, client, values):
     [
         {'input_type': 'std_msgs/msg/Float32MultiArray', 'input_field': 'data'},
         {'input_field': 'velocity'},
-        {'channels': 2, 'groups.TP': [1, 2]} | {f'groups.{n}': None for n in ('TD', 'LR', 'LU')},
+        {'channels': 4, 'groups.all': [1, 2, 3, 4]} | dict.fromkeys(GROUPS),
     ],
 )
-def test_an_input_changed_in_the_middle_of_a_slip_to_one_that_does_not_come(bench, values):
+@pytest.mark.parametrize('slipping', [True, False])
+def test_an_input_changed_to_one_that_does_not_come(bench, values, slipping):
     sensor = Sensor(bench)
     client = bench.client(SetParametersAtomically, 'slip_detector/set_parameters_atomically')
-    sensor.slips()
-    change(sensor, client, values)
+    says = sensor.says_slip if slipping else sensor.says_valid
+    sensor.play(says, 'decisions', slipping)
+    change(sensor, client, values, slipping)
     # What was decided on the input before does not stand for ever.
     sensor.play(sensor.fell, 'slip_valid to fall')
     reports = len(sensor.reports) + 2

@@ -134,7 +134,7 @@ def test_other_outputs_take_over_what_was_decided_and_the_topics_that_stay(bench
         slip=[False, True, True],
         slip_valid=[False, True, True],
         slip__group__front=[False, True, True],
-        slip__channel__ch1=[False, True],
+        slip__channel__ch1=[False, True, False],
     )
     # Slip, groups, groups can vote, channels, channels valid.
     outputs.announce(np.array([1, 0, 1, 1, 1, 1, 1, 0, 1, 1, 1], np.bool_), 2000, 'tip')

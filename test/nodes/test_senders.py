@@ -34,7 +34,7 @@ from support.slipping_sensor import Sensor
     st.lists(st.tuples(st.integers(1, 20), st.integers(1, 20)), min_size=2),
 )
 def test_of_two_that_send_nothing_of_the_second_is_taken_and_soon_nothing_at_all(a, b, turns):
-    senders = Senders(60.0)
+    senders = Senders(lambda: 60.0)
     assert senders.accepts(a, publishers=1)
     # Numbers that are the same by chance cannot be told apart for a while.
     first, second = itertools.count(a + 1), itertools.count(a + 10**7 + b)
@@ -47,7 +47,7 @@ def test_of_two_that_send_nothing_of_the_second_is_taken_and_soon_nothing_at_all
 def test_a_publisher_that_was_killed_does_not_keep_the_next_one_out(monkeypatch):
     now_s = 100.0
     monkeypatch.setattr('time.monotonic', lambda: now_s)
-    senders = Senders(1.0)
+    senders = Senders(lambda: 1.0)
     assert senders.accepts(900, publishers=1)
     # The dead one is known still, and may have been held up only.
     now_s += 0.9
@@ -59,7 +59,7 @@ def test_a_publisher_that_was_killed_does_not_keep_the_next_one_out(monkeypatch)
 
 @pytest.mark.parametrize('ahead', [2, 50, -2, -50])
 def test_of_two_that_were_started_together_one_message_is_mistaken_and_one_alone_is_taken(ahead):
-    senders = Senders(60.0)
+    senders = Senders(lambda: 60.0)
     senders.accepts(500, publishers=1)
     taken = [
         senders.accepts(500 + k + of, publishers=2) for k in range(1, 20) for of in (ahead, 0)
@@ -71,7 +71,7 @@ def test_of_two_that_were_started_together_one_message_is_mistaken_and_one_alone
 
 
 def test_without_numbers_each_publisher_is_taken_to_send():
-    senders = Senders(60.0)
+    senders = Senders(lambda: 60.0)
     assert senders.accepts(None, publishers=1)
     assert not senders.accepts(None, publishers=2)
     assert senders.several

@@ -1,0 +1,211 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What subscribers hear last where the input is lost: a detector called by hand, by a clock."""
+
+from dataclasses import replace
+from itertools import count
+from threading import Timer
+from types import SimpleNamespace
+from unittest.mock import Mock
+
+import numpy as np
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+from rclpy.time import Time
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool
+
+from slip_detector.nodes.detector import SUCCESS, Detector
+from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters.sets import changed
+from slip_detector.recordings.messages import JointStateWriter
+
+PERIOD_S = 1 / 380
+CONFIG = DetectorConfig(channels=4, groups={'a': (1, 2), 'b': (3, 4)}, threshold=1e-9)
+AT_REST = replace(CONFIG, threshold=1e9)
+CHANGES = (
+    {'groups.a': None, 'groups.b': None, 'groups.all': [1, 2, 3, 4]},
+    {'channels': 2, 'groups.b': None},
+    {'channels': 2, 'groups.a': None, 'groups.b': None, 'groups.all': [1, 2]},
+    {'groups.a': None, 'groups.c': [1, 2]},
+    {'disabled_channels': [1, 2]},
+    {'channel_names': ['ch1', 'p', 'q', 'ch4']},
+    {'publish_groups': False},
+    {'publish_channels': False},
+    *({'heartbeat_hz': hz} for hz in (0.1, 9.0, 100.0)),
+    *({'input_timeout_s': timeout_s} for timeout_s in (0.05, 0.2, 1.0)),
+    {'vote': 1},
+    {'decision': 'evidence', 'noise_floor': [1e-6], 'threshold': 1e-3},
+    {'gain': 50.0, 'mains_hz': 50.0},
+    {'sample_rate_hz': 400.0},
+    {'max_gap_s': 1.0, 'flat_after_s': 0.0},
+    {'input_field': 'velocity'},
+    {'input_type': 'std_msgs/msg/Float32MultiArray', 'input_field': 'data'},
+)
+#: What is sent for the k-th time in place of good samples; None: nothing.
+LOST = {
+    'silence': lambda k, good: None,
+    'other channels': lambda k, good: good | {'volts': np.ones(5), 'names': 'abcde'},
+    'other names': lambda k, good: good | {'names': 'abcde'[k % 2 :][: good['volts'].size]},
+    'no message': lambda k, good: good | {'raw': b'\0' * (k % 40)},
+    'wild stamps': lambda k, good: good | {'off_s': k * 1e4 * (-1) ** k},
+    'late stamps': lambda k, good: good | {'off_s': -0.01 * k},
+    'old stamps': lambda k, good: good | {'off_s': -1000.0},
+    'several senders': lambda k, good: good | {'number': 10**6 * (k % 2) + k, 'publishers': 2},
+}
+
+
+class ByHand(Detector):
+    """A detector without middleware: time passes, and samples come, when the test says so."""
+
+    get_logger, destroy_publisher, destroy_subscription = Mock(), Mock(), Mock()
+    get_fully_qualified_name = Mock(return_value='/slip_detector')
+    get_publishers_info_by_topic = Mock(return_value=[])
+    now_s, due = 1e6, ()
+
+    def __init__(self):
+        self._configured, self._running, self._samples = False, {}, None
+
+    def get_clock(self):
+        now = Time(nanoseconds=round(self.now_s * 1e9))
+        return SimpleNamespace(ros_time_is_active=False, now=lambda: now)
+
+    def create_publisher(self, message_type, topic, qos):
+        publisher = Mock(publish=lambda message: self.heard.append((topic, message)))
+        publisher.get_subscription_count.return_value = 1
+        return publisher
+
+    def create_subscription(self, *arguments, **options):
+        return Mock(topic_name='voltages', **{'get_publisher_count.return_value': 1})
+
+    def create_timer(self, period_s, call, clock):
+        self.due.append([self.now_s + period_s, period_s, call])
+        return self.due[-1]
+
+    def destroy_timer(self, timer):
+        self.due.remove(timer)
+
+    def begin(self, config=CONFIG):
+        """Begin anew, and decide that everything slips, or nothing."""
+        self.on_shutdown(None)
+        self.heard, self.due, self.requested = [], [], config
+        self.numbers, self.random = count(1), np.random.default_rng(0)
+        assert (self.on_configure(None), self.on_activate(None)) == (SUCCESS, SUCCESS)
+        self.play(0.5)
+        assert self.said()['slip_valid']
+        assert self.said()['slip/channel/ch4'] == self.said()['slip'] == (config == CONFIG)
+
+    def let_pass(self, seconds):
+        self.now_s += seconds
+        for timer in [*self.due]:
+            if timer in self.due and self.now_s >= timer[0]:
+                timer[0] = self.now_s + timer[1]
+                timer[2]()
+
+    def play(self, seconds, change=lambda k, good: good):
+        for k in range(round(seconds / PERIOD_S)):
+            self.let_pass(PERIOD_S)
+            sample = change(k, {'volts': self.random.standard_normal(self.requested.channels)})
+            if sample is not None:
+                self.send(**sample)
+
+    def send(self, volts, *, off_s=0.0, sent_s=None, names='', number=0, publishers=1, raw=None):
+        if self._samples is None or self._active.input_type != CONFIG.input_type:
+            return
+        self._samples.get_publisher_count.return_value = publishers
+        sent_ns = round((sent_s or self.now_s) * 1e9)
+        writer = JointStateWriter('tip', names or self.requested.names)
+        raw = writer.written(sent_ns + round(off_s * 1e9), volts) if raw is None else raw
+        number = number or next(self.numbers)
+        info = {'source_timestamp': sent_ns + 1, 'publication_sequence_number': number}
+        self._on_voltages(raw, info)
+
+    def said(self):
+        """Return whether the last message of each topic has anything true."""
+        said = {t: m.data for t, m in self.heard if isinstance(m, Bool)}
+        return said | {t: any(m.position[:2]) for t, m in self.heard if isinstance(m, JointState)}
+
+
+class AtOnce(Timer):
+    """The timer after which filters are built, which goes off at once."""
+
+    def start(self):
+        self.interval = 0.0
+        super().start()
+        self.join()
+
+
+@pytest.fixture(scope='module')
+def node():
+    node, clock = ByHand(), Mock()
+    clock.monotonic, clock.monotonic_ns = lambda: node.now_s, lambda: round(node.now_s * 1e9)
+    with pytest.MonkeyPatch.context() as patch:
+        for module in ('detector', 'inputs'):
+            patch.setattr(f'slip_detector.nodes.{module}.time', clock)
+        patch.setattr('threading.Timer', AtOnce)
+        yield node
+
+
+@example(CONFIG, [CHANGES[0]], True, 'silence')
+@example(AT_REST, [CHANGES[2]], False, 'other channels')
+@given(
+    st.sampled_from([CONFIG, AT_REST]),
+    st.lists(st.sampled_from(CHANGES), max_size=3),
+    st.booleans(),
+    st.sampled_from([*LOST]),
+)
+def test_one_timeout_after_the_last_usable_sample_nothing_is_said_to_be_true(
+    node, begins, changes, follows, way
+):
+    node.begin(begins)
+    for change in [*changes, {'max_age_s': 100.0 * (way == 'old stamps')}]:
+        try:
+            config = changed(node.requested, change)
+        except ValueError:  # It does not go with the others.
+            continue
+        node._apply(config)
+        node.play(0.15 * follows)
+    node.play(2 * PERIOD_S, LOST[way])  # After a change one of these may be usable.
+    node.play(node.requested.input_timeout_s + PERIOD_S, LOST[way])
+    assert not any(node.said().values()), node.said()
+
+
+@pytest.mark.parametrize('first', ['message', 'timer'])
+def test_what_waited_while_the_node_was_held_up_is_not_said_until_it_is_new_enough(node, first):
+    node.begin()
+    sent_s, ages_s = node.now_s, []
+    for k in count():
+        sent_s, known = sent_s + PERIOD_S, len(node.heard)
+        node.now_s += {0: 5.0, 500: 2.0}.get(k, 0.0)
+        if sent_s > node.now_s:
+            break
+        if k or first == 'timer':
+            node.let_pass(1e-4)
+        node.send(node.random.standard_normal(4), sent_s=sent_s)
+        said = [message.data for topic, message in node.heard[known:] if topic == 'slip_valid']
+        ages_s += [node.now_s - sent_s] * any(said)
+    assert 0.9 < max(ages_s) / CONFIG.input_timeout_s <= 1.0
+
+
+def test_another_detector_is_noticed_after_the_heartbeat_has_become_slow(node):
+    node.begin()
+    node._apply(changed(CONFIG, {'heartbeat_hz': 0.5}))
+    node._heartbeats.get_publisher_count.return_value = 2
+    for number in (1, 1001, 2, 1002):
+        node.play(1.0)
+        node._on_slip_valid(None, {'publication_sequence_number': number})
+    node.play(1.0)
+    assert not node.said()['slip_valid']
