@@ -34,11 +34,20 @@ FIRST_MEMORY, LONG_MEMORY = 16, 256
 #: Largest jitter, in periods. A sample further ahead of the grid begins a new grid.
 LARGEST_JITTER = 2.0
 
+#: Number of the latest messages that tell lost samples from another rate, and of those to which
+#: the line is fitted again when it is another rate.
+LATELY, AT_ANOTHER_RATE = 20, 8
+
+#: How much better samples must fit if some are lost, and if it is another rate, as the F of a test
+#: of variances; the most messages after which it is decided in any case.
+LOST_F, ANOTHER_RATE_F, DECIDED_AFTER = 3.0, 8.0, 12
+
 #: Number of samples after which observed jitter is forgotten.
 JITTER_MEMORY = 2048
 
 #: Largest error of a clock's rate, as a share, that the grid follows; more means missing samples.
-LARGEST_RATE_ERROR = 0.15
+#: Errors of 0.15 can be told from that in spite of jitter.
+LARGEST_RATE_ERROR = 0.17
 
 #: Limit between jitter and a gap, in periods from stamp to stamp, without further knowledge.
 GAP_PERIODS = 1.5
@@ -64,15 +73,21 @@ SEVERAL = 4
 CLOSE_PERIODS, BUNCHED, BUNCH_MEMORY = 0.25, 0.25, 64
 
 # Elements of the array that holds the line: the sample period, the time until the next sample is
-# expected, the memory in messages, the jitter in periods, the bounds of the period, and the shares
-# of stamps that are close to, and the same as, the one before; and of bad rows lately.
-PERIOD_NS, UNTIL_NEXT_NS, MEMORY, JITTER, NOMINAL_NS, CLOSE, SAME, BAD = range(8)
+# expected, the memory in messages, the jitter in periods, the nominal period, and the shares of
+# stamps that are close to, and the same as, the one before; and of bad rows lately. Then of each of
+# the latest messages, in a ring, the nominal periods since the one before, its rows, and how many
+# were found missing before them.
+PERIOD_NS, UNTIL_NEXT_NS, MEMORY, JITTER, NOMINAL_NS, CLOSE, SAME, BAD, PERIODS = range(9)
+ROWS, MISSING = PERIODS + LATELY, PERIODS + 2 * LATELY
 
 # Elements of the array of stamps: LAST, the place on the line of the last sample; BEFORE, the
-# stamp before; LATE, how many messages may be missing by the last stamp; of the samples in a row
-# that fit elsewhere the first stamp and their number; the rows dropped and not made up for yet;
-# and the samples whose stamps were wrong. NONE: none.
+# stamp before; LATE, how many messages may be missing by the last stamp, -1 if it was early; of the
+# samples in a row that fit elsewhere the first stamp and their number; the rows dropped and not
+# made up for yet; the samples whose stamps were wrong; for how many messages it is undecided
+# whether some are missing; and of the latest messages the number, the place in the ring of the
+# next one and the stamp of the last one. NONE: none.
 LAST, BEFORE, LATE, FIRST_ELSEWHERE, ELSEWHERE, DROPPED_ROWS, WRONG = range(7)
+UNDECIDED, HELD, NEXT_HELD, LAST_HELD = range(7, 11)
 NONE = np.iinfo(np.int64).min
 
 # In place of the number of samples that are missing before a sample: it does not fit, and is
@@ -85,7 +100,78 @@ def _begin(line, stamps, stamp_ns, verdict):
     """Begin a new grid at a stamp; return the verdict."""
     stamps[LAST], stamps[LATE], stamps[ELSEWHERE], stamps[DROPPED_ROWS] = stamp_ns, 0, 0, 0
     line[UNTIL_NEXT_NS], line[MEMORY] = line[PERIOD_NS], FIRST_MEMORY
+    stamps[UNDECIDED], stamps[HELD], stamps[LAST_HELD] = 0, 0, stamp_ns
+    _hold(line, stamps, stamp_ns, 0.0)
     return verdict
+
+
+@compiled_in_place
+def _hold(line, stamps, stamp_ns, rows):
+    """Hold a message as the latest one."""
+    at = stamps[NEXT_HELD]
+    line[PERIODS + at] = (stamp_ns - stamps[LAST_HELD]) / line[NOMINAL_NS]
+    line[ROWS + at], line[MISSING + at] = rows, 0.0
+    stamps[LAST_HELD], stamps[NEXT_HELD] = stamp_ns, (at + 1) % LATELY
+    stamps[HELD] = min(stamps[HELD] + 1, LATELY)
+
+
+@compiled_in_place
+def _fit(line, stamps, n, earlier, last, missing, late_rows):
+    """Fit a line to the stamps of the latest ``n`` messages by their rows, by least squares.
+
+    ``missing`` rows are taken to be missing before those of the ``last`` messages, and those that
+    were found missing earlier too, if ``earlier`` is 1.0. Return the sum of squares, the slope
+    (periods, over nominal ones, minus 1) and how late the last message is, in nominal periods.
+    """
+    x = t = late = sx = sy = sxx = sxy = syy = 0.0
+    for i in range(n):
+        at = (stamps[NEXT_HELD] - n + i) % LATELY
+        x += line[ROWS + at] + earlier * line[MISSING + at] + (missing if i == n - last else 0.0)
+        x += late_rows if i == n - 1 else 0.0
+        t += line[PERIODS + at]
+        late = t - x
+        sx, sy = sx + x, sy + late
+        sxx, sxy, syy = sxx + x * x, sxy + x * late, syy + late * late
+    sxx, sxy, syy = sxx - sx * sx / n, sxy - sx * sy / n, syy - sy * sy / n
+    slowest, fastest = 1.0 / (1.0 - LARGEST_RATE_ERROR), 1.0 / (1.0 + LARGEST_RATE_ERROR)
+    slope = min(max(sxy / max(sxx, 1.0), fastest - 1.0), slowest - 1.0)
+    squares = max(syy - 2.0 * slope * sxy + slope * slope * sxx, 0.0)
+    return squares, slope, late - (sy + slope * (n * x - sx)) / n
+
+
+@compiled_in_place
+def _lost_or_slow(line, stamps, missing, late_rows):
+    """Return ``missing`` if so many rows are missing before one of the latest messages.
+
+    0: it is not decided yet; -1: none are, and the line was fitted again. Where rows are lost, the
+    latest stamps fit a line with a step; where the rate has changed, one without, perhaps one in
+    which no rows were missing earlier either. Stamps that are early (``missing`` is 0) leave only
+    that. Until one fits clearly better, more messages are awaited.
+    """
+    n = stamps[HELD]
+    steady, _, _ = _fit(line, stamps, n, 1.0, 0, 0.0, 0.0)
+    none_lost, _, _ = _fit(line, stamps, n, 0.0, 0, 0.0, 0.0)
+    slow, lost, since = min(steady, none_lost), math.inf, 0
+    for last in range(2, min(DECIDED_AFTER, n - 1) + 1 if missing > 0 else 0):
+        squares, _, _ = _fit(line, stamps, n, 1.0, last, float(missing), float(late_rows))
+        if squares < lost:
+            lost, since = squares, last
+    if (slow - lost) * (n - 2) > LOST_F * lost:
+        line[MISSING + (stamps[NEXT_HELD] - since) % LATELY] += missing
+        stamps[UNDECIDED] = 0
+        return missing
+    stamps[UNDECIDED] += 1
+    is_open = (lost - slow) * (n - 2) <= ANOTHER_RATE_F * slow
+    if is_open and stamps[UNDECIDED] < DECIDED_AFTER:
+        return 0
+    if none_lost < steady:
+        line[MISSING : MISSING + LATELY] = 0.0
+    stamps[UNDECIDED], n = 0, min(n, AT_ANOTHER_RATE)
+    _, slope, late = _fit(line, stamps, n, 1.0, 0, 0.0, 0.0)
+    line[PERIOD_NS] = line[NOMINAL_NS] * (1.0 + slope)
+    line[UNTIL_NEXT_NS] = line[PERIOD_NS] - late * line[NOMINAL_NS]
+    line[MEMORY] = n
+    return -1
 
 
 @compiled_in_place
@@ -105,8 +191,8 @@ def _follow(line, behind, rows):
     # The time until the next sample: from this stamp to its place on the line, plus one period.
     on_line_ns = -behind * (1.0 - 2.0 * (2.0 * n - 1.0) * gain) * rows * period_ns
     period_ns *= 1.0 + behind * 6.0 * gain
-    off_ns = LARGEST_RATE_ERROR * line[NOMINAL_NS]
-    period_ns = min(max(period_ns, line[NOMINAL_NS] - off_ns), line[NOMINAL_NS] + off_ns)
+    period_ns = max(period_ns, line[NOMINAL_NS] / (1.0 + LARGEST_RATE_ERROR))
+    period_ns = min(period_ns, line[NOMINAL_NS] / (1.0 - LARGEST_RATE_ERROR))
     line[PERIOD_NS] = period_ns
     line[UNTIL_NEXT_NS] = on_line_ns + period_ns
 
@@ -119,7 +205,7 @@ def _elsewhere(line, stamps, limit_ns, stamp_ns, rows, since_ns):
     stamps[ELSEWHERE] += 1
     stamps[DROPPED_ROWS] += rows
     # Late messages too rise and are behind, but only for so long, and not where the grid is new.
-    is_new = line[MEMORY] < FIRST_MEMORY + SEVERAL
+    is_new = stamps[HELD] <= SEVERAL
     span_ns = stamp_ns - stamps[FIRST_ELSEWHERE]
     is_set = stamp_ns > stamps[LAST] or span_ns > limit_ns or is_new
     if stamps[ELSEWHERE] < SEVERAL or not is_set:
@@ -150,6 +236,8 @@ def _judge(line, stamps, max_gap_ns, stamp_ns, rows, lost):
             return _begin(line, stamps, stamp_ns, lost * rows)
         _follow(line, behind - lost, float(rows))
         stamps[LAST], stamps[LATE] = stamp_ns, 0
+        stamps[HELD], stamps[LAST_HELD] = 0, stamp_ns
+        _hold(line, stamps, stamp_ns, 0.0)
         return lost * rows
     close_ns = CLOSE_PERIODS * message_ns
     line[CLOSE] += ((0 <= since_ns < close_ns) - line[CLOSE]) / BUNCH_MEMORY
@@ -158,20 +246,41 @@ def _judge(line, stamps, max_gap_ns, stamp_ns, rows, lost):
     limit_ns = max(max_gap_ns, LONGEST_DELAY_NS) if bunched else max_gap_ns
     jitter = max(0.0, line[JITTER] - BEHIND_A_GAP)
     # Messages are missing as far as two stamps agree that are not of one bunch.
-    missing = min(stamps[LATE], max(int(np.ceil(behind - jitter - STILL_LATE)), 0))
+    missing = min(max(stamps[LATE], 0), max(int(np.ceil(behind - jitter - STILL_LATE)), 0))
     missing *= since_ns > close_ns
     behind -= missing
     late = max(int(np.rint(behind - jitter)), 0)
     gap_rows = late * rows - stamps[DROPPED_ROWS]
+    if 0 <= step_ns < 0.5 * message_ns and stamps[ELSEWHERE] > 0:
+        # Behind dropped ones that rise to the last one, this one is that one again.
+        stamps[ELSEWHERE] = 0
+        return DROPPED
     if step_ns < 0 or (gap_rows > 0 and (gap_rows + 0.5) * period_ns > limit_ns):
         return _elsewhere(line, stamps, limit_ns, stamp_ns, rows, since_ns)
-    stamps[WRONG] += stamps[LATE] > 0 and missing == 0 and not bunched
+    if stamps[LATE] > 0 and missing == 0 and not bunched:
+        stamps[WRONG] += 1
+        if stamps[LATE] > 1:  # Of the latest messages it gets its place, too.
+            before = PERIODS + (stamps[NEXT_HELD] - 1) % LATELY
+            line[before] -= (stamps[LAST_HELD] - stamps[LAST]) / line[NOMINAL_NS]
+            stamps[LAST_HELD] = stamps[LAST]
+    _hold(line, stamps, stamp_ns, float(rows))
+    is_early = behind < -BEHIND_A_GAP
+    if not bunched and (missing > 0 or (is_early and stamps[LATE] < 0)):
+        found = _lost_or_slow(line, stamps, missing * rows, late * rows)
+        if found < 0:
+            stamps[LAST], stamps[LATE], stamps[ELSEWHERE] = stamp_ns, 0, 0
+            stamps[DROPPED_ROWS] = 0
+            return 0
+        if found == 0:
+            behind, late, missing = behind + missing, late + missing, 0
+    else:
+        stamps[UNDECIDED] = 0
     if behind < -LARGEST_JITTER:
         return _begin(line, stamps, stamp_ns, missing * rows)
     _follow(line, behind - late, float(rows))
     # The place on the line; of a bunch the rows are counted, and the line follows slowly.
     stamps[LAST] = stamp_ns - int(late * message_ns * (1.0 - bunched / BUNCH_MEMORY))
-    stamps[LATE], stamps[ELSEWHERE] = late, 0
+    stamps[LATE], stamps[ELSEWHERE] = -1 if is_early else late, 0
     if late == 0:
         stamps[DROPPED_ROWS] = 0
     return missing * rows
@@ -277,8 +386,9 @@ class StampGrid:
 
     def __init__(self, period_s: float, max_gap_s: float) -> None:
         period_ns = period_s * 1e9
-        self._line = np.array([period_ns, 0, FIRST_MEMORY, FIRST_JITTER, period_ns, 0, 0, 0])
-        self._stamps = np.array([NONE, 0, 0, 0, 0, 0, 0])
+        self._line = np.zeros(MISSING + LATELY)
+        self._line[:CLOSE] = period_ns, 0.0, FIRST_MEMORY, FIRST_JITTER, period_ns
+        self._stamps = np.array([NONE, *[0] * LAST_HELD])
         self._number: int | None = None
         self.max_gap_s = max_gap_s
 
