@@ -30,8 +30,9 @@ from slip_detector.parameters.fields import name_list
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
-#: Relative errors of the measured rate above which there is a warning, and an error.
-RATE_WARNING, RATE_ERROR = 0.02, 0.05
+#: Relative error of the measured rate above which there is an error, and the number of summaries,
+#: one a second, over which it is measured: over one alone a late message would seem as much.
+RATE_ERROR, RATE_SUMMARIES = 0.02, 3
 
 #: Smallest share of bridged rows, and relative error of the usual step from stamp to stamp, that
 #: show that no samples are lost but the rate is another one.
@@ -156,13 +157,15 @@ class Health:
         self._noted.append((rows, valid, stamp_ns, age_s, spent_s))
         self._noted_s = time.monotonic()
         self.totals['rows'] += len(rows)
-        self._points[1:] = [(stamp_ns, self.totals['rows'])]
+        self._last_point = stamp_ns, self.totals['rows']
+        self._points = self._points or [self._last_point]
 
     def restart(self) -> None:
         """Measure the rate from the next sample on, as the stamps have jumped."""
-        # Stamp, and number of rows since the start: of the note from which on the rate is
-        # measured, and of the last one.
+        # Stamp, and number of rows since the start: of the last notes before the latest summaries,
+        # from the first of which on the rate is measured, and of the last note of all.
         self._points: list[tuple[int, int]] = []
+        self._last_point = 0, 0
 
     def summary(self, slip: bool, valid: bool) -> list[DiagnosticStatus]:
         """Sum up the time since the last summary, for the input, the channels and the decisions.
@@ -182,14 +185,15 @@ class Health:
             for each in statuses:
                 each.level = min(each.level, WARN)
         self._totals_before, self._summed_s, self._noted = self.totals.copy(), now_s, []
-        self._points = self._points[-1:]
+        self._points = [*self._points, self._last_point][-RATE_SUMMARIES:] if self._points else []
         return statuses
 
     def _rate_hz(self, since: Counter[str]) -> float:
         """Return the rate by the stamps; NaN where too few samples have come."""
-        if len(self._points) < 2:
+        begin_ns, before = self._points[0] if self._points else self._last_point
+        end_ns, rows = self._last_point
+        if rows == before:
             return math.nan
-        (begin_ns, before), (end_ns, rows) = self._points
         # Replayed samples without stamps may have the same one.
         rate_hz = (rows - before) * 1e9 / max(end_ns - begin_ns, 1)
         if len(self._noted) > 1 and since['lost and bridged'] > STEADY_SHARE * since['rows']:
@@ -212,10 +216,10 @@ class Health:
         elif silent_s > self.config.input_timeout_s:
             words = 'is the sensor plugged in, does its driver run?'
             complaints = [(ERROR, f'no samples for {silent_s:.1f} s: {words}')]
-        elif off > RATE_WARNING:
+        elif off > RATE_ERROR:
             words = f'the filters are off by the same {100 * off:.0f} %'
             words = f'{all_well}, {wanted_hz:g} configured: {words}'
-            complaints = [(ERROR if off > RATE_ERROR else WARN, words)]
+            complaints = [(ERROR, words)]
         for kind, words in EVENTS.items():
             if since[kind]:
                 level = WARN if kind in WARNINGS else ERROR

@@ -19,6 +19,8 @@ Each recording is a bag. Its name is its kind and a number.
 """
 
 import asyncio
+import contextlib
+import math
 import re
 import shutil
 from collections.abc import Awaitable, Callable, Iterable
@@ -35,6 +37,7 @@ from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.files import file_errors_of, write_yaml
 from slip_detector.recordings import labels, open_recording
+from slip_detector.recordings.rates import rates_differ
 from slip_detector.recordings.writing import BagWriter
 from slip_detector.report.overview import MOST_CELLS, THRESHOLD_CODE, Overview
 from slip_detector.tuning.tracks import hold_out_evenly, track_of
@@ -98,6 +101,9 @@ class RecordedFolder:
         self.folder = folder
         #: The recordings by their names, within a kind in the order of recording.
         self.recordings: dict[str, RecordingSummary] = {}
+        #: Rate of the detector, and those of recordings by their stamps, as far as known.
+        self.sample_rate_hz = math.nan
+        self.rates_hz: dict[str, float] = {}
 
     async def refresh(self, work: Callable[..., Awaitable[Any]] = asyncio.to_thread) -> None:
         """Update the list from the folder; ``work`` reads what is not in the list yet."""
@@ -188,6 +194,18 @@ class RecordedFolder:
         self.recordings[path.name] = self._summary(path.name)._replace(exact_s=tuple(exact_s))
         return {'slip_s': edges_s}
 
+    def off_rate(self, name: str) -> str:
+        """Return why a recording's rate is not that of the detector; empty if it is."""
+        rate_hz = self.rates_hz.get(name, math.nan)
+        if not rates_differ(rate_hz, self.sample_rate_hz):
+            return ''
+        return f'has {rate_hz:.4g} Hz by its stamps, the detector {self.sample_rate_hz:g} Hz'
+
+    def measure_rate(self, name: str) -> None:
+        """Note the rate of a recording that was made."""
+        with contextlib.suppress(ValueError):  # It cannot be read, which its summary says.
+            self.rates_hz[name] = open_recording(self.folder / name).sample_rate_hz
+
     def divided(self) -> tuple[dict[str, list[str]], list[str]]:
         """Return the names of those to tune on, of each kind, and of those that judge the result.
 
@@ -195,9 +213,10 @@ class RecordedFolder:
         What cannot be used is in neither.
         """
         to_tune_on, held_out = {}, []
+        usable = [one for n, one in self.recordings.items() if one.usable and not self.off_rate(n)]
         for kind in KINDS:
-            usable = [n for n, one in self.recordings.items() if one.kind == kind and one.usable]
-            to_tune_on[kind], held = hold_out_evenly(usable, HELD_OUT)
+            names = [one.name for one in usable if one.kind == kind]
+            to_tune_on[kind], held = hold_out_evenly(names, HELD_OUT)
             held_out += held
         return to_tune_on, held_out
 
@@ -209,6 +228,7 @@ class RecordedFolder:
         """Read how long a recording is, and how many slips it has."""
         try:
             recording = open_recording(self.folder / name)
+            self.rates_hz[name] = recording.sample_rate_hz
             track = track_of(name, recording.rows(), recording.sample_rate_hz)
         except ValueError as error:
             return RecordingSummary(name, 0.0, 0, str(error))

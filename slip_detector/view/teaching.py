@@ -105,7 +105,10 @@ class Teaching:
     def folder_of(self, name: object) -> RecordedFolder:
         """Return the recordings of a finger, by the name that a page has sent."""
         finger = self._detectors.finger_of(name)
-        return self._folders.setdefault(finger.name, RecordedFolder(self._folder / finger.label))
+        new = RecordedFolder(self._folder / finger.label)
+        folder = self._folders.setdefault(finger.name, new)
+        folder.sample_rate_hz = finger.config.sample_rate_hz
+        return folder
 
     def start(self, name: object, kind: object) -> None:
         """Begin to record a finger at rest, being tapped or pressed, until :meth:`stop`."""
@@ -194,9 +197,14 @@ class Teaching:
     def _listed(self, folder: RecordedFolder) -> Mapping[str, Any]:
         (_, held_out), writing = folder.divided(), self._recorder and self._recorder.path
         recordings = [
-            {**one._asdict(), 'kind': one.kind, 'usable': one.usable}
-            for one in folder.recordings.values()
-            if folder.folder / one.name != writing
+            {
+                **one._asdict(),
+                'kind': one.kind,
+                'usable': one.usable and not folder.off_rate(name),
+                'note': '; '.join(filter(None, (one.note, folder.off_rate(name)))),
+            }
+            for name, one in folder.recordings.items()
+            if folder.folder / name != writing
         ]
         return {'folder': str(folder.folder), 'recordings': recordings, 'held_out': held_out}
 
@@ -231,8 +239,12 @@ class Teaching:
         recorder.close()
         self._detectors.order(recorder.finger.name, 'rest')
         self._recorder, self._ends_ns = None, None
-        name, note = recorder.path.name, recorder.note
+        name, note, off_rate = recorder.path.name, recorder.note, ''
+        if recorder.rows:
+            self._folders[recorder.finger.name].measure_rate(name)
+            off_rate = self._folders[recorder.finger.name].off_rate(name)
         words = [f'{name} has no sample, so it is not kept', note and f'It {note}', why]
+        words += [off_rate and f'It {off_rate}, so it is not tuned on: record it again']
         if recorder.rows:
             recorded = RecordingSummary(name, recorder.duration_s, int(recorder.has_slip), note)
             self._folders[recorder.finger.name].add(recorded)

@@ -79,6 +79,8 @@ class TuneJob(NamedTuple):
     #: By kind the names of recordings to tune on, the longest last; and of all that are held out.
     to_tune_on: dict[str, list[str]]
     held_out: list[str]
+    #: A line on each recording that is left out, as its rate is another.
+    left_out: list[str]
     #: Where the recordings are; parameter files are written in a folder in it.
     folder: Path
     trials: int
@@ -108,7 +110,10 @@ class TuneRun:
         self.finger, self._config = finger, config
         for names in to_tune_on.values():
             names.sort(key=lambda name: recorded.recordings[name].duration_s)
-        job = TuneJob(config.to_parameters(), to_tune_on, self.held_out, recorded.folder, TRIALS)
+        off = [(name, recorded.off_rate(name)) for name in recorded.recordings]
+        left_out = [f'{name} is left out: it {words}' for name, words in off if words]
+        values = config.to_parameters()
+        job = TuneJob(values, to_tune_on, self.held_out, left_out, recorded.folder, TRIALS)
         context = multiprocessing.get_context('spawn')
         self._connection, child = context.Pipe()
         self._process = context.Process(target=work, args=(job, child), daemon=True)
@@ -257,7 +262,7 @@ def learnt(job: TuneJob, begin: Values, report: Callable[..., None]) -> tuple[Va
         ('noise', 'rest', learn_from_quiet),
         ('impacts', 'taps', functools.partial(learn_from_taps, slips=slips)),
     ]
-    lines: list[str] = []
+    lines = job.left_out
     for what, kind, learn in steps:
         if not job.to_tune_on[kind]:
             lines = [*lines, f'No {what} learnt: there is no recording for that']

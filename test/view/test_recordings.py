@@ -124,3 +124,17 @@ def test_each_row_from_the_first_on_is_written_once_with_its_label(tmp_path):
         assert piece.volts[:, 0].tolist() == [*range(15, 15 + len(truth))]
         assert piece.truth.tolist() == truth
         end()
+
+
+def test_a_recording_of_another_rate_is_not_tuned_on_and_that_is_said(recorded):
+    for name in ('slip_1', 'slip_2', 'slip_3'):
+        written(recorded.folder, name, slips=1)
+    recorded.sample_rate_hz = 100.0
+    asyncio.run(recorded.refresh())
+    assert recorded.off_rate('slip_3') == ''
+    rows = Samples(np.zeros((100, 2)), np.arange(100) * 9_000_000, np.arange(100) > 50)
+    write_recording(recorded.folder / 'slip_4', [rows], 111.1, ['a', 'b'])
+    recorded.add(RecordingSummary('slip_4', 1.0, 1))  # It was just made.
+    recorded.measure_rate('slip_4')
+    assert recorded.off_rate('slip_4') == 'has 111.1 Hz by its stamps, the detector 100 Hz'
+    assert recorded.divided()[1] == ['slip_3']
