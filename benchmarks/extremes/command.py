@@ -33,6 +33,11 @@ Keys of ``python -m benchmarks extremes --json``:
     One hour of sliding forth and back, with rests (one minute with ``--quick``): ``simulated_s``,
     ``cycles``; ``drift``: the largest difference of the volts of the last cycle from
     those of the second, as a share of their range.
+``clocks``
+    Streams of 8000 stamps with a clock that is off (its rate over the configured one, from the
+    start or from one row on), independent jitter and lost samples: how many rows too many (or, if
+    negative, too few) the detector would have of each, ``rows_off_mean`` of the absolute values
+    and ``rows_off_most``.
 ``worst``
     Of all cases that are not refused: how many are ``not_finite_or_bounded``, and the largest
     ``voltage_error``.
@@ -45,6 +50,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.extremes.cases import CASES, CYCLE_S, description_of, sliding_cycles
+from benchmarks.extremes.clocks import measure_clocks
 from benchmarks.measurement import shared_options
 from benchmarks.scenes.reference import Ode, Solution, build_scene, solve_live
 from slip_detector.evaluation.figures import Bound
@@ -68,6 +74,9 @@ FINER = 16
 
 HOUR_S, MINUTE_S = 3600.0, 60.0
 HOUR_RATE_HZ = 125.0
+
+#: Streams of stamps for each clock, jitter and share of losses.
+STREAMS, QUICK_STREAMS = 200, 10
 
 
 def options() -> argparse.ArgumentParser:
@@ -94,7 +103,8 @@ def measure(words: argparse.Namespace) -> dict[str, Any]:
         'voltage_error': max(row['voltage_error'] for row in done),
     }
     hour = _measure_long_run(MINUTE_S if words.quick else HOUR_S)
-    return {'extremes': rows, 'worst': worst, 'hour': hour}
+    clocks = measure_clocks(QUICK_STREAMS if words.quick else STREAMS)
+    return {'extremes': rows, 'clocks': clocks, 'worst': worst, 'hour': hour}
 
 
 def _measure_case(description: Mapping[str, Any], budget_s: float) -> dict[str, Any]:

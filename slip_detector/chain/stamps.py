@@ -42,6 +42,9 @@ LATELY, AT_ANOTHER_RATE = 20, 8
 #: of variances; the most messages after which it is decided in any case.
 LOST_F, ANOTHER_RATE_F, DECIDED_AFTER = 3.0, 8.0, 12
 
+#: Step before the sample after a gap, beyond the usual one, over the missing rows: at least that.
+GAP_STEP = 0.2
+
 #: Number of samples after which observed jitter is forgotten.
 JITTER_MEMORY = 2048
 
@@ -153,8 +156,10 @@ def _lost_or_slow(line, stamps, missing, late_rows):
     none_lost, _, _ = _fit(line, stamps, n, 0.0, 0, 0.0, 0.0)
     slow, lost, since = min(steady, none_lost), math.inf, 0
     for last in range(2, min(DECIDED_AFTER, n - 1) + 1 if missing > 0 else 0):
+        at = (stamps[NEXT_HELD] - last) % LATELY
+        is_long = line[PERIODS + at] > line[ROWS + at] + GAP_STEP * missing
         squares, _, _ = _fit(line, stamps, n, 1.0, last, float(missing), float(late_rows))
-        if squares < lost:
+        if is_long and squares < lost:
             lost, since = squares, last
     if (slow - lost) * (n - 2) > LOST_F * lost:
         line[MISSING + (stamps[NEXT_HELD] - since) % LATELY] += missing
