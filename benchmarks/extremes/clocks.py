@@ -58,7 +58,7 @@ def measure_clocks(streams: int) -> list[dict[str, Any]]:
                     excess.append(len(mended.places) - ROWS)
                 rows.append(
                     {
-                        'clock': f'{clock[0]:g} to {clock[1]:g}' if clock[0] != clock[1] else f'{clock[0]:g}',
+                        'clock': ' to '.join(f'{share:g}' for share in dict.fromkeys(clock)),
                         'jitter_periods': jitter,
                         'lost_share': lost,
                         'rows_off_mean': float(np.abs(excess).mean()),

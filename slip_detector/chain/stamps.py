@@ -84,7 +84,7 @@ PERIOD_NS, UNTIL_NEXT_NS, MEMORY, JITTER, NOMINAL_NS, CLOSE, SAME, BAD, PERIODS 
 ROWS, MISSING = PERIODS + LATELY, PERIODS + 2 * LATELY
 
 # Elements of the array of stamps: LAST, the place on the line of the last sample; BEFORE, the
-# stamp before; LATE, how many messages may be missing by the last stamp, -1 if it was early; of the
+# stamp before; LATE, how many messages may be missing by the last stamp, -1: it was early; of the
 # samples in a row that fit elsewhere the first stamp and their number; the rows dropped and not
 # made up for yet; the samples whose stamps were wrong; for how many messages it is undecided
 # whether some are missing; and of the latest messages the number, the place in the ring of the
@@ -122,9 +122,10 @@ def _hold(line, stamps, stamp_ns, rows):
 def _fit(line, stamps, n, earlier, last, missing, late_rows):
     """Fit a line to the stamps of the latest ``n`` messages by their rows, by least squares.
 
-    ``missing`` rows are taken to be missing before those of the ``last`` messages, and those that
-    were found missing earlier too, if ``earlier`` is 1.0. Return the sum of squares, the slope
-    (periods, over nominal ones, minus 1) and how late the last message is, in nominal periods.
+    ``missing`` rows are taken to be missing before those of the ``last`` messages, ``late_rows``
+    more before the very last, and those that were found missing earlier, if ``earlier`` is 1.0.
+    Return the sum of squares, the slope (periods, over nominal ones, minus 1) and how late the
+    last message is, in nominal periods.
     """
     x = t = late = sx = sy = sxx = sxy = syy = 0.0
     for i in range(n):
@@ -354,13 +355,15 @@ def missing_rows(last_ns: int, stamp_ns: int, sample_rate_hz: float) -> int:
 class StampGrid:
     """A grid of times at which samples are expected; it decides on each sample by its stamp.
 
-    The grid is even and follows the stamps: it is a line fitted to them with a fading memory. So a
-    stamp may be wrong by half a period, and the rate of the clock by ``LARGEST_RATE_ERROR``,
-    without any sample being counted as missing. If early samples show more jitter, a delay must be
-    larger to count as a gap.
+    The grid is even and follows the stamps: it is a line fitted to them with a fading memory. So
+    stamps may jitter by 0.3 periods either way, and the rate of the clock may be off by 15 %, with
+    next to no sample being counted as missing (``python -m benchmarks extremes`` counts them). If
+    early samples show more jitter, a delay must be larger to count as a gap.
 
     No stamp alone proves anything. Where one is late, the sample is taken as the next one, and
     samples are missing as far as the stamp after it agrees: they are then bridged before that one.
+    Where stamps come later and later the clock may have changed its rate. That and losses are told
+    apart by which of them the latest 20 stamps fit, if need be some samples later.
     So rows are counted where several samples have nearly the same stamp, because a driver reads
     them in bunches or its clock is coarse. A sample whose stamp is before the last one, or further
     ahead than ``max_gap_s``, is dropped. When several of these in a row agree, there was a long

@@ -158,7 +158,8 @@ class Health:
         self._noted_s = time.monotonic()
         self.totals['rows'] += len(rows)
         self._last_point = stamp_ns, self.totals['rows']
-        self._points = self._points or [self._last_point]
+        if not self._points:
+            self._points.append(self._last_point)
 
     def restart(self) -> None:
         """Measure the rate from the next sample on, as the stamps have jumped."""
@@ -185,7 +186,8 @@ class Health:
             for each in statuses:
                 each.level = min(each.level, WARN)
         self._totals_before, self._summed_s, self._noted = self.totals.copy(), now_s, []
-        self._points = [*self._points, self._last_point][-RATE_SUMMARIES:] if self._points else []
+        if self._points:
+            self._points = [*self._points, self._last_point][-RATE_SUMMARIES:]
         return statuses
 
     def _rate_hz(self, since: Counter[str]) -> float:

@@ -178,6 +178,37 @@ def test_each_sample_lost_at_random_is_made_up_for_in_spite_of_jitter(jitter_s, 
     assert sum(judged) == pytest.approx((~kept).sum(), abs=2)
 
 
+def rows_made_up(before, after, jitter, lost=0.0, streams=100, n=3000):
+    """Return how many rows too many are made up of streams whose rate changes, over 380 Hz."""
+    made_up = []
+    for seed in range(streams):
+        random = np.random.default_rng(seed)
+        periods = 1.0 / np.where(np.arange(n) < 600, before, after)
+        times = np.cumsum(periods) + periods * random.uniform(-jitter, jitter, n)
+        kept = random.random(n) >= lost
+        kept[[0, -2, -1]] = True
+        stamps = START_NS + np.rint(times[kept] * 1e9 / 380).astype(np.int64)
+        made_up.append(len(StampGrid(1 / 380, MAX_GAP_S).mend(stamps).places) - n)
+    return np.array(made_up)
+
+
+@pytest.mark.parametrize('before', [0.85, 0.9, 0.95, 1.0, 1.1, 1.15])
+def test_a_clock_that_is_off_is_not_taken_for_losses_and_hides_none(before):
+    assert not rows_made_up(before, before, 0.0, streams=1).any()
+    made_up = rows_made_up(before, before, 0.3)
+    assert made_up.mean() < (0.3 if before < 0.9 else 0.1)
+    for lost in (0.01, 0.05):  # 30 or 150 rows of each stream
+        off = rows_made_up(before, before, 0.3, lost)
+        assert np.abs(off).mean() < (2.5 if before < 0.9 else 1.5)
+
+
+@pytest.mark.parametrize('after', [0.85, 345 / 380, 0.95, 437 / 380])
+def test_a_rate_that_changes_is_not_taken_for_losses(after):
+    assert not rows_made_up(1.0, after, 0.0, streams=1).any()
+    assert rows_made_up(1.0, after, 0.3).mean() < (3.0 if after == 0.85 else 1.0)
+    assert np.abs(rows_made_up(1.0, after, 0.3, 0.01)).mean() < 4.0
+
+
 @given(st.integers(1, 40), st.integers(2, 40), st.data())
 def test_batches_come_or_are_missing_as_a_whole(rows, n, data):
     lost = data.draw(st.integers(1, n - 1))

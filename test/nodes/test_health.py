@@ -67,6 +67,21 @@ def test_all_is_well():
     assert values(statuses[2])['time per row [ms]'] == '0.100'
 
 
+@pytest.mark.parametrize(('before', 'after'), [(0.975, 0.975), (1.0, 0.975), (1.0, 1.1)])
+def test_a_rate_off_by_more_than_2_percent_is_an_error_within_5_seconds(before, after):
+    health, end_ns, statuses = Health(CONFIG), 0, []
+    for second in range(8):
+        period_ns = PERIOD_NS / (before if second < 3 else after)
+        stamps_ns = end_ns + np.rint(np.arange(1, round(1e9 / period_ns) + 1) * period_ns)
+        end_ns = int(stamps_ns[-1])
+        for row, stamp_ns in zip(good(len(stamps_ns)), stamps_ns.tolist(), strict=True):
+            health.note_rows(row[None], np.ones((1, 16), bool), int(stamp_ns), 0.001, 1e-4)
+        statuses.append(summed(health)[0])
+    assert [status.level for status in statuses[:3]] == [OK if before == 1.0 else ERROR] * 3
+    assert statuses[-1].level == ERROR
+    assert float(values(statuses[-1])['measured rate [Hz]']) == pytest.approx(380 * after, 1e-3)
+
+
 def test_who_publishes_beside_the_one_that_may_is_named():
     health = Health(CONFIG)
     first = fed(health, good(380))
