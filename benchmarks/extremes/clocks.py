@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Streams of stamps with jitter, losses and a clock that is off: what the detector makes of them."""
+"""Streams of stamps with jitter, losses and a clock that is off: how many rows they become."""
 
 from typing import Any
 

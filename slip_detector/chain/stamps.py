@@ -77,9 +77,9 @@ CLOSE_PERIODS, BUNCHED, BUNCH_MEMORY = 0.25, 0.25, 64
 
 # Elements of the array that holds the line: the sample period, the time until the next sample is
 # expected, the memory in messages, the jitter in periods, the nominal period, and the shares of
-# stamps that are close to, and the same as, the one before; and of bad rows lately. Then of each of
-# the latest messages, in a ring, the nominal periods since the one before, its rows, and how many
-# were found missing before them.
+# stamps that are close to, and the same as, the one before; and of bad rows lately. Then of each
+# of the latest messages, in a ring, the nominal periods since the one before, its rows, and how
+# many were found missing before them.
 PERIOD_NS, UNTIL_NEXT_NS, MEMORY, JITTER, NOMINAL_NS, CLOSE, SAME, BAD, PERIODS = range(9)
 ROWS, MISSING = PERIODS + LATELY, PERIODS + 2 * LATELY
 

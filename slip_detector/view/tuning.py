@@ -121,8 +121,8 @@ class TuneRun:
         child.close()
         #: Whether it has not ended, and was stopped.
         self.running, self.stopping = True, False
-        #: What was learnt, and which steps did not work.
-        self.lines: list[str] = []
+        #: What is left out, what was learnt, and which steps did not work.
+        self.lines = left_out
         #: The present step, why the run failed, and why what was found should not be applied.
         self.step = self.failed = self.kept = ''
         #: Share of the search that is done, 0 to 1.

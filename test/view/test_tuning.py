@@ -27,8 +27,8 @@ from slip_detector.parameters import DetectorConfig
 from slip_detector.report.tables import MAIN_FIGURES, heading
 from slip_detector.tuning import verdict
 from slip_detector.view import tuning
-from slip_detector.view.recordings import RecordedFolder
-from slip_detector.view.tuning import TuneJob, TuneRun
+from slip_detector.view.recordings import KINDS, RecordedFolder
+from slip_detector.view.tuning import TuneJob, TuneRun, learnt
 from support.training import write_recordings
 
 DEADLINE_S = 120.0
@@ -159,3 +159,15 @@ def test_that_slip_was_on_before_its_label_is_neither_better_nor_worse():
     title = heading('latency_median_ms')
     assert rows[title] == (title, 'ON 96.3 before', '41.2', '')
     assert rows[heading('latency_p90_ms')][3] == 'worse'
+
+
+def test_what_is_left_out_as_its_rate_is_another_is_said_first(recorded):
+    folder = listed(recorded)
+    folder.sample_rate_hz, folder.rates_hz['slip_3'] = 380.0, 420.0
+    run = TuneRun(folder, 'index', DetectorConfig())
+    run.kill()
+    words = ['slip_3 is left out: it has 420 Hz by its stamps, the detector 380 Hz']
+    assert run.lines == words
+    assert 'slip_3' not in run.held_out
+    job = TuneJob({}, dict.fromkeys(KINDS, []), [], words, recorded, 1)
+    assert learnt(job, {}, lambda **changes: None)[1][:1] == words
