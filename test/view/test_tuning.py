@@ -169,5 +169,5 @@ def test_what_is_left_out_as_its_rate_is_another_is_said_first(recorded):
     words = ['slip_3 is left out: it has 420 Hz by its stamps, the detector 380 Hz']
     assert run.lines == words
     assert 'slip_3' not in run.held_out
-    job = TuneJob({}, dict.fromkeys(KINDS, []), [], words, recorded, 1)
+    job = TuneJob({}, {kind: [] for kind in KINDS}, [], words, recorded, 1)
     assert learnt(job, {}, lambda **changes: None)[1][:1] == words
