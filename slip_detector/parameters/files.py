@@ -87,7 +87,8 @@ def find_parameter_file(name: str) -> Path:
     'config'
     """
     own = shared_folder() / 'config'
-    found = [path for path in (Path(name), own / name) if path.is_file()]
+    paths = Path(name), own / name
+    found = [path for path in paths if os.path.exists(path) and not os.path.isdir(path)]
     files = [*sorted(own.glob('*.yaml')), *sorted(own.glob('sensors/*.yaml'))]
     names = ', '.join(str(path.relative_to(own)) for path in files)
     if not found:

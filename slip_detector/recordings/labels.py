@@ -16,6 +16,7 @@
 
 import contextlib
 import math
+import os
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -126,7 +127,8 @@ def find_labels(setting: str, recording: Path) -> 'Path | None':
     path = Path(setting) if setting else recording.parent
     if path.is_dir():
         path /= labels_name(recording)
-    return path if setting or path.is_file() else None
+    # A pipe or a broken link in its place is refused when it is read.
+    return path if setting or os.path.lexists(path) else None
 
 
 def read_labels(path: Path) -> Labels:

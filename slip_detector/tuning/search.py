@@ -42,6 +42,9 @@ BATCH = 8
 #: Number of trials at random points before the sampler learns from results.
 STARTUP_TRIALS = 12
 
+#: Errors of a journal that is damaged. A plain ValueError refuses something in words.
+DAMAGE = ValueError, LookupError, TypeError, AttributeError, AssertionError, RecursionError
+
 Point = dict[str, Any]
 
 #: Calls a function with each of some points, maybe in other processes; yields the index of each
@@ -189,7 +192,7 @@ class Study:
         except Exception as error:
             cause = error.__cause__ or error
             text = str(getattr(cause, 'strerror', None) or cause).strip().split('\n')[0]
-            if isinstance(cause, LookupError | TypeError | AttributeError):
+            if isinstance(cause, DAMAGE) and type(cause) is not ValueError:
                 text = f'is damaged ({type(cause).__name__}: {text})'
             raise ValueError(f'storage {self._where}: {text or type(cause).__name__}') from None
 

@@ -61,12 +61,11 @@ def test_a_pipe_or_a_device_is_no_recording_and_no_file_of_labels(tmp_path, endi
     os.mkfifo(pipe)
     device.symlink_to('/dev/zero')
     for path in (pipe, device):
-        labels = str(path) if ending == '.labels.yaml' else ''
-        recording = tmp_path / 'a.npz' if labels else path
-        config = RecordingConfig(recording_labels=labels)
-        assert (
-            message_of(open_recording, recording, config) == f'{path}: is no file, allowed: a file'
-        )
+        recording = path.with_name(path.name.replace('.labels.yaml', '.npz'))
+        for labels in {'', str(path) if recording != path else ''}:
+            config = RecordingConfig(recording_labels=labels)
+            message = message_of(open_recording, recording, config)
+            assert message == f'{path}: is no file, allowed: a file'
 
 
 def test_a_recording_is_known_by_its_ending_or_its_metadata(tmp_path):

@@ -143,7 +143,9 @@ def test_what_is_no_storage_is_refused_in_one_line(where, tmp_path, monkeypatch)
         Study(X, 0, where)
 
 
-@pytest.mark.parametrize('more', ['{"op_co', 'null\n', '{"op_code": "x"}\n', '[' * 100_000 + '\n'])
+@pytest.mark.parametrize(
+    'more', ['{"op_co', 'null\n', 'no json\n{}\n', '{"op_code": "x"}\n', '[' * 100_000 + '\n']
+)
 def test_a_damaged_journal_is_refused_in_one_line_and_is_not_changed(more, tmp_path):
     path = tmp_path / 'study.journal'
     Study(X, 0, str(path))
@@ -151,7 +153,8 @@ def test_a_damaged_journal_is_refused_in_one_line_and_is_not_changed(more, tmp_p
     path.write_text(damaged)
     with pytest.raises(ValueError, match=r'^storage .*study.journal: [^\n]{1,200}$') as refused:
         Study(X, 0, str(path))
-    assert ('is cut off' in str(refused.value)) == (not more.endswith('\n'))
+    said = 'is damaged (' if more.endswith('\n') else 'is cut off'
+    assert said in str(refused.value)
     assert path.read_text() == damaged
 
 
