@@ -34,6 +34,7 @@ from slip_detector.nodes.finger_topics import FingerTopics, PolledTopics
 from slip_detector.nodes.inputs import publishing_nodes
 from slip_detector.nodes.messages import event_qos, state_qos
 from slip_detector.nodes.rclpy_internals import send_request, take_answer
+from slip_detector.parameters.fields import shown
 from slip_detector.view.detectors import OUTSIDE, RESTART, Detectors, Diagnosis, Finger, Reading
 
 #: Period, in seconds, at which detectors are looked for.
@@ -150,6 +151,9 @@ def _message_of(name: str, value: Any) -> Any:
     """Return the message that sets a parameter; numbers in a list get one type."""
     if isinstance(value, list) and float in map(type, value):
         value = [float(item) for item in value]
+    for item in value if isinstance(value, list) else [value]:
+        if isinstance(item, int) and not -(2**63) <= item < 2**63:
+            raise ValueError(f'{name} is {shown(item)}, allowed: a number of 64 bits')
     return Parameter(name, value=value).to_parameter_msg()
 
 

@@ -106,11 +106,14 @@ class RecordedFolder:
         self.rates_hz: dict[str, float] = {}
 
     async def refresh(self, work: Callable[..., Awaitable[Any]] = asyncio.to_thread) -> None:
-        """Update the list from the folder; ``work`` reads what is not in the list yet."""
-        for name in self._bags().difference(self.recordings):
+        """Update the list from the folder; ``work`` reads what is new or could not be used."""
+        for name in self._bags():
+            before = self.recordings.get(name)
+            if before and before.usable:
+                continue
             new = await work(self._summary, name)
             # One that was added meanwhile may have been read above before it had ended.
-            if name not in self.recordings:
+            if self.recordings.get(name) is before:
                 self.add(new)
         for name in self.recordings.keys() - self._bags():
             del self.recordings[name]

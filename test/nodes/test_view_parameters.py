@@ -64,6 +64,8 @@ def test_all_parameters_are_read_and_set_or_refused_as_a_whole(bench, remote):
         'cannot be deleted': {'gain': None},
         "'utf-8' codec can't encode": {'input_field': '\ud800'},
         'cannot be sent to the detector': {'input_field': {}},
+        'threshold is 1000.*, allowed: a number of 64 bits': {'threshold': 10**400},
+        'noise_floor is 1000.*, allowed: a number of 64 bits': {'noise_floor': [1, 10**400]},
     }.items():
         with pytest.raises(ValueError, match=words):
             set_all(values)

@@ -66,6 +66,9 @@ def test_a_recording_that_is_broken_or_has_no_slip_is_listed_with_why_and_not_tu
     assert 'outside' in notes.pop('slip_3')
     assert notes == {'rest_1': '', 'slip_2': NO_SLIP}
     assert recorded.divided() == ({'rest': ['rest_1'], 'slip': [], 'taps': [], 'press': []}, [])
+    (recorded.folder / 'slip_3.labels.yaml').unlink()
+    asyncio.run(recorded.refresh())
+    assert recorded.recordings['slip_3'].usable
 
 
 def test_a_new_recording_has_a_number_that_none_had(recorded):
