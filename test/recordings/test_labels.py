@@ -121,7 +121,7 @@ WRONG = ': has more or less than slip_s: [[start, end]] and accuracy_s, all in s
         ('slip_s:\n- {start: 1, end: 2}', WRONG),
         ('slip_s:\n- [1, [2]]', WRONG),
         ('{}', WRONG),
-        ('slip_s:\n- [1, 1:40]', ': line 2: 1:40 is not a number as it looks'),
+        ('slip_s:\n- [1, 1:40]', ': line 2: 1:40 is not what it looks like'),
         ('- [1, 2]', ': is not a YAML file of names and values'),
     ],
 )
