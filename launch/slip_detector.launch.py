@@ -33,12 +33,9 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 from launch_ros.substitutions import FindPackageShare
 
-from slip_detector.nodes.run import node_settings, sim_time
+from slip_detector.nodes.run import node_settings, sim_time, source_settings
 from slip_detector.parameters.files import find_parameter_file
 from slip_detector.parameters.sections import our_sections
-
-# What the detector hears of a recording that is played, whatever the sensor itself sends.
-PLAYED = {'input_type': 'sensor_msgs/msg/JointState', 'input_field': 'position'}
 
 
 def set_configs(context):
@@ -64,18 +61,16 @@ def nodes(context):
         for name in ('config', 'source', 'recording', 'voltages', 'name')
     )
     configs = LaunchConfiguration('configs').perform(context).split(',')
-    if not source and (recording or not config):
-        # Without a parameter file, or a source, the demonstration is played.
-        source = 'recording' if recording else 'scene'
+    # Without a parameter file, a recording or a source the demonstration is played.
+    source = source or ('' if config or recording else 'scene')
     fingers = LaunchConfiguration('fingers').perform(context)
     arguments = ['--fingers', fingers] if fingers else []
     several = len(configs) > 1
     settings, clock = node_settings(context), sim_time(context)
     settings['remappings'] = remappings = [('voltages', voltages)] if voltages else []
     in_file = {key: value for _, its in our_sections(configs[0]) for key, value in its.items()}
-    played = (source or in_file.get('source')) == 'recording'
-    in_batches = in_file.get('samples_per_message', 1) != 1
-    given = [*([PLAYED] if played and not in_batches else []), *clock]
+    of_driver, of_detector, played = source_settings(source, recording, in_file)
+    given = [of_detector, *clock]
     detector = Node(
         executable='slip_detector',
         arguments=[*arguments, '--configs', ','.join(configs)] if several else arguments,
@@ -84,12 +79,7 @@ def nodes(context):
         **settings | {'remappings': [*remappings, *([('__node', name)] if name else [])]},
     )
     # The driver waits for all detectors, so that none misses samples while it starts.
-    given = {'wait_for_subscribers': len(configs)}
-    if source:
-        given['source'] = source
-    # A simulation goes on until it is ended, unless the file says otherwise.
-    if source == 'scene' and 'loop' not in in_file:
-        given['loop'] = True
+    given = {'wait_for_subscribers': len(configs), **of_driver}
     if recording:
         given['recording'] = ParameterValue(recording, value_type=str)
     driver = Node(

@@ -50,6 +50,9 @@ FUNCTIONS = {'slip_detector': 47, 'slip_driver': 30}
 #: Options of ROS that give parameters.
 GIVE_PARAMETERS = ('--params-file', '-p', '--param')
 
+#: What a detector hears of a recording that is played, whatever the sensor itself sends.
+PLAYED = {'input_type': 'sensor_msgs/msg/JointState', 'input_field': 'position'}
+
 #: What to do where there is no rclpy.
 GET_ROS = "source the setup.bash of a distribution, or pip install 'slip_detector[ros]'"
 
@@ -168,6 +171,25 @@ def sim_time(context: Any) -> list[dict[str, bool]]:
     """Return the parameters that the launch argument ``use_sim_time`` adds to each node."""
     # Only true is given: otherwise what the parameter file says holds.
     return [{'use_sim_time': True}] if is_true(context, 'use_sim_time') else []
+
+
+def source_settings(
+    source: str, recording: str, in_file: dict[str, Any]
+) -> tuple[dict[str, Any], dict[str, Any], bool]:
+    """Return what a launch gives to driver and detector for its source, and whether that ends.
+
+    ``source`` and ``recording`` are launch arguments, empty where the first parameter file, with
+    the values ``in_file``, is to decide.
+    """
+    if recording:
+        source = 'recording'
+    driver: dict[str, Any] = {'source': source} if source else {}
+    # A simulation goes on until it is ended, unless the file says otherwise.
+    if source == 'scene' and 'loop' not in in_file:
+        driver['loop'] = True
+    played = (source or in_file.get('source')) == 'recording'
+    in_batches = in_file.get('samples_per_message', 1) != 1
+    return driver, PLAYED if played and not in_batches else {}, played
 
 
 def is_true(context: Any, name: str) -> bool:

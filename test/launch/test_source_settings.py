@@ -1,0 +1,41 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What a launch gives to driver and detector for its source; needs no launch."""
+
+import pytest
+
+from slip_detector.nodes.run import PLAYED, source_settings
+
+
+@pytest.mark.parametrize(
+    ('source', 'recording', 'in_file', 'expected'),
+    [
+        ('', 'a.bag', {}, ({'source': 'recording'}, PLAYED, True)),
+        ('', 'a.bag', {'source': 'udp'}, ({'source': 'recording'}, PLAYED, True)),
+        # Named in the file alone.
+        ('', '', {'source': 'recording'}, ({}, PLAYED, True)),
+        # Said, though it is the default; with more the detector hears batches, as its file says.
+        ('recording', '', {'samples_per_message': 1}, ({'source': 'recording'}, PLAYED, True)),
+        ('recording', '', {'samples_per_message': 2}, ({'source': 'recording'}, {}, True)),
+        # What is given holds over the file.
+        ('scene', '', {'source': 'recording'}, ({'source': 'scene', 'loop': True}, {}, False)),
+        ('scene', '', {'loop': False}, ({'source': 'scene'}, {}, False)),
+        ('', '', {'source': 'serial'}, ({}, {}, False)),
+    ],
+)
+def test_a_detector_hears_what_is_played_and_only_a_simulation_is_repeated(
+    source, recording, in_file, expected
+):
+    assert source_settings(source, recording, in_file) == expected
