@@ -19,27 +19,23 @@ A module that imports this one is skipped where launch or the installed package 
 
 import os
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from support.harness import Bench
 
-reason = 'needs launch_testing and launch_ros, which come with a ROS 2 installation'
+reason = 'needs launch_testing and ros2 launch, which come with a ROS 2 installation'
 launch_testing = pytest.importorskip('launch_testing', reason=reason)
-pytest.importorskip('launch_ros', reason=reason)
+pytest.importorskip('ros2launch', reason=reason)
 
-from ament_index_python.packages import (  # noqa: E402
-    PackageNotFoundError,
-    get_package_share_directory,
-)
-from launch import LaunchContext, LaunchDescription  # noqa: E402
-from launch.actions import IncludeLaunchDescription  # noqa: E402
-from launch.launch_description_sources import PythonLaunchDescriptionSource  # noqa: E402
-from launch.utilities import perform_substitutions  # noqa: E402
-from launch_testing.actions import ReadyToTest  # noqa: E402
-from launch_testing.asserts import assertExitCodes  # noqa: E402
+from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
+from launch import LaunchContext, LaunchDescription
+from launch.actions import IncludeLaunchDescription
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+from launch.utilities import perform_substitutions
+from launch_testing.actions import ReadyToTest
+from launch_testing.asserts import assertExitCodes
 
 __all__ = ['SHARE', 'check_ends', 'defaults_of', 'launch_testing', 'launched', 'launching']
 
@@ -48,24 +44,6 @@ try:
     SHARE = Path(get_package_share_directory('slip_detector'))
 except PackageNotFoundError:
     pytest.skip('the package is not built and sourced', allow_module_level=True)
-
-#: What ``ros2 launch`` does; the command itself comes with ROS 2 only.
-LAUNCH = """
-import sys
-from launch import LaunchDescription, LaunchService
-from launch.actions import IncludeLaunchDescription
-from launch.launch_description_sources import PythonLaunchDescriptionSource
-
-file, *words = sys.argv[1:]
-arguments = [word.split(':=', 1) for word in words]
-service = LaunchService()
-service.include_launch_description(
-    LaunchDescription(
-        [IncludeLaunchDescription(PythonLaunchDescriptionSource(file), launch_arguments=arguments)]
-    )
-)
-sys.exit(service.run())
-"""
 
 
 def launch_file(name):
@@ -76,7 +54,7 @@ def launch_file(name):
 def launching(name, *arguments):
     """Return the command that launches a file, ours by name, with arguments as ``name:=value``."""
     file = name if isinstance(name, Path) else launch_file(name)
-    return [sys.executable, '-c', LAUNCH, str(file), *arguments]
+    return ['ros2', 'launch', str(file), *arguments]
 
 
 def start_launch(bench, log, *words, **options):
