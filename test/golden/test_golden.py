@@ -12,15 +12,19 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What the chain decides on every scene, and the figures of the commands, are what they were.
+"""What the chain decides, figures of the commands, parameters and topics are what they were.
 
 The golden files are written anew by ``python test/golden/test_golden.py``; a change to one is a
 decision, which the message of its commit names.
 """
 
+import dataclasses
 import hashlib
 import json
+import os
 import platform
+import re
+import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -32,6 +36,9 @@ import scipy
 
 from benchmarks.paper import protocol
 from slip_detector import ChainConfig, SlipChain
+from slip_detector.parameters import RecordingConfig
+from slip_detector.parameters.fields import allowed
+from slip_detector.parameters.sections import SECTIONS
 from slip_detector.scenes import load_scene
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -43,15 +50,63 @@ PRESETS = 'slip_detector', 'onset', 'sure', 'grasp'
 #: Only this row in so many is kept of the levels.
 STRIDE = 400
 
+#: Parameters of each node: all topics that they can add.
+NODES = {
+    'slip_driver': {'source': 'scene', 'scene': 'grasp', 'wait_for_grip': 'true'},
+    'slip_detector': {'publish_channels': 'true'},
+    'grasp_controller': {},
+}
+
+#: What every node of rclpy has.
+OF_RCLPY = '/rosout', '/parameter_events'
+
+#: Runs an executable, prints what its nodes publish and subscribe to, and ends it.
+PRINT = """
+import json, os, sys
+from rclpy.executors import Executor
+from rclpy.subscription import Subscription
+from slip_detector.nodes import detector
+from slip_detector.nodes.run import main
+
+POLICIES = 'history', 'reliability', 'durability', 'liveliness'
+TIMES = 'deadline', 'lifespan', 'liveliness_lease_duration'
+
+def described(entity):
+    topic = entity.topic_name if isinstance(entity, Subscription) else entity.topic
+    qos = entity.qos_profile
+    message = type(entity).__name__, f'{entity.msg_type.__module__}.{entity.msg_type.__name__}'
+    return topic, *message, {
+        'depth': qos.depth,
+        **{name: getattr(qos, name).name for name in POLICIES},
+        **{name: getattr(qos, name).nanoseconds for name in TIMES},
+    }
+
+def print_and_end(self):
+    nodes = self.get_nodes()
+    for timer in [timer for node in nodes for timer in node.timers]:
+        timer.callback()
+    entities = [e for node in nodes for e in (*node.publishers, *node.subscriptions)]
+    print(json.dumps(sorted(map(described, entities), key=lambda line: line[:3])), flush=True)
+    os._exit(0)
+
+detector.LISTEN_S = 0.0  # It listens without waiting for a subscriber to slip.
+initialise = Executor.__init__
+
+def initialise_to_print(self, *words, **named):
+    initialise(self, *words, **named)
+    self.spin = self.spin_once = lambda *_: print_and_end(self)
+
+Executor.__init__ = initialise_to_print
+main(sys.argv.pop(1))
+"""
+
 
 def computer():
     """Return what decides about the last bits of a level: processor and libraries."""
-    model = platform.processor() or platform.machine()
     cpuinfo = Path('/proc/cpuinfo')
-    if cpuinfo.is_file():
-        lines = cpuinfo.read_text(encoding='utf-8').splitlines()
-        names = [line.split(':')[1].strip() for line in lines if line.startswith('model name')]
-        model = names[0] if names else model
+    text = cpuinfo.read_text(encoding='utf-8') if cpuinfo.is_file() else ''
+    named = re.search(r'^model name\s*: (.*)$', text, re.M)
+    model = named[1] if named else platform.processor() or platform.machine()
     libraries = f'NumPy {np.__version__}, SciPy {scipy.__version__}, Numba {numba.__version__}'
     return f'{model}, {libraries}'
 
@@ -121,6 +176,47 @@ def figures_of_the_demo():
     return json.loads(json.dumps(demo_figures(heard, config)))
 
 
+def parameters():
+    """Return what users see of each parameter, by its set."""
+    sets = sorted((RecordingConfig, *SECTIONS.values()), key=lambda kind: kind.__name__)
+    return {
+        kind.__name__: {
+            field.name: {
+                'type': str(field.type),
+                'default': repr(field.metadata['default']),
+                'allowed': allowed(field),
+                **{key: field.metadata[key] for key in ('unit', 'low', 'high', 'heading')},
+                'choices': list(field.metadata['choices']),
+            }
+            for field in dataclasses.fields(kind)
+        }
+        for kind in sets
+    }
+
+
+def topics():
+    return {name: topics_of(name, parameters) for name, parameters in NODES.items()}
+
+
+def topics_of(executable, parameters):
+    """Return the topics of a node: name, kind, type and quality of service of each."""
+    given = [word for item in parameters.items() for word in ('-p', ':='.join(item))]
+    run = subprocess.run(
+        [sys.executable, '-c', PRINT, executable, '--ros-args', *given],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'},
+    )
+    lines = [line for line in run.stdout.splitlines() if line.startswith('[[')]
+    return [topic for topic in json.loads(lines[-1]) if topic[0] not in OF_RCLPY]
+
+
+#: What makes the content of each golden file but that of the decisions.
+WITHOUT_ROS = {'paper.json': paper_figures, 'parameters.json': parameters}
+WITH_ROS = {'grasp.json': grasp_figures, 'demo.json': figures_of_the_demo, 'topics.json': topics}
+
+
 def golden(name):
     return json.loads((GOLDEN / name).read_text(encoding='utf-8'))
 
@@ -152,20 +248,16 @@ def test_every_scene_is_decided_as_it_was(scene, preset):
     assert_same(found, wanted)
 
 
-def test_the_protocol_of_the_paper_gives_the_figures_that_it_gave():
-    assert_same(paper_figures(), golden('paper.json'))
+@pytest.mark.parametrize('name', WITHOUT_ROS)
+def test_figures_and_parameters_are_what_they_were(name):
+    assert_same(WITHOUT_ROS[name](), golden(name))
 
 
 @pytest.mark.nodes
-def test_objects_are_held_as_they_were():
+@pytest.mark.parametrize('name', WITH_ROS)
+def test_figures_and_topics_of_nodes_are_what_they_were(name):
     pytest.importorskip('rclpy', reason='needs rclpy')
-    assert_same(grasp_figures(), golden('grasp.json'))
-
-
-@pytest.mark.nodes
-def test_the_demonstration_gives_the_figures_that_it_gave():
-    pytest.importorskip('rclpy', reason='needs rclpy')
-    assert_same(figures_of_the_demo(), golden('demo.json'))
+    assert_same(WITH_ROS[name](), golden(name))
 
 
 def write(name, content):
@@ -176,6 +268,5 @@ def write(name, content):
 if __name__ == '__main__':
     scenes = {scene: {preset: decided(scene, preset) for preset in PRESETS} for scene in SCENES}
     write('decisions.json', {'computer': computer(), 'scenes': scenes})
-    write('paper.json', paper_figures())
-    write('grasp.json', grasp_figures())
-    write('demo.json', figures_of_the_demo())
+    for name, made in {**WITHOUT_ROS, **WITH_ROS}.items():
+        write(name, made())
