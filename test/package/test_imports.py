@@ -41,7 +41,6 @@ ROS |= {'diagnostic_msgs', 'geometry_msgs', 'lifecycle_msgs', 'visualization_msg
 #: Modules that are imported one group after the other.
 GROUPS = {
     'chain': ('slip_detector.chain.slip_chain', 'slip_detector.parameters.detector'),
-    'recordings': ('slip_detector.recordings',),
     'others': tuple(name for name in CORE if not name.startswith('slip_detector.report.')),
     'core': CORE,
 }
@@ -70,10 +69,9 @@ def loaded_after(group):
     return dict(zip(GROUPS, loaded_by(*GROUPS.values()), strict=True))[group]
 
 
-def test_only_nodes_import_rclpy_and_messages():
-    assert len(CORE) >= 10
-    assert loaded_after('core') > set(CORE)
-    assert loaded_after('core').isdisjoint(ROS)
+def test_only_nodes_import_rclpy_and_messages_and_only_bags_what_reads_them():
+    assert loaded_after('core') > {*CORE, 'slip_detector.recordings.bag_recording'}
+    assert loaded_after('core').isdisjoint({*ROS, 'rosbags'})
 
 
 def test_only_the_report_imports_a_plotting_library():
@@ -87,11 +85,6 @@ def test_the_chain_loads_nothing_that_it_does_not_need():
     assert loaded.isdisjoint({*ROS, 'matplotlib', 'optuna', 'rosbags'})
     # Only what designs a filter for the first time needs it, see chain/filters.py.
     assert 'scipy.signal' not in loaded_after('chain')
-
-
-def test_only_bags_need_what_reads_them():
-    assert 'slip_detector.recordings.bag_recording' in loaded_after('recordings')
-    assert loaded_after('core').isdisjoint({'rosbags'})
 
 
 def test_the_nodes_load_neither_plotting_nor_reports_nor_a_serial_port():

@@ -17,13 +17,13 @@
 import os
 import re
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from slip_detector.view.server import FOLDERS
 from support.pages import ROOT
+from support.python_runs import run_python
 
 PREFIX = os.environ.get('SLIP_DETECTOR_PREFIX', '')
 
@@ -32,11 +32,6 @@ pytestmark = pytest.mark.skipif(
 )
 
 EXECUTABLES = re.findall(r"f'(\w+) = ", (ROOT / 'setup.py').read_text())
-
-
-def run(name, *words):
-    command = [str(Path(PREFIX) / 'lib' / 'slip_detector' / name), *words]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
 
 
 def test_every_executable_is_where_ros2_run_looks():
@@ -64,8 +59,8 @@ def test_the_files_of_the_live_page_are_installed(tmp_path):
         'import slip_detector.view.server as p\n'
         'print(*(file.name for path in p.FOLDERS.values() for file in path.rglob("*")))'
     )
-    command = [sys.executable, '-c', code]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    done = run_python('-c', code, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
     # As in the checkout.
     files = {file.name for path in FOLDERS.values() for file in path.rglob('*')}
     assert set(done.stdout.split()) == files
@@ -75,6 +70,6 @@ def test_the_files_of_the_live_page_are_installed(tmp_path):
     'name', ['slip_compile', 'slip_demo', 'slip_evaluate', 'slip_grasp', 'slip_tune', 'slip_view']
 )
 def test_the_command_lines_run(name):
-    done = run(name, '--help')
-    assert done.returncode == 0, done.stderr
+    command = [Path(PREFIX) / 'lib' / 'slip_detector' / name, '--help']
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
     assert name in done.stdout

@@ -22,7 +22,6 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
-import yaml
 
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
@@ -121,11 +120,3 @@ def test_every_shipped_parameter_file_is_taken(path):
     # A section for a name that no node has would be ignored in silence.
     sections = {section.rsplit('/', 1)[-1] for section in read_yaml(path)}
     assert sections <= set(SECTIONS)
-
-
-def test_no_yaml_file_needs_what_ros_parameter_files_lack():
-    for path in CONFIGS:
-        for section in yaml.safe_load(path.read_text()).values():
-            for name, value in section['ros__parameters'].items():
-                if isinstance(value, list):
-                    assert len({type(item) for item in value}) <= 1, f'{path.name}: {name}'
