@@ -201,11 +201,13 @@ def ends_launch() -> Callable[[Any, Any], None]:
     """Return an ``on_exit`` that ends the launch of a node, with code 1, if it refuses to start.
 
     A node that fails later than ``STARTS_S`` does not end the others: a grasp has to be held.
+    After Ctrl-C launch may lose an exit code, and reports another.
     """
     began_s = time.monotonic()
 
     def on_exit(event: Any, context: Any) -> None:
-        if event.returncode > 0 and time.monotonic() - began_s < STARTS_S:
+        starts = time.monotonic() - began_s < STARTS_S and not context.is_shutdown
+        if event.returncode > 0 and starts:
             raise RuntimeError(f'{event.process_name} ended with exit code {event.returncode}')
 
     return on_exit

@@ -12,11 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a launch gives to driver and detector for its source; needs no launch."""
+"""What launch files call of the package; needs no launch."""
+
+from types import SimpleNamespace
 
 import pytest
 
-from slip_detector.nodes.run import PLAYED, source_settings
+from slip_detector.nodes.run import PLAYED, ends_launch, source_settings
 
 
 @pytest.mark.parametrize(
@@ -39,3 +41,10 @@ def test_a_detector_hears_what_is_played_and_only_a_simulation_is_repeated(
     source, recording, in_file, expected
 ):
     assert source_settings(source, recording, in_file) == expected
+
+
+def test_a_node_that_refuses_to_start_ends_the_launch_unless_it_is_ending():
+    on_exit, event = ends_launch(), SimpleNamespace(returncode=255, process_name='slip_driver-1')
+    on_exit(event, SimpleNamespace(is_shutdown=True))
+    with pytest.raises(RuntimeError, match='slip_driver-1 ended with exit code 255'):
+        on_exit(event, SimpleNamespace(is_shutdown=False))
