@@ -14,12 +14,12 @@
 
 """examples/publish_voltages.py, with a detector that has the parameter file of the README."""
 
-import signal
+import itertools
 
 import pytest
 from std_msgs.msg import Bool
 
-from support.harness import patient_state_qos
+from support.harness import ended_quietly, patient_state_qos
 from support.pages import README, ROOT, file_shown
 
 pytestmark = pytest.mark.nodes
@@ -35,12 +35,8 @@ def test_a_detector_with_the_parameters_of_the_readme_tells_its_slip(bench, tmp_
     bench.wait_for(lambda: valid and valid[-1].data, 'slip_valid')
 
     def changes():
-        states = [message.data for message in slip]
-        return [b for a, b in zip([None, *states], states, strict=False) if a != b]
+        return [state for state, _ in itertools.groupby(message.data for message in slip)]
 
-    bench.wait_for(lambda: len(changes()) > 4, 'slip to come and go twice')
-    for process in (sensor, detector):
-        process.signal(signal.SIGINT)
-        assert process.wait() == 0, process.log()
-        assert 'Traceback' not in process.log()
+    with ended_quietly(detector), ended_quietly(sensor):
+        bench.wait_for(lambda: len(changes()) > 4, 'slip to come and go twice')
     assert 'dropped' not in detector.log()

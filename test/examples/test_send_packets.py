@@ -31,17 +31,21 @@ from support.sensors import free_udp_port
 EXAMPLE_C = ROOT / 'examples' / 'send_packets.c'
 EXAMPLE_PYTHON = ROOT / 'examples' / 'send_packets.py'
 
-#: What stands in for the board: bytes go to stdout, a sample is taken each 1000 us.
+#: What stands in for the board: a sample is taken each 1000 us, and bytes go to stdout. With an
+#: argument stdin is one packet. What stuffs it is private, so the file is included.
 BOARD = """
-#include <stdint.h>
 #include <stdio.h>
+#include "send_packets.c"
 static uint32_t now_us = 4294960000u;
 void send_byte(uint8_t byte) { putchar(byte); }
 uint32_t micros(void) { return now_us += 1000u; }
-void send_sample(const int16_t values[16]);
-int main(void)
+int main(int argc, char **argv)
 {
     int16_t values[16];
+    static uint8_t data[9000];
+    (void)argv;
+    if (argc > 1)
+        send_stuffed(data, (uint32_t)fread(data, 1, sizeof data, stdin));
     while (fread(values, sizeof values, 1, stdin))
         send_sample(values);
     return 0;
@@ -60,47 +64,33 @@ INTEGERS = np.concatenate(
 )
 
 
-def built(folder, *sources):
-    """Compile sources and return the program."""
+@pytest.fixture(scope='module')
+def board(tmp_path_factory):
+    """Compile the board; return what it sends for some input."""
     compiler = shutil.which('cc') or shutil.which('gcc')
     if compiler is None:
         pytest.skip('no C compiler')
-    program = folder / 'program'
-    strict = ['-std=c99', '-Wall', '-Wextra', '-Werror', '-pedantic']
-    subprocess.run([compiler, *strict, '-o', program, *sources], check=True)
-    return program
+    source = tmp_path_factory.mktemp('board') / 'board.c'
+    source.write_text(BOARD)
+    program = source.with_suffix('')
+    strict = ['-std=c99', '-Wall', '-Wextra', '-Werror', '-pedantic', f'-I{EXAMPLE_C.parent}']
+    subprocess.run([compiler, *strict, '-o', program, source], check=True)
+    return lambda data, *words: subprocess.check_output([program, *words], input=data)
 
 
-def test_c_sends_what_the_driver_takes(tmp_path):
-    board = tmp_path / 'board.c'
-    board.write_text(BOARD)
-    program = built(tmp_path, EXAMPLE_C, board)
-    line = subprocess.run(
-        [program], input=INTEGERS.astype('<i2').tobytes(), stdout=subprocess.PIPE, check=True
-    ).stdout
+def test_c_sends_what_the_driver_takes(board):
     decoder = PacketDecoder(16, 'int16', 1.0, 0.0)
-    received = decoder.feed(line)
+    received = decoder.feed(board(INTEGERS.astype('<i2').tobytes()))
     np.testing.assert_array_equal(np.concatenate([r.volts for r in received]), INTEGERS)
     times_ns = [r.stamps_ns[0] for r in received]
     assert np.diff(times_ns).tolist() == [1_000_000] * (len(INTEGERS) - 1)
     assert +decoder.counts == {'packets': len(INTEGERS), 'samples': len(INTEGERS)}
 
 
-def test_c_stuffs_long_packets_as_it_should(tmp_path):
-    # The function is private to its file, so what calls it stands in the same.
-    source = tmp_path / 'stuff.c'
-    source.write_text(
-        EXAMPLE_C.read_text(encoding='utf-8')
-        + '#include <stdio.h>\n'
-        + 'void send_byte(uint8_t byte) { putchar(byte); }\n'
-        + 'uint32_t micros(void) { return 0; }\n'
-        + 'int main(void) { static uint8_t data[9000];\n'
-        + 'send_stuffed(data, (uint32_t)fread(data, 1, sizeof data, stdin)); return 0; }\n'
-    )
-    program = built(tmp_path, source)
+def test_c_stuffs_long_packets_as_it_should(board):
     # More than 254 bytes without a zero, just as many, and one more or less.
     for plain in (b'', b'\0', b'\1' * 253, b'\1' * 254, b'\1' * 255, b'\1' * 254 + b'\0' * 3):
-        line = subprocess.run([program], input=plain, stdout=subprocess.PIPE, check=True).stdout
+        line = board(plain, 'stuff')
         assert line[-1] == 0
         assert cobs_decode(line[:-1]) == plain
 
