@@ -26,6 +26,7 @@ import re
 import shlex
 import shutil
 import sys
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -143,10 +144,10 @@ def pages_to_run():
             yield pytest.param(path, id=identifier(path), marks=marks)
 
 
-def printed(call):
-    """Return what a call prints."""
+def printed(call, *arguments):
+    """Return what a call prints; an exit code is 0."""
     with contextlib.redirect_stdout(io.StringIO()) as output:
-        call()
+        assert not call(*arguments)
     return output.getvalue()
 
 
@@ -154,13 +155,8 @@ def in_this_process(name, words):
     """Return what a command prints; its modules are loaded once so, and not for each command."""
     module, function = SCRIPTS[name]
     start = getattr(importlib.import_module(f'slip_detector.{module}'), function)
-
-    def run():
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(sys, 'argv', [name, *words])
-            assert start() == 0, ' '.join((name, *words))
-
-    return printed(run)
+    with mock.patch.object(sys, 'argv', [name, *words]):
+        return printed(start)
 
 
 def in_its_own_process(name, words):
@@ -211,6 +207,6 @@ def test_the_commands_and_programs_of_a_page_run_one_after_the_other(
                 run = in_its_own_process if name in WITH_NODES else in_this_process
                 output += run(name, words)
         elif block.language == 'python':
-            output = printed(lambda code=block.text: exec(code, {'__name__': '__main__'}))
+            output = printed(exec, block.text, {'__name__': '__main__'})
         elif block.language == 'text' and output:
             assert block.text in output, f'{identifier(path)}: {output}'

@@ -23,6 +23,9 @@ ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = ('slip_detector', 'benchmarks', 'examples', 'launch', 'test')
 SOURCES = [str(ROOT / name) for name in (*FOLDERS, 'setup.py')]
 
+#: How a comment begins, by the ending of a source.
+MARKS = {'.py': '#', '.c': '//', '.cpp': '//'}
+
 REASON = 'needs the ament linters, which come with a ROS 2 installation'
 
 #: What of PEP 257 does not fit to numpydoc, with Ruff checking the rest in its own words: where a
@@ -34,17 +37,12 @@ NUMPYDOC = ('D213', 'D401', 'D402', 'D405', 'D407', 'D410', 'D411', 'D413', 'D41
 def test_each_source_begins_with_copyright_and_license():
     header = (ROOT / 'setup.py').read_text().split('\n\n')[0]
     assert re.match(r'# Copyright \d{4} The slip_detector maintainers\n#\n# Licensed', header)
-    files = [
-        path
-        for folder in FOLDERS
-        for ending in ('py', 'c', 'cpp')
-        for path in (ROOT / folder).rglob(f'*.{ending}')
-    ]
-    assert len(files) > 100
-    for path in files:
+    files = [path for folder in FOLDERS for path in (ROOT / folder).rglob('*.*')]
+    sources = [path for path in files if path.suffix in MARKS]
+    assert len(sources) > 100
+    for path in sources:
         text = path.read_text(encoding='utf-8')
-        mark = '#' if path.suffix == '.py' else '//'
-        assert not text or text.startswith(header.replace('#', mark)), (
+        assert not text or text.startswith(header.replace('#', MARKS[path.suffix])), (
             f'{path}: run ament_copyright --add-missing, as CONTRIBUTING.md says'
         )
 

@@ -66,9 +66,7 @@ def test_the_files_of_the_live_page_are_installed(tmp_path):
     assert set(done.stdout.split()) == files
 
 
-@pytest.mark.parametrize(
-    'name', ['slip_compile', 'slip_demo', 'slip_evaluate', 'slip_grasp', 'slip_tune', 'slip_view']
-)
+@pytest.mark.parametrize('name', EXECUTABLES)
 def test_the_command_lines_run(name):
     command = [Path(PREFIX) / 'lib' / 'slip_detector' / name, '--help']
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
