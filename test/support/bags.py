@@ -50,9 +50,7 @@ def check_same(read, written):
     """Check that rows are the same to the bit."""
     assert read.volts.tobytes() == written.volts.tobytes()
     np.testing.assert_array_equal(read.stamps_ns, written.stamps_ns)
-    assert (read.truth is None) == (written.truth is None)
-    if written.truth is not None:
-        np.testing.assert_array_equal(read.truth, written.truth)
+    np.testing.assert_array_equal(read.truth, written.truth, strict=True)
 
 
 class Bag:

@@ -75,16 +75,10 @@ def fuzz(strategy, check, *, corpus, few, refusal=''):
     for case in corpus:
         judge(case)
     ends_s = time.monotonic() + SECONDS
+    how = settings(max_examples=few, suppress_health_check=list(HealthCheck))
     if SECONDS:
-        how = settings(
-            max_examples=ROUND,
-            derandomize=False,
-            database=DirectoryBasedExampleDatabase('.hypothesis/fuzz'),
-            deadline=None,
-            suppress_health_check=list(HealthCheck),
-        )
-    else:
-        how = settings(max_examples=few, suppress_health_check=list(HealthCheck))
+        kept = DirectoryBasedExampleDatabase('.hypothesis/fuzz')
+        how = settings(how, max_examples=ROUND, derandomize=False, database=kept)
     one_round = how(given(strategy)(judge))
     one_round()
     while time.monotonic() < ends_s:

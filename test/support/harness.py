@@ -33,28 +33,18 @@ from support.domains import own_domain
 
 rclpy = pytest.importorskip('rclpy', reason='needs rclpy')
 
-from rcl_interfaces.srv import (  # noqa: E402
-    GetParameters,
-    SetParameters,
-    SetParametersAtomically,
-)
-from rclpy.executors import SingleThreadedExecutor  # noqa: E402
-from rclpy.node import Node  # noqa: E402
-from rclpy.parameter import Parameter, parameter_value_to_python  # noqa: E402
-from rclpy.qos import QoSProfile, ReliabilityPolicy  # noqa: E402
-from sensor_msgs.msg import JointState  # noqa: E402
-from std_msgs.msg import Bool, Float32MultiArray, MultiArrayDimension  # noqa: E402
+from rcl_interfaces.srv import GetParameters, SetParameters, SetParametersAtomically
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.qos import QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool, Float32MultiArray, MultiArrayDimension
 
-from slip_detector.chain.slip_chain import compile_chain  # noqa: E402
-from slip_detector.nodes.messages import (  # noqa: E402
-    event_qos,
-    sensor_qos,
-    stamp_ns,
-    state_qos,
-    time_message,
-)
-from slip_detector.parameters.driver import DriverConfig  # noqa: E402
-from slip_detector.sources import open_source  # noqa: E402
+from slip_detector.chain.slip_chain import compile_chain
+from slip_detector.nodes.messages import event_qos, sensor_qos, stamp_ns, state_qos, time_message
+from slip_detector.parameters.driver import DriverConfig
+from slip_detector.sources import open_source
 
 #: Discovery takes seconds now and then; nothing here is about speed.
 DEADLINE_S = 90.0
@@ -74,20 +64,13 @@ class Process:
     """A command as a process; its output is kept, and shown if the test fails, or is a file."""
 
     def __init__(self, *command, domain, output=None, environment=None):
-        self._command = ' '.join(map(str, command))
+        command = list(map(str, command))
+        self._command = ' '.join(command)
         self.killed = False
         self._log = tempfile.TemporaryFile('w+')  # noqa: SIM115, closed in end()
-        environment = {
-            **os.environ,
-            'ROS_DOMAIN_ID': str(domain),
-            'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST',
-            **(environment or {}),
-        }
+        environment = {**os.environ, 'ROS_DOMAIN_ID': str(domain), **(environment or {})}
         self._process = subprocess.Popen(
-            list(map(str, command)),
-            stdout=output or self._log,
-            stderr=subprocess.STDOUT,
-            env=environment,
+            command, stdout=output or self._log, stderr=subprocess.STDOUT, env=environment
         )
 
     def memory_maps(self):

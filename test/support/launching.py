@@ -37,8 +37,6 @@ from launch.utilities import perform_substitutions
 from launch_testing.actions import ReadyToTest
 from launch_testing.asserts import assertExitCodes
 
-__all__ = ['SHARE', 'check_ends', 'defaults_of', 'launch_testing', 'launched', 'launching']
-
 try:
     #: The folder of the installed package.
     SHARE = Path(get_package_share_directory('slip_detector'))

@@ -43,10 +43,8 @@ def gripped(duration_s):
 def tapped(duration_s):
     """The same, with a knock every two seconds."""
     times_s = np.arange(BEGIN_S + 1.0, BEGIN_S + duration_s, 2.0).tolist()
-    return {
-        **gripped(duration_s),
-        'taps': {'times_s': times_s, 'peak_force_n': 0.5, 'duration_s': 0.01},
-    }
+    taps = {'times_s': times_s, 'peak_force_n': 0.5, 'duration_s': 0.01}
+    return {**gripped(duration_s), 'taps': taps}
 
 
 def slipping():
