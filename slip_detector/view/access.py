@@ -12,16 +12,29 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The addresses of the live page, and who may reach it."""
+"""The addresses of the live page, who may reach it, and how many connections there may be."""
 
+import asyncio
 import contextlib
 import hmac
+import resource
 import socket
 from dataclasses import dataclass
 from urllib.parse import quote
 
+from tornado.httpserver import HTTPServer
 from tornado.httputil import split_host_and_port
-from tornado.netutil import is_valid_ip
+from tornado.iostream import IOStream
+from tornado.netutil import bind_sockets, is_valid_ip
+
+#: Most connections that are no open page: with another one, the oldest is closed.
+MOST_STRANGERS = 64
+
+#: So many file descriptors are left for all else, such as recordings.
+KEPT_DESCRIPTORS = 32
+
+#: Time, in seconds, for which nothing is accepted when a connection cannot be.
+PAUSE_S = 1.0
 
 
 @dataclass(frozen=True)
@@ -94,3 +107,45 @@ def is_loopback(name: str) -> bool:
     [True, True, True, False]
     """
     return name in ('localhost', '::1') or (name.startswith('127.') and is_valid_ip(name))
+
+
+class Connections:
+    """Accepts connections to a server, of which those that are no page take few descriptors."""
+
+    def __init__(self, http: HTTPServer) -> None:
+        self._http = http
+        #: Streams that are no open page, the oldest first; some may be closed.
+        self.strangers: list[IOStream] = []
+        self._accepting: dict[socket.socket, asyncio.Task[None]] = {}
+
+    def listen(self, port: int, host: str) -> int:
+        """Listen at the port, 0 for any that is free, and return it; may raise an OSError."""
+        sockets = bind_sockets(port, host)
+        loop = asyncio.get_running_loop()
+        self._accepting = {each: loop.create_task(self._accept(each)) for each in sockets}
+        return int(sockets[0].getsockname()[1])
+
+    async def stop_listening(self) -> None:
+        """Accept no more connections."""
+        for listening, task in self._accepting.items():
+            task.cancel()
+            await asyncio.wait([task])
+            listening.close()
+
+    async def _accept(self, listening: socket.socket) -> None:
+        while True:
+            await asyncio.sleep(0)  # A flood of them would let nothing else run.
+            try:
+                connection, address = await asyncio.get_running_loop().sock_accept(listening)
+            except OSError:  # Without a descriptor, the connection waits.
+                await asyncio.sleep(PAUSE_S)
+                continue
+            # A new descriptor is the lowest free one.
+            most = resource.getrlimit(resource.RLIMIT_NOFILE)[0] - KEPT_DESCRIPTORS
+            if connection.fileno() >= most:
+                connection.close()
+                continue
+            if len(self.strangers) >= MOST_STRANGERS:
+                self.strangers.pop(0).close()
+            self.strangers.append(stream := IOStream(connection))
+            self._http.handle_stream(stream, address)

@@ -30,8 +30,8 @@ from slip_detector.parameters.fields import shown
 from slip_detector.parameters.files import file_errors_of, write_yaml
 from slip_detector.recordings import labels
 from slip_detector.view.recordings import trace_of
-from slip_detector.view.server import Message, Server
-from slip_detector.view.view_request import number
+from slip_detector.view.server import Server
+from slip_detector.view.view_request import Message, number
 
 #: Allowed speeds, as multiples of real time.
 SPEEDS = 0.1, 10.0
@@ -98,10 +98,9 @@ class PlayedBag:
         else:
             changes = np.flatnonzero(np.diff(np.asarray(rows.truth), prepend=False, append=False))
             ends_s = np.append(after_ns * 1e-9, self.duration_s)[changes].round(4)
-        self._accuracy_s = recording.accuracy_s
         # The ends of all labels, in seconds from the first sample, and how exact each is; those
         # before each change; and the number of changes of labels and detector.
-        self._ends = [(end_s, self._accuracy_s) for end_s in ends_s.ravel().tolist()]
+        self._ends = [(end_s, recording.accuracy_s) for end_s in ends_s.ravel().tolist()]
         self._before: list[Ends] = []
         self._unlabelled = self._ends if file is None else None
         self._changes = 0
@@ -168,12 +167,11 @@ class PlayedBag:
         """Return the present labels of rows, see :func:`.label_at`."""
         ends_ns = np.rint([1e9 * end_s for end_s, _ in self._ends]).astype(np.int64)
         after_ns = rows.stamps_ns - self._rows.stamps_ns[0]
-        return labels.label_at(after_ns, ends_ns, self._accuracy_s)
+        return labels.label_at(after_ns, ends_ns, _worst_s(self._ends))
 
     def _keep(self, ends: Ends) -> None:
         """Write other labels, and take them once they are written."""
-        accuracy_s = max((by_s for _, by_s in ends), default=0.0)
-        document: dict[str, Any] = {labels.KEY: _pairs(ends), labels.ACCURACY: accuracy_s}
+        document: dict[str, Any] = {labels.KEY: _pairs(ends), labels.ACCURACY: _worst_s(ends)}
         if self._kind and not ends:
             document = {labels.KIND: self._kind}
         labels.labels_from(self.file, dict(document))
@@ -183,7 +181,7 @@ class PlayedBag:
         else:
             write_yaml(self.file, document, ['Labelled by hand on the page of slip_view.'])
         self._before.append(self._ends)
-        self._ends, self._accuracy_s = ends, accuracy_s
+        self._ends = ends
         self._changes += 1
 
     # What pages request.
@@ -216,8 +214,8 @@ class PlayedBag:
 
     async def _snap(self, message: Message) -> None:
         """Move the ends to where the power of the signal changes, as near as hands are exact."""
-        before, edges_s = self._ends, np.reshape(_pairs(self._ends), (-1, 2))
-        of = self._rows, edges_s, self._rate_hz, labels.BY_HAND_S
+        before = self._ends
+        of = self._rows, np.array(_pairs(before)), self._rate_hz, labels.BY_HAND_S
         moved = await self._server.work(labels.snapped, *of)
         if before and before is self._ends:  # No page has changed them meanwhile.
             ends = zip(moved.ravel().round(4).tolist(), before, strict=True)
@@ -229,7 +227,9 @@ class PlayedBag:
             del self._before[-2:]
 
 
-def _pairs(ends: Ends) -> list[list[float]]:
-    return [
-        [start_s, end_s] for (start_s, _), (end_s, _) in zip(ends[::2], ends[1::2], strict=True)
-    ]
+def _pairs(ends: Ends) -> Any:
+    return np.reshape([end_s for end_s, _ in ends], (-1, 2)).tolist()
+
+
+def _worst_s(ends: Ends) -> float:
+    return max((by_s for _, by_s in ends), default=0.0)

@@ -42,6 +42,9 @@ MOST_CHANGES, LISTED_CHANGES = 1000, 8
 #: Authors of changes that no page asked for: another program, or a restart of the detector.
 OUTSIDE, RESTART = 'outside', 'restart'
 
+#: Parameters by name, as ROS has them.
+Values = dict[str, Any]
+
 #: Parameters that every page needs.
 DESCRIBED = (
     'groups', 'vote', 'decision', 'threshold', 'sample_rate_hz', 'input_timeout_s', 'passband_hz',
@@ -199,8 +202,7 @@ def drawn_positions(config: DetectorConfig) -> Floats:
     width = int(np.ceil(np.sqrt(config.channels)))
     row, column = np.divmod(np.arange(config.channels), width)
     grid = [column - (width - 1) / 2, row[-1] / 2 - row, np.zeros(config.channels)]
-    positions: Floats = np.column_stack(grid) * GRID_PITCH_M
-    return positions
+    return np.column_stack(grid) * GRID_PITCH_M
 
 
 def least_distance_m(positions: Floats) -> float:

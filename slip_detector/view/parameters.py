@@ -35,8 +35,9 @@ from slip_detector.parameters import sections
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.fields import allowed, shortened, shown, under_headings
 from slip_detector.parameters.files import read_yaml, shared_folder, writable_folder, write_yaml
-from slip_detector.view.detectors import Change, ParameterPanel, to_decide_as
-from slip_detector.view.server import MOST_NAME, Message, Server
+from slip_detector.view.detectors import Change, ParameterPanel, Values, to_decide_as
+from slip_detector.view.server import MOST_NAME, Server
+from slip_detector.view.view_request import Message
 
 #: Heading of the parameters that do not belong to this package.
 OF_ROS = 'Of every node'
@@ -49,8 +50,8 @@ ALLOWED_NAME = 'a letter, then letters (a-z), digits, single _, at most 64'
 #: The presets that a page offers, each with the name of its file in ``config``.
 PRESETS = {'paper': 'slip_detector', 'onset': 'onset', 'sure': 'sure', 'grasp': 'grasp'}
 
-#: Parameters by name, as ROS has them.
-Values = dict[str, Any]
+#: Returns the values to set that a request asks for.
+ValuesOf = Callable[[ParameterPanel, Message], Values]
 
 _FIELDS = {field.name: field for field in dataclasses.fields(DetectorConfig)}
 
@@ -113,6 +114,7 @@ class ParameterRequests:
 
     def _described(self, name: str, panel: ParameterPanel) -> dict[str, Any]:
         last = panel.history[-1] if panel.history else None
+        latest = enumerate(reversed(panel.changes))
         return {
             'gone': name not in self._server.detectors.fingers,
             'headings': described_panel(panel),
@@ -120,10 +122,7 @@ class ParameterRequests:
             'differs': sorted(panel.as_in_file()),
             'preset': _preset_of(panel),
             'undo': words_of(Change(last.after, last.before, last.by)) if last else '',
-            'changes': [
-                (panel.count - i, change.by, words_of(change))
-                for i, change in enumerate(reversed(panel.changes))
-            ],
+            'changes': [(panel.count - i, each.by, words_of(each)) for i, each in latest],
         }
 
     def _file_of(self, name: str) -> Path | None:
@@ -143,9 +142,7 @@ class ParameterRequests:
             raise ValueError(f'finger is {shown(name)}, allowed: one that is shown')
         return panel
 
-    async def _change(
-        self, values_of: Callable[[ParameterPanel, Message], Values], message: Message
-    ) -> None:
+    async def _change(self, values_of: ValuesOf, message: Message) -> None:
         """Set the values that a request asks for, if any."""
         if values := values_of(self._panel(message.get('finger')), message):
             page = f'page {message.get("page")}'[:MOST_NAME]
@@ -257,10 +254,8 @@ def words_of(change: Change) -> str:
     def words(value: Any) -> str:
         return 'nothing' if value is None else shortened(text_of(value)) or 'empty'
 
-    return ', '.join(
-        f'{name} from {words(change.before[name])} to {words(value)}'
-        for name, value in change.after.items()
-    )
+    now = change.after.items()
+    return ', '.join(f'{n} from {words(change.before[n])} to {words(value)}' for n, value in now)
 
 
 def text_of(value: Any) -> str:
@@ -307,9 +302,7 @@ def _scalar(text: str) -> Any:
     return {'true': True, 'false': False}.get(text, text)
 
 
-def parameter_file(
-    configs: Mapping[str, DetectorConfig], given: str | Path | None = None
-) -> dict[str, Any]:
+def parameter_file(configs: Mapping[str, DetectorConfig], given: Path | None = None) -> Values:
     """Return the content of a parameter file for detectors with these configurations.
 
     Parameters
@@ -333,15 +326,12 @@ def parameter_file(
     """
     document: dict[str, Any] = {}
     every = [*sections.sections_of(read_yaml(given) if given else {}, str(given))]
-    for section, parameters in every:
-        of_others = {
-            key: value
-            for key, value in parameters.items()
-            if sections.node_of(section) not in sections.ALL
-            or sections.nodes_that_know(key) != [DetectorConfig.NODE]
-        }
-        if of_others and sections.node_of(section) not in map(sections.node_of, configs):
-            document[section] = {'ros__parameters': of_others}
+    detectors, alone = {*map(sections.node_of, configs)}, [DetectorConfig.NODE]
+    for section, its in every:
+        to_all = sections.node_of(section) in sections.ALL
+        kept = {n: its[n] for n in its if not to_all or sections.nodes_that_know(n) != alone}
+        if kept and sections.node_of(section) not in detectors:
+            document[section] = {'ros__parameters': kept}
     # Last, because of two sections for a node the later one holds.
     for name, config in configs.items():
         section = name if len(configs) > 1 else f'/**/{sections.node_of(name)}'

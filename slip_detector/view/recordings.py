@@ -183,15 +183,12 @@ class RecordedFolder:
         track = track_of(path.name, recording.rows(), recording.sample_rate_hz)
         if snap:
             sought = wanted.edges_s, track.sample_rate_hz, labels.BY_HAND_S
-            return {'slip_s': labels.snapped(track.samples, *sought).tolist()}
+            return {'slip_s': labels.snapped(track.samples, *sought).round(4).tolist()}
         # The page has seen the ends as rows.
-        row_s, were = 1.0 / track.sample_rate_hz, np.ravel(track.slips) / track.sample_rate_hz
-        before_s = self.recordings[path.name].exact_s or [recording.accuracy_s] * len(were)
-        known = [*zip(were, before_s, strict=False)]
-        exact_s = [
-            min((before_s for at_s, before_s in known if abs(at_s - s) <= row_s), default=by_s)
-            for s in wanted.edges_s.ravel()
-        ]
+        were_s = (np.ravel(track.slips) / track.sample_rate_hz).round(4).tolist()
+        before_s = self.recordings[path.name].exact_s or [recording.accuracy_s] * len(were_s)
+        known = dict(zip(were_s, before_s, strict=False))
+        exact_s = [known.get(end_s, by_s) for end_s in wanted.edges_s.ravel().tolist()]
         document = {labels.KEY: edges_s, labels.ACCURACY: max(exact_s, default=0.0)}
         write_yaml(file, document, ['Moved by hand on the page of slip_view.'])
         self.recordings[path.name] = self._summary(path.name)._replace(exact_s=tuple(exact_s))
@@ -254,8 +251,7 @@ def trace_of(
         and ``on_s``, the intervals of label and decision; and figures.
     """
     overview = Overview(name, config, (), bins * config.channels / MOST_CELLS, rate_hz)
-    outcome = overview.replay(Replay(config), rows)
-    figures = figures_of_merit([outcome])
+    figures = figures_of_merit([overview.replay(Replay(config), rows)])
     level = overview.codes.mean(axis=1) / THRESHOLD_CODE
     return {
         'duration_s': overview.rows / rate_hz,

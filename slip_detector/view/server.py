@@ -20,8 +20,6 @@ import contextlib
 import copy
 import json
 import logging
-import resource
-import socket
 import threading
 import time
 import traceback
@@ -32,14 +30,12 @@ from typing import Any, TypeVar
 
 from tornado import web, websocket
 from tornado.httpserver import HTTPServer
-from tornado.iostream import IOStream
-from tornado.netutil import bind_sockets
 
 from slip_detector.commands.command_line import one_line
-from slip_detector.view.access import Access
+from slip_detector.view.access import Access, Connections
 from slip_detector.view.detectors import Detectors
 from slip_detector.view.track import LiveTrack
-from slip_detector.view.view_request import ViewRequest
+from slip_detector.view.view_request import Message, ViewRequest
 
 #: Shortest time between two frames, in seconds.
 FRAME_S = 1 / 30
@@ -65,15 +61,6 @@ MOST_NAME = 40
 
 #: Most pages that are open at once.
 MOST_PAGES = 32
-
-#: Most connections that are no open page: with another one, the oldest is closed.
-MOST_STRANGERS = 64
-
-#: So many file descriptors are left for all else, such as recordings.
-KEPT_DESCRIPTORS = 32
-
-#: Time, in seconds, for which nothing is accepted when a connection cannot be.
-PAUSE_S = 1.0
 
 #: Most pages that keep a copy of a finger's last minute (64 MB with 900 channels) while they are
 #: paused. Those paused later keep what they have drawn.
@@ -101,9 +88,6 @@ READ_ONLY = 'slip_view was started with --read-only: nothing can be changed from
 REPLACED = 'a later request of this page has taken its place'
 
 T = TypeVar('T')
-
-#: The content of a message of a page, which is not trusted.
-Message = Mapping[str, Any]
 
 #: Returns the answer to a request of a page, None where "done" is all there is to say, or raises a
 #: ValueError that says why not.
@@ -133,9 +117,6 @@ class Server:
         #: Awaited before the pages are closed.
         self.at_end: list[Callable[[], Awaitable[None]]] = []
         self.pages: set[LivePage] = set()
-        #: Connections that are no open page, the oldest first; some may be closed.
-        self.strangers: list[IOStream] = []
-        self._accepting: dict[socket.socket, asyncio.Task[None]] = {}
         #: By kind of request its answer, and whether it changes what others see.
         self.requests: dict[str, tuple[Answer, bool]] = {}
         #: Kinds of which a page gets only what it asked for last.
@@ -153,12 +134,13 @@ class Server:
             server=self,
             websocket_max_message_size=MOST_BYTES,
         )
-        self.connections = HTTPServer(
+        self._http = HTTPServer(
             application,
             max_body_size=MOST_BYTES,
             idle_connection_timeout=PING_S,
             body_timeout=PING_S,
         )
+        self.connections = Connections(self._http)
 
     def on_request(
         self, kind: str, answer: Answer, *, changes: bool = False, latest_only: bool = False
@@ -209,29 +191,7 @@ class Server:
         logging.getLogger('tornado.general').setLevel(logging.ERROR)
         for name in ('tornado.general', 'tornado.application', 'asyncio', __name__):
             logging.getLogger(name).addFilter(in_one_line)
-        sockets = bind_sockets(port, self.access.host)
-        loop = asyncio.get_running_loop()
-        self._accepting = {each: loop.create_task(self._accept(each)) for each in sockets}
-        return int(sockets[0].getsockname()[1])
-
-    async def _accept(self, listening: socket.socket) -> None:
-        """Accept connections, of which those that ask for nothing take few descriptors."""
-        while True:
-            await asyncio.sleep(0)  # A flood of them would let nothing else run.
-            try:
-                connection, address = await asyncio.get_running_loop().sock_accept(listening)
-            except OSError:  # Without a descriptor, the connection waits.
-                await asyncio.sleep(PAUSE_S)
-                continue
-            # A new descriptor is the lowest free one.
-            most = resource.getrlimit(resource.RLIMIT_NOFILE)[0] - KEPT_DESCRIPTORS
-            if connection.fileno() >= most:
-                connection.close()
-                continue
-            if len(self.strangers) >= MOST_STRANGERS:
-                self.strangers.pop(0).close()
-            self.strangers.append(stream := IOStream(connection))
-            self.connections.handle_stream(stream, address)
+        return self.connections.listen(port, self.access.host)
 
     async def run(self, stop: asyncio.Event | threading.Event) -> None:
         """Poll the detectors and send frames until the event is set; then close all pages."""
@@ -252,14 +212,9 @@ class Server:
         for call in self.each_tick:
             call()
         fingers = sorted(self.detectors.fingers.values(), key=lambda finger: finger.name)
-        self.broadcast(
-            'fingers',
-            {
-                'fingers': [finger.description() for finger in fingers],
-                'gone': {name: each.label for name, each in self.detectors.gone.items()},
-                'read_only': self.access.read_only,
-            },
-        )
+        gone = {name: each.label for name, each in self.detectors.gone.items()}
+        shown = {'fingers': [finger.description() for finger in fingers], 'gone': gone}
+        self.broadcast('fingers', {**shown, 'read_only': self.access.read_only})
         self.broadcast('diagnostics', {'fingers': {one.name: one.diagnostics for one in fingers}})
         for page in list(self.pages):
             try:
@@ -273,17 +228,14 @@ class Server:
         """Stop listening, and close the connections."""
         for end in self.at_end:
             await end()
-        for listening, task in self._accepting.items():
-            task.cancel()
-            await asyncio.wait([task])
-            listening.close()
+        await self.connections.stop_listening()
         for page in list(self.pages):
             page.close(1001, 'slip_view was stopped')
         # One that sends something into a closed connection does not hear why it was closed.
         until_s = time.monotonic() + GOODBYE_S
         while self.pages and time.monotonic() < until_s:
             await asyncio.sleep(0.01)
-        await self.connections.close_all_connections()
+        await self._http.close_all_connections()
         self._worker.shutdown(wait=False, cancel_futures=True)
 
     async def answer(self, message: Message) -> dict[str, Any]:
@@ -361,17 +313,14 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         #: By kind of request the latest, if only that counts.
         self._latest: dict[str, asyncio.Task[dict[str, Any]]] = {}
 
-    def check_origin(self, origin: str) -> bool:
-        """Tell tornado that the origin has been checked."""
-        return True
-
     def open(self, *args: str, **kwargs: str) -> None:
         """Prepare to send the page the present content of each kind."""
         self.set_nodelay(True)
         self.news = dict(self.server.news)
         self.server.pages.add(self)
         self._stream: Any = getattr(self.ws_connection, 'stream', None)
-        self.server.strangers = [one for one in self.server.strangers if one is not self._stream]
+        held = self.server.connections
+        held.strangers = [one for one in held.strangers if one is not self._stream]
 
     def on_close(self) -> None:
         """Forget the page."""

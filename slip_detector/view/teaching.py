@@ -27,9 +27,9 @@ import numpy as np
 from slip_detector.recordings import labels
 from slip_detector.view.detectors import Finger
 from slip_detector.view.recordings import RecordedFolder, Recorder, RecordingSummary
-from slip_detector.view.server import MOST_NAME, Message, Server
+from slip_detector.view.server import MOST_NAME, Server
 from slip_detector.view.tuning import TuneRun
-from slip_detector.view.view_request import number
+from slip_detector.view.view_request import Message, number
 
 #: Seconds of rest in the recording of a slip, before the key is pressed and after it is released.
 #: If the chain has not settled in the rest before a slip, the slip is not scored.
@@ -46,10 +46,7 @@ SILENT_S = 2.0
 MOST_S = 600.0
 
 #: Why a recording was ended without a request.
-GONE = (
-    'The detector is gone, has other channels or another rate, or the clock of the samples was '
-    'set back'
-)
+GONE = 'The detector is gone, has other channels or another rate, or its clock was set back'
 
 
 class Teaching:
@@ -140,10 +137,8 @@ class Teaching:
         recorder = self._begin(finger, 'slip', track.samples.appended - len(rest_ns))
         recorder.label(True)
         before_s = np.ptp(rest_ns) * 1e-9 if len(rest_ns) else 0.0
-        self.words += (
-            f': slip until the key is released. It has {before_s:.1f} s of rest before: wait for '
-            f'{BEFORE_S:g} s between two slips'
-        )
+        rest = f'{before_s:.1f} s of rest before: wait for {BEFORE_S:g} s between two slips'
+        self.words += f': slip until the key is released. It has {rest}'
 
     def still_pressed(self) -> None:
         """Note that the key is still pressed."""
@@ -170,9 +165,7 @@ class Teaching:
             self._end(recorder, GONE)
         elif recorder.slipping and now_s - self._pressed_at_s > PRESSED_S:
             self._end_slip(recorder)
-            self.words = (
-                f'{recorder.path.name}: the page that held the slip is gone, so the slip was ended'
-            )
+            self.words = f'{recorder.path.name}: the page that held the slip is gone, so it ended'
         elif self._ends_ns and (finger.track.samples.stamps_ns()[-1:] >= self._ends_ns).any():
             self._end(recorder)
         elif now_s - self._begun_at_s > MOST_S:
@@ -212,9 +205,8 @@ class Teaching:
         """Return the finger to record; a slip that only waits for the rest after it is ended."""
         finger, recorder = self._detectors.finger_of(name), self._recorder
         if recorder is not None and (self._ends_ns is None or recorder.finger is not finger):
-            raise ValueError(
-                f'{recorder.path.name} of {recorder.finger.label} is being recorded: end it first'
-            )
+            its = f'{recorder.path.name} of {recorder.finger.label}'
+            raise ValueError(f'{its} is being recorded: end it first')
         self.stop()
         return finger
 
@@ -239,16 +231,15 @@ class Teaching:
         recorder.close()
         self._detectors.order(recorder.finger.name, 'rest')
         self._recorder, self._ends_ns = None, None
-        name, note, off_rate = recorder.path.name, recorder.note, ''
-        if recorder.rows:
-            self._folders[recorder.finger.name].measure_rate(name)
-            off_rate = self._folders[recorder.finger.name].off_rate(name)
+        name, note = recorder.path.name, recorder.note
         words = [f'{name} has no sample, so it is not kept', note and f'It {note}', why]
-        words += [off_rate and f'It {off_rate}, so it is not tuned on: record it again']
         if recorder.rows:
-            recorded = RecordingSummary(name, recorder.duration_s, int(recorder.has_slip), note)
-            self._folders[recorder.finger.name].add(recorded)
-            words[0] = f'{name} has {recorded.duration_s:.1f} s'
+            folder, duration_s = self._folders[recorder.finger.name], recorder.duration_s
+            folder.add(RecordingSummary(name, duration_s, int(recorder.has_slip), note))
+            folder.measure_rate(name)
+            words[0] = f'{name} has {duration_s:.1f} s'
+            if off_rate := folder.off_rate(name):
+                words.append(f'It {off_rate}, so it is not tuned on: record it again')
         self.words = '. '.join(filter(None, words))
 
     # What pages request.
@@ -305,8 +296,7 @@ class Teaching:
         """Set the parameters that were found, all or none."""
         if self._run is None or self._run.found is None:
             raise ValueError('there is nothing to apply: tune first')
-        values = self._run.to_apply(self._detectors.finger_of(self._run.finger).config)
-        if values:
+        if values := self._run.to_apply(self._detectors.finger_of(self._run.finger).config):
             page = f'page {message.get("page")}'[:MOST_NAME]
             await self._detectors.change(self._run.finger, values, page)
         self.words = f'the detector runs with what was found: {len(values)} values set'

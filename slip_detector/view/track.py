@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
-from slip_detector.chain.samples import Floats, Samples, Stamps
+from slip_detector.chain.samples import Bools, Floats, Samples, Stamps
 from slip_detector.parameters.detector import ChainConfig
 
 #: Seconds of the past that are kept, unless they need more than this memory.
@@ -43,8 +43,6 @@ FEWEST_ROWS = 32
 
 #: Least density, in V^2/Hz: a channel that repeats one value has a density of zero.
 LEAST_V2_HZ = 1e-30
-
-Values = NDArray[np.generic]
 
 
 class Rows:
@@ -150,14 +148,12 @@ class LiveTrack:
     """
 
     def __init__(self, config: ChainConfig, beginnings: int = 0) -> None:
-        self.channels = channels = config.channels
+        self.channels = n = config.channels
         # Bytes of a channel: 8 of volts, 4 of level, 1 of ON; there is room for twice the rows.
-        kept = min(config.samples(KEPT_S), MOST_BYTES // (2 * 13 * channels + 64))
-        self.samples = Rows(kept, volts=(np.float64, channels), truth=(np.bool_, 1))
+        kept = min(config.samples(KEPT_S), MOST_BYTES // (2 * 13 * n + 64))
+        self.samples = Rows(kept, volts=(np.float64, n), truth=(np.bool_, 1))
         #: ``level`` is NaN where a channel is not valid.
-        self.levels = Rows(
-            kept, level=(np.float32, channels), on=(np.bool_, channels), slip=(np.bool_, 1)
-        )
+        self.levels = Rows(kept, level=(np.float32, n), on=(np.bool_, n), slip=(np.bool_, 1))
         #: How often the track was begun again, as when the clock of the samples is set back.
         self.beginnings = beginnings
         #: Number of the row at which the last recorded slip ended: the rest before the next one
@@ -170,7 +166,7 @@ class LiveTrack:
         truth = np.zeros(len(samples.volts)) if samples.truth is None else samples.truth
         self.samples.append(samples.stamps_ns, volts=samples.volts, truth=truth[:, np.newaxis])
 
-    def add_levels(self, stamps_ns: Stamps, level: Values, on: Values, slip: Values) -> None:
+    def add_levels(self, stamps_ns: Stamps, level: Floats, on: Bools, slip: Bools) -> None:
         """Append the detector's output: level and on, shape (n, channels), slip, shape (n,)."""
         self._begin_again_if_set_back(self.levels, stamps_ns)
         self.levels.append(stamps_ns, level=level, on=on, slip=slip[:, np.newaxis])
@@ -223,8 +219,6 @@ def spectrum(volts: Floats, sample_rate_hz: float) -> Spectrum | None:
     filled = (known - known.mean(axis=0)).filled(0.0)
     # The squared values of a broken sensor may overflow.
     with np.errstate(over='ignore', invalid='ignore'):
-        frequencies_hz, power = signal.welch(
-            filled, sample_rate_hz, nperseg=rows, axis=0, detrend='linear'
-        )
+        hz, power = signal.welch(filled, sample_rate_hz, nperseg=rows, axis=0, detrend='linear')
     density_db = 10.0 * np.log10(np.maximum(power[1:], LEAST_V2_HZ))
-    return Spectrum(float(frequencies_hz[1]), density_db.T.astype(np.float32))
+    return Spectrum(float(hz[1]), density_db.T.astype(np.float32))

@@ -39,7 +39,7 @@ from slip_detector.tuning.learning import learn_from_quiet, learn_from_taps
 from slip_detector.tuning.problem import Candidate, searched
 from slip_detector.tuning.tracks import TrainingFiles
 from slip_detector.tuning.verdict import TuningParameters, tune
-from slip_detector.view.detectors import OF_THE_CHAIN, to_decide_as
+from slip_detector.view.detectors import OF_THE_CHAIN, Values, to_decide_as
 from slip_detector.view.recordings import RecordedFolder
 
 #: Number of chains that the search tries.
@@ -68,8 +68,8 @@ DESCRIBED = 'finger', 'running', 'step', 'share', 'lines', 'table', 'kept'
 #: How much the search gives way to the nodes.
 NICE = 10
 
-#: Parameters by name, as ROS has them.
-Values = dict[str, Any]
+#: Title, figure of the running and of the tuned detector, 'better', 'worse' or ''.
+Row = tuple[str, str, str, str]
 
 
 class TuneJob(NamedTuple):
@@ -127,8 +127,8 @@ class TuneRun:
         self.step = self.failed = self.kept = ''
         #: Share of the search that is done, 0 to 1.
         self.share = 0.0
-        #: Title, figure of the running and of the tuned detector, 'better', 'worse' or ''.
-        self.table: list[tuple[str, str, str, str]] = []
+        #: The running and the tuned detector side by side.
+        self.table: list[Row] = []
         #: The tuned parameters, once they were compared.
         self.found: DetectorConfig | None = None
 
@@ -225,19 +225,16 @@ def _tune(job: TuneJob, report: Callable[..., None], stop: Callable[[], bool]) -
     calls: Any = {'progress': progress, 'doubt': lambda said: report(lines=lines + said)}
     result = tune(files, parameters, job.trials, storage=journal, stop=stop, **calls)
     report(step='comparing on what was held out', lines=lines + result.notes)
-    verdict = result.verdict
-    tried = verdict.tried
+    kept, tried = result.verdict.kept, result.verdict.tried
     tuned = {**begin, **searched(tried)} if tried else job.running
 
-    def figures(values: Values) -> dict[str, Any]:
-        replay = Replay(_parameters(values).chain)
-        return figures_of_merit(
-            [replay.run(one.rows(), one.sample_rate_hz) for one in result.held]
-        )
-
-    _write(folder / 'tuned.yaml', job.running if verdict.kept else tuned)
-    table = compared(figures(job.running), figures(tuned))
-    report(found=DetectorConfig.from_parameters(tuned), table=table, kept=verdict.kept)
+    _write(folder / 'tuned.yaml', job.running if kept else tuned)
+    outcomes = (
+        [replay.run(one.rows(), one.sample_rate_hz) for one in result.held]
+        for replay in (Replay(running), Replay(_parameters(tuned).chain))
+    )
+    table = compared(*map(figures_of_merit, outcomes))
+    report(found=DetectorConfig.from_parameters(tuned), table=table, kept=kept)
 
 
 def beginning(config: DetectorConfig) -> Values:
@@ -269,11 +266,9 @@ def learnt(job: TuneJob, begin: Values, report: Callable[..., None]) -> tuple[Va
             continue
         name = job.to_tune_on[kind][-1]
         report(lines=lines, step=f'learning the {what} of {name}')
-        parameters = _parameters(begin)
+        path, parameters = str(job.folder / name), _parameters(begin)
         try:
-            found, more = learn(
-                str(job.folder / name), chain=parameters.chain, loader=parameters.loader
-            )
+            found, more = learn(path, chain=parameters.chain, loader=parameters.loader)
             begin, lines = {**begin, **found}, lines + more
         except ValueError as error:  # Taps may look like slips: what was learnt before is kept.
             lines = [*lines, str(error)]
@@ -291,9 +286,7 @@ def _write(file: Path, values: Values) -> None:
     write_yaml(file, document, ['Written by slip_view, which has tuned.'])
 
 
-def compared(
-    before: Mapping[str, Any], after: Mapping[str, Any]
-) -> list[tuple[str, str, str, str]]:
+def compared(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[Row]:
     """Return two sets of figures side by side, each with its title and 'better' or 'worse'.
 
     Of what finds no slip nothing is better; and the latency of the slips found is neither where

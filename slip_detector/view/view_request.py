@@ -28,7 +28,6 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from slip_detector.view.detectors import Detectors, Finger
 from slip_detector.view.track import LiveTrack, spectrum
@@ -46,6 +45,9 @@ HIGHEST_CHANNEL = 1_000_000
 
 #: Time, in seconds, for which the page says that samples come that do not fit.
 UNFIT_SHOWN_S = 1.0
+
+#: The content of a message of a page, which is not trusted.
+Message = Mapping[str, Any]
 
 #: By name, what a frame has beside its header.
 Arrays = dict[str, Any]
@@ -76,7 +78,7 @@ class ViewRequest:
     ('/thumb/slip_detector',)
     """
 
-    def __init__(self, message: Mapping[str, Any]) -> None:
+    def __init__(self, message: Message) -> None:
         names = _list('fingers', message, 'names', lambda name: isinstance(name, str))
         #: The fingers that are shown, and the one of them whose traces are shown, or ''.
         self.fingers, self.finger = tuple(dict.fromkeys(names)), str(message.get('finger') or '')
@@ -94,11 +96,10 @@ class ViewRequest:
         until_ns = number('until_ns', message, *STAMPS_NS)
         #: The stamp at which the traces end; None: at the newest sample.
         self.until_ns = None if until_ns is None else int(until_ns)
-        # By finger, how many rows of levels were shown; by stream of the traces, the next column;
-        # and which beginning of the track these columns belong to.
+        # By finger, how many rows of levels were shown; by stream of the traces and beginning of
+        # the track, the next column.
         self._shown: dict[str, int] = {}
-        self._next: dict[str, int] = {}
-        self._beginning: int | None = None
+        self._next: dict[tuple[str, int], int] = {}
 
     def frame(self, detectors: Detectors, past: LiveTrack | None = None) -> bytes:
         """Return the next frame; ``past`` is drawn in place of the finger's track."""
@@ -107,8 +108,7 @@ class ViewRequest:
         shown = [detectors.fingers[name] for name in self.fingers if name in detectors.fingers]
         states = [self._state(i, finger, now_s, arrays) for i, finger in enumerate(shown)]
         header: dict[str, Any] = {'fingers': states}
-        if self.finger in detectors.fingers:
-            finger = detectors.fingers[self.finger]
+        if finger := detectors.fingers.get(self.finger):
             header['traces'] = self._traces(finger, past or finger.track, arrays)
             if self._spectrum is not None and now_s - self._spectrum_s >= SPECTRUM_S:
                 self._spectrum_s = now_s
@@ -143,8 +143,6 @@ class ViewRequest:
     def _traces(self, finger: Finger, track: LiveTrack, arrays: Arrays) -> dict[str, Any]:
         """Add the columns of volts, levels, slip and truth completed since the last frame."""
         channels = self.channels[self.channels < track.channels]
-        if track.beginnings != self._beginning:
-            self._next, self._beginning = {}, track.beginnings
         header: dict[str, Any] = {
             'name': finger.name,
             'beginning': track.beginnings,
@@ -164,8 +162,9 @@ class ViewRequest:
             if self.until_ns is not None:
                 stop = min(stop, self.until_ns // self._width_ns + 1)
             oldest = max(int(stamps_ns[0]) // self._width_ns, stop - self._columns)
-            first = min(max(self._next.get(stream, oldest), oldest), stop)
-            self._next[stream] = stop
+            part = stream, track.beginnings
+            first = min(max(self._next.get(part, oldest), oldest), stop)
+            self._next[part] = stop
             header[stream] = {'first': first, 'count': stop - first}
             columns = first, stop - first, self._width_ns
             low, high = rows.columns(values, *columns, channels)
@@ -191,16 +190,14 @@ def _age_s(now_s: float, at_s: float | None) -> float | None:
     return None if at_s is None or math.isinf(at_s) else round(now_s - at_s, 3)
 
 
-def _list(
-    name: str, message: Mapping[str, Any], of: str, allows: Callable[[Any], bool]
-) -> list[Any]:
+def _list(name: str, message: Message, of: str, allows: Callable[[Any], bool]) -> list[Any]:
     values = message.get(name, [])
     if not isinstance(values, list) or not all(map(allows, values)):
         raise ValueError(f'{name} is {str(values)[:40]}, allowed: a list of {of}')
     return values
 
 
-def number(name: str, message: Mapping[str, Any], low: float, high: float) -> float | None:
+def number(name: str, message: Message, low: float, high: float) -> float | None:
     """Return a number that a page has sent, None if it has not; a ValueError if not allowed."""
     value = message.get(name)
     if value is not None and (not isinstance(value, int | float) or not low <= value <= high):
@@ -208,7 +205,7 @@ def number(name: str, message: Mapping[str, Any], low: float, high: float) -> fl
     return value
 
 
-def packed(header: Mapping[str, Any], arrays: Mapping[str, ArrayLike]) -> bytes:
+def packed(header: Mapping[str, Any], arrays: Mapping[str, Any]) -> bytes:
     r"""Return a frame.
 
     Examples

@@ -31,7 +31,7 @@ from slip_detector.recordings import write_recording
 from slip_detector.recordings.labels import read_labels
 from slip_detector.view.access import Access
 from slip_detector.view.bag import JUMP_S, STILL_S, PlayedBag
-from slip_detector.view.server import READ_ONLY, Server
+from slip_detector.view.server import Server
 from support.limits import full_disk
 from support.simulated_detectors import SimulatedDetectors
 from support.training import samples, slipping
@@ -46,9 +46,9 @@ SLIP_S = (ROWS.stamps_ns[np.flatnonzero(np.diff(ROWS.truth))] * 1e-9).tolist()
 class Played:
     """A recording that a test plays as a server does."""
 
-    def __init__(self, path, rows=ROWS, driver=None, **access):
+    def __init__(self, path, rows=ROWS, driver=None):
         write_recording(path, [rows], 380.0, DetectorConfig().names)
-        server = self.server = Server(SimulatedDetectors(real_time=False), Access(**access))
+        server = self.server = Server(SimulatedDetectors(real_time=False), Access())
         driver = driver or DriverConfig()
         self.bag, self.now_s = PlayedBag(server, path, DetectorConfig(), driver, FINGER), 7.0
 
@@ -112,10 +112,8 @@ def test_it_stands_still_when_paused_unwatched_or_at_the_end_and_goes_on_with_a_
     np.testing.assert_array_equal(unlabelled.play(0.0)[1][0], ROWS.volts[0])
     before = unlabelled.state
     for wrong in ({'to_s': -1.0}, {'to_s': float('nan')}, {'playing': 'no'}, {'speed': 'fast'}):
-        refusal = unlabelled.ask(
-            'play', **{'speed': 4.0, 'playing': not before['playing'], **wrong}
-        )
-        assert 'allowed' in refusal['refusal']
+        asked = {'speed': 4.0, 'playing': not before['playing'], **wrong}
+        assert 'allowed' in unlabelled.ask('play', **asked)['refusal']
     assert unlabelled.state == before
 
 
@@ -127,14 +125,11 @@ def test_a_label_is_kept_beside_the_recording_which_stays_as_it_is(tmp_path, nam
     file = tmp_path / 'old.labels.yaml'
     late_s = [[SLIP_S[0] + 0.2, SLIP_S[1] + 0.1]]
     assert played.ask('label', slip_s=late_s)['refusal'] == ''
-    assert read_labels(file).accuracy_s == 0.35
     outcome = evaluate_recording(RecordingLoader(), tmp_path / name).outcome
     assert [slip.start_s for slip in outcome.slips] == [pytest.approx(late_s[0][0], abs=0.003)]
     assert played.ask('trace')['coverage'] == pytest.approx(1.0, abs=0.1)
-    # A second one at half the pace; then all ends by what the signal says.
-    played.ask('play', speed=0.5)
+    # A second one; then all ends by what the signal says.
     played.ask('label', slip_s=[*late_s, [9.0, 99.0]])
-    assert read_labels(file).accuracy_s == 0.35
     assert read_labels(file).edges_s[1, 1] <= ROWS.stamps_ns[-1] * 1e-9
     played.ask('label', slip_s=late_s)
     assert played.ask('snap')['refusal'] == ''
@@ -177,37 +172,16 @@ def test_labels_that_exist_are_shown_and_changed_in_their_file(tmp_path):
 
 def test_what_cannot_be_kept_is_said_and_changes_nothing(tmp_path, unlabelled):
     unlabelled.ask('label', slip_s=[[1.0, 2.0]])
-    wrong = {
-        'ends before it begins': [[1.0, 0.5]],
-        'slip_s': 'all',
-        'end of another': [[1, 3], [2, 4]],
-    }
-    for why, slip_s in wrong.items():
-        assert why in unlabelled.ask('label', slip_s=slip_s)['refusal']
+    assert 'end of another' in unlabelled.ask('label', slip_s=[[1, 3], [2, 4]])['refusal']
     with full_disk(0):
         assert 'cannot be written' in unlabelled.ask('label', slip_s=[[3.0, 4.0]])['refusal']
     shutil.rmtree(tmp_path)
     assert 'cannot be written' in unlabelled.ask('label', slip_s=[[3.0, 4.0]])['refusal']
     assert unlabelled.ask('trace')['slip_s'] == [[1.0, 2.0]]
-    tmp_path.mkdir()
-    looked_at = Played(tmp_path / 'old.npz', read_only=True)
-    for kind in ('play', 'label', 'snap', 'undo'):
-        assert looked_at.ask(kind, slip_s=[])['refusal'] == READ_ONLY
 
 
-@pytest.mark.parametrize(
-    ('name', 'rows', 'words'),
-    [
-        ('old.mcap', ROWS, 'has no topics /none'),
-        ('old.npz', ROWS._replace(volts=ROWS.volts[:, :8]), 'has 8 channels, allowed: 16'),
-        ('old.csv', ROWS._replace(stamps_ns=3 * ROWS.stamps_ns), 'allowed: at most 2% apart'),
-        ('old.npz', ROWS.take(slice(99, None)).then(ROWS), 'its clock was set back'),
-    ],
-)
-def test_what_does_not_suit_the_detector_is_refused(tmp_path, name, rows, words):
-    path, driver = tmp_path / name, DriverConfig(recording_topic='/none')
-    names = [f'ch{k}' for k in range(1, rows.volts.shape[1] + 1)]
-    write_recording(path, [rows], 380.0, names)
-    server = Server(SimulatedDetectors(), Access())
-    with pytest.raises(ValueError, match=words):
-        PlayedBag(server, path, DetectorConfig(), driver, FINGER)
+def test_what_does_not_suit_the_detector_is_refused(tmp_path):
+    with pytest.raises(ValueError, match='has no topics /none'):
+        Played(tmp_path / 'old.mcap', driver=DriverConfig(recording_topic='/none'))
+    with pytest.raises(ValueError, match='its clock was set back'):
+        Played(tmp_path / 'old.npz', ROWS.take(slice(99, None)).then(ROWS))

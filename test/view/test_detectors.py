@@ -78,9 +78,8 @@ def test_a_detector_that_is_not_heard_is_called_silent_after_some_heartbeats(mon
     monkeypatch.setattr(detectors.time, 'monotonic', lambda: now_s + 2.5)
     assert not finger.silence()
     monkeypatch.setattr(detectors.time, 'monotonic', lambda: now_s + 4.0)
-    assert finger.silence() == (
-        'the detector has not been heard for 4 s: was it killed, or stopped?'
-    )
+    words = 'the detector has not been heard for 4 s: was it killed, or stopped?'
+    assert finger.silence() == words
 
 
 def test_channels_that_share_a_place_are_drawn_on_a_circle_around_it():

@@ -24,7 +24,13 @@ from slip_detector.parameters import DetectorConfig
 from slip_detector.recordings import open_recording, write_recording
 from slip_detector.recordings.labels import BY_HAND_S
 from slip_detector.view.detectors import Finger
-from slip_detector.view.recordings import NO_SLIP, RecordedFolder, Recorder, RecordingSummary
+from slip_detector.view.recordings import (
+    KINDS,
+    NO_SLIP,
+    RecordedFolder,
+    Recorder,
+    RecordingSummary,
+)
 
 
 def written(folder, name, slips=0):
@@ -51,6 +57,9 @@ def test_recordings_and_nothing_else_are_listed_in_the_order_in_which_they_were_
     (recorded.folder / 'rest_1').rename(recorded.folder / 'elsewhere')
     asyncio.run(recorded.refresh())
     assert 'rest_1' not in recorded.recordings
+    # A new one has a number that none had.
+    new = [recorded.new_path(kind).name for kind in KINDS]
+    assert new == ['rest_3', 'slip_11', 'taps_2', 'press_1']
 
 
 def test_a_recording_that_is_broken_or_has_no_slip_is_listed_with_why_and_not_tuned_on(recorded):
@@ -69,12 +78,6 @@ def test_a_recording_that_is_broken_or_has_no_slip_is_listed_with_why_and_not_tu
     (recorded.folder / 'slip_3.labels.yaml').unlink()
     asyncio.run(recorded.refresh())
     assert recorded.recordings['slip_3'].usable
-
-
-def test_a_new_recording_has_a_number_that_none_had(recorded):
-    (recorded.folder / 'rest_8').mkdir()
-    assert recorded.new_path('rest').name == 'rest_9'
-    assert recorded.new_path('taps').name == 'taps_1'
 
 
 def test_labels_that_a_person_wrote_are_counted_and_deleted_with_their_recording(recorded):
@@ -118,7 +121,8 @@ def test_each_row_from_the_first_on_is_written_once_with_its_label(tmp_path):
         recorder.label(slips)
         slipping = slips
     assert (recorder.rows, recorder.has_slip) == (len(truth), True)
-    for end in (recorder.close, lambda: None):
+    cut_off = 'was not ended: slip_1.mcap is cut off '
+    for end, note in ((recorder.close, cut_off), (lambda: None, '')):
         # As a page that is killed leaves it, and as one that ends it.
         recording = open_recording(recorder.path)
         assert (recording.kind, recording.accuracy_s) == ('', BY_HAND_S)
@@ -126,6 +130,9 @@ def test_each_row_from_the_first_on_is_written_once_with_its_label(tmp_path):
         (piece,) = recording.rows()
         assert piece.volts[:, 0].tolist() == [*range(15, 15 + len(truth))]
         assert piece.truth.tolist() == truth
+        listed = RecordedFolder(tmp_path)
+        asyncio.run(listed.refresh())
+        assert listed.recordings['slip_1'].note.startswith(note)
         end()
 
 

@@ -29,7 +29,7 @@ import pytest
 from tornado.httpclient import AsyncHTTPClient, HTTPClientError, HTTPRequest
 
 from slip_detector.view import server
-from slip_detector.view.access import Access, page_address
+from slip_detector.view.access import MOST_STRANGERS, Access, page_address
 from slip_detector.view.server import FOLDERS
 from slip_detector.view.view_request import ViewRequest
 from support.live_client import LiveClient
@@ -50,17 +50,27 @@ OPEN = Access('0.0.0.0', token='secret')
 
 @contextlib.asynccontextmanager
 async def served(detectors=None, **how):
-    """Serve detectors, and open one page; gives what is served, and the page."""
+    """Serve detectors to one page; gives what is served, which opens others, and the page."""
     async with served_pages(detectors or SimulatedDetectors(), **how) as it:
-        page = await LiveClient.open(it.url)
-        try:
-            yield it, page
-        finally:
-            page.close()
+        with contextlib.ExitStack() as ends:
+
+            async def another():
+                page = await LiveClient.open(it.url)
+                ends.callback(page.close)
+                return page
+
+            async def connect():
+                there = '127.0.0.1', port_of(it)
+                reader, writer = await asyncio.open_connection(*there, limit=1000)
+                ends.callback(writer.close)
+                return reader, writer
+
+            it.another, it.connect = another, connect
+            yield it, await another()
 
 
 def port_of(it):
-    return int(it.url.rpartition(':')[2].strip('/'))
+    return int(it.url.rpartition(':')[2].partition('/')[0])
 
 
 async def ticks(it, n):
@@ -131,9 +141,8 @@ async def test_a_broadcast_reaches_later_pages_and_is_repeated_only_when_it_chan
         it.server.broadcast('parameters', {'fingers': {}})
         await page.until('parameters')
         assert 'teaching' not in page.latest
-        late = await LiveClient.open(it.url)
+        late = await it.another()
         assert (await late.until('teaching'))['count'] == 1
-        late.close()
 
 
 async def test_pages_hear_of_fingers_that_come_and_go_and_of_the_end_of_the_server():
@@ -193,25 +202,17 @@ async def test_the_files_of_the_page_are_served_and_nothing_else(caplog):
         assert caplog.text == ''
         # It cannot be changed either.
         assert (await status_of(HTTPRequest(it.url, method='POST', body='')))[0] == 405
-
-
-async def test_what_tornado_cannot_take_is_one_line_in_the_log(caplog):
-    async with served() as (it, _):
-        reader, writer = await asyncio.open_connection('127.0.0.1', port_of(it))
+        # What tornado itself cannot take is one line.
+        reader, writer = await it.connect()
         writer.write(b'GET / HTTP/1.1\r\nHost: a:' + 5000 * b'9' + b'\r\n\r\n')
         await reader.read()
-        writer.close()
-    assert len(caplog.text.splitlines()) <= 1
+        assert len(caplog.text.splitlines()) <= 1
 
 
 async def test_another_site_reaches_neither_page_nor_connection():
     async with served() as (it, _):
         evil = f'evil.example:{port_of(it)}'
-        for place, name, value in (
-            ('', 'Host', evil),
-            ('live', 'Host', evil),
-            ('live', 'Origin', 'http://evil.example'),
-        ):
+        for place, name, value in (('', 'Host', evil), ('live', 'Origin', f'http://{evil}')):
             code, text = await status_of(HTTPRequest(it.url + place, headers={name: value}))
             assert (code, text.partition(',')[0]) == (403, f'{name} is {value}')
 
@@ -230,7 +231,7 @@ async def test_a_page_that_reads_nothing_delays_no_other_and_gets_only_the_lates
     async with served() as (it, page):
         await page.until('fingers')
         (asleep,) = it.server.pages
-        other = await LiveClient.open(it.url)
+        other = await it.another()
         # The stream of the first page is full, and stays so.
         stuck = asleep._sending = asyncio.get_running_loop().create_future()
         for k in range(20):
@@ -240,14 +241,13 @@ async def test_a_page_that_reads_nothing_delays_no_other_and_gets_only_the_lates
         assert len(asleep.news) <= 3
         stuck.set_result(None)
         assert (await page.until('teaching'))['count'] == 19
-        other.close()
 
 
-async def test_a_page_that_does_not_read_is_closed_and_little_waits_for_it(monkeypatch):
+async def test_what_reads_or_asks_nothing_is_closed_and_little_waits_for_it(monkeypatch):
     monkeypatch.setattr(server, 'PING_S', 0.5)
     async with served() as (it, page):
         await page.view()
-        _, writer = await asyncio.open_connection('127.0.0.1', port_of(it), limit=1000)
+        (idle, _), (_, writer) = await it.connect(), await it.connect()
         writer.write(UPGRADE)
         while len(it.server.pages) < 2:
             await page.drawn_frame()
@@ -259,7 +259,8 @@ async def test_a_page_that_does_not_read_is_closed_and_little_waits_for_it(monke
             most = max(most, len(deaf._answers))
             await page.drawn_frame()
         assert 1 < most <= server.MOST_UNANSWERED
-        writer.close()
+        assert await idle.read() == b''
+        await page.drawn_frame()
 
 
 async def test_of_what_takes_long_a_page_gets_the_last_and_one_that_has_left_nothing():
@@ -280,7 +281,7 @@ async def test_of_what_takes_long_a_page_gets_the_last_and_one_that_has_left_not
             await page.say('slow', id=number)
         asked = await page.until('answer', lambda answer: answer['id'] == 298)
         assert asked['refusal'] == server.REPLACED
-        leaves, other = [await LiveClient.open(it.url) for _ in range(2)]
+        leaves, other = await it.another(), await it.another()
         await leaves.say('slow', id='of one that leaves')
         await leaves.request('of no kind')
         leaves.close()
@@ -292,33 +293,19 @@ async def test_of_what_takes_long_a_page_gets_the_last_and_one_that_has_left_not
         assert (asked['refusal'], (await waits)['refusal']) == ('', '')
         assert begun[-2:] == [299, 1]
         assert len(begun) == 3  # The first one had begun at once.
-        other.close()
-
-
-async def test_a_connection_that_asks_for_nothing_is_closed_and_a_page_stays(monkeypatch):
-    monkeypatch.setattr(server, 'PING_S', 0.5)
-    async with served() as (it, page):
-        await page.view()
-        idle, writer = await asyncio.open_connection('127.0.0.1', port_of(it))
-        assert await idle.read() == b''
-        writer.close()
-        await page.drawn_frame()
 
 
 async def test_many_idle_connections_keep_no_page_out_and_take_few_descriptors():
     async with served() as (it, page):
         await page.view()
-        idle = [await asyncio.open_connection('127.0.0.1', port_of(it)) for _ in range(200)]
+        idle = [await it.connect() for _ in range(200)]
         assert await idle[0][0].read() == b''  # It was closed for a later one.
         await page.drawn_frame()
-        other = await LiveClient.open(it.url)
+        other = await it.another()
         await other.view()
         await other.drawn_frame()
-        held = [each for each in it.server.strangers if not each.closed()]
-        assert len(held) <= server.MOST_STRANGERS
-        other.close()
-        for _, writer in idle:
-            writer.close()
+        held = [each for each in it.server.connections.strangers if not each.closed()]
+        assert len(held) <= MOST_STRANGERS
 
 
 def take_descriptors():
@@ -331,7 +318,7 @@ def take_descriptors():
 
 
 async def test_where_descriptors_run_out_some_are_left_and_a_connection_waits(monkeypatch, caplog):
-    monkeypatch.setattr(server, 'PAUSE_S', 0.2)
+    monkeypatch.setattr('slip_detector.view.access.PAUSE_S', 0.2)
     limits, taken = resource.getrlimit(resource.RLIMIT_NOFILE), []
     loop = asyncio.get_running_loop()
     async with served() as (it, page):
@@ -371,14 +358,12 @@ async def test_one_page_too_many_is_told_so(monkeypatch):
 
 async def test_of_many_paused_pages_some_keep_the_past():
     async with served() as (it, first):
-        others = [await LiveClient.open(it.url) for _ in range(server.MOST_PAUSED)]
+        others = [await it.another() for _ in range(server.MOST_PAUSED)]
         for each in (first, *others):
             await each.view(until_ns=1_000_000_000_000)
             await each.drawn_frame()
         keeping = [page for page in it.server.pages if page.past]
         assert (len(it.server.pages), len(keeping)) == (len(others) + 1, len(others))
-        for each in others:
-            each.close()
 
 
 @pytest.mark.parametrize(
@@ -390,11 +375,10 @@ async def test_of_many_paused_pages_some_keep_the_past():
 async def test_a_message_that_is_no_request_does_not_disturb_other_pages(text, caplog):
     async with served() as (it, page):
         await page.view()
-        other = await LiveClient.open(it.url)
+        other = await it.another()
         await other._socket.write_message(text, binary=isinstance(text, bytes))
         for _ in range(3):
             await page.drawn_frame()
-        other.close()
     assert caplog.text == ''
 
 
@@ -408,12 +392,11 @@ async def test_a_page_that_cannot_be_drawn_is_closed_and_others_are_served(monke
 
     monkeypatch.setattr(ViewRequest, 'frame', fail)
     async with served() as (it, page):
-        other = await LiveClient.open(it.url)
+        other = await it.another()
         await other.view(finger='')
         while await other._socket.read_message() is not None:
             pass
         assert 'has failed at this page' in other._socket.close_reason
-        other.close()
         assert 'in a frame' in caplog.text
         await page.view()
         await page.drawn_frame()

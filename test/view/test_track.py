@@ -21,12 +21,7 @@ from hypothesis import strategies as st
 
 from slip_detector.chain.samples import Samples
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.view.track import (
-    SET_BACK_NS,
-    LiveTrack,
-    Rows,
-    spectrum,
-)
+from slip_detector.view.track import SET_BACK_NS, LiveTrack, Rows, spectrum
 
 VALUES = st.floats(-1e3, 1e3, width=32) | st.just(np.nan)
 
