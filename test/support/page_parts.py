@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Parts of the live page, as tests find them: each locator leads to one element."""
+"""Parts of the live page, as tests find them, each by a locator of one element; and their use."""
 
 import re
 
@@ -60,6 +60,11 @@ def threshold_line(page):
     return slider(page, 'Threshold')
 
 
+def mains(page):
+    """Return the choice of the frequency of the mains."""
+    return page.get_by_label('Hum of the mains that is taken off', exact=True)
+
+
 def recording_now(page):
     """Return the line that tells what is recorded now."""
     return page.locator('.teach-now')
@@ -73,3 +78,15 @@ def recording(page, name):
 def config_of(served, name=NAME):
     """Return the configuration with which a simulated detector runs."""
     return served.call(lambda: served.detectors.fingers[name].config)
+
+
+def press(place, *keys):
+    """Press keys, one after the other, on an element."""
+    for key in keys:
+        place.press(key)
+
+
+def until(page, condition):
+    """Wait until something holds of the data of the timeline."""
+    data = 'const data = document.getElementById("timeline").dataset;'
+    page.wait_for_function(f'() => {{ {data} return {condition}; }}', timeout=60_000)

@@ -73,22 +73,23 @@ def open_page(browser, monkeypatch, frame_s):
 
 
 @pytest.fixture
-def serve(tmp_path):
-    """Return what serves a hand as ``slip_view`` does, with a folder of the test."""
+def serve(tmp_path, open_page):
+    """Return what serves a hand as ``slip_view`` does, with a folder of the test, and its page."""
 
-    def serve_(detectors, files=(), access=None):
+    def serve_(detectors, files=(), access=None, width=1366):
         def prepare(server):
             ParameterRequests(server, tmp_path, files)
             Teaching(server, tmp_path)
 
-        return ends.enter_context(served_beside(detectors, access=access, prepare=prepare))
+        served = ends.enter_context(served_beside(detectors, access=access, prepare=prepare))
+        return served, open_page(served, width)
 
     with contextlib.ExitStack() as ends:
         yield serve_
 
 
 @pytest.fixture
-def played(serve, open_page):
+def played(serve):
     """Return what opens a page on fingers that play rows: by label the rows."""
 
     def open_(rows_of, prepare=lambda detectors: None, width=1366, config=None):
@@ -96,7 +97,6 @@ def played(serve, open_page):
         for label, rows in rows_of.items():
             detectors.add(label, config or DetectorConfig(), rows=rows)
         prepare(detectors)
-        served = serve(detectors)
-        return served, open_page(served, width=width)
+        return serve(detectors, width=width)
 
     return open_

@@ -47,9 +47,8 @@ def wait_until_it_fits(page, *widths):
     """Give the window each width, and wait until the page is no wider."""
     for width in widths:
         page.set_viewport_size({'width': width, 'height': 768})
-        page.wait_for_function(
-            'width => document.documentElement.scrollWidth <= width', arg=width, timeout=10_000
-        )
+        fits = 'width => document.documentElement.scrollWidth <= width'
+        page.wait_for_function(fits, arg=width, timeout=10_000)
 
 
 @pytest.fixture
@@ -101,9 +100,8 @@ def test_what_is_wrong_stands_first_and_whole_and_nothing_stands_twice(played):
         )
         none.unfit = time.monotonic() + 3600.0, 'samples come, but they have 8 channels'
 
-    _, page = played(
-        {name: STATES[name] for name in ('rest', 'dead', 'none')}, prepare, width=1024
-    )
+    states = {name: STATES[name] for name in ('rest', 'dead', 'none')}
+    _, page = played(states, prepare, width=1024)
 
     def lines(label):
         return parts.card(page, label).locator('.diagnostics li')
@@ -135,9 +133,8 @@ def test_names_and_diagnostics_are_shown_as_text(played):
     expect(page.locator('[data-state=rest]')).to_be_visible()
     expect(page.get_by_role('heading', name=f'index{name}', exact=True)).to_be_visible()
     page.locator('.finger').get_by_text('Channels in words', exact=True).click()
-    expect(page.locator('.finger details li').first).to_contain_text(
-        f'one {name}, group of {name}'
-    )
+    first = page.locator('.finger details li').first
+    expect(first).to_contain_text(f'one {name}, group of {name}')
     expect(parts.button(page, f'Traces of one {name}')).to_be_visible()
     expect(page.locator('.lane-name.channel')).to_have_text(f'one {name}')
     line = page.locator('.diagnostics li')
@@ -224,9 +221,8 @@ def test_a_chosen_finger_stays_chosen_while_it_is_gone(played):
 
 
 def wait_for_a_new_frame(page):
-    page.evaluate(
-        "document.querySelectorAll('[data-state]').forEach((e) => delete e.dataset.state)"
-    )
+    forget = "document.querySelectorAll('[data-state]').forEach((e) => delete e.dataset.state)"
+    page.evaluate(forget)
     page.locator('[data-state]').first.wait_for(state='attached')
 
 
@@ -252,9 +248,8 @@ def test_when_slip_view_ends_the_page_says_so_and_connects_again_by_itself(brows
         page.close()
 
 
-def test_a_slip_view_that_hangs_is_reported_and_no_button_looks_as_if_it_worked(serve, open_page):
-    served = serve(SimulatedDetectors())
-    page = open_page(served)
+def test_a_slip_view_that_hangs_is_reported_and_no_button_looks_as_if_it_worked(serve):
+    served, page = serve(SimulatedDetectors())
     words = page.locator('#connection')
     buttons = parts.record_button(page, 'Rest'), parts.tool(page, 'Save')
     for button in buttons:
@@ -279,18 +274,16 @@ def test_a_slip_view_that_hangs_is_reported_and_no_button_looks_as_if_it_worked(
         expect(button).to_be_enabled()
 
 
-def test_with_read_only_nothing_can_be_changed_in_any_tab(serve, open_page, tmp_path):
+def test_with_read_only_nothing_can_be_changed_in_any_tab(serve, tmp_path):
     write_recordings(tmp_path / 'index', slips=2)
-    served = serve(SimulatedDetectors(), access=Access(read_only=True))
-    page, before = open_page(served), parts.config_of(served)
+    served, page = serve(SimulatedDetectors(), access=Access(read_only=True))
+    before = parts.config_of(served)
     for word in ('Rest', 'Slip', 'Taps'):
         expect(parts.record_button(page, word)).to_be_disabled()
     for name in ('Tune', 'Delete slip_1', 'Save'):
         expect(parts.tool(page, name)).to_be_disabled()
     expect(parts.recording_now(page)).to_contain_text('--read-only')
-    parts.threshold_line(page).focus()
-    page.keyboard.press('PageUp')
-    page.keyboard.press('Enter')
+    parts.press(parts.threshold_line(page), 'PageUp', 'Enter')
     expect(parts.threshold_line(page)).to_have_attribute('aria-valuetext', 'threshold 0.5')
     parts.tab(page, 'Parameters').click()
     expect(page.locator('#parameters')).to_contain_text('--read-only')
@@ -313,17 +306,14 @@ def test_axe_finds_nothing_in_any_panel(played, violations, tmp_path):
     expect(page.get_by_role('slider')).to_have_count(8)  # Two are the ends of the label.
     assert violations(page) == []
     parts.tab(page, 'Parameters').click()
-    parts.tab(page, 'Traces').click()
-    parts.threshold_line(page).focus()
-    page.keyboard.press('PageUp')
-    page.keyboard.press('Enter')
-    expect(parts.changes(page)).to_contain_text('threshold from')
+    served.call(lambda: served.detectors.panels[parts.NAME].update({'threshold': 0.4}))
     # No file is known.
     expect(page.locator('[data-name="threshold"]')).to_contain_text('As first seen: 0.5.')
     assert violations(page) == []
     page.emulate_media(color_scheme='dark')
     assert violations(page) == []
     served.call(served.detectors.remove, 'index')
+    expect(page).to_have_title('slip_view')
     expect(page.locator('#no-finger')).to_be_visible()
     assert violations(page) == []
 

@@ -24,9 +24,9 @@ import pytest
 
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.view.detectors import Diagnosis
+from support import page_parts as parts
 from support.browsers import expect
 from support.finger_states import without_channel_7
-from support.page_parts import card, recording, recording_now
 from support.simulated_detectors import SimulatedDetectors
 from support.training import write_recordings
 
@@ -44,7 +44,7 @@ ROUND_S = 9.6
 
 
 @pytest.fixture
-def opened(serve, open_page):
+def opened(serve):
     """Return what opens a page on fingers that have played so many seconds of their scene."""
 
     def open_(played_s, prepare=lambda detectors: None):
@@ -52,18 +52,9 @@ def opened(serve, open_page):
         prepare(detectors)
         for label, seconds in played_s.items():
             detectors.simulated[f'/{label}/slip_detector'].play(seconds)
-        return open_page(serve(detectors))
+        return serve(detectors)[1]
 
     return open_
-
-
-def until_s(page, seconds):
-    """Wait until so many seconds of the scene are drawn; its stamps begin at 1000 s."""
-    page.wait_for_function(
-        'seconds => document.getElementById("timeline").dataset.toS > 40 + seconds',
-        arg=seconds,
-        timeout=60_000,
-    )
 
 
 def keep(page, name, tmp_path):
@@ -132,9 +123,9 @@ def test_fingers(opened, tmp_path, name, played_s, prepare, seen_s, states):
     page = opened(played_s, prepare)
     if name == 'dead':
         page.get_by_role('button', name='LR', exact=True).click()
-    until_s(page, seen_s)
+    parts.until(page, f'data.toS > {40 + seen_s}')
     for label, state in zip(played_s, states, strict=True):
-        expect(card(page, label)).to_have_attribute('data-state', state)
+        expect(parts.card(page, label)).to_have_attribute('data-state', state)
     keep(page, name, tmp_path)
 
 
@@ -142,11 +133,11 @@ def test_fingers(opened, tmp_path, name, played_s, prepare, seen_s, states):
 def test_teaching(opened, tmp_path):
     write_recordings(tmp_path / 'index', slips=3)
     page = opened({'index': 9.5})  # It slips again at 13.4 s.
-    now = recording_now(page)
-    expect(recording(page, 'taps_1')).to_be_visible()
+    now = parts.recording_now(page)
+    expect(parts.recording(page, 'taps_1')).to_be_visible()
     expect(page.locator('.recording-trace').last).to_contain_text('ON for')
     page.keyboard.down(' ')
-    until_s(page, ROUND_S + IN_SLIP_S)
+    parts.until(page, f'data.toS > {40 + ROUND_S + IN_SLIP_S}')
     expect(now).to_contain_text('SLIP')
     keep(page, 'teach', tmp_path)
     page.keyboard.up(' ')

@@ -41,16 +41,14 @@ def set_values(page, **values):
 def test_parameters_are_set_together_refused_undone_and_saved(serve, open_page, tmp_path):
     file = tmp_path / 'finger.yaml'
     file.write_text('/**/slip_detector: {ros__parameters: {threshold: 0.5}}', encoding='utf-8')
-    served = serve(SimulatedDetectors(('index', 'thumb'), real_time=False), [file])
-    page, other = open_page(served), open_page(served)
+    served, page = serve(SimulatedDetectors(('index', 'thumb'), real_time=False), [file])
+    other = open_page(served)
     for each in (page, other):
         parts.tab(each, 'Parameters').click()
         expect(parts.field(each, 'threshold')).to_have_value('0.5')
     closed = page.locator('#parameters details:not([open]) > summary')
     while closed.count():
         closed.first.click()
-    names = page.locator('#parameters .parameter label').all_inner_texts()
-    assert (names[0], {*names}) == ('threshold', {*DetectorConfig().to_parameters()})
     expect(row(page, 'max_gap_s')).to_contain_text('Allowed: 0 to 60.')
     expect(row(page, 'autostart')).to_contain_text('Holds from the start')
     expect(parts.field(page, 'autostart')).to_be_disabled()
@@ -95,7 +93,6 @@ def test_parameters_are_set_together_refused_undone_and_saved(serve, open_page, 
     expect(page.get_by_label('File', exact=True)).to_have_value('index')
     parts.tool(page, 'Save').click()
     expect(saved).to_contain_text(f'config:={tmp_path}/index.yaml')
-    assert DetectorConfig.from_yaml(tmp_path / 'index.yaml') == parts.config_of(served)
     parts.tool(page, 'Save').click()
     expect(saved).to_contain_text('Not saved: ')
     page.locator('#tools .saving select').select_option('all')
@@ -150,10 +147,11 @@ def test_rest_and_slips_are_recorded_listed_tuned_on_and_deleted(played, tmp_pat
     page.keyboard.press('s')
     expect(parts.recording(page, 'press_1')).to_be_visible()
     assert open_recording(tmp_path / 'index' / 'press_1').kind == 'press'
-    (tmp_path / 'index' / 'rest_1' / 'rest_1.mcap').write_bytes(b'no bag')
+    for bag in tmp_path.glob('index/slip_*/*.mcap'):
+        bag.write_bytes(b'no bag')
     parts.tool(page, 'Tune').click()
     failed = page.locator('#tuning-failed')
-    expect(failed).to_contain_text(re.compile('^Tuning failed: .*rest_1'))
+    expect(failed).to_contain_text(re.compile('^Tuning failed: .*too few slips'))
     expect(failed).to_contain_text('What was recorded is kept')
     count = listed.count()
     for answer, left in (('dismiss', count), ('accept', count - 1)):
@@ -162,23 +160,17 @@ def test_rest_and_slips_are_recorded_listed_tuned_on_and_deleted(played, tmp_pat
         expect(listed).to_have_count(left)
 
 
-def test_the_end_of_a_label_is_dragged_snapped_and_saved_beside_what_would_be_decided(
-    played, tmp_path
-):
+def test_the_end_of_a_label_is_dragged_snapped_and_saved_beside_the_decision(played, tmp_path):
     write_recordings(tmp_path / 'index', slips=1)
     _, page = played({'index': rest_rows()})
     trace = page.locator('.recording-trace').nth(2)
     expect(trace).to_contain_text(re.compile('ON for .* of the slip, .* of the rest'))
-    expect(page.locator('.recording-trace').first).to_contain_text(
-        re.compile('ON for .* % of the rest')
-    )
+    rest = page.locator('.recording-trace').first
+    expect(rest).to_contain_text(re.compile('ON for .* % of the rest'))
     start, end = (parts.slider(page, f'{edge} of the slip in slip_1') for edge in ('Start', 'End'))
     save = parts.tool(page, 'Save labels')
     expect(save).to_be_disabled()
-    end.focus()
-    for _ in range(2):
-        page.keyboard.press('PageUp')
-    page.keyboard.press('Enter')
+    parts.press(end, 'PageUp', 'PageUp', 'Enter')
     expect(trace).to_contain_text('Moved, not saved: start +0.00 s, end +0.20 s')
     parts.tool(page, 'Snap').click()
     expect(trace).not_to_contain_text('end +0.20 s')

@@ -32,12 +32,6 @@ from support.simulated_detectors import SimulatedDetectors
 NAMES_WIDTH, RIGHT_MARGIN = 92, 16
 
 
-def until(page, condition):
-    """Wait until something holds of the data of the timeline."""
-    data = 'const data = document.getElementById("timeline").dataset;'
-    page.wait_for_function(f'() => {{ {data} return {condition}; }}', timeout=60_000)
-
-
 def stretch(page):
     """Return from when to when is drawn."""
     data = page.evaluate('({...document.getElementById("timeline").dataset})')
@@ -47,14 +41,13 @@ def stretch(page):
 def play(served, page, seconds):
     """Play so much of the scene and wait until it is drawn; its stamps begin at 1000 s."""
     served.call(served.detectors.simulated[parts.NAME].play, seconds)
-    until(page, f'data.toS > {40 + seconds}')
+    parts.until(page, f'data.toS > {40 + seconds}')
 
 
 @pytest.mark.parametrize('frame_s', [FRAME_S])
-def test_time_goes_on_and_never_back_and_stands_still_without_samples(serve, open_page):
-    served = serve(SimulatedDetectors())
-    page = open_page(served)
-    until(page, 'data.toS > 0')
+def test_time_goes_on_and_never_back_and_stands_still_without_samples(serve):
+    served, page = serve(SimulatedDetectors())
+    parts.until(page, 'data.toS > 0')
     ends_of_a_second = """async (seconds) => {
       const {dataset} = document.getElementById('timeline'), ends = [];
       const begin = performance.now();
@@ -79,9 +72,8 @@ def test_time_goes_on_and_never_back_and_stands_still_without_samples(serve, ope
     assert set(page.evaluate(ends_of_a_second, 1.0)) == {now[1]}
 
 
-def test_traces_are_chosen_paused_read_and_the_threshold_is_moved(serve, open_page):
-    served = serve(SimulatedDetectors())
-    page = open_page(served)
+def test_traces_are_chosen_paused_read_and_the_threshold_is_moved(serve):
+    served, page = serve(SimulatedDetectors())
     names, lanes = page.locator('.lane-name'), page.locator('.lane-name.channel')
     readout = page.locator('#traces .readout')
     play(served, page, 31.0)  # It slips from 3.8 s on.
@@ -101,9 +93,7 @@ def test_traces_are_chosen_paused_read_and_the_threshold_is_moved(serve, open_pa
     expect(parts.changes(page)).to_contain_text('threshold from 0.5')
     before = parts.config_of(served).threshold
     assert before < 0.45
-    line.focus()
-    for key in ('ArrowUp', 'Escape', 'ArrowUp', 'Enter'):
-        page.keyboard.press(key)
+    parts.press(line, 'ArrowUp', 'Escape', 'ArrowUp', 'Enter')
     expect(parts.changes(page)).to_contain_text(f'from {before:g} to {1.05 * before:.3g}')
     parts.button(page, 'LU').click()
     expect(lanes).to_have_text(['ch2', 'ch4', 'ch13', 'ch15'])
@@ -116,9 +106,7 @@ def test_traces_are_chosen_paused_read_and_the_threshold_is_moved(serve, open_pa
     page.keyboard.press('p')
     expect(parts.button(page, 'Go on')).to_be_visible()
     paused = stretch(page)
-    page.focus('#timeline')
-    page.keyboard.press('+')
-    page.keyboard.press('ArrowLeft')
+    parts.press(page.locator('#timeline'), '+', 'ArrowLeft')
     from_s, to_s = stretch(page)
     assert to_s - from_s == pytest.approx((paused[1] - paused[0]) / 2)
     (connection,) = served.server.pages
@@ -143,7 +131,7 @@ def test_traces_are_chosen_paused_read_and_the_threshold_is_moved(serve, open_pa
     page.keyboard.press('Shift+ArrowDown')
     expect(readout).to_contain_text('of the threshold')
     page.keyboard.press('p')
-    until(page, f'data.toS > {paused[1]}')
+    parts.until(page, f'data.toS > {paused[1]}')
     page.keyboard.press('Home')
     expect(page.locator('#trace-span')).to_have_text('10 s')
 
@@ -159,11 +147,11 @@ def reach_of_line(page):
     return (pixels[:, :, 2] - pixels[:, :, 0] > 100).any(axis=1).mean()
 
 
-def test_a_gap_and_values_that_are_no_numbers_leave_traces_their_height(serve, open_page):
-    served = serve(SimulatedDetectors(rows=rest_rows(), real_time=False))
-    page, simulated = open_page(served), served.detectors.simulated[parts.NAME]
+def test_a_gap_and_values_that_are_no_numbers_leave_traces_their_height(serve):
+    served, page = serve(SimulatedDetectors(rows=rest_rows(), real_time=False))
+    simulated = served.detectors.simulated[parts.NAME]
     served.call(simulated.play, 2.0)
-    until(page, 'data.toS > 41.9')
+    parts.until(page, 'data.toS > 41.9')
     before = reach_of_line(page)
     assert before > 0.5
 
@@ -173,7 +161,7 @@ def test_a_gap_and_values_that_are_no_numbers_leave_traces_their_height(serve, o
         simulated.play(2.0)
 
     served.call(lose_a_second_and_break_a_value)
-    until(page, 'data.toS > 44.9')
+    parts.until(page, 'data.toS > 44.9')
     assert reach_of_line(page) > 0.8 * before
 
 
@@ -188,8 +176,8 @@ FAR_APART = """async () => {
 }"""
 
 
-def test_of_what_came_before_a_long_gap_no_column_is_kept(serve, open_page):
-    page = open_page(serve(SimulatedDetectors()))
+def test_of_what_came_before_a_long_gap_no_column_is_kept(serve):
+    _, page = serve(SimulatedDetectors())
     assert page.evaluate(FAR_APART) == [1e6, 1]
 
 
@@ -202,17 +190,15 @@ def rows_with_lines(*frequencies_hz):
     return rows
 
 
-def test_the_spectrum_is_read_kept_as_rest_and_its_bands_are_dragged(serve, open_page):
-    served = serve(SimulatedDetectors(rows=rows_with_lines(31.0, 110.0)))
+def test_the_spectrum_is_read_kept_as_rest_and_its_bands_are_dragged(serve):
+    served, page = serve(SimulatedDetectors(rows=rows_with_lines(31.0, 110.0)))
     simulated = served.detectors.simulated[parts.NAME]
     served.call(simulated.play, 6.0)
-    page = open_page(served)
     parts.tab(page, 'Spectrum').click()
     page.get_by_label('Channel', exact=True).select_option('ch1')
     picture = page.locator('#spectrum-plot')
-    expect(picture).to_have_accessible_name(
-        'Spectrum of ch1; pass-band 7 to 50 Hz; strongest at 31 Hz'
-    )
+    words = 'Spectrum of ch1; pass-band 7 to 50 Hz; strongest at 31 Hz'
+    expect(picture).to_have_accessible_name(words)
     readout = page.locator('#spectrum .readout')
     picture.focus()
     for key, words in (('ArrowRight', '31'), ('ArrowRight', '31.5'), ('PageDown', '21.5')):
@@ -229,18 +215,14 @@ def test_the_spectrum_is_read_kept_as_rest_and_its_bands_are_dragged(serve, open
     x = box['x'] + box['width'] * (np.log(31.0) - least) / (most - least)
     page.mouse.move(x, box['y'] + box['height'] - 20)
     expect(readout).to_have_text(re.compile(r'dB · at rest .* · (1[5-9]|[2-9]\d)\.\d dB above'))
-
-    def edge(name):
-        return parts.slider(page, name)
-
     # Where edges of two bands meet, the line is the pass-band's, and each has a label.
-    low, high, mains = (edge(n) for n in ('Pass-band, low edge', 'Pass-band, high edge', 'Mains'))
+    names = 'Pass-band, low edge', 'Pass-band, high edge', 'Mains'
+    low, high, mains = (parts.slider(page, name) for name in names)
     line = low.bounding_box()
-    label = edge('Stop-band 1, high edge').locator('.label').bounding_box()
-    for x, y in (
-        (line['x'] + line['width'] / 2, line['y'] + line['height'] - 20),
-        (label['x'] + label['width'] / 2, label['y'] + 6),
-    ):
+    label = parts.slider(page, 'Stop-band 1, high edge').locator('.label').bounding_box()
+    at_line = line['x'] + line['width'] / 2, line['y'] + line['height'] - 20
+    at_label = label['x'] + label['width'] / 2, label['y'] + 6
+    for x, y in (at_line, at_label):
         page.mouse.move(x, y)
         page.mouse.down()
         page.mouse.move(line['x'] + 60, y, steps=4)
@@ -253,29 +235,24 @@ def test_the_spectrum_is_read_kept_as_rest_and_its_bands_are_dragged(serve, open
     # One more is put where there is none.
     add = parts.button(page, 'Add stop-band')
     add.click()
-    expect(edge('Stop-band 3, low edge')).to_have_attribute('aria-valuetext', 'stop 3 from 180 Hz')
+    third = parts.slider(page, 'Stop-band 3, low edge')
+    expect(third).to_have_attribute('aria-valuetext', 'stop 3 from 180 Hz')
     parts.button(page, 'Remove stop-band 3: 180 to 186 Hz').click()
-    expect(edge('Stop-band 3, low edge')).to_have_count(0)
-    high.focus()
-    for _ in range(9):
-        page.keyboard.press('PageUp')
+    expect(third).to_have_count(0)
+    parts.press(high, *(9 * ['PageUp']))
     expect(high).to_have_attribute('aria-valuetext', 'pass to all above')
     page.keyboard.press('Enter')
     expect(parts.changes(page)).to_contain_text(f'to {from_hz:g}, 0')
     parts.button(page, 'Remove stop-band 2: 50 to 180 Hz').click()
-    expect(edge('Stop-band 2, low edge')).to_have_count(0)
-    page.get_by_label('Hum of the mains that is taken off', exact=True).select_option(
-        'mains 60 Hz'
-    )
+    expect(parts.slider(page, 'Stop-band 2, low edge')).to_have_count(0)
+    parts.mains(page).select_option('mains 60 Hz')
     expect(mains).to_have_attribute('aria-valuetext', 'mains 60 Hz')
     # No whole periods of 61 Hz: the detector says so, and the line goes back. When the parameters
     # change, or their finger goes, the refusal says nothing any more.
     refusal, detectors = page.locator('#refusal'), served.detectors
     panel = detectors.panels[parts.NAME]
     for change in (lambda: panel.update({'gain': 5.0}), lambda: detectors.remove('index')):
-        mains.focus()
-        page.keyboard.press('ArrowUp')
-        page.keyboard.press('Enter')
+        parts.press(mains, 'ArrowUp', 'Enter')
         expect(refusal).to_contain_text('parameter mains_hz is 61 Hz')
         expect(mains).to_have_attribute('aria-valuetext', 'mains 60 Hz')
         served.call(change)
