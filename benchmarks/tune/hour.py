@@ -33,7 +33,7 @@ from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.recordings import open_recording, write_recording
 from slip_detector.report import page as report
 from slip_detector.report.overview import Overview
-from slip_detector.report.page_sections import Variant
+from slip_detector.report.page import Variant
 from slip_detector.scenes import find_scene, load_scene
 from slip_detector.tuning.problem import Problem
 from slip_detector.tuning.search import Study, search

@@ -33,6 +33,7 @@ from typing import Any
 
 from slip_detector.commands import workers
 from slip_detector.commands.command_line import Parser, interrupts_noted, run, whole_number
+from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.files import read_yaml, write_yaml
 from slip_detector.parameters.sections import ALL, node_of, sections_of
@@ -50,11 +51,7 @@ TRIALS = 200
 OF_SEARCH = ('held_out', 'report', 'storage', 'jobs', 'cluster', 'press', 'roll', 'idle')
 
 #: Options for recordings in which nothing slides, and what happens in these.
-OF_KINDS = {
-    'press': 'pressed, squeezed and let go',
-    'roll': 'rolled',
-    'idle': 'not touched by anything',
-}
+OF_KINDS = {'press': 'pressed, squeezed and let go', 'roll': 'rolled', 'idle': 'not touched'}
 
 STOPPING = '\nstopping; results so far are kept (Ctrl-C again: end at once)\n'
 
@@ -87,9 +84,7 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         '--held-out', action='append', default=[], metavar='RECORDING', help='hold out this '
         'recording, or a folder of them, and tune on all other RECORDINGs; repeatable',
     )  # fmt: skip
-    add = parser.add_argument_group(
-        'more to tune on, without labels, as nothing slides'
-    ).add_argument
+    add = parser.add_argument_group('more to tune on, unlabelled, as nothing slides').add_argument
     for kind, happens in OF_KINDS.items():
         text = f'a recording of a finger that is {happens}, or a folder of them; repeatable'
         add(f'--{kind}', action='append', default=[], metavar='RECORDING', help=text)
@@ -188,8 +183,9 @@ def _search(
     from slip_detector.report.page import replay_variant, write_page
 
     problem, held, study, verdict, notes = result
+    parts = {'held out': held, 'tuned on': problem.tracks}
     given, tuned = (
-        replay_variant(name, chain, problem.evaluation, held, problem.tracks)
+        replay_variant(name, Replay(chain, problem.evaluation), parts)
         for name, chain in (('given', problem.given), ('tuned', verdict.chain))
     )
     lines = [
@@ -205,7 +201,7 @@ def _search(
         slips = sum(len(track.slips) for track in held)
         lines.insert(0, f'The result detects none of {slips} slips that are held out')
     title, notes = 'Tuning of the slip detector', [*lines]
-    for what in ('held out', 'tuned on'):
+    for what in parts:
         figures = (one.figures[f'all {what}'] for one in (given, tuned))
         lines += [f'On what was {what}:', *comparison_table(*figures).splitlines()]
     changes = {} if verdict.kept else searched(verdict.chain)
@@ -268,9 +264,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = _arguments(argv)
 
     def work() -> str:
-        parameters = TuningParameters(
-            *workers.sets_of_parameters(options, *map(type, TuningParameters()[:-1]))
-        )
+        sets = workers.sets_of_parameters(options, *map(type, TuningParameters()[:-1]))
+        parameters = TuningParameters(*sets)
         written = {'--out': options.out, '--report': options.report}
         where = options.storage or f'{options.out}.study.journal'
         workers.check_apart(written, options.labels, where)
@@ -296,7 +291,3 @@ def main(argv: Sequence[str] | None = None) -> int:
         return '\n'.join([*lines, f'Written: {", ".join(map(str, paths))}'])
 
     return run(NAME, work)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

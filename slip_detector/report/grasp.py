@@ -23,7 +23,7 @@ from matplotlib.figure import Figure
 from slip_detector.chain.samples import Floats
 from slip_detector.grasp.loop import CONTROLLER, PAPER, UNCONTROLLED, GraspTrial
 from slip_detector.report.pictures import COLORS, draw_decision, save_picture
-from slip_detector.report.tables import heading, number_text, text_table, verdict_cells
+from slip_detector.report.tables import heading, number_text, text_table
 
 Figures = Mapping[str, Mapping[str, Any]]
 
@@ -63,11 +63,11 @@ def grasp_table(result: Mapping[str, Any]) -> str:
     for name, part in {**parts, **result['harder']}.items():
         figures = [number_text(part[key], '.2f') for key in COLUMNS]
         rows.append([name, f'{part["dropped"]} of {part["trials"]}', *figures])
-    wanted = [
-        [condition, heading(name), *verdict_cells(entry)]
-        for condition, entries in result['wanted'].items()
-        for name, entry in entries.items()
-    ]
+    wanted = []
+    for condition, entries in result['wanted'].items():
+        for name, entry in entries.items():
+            value, met = number_text(entry['value'], '.2f'), 'met' if entry['met'] else 'NOT met'
+            wanted.append([condition, heading(name), value, f'wanted {entry["bound"]}', met])
     needed = parts[CONTROLLER]['needed_percent']
     blocks = [
         f'{len(seeds)} objects (seeds {seeds[0]} to {seeds[-1]}): gripped, lifted and filled '

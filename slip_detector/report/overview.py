@@ -186,12 +186,11 @@ class Overview:
         self.name, self.config, self.share = name, config, share
         self.channel_names = tuple(channel_names) or config.names
         self.sample_rate_hz = sample_rate_hz or config.sample_rate_hz
-        self.rows = 0
+        self.rows, self.labelled = 0, True
         self.truth, self.slip = OnIntervals(), OnIntervals()
         self.groups = {name: OnIntervals() for name in config.groups}
         self.events: Sequence[Event] = ()
         self._intervals = self.slip, self.truth, *self.groups.values()
-        self.labelled = True
         # The numbers of rows, their volts and their codes, so far.
         self._pieces: list[tuple[Ints, Volts, Codes]] = []
 

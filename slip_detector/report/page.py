@@ -29,7 +29,7 @@ from html import escape
 from importlib import resources
 from pathlib import Path
 from string import Template
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,11 +37,11 @@ from numpy.typing import NDArray
 from slip_detector.evaluation import evaluator
 from slip_detector.evaluation.figures import ReplayOutcome, figures_of_merit
 from slip_detector.evaluation.replay import Replay
-from slip_detector.parameters import ChainConfig, EvaluationConfig
+from slip_detector.parameters import ChainConfig
 from slip_detector.parameters.files import whole_file
+from slip_detector.report import tables
 from slip_detector.report.overview import EVENT_KINDS, Codes, Overview, Volts
-from slip_detector.report.page_sections import Variant, sections
-from slip_detector.report.tables import labels_note, recording_notes
+from slip_detector.report.pictures import latency_figure, svg
 from slip_detector.tuning.tracks import Track
 
 #: Scripts of a page; each comes after those that it needs.
@@ -51,6 +51,33 @@ STYLES = ('uplot/uPlot.min.css', 'drawing.css', 'report.css')
 #: Code of a bin without samples, and the highest code of a channel's range. Finer steps would make
 #: the file larger and would not be seen: a channel has some 40 pixels in the timeline.
 NO_SAMPLE, MOST_CODE = 0xFFFF, 2**14 - 1
+
+
+class Variant(NamedTuple):
+    """One configuration of the chain, with its overviews and figures of all recordings.
+
+    Attributes
+    ----------
+    name : str
+        For example ``given`` or ``tuned``.
+    config : ChainConfig
+    overviews : sequence of Overview
+        One for each recording, in the same order for all variants.
+    figures : mapping
+        Figures of each recording, and of all together, by its name; None where one is not
+        defined.
+
+    Examples
+    --------
+    >>> given = Variant('given', ChainConfig(), [], {'all recordings': {'recall': 0.95}})
+    >>> given.figures['all recordings']['recall']
+    0.95
+    """
+
+    name: str
+    config: ChainConfig
+    overviews: Sequence[Overview]
+    figures: Mapping[str, Mapping[str, float | None]]
 
 
 def write_page(
@@ -112,6 +139,80 @@ def write_page(
 
 def _read(name: str) -> str:
     return resources.files('slip_detector.report').joinpath(f'templates/{name}').read_text('utf-8')
+
+
+def sections(variants: Sequence[Variant], outcomes: Sequence[ReplayOutcome] = ()) -> str:
+    """Return the sections of a page below the timeline, as HTML.
+
+    Parameters
+    ----------
+    variants, outcomes
+        As :func:`write_page` takes them.
+
+    Examples
+    --------
+    >>> config = ChainConfig()
+    >>> given = Variant('given', config, [Overview('rest.npz', config)], {})
+    >>> [line for line in sections([given]).splitlines() if line.startswith('<h2>')]
+    ['<h2>Figures</h2>', '<h2>Parameters</h2>']
+    """
+    parts = {'Figures': _figures(variants)}
+    if outcomes:
+        data = base64.b64encode(svg(latency_figure(outcomes)).encode()).decode()
+        source = f'data:image/svg+xml;base64,{data}'
+        parts['Latency'] = f'<img alt="Latencies and ROC curve" src="{source}">'
+    parts['Parameters'] = _parameters(variants)
+    return '\n'.join(
+        f'<section>\n<h2>{title}</h2>\n{content}\n</section>' for title, content in parts.items()
+    )
+
+
+def _figures(variants: Sequence[Variant]) -> str:
+    titles = list(dict.fromkeys(title for variant in variants for title in variant.figures))
+    rows = [(title, one.name, one.figures.get(title, {})) for title in titles for one in variants]
+    names = list(dict.fromkeys(name for *_, figures in rows for name in figures))
+
+    def table(names: Sequence[str]) -> str:
+        cells = [
+            [title, variant, *(tables.figure_text(name, figures) for name in names)]
+            for title, variant, figures in rows
+        ]
+        return _table('figures', ['recording', 'variant', *map(tables.heading, names)], cells)
+
+    main = table(tables.main_figures(figures for *_, figures in rows))
+    return f'{main}{_details("All figures", table(names))}<p class="legend">{tables.LEGEND}</p>'
+
+
+def _parameters(variants: Sequence[Variant]) -> str:
+    sets = [variant.config.to_parameters() for variant in variants]
+    names = dict.fromkeys(name for one in sets for name in one)
+    rows = [[name, *(_value(one.get(name, tables.UNDEFINED)) for one in sets)] for name in names]
+    heads = ['parameter', *(variant.name for variant in variants)]
+    differing = [row for row in rows if len(set(row[1:])) > 1]
+    shown = _table('parameters', heads, differing) if differing else '<p>All equal.</p>'
+    return shown + _details('All parameters', _table('parameters', heads, rows))
+
+
+def _table(name: str, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [f'<thead><tr>{_cells("th", heads)}</tr></thead>']
+    for row in rows:
+        kind = ' class="whole"' if row[0].startswith('all ') else ''
+        lines.append(f'<tbody{kind}><tr>{_cells("td", row)}</tr></tbody>')
+    return f'<div class="scroll"><table class="{name}">{"".join(lines)}</table></div>'
+
+
+def _cells(tag: str, texts: Sequence[str]) -> str:
+    return ''.join(f'<{tag}>{escape(text)}</{tag}>' for text in texts)
+
+
+def _details(title: str, content: str) -> str:
+    return f'<details><summary>{title}</summary>{content}</details>'
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, (list, tuple)):
+        return ' '.join(map(_value, value)) or 'none'
+    return f'{value:.6g}' if isinstance(value, float) else str(value)
 
 
 def _data(variants: Sequence[Variant]) -> str:
@@ -217,38 +318,30 @@ def write_evaluation_report(
             overviews.append(one.observer)
             figures[title] = evaluator.recording_figures([one])
             faults = one.counts.damage, one.counts.doubts, *one.warnings
-            notes += recording_notes(title, faults, one.invalid_percent)
-    notes += labels_note(one.name for one in overviews if not one.labelled)
+            notes += tables.recording_notes(title, faults, one.invalid_percent)
+    notes += tables.labels_note(one.name for one in overviews if not one.labelled)
     figures['all recordings'] = evaluator.recording_figures(every)
     given = Variant('given', overviews[0].config, overviews, figures)
     outcomes = [one.outcome for one in every if one.labelled]
     write_page(path, f'Slips and alarms: {", ".join(sets)}', [given], notes, outcomes)
 
 
-def replay_variant(
-    name: str,
-    chain: ChainConfig,
-    evaluation: EvaluationConfig,
-    held_out: Sequence[Track],
-    tuned_on: Sequence[Track],
-) -> Variant:
+def replay_variant(name: str, replay: Replay, parts: Mapping[str, Sequence[Track]]) -> Variant:
     """Replay the recordings of a search through one chain, to be compared with another.
 
     Parameters
     ----------
     name
         ``given`` or ``tuned``.
-    chain
-        The parameters of the chain.
-    evaluation
-        What counts as detected.
-    held_out, tuned_on
-        The recordings.
+    replay
+        Has the parameters of the chain, and what counts as detected.
+    parts
+        The recordings: those that were ``held out``, and those that were ``tuned on``.
 
     Returns
     -------
     Variant
-        With the figures of ``all held out``, ``all tuned on`` and each recording.
+        With the figures of all of each part (``all held out``) and of each recording.
 
     Examples
     --------
@@ -256,12 +349,13 @@ def replay_variant(
     >>> from slip_detector.tuning.tracks import track_of
     >>> rows = Samples.evenly(np.full((380, 16), 4.3), 380.0, np.zeros(380, bool))
     >>> track = track_of('rest', [rows], sample_rate_hz=380.0)
-    >>> list(replay_variant('given', ChainConfig(), EvaluationConfig(), [track], [track]).figures)
+    >>> parts = {'held out': [track], 'tuned on': [track]}
+    >>> list(replay_variant('given', Replay(ChainConfig()), parts).figures)
     ['all held out', 'all tuned on', 'rest (held out)', 'rest (tuned on)']
     """
-    replay, share = Replay(chain, evaluation), 1 / (len(held_out) + len(tuned_on))
+    chain, share = replay.chain.config, 1 / sum(map(len, parts.values()))
     overviews, of_all, of_each = [], {}, {}
-    for what, tracks in (('held out', held_out), ('tuned on', tuned_on)):
+    for what, tracks in parts.items():
         outcomes = []
         for track in tracks:
             names, rate_hz = track.channel_names, track.sample_rate_hz

@@ -12,18 +12,21 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How pictures are saved, their colours, and the pictures of one trial."""
+"""How pictures are saved, their colours, and the pictures of trials and of an evaluation."""
 
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import matplotlib
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from slip_detector.chain.samples import Bools, Floats
+from slip_detector.evaluation.figures import ReplayOutcome
+from slip_detector.evaluation.scores import MOTION, REST, ScoreCounts
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.files import whole_file
 
@@ -135,3 +138,41 @@ def draw_decision(axis: Axes, time_s: Floats, on: Bools, color: str, name: str) 
     axis.fill_between(time_s, on.astype(float), step='post', color=color, alpha=0.6, linewidth=0)
     axis.set(ylabel=name, ylim=(-0.1, 1.2))
     axis.set_yticks([0, 1], ['OFF', 'ON'])
+
+
+def latency_figure(outcomes: Sequence[ReplayOutcome]) -> Figure:
+    """Draw the latencies of all detected slips and the ROC curve.
+
+    Examples
+    --------
+    >>> from slip_detector.chain.samples import Samples
+    >>> from slip_detector.evaluation.replay import Replay
+    >>> rows = Samples.evenly(np.full((380, 16), 4.3), 380.0, np.arange(380) >= 190)
+    >>> figure = latency_figure([Replay(ChainConfig()).run([rows])])
+    >>> figure.axes[0].get_title()
+    '0 detected, 1 missed'
+    """
+    figure = Figure(figsize=(10, 4.2), layout='constrained')
+    latencies, roc = figure.subplots(1, 2)
+    for axis in (latencies, roc):
+        axis.grid(color='0.9', linewidth=0.5)
+        axis.set_axisbelow(True)
+    slips = [slip for one in outcomes for slip in one.slips if not slip.settling]
+    known_ms = [slip.latency_s * 1e3 for slip in slips if slip.latency_s is not None]
+    latencies.hist(known_ms, bins=min(40, max(10, len(known_ms) // 5)), color=COLORS[0])
+    latencies.set(xlabel='latency of the global signal [ms]', ylabel='slips')
+    latencies.set_title(f'{len(known_ms)} detected, {len(slips) - len(known_ms)} missed')
+    scores = ScoreCounts.pooled([one.scores for one in outcomes])
+    for name, kinds in (('all other rows', (REST, MOTION)), ('rows of motion', (MOTION,))):
+        area = scores.auc(kinds)
+        if area is not None:
+            false_share, true_share, limit = scores.roc(kinds)
+            label = f'{name}: {area:.3f}'
+            (line,) = roc.plot([0.0, *false_share], [0.0, *true_share], label=label)
+            at = max(int(np.searchsorted(-limit, -1.0, 'right')) - 1, 0)
+            roc.plot(false_share[at], true_share[at], 'o', color=line.get_color())
+    roc.plot([0.0, 1.0], [0.0, 1.0], color='0.7', linewidth=0.8, linestyle=':', label='chance')
+    roc.set(xlabel='share of the rows without slip', ylabel='share of the rows with slip')
+    roc.set_title('ROC of the decision statistic (dot: threshold)')
+    roc.legend(title='area, slip against', loc='lower right', frameon=False)
+    return figure

@@ -59,9 +59,7 @@ TABLES: dict[str, Sequence[str]] = {
         'alarms', 'settling_alarms', 'repeated_alarms', 'false_alarms', 'precision',
         'precision_by_chance',
     ),
-    'rest': (
-        'rest_s', 'false_alarms_per_minute', 'false_time_percent', 'false_time_s_per_hour',
-    ),
+    'rest': ('rest_s', 'false_alarms_per_minute', 'false_time_percent', 'false_time_s_per_hour'),
     'kinds': [f'{kind}_{what}' for kind in KINDS for what in ('on_percent', 'alarms_per_minute')],
     'decisions': ('onsets', 'onsets_per_minute', 'on_s', 'on_percent', 'invalid_channels'),
     'mean latency, by stage': [f'{stage}_ms' for stage in STAGES],
@@ -171,12 +169,6 @@ def heading(name: str) -> str:
     return ' '.join(words) + unit
 
 
-def verdict_cells(verdict: Mapping[str, Any]) -> list[str]:
-    """Return the value of a wanted figure, its bound and whether it is met."""
-    value, met = number_text(verdict['value'], '.2f'), 'met' if verdict['met'] else 'NOT met'
-    return [value, f'wanted {verdict["bound"]}', met]
-
-
 def evaluation_tables(report: Mapping[str, Any]) -> str:
     """Return a report of ``slip_evaluate`` as tables; the last line of each is the whole set.
 
@@ -211,10 +203,8 @@ def evaluation_tables(report: Mapping[str, Any]) -> str:
     if any(cell == UNDEFINED for block in blocks for row in block for cell in row):
         notes.append(LEGEND)
     notes += [report['note']] if 'note' in report else []
-    endings = {'not_evaluated': 'Stopped early, not evaluated', 'written': 'Written'}
-    notes += [
-        f'{what}: {", ".join(report[key])}' for key, what in endings.items() if key in report
-    ]
+    ends = {'not_evaluated': 'Stopped early, not evaluated', 'written': 'Written'}
+    notes += [f'{what}: {", ".join(report[key])}' for key, what in ends.items() if key in report]
     return '\n\n'.join([*(text_table(block, indent=0) for block in blocks), '\n'.join(notes)])
 
 
@@ -291,10 +281,8 @@ def comparison_table(given: Mapping[str, Any], tuned: Mapping[str, Any]) -> str:
       slips       4      4
       recall  0.800  0.950
     """
-    both = given, tuned
-    rows = [
-        [heading(name), *(figure_text(name, one) for one in both)] for name in main_figures(both)
-    ]
+    names = main_figures([given, tuned])
+    rows = [[heading(name), figure_text(name, given), figure_text(name, tuned)] for name in names]
     return text_table([['', 'given', 'tuned'], *rows])
 
 

@@ -90,5 +90,5 @@ def test_the_chain_loads_nothing_that_it_does_not_need():
 def test_the_nodes_load_neither_plotting_nor_reports_nor_a_serial_port():
     pytest.importorskip('rclpy', reason='needs rclpy')
     (loaded,) = loaded_by(NODES)
-    of_reports = {f'slip_detector.report.{name}' for name in ('overview', 'page', 'page_sections')}
+    of_reports = {f'slip_detector.report.{name}' for name in ('overview', 'page', 'pictures')}
     assert loaded.isdisjoint({*of_reports, 'matplotlib', 'serial'})

@@ -28,12 +28,7 @@ from slip_detector.evaluation.figures import Alarm
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report import overview as module
-from slip_detector.report.overview import (
-    THRESHOLD_CODE,
-    Overview,
-    events_of,
-    level_codes,
-)
+from slip_detector.report.overview import THRESHOLD_CODE, Overview, events_of, level_codes
 from support import report_scenes as scenes
 
 CONFIG = scenes.THREE_CHANNELS
@@ -53,20 +48,15 @@ def recorded():
     return volts, truth, SlipChain(CONFIG).update(volts)
 
 
-def overview_of(volts, truth, cuts):
-    overview, chain = Overview('a.npz', CONFIG), SlipChain(CONFIG)
-    for a, b in itertools.pairwise([0, *sorted(cuts), len(volts)]):
-        overview.add(volts[a:b], chain.update(volts[a:b]), truth[a:b])
-    overview.finish([])
-    return overview
-
-
 @given(st.lists(st.integers(0, SAMPLES), max_size=8), st.sampled_from([1, 192, 192 * 4, 10**6]))
 def test_bins_hold_the_extremes_and_intervals_the_decisions_however_rows_are_cut(cuts, cells):
     volts, truth, result = recorded()
+    overview, chain = Overview('a.npz', CONFIG), SlipChain(CONFIG)
+    for a, b in itertools.pairwise([0, *sorted(cuts), len(volts)]):
+        overview.add(volts[a:b], chain.update(volts[a:b]), truth[a:b])
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, 'MOST_CELLS', cells)
-        overview = overview_of(volts, truth, cuts)
+        overview.finish([])
     bins = max(cells // 3, 64)
     assert len(overview.low) <= bins < 2 * len(overview.low) or overview.bin_rows == 1
     exact = np.where(np.isfinite(volts), volts, np.nan).astype(np.float32)

@@ -24,10 +24,11 @@ import pytest
 
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.evaluation.figures import figures_of_merit
-from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.evaluation.replay import Replay
 from slip_detector.report import page as report
 from slip_detector.report.overview import EVENT_KINDS
-from slip_detector.report.page_sections import Variant, latency_figure, sections
+from slip_detector.report.page import Variant, sections
+from slip_detector.report.pictures import latency_figure
 from support import report_scenes as scenes
 from support import tuning_cases
 from support.html_page import HtmlPage
@@ -172,9 +173,8 @@ def test_a_chain_of_a_search_is_replayed_on_all_recordings():
     held, tuned_on = (tuning_cases.track(seed, duration_s=6.0) for seed in (0, 1))
     names = tuple(f'L{k}' for k in range(held.volts.shape[1]))
     held = dataclasses.replace(held, channel_names=names)
-    given = report.replay_variant(
-        'given', tuning_cases.CHAIN, EvaluationConfig(), [held], [tuned_on]
-    )
+    parts = {'held out': [held], 'tuned on': [tuned_on]}
+    given = report.replay_variant('given', Replay(tuning_cases.CHAIN), parts)
     for overview in given.overviews:
         slips = [event for event in overview.events if event.kind != 'false alarm']
         assert len(slips) == 2

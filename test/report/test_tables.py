@@ -15,20 +15,9 @@
 """Tables of text, and the texts of figures."""
 
 from slip_detector.evaluation.chance import slip_figures
-from slip_detector.grasp.loop import (
-    CONTROLLER,
-    HARDER,
-    UNCONTROLLED,
-    check_wanted,
-    grasp_figures,
-)
+from slip_detector.grasp.loop import CONTROLLER, HARDER, UNCONTROLLED, check_wanted, grasp_figures
 from slip_detector.report.grasp import grasp_table
-from slip_detector.report.tables import (
-    MAIN_FIGURES,
-    TABLES,
-    comparison_table,
-    evaluation_tables,
-)
+from slip_detector.report.tables import MAIN_FIGURES, TABLES, comparison_table, evaluation_tables
 from support import grasp_trials
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report.overview import Event, Overview
-from slip_detector.report.page_sections import Variant
+from slip_detector.report.page import Variant
 
 GIVEN = ChainConfig()
 TUNED = ChainConfig(passband_hz=(10.0, 60.0), stopbands_hz=(), threshold=1.0, vote='mean')
