@@ -104,7 +104,7 @@ def plate_figures(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:
     slips = [slip for one in outcomes for slip in one.slips]
     return {
         **figures.paper_figures(outcomes),
-        'trial_delays_ms': figures.trial_delays_ms(slips),
+        'trial_delays_ms': [slip.delay_s and slip.delay_s * 1e3 for slip in slips],
         'detected': sum(slip.on_while for slip in slips),
         'trials': len(slips),
         'channels_without_on': sum(slip.channel_delays_s.count(None) for slip in slips),

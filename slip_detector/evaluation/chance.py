@@ -189,9 +189,8 @@ def slip_figures(
         by_chance = float(recall_by_chance(windows_s, rate_hz))
         sooner = float(sooner_than_chance(latencies / 1e3, leads_s, windows_s, rate_hz))
     reported = found if sooner is not None and sooner > 0.0 else found[:0]
-    median_all = np.inf
-    if sooner is not None and sooner >= HALF:
-        median_all = float(np.median(np.where(np.isnan(latencies), np.inf, latencies)))
+    missed_last = np.where(np.isnan(latencies), np.inf, latencies)
+    median_all = float(np.median(missed_last)) if (sooner or 0.0) >= HALF else np.inf
     return {
         'matched': found.size,
         'missed': latencies.size - found.size,

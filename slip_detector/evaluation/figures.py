@@ -294,7 +294,8 @@ def paper_figures(outcomes: Sequence['ReplayOutcome']) -> dict[str, Any]:
         of the rows without slip in which it is ON. None where one is not defined.
     """
     slips = [slip for one in outcomes for slip in one.slips]
-    mean_ms, sd_ms = mean_and_sd(trial_delays_ms(slips))
+    delays_ms = (slip.delay_s and slip.delay_s * 1e3 for slip in slips)
+    mean_ms, sd_ms = mean_and_sd(delays_ms)
     rest_rows = sum(one.rows - one.slip_rows for one in outcomes)
     return {
         'mean_delay_ms': mean_ms,
@@ -302,17 +303,6 @@ def paper_figures(outcomes: Sequence['ReplayOutcome']) -> dict[str, Any]:
         'success_percent': percent(sum(slip.on_while for slip in slips), len(slips)),
         'false_positive_percent': percent(sum(one.on_rows for one in outcomes), rest_rows),
     }
-
-
-def trial_delays_ms(slips: Sequence[TrueSlip]) -> list[float | None]:
-    """Return the mean delay of the channels in each slip (Eq. 10); None where none is ON.
-
-    Examples
-    --------
-    >>> trial_delays_ms([])
-    []
-    """
-    return [None if slip.delay_s is None else slip.delay_s * 1e3 for slip in slips]
 
 
 @dataclasses.dataclass(frozen=True)

@@ -157,7 +157,8 @@ class _Run:
         self._moving_rows: int | None = None
         self._valid_rows = np.zeros(self._config.channels)
         self._last_ns = 0
-        self._stretches, self._labels, self._on = OnIntervals(), OnIntervals(), OnIntervals()
+        self._signals = OnIntervals(), OnIntervals(), OnIntervals()
+        self._stretches, self._labels, self._on = self._signals
         self._slips: list[_Slip] = []
         self._watch, self._wrong = Watch(replay.chain), dict[str, list[int]]()
         self._watching = False  # whether the alarm of the last slip may still rise
@@ -187,7 +188,7 @@ class _Run:
         self._last_ns = int(piece.stamps_ns[-1])
 
     def _end_stretch(self) -> None:
-        for intervals in (self._stretches, self._labels, self._on):
+        for intervals in self._signals:
             intervals.close(self._row)
         self._watching = False
 
@@ -254,8 +255,7 @@ class _Run:
 
     def outcome(self) -> ReplayOutcome:
         self._end_stretch()
-        signals = self._stretches, self._labels, self._on
-        stretches, labels, on = (signal.closed() for signal in signals)
+        stretches, labels, on = (signal.closed() for signal in self._signals)
         config, rate_hz = self._replay.config, self._rate_hz
         settling, accuracy_s = settling_rows(self._config), self._accuracy_s
         scored = ScoredRows(labels, stretches, settling, config, rate_hz, accuracy_s)
@@ -264,10 +264,13 @@ class _Run:
         alarm_of, slip_of = scored.match(rises)
         on_in_slips = rows_on(on, self._labels.edges[::2], self._labels.edges[1::2])
         late_rows = round((config.late_after_s + accuracy_s) * rate_hz)
+        disabled = [channel - 1 for channel in self._config.disabled_channels]
         slips = []
         for s, (slip, its_alarm) in enumerate(zip(self._slips, alarm_of, strict=True)):
             latency = None if its_alarm is None else rises[its_alarm] - slip.start
-            settles, delays_s, stages_s = not scored.scored[s], self._delays_s(slip), None
+            settles, stages_s = not scored.scored[s], None
+            ons = np.delete(slip.first[3], disabled).tolist()
+            delays_s = tuple(None if row == NEVER else (row - slip.start) / rate_hz for row in ons)
             # The rise that was watched may belong to an alarm that began before the slip.
             if slip.stages and sum(slip.stages.values()) == latency and not accuracy_s:
                 stages_s = {stage: rows / rate_hz for stage, rows in slip.stages.items()}
@@ -291,7 +294,7 @@ class _Run:
                 )
             )
         invalid_rows = (_length(stretches) - self._valid_rows).astype(np.int64)
-        invalid_rows[[channel - 1 for channel in self._config.disabled_channels]] = 0
+        invalid_rows[disabled] = 0
         found = []
         alarm_settles = scored.settling(rises)
         for a, (alarm, of) in enumerate(zip(alarms, slip_of, strict=True)):
@@ -326,14 +329,6 @@ class _Run:
             return figures.ALREADY_ON
         lost = (slip.first[:3] == NEVER).all(axis=1)
         return STAGES[int(lost.argmax()) if lost.any() else 3]
-
-    def _delays_s(self, slip: _Slip) -> tuple[float | None, ...]:
-        disabled = {channel - 1 for channel in self._config.disabled_channels}
-        return tuple(
-            None if row == NEVER else (row - slip.start) / self._rate_hz
-            for channel, row in enumerate(slip.first[3].tolist())
-            if channel not in disabled
-        )
 
 
 def _length(intervals: Sequence[RowInterval]) -> int:

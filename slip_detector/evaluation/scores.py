@@ -111,10 +111,9 @@ class ScoreCounts(NamedTuple):
     def pooled(cls, parts: Iterable['ScoreCounts']) -> 'ScoreCounts':
         """Return the counts of several recordings together."""
         several = [cls(np.zeros(0, np.int64), np.zeros((3, 0), np.int64)), *parts]
-        classes, places = np.unique(
-            np.concatenate([one.classes for one in several]), return_inverse=True
-        )
         every = np.concatenate([one.counts for one in several], axis=1)
+        its_class = np.concatenate([one.classes for one in several])
+        classes, places = np.unique(its_class, return_inverse=True)
         counts = [np.bincount(places, kind, minlength=classes.size) for kind in every]
         return cls(classes, np.array(counts, np.int64))
 

@@ -118,9 +118,7 @@ def contact_level_v(chain: ChainConfig, tracks: Sequence[Track]) -> float:
             most, least = np.quantile(first, 1.0 - IDLE_SHARE), np.quantile(later, QUIETEST)
             idle += [first] if MOST_RATIO * most < least else []
     of_each = (np.concatenate(idle), 1.0 - IDLE_SHARE), (np.concatenate(slides), SLIDE_SHARE)
-    idle_v, slide_v = (
-        float(np.quantile(some, share)) if some.size else 0.0 for some, share in of_each
-    )
+    idle_v, slide_v = (float(np.quantile(v, share)) if v.size else 0.0 for v, share in of_each)
     if not idle_v or slide_v < LEAST_RATIO * idle_v:
         what = f'a finger that touches nothing has a level of {idle_v:.4g}, one that slides of '
         refuse(f'{what}{slide_v:.4g}', f'{LEAST_RATIO:g} times as much')
@@ -234,14 +232,12 @@ class _Levels:
 
     def slips(self, floors_db: Floats) -> list[tuple[float, float, float]]:
         """Return when each slip begins, its level, and by how much that is above its own rest."""
-        found, rate_hz = [], self.track.sample_rate_hz
+        found, rate_hz, rows = [], self.track.sample_rate_hz, self._rows
         levels_db, rests_db = (_level_db(db, floors_db) for db in (self._db, self.rest_db))
         rest_db = float(np.median(rests_db)) if rests_db.size else 0.0
         inexact = round(self.track.samples.accuracy_s * rate_hz)
         for start, end in edges_of(self.track.samples):
-            blocks = slice(
-                max(start - inexact, 0) // self._rows, (end + inexact) // self._rows + 1
-            )
+            blocks = slice(max(start - inexact, 0) // rows, (end + inexact) // rows + 1)
             its_db = np.sort(levels_db[blocks][self._known[blocks]])
             if its_db.size:
                 level_db = float(its_db[-min(LOUD_BLOCKS, (its_db.size + 1) // 2)])

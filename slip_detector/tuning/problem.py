@@ -218,9 +218,8 @@ class Problem:
         # How late each slip is found. One that begins while a chain settles counts as missed, so
         # that a chain does not gain by settling for longer.
         late_ms = np.clip(np.fmin(swept.latencies_ms, most_ms), 0.0, most_ms)
-        costs_ms = self._event_costs_ms(swept, late_ms)
-        costs_ms += self._hidden_costs_ms(chain, limits, swept)
-        costs_ms = _with_neighbours(costs_ms, neighbours)
+        hidden_ms = self._hidden_costs_ms(chain, limits, swept)
+        costs_ms = _with_neighbours(self._event_costs_ms(swept, late_ms) + hidden_ms, neighbours)
         at = int(np.argmin(costs_ms))
         chain = dataclasses.replace(chain, threshold=float(limits[at]))
         tally = ScoreTally()
@@ -244,10 +243,8 @@ class Problem:
         config, given, scored = self.config, self.figures, swept.scored
         if not scored.any() or not swept.rest_s:
             return np.full(late_ms.shape[1], np.inf)
-        missed_costs, false_costs = config.missed_costs_ms, config.false_alarm_costs_ms
-        time_costs, missed_time_costs = config.false_time_costs_ms, config.missed_time_costs_ms
-        leads_s, windows_s = swept.leads_s[scored], swept.windows_s[scored]
         rates_hz = swept.false_alarms / swept.rest_s
+        chance = swept.leads_s, swept.windows_s, rates_hz
         # Each kind of recordings counts as much as another, however long it was recorded.
         kinds = {kind: one for kind, one in swept.of_kinds.items() if one[0]}
         per_minute = {kind: 60.0 * many / rest_s for kind, (rest_s, many, _) in kinds.items()}
@@ -256,31 +253,31 @@ class Problem:
         missed_percent = 100.0 * (1.0 - np.nan_to_num(swept.coverage, nan=1.0))
         costs = (
             late_ms.mean(axis=0)
-            + 1e3 * saved_by_chance_s(leads_s, windows_s, rates_hz, missed_costs / 1e3)
-            + false_costs * (sum(per_minute.values()) / len(kinds))
-            + time_costs * (sum(on_percent.values()) / len(kinds))
-            + missed_time_costs * missed_percent
+            + 1e3 * saved_by_chance_s(*chance, config.missed_costs_ms / 1e3)
+            + config.false_alarm_costs_ms * (sum(per_minute.values()) / len(kinds))
+            + config.false_time_costs_ms * (sum(on_percent.values()) / len(kinds))
+            + config.missed_time_costs_ms * missed_percent
         )
         if given is None or not better_than_chance(given):
             return np.asarray(costs)
         # A figure that is not defined is not worse.
         limit = {name: np.nan if one is None else one for name, one in given.items()}
-        sooner = sooner_than_chance(swept.latencies_ms[scored] / 1e3, leads_s, windows_s, rates_hz)
-        median_ms = np.where(sooner >= HALF, np.median(late_ms, axis=0), missed_costs)
+        sooner = sooner_than_chance(swept.latencies_ms[scored] / 1e3, *chance)
+        median_ms = np.where(sooner >= HALF, np.median(late_ms, axis=0), config.missed_costs_ms)
         more_percent = 100.0 * (swept.on_rest_s / swept.rest_s) - limit['false_time_percent']
         more_alarms = 60.0 * rates_hz - limit['false_alarms_per_minute']
         more_missed_percent = missed_percent - 100.0 * (1.0 - limit['coverage'])
         # As verdict.worse_than does.
         more = [
             (1.0, median_ms - max(limit['latency_median_all_ms'], 0.0)),
-            (missed_costs, limit['sooner_than_chance'] - sooner),
-            (false_costs, np.where(more_percent < -ON_STEP, 0.0, more_alarms)),
-            (time_costs, more_percent),
-            (missed_time_costs, more_missed_percent + np.minimum(more_percent, 0.0)),
+            (config.missed_costs_ms, limit['sooner_than_chance'] - sooner),
+            (config.false_alarm_costs_ms, np.where(more_percent < -ON_STEP, 0.0, more_alarms)),
+            (config.false_time_costs_ms, more_percent),
+            (config.missed_time_costs_ms, more_missed_percent + np.minimum(more_percent, 0.0)),
         ]
         for kind, its_percent in on_percent.items():
             most = limit.get(f'{kind}_on_percent', np.nan) + ON_STEP
-            more.append((time_costs, its_percent - most))
+            more.append((config.false_time_costs_ms, its_percent - most))
         worse = sum(weight * np.fmax(by, 0.0) for weight, by in more)
         return np.asarray(costs + WORSE_COUNTS * worse)
 

@@ -175,8 +175,7 @@ class Study:
         self._distributions, self._where = distributions, storage
         sampler = optuna.samplers.TPESampler(seed=seed, n_startup_trials=STARTUP_TRIALS)
         self._copy = optuna.create_study(sampler=sampler)
-        self._asked: list[Any] = []
-        self._all: list[Any] = []
+        self._asked, self._all = list[Any](), list[Any]()
         with self.errors_in_one_line():
             self._shared = optuna.create_study(
                 storage=storage and _opened(storage), study_name=name, load_if_exists=True

@@ -237,8 +237,8 @@ class ThresholdSweep(NamedTuple):
         not scored.
     scored : ndarray of bool, shape (slips,)
         Whether a slip is scored, see :class:`.ScoredRows`.
-    leads_s, windows_s : ndarray, shape (slips,)
-        The lead and the window of each slip, see :mod:`.chance`.
+    leads_s, windows_s : ndarray, shape (scored slips,)
+        The lead and the window of each scored slip, see :mod:`.chance`.
     false_alarms : ndarray of int, shape (T,)
     rest_s : float
         Time of the rest.
@@ -262,18 +262,12 @@ class ThresholdSweep(NamedTuple):
 
     def figures(self, at: int) -> dict[str, float | None]:
         """Return coverage and those of :func:`.slip_figures`."""
-        coverage = float(self.coverage[at])
+        coverage = None if math.isnan(self.coverage[at]) else float(self.coverage[at])
         # The recordings of no kind are among those of all kinds.
         every = {**self.of_kinds, '': (self.rest_s, self.false_alarms, self.on_rest_s)}
-        return {
-            'coverage': None if math.isnan(coverage) else coverage,
-            **slip_figures(
-                self.latencies_ms[self.scored, at],
-                self.leads_s[self.scored],
-                self.windows_s[self.scored],
-                {kind: (s, int(n[at]), float(on_s[at])) for kind, (s, n, on_s) in every.items()},
-            ),
-        }
+        rests = {kind: (s, int(n[at]), float(on_s[at])) for kind, (s, n, on_s) in every.items()}
+        slips = self.latencies_ms[self.scored, at], self.leads_s, self.windows_s
+        return {'coverage': coverage, **slip_figures(*slips, rests)}
 
 
 def sweep_thresholds(
@@ -316,9 +310,8 @@ def sweep_thresholds(
     # Times of the kinds 1, rest, and 2, certain slip: in all, then ON at each threshold.
     on_s = np.zeros((limits.size + 1, 3))
     for part, track in zip(statistic, tracks, strict=True):
-        rate_hz = track.sample_rate_hz
+        rate_hz, accuracy_s = track.sample_rate_hz, track.samples.accuracy_s
         stretches = [stretch.interval for stretch in track.stretches]
-        accuracy_s = track.samples.accuracy_s
         rows = matching.ScoredRows(
             track.slips, stretches, settling_rows, config, rate_hz, accuracy_s
         )
@@ -337,7 +330,8 @@ def sweep_thresholds(
         found = (rises != matching.NONE) & rows.scored[:, np.newaxis]
         late_s = matching.beyond_accuracy((rises - starts) / rate_hz, accuracy_s)
         latencies_ms: Floats = np.where(found, late_s * 1e3, np.nan)
-        of_tracks.append((latencies_ms, rows.scored, rows.leads_s, rows.windows_s))
+        of_slips = rows.leads_s[rows.scored], rows.windows_s[rows.scored]
+        of_tracks.append((latencies_ms, rows.scored, *of_slips))
         # A row is ON at threshold k where more than k thresholds are below its value.
         its_s = np.cumsum(rows_below[::-1], axis=0)[::-1] / rate_hz
         on_s += its_s

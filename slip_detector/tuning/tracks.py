@@ -99,8 +99,7 @@ class Track:
     @functools.cached_property
     def kinds(self) -> NDArray[np.int8]:
         """See above."""
-        assert self.samples.truth is not None
-        return kinds_of(self.samples.truth, self.samples.moving, self.samples.certain)
+        return kinds_of(np.asarray(self.samples.truth), self.samples.moving, self.samples.certain)
 
     @functools.cached_property
     def slips(self) -> tuple[RowInterval, ...]:

@@ -258,11 +258,11 @@ def worse_than(figures: Figures, other: Figures, trade: bool = False) -> list[st
     >>> worse_than({**given, 'sooner_than_chance': 0.9}, given)
     ['sooner than chance 0.9 against 1']
     """
-    both, texts = (figures, other), []
-    on_percent, its_on_percent = (_known(one['false_time_percent']) or 0.0 for one in both)
+    texts = []
+    on_percent, its_on_percent = (one['false_time_percent'] or 0.0 for one in (figures, other))
     less_percent = max(its_on_percent - on_percent, 0.0)
     for name, (words, unit, more_is_better, step, most) in COMPARED.items():
-        figure, its = (_known(one[name]) for one in both)
+        figure, its = figures[name], other[name]
         if its is None or (name != 'auc' and not better_than_chance(other)):
             continue
         if figure is None:
@@ -278,10 +278,6 @@ def worse_than(figures: Figures, other: Figures, trade: bool = False) -> list[st
         if worse_by > (most if trade else step):
             texts.append(f'{words} {figure:.4g} against {its:.4g}{unit}')
     return texts
-
-
-def _known(figure: float | None) -> float | None:
-    return None if figure is None or math.isnan(figure) else figure
 
 
 def cheapest(problem: Problem, trials: Sequence[Any], most: int = 1) -> list[Candidate]:
@@ -302,12 +298,10 @@ def choose(problem: Problem, trials: Sequence[Any]) -> Candidate | None:
     """
     if not trials:
         return None
-    (best,), limits = cheapest(problem, trials), problem.figures
+    (best,), limits = cheapest(problem, trials), problem.figures or {}
     given, vote = problem.space.point(problem.given), problem.given.vote
 
     def worse(found: Candidate) -> bool:
-        if limits is None:
-            return False
         many, of_best = (len(worse_than(one.figures, limits)) for one in (found, best))
         area, *others = (one['auc'] or 0.0 for one in (found.figures, best.figures, limits))
         return many > of_best or area < min(others) - AUC_STEP

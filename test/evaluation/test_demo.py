@@ -27,8 +27,7 @@ def test_where_nothing_moves_delays_are_undefined_and_the_rest_is_told():
     topics += [f'slip/channel/{name}' for name in config.names]
     changes = dict.fromkeys(topics, (np.array([0.0, 1.0, 2.0]), np.array([False, True, False])))
     figures = demo_figures(
-        Heard(times_s, np.zeros((3, 16)), times_s, np.zeros(3), np.full(3, 2e-3), changes),
-        config,
+        Heard(times_s, np.zeros((3, 16)), times_s, np.zeros(3), np.full(3, 2e-3), changes), config
     )
     assert figures['motion'] is figures['mean_delay_ms'] is figures['global_delay_ms'] is None
     assert {*figures['channel_delay_ms'].values(), *figures['group_delay_ms'].values()} == {None}

@@ -14,7 +14,6 @@
 
 """Replaying any recording in any pieces, against a plain evaluation of the whole."""
 
-import dataclasses
 import itertools
 
 import numpy as np
@@ -27,7 +26,7 @@ from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.compiled import COMPILED
 from slip_detector.evaluation import replay as replay_module
 from slip_detector.evaluation.figures import ALREADY_ON, STAGES, decision_figures, figures_of_merit
-from slip_detector.evaluation.replay import Replay
+from slip_detector.evaluation.replay import Replay, only_filters
 from support.recorded import stretches_of
 from support.reference_scores import Stretch, area, figures, runs
 from support.replay_cases import plain
@@ -119,12 +118,9 @@ def test_the_parts_of_a_latency_sum_to_it_and_end_where_their_stage_passes(
 ):
     whole = stretches_of(pieces)[0]
     outcome = Replay(config, evaluation).run([whole], RATE_HZ)
-    one_s, evidence = 1.0 / config.sample_rate_hz, config.decision == 'evidence'
-    sharp = dataclasses.replace(
-        config, envelope_window_s=one_s, decision_window_s=one_s, decision='mean'
-    )
+    evidence = config.decision == 'evidence'
     result = SlipChain(config).update(whole.volts, floor=evidence)
-    filtered = SlipChain(sharp).update(whole.volts).envelope
+    filtered = SlipChain(only_filters(config)).update(whole.volts).envelope
     least = config.threshold
     if evidence:
         least = 10.0 ** ((result.floor + config.evidence_offset_db) / 20.0)

@@ -19,14 +19,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.evaluation.scores import (
-    MOTION,
-    REST,
-    SCORE_RESOLUTION,
-    SLIP,
-    ScoreCounts,
-    ScoreTally,
-)
+from slip_detector.evaluation.scores import MOTION, REST, SLIP, ScoreCounts, ScoreTally
+from support.reference_scores import area
 
 TALLY = ScoreTally()
 
@@ -34,12 +28,6 @@ TALLY = ScoreTally()
 def counted(score, kind):
     TALLY.add(score, kind)
     return TALLY.collect()
-
-
-def area(positives, negatives):
-    """Return the share of pairs in order, ties counting half; None without pairs."""
-    differences = np.subtract.outer(positives, negatives)
-    return (0.5 * (1.0 + np.sign(differences))).mean() if differences.size else None
 
 
 KINDS = st.sampled_from([REST, MOTION, SLIP])
@@ -50,18 +38,12 @@ SCORED = st.lists(
 
 @given(SCORED)
 def test_auc_is_the_share_of_pairs_in_order_and_ties_count_half(rows):
-    counts = counted([s for s, _ in rows], [k for _, k in rows])
-    by_kind = [np.array([s for s, k in rows if k == kind]) for kind in (REST, MOTION, SLIP)]
+    score, kind = np.array([s for s, _ in rows]), np.array([k for _, k in rows])
+    counts = counted(score, kind)
     for against in ([REST, MOTION], [MOTION]):
-        others = np.concatenate([by_kind[kind] for kind in against])
-        pairs = by_kind[SLIP][:, np.newaxis], others[np.newaxis]
-        near = np.isclose(*pairs, rtol=SCORE_RESOLUTION, atol=0.0) & (pairs[0] != pairs[1])
-        expected = area(by_kind[SLIP], others)
-        found = counts.auc(against)
-        if expected is None:
-            assert found is None
-        else:
-            assert found == pytest.approx(expected, abs=0.5 * near.mean() + 1e-12)
+        expected, error = area(score, kind == SLIP, np.isin(kind, against))
+        wanted = None if expected is None else pytest.approx(expected, abs=error)
+        assert counts.auc(against) == wanted
 
 
 def test_scores_beyond_all_bounds_are_still_ordered():

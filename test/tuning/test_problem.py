@@ -39,16 +39,6 @@ from support.tuning_cases import CHAIN, problem, slips, study_of, track, track_w
 QUICK = dataclasses.replace(CHAIN, threshold=0.02)
 
 
-def evaluated(chain, evaluation, several):
-    """Return the figures that the evaluation gives of recordings, as the tuner compares them."""
-    replay = Replay(chain, evaluation)
-    outcomes = [replay.run(pieces, RATE_HZ) for pieces in several]
-    figures = figures_of_merit(outcomes)
-    against_motion = any(one.scores.counts[1].any() for one in outcomes)
-    figures['auc'] = figures['auc_moving' if against_motion else 'auc_all']
-    return figures
-
-
 @settings(max_examples=40 if COMPILED else 3, deadline=None)
 @given(chains(), st.lists(recordings(), min_size=1, max_size=3), EVALUATIONS)
 def test_the_tuner_gives_a_chain_the_figures_of_the_evaluation_to_the_bit(
@@ -58,7 +48,11 @@ def test_the_tuner_gives_a_chain_the_figures_of_the_evaluation_to_the_bit(
     assume(any(track.slips for track in tracks))
     objective = Problem(tracks, evaluation=evaluation)
     for candidate in [objective.as_it_is(chain), *objective.best(chain)]:
-        expected = evaluated(candidate.chain, evaluation, several)
+        replay = Replay(candidate.chain, evaluation)
+        outcomes = [replay.run(pieces, RATE_HZ) for pieces in several]
+        expected = figures_of_merit(outcomes)
+        against_motion = any(one.scores.counts[1].any() for one in outcomes)
+        expected['auc'] = expected['auc_moving' if against_motion else 'auc_all']
         for name, figure in candidate.figures.items():
             assert figure == expected[name], name
         assert objective.as_it_is(candidate.chain).figures == candidate.figures
@@ -174,7 +168,7 @@ class Known(Problem):
 
 def costs():
     """Draw what a chain costs, with figures any of which may not be known."""
-    figure = st.sampled_from([0.0, 0.003, 0.01, 0.3, 0.9, 1.0, 20.0, 75.0, math.nan, None])
+    figure = st.sampled_from([0.0, 0.003, 0.01, 0.3, 0.9, 1.0, 20.0, 75.0, None])
     counts = dict.fromkeys(['matched', 'missed'], st.sampled_from([0, 3, 10]))
     figures = st.fixed_dictionaries(dict.fromkeys(COMPARED, figure) | counts)
     return st.builds(Candidate, st.just(QUICK), st.sampled_from([1.0, 2.0]), st.just(0.0), figures)
@@ -207,7 +201,7 @@ def test_nothing_is_taken_that_is_blind_or_chance_or_worse_or_in_nothing_better(
         excused = {'false_alarms_per_minute', 'coverage'}
     worse = {name for name, change in changes.items() if change < -COMPARED[name][3]} - excused
     if (was['sooner_than_chance'] or 0.0) > 0.0:
-        worse |= {name for name in COMPARED if was[name] == was[name] is not None is now[name]}
+        worse |= {name for name in COMPARED if was[name] is not None is now[name]}
     else:
         worse &= {'auc'}
     if verdict.kept:
@@ -275,7 +269,6 @@ def test_of_one_slip_nothing_is_learnt_but_a_threshold():
         'passband_hz', 'stopbands_hz', 'exponent', 'envelope_window_s', 'common_mode', 'vote',
     ):  # fmt: skip
         assert getattr(choice.chain, name) == getattr(CHAIN, name), name
-    assert choice.chain.vote == CHAIN.vote
 
 
 def test_few_slips_do_not_excuse_a_chain_that_tells_less_of_the_rows():

@@ -75,10 +75,7 @@ def test_the_votes_are_all_counts_of_small_groups_and_shares_of_large_ones(group
     assert votes_of(ChainConfig(channels=channels, groups=groups, vote=vote)) == votes
 
 
-@given(
-    values=st.lists(st.floats(1e-6, 1e6), min_size=1, max_size=50),
-    exponent=st.integers(1, 4),
-)
+@given(values=st.lists(st.floats(1e-6, 1e6), min_size=1, max_size=50), exponent=st.integers(1, 4))
 def test_thresholds_rise_in_even_steps_of_amplitude_up_to_where_nothing_is_on(values, exponent):
     statistic = np.array(values)
     chain = ChainConfig(exponent=exponent)
