@@ -176,42 +176,13 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     """Read and check the arguments."""
     parser = Parser(prog=NAME, description=__doc__.split('\n\n')[1])
     parser.add_argument('--json', action='store_true', help='print one JSON object')
-    workers.add_options(parser, 'evaluate recordings in parallel')
+    workers.add_options(parser, 'evaluate recordings in parallel', recordings='+')
     parser.add_argument(
         '--out', type=Path, metavar='FILE.mcap',
         help='write the levels, decisions and onsets of one recording as a bag, on the names of '
         "the detector's topics, for PlotJuggler or Foxglove",
     )  # fmt: skip
-    options = parser.parse_args(argv)
-    if not options.recordings:
-        parser.error('the following arguments are required: RECORDING')
-    return options
-
-
-def _figures(options: argparse.Namespace) -> dict[str, Any]:
-    """Return the figures of the recordings."""
-    page, out = options.report, options.out
-    loader = RecordingLoader(*workers.sets_of_parameters(options, *map(type, RecordingLoader())))
-    # An error is reported before an hour of recordings is read.
-    workers.check_apart({'--report': page}, options.config, options.labels)
-    if out is not None:
-        first, *more = (one for of in recording_sets(options.recordings).values() for one in of)
-        if more:
-            raise ValueError(f'--out is for one recording, these are {1 + len(more)}')
-        evaluator.write_decisions_of(loader, first, out)
-    workers.make_paths_whole(options, 'recordings')
-    with workers.processes(options.jobs, options.cluster) as calls:
-        sets, left = evaluate(options.recordings, loader, calls, page is not None)
-    report = as_report(sets)
-    if left:
-        report['not_evaluated'] = [str(path) for path in left]
-    if page:
-        from slip_detector.report.page import write_evaluation_report
-
-        write_evaluation_report(page, sets)
-    if page or out:
-        report['written'] = [str(path) for path in (page, out) if path]
-    return report
+    return parser.parse_args(argv)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -229,11 +200,30 @@ def main(argv: Sequence[str] | None = None) -> int:
         recordings that were not evaluated.
     """
     options = _arguments(argv)
-    report: dict[str, Any] = {}
+    page, out, left = options.report, options.out, list[Path]()
 
     def work() -> str:
-        report.update(_figures(options))
+        parameters = workers.sets_of_parameters(options, *map(type, RecordingLoader()))
+        loader = RecordingLoader(*parameters)
+        # An error is reported before an hour of recordings is read.
+        workers.check_apart({'--report': page}, options.config, options.labels)
+        if out is not None:
+            files = [one for of in recording_sets(options.recordings).values() for one in of]
+            if len(files) > 1:
+                raise ValueError(f'--out is for one recording, these are {len(files)}')
+            evaluator.write_decisions_of(loader, files[0], out)
+        workers.make_paths_whole(options, 'recordings')
+        with workers.processes(options.jobs, options.cluster) as calls:
+            sets, left[:] = evaluate(options.recordings, loader, calls, page is not None)
+        report = as_report(sets)
+        if left:
+            report['not_evaluated'] = [str(path) for path in left]
+        if page:
+            from slip_detector.report.page import write_evaluation_report
+
+            write_evaluation_report(page, sets)
+        if page or out:
+            report['written'] = [str(path) for path in (page, out) if path]
         return json.dumps(report, indent=2) if options.json else evaluation_tables(report)
 
-    code = run(NAME, work)
-    return INTERRUPTED if not code and 'not_evaluated' in report else code
+    return run(NAME, work) or (INTERRUPTED if left else 0)

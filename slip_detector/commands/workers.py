@@ -53,7 +53,7 @@ READING = ('topic', 'field', 'labels', 'resample')
 Calls = Callable[[Callable[[Any], Any], Sequence[Any]], Iterator[tuple[int, Any]]]
 
 
-def add_options(parser: argparse.ArgumentParser, work: str) -> None:
+def add_options(parser: argparse.ArgumentParser, work: str, recordings: str = '*') -> None:
     """Add the recordings, and the options that ``slip_evaluate`` and ``slip_tune`` share.
 
     Parameters
@@ -62,6 +62,8 @@ def add_options(parser: argparse.ArgumentParser, work: str) -> None:
         The parser of the command.
     work
         What its processes do.
+    recordings
+        How many recordings have to be given: ``*`` or ``+``, as argparse has it.
 
     Examples
     --------
@@ -71,7 +73,7 @@ def add_options(parser: argparse.ArgumentParser, work: str) -> None:
     4
     """
     parser.add_argument(
-        'recordings', nargs='*', metavar='RECORDING',
+        'recordings', nargs=recordings, metavar='RECORDING',
         help=f'a recording ({", ".join(ENDINGS)} or the folder of a bag) or a folder of them',
     )  # fmt: skip
     parser.add_argument(

@@ -16,16 +16,15 @@
 
 import dataclasses
 import json
+import re
 
 import numpy as np
 import pytest
-from matplotlib import image
 
 from benchmarks.__main__ import main
 from benchmarks.measurement import verdicts
 from benchmarks.paper import command
 from benchmarks.paper.command import TRIALS, as_table
-from benchmarks.paper.pictures import stage_signals
 from benchmarks.paper.protocol import (
     SCENES,
     WANTED,
@@ -36,7 +35,6 @@ from benchmarks.paper.protocol import (
     with_band,
 )
 from slip_detector.chain.samples import Samples
-from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.files import read_yaml
 from slip_detector.scenes import find_scene
@@ -85,34 +83,7 @@ def test_the_papers_results_are_reproduced_and_each_variant_has_the_figures_of_i
     assert {'mean_delay_ms_440', 'least_rise_ms', 'bands_10-100_least_shortening_ms'} <= undefined
 
 
-def plate(mean_ms):
-    return {
-        'mean_delay_ms': mean_ms, 'sd_delay_ms': None, 'trial_delays_ms': [mean_ms, None],
-        'detected': 1, 'trials': 2, 'success_percent': 50.0,
-        'false_positive_percent': 0.5, 'channels_without_on': 3,
-    }  # fmt: skip
-
-
-def test_the_paper_is_beside_the_protocol():
-    ours, other = ({'plates': {'400': plate(ms)}, 'all': plate(ms)} for ms in (30.0, 28.0))
-    of_paper = {'400': {'mean_delay_ms': 36.02, 'sd_delay_ms': 3.91}}
-    result = {
-        **ours,
-        'trials': {'seeds': [4, 5]},
-        'paper': {'plates': of_paper, 'false_positive_percent': 1.01},
-        'windows': {'20': ours},
-        'bands': {'10-100': other},
-    }
-    lines = [' '.join(line.split()) for line in as_table(result).splitlines()]
-    for line in (
-        '400 um all', 'seed 4 30.00', 'seed 5 -', 'mean 30.00 30.00', 'mean, paper 36.02',
-        'sd - -', 'detected 1 of 2 1 of 2', 'success [%] 50.0 50.0',
-        '20 30.00 1 of 2 0.50',
-    ):  # fmt: skip
-        assert line in lines
-
-
-def test_the_pictures_are_written_and_show_something(capsys, tmp_path):
+def test_one_run_gives_all_that_is_documented_a_table_and_pictures(capsys, tmp_path):
     words = ['--json', '--quick', '--seed', '7', '--plot', str(tmp_path)]
     assert main(['paper', *words]) == 0
     result = json.loads(capsys.readouterr().out)
@@ -120,31 +91,6 @@ def test_the_pictures_are_written_and_show_something(capsys, tmp_path):
     undocumented = {'machine', 'quick', 'wanted'}
     assert all(f'``{key}``' in command.__doc__ for key in documented if key not in undocumented)
     assert (result['trials']['seeds'], result['all']['trials']) == ([7, 8], 6)
+    assert re.search(r'mean, paper +36\.02 ', as_table(result))
     names = [f'paper_fig{number}.png' for number in (2, 4, 5, 6, 7)]
     assert sorted(path.name for path in tmp_path.iterdir()) == names
-    for name in names:
-        picture = image.imread(tmp_path / name)[..., :3]
-        assert min(picture.shape[:2]) > 300
-        # Something in the outermost tenths, too: labels and axes are not cut away.
-        assert all((part < 0.5).any() for part in np.array_split(picture, 10, axis=0)[::9])
-
-
-@pytest.mark.parametrize(
-    'changes',
-    [
-        {},
-        {'exponent': 2, 'rectify': 'half', 'common_mode': 'median'},
-        {'decision': 'evidence', 'noise_floor': 1e-3, 'exponent': 1, 'mains_hz': 50.0},
-    ],
-)
-def test_the_stages_that_are_drawn_are_those_of_the_chain(changes):
-    config = ChainConfig(valid_range_v=(0.0, 5.0), **changes)
-    (trial,) = simulate_trials(SCENES['400'], [0])
-    raw, filtered, power, envelope, level = stage_signals(trial, config, 5).values()
-    np.testing.assert_array_equal(raw, trial.volts[:, 4])
-    np.testing.assert_array_equal(level, SlipChain(config).update(trial.volts).level[:, 4])
-    rectified = np.abs(filtered) if config.rectify == 'full' else np.maximum(filtered, 0.0)
-    np.testing.assert_allclose(power, rectified**config.exponent, atol=1e-9 * power.max())
-    window = np.full(15, 1 / 15)  # 40 ms
-    rms = np.sqrt(np.convolve(power**2, window)[: len(power)])
-    np.testing.assert_allclose(rms, envelope, rtol=1e-6, atol=1e-9 * envelope.max())

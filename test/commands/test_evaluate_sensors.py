@@ -94,10 +94,7 @@ SENSORS = {
     ),
     'robotiq_tsf85': (
         np.int16,
-        {
-            'robotiq_tsf/msg/Data1': 'int16 value\n',
-            'robotiq_tsf/msg/Dynamic': 'Data1[2] data\n',
-        },
+        {'robotiq_tsf/msg/Data1': 'int16 value\n', 'robotiq_tsf/msg/Dynamic': 'Data1[2] data\n'},
         lambda make, rows: make(data=[make('Data1', value=value) for value in rows[0]]),
     ),
     'wuji_hand': (

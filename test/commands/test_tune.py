@@ -28,7 +28,6 @@ import yaml
 from slip_detector.commands.tune import main, with_parameters
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.files import write_yaml
-from slip_detector.tuning.problem import searched
 from support.evaluation_cases import complaint
 from support.interrupts import check_interrupted_search
 from support.tuning_cases import PARAMETERS, journal, run, slips, trials_of, write
@@ -47,13 +46,7 @@ def test_the_file_has_the_figures_and_all_that_was_not_searched(case, capsys):
     comments = [line for line in text.splitlines() if line.startswith('#')]
     assert any('Tuned on: a.npz, b.npz (8 slips in 0.4 min)' in line for line in comments)
     assert any('false alarms per minute' in line for line in comments)
-    before, after = yaml.safe_load(PARAMETERS), yaml.safe_load(text)
     config = DetectorConfig.from_yaml(out)
-    tuned = after['/**/slip_detector']['ros__parameters']
-    for name, value in before['/**/slip_detector']['ros__parameters'].items():
-        assert name in searched(config) or tuned[name] == value
-    for section in ('/**/slip_driver', '/**/slip_evaluate', '/**/other_node'):
-        assert after[section] == before[section]
     assert config.heartbeat_hz == 20.0
     assert config.threshold != 0.05
     page = (folder / 'report.html').read_text()
@@ -96,20 +89,6 @@ def test_the_same_command_goes_on_and_another_question_has_a_study_of_its_own(ca
     assert len(optuna.get_all_study_names(journal(store))) == 2
 
 
-def test_what_is_written_is_written_once_and_not_over_what_is_read(case, capsys):
-    folder, words = case
-    out = folder / 'out.yaml'
-    for options in (
-        ('--out', out, '--report', out),
-        ('--out', folder / 'a.npz'),
-        ('--out', out, '--report', folder / 'given.yaml'),
-        ('--out', out, '--storage', folder / 'b.journal', '--report', folder / 'b.journal'),
-    ):
-        run(*words, *options, code=1)
-        assert capsys.readouterr().err.endswith(', allowed: a file of its own\n')
-    assert not out.exists()
-
-
 def test_without_optuna_it_says_what_to_install(case, monkeypatch, capsys):
     folder, words = case
     monkeypatch.setitem(sys.modules, 'optuna', None)
@@ -127,6 +106,10 @@ REFUSED = [
     ('still.npz --out o.yaml', 'still.npz: too few slips', 1),
     ('a.npz --out /dev/null', '/dev/null: cannot be written (is no file)', 1),
     ('a.npz --out o.yaml --report nix/r.html', 'nix/r.html: cannot be written', 1),
+    ('a.npz --out o.yaml --report o.yaml', 'is written by --out too', 1),
+    ('a.npz --out a.npz', 'a.npz: is a recording', 1),
+    ('a.npz --out o.yaml --report given.yaml', 'given.yaml: is read too', 1),
+    ('a.npz --out o.yaml --storage s --report s', '--report s: is read too', 1),
     ('a.npz --out o.yaml --storage nix/a.journal', 'storage nix/a.journal: No such file', 1),
     ('--quiet still.npz --out o.yaml', 'parameter decision is mean, allowed: evidence', 1),
     ('a.npz --false-alarms-per-hour 1 --out o.yaml', 'goes with --quiet', 2),
@@ -138,11 +121,7 @@ REFUSED = [
     ('--quiet still.npz --false-alarms-per-hour 0 --out o.yaml', 'allowed: a number above 0', 2),
     ('a.npz --hold-out 1 --out o.yaml', 'between 0 and 1', 2),
     ('a.npz --press a.npz --out o.yaml', 'a.npz: has slips, allowed: none in a recording of', 1),
-    (
-        '--quiet still.npz --press still.npz --out o.yaml',
-        'searches nothing, allowed: no --press',
-        2,
-    ),
+    ('--quiet still.npz --press still.npz --out o.yaml', 'nothing, allowed: no --press', 2),
 ]
 
 
@@ -216,13 +195,3 @@ def test_what_detects_none_of_the_held_out_slips_says_so_first(case, capsys):
     said = capsys.readouterr().out
     assert said.startswith('The result detects none of 4 slips that are held out\n')
     assert 'The given parameters are kept: on the held-out recordings the best found is ' in said
-
-
-def test_a_file_of_the_package_is_named_without_its_folder_and_keeps_its_sensor(tmp_path):
-    rest = tmp_path / 'rest.npz'
-    volts = np.random.default_rng(0).standard_normal((4000, 3))
-    np.savez(rest, volts=volts, sample_rate_hz=400.0)
-    run('--quiet', rest, '--config', 'sensors/imu.yaml', '--out', tmp_path / 'own.yaml')
-    config = DetectorConfig.from_yaml(tmp_path / 'own.yaml')
-    assert config.input_type == 'sensor_msgs/msg/Imu'
-    assert config.noise_floor_learnt
