@@ -322,6 +322,7 @@ class MendedSamples(NamedTuple):
     places : ndarray of int, shape (n,)
         Index of each sample in the input; -1 is the last sample before the input.
     stamps_ns : ndarray of int, shape (n,)
+        They rise strictly within a stretch.
     stretches : tuple of slice
         The samples of each stretch, at least one. The first may continue an earlier stretch.
     first_is_new : bool
@@ -350,6 +351,18 @@ def missing_rows(last_ns: int, stamp_ns: int, sample_rate_hz: float) -> int:
     0
     """
     return max(round((stamp_ns - last_ns) * 1e-9 * sample_rate_hz) - 1, 0)
+
+
+def rising(stamps_ns: NDArray[np.int64], before_ns: int = NONE) -> NDArray[np.int64]:
+    """Move each stamp that is not after the one before to 1 ns after it.
+
+    Examples
+    --------
+    >>> rising(np.array([5, 5, 4, 9]), before_ns=5)
+    array([6, 7, 8, 9])
+    """
+    after = np.arange(1, len(stamps_ns) + 1)
+    return np.maximum(np.maximum.accumulate(stamps_ns - after), before_ns) + after
 
 
 class StampGrid:
@@ -398,6 +411,7 @@ class StampGrid:
         self._line[:CLOSE] = period_ns, 0.0, FIRST_MEMORY, FIRST_JITTER, period_ns
         self._stamps = np.array([NONE, *[0] * LAST_HELD])
         self._number: int | None = None
+        self._mended_ns = NONE  # The last stamp that was returned.
         self.max_gap_s = max_gap_s
 
     @property
@@ -492,11 +506,17 @@ class StampGrid:
         mended_ns = np.repeat(begins_ns, rows) + _whole_ns(nth * nominal_ns)
         mended_ns[ends] = places_ns[kept]
         starts = [0, *ends[verdicts[kept] == NEW_STRETCH].tolist()]
+        first_is_new = starts[1:2] == [0]
+        stretches = [slice(a, b) for a, b in pairwise([*starts, len(places)]) if a < b]
+        before_ns = NONE if first_is_new else self._mended_ns
+        for stretch in stretches:
+            mended_ns[stretch] = rising(mended_ns[stretch], before_ns)
+            self._mended_ns, before_ns = int(mended_ns[stretch][-1]), NONE
         return MendedSamples(
             places,
             mended_ns,
-            tuple(slice(a, b) for a, b in pairwise([*starts, len(places)]) if a < b),
-            starts[1:2] == [0],
+            tuple(stretches),
+            first_is_new,
             int(np.count_nonzero(missing)),
             int(missing.sum()),
             len(stamps_ns) - len(kept),

@@ -28,6 +28,7 @@ import serial
 from numpy.typing import ArrayLike
 
 from slip_detector.chain.samples import Samples, Stamps
+from slip_detector.chain.stamps import NONE, rising
 from slip_detector.parameters.detector import default_channel_names
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.fields import refuse
@@ -74,8 +75,7 @@ class DeviceClock:
     """
 
     def __init__(self) -> None:
-        self._last_ns: int | None = None
-        self._arrival_ns = 0
+        self._last_ns, self._arrival_ns = NONE, 0
         self._offset_ns = self._newest_ns = self._window_ends_ns = 0
         self._smallest_ns = self._smallest_before_ns = 0
         self._mapped = False
@@ -133,10 +133,8 @@ class DeviceClock:
         Where the arrival shows that the receiver's clock was set back, the first stamp may be
         lower than the one before.
         """
-        at = np.arange(len(stamps_ns))
-        rising_ns = np.maximum.accumulate(stamps_ns - at) + at
-        if self._last_ns is not None and arrival_ns >= self._arrival_ns - STEP_NS:
-            rising_ns = np.maximum(rising_ns, self._last_ns + 1 + at)
+        was_set_back = arrival_ns < self._arrival_ns - STEP_NS
+        rising_ns = rising(stamps_ns, NONE if was_set_back else self._last_ns)
         self._arrival_ns, self._last_ns = arrival_ns, int(rising_ns[-1])
         return rising_ns
 

@@ -306,16 +306,19 @@ def test_mended_samples_are_what_their_arrivals_say_however_they_are_cut(steps, 
             rows = [*rows, *rows[-1:] * missing, i]
     wanted.append(rows)
 
-    grid, stretches, last = StampGrid(PERIOD_S, MAX_GAP_S), [[]], None
+    grid, stretches, last, last_ns = StampGrid(PERIOD_S, MAX_GAP_S), [[]], None, 0
     for piece in np.split(np.arange(len(stamps)), sorted(cuts)):
         mended = grid.mend(stamps[piece])
         assert len(mended.stamps_ns) == len(mended.places)
         for i, of_stretch in enumerate(mended.stretches):
             if i or mended.first_is_new:
                 stretches.append([])
+                last_ns = 0
             places = mended.places[of_stretch]
             stretches[-1] += [last if at < 0 else int(piece[at]) for at in places]
-            assert (np.diff(mended.stamps_ns[of_stretch]) >= 0).all()
+            stamps_ns = mended.stamps_ns[of_stretch]
+            assert (np.diff(stamps_ns, prepend=last_ns) > 0).all()
+            last_ns = stamps_ns[-1]
         if len(mended.places):
             last = int(piece[mended.places[-1]])
     assert [part for part in stretches if part] == [part for part in wanted if part]
