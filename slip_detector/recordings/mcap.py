@@ -39,8 +39,8 @@ MODULES = {
 _RECORD = struct.Struct('<BQ')
 _HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _MESSAGE_INDEX, _CHUNK_INDEX = range(1, 9)
 _STATISTICS, _DATA_END = 11, 15
-_KINDS = (*range(1, 16), *range(128, 256))
-_READ = (_FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _STATISTICS)
+_KINDS, _IN_CHUNK = (*range(1, 16), *range(128, 256)), (_SCHEMA, _CHANNEL, _MESSAGE)
+_READ = (*_IN_CHUNK, _CHUNK, _STATISTICS, _FOOTER)
 
 #: A message begins with its channel, number, time of receipt and time of publishing; a chunk with
 #: its first and last time, its length, its checksum (0: none) and the length of what follows, the
@@ -50,6 +50,9 @@ _MESSAGE_HEAD, _CHUNK_HEAD = struct.Struct('<HIQQ'), struct.Struct('<QQQII')
 #: The next message after so much begins a new chunk. What is written as the length of one that
 #: has not ended yet.
 CHUNK_NS, CHUNK_BYTES, NEVER_ENDS = 1_000_000_000, 2**20, 2**62
+
+#: Of messages outside of a chunk, or in one that has no checksum.
+UNCHECKED = 'without checksums, so that damage may go unseen'
 
 #: Number of a topic in its file, time of receipt in nanoseconds, serialised message.
 Received = tuple[int, int, bytes]
@@ -101,35 +104,20 @@ def mcap_messages(file: BagFile) -> Iterator[Received]:
         if data.read(len(MAGIC)) != MAGIC:
             raise DamageError('is damaged at byte 0, or no MCAP')
         size = _size(data)
-        for kind_outside, begin, content, whole in _records(data, len(MAGIC), size):
-            if kind_outside not in _KINDS:
-                raise DamageError(f'is damaged at byte {begin}')
-            records = iter([(kind_outside, begin, content, whole)])
-            if kind_outside == _CHUNK:
-                raw = _unpacked(file, content, begin, whole)
-                records = _records(io.BytesIO(raw), 0, len(raw))
-            elif kind_outside == _MESSAGE:
-                file.doubts = 'without checksums, so that damage may go unseen'
-            for kind, _, record, is_whole in records:
-                if not is_whole:
-                    break
-                number = int.from_bytes(record[:2], 'little')
-                if kind == _MESSAGE:
-                    n += 1
-                    yield (
-                        number,
-                        _MESSAGE_HEAD.unpack_from(record)[2],
-                        record[_MESSAGE_HEAD.size :],
-                    )
-                elif kind == _SCHEMA:
-                    schemas[number] = _texts(record[2:], 3)
-                elif kind == _CHANNEL:
-                    described = schemas.get(int.from_bytes(record[2:4], 'little'), ['', '', ''])
-                    file.topics.setdefault(number, Topic(*_texts(record[4:], 1), *described))
-                elif kind == _STATISTICS and n != (said := int.from_bytes(record[:8], 'little')):
-                    raise DamageError(f'has {n} messages, and counts {said} in its summary')
-                elif kind == _FOOTER:
-                    return
+        for kind, record in _records(file, data, len(MAGIC), size):
+            number = int.from_bytes(record[:2], 'little')
+            if kind == _MESSAGE:
+                n += 1
+                yield number, _MESSAGE_HEAD.unpack_from(record)[2], record[_MESSAGE_HEAD.size :]
+            elif kind == _SCHEMA:
+                schemas[number] = _texts(record[2:], 3)
+            elif kind == _CHANNEL:
+                described = schemas.get(int.from_bytes(record[2:4], 'little'), ['', '', ''])
+                file.topics.setdefault(number, Topic(*_texts(record[4:], 1), *described))
+            elif kind == _STATISTICS and n != (said := int.from_bytes(record[:8], 'little')):
+                raise DamageError(f'has {n} messages, and counts {said} in its summary')
+            elif kind == _FOOTER:
+                return
         raise DamageError(f'is cut off at byte {size}')
 
 
@@ -144,36 +132,42 @@ def _size(data: IO[bytes]) -> int:
     return min(size, end + len(content) + 8)
 
 
-def _records(data: IO[bytes], begin: int, size: int) -> Iterator[tuple[int, int, bytes, bool]]:
-    """Yield kind, first byte and content of each record, and whether the content is whole."""
+def _records(
+    file: BagFile, data: IO[bytes], begin: int, size: int, chunk: int = 0
+) -> Iterator[tuple[int, bytes]]:
+    """Yield kind and content of each whole record; those of a chunk, which may be cut off, too.
+
+    ``chunk`` is the first byte of the chunk that has the records; 0: they are in none.
+    """
     while begin + _RECORD.size <= size:
         data.seek(begin)
         kind, length = _RECORD.unpack(data.read(_RECORD.size))
-        end = begin + _RECORD.size + length
-        yield (
-            kind,
-            begin,
-            data.read(min(end, size) - data.tell() if kind in _READ else 0),
-            end <= size,
-        )
-        begin = end
+        if kind not in (_IN_CHUNK if chunk else _KINDS):
+            raise DamageError(f'is damaged at byte {chunk or begin}')
+        place, begin = begin, begin + _RECORD.size + length
+        content = data.read(min(begin, size) - data.tell()) if kind in _READ else b''
+        if kind == _CHUNK:
+            raw = _unpacked(file, content, place, begin <= size)
+            yield from _records(file, io.BytesIO(raw), 0, len(raw), place)
+        elif begin <= size:
+            if kind == _MESSAGE and not chunk:
+                file.doubts = UNCHECKED
+            yield kind, content
 
 
 def _unpacked(file: BagFile, content: bytes, begin: int, whole: bool) -> bytes:
     """Return the records of a chunk; of one that is cut off what is there, if it can be read."""
     *_, size, checksum, n = _CHUNK_HEAD.unpack_from(content.ljust(_CHUNK_HEAD.size, b'\0'))
     compression = content[_CHUNK_HEAD.size : _CHUNK_HEAD.size + n].decode()
-    content = content[_CHUNK_HEAD.size + n :]
-    n_packed, content = int.from_bytes(content[:8], 'little'), content[8:]
-    is_same = n_packed == len(content)
+    content = content[_CHUNK_HEAD.size + n + 8 :]  # Behind the length when compressed.
     if compression:
         unpack = importlib.import_module(MODULES[compression]).decompress
         content = unpack(content) if whole else b''
-    is_same &= len(content) == size and (not checksum or zlib.crc32(content) == checksum)
+    is_same = len(content) == size and (not checksum or zlib.crc32(content) == checksum)
     if whole and not is_same:
         raise DamageError(f'has a damaged chunk at byte {begin}')
     if not checksum:
-        file.doubts = 'without checksums, so that damage may go unseen'
+        file.doubts = UNCHECKED
     return content
 
 
@@ -281,13 +275,10 @@ class McapStorage:
             offsets += pack('<HQ', topic, end + len(index))
             index += _record(_MESSAGE_INDEX, pack('<H', topic), _sized(b''.join(places)))
         self._file.write(index)
-        span, size = pack('<QQ', *self._spans_ns[-1]), pack('<Q', self._size)
-        where = (
-            pack('<QQ', self._begin, end - self._begin),
-            _sized(offsets),
-            pack('<Q', len(index)),
-        )
-        self._chunk_indexes += _record(_CHUNK_INDEX, span, *where, _text(''), size, size)
+        chunk = pack('<QQQQ', *self._spans_ns[-1], self._begin, end - self._begin)
+        # The name of no compression is empty, and the length with and without it the same.
+        rest = pack('<QIQQ', len(index), 0, self._size, self._size)
+        self._chunk_indexes += _record(_CHUNK_INDEX, chunk, _sized(offsets), rest)
         self._messages = []
 
     def close(self, version: int, metadata: str) -> None:
