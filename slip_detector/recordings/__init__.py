@@ -16,8 +16,10 @@
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from slip_detector.parameters.driver import RecordingConfig
+from slip_detector.parameters.fields import refuse
 from slip_detector.parameters.files import check_plain
 from slip_detector.recordings.array_recordings import CsvRecording, NpzRecording
 from slip_detector.recordings.bag_recording import BagRecording
@@ -95,14 +97,12 @@ def open_recording(path: 'str | Path', config: 'RecordingConfig | None' = None) 
     labels = None if labels_file is None else read_labels(labels_file)
     with named_errors(path):
         check_plain(path)
-        if path.suffix == '.csv':
-            return CsvRecording(path, config, labels)
-        if path.suffix == '.npz':
-            return NpzRecording(path, config, labels)
-        if path.suffix in BAG_ENDINGS or path.is_dir():
-            return BagRecording(path, config, labels)
-        ending = path.suffix or 'without ending'
-        raise ValueError(f'is {ending}, allowed: {", ".join(ENDINGS)} or the folder of a bag')
+        if path.suffix not in ENDINGS and not path.is_dir():
+            allowed = f'{", ".join(ENDINGS)} or the folder of a bag'
+            refuse(f'is {path.suffix or "without ending"}', allowed)
+        kinds: dict[str, Any] = {'.csv': CsvRecording, '.npz': NpzRecording}
+        opened: Recording = kinds.get(path.suffix, BagRecording)(path, config, labels)
+        return opened
 
 
 def _is_inside(path: Path) -> bool:

@@ -78,7 +78,7 @@ class NpzRecording(Recording):
             refuse(what, 'numbers of shape (rows, channels)')
         if rate.size != 1 or rate.dtype.kind not in 'fiu':
             raise ValueError(f'{rate_key} is {shortened(str(rate))}, allowed: a rate in Hz')
-        self.sample_rate_hz = checked_rate(float(rate.item()))
+        self.sample_rate_hz = rate_hz = checked_rate(float(rate.item()))
         self.n_rows = n = len(volts)
         self.channel_names = default_channel_names(volts.shape[1])
         stamps_ns, label = self.array(STAMPS_KEY), self.array(truth_key)
@@ -86,10 +86,9 @@ class NpzRecording(Recording):
             if column is not None and column.size != n:
                 raise ValueError(f'{key} has the shape {column.shape}, allowed: ({n},)')
         if stamps_ns is None:
-            stamps_ns = np.rint(np.arange(n) * (1e9 / self.sample_rate_hz)).astype(np.int64)
+            stamps_ns = np.rint(np.arange(n) * (1e9 / rate_hz)).astype(np.int64)
         else:
             stamps_ns = _as_stamps(stamps_ns.reshape(-1))
-            rate_hz = self.sample_rate_hz
             stamped_hz = rate_of(stamps_ns, STAMPS_KEY) if n > 1 else rate_hz
             # Of few rows jitter changes the rate.
             if abs(stamped_hz - rate_hz) > (RATE_TOLERANCE + 1 / n) * rate_hz:
@@ -162,6 +161,7 @@ class CsvRecording(Recording):
         self._names = names = names[:-1] if names[-1:] == [''] else names
         self.has_truth |= self._truth_key in names
         self.label_name = f'label {self._truth_key}, there are: {name_list(names)}'
+        self._truth_at = [k for k, name in enumerate(names) if name == self._truth_key]
         self._channels = [k for k, n in enumerate(names) if n not in (TIME, self._truth_key)]
         self.channel_names = tuple(names[k] for k in self._channels)
         if TIME not in names or not self.channel_names or len({*names, ''}) <= len(names):
@@ -177,11 +177,8 @@ class CsvRecording(Recording):
         rows = self._rows()
         while some := list(itertools.islice(rows, PIECE_ROWS)):
             numbers, stamps_ns = (np.array(part) for part in zip(*some, strict=True))
-            truth = None
-            if self._truth_key in self._names:
-                label = numbers[:, self._names.index(self._truth_key)]
-                truth = as_truth(label, self._truth_key)
-            yield Samples(numbers[:, self._channels], stamps_ns, truth)
+            truth: list[Any] = [as_truth(numbers[:, at], self._truth_key) for at in self._truth_at]
+            yield Samples(numbers[:, self._channels], stamps_ns, *truth)
 
     def _text(self) -> Iterator[str]:
         """Yield the lines; the last only if it has an end, as it may be cut off in a number."""
@@ -203,22 +200,19 @@ class CsvRecording(Recording):
         time_at, n = self._names.index(TIME), len(self._names)
         lines = self._lines()
         for cells in itertools.islice(lines, 1, None):
-            text = ''.join(cells)
-            if not text.strip():  # many programs write empty lines at the end
+            line = ''.join(cells)
+            if not line.strip():  # many programs write empty lines at the end
                 continue
             try:
                 numbers = [float(cell.strip() or 'nan') for cell in cells[:n]]
                 # float64 would lose the digits of a date.
                 time_s = decimal.Decimal(cells[time_at].strip())
                 # Many programs write a comma at the end of each line. Python takes 1_0 for 10.
-                fits = len(numbers) == n and not ''.join(cells[n:]).strip() and '_' not in text
+                fits = len(numbers) == n and not ''.join(cells[n:]).strip() and '_' not in line
                 fits = fits and abs(time_s) < MOST_S
             except (ValueError, ArithmeticError, IndexError):
                 fits = False
             if not fits:
-                line = shown(self._delimiter.join(cells))
-                refuse(
-                    f'line {lines.line_num} is {line}',
-                    f'{n} decimal numbers, {TIME} below {MOST_S:g}',
-                )
+                text = f'{n} decimal numbers, {TIME} below {MOST_S:g}'
+                refuse(f'line {lines.line_num} is {shown(self._delimiter.join(cells))}', text)
             yield numbers, round(time_s * 1_000_000_000)

@@ -84,13 +84,12 @@ class _Decoder:
     def decoded(self, messages: list[Message]) -> _Decoded:
         """Decode messages; a ValueError when none of those so far has channels."""
         table = joint_state_table([raw for _, raw in messages]) if self._is_quick else None
-        if table is not None:
-            volts, stamps_ns = table.numbers[self._field], table.stamps_ns
-            if self._is_same(table.names, volts):
-                received_ns = np.array([received_ns for received_ns, _ in messages], np.int64)
-                stamps_ns = np.where(stamps_ns == 0, received_ns, stamps_ns)
-                return _Decoded(volts, stamps_ns, received_ns, np.ones(len(volts), np.int64), 0)
-        return self._one_by_one(messages)
+        if table is None or not self._is_same(table.names, table.numbers[self._field]):
+            return self._one_by_one(messages)
+        received_ns = np.array([received_ns for received_ns, _ in messages], np.int64)
+        stamps_ns = np.where(table.stamps_ns == 0, received_ns, table.stamps_ns)
+        once = np.ones(len(messages), np.int64)
+        return _Decoded(table.numbers[self._field], stamps_ns, received_ns, once, 0)
 
     def _one_by_one(self, messages: list[Message]) -> _Decoded:
         rows, kept = [], []
@@ -144,20 +143,24 @@ class BagRecording(Recording):
     def __init__(self, path: Path, config: RecordingConfig, labels: 'Labels | None') -> None:
         super().__init__(path, labels, config)
         self._storage = BagStorage(path)
+        damage = self._storage.damage
+        self._found_damage = f' ({damage[0]})' if damage else ''
         self._topic = self._rows_topic(config.recording_topic)
         if _is_named(self._topic.name, TOPIC):
             self.namespace = f'/{self._topic.name.lstrip("/")}'.rpartition('/')[0]
         usual = 'position' if self._topic.msgtype == JOINT_STATE else 'data'
         self._field = config.recording_field or usual
-        self._label_topic = self._found_label_topic(config)
+        self._label_topic = label_topic = self._found_label_topic(config)
+        #: Whether a Bool is the label: it has no stamp, and holds for rows received after it.
+        self._has_states = label_topic is not None and label_topic.msgtype == BOOL
         self._still_m = config.recording_still_m
-        self.has_truth |= self._label_topic is not None
+        self.has_truth |= label_topic is not None
         if labels is None:
             self.accuracy_s, self.kind = accuracy_and_kind(self._storage.custom_data)
         decoder = _Decoder(self._topic, self._field)
         first = next(self._decoded(self._topic, decoder), None)
         if first is None or not len(first.volts):
-            raise ValueError(f'has no samples on {self._topic.name}{self._found_damage()}')
+            raise ValueError(f'has no samples on {self._topic.name}{self._found_damage}')
         self.channel_names = decoder.names or default_channel_names(decoder.channels)
         self._per_message = int(np.median(first.counts))
         message_hz = rate_of(first.stamps_ns, f'the stamps on {self._topic.name}')
@@ -173,12 +176,12 @@ class BagRecording(Recording):
             if len(some.volts):
                 stamps_ns = self._spread(some, last_ns)
                 last_ns = int(stamps_ns[-1])
-                label: dict[str, Any] = {}
+                rows = Samples(some.volts, stamps_ns)
                 if edges_ns is not None:
                     late_ns = np.repeat(some.received_ns - some.stamps_ns, some.counts)
                     at_ns = stamps_ns + (late_ns if self._has_states else 0)
-                    label = label_at(at_ns, edges_ns, self.accuracy_s)
-                yield Samples(some.volts, stamps_ns, **label)
+                    rows = rows._replace(**label_at(at_ns, edges_ns, self.accuracy_s))
+                yield rows
 
     def _decoded(self, topic: Topic, decoder: _Decoder) -> Iterator[_Decoded]:
         """Yield the messages of a topic, some thousands of rows at a time."""
@@ -207,11 +210,6 @@ class BagRecording(Recording):
         before_ns = np.rint(left * np.repeat(steps_ns, counts)).astype(np.int64)
         return np.asarray(np.repeat(ends_ns, counts) - before_ns)
 
-    @property
-    def _has_states(self) -> bool:
-        """Whether a Bool is the label: it has no stamp, and holds for rows received after it."""
-        return self._label_topic is not None and self._label_topic.msgtype == BOOL
-
     def _edges_ns(self) -> 'Stamps | None':
         """Return when slip begins and ends by a topic; None if that is not the label."""
         topic = self._label_topic
@@ -228,9 +226,6 @@ class BagRecording(Recording):
         changes = np.flatnonzero(np.diff(moves, prepend=False, append=False))
         return np.asarray(stamps_ns[changes] + np.arange(len(changes)) % 2)
 
-    def _found_damage(self) -> str:
-        return f' ({self._storage.damage[0]})' if self._storage.damage else ''
-
     def _rows_topic(self, name: str) -> Topic:
         """Find the topic that has the rows."""
         topics = self._storage.topics
@@ -238,21 +233,18 @@ class BagRecording(Recording):
         if len(found) == 1:
             return found[0]
         known = name_list([f'{topic.name} ({topic.msgtype})' for topic in found or topics])
-        raise ValueError(
-            f'has {len(found) or "no"} topics {name or TOPIC}, there are: {known or "none"}'
-            f'{self._found_damage()}; --topic (recording_topic) names one'
-        )
+        there = f'there are: {known or "none"}{self._found_damage}'
+        what = f'has {len(found) or "no"} topics {name or TOPIC}, {there}'
+        raise ValueError(f'{what}; --topic (recording_topic) names one')
 
     def _found_label_topic(self, config: RecordingConfig) -> 'Topic | None':
         """Find what labels the rows: the topic in their namespace, else the only one in others."""
         truth, position = config.recording_truth_topic, config.recording_position_topic
         usual = RecordingConfig()
         others = [topic for topic in self._storage.topics if topic != self._topic]
-        known = [one.name for one in others if one.msgtype in (BOOL, JOINT_STATE)]
-        self.label_name = (
-            f'topic {truth} (Bool) or {position} (JointState), there are: '
-            f'{name_list(known) or "none"}'
-        )
+        known = name_list([one.name for one in others if one.msgtype in (BOOL, JOINT_STATE)])
+        wanted = f'topic {truth} (Bool) or {position} (JointState)'
+        self.label_name = f'{wanted}, there are: {known or "none"}'
         for name, msgtype in ((truth, BOOL), (position, JOINT_STATE)):
             alike = [topic for topic in others if topic.msgtype == msgtype]
             full = f'{self._topic.name.rpartition("/")[0]}/{name}'

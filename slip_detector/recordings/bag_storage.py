@@ -31,14 +31,8 @@ from typing import Any
 from slip_detector.chain.stamps import SEVERAL
 from slip_detector.parameters.fields import name_list, refuse, shortened, shown_name
 from slip_detector.parameters.files import read_yaml
-from slip_detector.recordings.mcap import (
-    MODULES,
-    BagFile,
-    DamageError,
-    Received,
-    Topic,
-    mcap_messages,
-)
+from slip_detector.recordings import mcap
+from slip_detector.recordings.mcap import BagFile, DamageError, Received, Topic
 
 #: A folder that has this file is a bag.
 METADATA = 'metadata.yaml'
@@ -131,8 +125,8 @@ class BagStorage:
             self._files_read.append(file)
             n += counts.total()
         if n_listed not in (None, n) and not self.damage:
-            counted = shortened(str(n_listed))
-            self.damage.append(f'{METADATA} counts {counted} messages, there are {n}')
+            said = f'{METADATA} counts {shortened(str(n_listed))} messages'
+            self.damage.append(f'{said}, there are {n}')
         self._begin_ns = sorted(times_ns)[(len(times_ns) - 1) // 2] if times_ns else 0
         self.topics = sorted(topics.values())
         if self.damage and not self.topics:
@@ -185,9 +179,7 @@ class BagStorage:
             text = f'{METADATA} does not list {more}, so that it is left out'
             self.damage.append(f'{text}: ros2 bag reindex {folder} lists all')
         if not there.keys() & {*wanted}:
-            raise ValueError(
-                '; '.join([*self.damage, 'has no files of a bag, allowed: .mcap or .db3'])
-            )
+            self.damage.append('has no files of a bag, allowed: .mcap or .db3')
         numbers = {name: [int(n) for n in re.findall(r'\d+', name)] for name in there}
         return [there[name] for name in sorted(there, key=numbers.__getitem__) if name in wanted]
 
@@ -207,7 +199,7 @@ class BagStorage:
 
 
 def _zstd() -> Any:
-    return importlib.import_module(MODULES['zstd'])
+    return importlib.import_module(mcap.ZSTD)
 
 
 def load_rosbags() -> Any:
@@ -260,7 +252,7 @@ def _ros1_messages(file: BagFile) -> Iterator[Received]:
 
 
 _READERS: dict[str, Callable[[BagFile], Iterator[Received]]] = {
-    '.mcap': mcap_messages,
+    '.mcap': mcap.messages_of,
     '.db3': _database_messages,
     '.bag': _ros1_messages,
 }
@@ -315,9 +307,7 @@ def typestore_of(topic: Topic) -> Any:
     except Exception as error:
         store = get_typestore(Stores.LATEST)
         if topic.msgtype not in store.fielddefs:
-            why = shortened(' '.join(str(error).split()))
-            raise ValueError(
-                f'{shown_name(topic.name)} is {shown_name(topic.msgtype)}, of which the bag has '
-                f'no definition that can be read ({why})'
-            ) from None
+            what = f'{shown_name(topic.name)} is {shown_name(topic.msgtype)}'
+            why = f'no definition that can be read ({shortened(" ".join(str(error).split()))})'
+            raise ValueError(f'{what}, of which the bag has {why}') from None
     return store

@@ -172,10 +172,8 @@ def labels_from(path: Path, document: dict[str, Any]) -> Labels:
     except (KeyError, TypeError, ValueError, ArithmeticError):
         document = {'no': KEY}
     if document:
-        raise ValueError(
-            f'{path}: has more or less than {KEY}: [[start, end]] and {ACCURACY}, all in seconds, '
-            f'or {KIND}'
-        )
+        what = f'{KEY}: [[start, end]] and {ACCURACY}, all in seconds, or {KIND}'
+        raise ValueError(f'{path}: has more or less than {what}')
     if kind and edges_s.size:
         raise ValueError(f'{path}: has slips, allowed: none in a recording of the kind {kind}')
     edges_s = edges_s[np.argsort(edges_s[:, 0])]
@@ -183,10 +181,8 @@ def labels_from(path: Path, document: dict[str, Any]) -> Labels:
     wrong = ~((steps_s[:, 0] >= 0.0) & (steps_s[:, 1] > 0.0))
     if wrong.any():
         start_s, end_s = edges_s[wrong][0]
-        raise ValueError(
-            f'{path}: the slip [{start_s:g}, {end_s:g}] s is not allowed: it begins before 0 s '
-            'or the end of another, or ends before it begins'
-        )
+        why = 'it begins before 0 s or the end of another, or ends before it begins'
+        raise ValueError(f'{path}: the slip [{start_s:g}, {end_s:g}] s is not allowed: {why}')
     return Labels(path, edges_s, accuracy_s, kind)
 
 
@@ -239,11 +235,8 @@ def label_at(at_ns: Stamps, edges_ns: Stamps, accuracy_s: float) -> dict[str, An
     >>> label['truth'], label['certain']
     (array([False, False,  True]), array([ True, False,  True]))
     """
-    within_ns = round(accuracy_s * 1e9)
-    first, now, last = (
-        np.searchsorted(edges_ns, at_ns + by_ns, side='right')
-        for by_ns in (-within_ns, 0, within_ns)
-    )
+    off_ns = round(accuracy_s * 1e9) * np.array([[-1], [0], [1]])
+    first, now, last = np.searchsorted(edges_ns, at_ns + off_ns, side='right')
     return {'truth': now % 2 == 1, 'certain': first == last if accuracy_s else None}
 
 

@@ -29,10 +29,8 @@ from typing import IO, Any, NamedTuple
 MAGIC = b'\x89MCAP0\r\n'
 
 #: The modules that unpack what rosbag2 compresses; they come with rosbags.
-MODULES = {
-    'zstd': 'compression.zstd' if sys.version_info >= (3, 14) else 'backports.zstd',
-    'lz4': 'lz4.frame',
-}
+ZSTD = 'compression.zstd' if sys.version_info >= (3, 14) else 'backports.zstd'
+MODULES = {'zstd': ZSTD, 'lz4': 'lz4.frame'}
 
 #: Each record begins with its kind, one of those here, of the summary or of an application, and
 #: its length in bytes.
@@ -88,7 +86,7 @@ class BagFile:
         self.topics: dict[int, Topic] = {}
 
 
-def mcap_messages(file: BagFile) -> Iterator[Received]:
+def messages_of(file: BagFile) -> Iterator[Received]:
     """Yield the messages of all topics of an MCAP in the order of the file.
 
     Indexes are not read, and neither are the times in records on chunks.

@@ -174,13 +174,9 @@ class JointStateReader:
         ValueError
             As :func:`joint_state_layout`.
         """
-        layout = self._layout
-        if (
-            layout is None
-            or len(raw) != layout.size
-            or raw[TEXTS : self._position.start] != self._texts
-            or not raw.startswith(LITTLE_ENDIAN)
-        ):
+        layout, texts = self._layout, raw[TEXTS : self._position.start]
+        is_alike = texts == self._texts and raw.startswith(LITTLE_ENDIAN)
+        if layout is None or len(raw) != layout.size or not is_alike:
             self._layout = layout = joint_state_layout(raw)
             self._position = layout.numbers['position']
             self._texts = raw[TEXTS : self._position.start]

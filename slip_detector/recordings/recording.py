@@ -191,14 +191,10 @@ class Recording(ABC):
                 last_ns, n = int(rows.stamps_ns[-1]), n + len(rows.volts)
                 good = (rows.volts >= low_v) & (rows.volts <= high_v)
                 self.counts.bad_samples += int(np.count_nonzero(~good))
-                label: dict[str, Any] = {}
-                if labels is not None:
-                    after_ns = rows.stamps_ns - first_ns
-                    label = label_at(after_ns, labels.edges_ns, labels.accuracy_s)
+                after_ns = rows.stamps_ns - first_ns
+                label = label_at(after_ns, labels.edges_ns, labels.accuracy_s) if labels else {}
                 yield rows._replace(accuracy_s=self.accuracy_s, kind=self.kind, **label)
-            damage, seconds = self.counts.damage, (last_ns - first_ns) * 1e-9
-            if not n:
-                raise ValueError(f'has no samples{f" ({damage})" if damage else ""}')
+        damage, seconds = self.counts.damage, (last_ns - first_ns) * 1e-9
         if damage:
             self.counts.damage = f'{damage}: {n} samples up to {seconds:.3f} s are read'
         elif labels is not None:
@@ -250,11 +246,9 @@ class Recording(ABC):
         apart = rates_differ(rate_hz, wanted_hz)
         factor = max(rate_hz / wanted_hz, wanted_hz / rate_hz)
         if apart and not (self._resample and factor <= MOST_FACTOR):
-            raise ValueError(
-                f'{self.path}: has {rate_hz:g} Hz where the parameter sample_rate_hz is '
-                f'{wanted_hz:g} Hz, allowed: at most {RATE_TOLERANCE:.0%} apart, or --resample '
-                f'(recording_resample: true) up to a factor of {MOST_FACTOR}'
-            )
+            what = f'has {rate_hz:g} Hz where the parameter sample_rate_hz is {wanted_hz:g} Hz'
+            text = f'--resample (recording_resample: true) up to a factor of {MOST_FACTOR}'
+            refuse(f'{self.path}: {what}', f'at most {RATE_TOLERANCE:.0%} apart, or {text}')
         pieces = self._stretches(rate_hz if apart else wanted_hz, max_gap_s)
         if apart:
             pieces = self._resampled(pieces, rate_hz, wanted_hz)

@@ -28,7 +28,8 @@ from typing import Any
 import numpy as np
 
 from slip_detector.chain.samples import Samples
-from slip_detector.parameters.files import file_errors_of, whole_file
+from slip_detector.parameters.fields import refuse
+from slip_detector.parameters.files import whole_file, writable_folder
 from slip_detector.recordings.bag_recording import BOOL, JOINT_STATE
 from slip_detector.recordings.bag_storage import ABOUT, METADATA, load_rosbags
 from slip_detector.recordings.labels import ACCURACY, KIND
@@ -94,8 +95,7 @@ def write_recording(
     """
     path = Path(path)
     check_new(path, '.npz', '.csv', *PLUGINS)
-    with file_errors_of(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
+    writable_folder(path.parent)
     with whole_file(path) as new:
         if path.suffix == '.npz':
             _write_npz(new, pieces, sample_rate_hz)
@@ -117,10 +117,9 @@ def check_new(path: Path, *endings: str) -> None:
     ValueError: a.bag: is .bag, allowed: .mcap, .db3 or without ending
     """
     if path.suffix not in ('', *endings):
-        allowed = ', '.join(endings)
-        raise ValueError(f'{path}: is {path.suffix}, allowed: {allowed} or without ending')
+        refuse(f'{path}: is {path.suffix}', f'{", ".join(endings)} or without ending')
     if path.exists():
-        raise ValueError(f'{path}: already exists, allowed: a new path')
+        refuse(f'{path}: already exists', 'a new path')
 
 
 def _write_csv(path: Path, pieces: Iterable[Samples], names: Sequence[str]) -> None:
@@ -222,27 +221,23 @@ class BagWriter:
         from rosbags.typesys import Stores, get_typestore
 
         self.path = folder / f'{folder.name}{ending}'
-        types = get_typestore(Stores.ROS2_JAZZY)
         self._rows = JointStateWriter(frame_id, channel_names)
         self._platform = JointStateWriter(frame_id, ['platform'])
         self._last: bool | None = None
         plugin = rosbag2.StoragePlugin[PLUGINS[ending]]
         plugins = rosbag2.Writer.STORAGE_PLUGINS | {rosbag2.StoragePlugin.MCAP: McapStorage}
         writer = type('Writer', (rosbag2.Writer,), {'STORAGE_PLUGINS': plugins})
-        try:
-            self._writer = writer(folder, version=BAG_VERSION, storage_plugin=plugin)
-            self._writer.set_custom_data(ACCURACY, f'{accuracy_s:g}')
-            self._writer.set_custom_data(KIND, kind)
-            self._writer.open()
-        except rosbag2.WriterError:
-            raise FileExistsError(errno.EEXIST, 'already exists') from None
+        if folder.exists():
+            raise FileExistsError(errno.EEXIST, 'already exists')
+        self._writer = writer(folder, version=BAG_VERSION, storage_plugin=plugin)
+        self._writer.custom_data |= {ACCURACY: f'{accuracy_s:g}', KIND: kind}
+        self._writer.open()
         # How exact the truth is, and the kind, are known even if this process is killed.
-        about = {ABOUT: {'custom_data': {ACCURACY: f'{accuracy_s:g}', KIND: kind}}}
-        (folder / METADATA).write_text(json.dumps(about), encoding='utf-8')
+        about = json.dumps({ABOUT: {'custom_data': self._writer.custom_data}})
+        (folder / METADATA).write_text(about, encoding='utf-8')
+        how = {'typestore': get_typestore(Stores.ROS2_JAZZY), 'offered_qos_profiles': [_quality()]}
         self._topics = {
-            topic: self._writer.add_connection(
-                topic, msgtype, typestore=types, offered_qos_profiles=[_quality()]
-            )
+            topic: self._writer.add_connection(topic, msgtype, **how)
             for topic, msgtype in topics.items()
         }
 

@@ -201,17 +201,15 @@ class SerialSource(LiveSource):
 
     def start(self) -> None:
         """Open the port; if that fails, reading tries again."""
-        config = self._config
+        port, baud = self._config.serial_port, self._config.serial_baud
         try:
             # Exclusive: each of two readers would get only some of the bytes.
-            self._line = serial.Serial(
-                config.serial_port, config.serial_baud, timeout=WAIT_S, exclusive=True
-            )
+            self._line = serial.Serial(port, baud, timeout=WAIT_S, exclusive=True)
         except PORT_ERRORS as error:
             self._lose(error)
         else:
             self.connected = True
-            self.state = f'listening to {config.serial_port} at {config.serial_baud} baud'
+            self.state = f'listening to {port} at {baud} baud'
 
     def _receive(self) -> list[Samples]:
         """Read what there is, or try to open a lost port."""

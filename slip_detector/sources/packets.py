@@ -84,27 +84,24 @@ class ByteSplitter:
     def __init__(self, delimiter: bytes, longest: int, counts: Counter[str]) -> None:
         self._delimiter, self._longest, self._counts = delimiter, longest, counts
         self._incomplete = b''
-        self._too_long = False
 
     def restart(self) -> None:
         """Drop the incomplete piece after an interruption of the stream."""
         self._counts['garbage_bytes'] += len(self._incomplete)
-        self._incomplete, self._too_long = b'', False
+        self._incomplete = b''
 
     def feed(self, data: bytes) -> Iterator[bytes]:
         """Yield the pieces that the next bytes complete, without their delimiters."""
         *pieces, incomplete = (self._incomplete + data).split(self._delimiter)
-        self._incomplete = incomplete
+        # One byte more than is allowed shows that the piece is too long.
+        self._incomplete = incomplete[: self._longest + 1]
         for piece in pieces:
-            if self._too_long or len(piece) > self._longest:
-                self._counts['overlong'] += 1
-                self._counts['garbage_bytes'] += len(piece)
-                self._too_long = False
-            else:
+            if len(piece) <= self._longest:
                 yield piece
-        if len(incomplete) > self._longest:
-            self._counts['garbage_bytes'] += len(incomplete)
-            self._incomplete, self._too_long = b'', True
+                continue
+            self._counts['overlong'] += 1
+            self._counts['garbage_bytes'] += len(piece)
+        self._counts['garbage_bytes'] += len(incomplete) - len(self._incomplete)
 
 
 class PacketDecoder:
@@ -328,17 +325,16 @@ class LineDecoder:
         received = []
         for piece in self._splitter.feed(data):
             line = piece.removesuffix(b'\r')
-            numbers = line.split(b',')
+            has_numbers = self._numbers.fullmatch(line)
+            volts = np.array([line.split(b',')] if has_numbers else [[np.nan]], np.float64)
             if self._first:
                 self._first, reason = False, 'partial'
             elif not line:
                 continue
-            elif not self._numbers.fullmatch(line):
+            elif not np.isfinite(volts).all():
                 reason = 'numbers'
-            elif len(numbers) != self._channels:
+            elif volts.shape[1] != self._channels:
                 reason = 'channels'
-            elif not np.isfinite(volts := np.array([numbers], np.float64)).all():
-                reason = 'numbers'
             else:
                 self.counts['samples'] += 1
                 self._lines += 1
