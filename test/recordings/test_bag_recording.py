@@ -65,9 +65,8 @@ def test_messages_with_other_channels_or_names_are_left_out_and_counted(tmp_path
         for k, (stamp_ns, row) in enumerate(zip(written.stamps_ns, written.volts, strict=True)):
             bag.write('/voltages', bag.joints(stamp_ns, row), stamp_ns)
             other = [('left', 'right'), ('left', 'tip', 'right')][k % 2]
-            bag.write(
-                '/voltages', bag.joints(stamp_ns + 1, row[: len(other)], other), stamp_ns + 1
-            )
+            joints = bag.joints(stamp_ns + 1, row[: len(other)], other)
+            bag.write('/voltages', joints, stamp_ns + 1)
     recording = open_recording(tmp_path / 'a')
     check_same(gathered(recording), written._replace(truth=None))
     assert recording.counts.dropped == 60
@@ -79,13 +78,10 @@ def test_batches_are_spread_over_their_time(tmp_path, samples):
     n = 500
     volts = rows(n, channels=2).volts.astype(np.float32)
     with Bag(tmp_path / 'a') as bag:
-
-        def dimension(label, size, stride):
-            return bag.make(
-                'std_msgs/msg/MultiArrayDimension', label=label, size=size, stride=stride
-            )
-
-        sizes = [dimension('sample', samples, 2 * samples), dimension('channel', 2, 2)]
+        sizes = [
+            bag.make('std_msgs/msg/MultiArrayDimension', label=label, size=size, stride=0)
+            for label, size in (('sample', samples), ('channel', 2))
+        ]
         layout = bag.make('std_msgs/msg/MultiArrayLayout', dim=sizes, data_offset=0)
         for first in range(0, n, samples):
             data = volts[first : first + samples].reshape(-1)
@@ -110,10 +106,8 @@ def test_the_truth_is_taken_from_the_namespace_of_the_rows(tmp_path):
         recording = open_recording(tmp_path / 'a', config)
         check_same(gathered(recording), written)
         assert recording.namespace == finger
-    said = complaint(tmp_path / 'a')
-    assert (
-        'has 3 topics voltages, there are: /left/voltages (sensor_msgs/msg/JointState), /r' in said
-    )
+    said = 'has 3 topics voltages, there are: /left/voltages (sensor_msgs/msg/JointState), /r'
+    assert said in complaint(tmp_path / 'a')
 
 
 def test_a_truth_that_was_received_late_holds_from_its_receipt_on(tmp_path):
@@ -122,11 +116,8 @@ def test_a_truth_that_was_received_late_holds_from_its_receipt_on(tmp_path):
         for k, stamp_ns in enumerate(stamps(n)):
             # All arrives 3 ms after its stamp; slip begins with row 20, before it was any.
             if k in (20, 30):
-                bag.write(
-                    '/slip_truth',
-                    bag.make('std_msgs/msg/Bool', data=k == 20),
-                    stamp_ns + 2_999_000,
-                )
+                slip = bag.make('std_msgs/msg/Bool', data=k == 20)
+                bag.write('/slip_truth', slip, stamp_ns + 2_999_000)
             bag.write('/voltages', bag.joints(stamp_ns, [0.0] * 3), stamp_ns + 3_000_000)
     truth = gathered(open_recording(tmp_path / 'a')).truth
     np.testing.assert_array_equal(truth, (np.arange(n) >= 20) & (np.arange(n) < 30))

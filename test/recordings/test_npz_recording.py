@@ -65,13 +65,10 @@ def test_npz_of_any_number_type_keeps_every_value(tmp_path_factory, volts, rate_
                 ([False, True, True], 'the type bool'),
             )
         ),
+        ({'stamps_ns': [5, 5, 4]}, ': stamps_ns do not rise, allowed: two or more rows'),
         (
-            {'stamps_ns': [5, 5, 4]},
-            ': stamps_ns do not rise, allowed: two or more rows, each with its time',
-        ),
-        (
-            {'stamps_ns': [0, 8_000_000, 16_000_000]},
-            ': stamps_ns has 125 Hz, sample_rate_hz 380 Hz, allowed: the same rate in both',
+            {'stamps_ns': [0, 8e6, 16e6]},
+            ': stamps_ns has 125 Hz, sample_rate_hz 380 Hz, allowed: ',
         ),
         ({'sample_rate_hz': True}, ': sample_rate_hz is True, allowed: a rate in Hz'),
         ({'sample_rate_hz': 380j}, ': sample_rate_hz is 380j, allowed: a rate in Hz'),

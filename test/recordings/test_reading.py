@@ -37,9 +37,8 @@ from support.recorded import VOLTS, complaint, read_recording
 def test_keys_are_taken_from_the_configuration(tmp_path):
     path = tmp_path / 'a.npz'
     np.savez(path, tactile=VOLTS, fs=60.0, label=[1, 0, 0], slip=[0, 0, 1])
-    keys = RecordingConfig(
-        recording_volts_key='tactile', recording_rate_key='fs', recording_truth_key='label'
-    )
+    keys = {'volts': 'tactile', 'rate': 'fs', 'truth': 'label'}
+    keys = RecordingConfig(**{f'recording_{part}_key': key for part, key in keys.items()})
     recording, rows = read_recording(path, keys)
     assert recording.sample_rate_hz == 60.0
     np.testing.assert_array_equal(rows.truth, [True, False, False])
@@ -87,10 +86,10 @@ def test_files_of_one_folder_are_one_set_and_folders_are_sorted(tmp_path):
     assert recording_sets([str(tmp_path / 'w')]) == {'w': [tmp_path / 'w' / 'bag']}
     x, y, zx = tmp_path / 'x', tmp_path / 'y', tmp_path / 'z' / 'x'
     given_files = [str(x / 'b.npz'), str(y / 'c.npz'), str(y / '..' / 'x' / 'a.csv')]
-    assert {k: [f.name for f in v] for k, v in recording_sets(given_files).items()} == {
-        'x': ['b.npz', 'a.csv'],
-        'y': ['c.npz'],
+    sets = {
+        name: [file.name for file in some] for name, some in recording_sets(given_files).items()
     }
+    assert sets == {'x': ['b.npz', 'a.csv'], 'y': ['c.npz']}
     assert recording_sets([str(x)]) == {'x': [x / 'a.csv', x / 'b.npz']}
     # Two folders of one name are told apart.
     assert list(recording_sets([str(x), str(y), str(zx)])) == [str(x), 'y', str(zx)]
@@ -142,10 +141,7 @@ SMALL = RecordingConfig(recording_limit_mb=20.0, recording_resample=True)
             },
             'what bridges the gaps takes',
         ),
-        (
-            {'volts': np.zeros((1000, 16)), 'sample_rate_hz': 10.0},
-            'a stretch to resample takes 128',
-        ),
+        ({'volts': np.zeros((1000, 16)), 'sample_rate_hz': 10.0}, 'a stretch to resample takes'),
     ],
 )
 def test_what_is_larger_than_the_limit_is_refused(tmp_path, arrays, what):

@@ -92,12 +92,11 @@ def test_a_port_that_another_driver_reads_is_left_to_it(port):
 class Heard:
     """A source, and senders that it hears from; a datagram is read when it is sent."""
 
-    def __init__(self, **parameters):
-        port = free_udp_port()
-        config = DriverConfig(source='udp', udp_port=port, channels=4, **parameters)
+    def __init__(self):
+        self.port, listed = free_udp_port(), ('127.0.0.3', '127.0.0.1')
+        config = DriverConfig(source='udp', udp_port=self.port, channels=4, udp_senders=listed)
         self.source = open_source(config)
         self.source.start()
-        self.port = port
         self._senders = []
 
     def sender(self, address='127.0.0.1'):
@@ -125,12 +124,10 @@ def heard():
     heard.close()
 
 
-def test_only_senders_that_are_listed_are_heard():
-    heard = Heard(udp_senders=('127.0.0.3', '127.0.0.1'))
+def test_only_senders_that_are_listed_are_heard(heard):
     assert not heard.rows(heard.sender('127.0.0.2'), *PACKETS[:3]).size
     assert heard.source.counts['unlisted_sender'] == 3
     assert len(heard.rows(heard.sender('127.0.0.3'), *PACKETS[:3])) == 3
-    heard.close()
 
 
 def test_two_sensors_are_not_taken_for_one(heard, monkeypatch):

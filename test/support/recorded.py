@@ -41,7 +41,7 @@ def save_npz(path, **arrays):
 
 
 def save_text(path, text):
-    path.write_text(text, encoding='utf-8')
+    path.write_text(text, encoding='utf-8', errors='surrogateescape')
     return path
 
 
