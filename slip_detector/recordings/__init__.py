@@ -25,13 +25,12 @@ from slip_detector.recordings.array_recordings import CsvRecording, NpzRecording
 from slip_detector.recordings.bag_recording import BagRecording
 from slip_detector.recordings.bag_storage import BAG_ENDINGS, METADATA
 from slip_detector.recordings.labels import find_labels, read_labels
-from slip_detector.recordings.rates import RATE_TOLERANCE, rates_differ
+from slip_detector.recordings.rates import rates_differ
 from slip_detector.recordings.recording import Recording, RecordingCounts, named_errors
 from slip_detector.recordings.writing import write_recording
 
 __all__ = [
     'ENDINGS',
-    'RATE_TOLERANCE',
     'Recording',
     'RecordingCounts',
     'is_recording',

@@ -200,8 +200,6 @@ class BagRecording(Recording):
         over the time since the previous message or, after a gap, have their nominal period.
         """
         ends_ns, counts = some.stamps_ns, some.counts
-        if (counts == 1).all():
-            return ends_ns
         usual_ns = counts * (1e9 / self.sample_rate_hz)
         spans_ns = np.diff(ends_ns, prepend=ends_ns[0] if last_ns is None else last_ns)
         near = (spans_ns > 0) & (spans_ns < GAP_PERIODS * usual_ns)

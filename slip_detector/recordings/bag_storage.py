@@ -295,9 +295,8 @@ def typestore_of(topic: Topic) -> Any:
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     try:
-        types: dict[str, Any] = {}
-        if topic.encoding in ('ros2msg', 'ros1msg'):
-            types = get_types_from_msg(topic.definition, topic.msgtype)
+        is_text = topic.encoding in ('ros2msg', 'ros1msg')
+        types: Any = get_types_from_msg(topic.definition, topic.msgtype) if is_text else {}
         if HEADER in types:  # rosbags skips the number that only ROS 1 has
             constants, fields = types[HEADER]
             types[HEADER] = (constants, [field for field in fields if field[0] != 'seq'])

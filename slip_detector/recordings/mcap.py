@@ -175,12 +175,13 @@ def _texts(content: bytes, n: int) -> list[str]:
     return [data.read(int.from_bytes(data.read(4), 'little')).decode() for _ in range(n)]
 
 
-def _text(text: str) -> bytes:
-    return _sized(text.encode())
-
-
 def _sized(content: bytes) -> bytes:
     return pack('<I', len(content)) + content
+
+
+def _joined(*parts: bytes | str) -> bytes:
+    """Return the parts one behind the other, each text behind its length."""
+    return b''.join(_sized(one.encode()) if isinstance(one, str) else one for one in parts)
 
 
 def _chunk_head(size: int, span_ns: tuple[int, int] = (0, 0), checksum: int = 0) -> bytes:
@@ -188,8 +189,8 @@ def _chunk_head(size: int, span_ns: tuple[int, int] = (0, 0), checksum: int = 0)
     return _RECORD.pack(_CHUNK, len(head) + size) + head
 
 
-def _record(kind: int, *parts: bytes) -> bytes:
-    content = b''.join(parts)
+def _record(kind: int, *parts: bytes | str) -> bytes:
+    content = _joined(*parts)
     return _RECORD.pack(kind, len(content)) + content
 
 
@@ -210,7 +211,7 @@ class McapStorage:
     def __init__(self, folder: Path, compression: Any) -> None:
         self.path = folder / f'{folder.name}.mcap'
         self._file = self.path.open('xb')
-        self._file.write(MAGIC + _record(_HEADER, _text('ros2'), _text('slip_detector')))
+        self._file.write(MAGIC + _record(_HEADER, 'ros2', 'slip_detector'))
         self._types: list[str] = []
         #: The records that describe types and topics; number of messages of each topic.
         self._described, self._counts = b'', dict[int, int]()
@@ -223,17 +224,16 @@ class McapStorage:
 
     def add_msgtype(self, connection: Any) -> None:
         """Note the definition of a type."""
-        name, text = connection.msgtype, connection.msgdef.data
-        self._types.append(name)
-        number = pack('<H', len(self._types))
-        self._described += _record(_SCHEMA, number, _text(name), _text('ros2msg'), _text(text))
+        self._types.append(connection.msgtype)
+        number, text = pack('<H', len(self._types)), connection.msgdef.data
+        self._described += _record(_SCHEMA, number, connection.msgtype, 'ros2msg', text)
 
     def add_connection(self, connection: Any, offered_qos_profiles: str) -> None:
         """Note the description of a topic."""
         self._counts[connection.id] = 0
         numbers = pack('<HH', connection.id, 1 + self._types.index(connection.msgtype))
-        texts = _text(connection.topic), _text(connection.ext.serialization_format)
-        quality = _sized(_text('offered_qos_profiles') + _text(offered_qos_profiles))
+        texts = connection.topic, connection.ext.serialization_format
+        quality = _sized(_joined('offered_qos_profiles', offered_qos_profiles))
         self._described += _record(_CHANNEL, numbers, *texts, quality)
 
     def write(self, connection: Any, timestamp: int, data: bytes) -> None:

@@ -382,8 +382,7 @@ class FieldReader:
                     return np.empty((0, len(inner[0])))
         if not found[0]:
             raise self._error(self.path, message)
-        rows = [self._numbers(row) for row in found]
-        return rows[0].reshape(1, -1) if len(rows) == 1 else np.stack(rows)
+        return np.stack([self._numbers(row) for row in found])
 
     def _inner(self, one: Any, name: str, element: str | None) -> list[Any]:
         """Return the field of a message, or those of its elements that are wanted."""
@@ -421,11 +420,9 @@ def _field_names(kind: Any) -> tuple[str, ...]:
     """Return the names of the fields in a class of messages; empty for other classes."""
     if hasattr(kind, 'get_fields_and_field_types'):  # of rclpy
         return tuple(kind.get_fields_and_field_types())
-    if dataclasses.is_dataclass(kind):
-        # The message classes of rosbags have the name of the type as a further field.
-        names = [field.name for field in dataclasses.fields(kind)]
-        return tuple(name for name in names if not name.startswith('__'))
-    return ()
+    fields = dataclasses.fields(kind) if dataclasses.is_dataclass(kind) else ()
+    # The message classes of rosbags have the name of the type as a further field.
+    return tuple(one.name for one in fields if not one.name.startswith('__'))
 
 
 @functools.cache

@@ -185,8 +185,6 @@ class Recording(ABC):
         n = first_ns = last_ns = 0
         with named_errors(self.path):
             for rows in self.read():
-                if not len(rows.volts):
-                    continue
                 first_ns = first_ns if n else int(rows.stamps_ns[0])
                 last_ns, n = int(rows.stamps_ns[-1]), n + len(rows.volts)
                 good = (rows.volts >= low_v) & (rows.volts <= high_v)
@@ -285,10 +283,9 @@ class Recording(ABC):
             self.counts.gaps += mended.gaps
             self.counts.bridged_rows += mended.bridged
             self.counts.dropped += mended.dropped
-            if not np.array_equal(mended.places, np.arange(len(piece.volts))):
-                # The last row before this piece may have to bridge its first gap.
-                before = (piece if last is None else last).take(slice(-1, None))
-                piece = before.then(piece).take(mended.places + 1)
+            # The last row before this piece may have to bridge its first gap.
+            before = (piece if last is None else last).take(slice(-1, None))
+            piece = before.then(piece).take(mended.places + 1)
             piece = piece._replace(stamps_ns=mended.stamps_ns)
             is_new = last is None or mended.first_is_new
             for of_stretch in mended.stretches:

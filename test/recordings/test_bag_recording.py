@@ -55,8 +55,6 @@ def test_any_message_type_is_read_by_topic_and_field(tmp_path, plugin):
     assert f'has no topics voltages, there are: /hub/sensor_0 ({state})' in complaint(path)
     said = complaint(path, recording_topic='sensor_0')
     assert 'field data: no numbers at data, there are: header, id, pillars, gfx; --field' in said
-    said = complaint(path, recording_topic='sensor_0', recording_field='pillars[].fx')
-    assert 'field pillars[].fx: no numbers at fx, there are: dx, fz, in_contact' in said
 
 
 def test_messages_with_other_channels_or_names_are_left_out_and_counted(tmp_path):
@@ -161,7 +159,6 @@ def test_a_bag_without_samples_or_with_a_stopped_clock_says_so(tmp_path):
     assert 'the field position is empty in every message' in complaint(tmp_path / 'hollow')
     (tmp_path / 'nothing').mkdir()
     assert 'has no files of a bag, allowed: .mcap or .db3' in complaint(tmp_path / 'nothing')
-    assert 'cannot be read (No such file' in complaint(tmp_path / 'no.mcap')
 
 
 @pytest.mark.parametrize('plugin', PLUGINS)
