@@ -85,15 +85,13 @@ class NpzRecording(Recording):
         for key, column in ((STAMPS_KEY, stamps_ns), (truth_key, label)):
             if column is not None and column.size != n:
                 raise ValueError(f'{key} has the shape {column.shape}, allowed: ({n},)')
-        if stamps_ns is None:
-            stamps_ns = np.rint(np.arange(n) * (1e9 / rate_hz)).astype(np.int64)
-        else:
-            stamps_ns = _as_stamps(stamps_ns.reshape(-1))
-            stamped_hz = rate_of(stamps_ns, STAMPS_KEY) if n > 1 else rate_hz
-            # Of few rows jitter changes the rate.
-            if abs(stamped_hz - rate_hz) > (RATE_TOLERANCE + 1 / n) * rate_hz:
-                what = f'{STAMPS_KEY} has {stamped_hz:g} Hz, {rate_key} {rate_hz:g} Hz'
-                refuse(what, 'the same rate in both')
+        even_ns = np.rint(np.arange(n) * (1e9 / rate_hz)).astype(np.int64)
+        stamps_ns = even_ns if stamps_ns is None else _as_stamps(stamps_ns.reshape(-1))
+        stamped_hz = rate_of(stamps_ns, STAMPS_KEY) if n > 1 else rate_hz
+        # Of few rows jitter changes the rate.
+        if abs(stamped_hz - rate_hz) > (RATE_TOLERANCE + 1 / n) * rate_hz:
+            what = f'{STAMPS_KEY} has {stamped_hz:g} Hz, {rate_key} {rate_hz:g} Hz'
+            refuse(what, 'the same rate in both')
         truth = None if label is None else as_truth(label, truth_key)
         self.has_truth |= truth is not None
         self._samples = Samples(volts, stamps_ns, truth)

@@ -143,8 +143,7 @@ class BagRecording(Recording):
     def __init__(self, path: Path, config: RecordingConfig, labels: 'Labels | None') -> None:
         super().__init__(path, labels, config)
         self._storage = BagStorage(path)
-        damage = self._storage.damage
-        self._found_damage = f' ({damage[0]})' if damage else ''
+        self._found_damage = ''.join(f' ({one})' for one in self._storage.damage[:1])
         self._topic = self._rows_topic(config.recording_topic)
         if _is_named(self._topic.name, TOPIC):
             self.namespace = f'/{self._topic.name.lstrip("/")}'.rpartition('/')[0]

@@ -91,8 +91,7 @@ class BagStorage:
     def __init__(self, path: Path) -> None:
         load_rosbags()
         path.stat()
-        self.damage: list[str] = []
-        self.doubts: list[str] = []
+        self.damage, self.doubts = list[str](), list[str]()
         self.custom_data: dict[str, Any] = {}
         listed, n_listed = self._about(path if path.is_dir() else path.parent)
         if path.is_dir():

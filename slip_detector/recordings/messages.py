@@ -163,8 +163,7 @@ class JointStateReader:
 
     def __init__(self) -> None:
         self._layout: JointStateLayout | None = None
-        self._position = slice(0)
-        self._texts = b''
+        self._position, self._texts = slice(0), b''
 
     def read(self, raw: bytes) -> Sample:
         """Return the sample of a message, with a stamp of 0 if it has none.
@@ -386,8 +385,7 @@ class FieldReader:
 
     def _inner(self, one: Any, name: str, element: str | None) -> list[Any]:
         """Return the field of a message, or those of its elements that are wanted."""
-        own = _own_name(name, one.__class__)
-        if not own:
+        if not (own := _own_name(name, one.__class__)):
             raise self._error(name, one)
         value = getattr(one, own)
         try:

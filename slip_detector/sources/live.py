@@ -76,9 +76,8 @@ class DeviceClock:
 
     def __init__(self) -> None:
         self._last_ns, self._arrival_ns = NONE, 0
-        self._offset_ns = self._newest_ns = self._window_ends_ns = 0
-        self._smallest_ns = self._smallest_before_ns = 0
-        self._mapped = False
+        self._offset_ns = self._newest_ns = self._smallest_ns = self._smallest_before_ns = 0
+        self._window_ends_ns, self._mapped = 0, False
 
     def stamps_ns(self, times_ns: ArrayLike, arrival_ns: int) -> Stamps:
         """Stamp consecutive samples that arrived together.

@@ -99,8 +99,7 @@ class ByteSplitter:
             if len(piece) <= self._longest:
                 yield piece
                 continue
-            self._counts['overlong'] += 1
-            self._counts['garbage_bytes'] += len(piece)
+            self._counts.update(overlong=1, garbage_bytes=len(piece))
         self._counts['garbage_bytes'] += len(incomplete) - len(self._incomplete)
 
 
@@ -153,8 +152,8 @@ class PacketDecoder:
         """Drop the incomplete packet and forget the sequence number after an interruption."""
         self._splitter.restart()
         self._last: int | None = None  # Number of the last packet.
-        self._last_us = self._time_us = 0
-        self._last_ns = 0  # Time of the last sample, by the sender's clock.
+        # Times of the last packet and of its last sample, by the sender's clock.
+        self._last_us = self._time_us = self._last_ns = 0
 
     def feed(self, data: bytes) -> list[Samples]:
         """Take the next bytes of a serial line; return the samples that they complete."""
@@ -173,14 +172,11 @@ class PacketDecoder:
         Their stamps are by the sender's clock, with its wraps removed; ``new_stretch`` says that
         they are unrelated to the stamps before.
         """
-        fault = self.fault(packet)
-        if fault:
-            self.counts[fault] += 1
-            self.counts['garbage_bytes'] += len(packet)
+        if fault := self.fault(packet):
+            self.counts.update({fault: 1, 'garbage_bytes': len(packet)})
             return []
         _, channels, n, sequence, time_us, period_ns = HEADER.unpack_from(packet)
-        clock_restarted = self._in_order(sequence, time_us)
-        if clock_restarted is None:
+        if (clock_restarted := self._in_order(sequence, time_us)) is None:
             return []
         first_ns = 1000 * self._time_us
         last_ns = first_ns + (n - 1) * period_ns
@@ -195,8 +191,7 @@ class PacketDecoder:
             self.counts['overlap'] += 1
             times_ns = self._last_ns + np.arange(1, n + 1) * free_ns // n
         self._last_ns = last_ns
-        self.counts['packets'] += 1
-        self.counts['samples'] += n
+        self.counts.update(packets=1, samples=n)
         integers = self._integers(packet[HEADER.size : -CHECKSUM.size])
         volts = self._offset_v + self._scale_v * integers.astype(np.float64)
         return [Samples(volts.reshape(n, channels), times_ns, new_stretch=clock_restarted)]
@@ -314,8 +309,7 @@ class LineDecoder:
     def restart(self) -> None:
         """Drop the incomplete line, and the next line, after an interruption."""
         self._splitter.restart()
-        self._first = True
-        self._lines = 0
+        self._first, self._lines = True, 0
 
     def feed(self, data: bytes) -> list[Samples]:
         """Take the next bytes; return the samples of the lines that they complete.
@@ -342,6 +336,5 @@ class LineDecoder:
                 stamps_ns = np.array(times_ns, np.int64)
                 received.append(Samples(volts, stamps_ns, new_stretch=self._lines == 1))
                 continue
-            self.counts[reason] += 1
-            self.counts['garbage_bytes'] += len(piece)
+            self.counts.update({reason: 1, 'garbage_bytes': len(piece)})
         return received

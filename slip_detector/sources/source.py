@@ -61,9 +61,7 @@ class Source:
     is_live = False
 
     def __init__(self, name: str, channel_names: tuple[str, ...], sample_rate_hz: float) -> None:
-        self.name = name
-        self.channel_names = channel_names
-        self.sample_rate_hz = sample_rate_hz
+        self.name, self.channel_names, self.sample_rate_hz = name, channel_names, sample_rate_hz
         self.has_object = self.takes_orders = False
         self.connected = not self.is_live
         self.state = ''
