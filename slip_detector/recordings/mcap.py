@@ -20,7 +20,7 @@ import os
 import struct
 import sys
 import zlib
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 from struct import pack
 from typing import IO, Any, NamedTuple
@@ -54,6 +54,9 @@ UNCHECKED = 'without checksums, so that damage may go unseen'
 
 #: Number of a topic in its file, time of receipt in nanoseconds, serialised message.
 Received = tuple[int, int, bytes]
+
+#: Kind and content of each record, and where the last one ends.
+Records = Generator[tuple[int, bytes], None, int]
 
 
 class Topic(NamedTuple):
@@ -130,12 +133,11 @@ def _size(data: IO[bytes]) -> int:
     return min(size, end + len(content) + 8)
 
 
-def _records(
-    file: BagFile, data: IO[bytes], begin: int, size: int, chunk: int = 0
-) -> Iterator[tuple[int, bytes]]:
+def _records(file: BagFile, data: IO[bytes], begin: int, size: int, chunk: int = 0) -> Records:
     """Yield kind and content of each whole record; those of a chunk, which may be cut off, too.
 
-    ``chunk`` is the first byte of the chunk that has the records; 0: they are in none.
+    ``chunk`` is the first byte of the chunk that has the records; 0: they are in none. Return
+    where the last record ends.
     """
     while begin + _RECORD.size <= size:
         data.seek(begin)
@@ -146,11 +148,14 @@ def _records(
         content = data.read(min(begin, size) - data.tell()) if kind in _READ else b''
         if kind == _CHUNK:
             raw = _unpacked(file, content, place, begin <= size)
-            yield from _records(file, io.BytesIO(raw), 0, len(raw), place)
+            end = yield from _records(file, io.BytesIO(raw), 0, len(raw), place)
+            if begin <= size and end != len(raw):
+                raise DamageError(f'has a damaged chunk at byte {place}')
         elif begin <= size:
             if kind == _MESSAGE and not chunk:
                 file.doubts = UNCHECKED
             yield kind, content
+    return begin
 
 
 def _unpacked(file: BagFile, content: bytes, begin: int, whole: bool) -> bytes:
@@ -238,9 +243,8 @@ class McapStorage:
 
     def write(self, connection: Any, timestamp: int, data: bytes) -> None:
         """Write a message."""
-        if self._messages and (
-            self._size > CHUNK_BYTES or abs(timestamp - self._messages[0][1]) >= CHUNK_NS
-        ):
+        first_ns = self._messages[0][1] if self._messages else timestamp
+        if self._size > CHUNK_BYTES or abs(timestamp - first_ns) >= CHUNK_NS:
             self._end_chunk()
         if not self._messages:
             self._begin, self._size, self._checksum = self._file.tell(), 0, 0
@@ -263,9 +267,8 @@ class McapStorage:
     def _end_chunk(self) -> None:
         times_ns = [at_ns for _, at_ns, _ in self._messages]
         self._spans_ns.append((min(times_ns), max(times_ns)))
-        head = _chunk_head(self._size, self._spans_ns[-1], self._checksum)
         self._file.seek(self._begin)
-        self._file.write(head)
+        self._file.write(_chunk_head(self._size, self._spans_ns[-1], self._checksum))
         end = self._file.seek(0, os.SEEK_END)
         offsets, index = b'', b''
         for topic in {topic for topic, _, _ in self._messages}:
@@ -277,7 +280,7 @@ class McapStorage:
         # The name of no compression is empty, and the length with and without it the same.
         rest = pack('<QIQQ', len(index), 0, self._size, self._size)
         self._chunk_indexes += _record(_CHUNK_INDEX, chunk, _sized(offsets), rest)
-        self._messages = []
+        self._messages, self._size = [], 0
 
     def close(self, version: int, metadata: str) -> None:
         """Write the rest, and a summary with the indexes that other readers need."""
