@@ -19,27 +19,16 @@ during a slip, the first results are a response to that error and not to the sig
 chain has settled.
 """
 
-import contextlib
 import functools
-import hashlib
 import math
-import sys
-import zlib
-from pathlib import Path
-from typing import Any
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
 
 from slip_detector.chain.stages import floor_steps_db
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.files import CACHE, whole_file, writable_folder
 
 Array = NDArray[np.float64]
-
-#: Folder in which designs are kept.
-FOLDER = Path(CACHE) / 'slip_detector'
 
 #: Largest relative error of the designed gain at an edge; a design with a larger one is refused.
 EDGE_TOLERANCE = 1e-3
@@ -111,37 +100,13 @@ def design_low(config: ChainConfig) -> Array:
     """
     if not config.low_band_hz:
         return np.zeros((0, 6))
-    band = config.sample_rate_hz, config.low_band_hz, 4
-    sections: Array = _filter('activity_band_hz', *band).copy()
+    low = _filter('activity_band_hz', config.sample_rate_hz, config.low_band_hz, 4)
     # SciPy has the two zeros at 0 Hz in one section, and those at half the rate in the other.
-    sections[:, :3] = np.outer([sections[0, 0], 1.0], [1.0, 0.0, -1.0])
-    return sections
+    return np.hstack([np.outer([low[0, 0], 1.0], [1.0, 0.0, -1.0]), low[:, 3:]])
 
 
 @functools.lru_cache(maxsize=256)
-def _filter(*parameters: Any) -> Array:
-    """Return a filter with a gain of 1, from the user's cache on disk if that saves time.
-
-    Loading SciPy's signal package takes longer than loading everything else that a chain needs. If
-    it is loaded already, nothing is read or written.
-    """
-    if 'scipy.signal' in sys.modules:
-        return _designed_filter(*parameters)
-    source = zlib.crc32(Path(__file__).read_bytes())
-    key = repr((scipy.__version__, np.__version__, source, parameters))
-    path = FOLDER / f'design-{hashlib.sha256(key.encode()).hexdigest()[:32]}.npy'
-    with contextlib.suppress(OSError, ValueError, EOFError):  # missing or damaged
-        sections: Array = np.load(path)
-        if sections.shape[1:] == (6,) and sections.dtype == np.float64:
-            return sections
-    sections = _designed_filter(*parameters)
-    # Without the file the next start only takes longer.
-    with contextlib.suppress(ValueError), whole_file(writable_folder(FOLDER) / path.name) as new:
-        np.save(new, sections)
-    return sections
-
-
-def _designed_filter(
+def _filter(
     name: str, rate_hz: float, edges_hz: tuple[float, ...], degree: int, *of_ripple: float
 ) -> Array:
     """Design a band-pass, or a stop-band with ripple and attenuation; refuse one that is lost."""

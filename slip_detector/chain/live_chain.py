@@ -17,7 +17,6 @@
 import threading
 import time
 from collections import deque
-from importlib import import_module
 
 import numpy as np
 from numpy.typing import NDArray
@@ -111,8 +110,6 @@ class LiveChain:
         # A configuration that can be taken, with a new chain if it is for the chain, and the rows
         # in which that settles.
         self._ready: tuple[DetectorConfig, SlipChain | None, int] | None = None
-        # Loaded while rows come: the first design of other filters would hold them up for it.
-        threading.Thread(target=import_module, args=['scipy.signal'], daemon=True).start()
 
     def update(self, rows: NDArray[np.float64], *, level: bool) -> SlipResult:
         """Process the next rows, shape (n, c), and decide on each."""

@@ -25,7 +25,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
-from slip_detector.chain import filters
 from slip_detector.chain.filters import (
     SETTLED,
     design,
@@ -125,41 +124,6 @@ def test_a_design_lost_to_round_off_is_an_error_that_names_the_edges_and_what_wo
     )
     low, high = map(float, re.findall(r'between ([\d.]+) and ([\d.]+) Hz', message)[0])
     design(ChainConfig(passband_hz=(low, high), stopbands_hz=((low, high),)))
-
-
-# --- designs that are kept -----------------------------------------------------------------
-
-
-DESIGNED = """
-import sys
-from slip_detector.chain.filters import design
-from slip_detector.parameters.detector import ChainConfig
-print(design(ChainConfig()).tobytes().hex(), 'scipy.signal' in sys.modules)
-"""
-
-
-def test_a_second_process_loads_no_signal_package_and_gets_the_same_bits(tmp_path, monkeypatch):
-    def designed(folder):
-        monkeypatch.setattr(filters, 'FOLDER', folder)
-        monkeypatch.delitem(sys.modules, 'scipy.signal', raising=False)
-        filters._filter.cache_clear()
-        return design(ChainConfig()).tobytes().hex()
-
-    wanted = designed(tmp_path / 'slip_detector')
-    file, *others = (tmp_path / 'slip_detector').iterdir()
-    assert len(others) == 2  # one for each filter
-    monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path))
-    monkeypatch.setenv('PYTHONPATH', os.pathsep.join(sys.path))
-    command = [sys.executable, '-c', DESIGNED]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    assert done.stdout.split() == [wanted, 'False']
-    kept = file.read_bytes()
-    for damaged in (kept[:50], kept.replace(b'<f8', b'<i8')):
-        file.write_bytes(damaged)
-        assert designed(file.parent) == wanted
-        assert file.read_bytes() == kept
-    (tmp_path / 'a file').touch()  # no place to keep it
-    assert designed(tmp_path / 'a file') == wanted
 
 
 # --- settling ------------------------------------------------------------------------------

@@ -81,9 +81,9 @@ def test_only_the_report_imports_a_plotting_library():
 
 def test_the_chain_loads_nothing_that_it_does_not_need():
     loaded = {name.split('.')[0] for name in loaded_after('chain')}
-    assert {'slip_detector', 'numpy', 'scipy'} <= loaded
+    assert {'slip_detector', 'numpy'} <= loaded
     assert loaded.isdisjoint({*ROS, 'matplotlib', 'optuna', 'rosbags'})
-    # Only what designs a filter for the first time needs it, see chain/filters.py.
+    # It takes long to load, and only a process that designs a filter needs it.
     assert 'scipy.signal' not in loaded_after('chain')
 
 
