@@ -172,14 +172,15 @@ def compiled_for(function: Callable[..., Any], *arguments: Any) -> Callable[...,
 
 
 class CompiledSet(ParameterSet):
-    """A set whose values compiled code takes, as a named tuple, which Numba can take."""
+    """A set whose values, but for texts, compiled code takes as a named tuple, as Numba can."""
 
     Numbers: ClassVar[Any]
 
     def __init_subclass__(cls) -> None:
         """Make the class of the named tuple."""
         super().__init_subclass__()
-        numbers: Any = namedtuple('Numbers', [*cls.__annotations__], module=cls.__module__)  # type: ignore[misc]
+        names = [name for name, kind in cls.__annotations__.items() if kind is not str]
+        numbers: Any = namedtuple('Numbers', names, module=cls.__module__)  # type: ignore[misc]
         cls.Numbers = numbers
         # By this name Numba finds the tuple of a function that it has compiled in another process.
         cls.Numbers.__qualname__ = f'{cls.__qualname__}.Numbers'

@@ -90,7 +90,6 @@ CASES: list[tuple[str, str, dict[str, Any]]] = [
     ('velocity', '80 mm/s, 150 Hz', {**FAST, **SMOOTH}),
     ('velocity', '80 mm/s, no low-pass', FAST),
     *(('object', f'{mass * 1e3:g} g', held_object(mass)) for mass in (1e-3, 0.2, 10.0)),
-    ('coulomb', 'texture', {'friction': 'coulomb'}),
 ]
 
 

@@ -156,7 +156,7 @@ def _live_run(
     description: Mapping[str, Any], steps: int, reference: Solution, ode: Ode, rounds: int
 ) -> dict[str, Any]:
     """Run the live stepper with a number of steps for a sample."""
-    step_s = (1.0 + 1e-6) / (ode.scene.true_rate_hz * steps)
+    step_s = (1.0 + 1e-6) / (ode.scene.sample_rate_hz * steps)
     n = len(reference.clean_v)
     least_s = math.inf
     for _ in range(rounds + 1):
@@ -169,7 +169,7 @@ def _live_run(
         'setting': f'{scene.constants.steps_per_sample} steps a sample',
         'said': '',
         **_errors(reference, found, ode.with_object),
-        'run_time_per_s': least_s * scene.true_rate_hz / n,
+        'run_time_per_s': least_s * scene.sample_rate_hz / n,
     }
 
 

@@ -26,7 +26,7 @@ from scipy import integrate
 from benchmarks.scenes import equations
 from slip_detector.chain.samples import Floats
 from slip_detector.scenes import Scene
-from slip_detector.scenes.friction import COULOMB, LIGHTEST_LOAD_N
+from slip_detector.scenes.friction import LIGHTEST_LOAD_N
 
 #: Contact is looked for at this many points within the shortest feature of the force, and at no
 #: more than this many points of the whole scene.
@@ -78,16 +78,13 @@ class Ode:
     Raises
     ------
     ValueError
-        For Coulomb's friction, whose force at rest is no function of the state, and for skin that
-        has neither mass nor damping.
+        For skin that has neither mass nor damping.
     """
 
     def __init__(self, scene: Scene) -> None:
         self.scene, self._constants, self._drive = scene, scene.constants, scene.drive_numbers
         constants, skin, law = scene.constants, scene.constants.skin, scene.constants.friction
         n_channels, with_friction = len(constants.positions_m), bool(constants.patches.size)
-        if with_friction and law.model == COULOMB:
-            raise ValueError("Coulomb's force at rest is no function of the state")
         if with_friction and skin.mass_kg == 0.0 and skin.damping_n_s_m + law.viscous_n_s_m == 0.0:
             raise ValueError('no state says how fast skin without mass and damping moves')
         self.with_object = constants.patches.size > n_channels
@@ -132,7 +129,7 @@ class Ode:
             When the method fails, or needs more processor time than ``budget_s``.
         """
         begin_s = time.thread_time()
-        time_s = np.arange(self.scene.length) / self.scene.true_rate_hz
+        time_s = np.arange(self.scene.length) / self.scene.sample_rate_hz
         y = np.zeros(self.size)
         if self._smooth_at is not None:
             y[self._smooth_at] = self._volts(time_s[:1], y[np.newaxis])[0]

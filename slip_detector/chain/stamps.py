@@ -501,10 +501,9 @@ class StampGrid:
         ends = np.cumsum(rows) - 1
         places = np.repeat(np.concatenate([[-1], kept])[:-1], rows)
         places[ends] = kept
-        begins_ns = places_ns[kept] - _whole_ns(missing * nominal_ns)
-        nth = np.arange(len(places)) - np.repeat(ends - missing, rows)
-        mended_ns = np.repeat(begins_ns, rows) + _whole_ns(nth * nominal_ns)
-        mended_ns[ends] = places_ns[kept]
+        before = np.repeat(ends, rows) - np.arange(len(places))
+        mended_ns = np.repeat(places_ns[kept], rows)
+        mended_ns -= np.rint(before * nominal_ns).astype(np.int64)
         starts = [0, *ends[verdicts[kept] == NEW_STRETCH].tolist()]
         first_is_new = starts[1:2] == [0]
         stretches = [slice(a, b) for a, b in pairwise([*starts, len(places)]) if a < b]
@@ -521,7 +520,3 @@ class StampGrid:
             int(missing.sum()),
             len(stamps_ns) - len(kept),
         )
-
-
-def _whole_ns(times_ns: NDArray[np.float64]) -> NDArray[np.int64]:
-    return np.rint(times_ns).astype(np.int64)

@@ -185,7 +185,7 @@ def play_trial(
             break
         result = chain.update(samples.volts, envelope=False, level=False)
         # Without the rounding of the stamps to nanoseconds.
-        time_s = np.rint(samples.stamps_ns * 1e-9 * scene.true_rate_hz) / scene.true_rate_hz
+        time_s = np.rint(samples.stamps_ns * 1e-9 * scene.sample_rate_hz) / scene.sample_rate_hz
         before_s, now_s, slip = now_s, float(time_s[0]), bool(result.slip[0])
         command_n = law.update(now_s - before_s, slip, bool(result.can_vote.any()))
         if command_n != commanded_n:

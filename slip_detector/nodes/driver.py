@@ -83,7 +83,7 @@ class Driver(Node):
     """Publishes each sample when it is due, however late the samples before it were.
 
     Sample k is due at start + k / rate, or at its own time if the source gives the times of its
-    samples (its clock may be wrong, and samples may be lost).
+    samples (a recording may have gaps and another rate).
 
     A scene with an object takes the grip force from ``grip_force``, one with the part ``orders``
     what it is to do from ``scene_order``. Each of its samples is computed only when it is due, so

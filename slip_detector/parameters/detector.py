@@ -143,12 +143,11 @@ class ChainConfig(ParameterSet):
     decision_window_s: float = window(
         0.04, 'Window of the mean that the threshold is for.', searched_with=('mean',)
     )
-    decision: str = parameter(
+    decision: str = searched(
         'mean',
         'What the threshold is for: the mean envelope, or evidence (docs/method.md).',
         choices=DECISIONS,
         heading='Decision',
-        searched_with=DECISIONS,
     )
     noise_floor: tuple[float, ...] = of_evidence(
         (),

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from slip_detector.chain.samples import Floats, Ints
+from slip_detector.chain.samples import Floats
 from slip_detector.parameters.detector import PAPER_CHANNELS, PAPER_GROUPS
 from slip_detector.parameters.fields import parameter
 from slip_detector.parameters.sets import ParameterSet
@@ -143,14 +143,6 @@ class ContactHiss:
         return noise_v
 
 
-class Clock(ParameterSet):
-    """A sensor that does not take samples at its nominal rate."""
-
-    rate_ratio: float = parameter(
-        1.01, 'True rate of the samples over the nominal rate.', (0.1, 10.0)
-    )
-
-
 class Faults(ParameterSet):
     """Channels that fail."""
 
@@ -167,12 +159,6 @@ class Faults(ParameterSet):
     noise_v: float = parameter(
         0.05, 'Standard deviation of the additional noise of noisy_channels.', (0.0, 100.0, 'V')
     )
-
-
-class Drops(ParameterSet):
-    """Samples that are lost on the way, each by itself."""
-
-    share: float = parameter(0.01, 'Share of the samples that are lost.', (0.0, 0.99))
 
 
 class Frontend:
@@ -204,14 +190,11 @@ class Frontend:
         self._failing = [np.array(getattr(self._faults, name), np.intp) - 1 for name in names]
         self._fault_noise = trials['faults']
         self._flat_v: Floats | None = None
-        self._drops: Drops = parts.get('drops', Drops(share=0.0))
-        self._loss_draws = trials['drops']
-        self._hiss: ContactHiss | None = None
-        if 'contact_noise' in parts:
-            self._hiss = ContactHiss(parts['contact_noise'], trials['contact_noise'], rate_hz)
+        noise: ContactNoise | None = parts.get('contact_noise')
+        self._hiss = ContactHiss(noise, trials['contact_noise'], rate_hz) if noise else None
 
-    def sample(self, clean_v: Floats, time_s: Floats, force_n: Floats | None = None) -> Floats:
-        """Sample the next rows of clean volts, shape (n, 16); contact noise needs the force.
+    def sample(self, clean_v: Floats, time_s: Floats, force_n: Floats) -> Floats:
+        """Sample the next rows of clean volts, shape (n, 16), under a normal force.
 
         Any cut of the rows into calls gives the same bits.
         """
@@ -219,7 +202,7 @@ class Frontend:
         noisy, dead, flat = self._failing
         failed = np.flatnonzero(time_s >= faults.from_s)
         volts = clean_v + self.baseline_v
-        if self._hiss and force_n is not None and len(volts):
+        if self._hiss and len(volts):
             volts += self._hiss.sample(clean_v, force_n)
         if self._hum.size:
             volts += sines_at(time_s, self._hum)[:, np.newaxis]
@@ -249,7 +232,3 @@ class Frontend:
                 self._flat_v = volts[failed[0], flat]
             volts[np.ix_(failed, flat)] = self._flat_v
         return volts
-
-    def arrived(self, n: int) -> Ints:
-        """Return the places, from 0, of those of the next ``n`` samples that arrive."""
-        return np.flatnonzero(self._loss_draws.random(n) >= self._drops.share)

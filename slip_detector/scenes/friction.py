@@ -33,7 +33,6 @@ hold a surface without load:
 """
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -70,39 +69,29 @@ AT_REST = 1e-15
 #: Limit of Newton's iterations: ten times the largest number that was observed.
 MOST_ITERATIONS = 200
 
-#: The models, in the order of their numbers for compiled code.
-MODELS = ('lugre', 'coulomb')
-COULOMB = MODELS.index('coulomb')
-
 
 class Friction(CompiledSet):
-    """LuGre friction with Stribeck effect, or Coulomb friction, on the patch over each taxel."""
+    """LuGre friction with Stribeck effect on the patch over each taxel."""
 
-    model: str = parameter(
-        'lugre', 'Friction with bristles (lugre) or without (coulomb).', choices=MODELS
-    )
+    model: str = parameter('lugre', 'Model of the friction: with bristles.', choices=('lugre',))
     kinetic_coefficient: float = parameter(
         0.56, 'Coefficient of friction while sliding.', (0.0, 10.0)
     )
-    static_coefficient: float = parameter(
-        0.61, 'Coefficient of friction at rest (lugre).', (0.0, 10.0)
-    )
+    static_coefficient: float = parameter(0.61, 'Coefficient of friction at rest.', (0.0, 10.0))
     stribeck_velocity_m_s: float = parameter(
         10e-3,
-        'Velocity at which 1 - 1/e of the fall to kinetic is done (lugre).',
+        'Velocity at which 1 - 1/e of the fall to kinetic is done.',
         (1e-6, 1e3, 'm/s'),
     )
     bristle_stiffness_n_m: float = parameter(
-        1e5, 'Stiffness of the bristles of a patch, sigma 0 (lugre).', (1.0, 1e12, 'N/m')
+        1e5, 'Stiffness of the bristles of a patch, sigma 0.', (1.0, 1e12, 'N/m')
     )
     bristle_damping_n_s_m: float = parameter(
-        0.1, 'Damping of the bristles, sigma 1 (lugre).', (0.0, 1e6, 'N s/m')
+        0.1, 'Damping of the bristles, sigma 1.', (0.0, 1e6, 'N s/m')
     )
-    viscous_n_s_m: float = parameter(
-        0.0, 'Viscous friction, sigma 2 (lugre).', (0.0, 1e6, 'N s/m')
-    )
+    viscous_n_s_m: float = parameter(0.0, 'Viscous friction, sigma 2.', (0.0, 1e6, 'N s/m'))
     unloading_s: float = parameter(
-        1e-4, 'Time in which bristles relax that the load cannot hold (lugre).', (1e-9, 1.0, 's')
+        1e-4, 'Time in which bristles relax that the load cannot hold.', (1e-9, 1.0, 's')
     )
 
     def __post_init__(self) -> None:
@@ -110,20 +99,13 @@ class Friction(CompiledSet):
         super().__post_init__()
         kinetic, static = self.kinetic_coefficient, self.static_coefficient
         text = f'above 0 and at most static_coefficient, {static:g}'
-        holds = self.model == 'coulomb' or 0.0 < kinetic <= static
-        self.require(holds, 'kinetic_coefficient', text)
-
-    def numbers(self) -> Any:
-        """Return the numbers for compiled code; that of the model is its place in ``MODELS``."""
-        return super().numbers()._replace(model=MODELS.index(self.model))
+        self.require(0.0 < kinetic <= static, 'kinetic_coefficient', text)
 
     def steepest_fall_n_s_m(self, load_n: float) -> float:
         """Return the steepest fall of sliding friction with velocity under a normal load.
 
         g(w) is steepest at w = v_s / sqrt(2).
         """
-        if self.model == 'coulomb':
-            return 0.0
         drop_n = load_n * (self.static_coefficient - self.kinetic_coefficient)
         return drop_n * math.sqrt(2.0 / math.e) / self.stribeck_velocity_m_s
 
@@ -190,16 +172,11 @@ def lugre_stage(available, impedance, w_last, z, load, step, law):
     Returns w, the force, its slope in w, and the deflection after the step.
     """
     load = max(load, LIGHTEST_LOAD_N)
-    at_rest = z
-    most = law.static_coefficient * load / law.bristle_stiffness_n_m
-    if abs(z) > most:
-        part = step / law.unloading_s
-        at_rest = (z + part * (most if z > 0.0 else -most)) / (1.0 + part)
-    balance = available - law.bristle_stiffness_n_m * at_rest
+    force, slope, at_rest, _ = _bristle_stage(0.0, z, load, step, law)
+    balance = available - force
     round_off = ROUND_OFF * abs(available)
     if abs(balance) <= round_off:
-        force, slope, after, _ = _bristle_stage(0.0, z, load, step, law)
-        return 0.0, force, slope, after
+        return 0.0, force, slope, at_rest
     sign = 1.0 if balance > 0.0 else -1.0
     near = max(sign * w_last, 0.0)
     speed = _guess(sign * available, impedance, near, sign * at_rest, load, step, law)
@@ -241,12 +218,6 @@ def skin_stage(v, x, u, z, w_last, load, step, skin, law):
     impedance = inertia + skin.damping_n_s_m + skin.shear_stiffness_n_m * step
     available = inertia * (v - u) + skin.damping_n_s_m * v
     available += skin.shear_stiffness_n_m * (x + step * v)
-    if law.model == COULOMB:
-        most = law.kinetic_coefficient * load
-        if abs(available) <= most:
-            return 0.0, available, impedance, 0.0
-        force = most if available > 0.0 else -most
-        return (available - force) / impedance, force, 0.0, 0.0
     w, force, slope, after = lugre_stage(available, impedance, w_last, z, load, step, law)
     # Friction and skin act in series.
     return w, force, slope * impedance / (slope + impedance), after

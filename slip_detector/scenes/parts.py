@@ -18,16 +18,17 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from slip_detector.parameters.fields import parameter, refuse, shown, shown_name
 from slip_detector.parameters.sets import ParameterSet
 from slip_detector.scenes.disturbances import TREMOR_PEAK, Hum, Rolling, Taps, Tremor
-from slip_detector.scenes.electronics import Clock, ContactNoise, Drops, Electronics, Faults
+from slip_detector.scenes.electronics import ContactNoise, Electronics, Faults
 from slip_detector.scenes.friction import Friction, Skin
 from slip_detector.scenes.motion import Motion, Orders, Step
 from slip_detector.scenes.surface import Contact, FreeObject, Roughness, Texture
 
-#: The class of each part. The order must not change: each part draws from the generator that is
-#: spawned for its position.
+#: The class of each part. The order must not change: see :func:`spawned`.
 PARTS: dict[str, type[ParameterSet]] = {
     'motion': Motion,
     'contact': Contact,
@@ -42,12 +43,13 @@ PARTS: dict[str, type[ParameterSet]] = {
     'taps': Taps,
     'rolling': Rolling,
     'faults': Faults,
-    'drops': Drops,
-    'clock': Clock,
     'contact_noise': ContactNoise,
     'orders': Orders,
 }
 
+#: Of the generators that are spawned, the first of those that no part draws from any more, and
+#: their number.
+UNUSED_FROM, UNUSED = 13, 2
 
 #: Parts that every scene has, with their defaults if its file does not name them.
 ALWAYS = ('motion', 'contact', 'skin', 'electronics')
@@ -68,16 +70,17 @@ class Sampling(ParameterSet):
 NOT_PARTS = ('steps', *Sampling.__dataclass_fields__)
 
 
-def read_sampling(description: Mapping[str, Any]) -> Sampling:
-    """Read the sampling of a scene."""
-    given = {name: description[name] for name in NOT_PARTS[1:] if name in description}
-    return Sampling.from_parameters(given)
+def spawned(trial: np.random.Generator) -> dict[str, np.random.Generator]:
+    """Return the generator of each part, which is spawned for its place among all parts."""
+    children = trial.spawn(len(PARTS) + UNUSED)
+    del children[UNUSED_FROM : UNUSED_FROM + UNUSED]
+    return dict(zip(PARTS, children, strict=True))
 
 
 def read_parts(description: Mapping[str, Any]) -> dict[str, Any]:
     """Return the parts in the content of a scene file, and those that every scene has.
 
-    ``friction: none`` means no friction, ``friction: coulomb`` that model with its defaults. An
+    ``friction: none`` means no friction, ``friction: lugre`` that model with its defaults. An
     error names an unknown part, or the part and the parameter of a value that is not allowed.
     """
     parts: dict[str, Any] = {name: PARTS[name]() for name in ALWAYS}
@@ -95,7 +98,7 @@ def read_parts(description: Mapping[str, Any]) -> dict[str, Any]:
     return parts
 
 
-def check_parts(parts: Mapping[str, Any], steps: Sequence[Step], true_rate_hz: float) -> None:
+def check_parts(parts: Mapping[str, Any], steps: Sequence[Step], sample_rate_hz: float) -> None:
     """Raise an error for parts of a scene that contradict each other, or its steps."""
     aliases = 'texture' in parts and not parts['electronics'].bandwidth_hz
     fastest_m_s = max(abs(step.velocity_m_s) for step in steps)
@@ -113,15 +116,15 @@ def check_parts(parts: Mapping[str, Any], steps: Sequence[Step], true_rate_hz: f
     elif aliases:
         texture: Texture = parts['texture']
         highest_hz = fastest_m_s / texture.spatial_period_m * (1 + len(texture.harmonics))
-        if highest_hz > true_rate_hz / 2:
+        if highest_hz > sample_rate_hz / 2:
             what = f'texture: ridges pass at up to {highest_hz:.4g} Hz, which aliases'
-            text = f'below {true_rate_hz / 2:g} Hz, or with bandwidth_hz of the part electronics'
+            text = f'below {sample_rate_hz / 2:g} Hz, or with bandwidth_hz of the part electronics'
             refuse(what, text)
     if 'contact_noise' in parts:
         highest_hz = parts['contact_noise'].band_hz[1]
         what = f'contact_noise: parameter band_hz ends at {highest_hz:g} Hz'
-        if highest_hz >= true_rate_hz / 2:
-            refuse(what, f'below {true_rate_hz / 2:g} Hz, half the sample rate')
+        if highest_hz >= sample_rate_hz / 2:
+            refuse(what, f'below {sample_rate_hz / 2:g} Hz, half the sample rate')
     if 'friction' in parts:
         check_grip(parts, _largest_force_n(parts, steps))
 
@@ -144,7 +147,7 @@ def check_grip(parts: Mapping[str, Any], force_n: float, where: str = 'friction'
             f'{damping:.3g} N s/m',
             'more of these, a higher stribeck_velocity_m_s or less static_coefficient',
         )
-    bristle_damping = friction.bristle_damping_n_s_m if friction.model == 'lugre' else 0.0
+    bristle_damping = friction.bristle_damping_n_s_m
     if skin.mass_kg == 0.0 and damping == 0.0 and bristle_damping > 0.0:
         what = f'{where}: bristle_damping_n_s_m is {bristle_damping:g} N s/m on skin without mass'
         refuse(

@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from slip_detector.chain.samples import Bools, Floats, Samples
+from slip_detector.chain.samples import Floats, Samples
 from slip_detector.parameters.detector import PAPER_CHANNELS, default_channel_names
 from slip_detector.parameters.fields import refuse, shown
 from slip_detector.parameters.files import read_yaml, shared_folder
@@ -29,7 +29,7 @@ from slip_detector.scenes import motion
 from slip_detector.scenes.electronics import Frontend, taxel_positions
 from slip_detector.scenes.friction import Friction, Skin
 from slip_detector.scenes.mechanics import STAGE_TIMES, SceneConstants, State, advance
-from slip_detector.scenes.parts import PARTS, check_grip, check_parts, read_parts, read_sampling
+from slip_detector.scenes.parts import Sampling, check_grip, check_parts, read_parts, spawned
 from slip_detector.scenes.surface import NO_RIDGES, NO_ROUGHNESS, FreeObject
 
 #: Longest step of the integrator, as a phase angle of the skin's own oscillation.
@@ -51,18 +51,15 @@ class Scene:
     description
         The content of a scene file: ``steps``, ``sample_rate_hz``, ``step_s`` and the parts.
     trial
-        Generator of everything that differs from trial to trial: noise, phases, losses. Each part
+        Generator of everything that differs from trial to trial: noise and phases. Each part
         draws from its own child of it, so that no part changes the draws of another.
 
     Attributes
     ----------
     sample_rate_hz : float
-        Nominal rate of the sensor; see the part ``clock``.
     channel_names : tuple of str
     length : int
-        Number of samples, including those that the part ``drops`` loses.
-    true_rate_hz : float
-        Rate at which the samples are taken.
+        Number of samples.
     duration_s : float
         Duration of all steps.
     parts : dict
@@ -94,25 +91,22 @@ class Scene:
 
     def __init__(self, description: Mapping[str, Any], trial: np.random.Generator) -> None:
         self.parts = parts = read_parts(description)
-        sampling = read_sampling(description)
+        names = description.keys() & Sampling.__dataclass_fields__
+        sampling = Sampling.from_parameters({name: description[name] for name in names})
         steps = motion.read_steps(description.get('steps'))
-        children = dict(zip(PARTS, trial.spawn(len(PARTS)), strict=True))
+        children = spawned(trial)
         self.channel_names = default_channel_names(PAPER_CHANNELS)
         self.sample_rate_hz = sampling.sample_rate_hz
-        rate_ratio = parts['clock'].rate_ratio if 'clock' in parts else 1.0
-        self.true_rate_hz = self.sample_rate_hz * rate_ratio
         self.duration_s = sum(step.duration_s for step in steps)
-        self.length = round(self.duration_s * self.true_rate_hz)
+        self.length = round(self.duration_s * self.sample_rate_hz)
         if not self.length:
             refuse(f'steps: all take {self.duration_s:g} s', 'at least one sample')
         self.drive_numbers = motion.drive_numbers(parts, steps, children['tremor'])
-        check_parts(parts, steps, self.true_rate_hz)
-        self._frontend = Frontend(parts, children, self.true_rate_hz)
+        check_parts(parts, steps, self.sample_rate_hz)
+        self._frontend = Frontend(parts, children, self.sample_rate_hz)
         self.constants = self._scene_constants(sampling.step_s, children['texture'])
-        n_patches, n_channels = len(self.constants.patches), PAPER_CHANNELS
-        self.state = State(
-            np.zeros((n_patches, 4)), np.zeros(3), np.zeros(n_channels), np.zeros((n_channels, 3))
-        )
+        shapes = (len(self.constants.patches), 4), 3, PAPER_CHANNELS, (PAPER_CHANNELS, 3)
+        self.state = State(*(np.zeros(shape) for shape in shapes))
         self._next = 0
         self.read(0)  # Compile the functions now, so that the first read does not wait for it.
 
@@ -120,7 +114,7 @@ class Scene:
         self, longest_step_s: float, of_texture: np.random.Generator
     ) -> SceneConstants:
         """Build the constants; an error says that the skin oscillates too fast."""
-        parts, frontend, rate_hz = self.parts, self._frontend, self.true_rate_hz
+        parts, frontend, rate_hz = self.parts, self._frontend, self.sample_rate_hz
         friction: Friction | None = parts.get('friction')
         body: FreeObject | None = parts.get('object')
         bandwidth_hz = parts['electronics'].bandwidth_hz
@@ -167,7 +161,8 @@ class Scene:
             refuse(f'force_n is {force_n:g} N', '0 to 1000 N')
         if 'friction' in self.parts:
             check_grip(self.parts, 2.0 * force_n, f'a grip of {force_n:g} N')
-        held = motion.held_force(self.drive_numbers.force, self._next / self.true_rate_hz, force_n)
+        now_s = self._next / self.sample_rate_hz
+        held = motion.held_force(self.drive_numbers.force, now_s, force_n)
         self.drive_numbers = self.drive_numbers._replace(force=held)
 
     def order(self, what: str) -> None:
@@ -191,7 +186,7 @@ class Scene:
         if orders is None or what not in motion.ORDERS:
             allowed = ', '.join(motion.ORDERS) if orders else 'with that part'
             refuse(f'order is {shown(what)}', allowed)
-        now_s, numbers = self._next / self.true_rate_hz, self.drive_numbers
+        now_s, numbers = self._next / self.sample_rate_hz, self.drive_numbers
         force_n = float(numbers.force.command_n[-1])
         steps = [motion.Step(duration_s=0.3, force_n=orders.force_n)]
         if what == 'press':
@@ -202,7 +197,7 @@ class Scene:
         if what == 'taps':
             taps = now_s + np.arange(every_s, motion.ORDER_S, every_s)
         velocity_m_s = orders.velocity_m_s if what == 'slip' else 0.0
-        self.length = self._next + round(motion.ORDER_S * self.true_rate_hz)
+        self.length = self._next + round(motion.ORDER_S * self.sample_rate_hz)
         self.drive_numbers = numbers._replace(
             force=motion.with_steps(numbers.force, now_s, force_n, steps),
             plate=motion.with_velocity(numbers.plate, now_s, velocity_m_s, self.parts['motion']),
@@ -238,38 +233,27 @@ class Scene:
         flat = motion.drive_at(stages_s.ravel(), self.drive_numbers)
         drive = motion.Drive(*(values.reshape(stages_s.shape) for values in flat))
         advance(drive, self.state, constants, begin, clean_v, position_m, sliding)
-        time_s = np.arange(first, last) / self.true_rate_hz
+        time_s = np.arange(first, last) / self.sample_rate_hz
         return time_s, clean_v, position_m, sliding
 
     def read(self, n: int) -> Samples:
         """Return the next ``n`` samples with their labels, stamped from the scene's begin on.
 
         The position is that of the platform, without the tremor of the hand, or of the object.
-        Any cut of a scene into reads gives the same bits. Fewer than ``n`` samples come at the end
-        or if the part ``drops`` loses some; none only after the end.
+        Any cut of a scene into reads gives the same bits. Fewer than ``n`` samples come only at
+        the end.
         """
-        while True:
-            time_s, clean_v, position_m, sliding = self.clean(n)
-            force_n = self.force_n(time_s) if 'contact_noise' in self.parts else None
-            volts = self._frontend.sample(clean_v, time_s, force_n)
-            truth = self._truth(time_s, sliding)
-            if 'object' not in self.parts:
-                position_m = motion.plate_at(time_s, self.drive_numbers.plate)[1]
-            stamps_ns = np.rint(time_s * 1e9).astype(np.int64)
-            samples = Samples(volts, stamps_ns, truth, position_m)
-            if 'drops' in self.parts:
-                samples = samples.take(self._frontend.arrived(len(time_s)))
-            if len(samples.volts) or not len(time_s):
-                return samples
-
-    def _truth(self, time_s: Floats, sliding: Floats) -> Bools:
-        """Return whether there is slip."""
+        time_s, clean_v, position_m, sliding = self.clean(n)
+        force_n = self.force_n(time_s)
+        volts = self._frontend.sample(clean_v, time_s, force_n)
         if 'object' in self.parts:
             # An object slips when more than half of the load that holds it slides.
-            return sliding > 0.5
-        # The paper's Eq. 9: there is slip while the position of the platform changes.
-        velocity_m_s, _ = motion.plate_at(time_s, self.drive_numbers.plate)
-        return np.asarray((velocity_m_s != 0.0) & (self.force_n(time_s) > 0.0))
+            truth = sliding > 0.5
+        else:
+            # The paper's Eq. 9: there is slip while the position of the platform changes.
+            velocity_m_s, position_m = motion.plate_at(time_s, self.drive_numbers.plate)
+            truth = (velocity_m_s != 0.0) & (force_n > 0.0)
+        return Samples(volts, np.rint(time_s * 1e9).astype(np.int64), truth, position_m)
 
 
 def _ringing_step_s(skin: Skin) -> float:

@@ -76,7 +76,7 @@ class RecordingSource(Source):
 
 
 class SceneSource(Source):
-    """A scene; each sample has the time at which the scene's clock takes it.
+    """A scene; each sample has its time in it.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ class SceneSource(Source):
         self.duration_s = scene.duration_s
 
     def read(self, n: int) -> Samples:
-        """Return the next ``n`` samples, fewer where some are lost, none only after the end."""
+        """Return the next ``n`` samples; fewer only at the end."""
         return self._scene.read(n)
 
     def obey(self, command: float | str) -> None:

@@ -63,7 +63,7 @@ CORPUS = [
     {'steps': [{'force_n': 0.4}], 'sample_rate_hz': 1e300},
     {'steps': [{'force_n': 0.4}], 'step_s': 1e-300},
     {'steps': [{'force_n': 0.4}], 'object': None},
-    {'steps': [{'force_n': 0.4}], 'clock': {'rate_ratio': 0}},
+    {'steps': [{'force_n': 0.4}], 'hum': {'frequency_hz': 0}},
     {'steps': [{'force_n': 0.4}], '': {}},
     {'steps': [{'force_n': 0.4}], '\r': {}},
     {'steps': [{'force_n': 0.4}], 'a' * 100_000: {}},

@@ -25,13 +25,12 @@ from slip_detector.scenes.electronics import (
     SENSOR_PITCH_M,
     UNIT_RADIUS_M,
     ContactNoise,
-    Drops,
     Electronics,
     Faults,
     Frontend,
     taxel_positions,
 )
-from slip_detector.scenes.parts import PARTS
+from slip_detector.scenes.parts import spawned
 
 ACROSS = np.array(PAPER_GROUPS['TP'] + PAPER_GROUPS['TD']) - 1
 ALONG = np.array(PAPER_GROUPS['LR'] + PAPER_GROUPS['LU']) - 1
@@ -41,7 +40,7 @@ NEAT = {'noise_v': 0.0, 'rails_v': [-1000.0, 1000.0]}
 
 
 def frontend(seed=0, rate_hz=380.0, parts=(), **parameters):
-    children = dict(zip(PARTS, np.random.default_rng(seed).spawn(len(PARTS)), strict=True))
+    children = spawned(np.random.default_rng(seed))
     return Frontend({'electronics': Electronics(**parameters), **dict(parts)}, children, rate_hz)
 
 
@@ -49,7 +48,9 @@ def sampled(clean_v, **given):
     """Return samples of clean voltages, without the baselines, and their times."""
     rate_hz = given.get('rate_hz', 380.0)
     time_s = np.arange(len(clean_v)) / rate_hz
-    return frontend(**{'baseline_v': (0.0, 0.0), **given}).sample(clean_v, time_s)
+    return frontend(**{'baseline_v': (0.0, 0.0), **given}).sample(
+        clean_v, time_s, np.zeros(len(clean_v))
+    )
 
 
 # The fingertip.
@@ -177,7 +178,7 @@ def test_the_converter_rounds_to_the_nearest_of_its_codes(bits, low_v, range_v, 
     np.testing.assert_array_equal(sampled(samples, **converter), samples)
 
 
-# Faults and losses.
+# Faults.
 
 
 @given(st.floats(0, 0.7))
@@ -196,10 +197,3 @@ def test_channels_fail_from_their_time_on_and_the_others_never(from_s):
         for flat in (0, 15):
             assert np.all(faulty[failed, flat] == sound[first, flat])
         assert np.all(faulty[failed][:, [4, 6]] != sound[failed][:, [4, 6]])
-
-
-@settings(max_examples=15)
-@given(st.floats(0.01, 0.95), st.integers(0, 99))
-def test_the_share_of_lost_samples_is_the_one_asked_for(share, seed):
-    arrived = frontend(seed, parts={'drops': Drops(share=share)}).arrived(100_000)
-    assert 1.0 - arrived.size / 100_000 == pytest.approx(share, abs=0.01)

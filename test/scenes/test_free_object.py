@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scenes.test_mechanics import COULOMB, LUGRE
+from scenes.test_mechanics import LUGRE
 
 from slip_detector.scenes import Scene
 from slip_detector.scenes.friction import LIGHTEST_LOAD_N
@@ -39,7 +39,7 @@ PARTS = {
 }
 ONE_COEFFICIENT = {**LUGRE, 'static_coefficient': 0.5}
 TWO_COEFFICIENTS = {**LUGRE, 'stribeck_velocity_m_s': 0.1}
-FRICTIONS = [COULOMB, ONE_COEFFICIENT, TWO_COEFFICIENTS]
+FRICTIONS = [ONE_COEFFICIENT, TWO_COEFFICIENTS]
 
 #: Gripped before 0.6 s, loaded with the object's weight until then.
 HELD_S = 0.6
