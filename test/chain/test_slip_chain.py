@@ -23,7 +23,7 @@ from hypothesis import strategies as st
 
 from slip_detector.chain import slip_chain, stages
 from slip_detector.chain.slip_chain import SlipChain, check_memory
-from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
+from slip_detector.parameters.detector import ChainConfig
 from support.chain_cases import QUICK_EVIDENCE, bits, noise
 from support.config_cases import message_of
 
@@ -75,40 +75,6 @@ def test_any_kind_of_numbers_is_taken(made):
     # Small whole numbers are the same in every type.
     volts = np.random.default_rng(31).integers(0, 100, (70, 16)).astype(np.float64)
     assert bits(SlipChain().update(made(volts))) == bits(SlipChain().update(volts))
-
-
-def test_flags_hold_all_decisions_side_by_side():
-    config = ChainConfig(channels=5, groups={'a': (1, 2), 'b': (3, 4, 5)}, threshold=0.01)
-    volts = noise(32, 60, 5)
-    volts[20:30, 3] = np.nan
-    result = SlipChain(config).update(volts)
-    parts = (result.slip[:, None], result.groups, result.can_vote, result.channels, result.valid)
-    assert [part.shape[1] for part in parts] == [1, 2, 2, 5, 5]
-    assert all(part.dtype == np.bool_ for part in parts)
-    assert np.array_equal(result.flags, np.hstack(parts))
-    assert np.array_equal(result.channels, result.level > config.threshold)
-
-
-@pytest.mark.parametrize('common_mode', COMMON_MODES)
-@pytest.mark.parametrize('vote', ['all', 'mean', 1])
-def test_disabled_channels_show_nothing_and_change_nothing(common_mode, vote):
-    volts = noise(23, 90, 40)
-    config = ChainConfig(
-        channels=40,
-        disabled_channels=[2, *range(17, 33)],
-        groups={'a': [1, 3, 34], 'b': [*range(4, 17), 33, *range(35, 41)]},
-        common_mode=common_mode,
-        vote=vote,
-        threshold=0.01,
-    )
-    hit = volts.copy()
-    off = np.array(config.disabled_channels) - 1
-    hit[:, off] = 1e6 * noise(24, 90, off.size)
-    calm, shaken = (SlipChain(config).update(rows) for rows in (volts, hit))
-    assert bits(calm) == bits(shaken)
-    for name in ('envelope', 'level', 'channels', 'valid'):
-        assert not getattr(calm, name)[:, off].any(), name
-    assert calm.slip.any()
 
 
 # --- memory --------------------------------------------------------------------------------

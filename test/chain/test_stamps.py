@@ -157,25 +157,20 @@ def line_of(rate_hz, n, jitter_s=0.0, seed=0):
 
 
 @pytest.mark.parametrize('seed', range(5))
-@pytest.mark.parametrize('rate_hz', [380.0, 0.98 * 380.0, 1.02 * 380.0])
-def test_a_millisecond_of_jitter_and_a_clock_that_is_off_make_no_rows(rate_hz, seed):
-    grid = StampGrid(1 / 380, MAX_GAP_S)
-    judged = [grid.arrive(s) for s in line_of(rate_hz, 20_000, 1e-3, seed)]
-    assert judged == [NEXT] * len(judged)
-    assert 1e9 / grid.period_ns == pytest.approx(rate_hz, rel=5e-3)
-
-
-@pytest.mark.parametrize('seed', range(5))
-@pytest.mark.parametrize('jitter_s', [0.0, 1e-3])
-def test_each_sample_lost_at_random_is_made_up_for_in_spite_of_jitter(jitter_s, seed):
-    stamps = line_of(380.0, 20_000, jitter_s, seed)
-    kept = np.random.default_rng(100 + seed).random(len(stamps)) > 0.05
+@pytest.mark.parametrize(
+    ('rate', 'jitter_s', 'lost'),
+    [(0.98, 1e-3, 0.0), (1.0, 1e-3, 0.0), (1.02, 1e-3, 0.0), (1.0, 0.0, 0.05), (1.0, 1e-3, 0.05)],
+)
+def test_each_sample_lost_at_random_is_made_up_for_in_spite_of_jitter(rate, jitter_s, lost, seed):
+    stamps = line_of(rate * 380.0, 20_000, jitter_s, seed)
+    kept = np.random.default_rng(100 + seed).random(len(stamps)) >= lost
     kept[0] = kept[-1] = True
     grid = StampGrid(1 / 380, MAX_GAP_S)
     judged = [grid.arrive(s) for s, keep in zip(stamps, kept, strict=True) if keep]
     assert min(judged) >= 0
     # The line may take some dozens of samples to find its place.
-    assert sum(judged) == pytest.approx((~kept).sum(), abs=2)
+    assert sum(judged) == pytest.approx((~kept).sum(), abs=2 if lost else 0)
+    assert 1e9 / grid.period_ns == pytest.approx(rate * 380.0, rel=5e-3)
 
 
 def rows_made_up(before, after, jitter, lost=0.0, streams=100, n=3000):

@@ -87,7 +87,6 @@ def test_of_a_symbolic_link_the_file_is_written_and_the_link_stays(tmp_path, exi
 
 
 def test_a_package_without_its_folder_says_so(monkeypatch, tmp_path):
-    assert (shared_folder() / 'config' / 'scenes' / 'plate_400um.yaml').is_file()
     monkeypatch.setattr(files, '__file__', str(tmp_path / 'files.py'))
     assert 'without its config folder' in message_of(shared_folder)
 

@@ -33,14 +33,6 @@ from support.config_cases import SETS, message_of
 # --- names and values ------------------------------------------------------------------------
 
 
-def test_a_set_cannot_be_changed_and_a_changed_copy_is_checked():
-    config = ChainConfig()
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        config.gain = 2.0
-    assert dataclasses.replace(config, threshold=2.0).threshold == 2.0
-    assert 'threshold' in message_of(dataclasses.replace, config, threshold=-2.0)
-
-
 @pytest.mark.parametrize(
     ('name', 'hint'),
     [
