@@ -186,8 +186,9 @@ class CompiledSet(ParameterSet):
         cls.Numbers.__qualname__ = f'{cls.__qualname__}.Numbers'
 
     def numbers(self) -> Any:
-        """Return the named tuple of the values."""
-        return self.Numbers(*(getattr(self, name) for name in self.Numbers._fields))
+        """Return the named tuple of the values, in which lists are arrays."""
+        values = (getattr(self, name) for name in self.Numbers._fields)
+        return self.Numbers(*(np.array(v) if isinstance(v, tuple) else v for v in values))
 
 
 if not COMPILED:

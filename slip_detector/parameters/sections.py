@@ -189,12 +189,9 @@ def parameters_for(
         named = [name for name, _ in sections if '*' not in name]
         if len(named) > 1:
             refuse(f'{path}: has sections for {", ".join(named)}', 'one namespace')
-    values: dict[str, Any] = {}
-    own: set[str] = set()
-    for name, parameters in sections:
-        its = flattened(parameters)
-        values |= its
-        own |= set() if node_of(name) in ALL else its.keys()
+    flat = [(section, flattened(parameters)) for section, parameters in sections]
+    values = {name: value for _, its in flat for name, value in its.items()}
+    own = {name for section, its in flat if node_of(section) not in ALL for name in its}
     return {name: value for name, value in values.items() if name not in OF_RCLPY}, own
 
 

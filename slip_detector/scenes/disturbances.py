@@ -14,8 +14,6 @@
 
 """What disturbs a grip: hum, tremor, taps and rolling."""
 
-from typing import Any
-
 import numpy as np
 
 from slip_detector.chain.samples import Floats
@@ -132,10 +130,6 @@ class Taps(CompiledSet):
         0.5, 'Peak force; a negative one relieves the contact.', (-1000.0, 1000.0, 'N')
     )
     duration_s: float = parameter(0.01, 'Duration of a tap.', (1e-4, 10.0, 's'))
-
-    def numbers(self) -> Any:
-        """Return the numbers for compiled code."""
-        return super().numbers()._replace(times_s=np.array(self.times_s))
 
 
 @compiled

@@ -25,12 +25,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal
 
-from slip_detector.chain.filters import (
-    SETTLED,
-    design,
-    response,
-    settling_rows,
-)
+from slip_detector.chain.filters import SETTLED, design, response, settling_rows
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.parameters.detector import ChainConfig
 from support.config_cases import message_of

@@ -107,13 +107,10 @@ def test_parameters_that_do_not_go_together_are_refused(values, said):
     assert message_of(DetectorConfig, **values).startswith(f'parameter {said}')
 
 
-def test_parameters_of_the_evidence_are_not_checked_without_it():
+def test_parameters_of_the_evidence_and_of_its_stages_are_not_checked_without_these():
     values = {'threshold': 2.0, 'impact_v': 1.0, 'impact_channels': 99, 'noise_floor': (1, 2)}
     values |= {'contact_level_v': 1.0, 'contact_channels': 99, 'activity_cap_db': 8.7}
     assert ChainConfig(**values).threshold == 2.0
-
-
-def test_the_low_band_is_not_checked_unless_a_stage_needs_it():
     band = {'passband_hz': (7.0, 0.0), 'stopbands_hz': (), 'passband_degree': 2}
     windows = {'envelope_window_s': 0.1, 'decision_window_s': 0.1}
     assert ChainConfig(**EVIDENCE, **band, **windows, sample_rate_hz=30.0).low_band_hz == ()

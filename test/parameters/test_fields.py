@@ -20,12 +20,7 @@ import math
 import numpy as np
 import pytest
 
-from slip_detector.parameters import (
-    ChainConfig,
-    DetectorConfig,
-    DriverConfig,
-    EvaluationConfig,
-)
+from slip_detector.parameters import ChainConfig, DetectorConfig, DriverConfig, EvaluationConfig
 from slip_detector.parameters.fields import shown, under_headings
 from support.config_cases import message_of
 

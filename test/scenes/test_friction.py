@@ -21,13 +21,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from slip_detector.scenes.friction import (
-    LIGHTEST_LOAD_N,
-    Friction,
-    Skin,
-    lugre_stage,
-    skin_stage,
-)
+from slip_detector.scenes.friction import LIGHTEST_LOAD_N, Friction, Skin, lugre_stage, skin_stage
 
 
 def decades(low, high):
