@@ -56,8 +56,12 @@ LISTEN_S = 1.0
 #: were heard in turns.
 SEVERAL_S = 1.0
 
-#: Shortest time, in seconds, between two log messages of the same kind.
-LOG_S = 1.0
+#: Period of the reports in seconds, and shortest time between two log messages of the same kind.
+REPORT_S = LOG_S = 1.0
+
+#: Longest time, in seconds, between two heartbeats that is waited for: that of the lowest
+#: ``heartbeat_hz``. A publisher that offers no deadline counts as such a slow one.
+SLOWEST_S = 20.0
 
 #: Most channel names in a log message.
 NAMES = 4
@@ -140,8 +144,10 @@ class Detector(LifecycleNode):
         self._listen_s = time.monotonic() + LISTEN_S
         self._senders = Senders(lambda: max(SEVERAL_S, self._active.input_timeout_s))
         self._start_timers()
-        # The heartbeat of another detector that publishes on the same topics.
-        self._detectors = Senders(lambda: max(SEVERAL_S, 3 / self._active.heartbeat_hz))
+        # The heartbeat of another detector that publishes on the same topics, and the longest
+        # deadline of them all. As it is asked for in the report, one period of that is added.
+        self._deadline_s = 0.0
+        self._detectors = Senders(lambda: REPORT_S + 1.5 * self._deadline_s)
         self._heartbeats = self.create_subscription(
             Bool, 'slip_valid', self._on_slip_valid, sensor_qos(), raw=True
         )
@@ -221,7 +227,7 @@ class Detector(LifecycleNode):
             (1 / config.heartbeat_hz, self._beat),
             (config.input_timeout_s / CHECKS, self._check_silence),
             (SWAP_S, self._check_input),
-            (1.0, self._report),
+            (REPORT_S, self._report),
         )
 
     def _run_timers(self, *wanted: tuple[float, Callable[[], None]]) -> None:
@@ -286,6 +292,9 @@ class Detector(LifecycleNode):
         health.stamps = self._stamp_grid.kind
         health.warnings = words_of(self._chain.look(), self._active.names)
         health.senders = self._several('voltages', self._senders, self._samples)
+        beating = self.get_publishers_info_by_topic(self._heartbeats.topic_name)
+        deadlines_s = [each.qos_profile.deadline.nanoseconds * 1e-9 for each in beating]
+        self._deadline_s = min(max(deadlines_s, default=0.0), SLOWEST_S)
         health.detectors = self._several('slip', self._detectors, self._heartbeats)
         self._diagnostics.publish(health.summary(outputs.slip, outputs.valid), self._frame_id)
 

@@ -29,6 +29,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from slip_detector.nodes.detector import SUCCESS, Detector
+from slip_detector.nodes.messages import heartbeat_qos
+from slip_detector.nodes.outputs import DEADLINE_BEATS
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.sets import changed
 from slip_detector.recordings.messages import JointStateWriter
@@ -200,12 +202,24 @@ def test_what_waited_while_the_node_was_held_up_is_not_said_until_it_is_new_enou
     assert 0.9 < max(ages_s) / CONFIG.input_timeout_s <= 1.0
 
 
-def test_another_detector_is_noticed_after_the_heartbeat_has_become_slow(node):
+@pytest.mark.parametrize('own_hz', [0.5, 10.0])
+def test_another_detector_whose_heart_beats_slowly_is_noticed_from_beat_to_beat(
+    node, monkeypatch, own_hz
+):
     node.begin()
-    node._apply(changed(CONFIG, {'heartbeat_hz': 0.5}))
+    node._apply(changed(CONFIG, {'heartbeat_hz': own_hz}))
+    profiles = [heartbeat_qos(DEADLINE_BEATS / hz) for hz in (own_hz, 0.5)]
+    beating = Mock(return_value=[Mock(qos_profile=profile) for profile in profiles])
+    monkeypatch.setattr(node, 'get_publishers_info_by_topic', beating)
     node._heartbeats.get_publisher_count.return_value = 2
-    for number in (1, 1001, 2, 1002):
-        node.play(1.0)
-        node._on_slip_valid(None, {'publication_sequence_number': number})
-    node.play(1.0)
-    assert not node.said()['slip_valid']
+    numbers, said = count(1), []
+    for others in range(1000, 1004):
+        for _ in range(round(2.0 * own_hz)):
+            node._on_slip_valid(None, {'publication_sequence_number': next(numbers)})
+            node.heard.clear()
+            node.play(1 / own_hz)
+            said += [message.data for topic, message in node.heard if topic == 'slip_valid']
+        node._on_slip_valid(None, {'publication_sequence_number': others})
+        said *= others > 1000
+    assert said
+    assert not any(said)
