@@ -14,8 +14,6 @@
 
 """Messages of any type as the detector's input, batches, and the driver that sends them."""
 
-import itertools
-
 import numpy as np
 import pytest
 from std_msgs.msg import Float32MultiArray, Float64MultiArray, Header
@@ -25,7 +23,7 @@ from slip_detector.nodes.messages import event_qos, stamp_ns
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.sources import open_source
-from support.harness import PERIOD_NS, START_NS, Detected, batch_of, reliable_qos
+from support.harness import PERIOD_NS, Detected, batch_of, reliable_qos
 
 
 def test_without_a_header_the_middlewares_stamp_counts(bench):
@@ -86,21 +84,6 @@ def test_late_batches_are_rows_with_their_own_times_and_a_lost_one_is_bridged(be
     send(rows[:50])
     said = '50 samples missing, bridged'
     bench.wait_for(lambda: said in detected.process.log(), 'the lost batch')
-
-
-def test_messages_without_the_field_are_counted_and_the_node_goes_on(bench):
-    given = {'input_field': 'position[2]', 'channels': 1, 'input_timeout_s': 60.0}
-    detected = Detected(bench, given)
-    stamps_ns = itertools.count(START_NS, PERIOD_NS)
-
-    def log_after(*position):
-        """Send a message, and return the log: the detector may not have found the publisher."""
-        detected.send(position, next(stamps_ns))
-        return detected.process.log()
-
-    bench.wait_for(lambda: 'no numbers at position[2]' in log_after(1.0, 2.0), 'the log')
-    bench.wait_for(lambda: log_after(1.0, 2.0, 3.0) and detected.envelope, 'a decision')
-    assert len(detected.envelope[-1].position) == 1
 
 
 def test_the_drivers_batches_carry_the_same_samples(bench):

@@ -14,14 +14,12 @@
 
 """The detector as a managed node, by the lifecycle services."""
 
-import numpy as np
 import pytest
 from lifecycle_msgs.msg import State, Transition
 from lifecycle_msgs.srv import ChangeState, GetState
 from std_msgs.msg import Bool
 
 from slip_detector.nodes.messages import state_qos
-from support.harness import PERIOD_NS, START_NS, Detected
 
 
 def change(bench, transition):
@@ -101,36 +99,6 @@ def test_a_manager_takes_the_node_through_its_life(bench):
         slip.clear()
         bench.wait_for(lambda has=has_samples: not has or len(slip) > 3, 'the heartbeat')
     assert 'Traceback' not in process.log()
-
-
-def test_deactivated_it_publishes_nothing_and_leaves_no_state_that_is_not_true(bench):
-    detected = Detected(bench, parameters={'input_timeout_s': 60.0, 'threshold': 1e-9})
-    random = np.random.default_rng(0)
-    rows = 4.0 + 0.1 * random.standard_normal((100, 16))
-    begin = detected.settle(rows[0], START_NS, PERIOD_NS)
-    detected.send_all(rows, begin, PERIOD_NS)
-    bench.wait_for(lambda: detected.slip[-1].data and detected.valid[-1].data, 'slip')
-
-    assert change(bench, Transition.TRANSITION_DEACTIVATE)
-    bench.wait_for(lambda: not detected.valid[-1].data, 'slip_valid to fall')
-    bench.wait_for(lambda: not detected.slip[-1].data, 'slip to fall')
-    heard = [detected.slip, detected.valid, detected.envelope]
-    before = [len(messages) for messages in heard]
-    # Who comes now is told the same, and by then ten beats would have passed.
-    late = bench.listen(Bool, 'slip', state_qos())
-    bench.wait_for(lambda: late, 'the last state')
-    beats = []
-    bench.node.create_timer(0.1, lambda: beats.append(None))
-    bench.wait_for(lambda: len(beats) >= 10, 'a second to pass')
-    assert [message.data for message in late] == [False]
-    assert [len(messages) for messages in heard] == before
-
-    assert change(bench, Transition.TRANSITION_ACTIVATE)
-    bench.wait_for(lambda: len(detected.slip) > before[0] + 3, 'the heart to beat again')
-    detected.envelope.clear()
-    begin = detected.settle(rows[0], START_NS, PERIOD_NS)
-    detected.send_all(rows, begin, PERIOD_NS)
-    bench.wait_for(lambda: detected.slip[-1].data and detected.valid[-1].data, 'slip again')
 
 
 @pytest.mark.parametrize('autostart', ['true', 'false'])

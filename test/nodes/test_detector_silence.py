@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What subscribers hear last where the input is lost: a detector called by hand, by a clock."""
+"""What subscribers hear of lost input and of changes: a detector called by hand, by a clock."""
 
 from dataclasses import replace
 from itertools import count
@@ -65,7 +65,8 @@ LOST = {
     'no message': lambda k, good: good | {'raw': b'\0' * (k % 40)},
     'wild stamps': lambda k, good: good | {'off_s': k * 1e4 * (-1) ** k},
     'late stamps': lambda k, good: good | {'off_s': -0.01 * k},
-    'old stamps': lambda k, good: good | {'off_s': -1000.0},
+    'stamps of before': lambda k, good: good | {'off_s': -1000.0},
+    'stamps of later': lambda k, good: good | {'off_s': 1000.0},
     'several senders': lambda k, good: good | {'number': 10**6 * (k % 2) + k, 'publishers': 2},
 }
 
@@ -76,14 +77,15 @@ class ByHand(Detector):
     get_logger, destroy_publisher, destroy_subscription = Mock(), Mock(), Mock()
     get_fully_qualified_name = Mock(return_value='/slip_detector')
     get_publishers_info_by_topic = Mock(return_value=[])
-    now_s, due = 1e6, ()
+    # The machine's clock, how far behind it the replayed one is, if time is replayed, and timers.
+    now_s, behind_s, due = 1e6, None, ()
 
     def __init__(self):
         self._configured, self._running, self._samples = False, {}, None
 
     def get_clock(self):
-        now = Time(nanoseconds=round(self.now_s * 1e9))
-        return SimpleNamespace(ros_time_is_active=False, now=lambda: now)
+        now = Time(nanoseconds=round((self.now_s - (self.behind_s or 0.0)) * 1e9))
+        return SimpleNamespace(ros_time_is_active=self.behind_s is not None, now=lambda: now)
 
     def create_publisher(self, message_type, topic, qos):
         publisher = Mock(publish=lambda message: self.heard.append((topic, message)))
@@ -103,7 +105,7 @@ class ByHand(Detector):
     def begin(self, config=CONFIG):
         """Begin anew, and decide that everything slips, or nothing."""
         self.on_shutdown(None)
-        self.heard, self.due, self.requested = [], [], config
+        self.heard, self.due, self.requested, self.behind_s = [], [], config, None
         self.numbers, self.random = count(1), np.random.default_rng(0)
         assert (self.on_configure(None), self.on_activate(None)) == (SUCCESS, SUCCESS)
         self.play(0.5)
@@ -134,6 +136,10 @@ class ByHand(Detector):
         number = number or next(self.numbers)
         info = {'source_timestamp': sent_ns + 1, 'publication_sequence_number': number}
         self._on_voltages(raw, info)
+
+    def states(self, topic):
+        """Return what a topic has said."""
+        return [message.data for heard, message in self.heard if heard == topic]
 
     def said(self):
         """Return whether the last message of each topic has anything true."""
@@ -173,9 +179,10 @@ def test_one_timeout_after_the_last_usable_sample_nothing_is_said_to_be_true(
     node, begins, changes, follows, way
 ):
     node.begin(begins)
-    for change in [*changes, {'max_age_s': 100.0 * (way == 'old stamps')}]:
+    for change in [*changes, {'max_age_s': 100.0 * way.startswith('stamps of')}]:
         try:
             config = changed(node.requested, change)
+            node._check(config)
         except ValueError:  # It does not go with the others.
             continue
         node._apply(config)
@@ -190,16 +197,88 @@ def test_what_waited_while_the_node_was_held_up_is_not_said_until_it_is_new_enou
     node.begin()
     sent_s, ages_s = node.now_s, []
     for k in count():
-        sent_s, known = sent_s + PERIOD_S, len(node.heard)
+        sent_s += PERIOD_S
+        node.heard.clear()
         node.now_s += {0: 5.0, 500: 2.0}.get(k, 0.0)
         if sent_s > node.now_s:
             break
         if k or first == 'timer':
             node.let_pass(1e-4)
         node.send(node.random.standard_normal(4), sent_s=sent_s)
-        said = [message.data for topic, message in node.heard[known:] if topic == 'slip_valid']
-        ages_s += [node.now_s - sent_s] * any(said)
+        ages_s += [node.now_s - sent_s] * any(node.states('slip_valid'))
     assert 0.9 < max(ages_s) / CONFIG.input_timeout_s <= 1.0
+
+
+@pytest.mark.parametrize(('wrong', 'of'), [(1, 30), (3, 4)])
+def test_stamps_that_are_wrong_now_and_then_interrupt_nothing_and_most_of_them_all(
+    node, wrong, of
+):
+    def change(k, good):
+        return good | {'off_s': node.random.uniform(-1e7, 1e7) * (k % of < wrong)}
+
+    node.begin()
+    node.heard.clear()
+    node.play(3.0, change)
+    if wrong == 1:
+        assert all(node.states('slip') + node.states('slip_valid'))
+    assert node.said()['slip'] == node.said()['slip_valid'] == (wrong == 1)
+
+
+def test_no_change_in_the_middle_of_a_slip_interrupts_it_or_makes_an_onset(node):
+    node.begin()
+    for values in (
+        {'threshold': 2e-9},
+        {'passband_hz': [10.0, 60.0]},
+        {'heartbeat_hz': 20.0},
+        {'publish_channels': False},
+        {'publish_groups': False, 'input_timeout_s': 0.4},
+        {'publish_groups': True, 'publish_channels': True, 'heartbeat_hz': 10.0},
+        {'groups.a': None, 'groups.b': None, 'groups.all': [4, 3, 1, 2]},
+        {'disabled_channels': [4]},
+        {'sample_rate_hz': 381.0},
+    ):
+        node.heard.clear()
+        node._apply(changed(node.requested, values))
+        node.play(0.5)
+        slip = node.states('slip')
+        # A chain that starts again is OFF at first; that it comes ON again is no onset.
+        assert all(slip + node.states('slip_valid')) == ('sample_rate_hz' not in values), values
+        assert slip[-1]
+        assert 'slip_onset' not in dict(node.heard)
+
+
+def test_deactivated_it_says_nothing_and_leaves_no_state_that_is_not_true(node):
+    node.begin()
+    node.on_deactivate(None)
+    assert not any(node.said().values())
+    node.heard.clear()
+    node.play(1.0)
+    assert not node.heard
+    node.on_activate(None)
+    node.play(0.5)
+    assert node.said()['slip'] == node.said()['slip_valid'] is True
+
+
+def test_the_timeout_follows_a_replayed_clock_however_slow_it_is(node):
+    node.begin()
+    node.behind_s = 0.0
+    for _ in range(1000):
+        node.behind_s += 0.999 * PERIOD_S
+        node.let_pass(PERIOD_S)
+        assert node.said()['slip_valid']
+    node.play(CONFIG.input_timeout_s, LOST['silence'])
+    assert not any(node.said().values())
+
+
+def test_a_recording_that_starts_again_goes_on(node):
+    node.begin()
+    node.behind_s = 0.0
+    node.play(0.5)
+    node.behind_s = 0.5
+    # The first tenth of a second is taken for late samples.
+    node.play(0.5, lambda k, good: good | {'off_s': -0.5})
+    assert node.said()['slip'] == node.said()['slip_valid'] is True
+    assert node._health.totals['restarts'] == 1
 
 
 @pytest.mark.parametrize('own_hz', [0.5, 10.0])
@@ -218,7 +297,7 @@ def test_another_detector_whose_heart_beats_slowly_is_noticed_from_beat_to_beat(
             node._on_slip_valid(None, {'publication_sequence_number': next(numbers)})
             node.heard.clear()
             node.play(1 / own_hz)
-            said += [message.data for topic, message in node.heard if topic == 'slip_valid']
+            said += node.states('slip_valid')
         node._on_slip_valid(None, {'publication_sequence_number': others})
         said *= others > 1000
     assert said
