@@ -34,19 +34,14 @@ pytest.importorskip('rosbags', reason='needs rosbags')
 from slip_detector.nodes.demo import NodeProcesses
 
 
-def run(*words, code):
-    """Run a demonstration as a user does; return what it prints on both streams."""
-    done = run_python('-m', 'slip_detector.nodes.demo', *words, timeout=2 * DEADLINE_S)
-    assert done.returncode == code, done.stderr
-    return done.stdout, done.stderr
-
-
 @pytest.fixture(scope='module')
 def finished(tmp_path_factory):
     out = tmp_path_factory.mktemp('demo')
-    said, told = run('--out', out, '--record', out / 'trial.mcap', code=0)
-    assert 'no input any more' not in told
-    return out, said
+    words = '--out', out, '--record', out / 'trial.mcap'
+    done = run_python('-m', 'slip_detector.nodes.demo', *words, timeout=2 * DEADLINE_S)
+    assert done.returncode == 0, done.stderr
+    assert 'no input any more' not in done.stderr
+    return out, done.stdout
 
 
 def test_the_figures_are_those_of_the_decisions_and_of_the_way_to_this_process(finished):

@@ -15,59 +15,17 @@
 """Parameters of the detector, changed while it runs."""
 
 import numpy as np
-from rcl_interfaces.srv import ListParameters, SetParameters
+from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import parameter_dict_from_yaml_file
 from std_msgs.msg import Bool
 
-from slip_detector.nodes.messages import state_qos
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.files import shared_folder
 from support.harness import PERIOD_NS, START_NS, Detected
 
 
-def set_all(bench, **values):
-    """Set parameters as a set."""
-    return bench.set_whole('slip_detector', values)
-
-
 def values_of(bench, names):
     return dict(zip(names, bench.values_of('slip_detector', *names), strict=True))
-
-
-def test_a_set_is_refused_whole_with_the_reason_and_nothing_changes(bench):
-    detected = Detected(bench)
-    most = {'channels': 5_000, 'disabled_channels': list(range(17, 5_001))}
-    for values, words in (
-        ({'passband_hz': [50.0, 7.0]}, ['passband_hz', 'allowed: rising']),
-        ({'threshhold': 0.4}, ['threshhold', 'did you mean threshold?']),
-        ({'gain': None}, ['gain cannot be deleted']),
-        ({'autostart': False}, ['autostart', 'read-only']),
-        ({'input_type': 'std_msgs/msg/__name__'}, ['input_type', 'installed message type']),
-        (
-            {**most, 'envelope_window_s': 60.0, 'sample_rate_hz': 5e4},
-            ['channels is 5000', 'these windows', 'GB of memory'],
-        ),
-    ):
-        result = set_all(bench, threshold=0.3, **values)
-        assert not result.successful
-        assert [word for word in words if word not in result.reason] == [], result.reason
-        assert values_of(bench, ['threshold']) == {'threshold': 0.5}
-    assert 'Traceback' not in detected.process.log()
-
-
-def test_what_only_fits_together_is_taken_together(bench):
-    detected = Detected(bench)
-    groups = {f'groups.{name}': None for name in ('TP', 'TD', 'LR', 'LU')}
-    topic = bench.listen(Bool, 'slip/group/front', state_qos())
-    assert set_all(bench, channels=2, **{'groups.front': [2, 1], **groups}).successful
-    detected.envelope.clear()
-    begin = detected.settle([1.0, 2.0], START_NS, PERIOD_NS)
-    detected.send_all(np.ones((5, 2)), begin, PERIOD_NS)
-    assert list(detected.envelope[-1].name) == ['ch1', 'ch2']
-    bench.wait_for(lambda: topic, 'the new group')
-    request = ListParameters.Request(prefixes=['groups'])
-    listed = bench.ask(ListParameters, 'slip_detector/list_parameters', request).result.names
-    assert listed == ['groups.front']
 
 
 def test_files_are_loaded_whole_as_ros2_param_load_sends_them(bench):
@@ -92,7 +50,7 @@ def test_what_comes_one_by_one_is_used_as_a_whole_even_what_has_to_wait(bench):
         return process.log().count('the new filters have taken over')
 
     # The first change takes longer, as it loads SciPy.
-    assert set_all(bench, gain=10.0).successful
+    assert bench.set_whole('slip_detector', {'gain': 10.0}).successful
     bench.wait_for(lambda: changes() == 1, 'the first filters')
     reasons = []
     for name, value in [
@@ -129,7 +87,7 @@ def test_another_type_of_input_is_taken_while_it_runs(bench):
     detected = Detected(bench)
     detected.settle(np.ones(16), START_NS, PERIOD_NS)
     batches = {'input_type': 'std_msgs/msg/Float32MultiArray', 'input_field': 'data'}
-    assert set_all(bench, **batches).successful
+    assert bench.set_whole('slip_detector', batches).successful
     bench.wait_for(lambda: not detected.valid[-1].data, 'slip_valid to fall')
     driver = {
         'source': 'scene',

@@ -46,7 +46,8 @@ TIMEOUT_S = 200.0
 def finished(tmp_path_factory):
     compile_nodes()
     out = tmp_path_factory.mktemp('grasp')
-    done = run('--seeds', f'{FIRST}:{LAST}', '--live', str(LIVE), '--out', str(out))
+    words = '--seeds', f'{FIRST}:{LAST}', '--live', str(LIVE), '--out', str(out)
+    done = run_python('-m', 'slip_detector.nodes.grasp_demo', *words, timeout=TIMEOUT_S)
     assert done.returncode == 0, done.stderr
     for words in ('2 objects in simulated time: controller\n', f'seed {FIRST} through the nodes'):
         assert words in done.stderr
@@ -54,10 +55,6 @@ def finished(tmp_path_factory):
     assert 'no input any more' not in done.stderr
     assert 'cannot be relied on (slip' not in done.stderr
     return out, done.stdout
-
-
-def run(*words):
-    return run_python('-m', 'slip_detector.nodes.grasp_demo', *words, timeout=TIMEOUT_S)
 
 
 def test_the_objects_are_held_and_those_through_the_nodes_are_beside_the_simulated_ones(finished):
@@ -105,18 +102,3 @@ def test_seeds_are_a_number_of_them_or_the_first_and_the_last_and_others_are_ref
     for text in ('0', '-2', '9:8', '-1:3', '1:', ':', '1:2:3', 'x', '1.5'):
         with pytest.raises(argparse.ArgumentTypeError, match=f'is {text}, allowed: '):
             seed_range(text)
-
-
-@pytest.mark.parametrize(
-    ('words', 'code', 'said'),
-    [
-        (['--seeds', '0'], 2, 'argument --seeds: is 0, allowed: N, at least 1, or FIRST:LAST'),
-        (['--live', '-1'], 2, "argument --live: is '-1', allowed: a whole number, 0 to 1000"),
-        (['--config', '/nowhere/x.yaml'], 1, '/nowhere/x.yaml: cannot be read'),
-    ],
-)
-def test_what_makes_no_sense_ends_in_one_line(words, code, said):
-    done = run(*words)
-    assert done.returncode == code
-    assert 'Traceback' not in done.stderr
-    assert said in done.stderr.strip().splitlines()[-1]

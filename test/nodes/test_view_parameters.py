@@ -58,10 +58,15 @@ def test_all_parameters_are_read_and_set_or_refused_as_a_whole(bench, remote):
     def set_all(values):
         return asyncio.run(remote.set(values))
 
+    most = {'channels': 5_000, 'disabled_channels': list(range(17, 5_001))}
+    most |= {'envelope_window_s': 60.0, 'sample_rate_hz': 5e4}
     for words, values in {
         "parameter threshold is 'low', allowed: a number": {'threshold': 'low', 'gain': 2.0},
         'read-only': {'autostart': False, 'gain': 2.0},
         'cannot be deleted': {'gain': None},
+        'did you mean threshold': {'threshhold': 0.4, 'gain': 2.0},
+        'installed message type': {'input_type': 'std_msgs/msg/__name__', 'gain': 2.0},
+        'channels is 5000: .* GB of memory': most,
         "'utf-8' codec can't encode": {'input_field': '\ud800'},
         'cannot be sent to the detector': {'input_field': {}},
         'threshold is 1000.*, allowed: a number of 64 bits': {'threshold': 10**400},
