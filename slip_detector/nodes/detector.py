@@ -20,7 +20,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
@@ -33,7 +32,7 @@ from slip_detector.chain.stamps import DROPPED, StampGrid
 from slip_detector.chain.watch import words_of
 from slip_detector.nodes.health import Diagnostics, Health
 from slip_detector.nodes.inputs import Input, Senders, publishing_nodes
-from slip_detector.nodes.messages import sensor_qos
+from slip_detector.nodes.messages import STEADY, sensor_qos
 from slip_detector.nodes.outputs import Outputs
 from slip_detector.nodes.parameters import declare, follow_changes
 from slip_detector.nodes.rclpy_internals import ROS_ERRORS, destroy_state_machine
@@ -231,14 +230,11 @@ class Detector(LifecycleNode):
         )
 
     def _run_timers(self, *wanted: tuple[float, Callable[[], None]]) -> None:
-        """Run these timers, of those that run already the same, and no others.
-
-        They go by a clock that is never set: a replayed one may stand still.
-        """
-        steady, before, self._running = Clock(clock_type=ClockType.STEADY_TIME), self._running, {}
+        """Run these timers, of those that run already the same, and no others."""
+        before, self._running = self._running, {}
         for each in wanted:
             timer = before.pop(each, None)
-            self._running[each] = timer or self.create_timer(*each, clock=steady)
+            self._running[each] = timer or self.create_timer(*each, clock=STEADY)
         for timer in before.values():
             self.destroy_timer(timer)
 

@@ -24,7 +24,6 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 
 import numpy as np
-from rclpy.clock import Clock, ClockType
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
@@ -33,7 +32,7 @@ from std_msgs.msg import Bool, Float32MultiArray, MultiArrayDimension, String
 from slip_detector.chain.samples import Floats, Samples
 from slip_detector.nodes.ending import ASKED
 from slip_detector.nodes.health import ERROR, WARN, Diagnostics, status
-from slip_detector.nodes.messages import sensor_qos, state_qos
+from slip_detector.nodes.messages import STEADY, sensor_qos, state_qos
 from slip_detector.nodes.parameters import declare
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.recordings.messages import BATCH_LABELS, JointStateWriter
@@ -327,4 +326,4 @@ def play_all(nodes: Sequence[Driver]) -> None:
         if all(run.done() for run in runs):
             raise ExternalShutdownException
 
-    nodes[0].create_timer(LOOK_S, check, clock=Clock(clock_type=ClockType.STEADY_TIME))
+    nodes[0].create_timer(LOOK_S, check, clock=STEADY)

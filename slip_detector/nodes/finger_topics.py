@@ -148,9 +148,8 @@ class FingerTopics(PolledTopics):
             self.add(Bool, truth, state_qos(depth=STATES), self._on_truth)
         except (ValueError, *ROS_ERRORS):
             # A process can use a topic with one type only.
-            self.finger.no_volts = (
-                f'no volts are shown: {kind} is not installed here, or the topic had another type'
-            )
+            words = f'{kind} is not installed here, or the topic had another type'
+            self.finger.no_volts = f'no volts are shown: {words}'
 
     def poll(self) -> None:
         """Process received messages; subscribe again if the detector's parameters require it."""

@@ -19,14 +19,13 @@ import math
 import time
 from collections.abc import Callable
 
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float64MultiArray
 
 from slip_detector.grasp.law import GraspLaw
 from slip_detector.nodes.inputs import publishing_nodes
-from slip_detector.nodes.messages import state_qos
+from slip_detector.nodes.messages import STEADY, state_qos
 from slip_detector.nodes.parameters import declare
 from slip_detector.parameters.fields import name_list
 from slip_detector.parameters.grasp import ACTIONS, JOINT_STATE, GraspConfig
@@ -77,10 +76,8 @@ class GraspController(Node):
         for topic in self._states:
             on_message = functools.partial(self._on_message, topic)
             self.create_subscription(Bool, topic, on_message, state_qos(DEPTH, config.deadline_s))
-        # A clock that is set back must not stop the commands.
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(1.0 / config.command_hz, self._command_grip, clock=steady)
-        self.create_timer(config.deadline_s / CHECKS, self._check_silence, clock=steady)
+        self.create_timer(1.0 / config.command_hz, self._command_grip, clock=STEADY)
+        self.create_timer(config.deadline_s / CHECKS, self._check_silence, clock=STEADY)
         self._send: Callable[[float], None] = self._publish
         if config.command_type in ACTIONS:
             from slip_detector.nodes.gripper_action import GripperAction  # Few need it.
@@ -89,7 +86,7 @@ class GraspController(Node):
         else:
             kind = JointState if config.command_type == JOINT_STATE else Float64MultiArray
             self._command = self.create_publisher(kind, config.command_topic, state_qos())
-            self.create_timer(OTHERS_S, self._look_for_others, clock=steady)
+            self.create_timer(OTHERS_S, self._look_for_others, clock=STEADY)
         self.get_logger().info(
             f'grip {config.grip_n:g} to {config.limit_n:g} N, waiting for the detector'
         )
@@ -124,7 +121,13 @@ class GraspController(Node):
         slip, trusted = self._states['slip'], self._states['slip_valid'] and not silent
         if trusted != self._trusted:
             self._trusted = trusted
-            self._log_trust(silent)
+            why = f'{" and ".join(silent)} silent' if silent else 'not valid'
+            opens = self.config.on_invalid == 'open'
+            do = 'the grip opens' if opens else 'the grip stays as it is'
+            if trusted:
+                self.get_logger().info('slip is valid')
+            else:
+                self.get_logger().warning(f'slip cannot be relied on ({why}): {do}')
         now_s, before_n = time.monotonic(), self._law.force_n
         elapsed_s = min(now_s - self._commanded_s, PERIODS_COUNTED / self.config.command_hz)
         self._commanded_s = now_s
@@ -145,11 +148,3 @@ class GraspController(Node):
         else:
             message = Float64MultiArray(data=efforts)
         self._command.publish(message)
-
-    def _log_trust(self, silent: list[str]) -> None:
-        if self._trusted:
-            self.get_logger().info('slip is valid')
-            return
-        why = f'{" and ".join(silent)} silent' if silent else 'not valid'
-        do = 'the grip opens' if self.config.on_invalid == 'open' else 'the grip stays as it is'
-        self.get_logger().warning(f'slip cannot be relied on ({why}): {do}')

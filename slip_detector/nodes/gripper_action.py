@@ -19,11 +19,11 @@ import time
 from typing import Any
 
 from rclpy.action import ActionClient
-from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.task import Future
 
 from slip_detector.nodes.health import ERROR, OK, WARN, Diagnostics, status
+from slip_detector.nodes.messages import STEADY
 from slip_detector.parameters.grasp import GRIPPER_COMMAND, GraspConfig
 
 #: Share of the last effort below which a lower one is a new goal. A grip that relaxes would send
@@ -89,9 +89,8 @@ class GripperAction:
         self._ended = Future()
         self._said: list[tuple[bytes, str]] = []
         self._diagnostics = Diagnostics(node)
-        steady = Clock(clock_type=ClockType.STEADY_TIME)
-        node.create_timer(LOOK_S, self._look, clock=steady)
-        node.create_timer(REPORT_S, self._report, clock=steady)
+        node.create_timer(LOOK_S, self._look, clock=STEADY)
+        node.create_timer(REPORT_S, self._report, clock=STEADY)
 
     def send(self, force_n: float) -> None:
         """Have a force commanded, by a goal now or as soon as one may be sent."""

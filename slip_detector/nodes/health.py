@@ -207,21 +207,20 @@ class Health:
         return rate_hz
 
     def _input(self, since: Counter[str], silent_s: float) -> DiagnosticStatus:
-        wanted_hz, rate_hz, complaints = self.config.sample_rate_hz, self._rate_hz(since), []
+        wanted_hz, rate_hz, wrong = self.config.sample_rate_hz, self._rate_hz(since), ''
         all_well, off = f'{rate_hz:.1f} samples a second', abs(rate_hz / wanted_hz - 1.0)
         if self.senders:
             who = name_list(self.senders, LISTED)
-            complaints = [(ERROR, f'the input is published by {who}: only one of them may')]
+            wrong = f'the input is published by {who}: only one of them may'
         elif math.isinf(silent_s):
-            words = 'no samples yet: does the sensor run, on this topic, with this type?'
-            complaints = [(ERROR, words)]
+            wrong = 'no samples yet: does the sensor run, on this topic, with this type?'
         elif silent_s > self.config.input_timeout_s:
-            words = 'is the sensor plugged in, does its driver run?'
-            complaints = [(ERROR, f'no samples for {silent_s:.1f} s: {words}')]
+            wrong = f'no samples for {silent_s:.1f} s: '
+            wrong += 'is the sensor plugged in, does its driver run?'
         elif off > RATE_ERROR:
-            words = f'the filters are off by the same {100 * off:.0f} %'
-            words = f'{all_well}, {wanted_hz:g} configured: {words}'
-            complaints = [(ERROR, words)]
+            wrong = f'{all_well}, {wanted_hz:g} configured: '
+            wrong += f'the filters are off by the same {100 * off:.0f} %'
+        complaints = [(ERROR, wrong)] if wrong else []
         for kind, words in EVENTS.items():
             if since[kind]:
                 level = WARN if kind in WARNINGS else ERROR

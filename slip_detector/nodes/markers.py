@@ -101,8 +101,7 @@ def finger_markers(finger: Finger) -> list[Marker]:
 
 
 def _color(color: Iterable[float]) -> ColorRGBA:
-    red, green, blue, opacity = map(float, color)
-    return ColorRGBA(r=red, g=green, b=blue, a=opacity)
+    return ColorRGBA(**dict(zip('rgba', map(float, color), strict=True)))
 
 
 def _state(finger: Finger) -> str:

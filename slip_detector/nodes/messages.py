@@ -12,11 +12,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Quality-of-service profiles of the nodes' topics, and conversion of stamps."""
+"""Quality-of-service profiles of topics, the clock of timers, and conversion of stamps."""
 
 from builtin_interfaces.msg import Time
+from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, ReliabilityPolicy
+
+#: The clock of timers, which is never set: a replayed one may stand still.
+STEADY = Clock(clock_type=ClockType.STEADY_TIME)
 
 
 def stamp_ns(stamp: Time) -> int:

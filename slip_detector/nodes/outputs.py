@@ -43,18 +43,6 @@ RECEIVED_S = 0.3
 #: the same only where there are as many.
 Column = tuple[str, str, int]
 
-#: What follows from these columns, behind them.
-SLIP_VALID: Column = ('slip_valid', '', 0)
-
-
-def columns_of(config: DetectorConfig) -> list[Column]:
-    """Return what each column of :attr:`.SlipResult.flags` is."""
-    return [
-        ('slip', '', 0),
-        *((kind, name, 0) for kind in ('group', 'can_vote') for name in config.groups),
-        *((kind, name, config.channels) for kind in ('channel', 'valid') for name in config.names),
-    ]
-
 
 class Outputs:
     """The publishers of the present configuration, and the latest decisions.
@@ -119,7 +107,13 @@ class Outputs:
         self._envelope = publisher(JointState, '~/envelope', messages.sensor_qos())
         self.envelope_subscribers = self._envelope.get_subscription_count
         states = dict(zip(self._columns, self._states, strict=True))
-        self._columns = [*columns_of(config), SLIP_VALID]
+        n, names = config.channels, config.names
+        self._columns = [
+            ('slip', '', 0),
+            *((kind, name, 0) for kind in ('group', 'can_vote') for name in config.groups),
+            *((kind, name, n) for kind in ('channel', 'valid') for name in names),
+            ('slip_valid', '', 0),  # It follows from the others.
+        ]
         self._states = bytes(states.get(column, False) for column in self._columns)
         published = {'group': config.publish_groups, 'channel': config.publish_channels}
         disabled = {('channel', config.names[channel - 1]) for channel in config.disabled_channels}

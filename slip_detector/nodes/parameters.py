@@ -30,12 +30,6 @@ from slip_detector.parameters.fields import allowed
 from slip_detector.parameters.sections import OF_RCLPY, given_to, sections_for_others
 from slip_detector.parameters.sets import ConfigType, Judge, ParameterSet, changed
 
-#: The field of a descriptor for a range of numbers, and its type.
-RANGES: dict[type, tuple[str, Any]] = {
-    float: ('floating_point_range', msg.FloatingPointRange),
-    int: ('integer_range', msg.IntegerRange),
-}
-
 
 def declare(
     node: Node,
@@ -90,10 +84,12 @@ def declare(
             dynamic_typing=isinstance(value, list) or field.name == 'vote',
         )
         low, kind = field.metadata['low'], type(field.metadata['default'])
-        if low is not None and kind in RANGES:
-            name_of_range, make = RANGES[kind]
-            limits = make(from_value=kind(low), to_value=kind(field.metadata['high']))
-            setattr(descriptor, name_of_range, [limits])
+        if low is not None and kind in (int, float):
+            ends = {'from_value': kind(low), 'to_value': kind(field.metadata['high'])}
+            if kind is float:
+                descriptor.floating_point_range = [msg.FloatingPointRange(**ends)]
+            else:
+                descriptor.integer_range = [msg.IntegerRange(**ends)]
         node.declare_parameter(name, value, descriptor, ignore_override=True)
     return config
 

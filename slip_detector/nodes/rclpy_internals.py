@@ -234,8 +234,7 @@ def send_request(client: Client, request: Any) -> int:
     Relies on ``send_request`` of the handle.
     """
     with client.handle:
-        number: int = client.handle.send_request(request)
-    return number
+        return int(client.handle.send_request(request))
 
 
 def take_answer(client: Client) -> tuple[int, Any] | None:

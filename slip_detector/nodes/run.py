@@ -222,11 +222,10 @@ def transport_environment(transport: str) -> dict[str, str]:
 
     if not transport:
         return {}
-    given = os.environ
-    if own := PROFILE_VARIABLES & given.keys():
+    if own := PROFILE_VARIABLES & os.environ.keys():
         raise ValueError(f'transport is {transport!r}, allowed: none beside {min(own)}')
     here = 'ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST'
-    if here not in given.items() and given.get('ROS_LOCALHOST_ONLY') != '1':
+    if here not in os.environ.items() and os.environ.get('ROS_LOCALHOST_ONLY') != '1':
         return {'FASTDDS_BUILTIN_TRANSPORTS': 'UDPv4'}
     # For this range the middleware adds shared memory to any profile; so the profile has it.
     profile = str(shared_folder() / 'config' / 'fastdds_udp_localhost.xml')

@@ -17,7 +17,6 @@
 import numpy as np
 from rcl_interfaces.srv import SetParameters
 from rclpy.parameter import parameter_dict_from_yaml_file
-from std_msgs.msg import Bool
 
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.files import shared_folder
@@ -62,25 +61,6 @@ def test_what_comes_one_by_one_is_used_as_a_whole_even_what_has_to_wait(bench):
     assert reasons == ['', *6 * ['not yet: it waits 0.5 s for others)'], '']
     bench.wait_for(lambda: changes() == 2, 'the new filters')
     assert values_of(bench, ['decision']) == {'decision': 'evidence'}
-
-
-def test_no_sample_is_lost_while_all_parameters_are_loaded(bench):
-    valid = bench.listen(Bool, 'slip_valid', 1000)
-    process = bench.start('slip_detector')
-    driven = {'source': 'scene', 'loop': 'true', 'wait_for_subscribers': 1}
-    bench.start('slip_driver', parameters=driven)
-    bench.wait_for(lambda: valid and valid[-1].data, 'samples')
-    values = DetectorConfig().to_parameters()
-    values |= {'gain': 50.0, 'passband_hz': [8.0, 60.0], 'threshold': 0.4, 'max_gap_s': 0.2}
-    values |= {'stopbands_hz': [0.5, 6.0, 60.0, 170.0], 'groups.TP': [9, 11, 14, 16]}
-    results = bench.set_each('slip_detector', values)
-    refused = {name for name, each in zip(values, results, strict=True) if not each.successful}
-    assert refused == {'autostart'}
-    bench.wait_for(lambda: 'new filters have taken over' in process.log(), 'the new filters')
-    beats = len(valid)
-    bench.wait_for(lambda: len(valid) > beats + 10, 'ten beats')
-    # What is lost, late or does not fit is told.
-    assert all(word not in process.log() for word in ('missing', 'dropped', 'had a gap'))
 
 
 def test_another_type_of_input_is_taken_while_it_runs(bench):
