@@ -109,9 +109,8 @@ class Driver(Node):
         self._truth = self.create_publisher(Bool, 'slip_truth', state_qos())
         self._last_truth: bool | None = None
         self._position = self.create_publisher(JointState, 'platform_position', sensor_qos())
-        self._position_writer = JointStateWriter(
-            config.frame_id, ['object' if source.has_object else 'platform']
-        )
+        moving = 'object' if source.has_object else 'platform'
+        self._position_writer = JointStateWriter(config.frame_id, [moving])
         # The grip force or the order that came last.
         self._command: float | str | None = None
         if source.has_object:
@@ -124,10 +123,9 @@ class Driver(Node):
         if source.is_live:
             self._diagnostics = Diagnostics(self)
         else:
-            self.get_logger().info(
-                f'playing {source.name}: {len(source.channel_names)} channels at '
-                f'{source.sample_rate_hz:g} Hz, {config.rate:g} times real time'
-            )
+            what = f'{len(source.channel_names)} channels at {source.sample_rate_hz:g} Hz'
+            words = f'playing {source.name}: {what}, {config.rate:g} times real time'
+            self.get_logger().info(words)
 
     def destroy_node(self) -> None:
         """Stop playing, then destroy the node."""
@@ -183,9 +181,8 @@ class Driver(Node):
             complaints.append((WARN, f'dropped or lost in the last second: {", ".join(faults)}'))
             so_far = ', '.join(map(' '.join, values.items()))
             self.get_logger().warning(f'counted so far: {so_far}')
-        self._diagnostics.publish(
-            [status('sensor', source.state, complaints, values)], self.config.frame_id
-        )
+        sensor = status('sensor', source.state, complaints, values)
+        self._diagnostics.publish([sensor], self.config.frame_id)
 
     def _wait_for_subscribers(self) -> None:
         """Wait for the configured subscribers and the grip."""

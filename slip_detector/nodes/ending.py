@@ -41,14 +41,9 @@ def end_on_signals() -> None:
     reads, writes = os.pipe()
     os.set_blocking(writes, False)
     signal.set_wakeup_fd(writes, warn_on_full_buffer=False)
-    on_signals(lambda *_: None)
-    threading.Thread(target=_end, args=[reads], daemon=True).start()
-
-
-def on_signals(handler: object) -> None:
-    """Set the handler of the signals that end a process."""
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, handler)  # type: ignore[arg-type]
+        signal.signal(number, lambda *_: None)
+    threading.Thread(target=_end, args=[reads], daemon=True).start()
 
 
 def _end(reads: int) -> None:

@@ -87,9 +87,8 @@ class GraspController(Node):
             kind = JointState if config.command_type == JOINT_STATE else Float64MultiArray
             self._command = self.create_publisher(kind, config.command_topic, state_qos())
             self.create_timer(OTHERS_S, self._look_for_others, clock=STEADY)
-        self.get_logger().info(
-            f'grip {config.grip_n:g} to {config.limit_n:g} N, waiting for the detector'
-        )
+        words = f'grip {config.grip_n:g} to {config.limit_n:g} N, waiting for the detector'
+        self.get_logger().info(words)
 
     def _on_message(self, topic: str, message: Bool) -> None:
         self._checks[topic] = 0
@@ -109,10 +108,8 @@ class GraspController(Node):
         topic = self._command.topic_name
         names = publishing_nodes(self, topic)
         if len(names) > 1:
-            self.get_logger().error(
-                f'{topic} is published by {name_list(names)}: only one of them may',
-                throttle_duration_sec=OTHERS_LOGGED_S,
-            )
+            words = f'{topic} is published by {name_list(names)}: only one of them may'
+            self.get_logger().error(words, throttle_duration_sec=OTHERS_LOGGED_S)
 
     def _command_grip(self) -> None:
         """Command the force of the law, once both topics of the detector have been heard."""

@@ -54,9 +54,8 @@ def seed_range(text: str) -> range:
     except ValueError:
         first, last = 0, -1
     if not 0 <= first <= last:
-        raise argparse.ArgumentTypeError(
-            f'is {text}, allowed: N, at least 1, or FIRST:LAST, from 0 on, FIRST at most LAST'
-        )
+        allowed = 'N, at least 1, or FIRST:LAST, from 0 on, FIRST at most LAST'
+        raise argparse.ArgumentTypeError(f'is {text}, allowed: {allowed}')
     return range(first, last + 1)
 
 

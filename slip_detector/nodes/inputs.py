@@ -168,10 +168,8 @@ def message_class(name: str) -> Any:
             found = getattr(module, match['name'])
             if hasattr(found, 'get_fields_and_field_types'):
                 return found
-    raise ValueError(
-        f'parameter input_type is {name!r}, allowed: the name of an installed message type, '
-        'such as sensor_msgs/msg/JointState'
-    )
+    text = 'the name of an installed message type, such as sensor_msgs/msg/JointState'
+    raise ValueError(f'parameter input_type is {name!r}, allowed: {text}')
 
 
 class Senders:

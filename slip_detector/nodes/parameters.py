@@ -100,9 +100,8 @@ def tell_of_other_names(nodes: Sequence[Node], executable: str) -> None:
     for option, path in itertools.pairwise(sys.argv):
         others = sections_for_others(path, executable, names) if option == '--params-file' else []
         if others:
-            nodes[0].get_logger().warning(
-                f'{path}: no node of this process has the name of {", ".join(others)}'
-            )
+            words = f'{path}: no node of this process has the name of {", ".join(others)}'
+            nodes[0].get_logger().warning(words)
 
 
 def follow_changes(
@@ -144,12 +143,11 @@ def follow_changes(
         except ValueError as error:
             return msg.SetParametersResult(successful=False, reason=str(error))
         values = config.to_parameters()
-        result = node.set_parameters_atomically(
-            [
-                Parameter(each.name, value=values[each.name]) if each.name in values else each
-                for each in parameters
-            ]
-        )
+        typed = [
+            Parameter(each.name, value=values[each.name]) if each.name in values else each
+            for each in parameters
+        ]
+        result = node.set_parameters_atomically(typed)
         if result.successful:
             apply(config)
         return result

@@ -125,9 +125,8 @@ class SampleExecutor(SingleThreadedExecutor):
         self._receivers = {each.handle.pointer: receiver(each, AT_MOST) for each in subscriptions}
         self._timers = [timer for node in nodes for timer in node.timers]
         self._services = [service for node in nodes for service in node.services]
-        self._wait_set = rclpy_implementation.WaitSet(
-            len(subscriptions), 0, 0, 0, 0, 0, self.context.handle
-        )
+        n, context = len(subscriptions), self.context.handle
+        self._wait_set = rclpy_implementation.WaitSet(n, 0, 0, 0, 0, 0, context)
 
     def _do_others(self) -> None:
         """Call timers and services that are due; find out when the next ones are."""

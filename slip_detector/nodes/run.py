@@ -20,7 +20,6 @@ import gc
 import itertools
 import os
 import re
-import signal
 import sys
 import time
 import traceback
@@ -30,7 +29,7 @@ from pathlib import PurePath
 from typing import Any, NoReturn
 
 from slip_detector.commands.command_line import one_line
-from slip_detector.nodes.ending import ASKED, end_on_signals, init_ros, on_signals
+from slip_detector.nodes.ending import ASKED, end_on_signals, init_ros
 
 #: Allowed names of namespaces; the length leaves room for the names of topics.
 NAMESPACE = re.compile('(?!.*__)[A-Za-z_][A-Za-z0-9_]{0,63}')
@@ -72,7 +71,7 @@ def main(executable: str) -> None:
 
 
 def run(name: str, work: Callable[[Takedowns], int | None], words: str = '') -> None:
-    """Do the work of an executable, and end the process, unless there is nothing to take down.
+    """Do the work of an executable, and end the process.
 
     Slow imports belong into the work, also that of :mod:`slip_detector.parameters`: before this
     function is called a signal ends in a traceback.
@@ -91,7 +90,6 @@ def run(name: str, work: Callable[[Takedowns], int | None], words: str = '') -> 
     takedowns: Takedowns = []
     code = 0
     try:
-        import rclpy
         from rclpy.executors import ExternalShutdownException
 
         from slip_detector.nodes.rclpy_internals import ROS_ERRORS, leave
@@ -110,10 +108,7 @@ def run(name: str, work: Callable[[Takedowns], int | None], words: str = '') -> 
         code = 1
     # A node that is only partly made is not in the takedowns. Its objects refer to each other, and
     # the middleware has it until they are collected.
-    if code or takedowns or ASKED.is_set():
-        leave([*takedowns, gc.collect], code)
-    on_signals(signal.SIG_IGN)  # What was to be done is done; the interpreter ends.
-    rclpy.try_shutdown()
+    leave([*takedowns, gc.collect], code)
 
 
 def _spin(executable: str, takedowns: Takedowns) -> None:
@@ -273,7 +268,7 @@ def _arguments_of_each(executable: str) -> list[list[str]]:
 
     _check_files()
     options = _options(executable)
-    fingers, configs = options.fingers, options.configs
+    fingers, configs = options.fingers, options.configs or []
     # A namespace given for the whole process would be replaced by the others: put it before them.
     whole = [word.partition(':=')[2] for word in sys.argv if word.startswith('__ns:=')]
     hand = whole[-1].strip('/') if whole else ''
@@ -281,20 +276,20 @@ def _arguments_of_each(executable: str) -> list[list[str]]:
     _check_namespaces('--fingers', fingers or [])
     after = sys.argv if configs else [*itertools.dropwhile('--params-file'.__ne__, sys.argv)][2:]
     again = [word for pair in pairwise(after) if pair[0] in GIVE_PARAMETERS for word in pair]
-    if configs is None:
-        of_each = [['-r', f'__ns:={namespace}'] for namespace in above] if fingers else [[]]
-        return [['--ros-args', *words, *again] for words in of_each]
     names = [PurePath(path).stem for path in configs]
     _check_namespaces('--configs', names)
-    return [
-        [
-            *('--ros-args', '-r', f'__ns:={namespace.rstrip("/")}/{name}'),
-            *('-r', f'voltages:={namespace.rstrip("/")}/voltages', '--params-file'),
-            *(str(find_parameter_file(path)), *again),
+    of_each = [['-r', f'__ns:={namespace}'] for namespace in above] if fingers else [[]]
+    if configs:
+        of_each = [
+            [
+                *('-r', f'__ns:={namespace.rstrip("/")}/{name}'),
+                *('-r', f'voltages:={namespace.rstrip("/")}/voltages'),
+                *('--params-file', str(find_parameter_file(path))),
+            ]
+            for namespace in above
+            for name, path in zip(names, configs, strict=True)
         ]
-        for namespace in above
-        for name, path in zip(names, configs, strict=True)
-    ]
+    return [['--ros-args', *words, *again] for words in of_each]
 
 
 def _check_namespaces(option: str, names: list[str]) -> None:

@@ -51,27 +51,23 @@ def _parser() -> argparse.ArgumentParser:
     parser = Parser(prog='slip_view', description=__doc__)
     add = parser.add_argument
     add(
-        '--host',
-        default='127.0.0.1',
+        '--host', default='127.0.0.1',
         help='address to listen at (%(default)s, which only this machine can reach); '
         'with 0.0.0.0 all machines can, and the address of the page has a token',
-    )
+    )  # fmt: skip
     port = whole_number(0, 65535)  # By default not 8765, that of the Foxglove bridge.
     add('--port', type=port, default=8470, help='port; 0: any that is free (%(default)s)')
     add('--token', default='', help='the token (by default a new one, none on this machine)')
     add('--read-only', action='store_true', help='let no page change, record or save anything')
     add(
-        '--folder',
-        type=Path,
-        default='slip_recordings',
+        '--folder', type=Path, default='slip_recordings',
         help='folder for recordings and saved parameters (%(default)s)',
-    )
+    )  # fmt: skip
     add(
-        '--config',
-        default='',
+        '--config', default='',
         help='the parameter file that the detectors were started with, for "as in the file"; '
         'or several, separated by commas, each for the namespace of its name',
-    )
+    )  # fmt: skip
     played = parser.add_mutually_exclusive_group()
     played.add_argument('--scene', help='play this scene in a loop, its name or path')
     played.add_argument('--bag', type=Path, help='play this recording, to label it by hand')
@@ -123,11 +119,10 @@ async def _serve(arguments: argparse.Namespace, takedowns: Takedowns) -> None:
     try:
         port = server.listen(arguments.port)
     except (OSError, UnicodeError) as error:
-        raise ValueError(
-            f'--host {arguments.host} --port {arguments.port} cannot be used '
-            f'({getattr(error, "strerror", error)}), allowed: an address of this machine and a '
-            'port that is free'
-        ) from None
+        where = f'--host {arguments.host} --port {arguments.port}'
+        why = f'{where} cannot be used ({getattr(error, "strerror", error)})'
+        allowed = 'an address of this machine and a port that is free'
+        raise ValueError(f'{why}, allowed: {allowed}') from None
     with NodeProcesses('bag' if arguments.bag else 'scene', lambda: None) as nodes:
         if arguments.scene or arguments.bag:
             (config,) = arguments.configs

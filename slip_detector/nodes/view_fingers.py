@@ -114,9 +114,8 @@ class RemoteDetector:
         except (AssertionError, TypeError, ValueError, OverflowError) as error:
             raise ValueError(f'this cannot be sent to the detector: {error}') from None
         try:
-            answer = await self._ask(
-                'set_parameters_atomically', again_s=math.inf, parameters=parameters
-            )
+            service = 'set_parameters_atomically'
+            answer = await self._ask(service, again_s=math.inf, parameters=parameters)
         except ValueError as error:
             raise ValueError(f'it is not known whether this was set: {error}') from None
         if not answer.result.successful:
@@ -310,9 +309,8 @@ class RosDetectors(Detectors):
     def _on_event(self, event: ParameterEvent) -> None:
         """Read the parameters of a detector that reports a change."""
         # One that declares what it had before is starting: it is read when it publishes.
-        if event.node in self.fingers and not (
-            self.panels[event.node].values.keys() & {each.name for each in event.new_parameters}
-        ):
+        new = {each.name for each in event.new_parameters}
+        if event.node in self.fingers and not self.panels[event.node].values.keys() & new:
             self._remotes[event.node].changed.set()
 
     # Their diagnostics.
