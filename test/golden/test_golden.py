@@ -144,12 +144,10 @@ def paper_figures():
 
 def grasp_figures():
     """Return what ``slip_grasp`` writes about two objects in simulated time."""
-    from slip_detector.nodes.grasp_demo import main
-
-    with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
-        words = ['slip_grasp', '--seeds', '2', '--live', '0', '--out', folder]
-        patch.setattr(sys, 'argv', words)
-        main()
+    command = [sys.executable, '-m', 'slip_detector.nodes.grasp_demo']
+    with tempfile.TemporaryDirectory() as folder:
+        words = ['--seeds', '2', '--live', '0', '--out', folder]
+        subprocess.run([*command, *words], check=True, stdout=subprocess.DEVNULL)
         return json.loads((Path(folder) / 'grasp.json').read_text(encoding='utf-8'))
 
 
