@@ -225,7 +225,7 @@ def _write_flags(decisions, flags, start, rows):
 
 @compiled_within
 def _run_tile(
-    volts, start, rows, t, settings, part, tile, plan, words, held, contact, signals, kept
+    volts, start, rows, t, settings, part, tile, plan, words, held, contact, touch, signals, kept
 ):
     """Run a block of rows through one tile, up to the ON bits of its channels.
 
@@ -260,8 +260,9 @@ def _run_tile(
     valid = load(words, (stages.VALID, at))
     if evidence:
         stages.sum_evidence(
-            block, low, rows, limits, settings, tile, valid, held, contact, signals, start, columns
-        )
+            block, low, rows, limits, settings, tile, valid, held, contact, touch, signals, start,
+            columns,
+        )  # fmt: skip
     else:
         stages.window_means(
             block, rows, settings.level_rows, tile, levels, False, signals, start, columns[1]
@@ -294,7 +295,7 @@ def run(volts, flags, signals, tiles, plan, kept):
         The first columns in ``signals`` of envelope, level, floor and excess, or ``NOT_KEPT``.
     """
     settings, column = plan.settings[0], signals.shape[1] - plan.votes.size
-    held, contact = NO_ROW, ~NO_ROW
+    held, contact, touch = NO_ROW, ~NO_ROW, ~NO_ROW
     for start in range(0, volts.shape[0], WORD_ROWS):
         rows, w = min(WORD_ROWS, volts.shape[0] - start), start % CHUNK_ROWS // WORD_ROWS
         if w == 0:
@@ -312,11 +313,11 @@ def run(volts, flags, signals, tiles, plan, kept):
             votes.find_common_mode(volts, start, rows, settings, plan, valid, tiles)
         for part in range(1 + (settings.contact_channels > 0)):
             if part == 1:
-                contact = votes.rows_of_contact(rows, settings, plan, words, tiles)
+                contact, touch = votes.rows_of_contact(rows, settings, plan, words, tiles)
             for t in plan.active:
                 _run_tile(
                     volts, start, rows, t, settings, part, tiles[t], plan, words, held, contact,
-                    signals, kept,
+                    touch, signals, kept,
                 )  # fmt: skip
         votes.decide(rows, settings, plan, words[stages.ON], valid)
         _write_flags(plan.decisions, flags, start, rows)

@@ -206,6 +206,9 @@ class SlipChain:
     def restart(self) -> None:
         """Begin again after a gap: forget all rows, but keep the noise floors.
 
+        Whether there is contact is not known then. It is held as after a touch: in a still grip
+        nothing touches, and a slip that follows must not wait for it.
+
         Examples
         --------
         >>> chain = SlipChain(ChainConfig(decision='evidence', noise_floor=1e-3))
@@ -214,6 +217,7 @@ class SlipChain:
         floors = self.state[:, FLOOR].copy()
         self.reset()
         self.state[:, FLOOR] = floors
+        self.state[0, stages.CONTACT_ROWS, 0] = self._plan.settings['contact_rows'][0]
 
     def take_floors(self, other: 'SlipChain', rest: ArrayLike) -> None:
         """Begin with noise floors that are as far below the level at rest as another chain's.

@@ -336,7 +336,7 @@ def find_low_level(block, low, rows, sections, settings, tile, slot, words, colu
 
 @compiled_within
 def sum_evidence(
-    block, low, rows, limits, settings, tile, valid, held, contact, signals, start, columns
+    block, low, rows, limits, settings, tile, valid, held, contact, touch, signals, start, columns
 ):
     """Replace squares of the envelope by the number that makes a channel ON above the threshold.
 
@@ -345,9 +345,10 @@ def sum_evidence(
     for any threshold: the number of the row before, but at least the evidence and at most twice
     the evidence.
 
-    Out of contact, and during the hold time of an impact, the excess of all channels is 0; out of
-    contact floors are kept. A floor that is NaN begins with the envelope. The floor that counts
-    follows ``low``, in dB, from the floor itself up to a cap above it.
+    Out of contact, and during the hold time of an impact, the excess of all channels is 0. Floors
+    move in the rows of the word ``touch`` only; one that is NaN begins with the envelope there,
+    and until then the excess is the least. The floor that counts follows ``low``, in dB, from the
+    floor itself up to a cap above it.
     ``columns`` of the signals are those of envelope, evidence, the floor that counts and excess,
     negative if they are not wanted.
     """
@@ -366,12 +367,13 @@ def sum_evidence(
         age = select(able | (age > 0.0), age + 1.0, age)
         counts = able & (age > settle_rows)
         effective, excess = floor, spread(0.0)
-        if contact & FIRST_ROW:
+        if touch & FIRST_ROW:
             moved = floor + select(level > floor, up_db, down_db)
             moved = select(is_number(floor), moved, level)
             moved = select(moved > least_db, moved, least_db)
             moved = select(moved < most_db, moved, most_db)
             floor = select(counts, moved, floor)
+        if contact & FIRST_ROW:
             effective = floor
             if lift_db > 0.0:
                 lifted, most = load(low, (k, 0)), floor + lift_db
@@ -381,7 +383,7 @@ def sum_evidence(
             excess = select(excess > LEAST_EXCESS_DB, excess, LEAST_EXCESS_DB)
             excess = select(excess < cap_db, excess, cap_db)
             excess = select(counts & ((not_held & row) != NO_ROW), excess, 0.0)
-        contact = contact >> FIRST_ROW
+        contact, touch = contact >> FIRST_ROW, touch >> FIRST_ROW
         gain = select(counts, (excess - settings.evidence_offset_db) * settings.period_s, 0.0)
         evidence = evidence + gain
         evidence = select(evidence > 0.0, evidence, 0.0)

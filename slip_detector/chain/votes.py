@@ -130,10 +130,10 @@ def rows_of_impact(rows, settings, plan, steps, tiles):
 
 @compiled_in_place
 def rows_of_contact(rows, settings, plan, words, tiles):
-    """Return the rows in contact, as a word.
+    """Return the rows in contact and those that touch, as words.
 
     Contact begins where enough valid channels are above the level of contact, and goes on where
-    they are above the lower one.
+    they are above the lower one: these rows touch, and contact is held for some rows more.
     """
     count, valid, goes_on = settings.contact_channels, words[stages.VALID], words[stages.GOES_ON]
     if tiles[0, stages.CONTACT_ROWS, 0] > 0.0:
@@ -143,10 +143,11 @@ def rows_of_contact(rows, settings, plan, words, tiles):
             whole += 1 if goes_on[m] & valid[m] == ~NO_ROW else 0
         if whole >= count:
             tiles[0, stages.CONTACT_ROWS, 0] = settings.contact_rows - 1
-            return ~NO_ROW
+            return ~NO_ROW, ~NO_ROW
     begins = rows_of_count(count, plan.members, words[stages.TOUCHES], valid, plan.digits)
     renews = rows_of_count(count, plan.members, goes_on, valid, plan.digits)
-    return _held(begins, renews, rows, settings.contact_rows, tiles, stages.CONTACT_ROWS)
+    contact = _held(begins, renews, rows, settings.contact_rows, tiles, stages.CONTACT_ROWS)
+    return contact, contact & (begins | renews)
 
 
 @compiled_in_place

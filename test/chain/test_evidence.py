@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.chain.stages import LEAST_EXCESS_DB, root_decibels
+from slip_detector.chain.stages import FLOOR, LEAST_EXCESS_DB, root_decibels
 from slip_detector.compiled import compiled, load, store
 from support.chain_cases import bits, noise, quick_evidence
 
@@ -78,9 +78,10 @@ def test_contact_begins_on_enough_channels_goes_on_with_2_db_less_and_ends_after
     chain = SlipChain(config)
     assert bits(*(chain.update(piece, **KEPT) for piece in pieces)) == bits(result)
     assert 4000 < end - 80 < 4100
-    # Out of it floors are kept, and evidence falls.
+    # Floors move only while it is touched; out of contact evidence falls.
     assert (result.floor[: begin + 1] == result.floor[0]).all()
-    assert (result.floor[end + 1 :, :3] == result.floor[-1, :3]).all()
+    assert (result.floor[last:, :3] == result.floor[-1, :3]).all()
+    assert (np.diff(result.floor[last - 20 : last + 1, :3], axis=0) != 0).any()
     assert (np.diff(result.level[end:], axis=0) <= 0).all()
     assert (result.level[end + 300] == 0).all()
 
@@ -102,6 +103,20 @@ def test_a_gap_that_restarts_the_chain_keeps_the_floor_alone():
     assert (after.level[:8] == 0).all()
     chain.reset()
     assert bits(chain.update(volts[300:], **KEPT)) == bits(new)
+
+
+def test_after_a_gap_contact_goes_on_as_after_a_touch_as_a_still_grip_touches_nothing():
+    config = quick_evidence(
+        contact_level_v=1.0, contact_channels=3, contact_hold_s=0.2, noise_floor_learnt=True
+    )
+    chain, volts = SlipChain(config), 0.1 * noise(5, 400, 4)
+    assert (chain.update(volts, **KEPT).excess == 0).all()
+    floor = chain.state[:, FLOOR].copy()
+    chain.restart()
+    excess = chain.update(volts, **KEPT).excess
+    assert (excess[8:80] > 0).any()
+    assert (excess[80:] == 0).all()
+    assert (chain.state[:, FLOOR] == floor).all()
 
 
 # --- extremes ------------------------------------------------------------------------------

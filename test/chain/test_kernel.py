@@ -131,16 +131,18 @@ def test_any_chain_that_decides_by_evidence_gives_what_the_reference_gives(data)
     delta = 1e-12 * np.abs(volts[good]).max(initial=0.0)
     lows = np.maximum(truth.low - delta, 0.0), truth.low + delta
     hold_rows = config.samples(config.contact_hold_s)
-    contacts = [
+    of_low = [
         reference_evidence.rows_in_contact(low, truth.valid, config, hold_rows) for low in lows
     ]
-    assume(np.array_equal(*contacts))
-    moves, left_out = counts & contacts[0][:, None], result.after_impact | ~contacts[0]
+    assume(np.array_equal(*of_low))
+    contact, touches = of_low[0]
+    left_out = result.after_impact | ~contact
     bare = SlipChain(dataclasses.replace(config, activity_cap_db=0.0))
     floor = bare.update(volts, floor=True).floor
-    assert_floor_follows(config, floor, level_db, moves)
+    assert_floor_follows(config, floor, level_db, counts & touches[:, None])
     if config.low_band_hz:
-        least, most = (reference_evidence.lifted_floors(floor, low, moves, config) for low in lows)
+        lifts = counts & contact[:, None]
+        least, most = (reference_evidence.lifted_floors(floor, low, lifts, config) for low in lows)
         assert (result.floor >= least - ACTIVITY_ERROR_DB * config.exponent).all()
         assert (result.floor <= most + ACTIVITY_ERROR_DB * config.exponent).all()
     else:

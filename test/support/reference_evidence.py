@@ -71,22 +71,24 @@ def after_impact(volts, ok, enabled, config, step_rows, hold_rows):
 
 
 def rows_in_contact(low, valid, config, hold_rows):
-    """Return the rows in contact: those of a touch, and ``hold_rows`` from each on.
+    """Return the rows in contact and those of a touch; contact is ``hold_rows`` from each touch on.
 
     In a touch, ``contact_channels`` valid channels have a low level above ``contact_level_v``;
     while there is contact, 2 dB less is enough.
     """
     contact = np.ones(len(low), dtype=bool)
+    touches = contact.copy()
     if low_band(config) is None or config.contact_level_v == 0:
-        return contact
+        return contact, touches
     touched = -np.inf
     for row in range(len(low)):
         in_contact = row - touched <= hold_rows and row > 0 and contact[row - 1]
         wanted_v = config.contact_level_v * (10 ** (-2 / 20) if in_contact else 1)
         if np.count_nonzero(low[row, valid[row]] > wanted_v) >= config.contact_channels:
             touched = row
+        touches[row] = row == touched
         contact[row] = row - touched < hold_rows
-    return contact
+    return contact, touches
 
 
 def low_band(config):
