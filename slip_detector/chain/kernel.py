@@ -51,12 +51,12 @@ CHUNK_ROWS = 8 * WORD_ROWS
 NOT_KEPT = -(2**62)
 
 #: The parameters as the kernel reads them: numbers, first those that are whole. Without mains,
-#: impacts, evidence, contact or activity ``mains_rows``, ``impact_v``, ``evidence``,
-#: ``contact_channels`` or ``activity_cap_db`` is 0.
+#: impacts, evidence, contact, activity or common excess that of ``mains_rows``, ``impact_v``,
+#: ``evidence``, ``contact_channels``, ``activity_cap_db`` or ``common_rank`` is 0.
 WHOLE = (
     'channels', 'common_mode', 'full_wave', 'exponent', 'vote', 'envelope_rows', 'level_rows',
     'mains_rows', 'evidence', 'impact_channels', 'impact_rows', 'hold_rows', 'contact_channels',
-    'contact_rows',
+    'contact_rows', 'common_rank',
 )  # fmt: skip
 REAL = (
     'flat_rows', 'threshold', 'noise_floor_range_db', 'floor_up_db', 'floor_down_db',
@@ -73,7 +73,7 @@ class Plan(NamedTuple):
 
     There are t tiles of c columns, g groups and v votes whose statistic is wanted. The working
     memory is that of one block of rows of all columns; it has b blocks of tiles: all, if those
-    wait for the contact of all channels, else one.
+    wait for the contact or the common excess of all channels, else one.
 
     Attributes
     ----------
@@ -90,8 +90,8 @@ class Plan(NamedTuple):
         The votes whose statistic is wanted.
     blocks, low : ndarray, shape (b, 64, 16)
         Rows of a tile, which the stages replace in place, and what activity asks of their floors.
-    common_v : ndarray, shape (64,)
-        Common mode of each row.
+    common_v, common_db : ndarray, shape (64,)
+        Common mode and common excess of each row.
     words : ndarray of words, shape (8, 5, c)
         The words of each channel, in the order of :mod:`.stages`, in the blocks of a chunk.
     decisions : ndarray of words, shape (columns of flags, at least 16)
@@ -115,6 +115,7 @@ class Plan(NamedTuple):
     blocks: Floats
     low: Floats
     common_v: Floats
+    common_db: Floats
     words: Words
     decisions: Words
     digits: Words
@@ -145,8 +146,10 @@ def plan_of(
         limits[stages.LEAST_DB, : config.channels] = 20.0 * np.log10(config.noise_floor)
     groups = [[c - 1 for c in group if c - 1 not in disabled] for group in config.groups.values()]
     settings = _settings_of(config, low_sections)
-    blocks = tiles if settings['contact_channels'][0] else 1
+    common_rank = settings['common_rank'][0]
+    blocks = tiles if settings['contact_channels'][0] or common_rank else 1
     by_channel = config.vote == 'mean' or len(wanted) > 0 or config.common_mode != 'none'
+    by_channel = by_channel or common_rank > 0
     return Plan(
         settings=settings,
         limits=np.ascontiguousarray(limits.reshape(3, tiles, LANES).swapaxes(0, 1)),
@@ -159,6 +162,7 @@ def plan_of(
         blocks=aligned((blocks, WORD_ROWS, LANES)),
         low=aligned((blocks, WORD_ROWS, LANES)),
         common_v=np.zeros(WORD_ROWS),
+        common_db=np.zeros(WORD_ROWS),
         words=np.zeros((CHUNK_ROWS // WORD_ROWS, 5, tiles * LANES), np.uint64),
         decisions=np.zeros(flags_width(config), np.uint64),
         digits=np.zeros(votes.DIGITS, np.uint64),
@@ -188,6 +192,7 @@ def _settings_of(config: ChainConfig, low_sections: Floats) -> NDArray[np.void]:
         'hold_rows': config.samples(config.impact_hold_s),
         'contact_channels': config.contact_channels if low and config.contact_level_v else 0,
         'contact_rows': config.samples(config.contact_hold_s),
+        'common_rank': config.common_rank if evidence else 0,
         'contact_v2': (config.contact_level_v / low_gain) ** 2,
         'activity_factor': config.exponent * stages.OCTAVE_DB,
         'activity_shift_db': config.exponent * 20 * np.log10(config.gain * low_gain)
@@ -229,11 +234,11 @@ def _run_tile(
 ):
     """Run a block of rows through one tile, up to the ON bits of its channels.
 
-    If contact is looked at, part 0 ends before what needs that of all channels, and part 1 begins
-    there.
+    Where something of all channels is needed, a block takes three parts: up to the envelopes, from
+    the contact of all channels on, and from their common excess on. Else it takes part 0 alone.
     """
-    gated = settings.contact_channels > 0
-    b, limits, evidence = t if gated else 0, plan.limits[t], settings.evidence != 0
+    waits = settings.contact_channels > 0 or settings.common_rank > 0
+    b, limits, evidence = t if waits else 0, plan.limits[t], settings.evidence != 0
     block, low, low_sections = plan.blocks[b], plan.low[b], plan.low_sections
     at = t * LANES
     columns = (at + kept[0], at + kept[1], at + kept[2], at + kept[3])
@@ -255,14 +260,18 @@ def _run_tile(
             block, rows, settings.envelope_rows, tile, envelopes, not evidence, signals, start,
             -1 if evidence else columns[0],
         )  # fmt: skip
-    if gated and part == 0:
-        return
     valid = load(words, (stages.VALID, at))
-    if evidence:
-        stages.sum_evidence(
-            block, low, rows, limits, settings, tile, valid, held, contact, touch, signals, start,
+    if evidence and (part == 1 or not waits):
+        stages.find_excess(
+            block, low, rows, limits, settings, tile, valid, contact, touch, signals, start,
             columns,
         )  # fmt: skip
+    if waits and part < 2:
+        return
+    if evidence:
+        stages.sum_evidence(
+            block, rows, settings, tile, held, contact, plan.common_db, signals, start, columns
+        )
     else:
         stages.window_means(
             block, rows, settings.level_rows, tile, levels, False, signals, start, columns[1]
@@ -311,9 +320,12 @@ def run(volts, flags, signals, tiles, plan, kept):
             held = votes.rows_of_impact(rows, settings, plan, words[stages.STEPS], tiles)
         if settings.common_mode != NO_COMMON_MODE:
             votes.find_common_mode(volts, start, rows, settings, plan, valid, tiles)
-        for part in range(1 + (settings.contact_channels > 0)):
-            if part == 1:
+        gated, shared = settings.contact_channels > 0, settings.common_rank > 0
+        for part in range(3 if gated or shared else 1):
+            if part == 1 and gated:
                 contact, touch = votes.rows_of_contact(rows, settings, plan, words, tiles)
+            if part == 2 and shared:
+                votes.find_common_excess(rows, settings, plan)
             for t in plan.active:
                 _run_tile(
                     volts, start, rows, t, settings, part, tiles[t], plan, words, held, contact,

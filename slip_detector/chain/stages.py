@@ -335,20 +335,15 @@ def find_low_level(block, low, rows, sections, settings, tile, slot, words, colu
 
 
 @compiled_within
-def sum_evidence(
-    block, low, rows, limits, settings, tile, valid, held, contact, touch, signals, start, columns
+def find_excess(
+    block, low, rows, limits, settings, tile, valid, contact, touch, signals, start, columns
 ):
-    """Replace squares of the envelope by the number that makes a channel ON above the threshold.
+    """Replace squares of the envelope by its excess over the floor, in dB; NaN: does not count.
 
-    An invalid channel keeps its floor and its evidence. A channel comes ON when its evidence
-    exceeds the threshold, and goes OFF when twice its evidence does not. One number decides this
-    for any threshold: the number of the row before, but at least the evidence and at most twice
-    the evidence.
-
-    Out of contact, and during the hold time of an impact, the excess of all channels is 0. Floors
-    move in the rows of the word ``touch`` only; one that is NaN begins with the envelope there,
-    and until then the excess is the least. The floor that counts follows ``low``, in dB, from the
-    floor itself up to a cap above it.
+    An invalid channel keeps its floor. Floors move in the rows of the word ``touch`` only; one
+    that is NaN begins with the envelope there. The floor that counts follows ``low``, in dB, from
+    the floor itself up to a cap above it. If the common excess is looked for, ``low`` becomes what
+    it is found from: the excess over the floor itself, at least 0; infinite: does not count.
     ``columns`` of the signals are those of envelope, evidence, the floor that counts and excess,
     negative if they are not wanted.
     """
@@ -356,34 +351,60 @@ def sum_evidence(
     least_db, lift_db = load(limits, (LEAST_DB, 0)), settings.activity_cap_db
     most_db = least_db + settings.noise_floor_range_db
     up_db, down_db = spread(settings.floor_up_db), spread(-settings.floor_down_db)
-    age, floor = load(tile, (AGE, 0)), load(tile, (FLOOR, 0))
-    evidence, number = load(tile, (EVIDENCE, 0)), load(tile, (HELD_EVIDENCE, 0))
-    not_held, row = valid & ~held, spread(FIRST_ROW)
-    cap_db, limit_db_s = settings.evidence_cap_db, settings.evidence_limit_db_s
+    age, floor, row = load(tile, (AGE, 0)), load(tile, (FLOOR, 0)), spread(FIRST_ROW)
     for k in range(rows):
         square = load(block, (k, 0))
         level = root_decibels(square)
         able = (valid & row) != NO_ROW
         age = select(able | (age > 0.0), age + 1.0, age)
         counts = able & (age > settle_rows)
-        effective, excess = floor, spread(0.0)
         if touch & FIRST_ROW:
             moved = floor + select(level > floor, up_db, down_db)
             moved = select(is_number(floor), moved, level)
             moved = select(moved > least_db, moved, least_db)
             moved = select(moved < most_db, moved, most_db)
             floor = select(counts, moved, floor)
-        if contact & FIRST_ROW:
-            effective = floor
-            if lift_db > 0.0:
-                lifted, most = load(low, (k, 0)), floor + lift_db
-                lifted = select(lifted > floor, lifted, floor)
-                effective = select(lifted < most, lifted, most)
-            excess = level - effective
-            excess = select(excess > LEAST_EXCESS_DB, excess, LEAST_EXCESS_DB)
-            excess = select(excess < cap_db, excess, cap_db)
-            excess = select(counts & ((not_held & row) != NO_ROW), excess, 0.0)
+        effective = floor
+        if lift_db > 0.0 and contact & FIRST_ROW:
+            lifted, most = load(low, (k, 0)), floor + lift_db
+            lifted = select(lifted > floor, lifted, floor)
+            effective = select(lifted < most, lifted, most)
         contact, touch = contact >> FIRST_ROW, touch >> FIRST_ROW
+        store(select(counts, level - effective, np.nan), block, (k, 0))
+        if settings.common_rank > 0:
+            bare = level - floor
+            store(select(counts, select(bare > 0.0, bare, 0.0), np.inf), low, (k, 0))
+        if columns[0] >= 0:
+            store(square_root(square), signals, (start + k, columns[0]))
+        if columns[2] >= 0:
+            shown = select(is_number(floor), select(counts, effective, floor), least_db)
+            store(shown, signals, (start + k, columns[2]))
+        row = row + row
+    store(age, tile, (AGE, 0))
+    store(floor, tile, (FLOOR, 0))
+
+
+@compiled_within
+def sum_evidence(block, rows, settings, tile, held, contact, common_db, signals, start, columns):
+    """Replace the excess by the number that makes a channel ON above the threshold.
+
+    A channel that does not count keeps its evidence. A channel comes ON when its evidence exceeds
+    the threshold, and goes OFF when twice its evidence does not. One number decides this for any
+    threshold: the number of the row before, but at least the evidence and at most twice the
+    evidence. The common excess is taken off all channels. Out of contact, and during the hold time
+    of an impact, the excess of all channels is 0.
+    """
+    evidence, number = load(tile, (EVIDENCE, 0)), load(tile, (HELD_EVIDENCE, 0))
+    cap_db, limit_db_s = settings.evidence_cap_db, settings.evidence_limit_db_s
+    looked_at = contact & ~held
+    for k in range(rows):
+        over = load(block, (k, 0)) - common_db[k]
+        counts, excess = is_number(over), spread(0.0)
+        if looked_at & FIRST_ROW:
+            excess = select(over > LEAST_EXCESS_DB, over, LEAST_EXCESS_DB)
+            excess = select(excess < cap_db, excess, cap_db)
+            excess = select(counts, excess, 0.0)
+        looked_at = looked_at >> FIRST_ROW
         gain = select(counts, (excess - settings.evidence_offset_db) * settings.period_s, 0.0)
         evidence = evidence + gain
         evidence = select(evidence > 0.0, evidence, 0.0)
@@ -392,18 +413,10 @@ def sum_evidence(
         number = select(number < most, number, most)
         number = select(number > evidence, number, evidence)
         store(number, block, (k, 0))
-        if columns[0] >= 0:
-            store(square_root(square), signals, (start + k, columns[0]))
         if columns[1] >= 0:
             store(evidence, signals, (start + k, columns[1]))
-        if columns[2] >= 0:
-            shown = select(is_number(floor), select(counts, effective, floor), least_db)
-            store(shown, signals, (start + k, columns[2]))
         if columns[3] >= 0:
             store(excess, signals, (start + k, columns[3]))
-        row = row + row
-    store(age, tile, (AGE, 0))
-    store(floor, tile, (FLOOR, 0))
     store(evidence, tile, (EVIDENCE, 0))
     store(number, tile, (HELD_EVIDENCE, 0))
 

@@ -221,6 +221,24 @@ def find_common_mode(volts, start, rows, settings, plan, valid, tiles):
             store(first, tiles, (t, stages.FIRST, 0))
 
 
+@compiled_within
+def find_common_excess(rows, settings, plan):
+    """Write the common excess of each row: what even the r-th quietest channel shows, in dB.
+
+    That is the r-th smallest excess over the floor, at least 0, of the channels that count; 0
+    where r of them or fewer do.
+    """
+    rank, members, lower = settings.common_rank, plan.members, plan.by_channel
+    for c in members:
+        for k in range(rows):
+            lower[c, k] = -plan.low[c // LANES, k, c % LANES]
+    for k in range(0, rows, LANES):
+        _sort(lower, members, rank + 1, k)
+    for k in range(rows):
+        known = lower[members[rank], k] > -np.inf
+        plan.common_db[k] = -lower[members[rank - 1], k] if known else 0.0
+
+
 def vote_numbers(votes: Sequence[str | int]) -> NDArray[np.int64]:
     """Return votes as numbers for the kernel: each is ``all``, ``mean`` or a count of channels.
 

@@ -176,6 +176,7 @@ def with_evidence(draw, config, volts):
         activity_band_hz=(high_hz / 2, high_hz),
         activity_range_db=draw(st.sampled_from([-10.0, 0.0, 15.0])),
         activity_cap_db=draw(st.sampled_from([0.0, 3.0, 8.7])),
+        common_rank=draw(st.integers(0, min(enabled - 1, 3))),
         threshold=limit_db_s * draw(st.sampled_from([0.01, 0.1, 0.5, 0.9])),
     )
 

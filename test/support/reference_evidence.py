@@ -71,7 +71,7 @@ def after_impact(volts, ok, enabled, config, step_rows, hold_rows):
 
 
 def rows_in_contact(low, valid, config, hold_rows):
-    """Return the rows in contact and those of a touch; contact is ``hold_rows`` from each touch on.
+    """Return the rows in contact, ``hold_rows`` from each touch on, and those of a touch.
 
     In a touch, ``contact_channels`` valid channels have a low level above ``contact_level_v``;
     while there is contact, 2 dB less is enough.
@@ -135,9 +135,19 @@ def lifted_floors(floors_db, low, moves, config):
     return np.where(moves, lifted, floors_db)
 
 
-def excess_of(level_db, floors_db, counts, held, cap_db):
-    """Return how far levels count above their floors, in dB."""
-    excess = np.clip(level_db - floors_db, LEAST_EXCESS_DB, cap_db)
+def common_excess(level_db, bare_floors_db, counts, rank):
+    """Return what even the channel of a rank, from the quietest on, is above its floor, in dB."""
+    common = np.zeros(len(level_db))
+    for row in range(len(level_db)):
+        over = np.sort((level_db - bare_floors_db)[row, counts[row]])
+        if 0 < rank < len(over):
+            common[row] = max(over[rank - 1], 0.0)
+    return common
+
+
+def excess_of(level_db, floors_db, common_db, counts, held, cap_db):
+    """Return how far levels count above their floors and the common excess, in dB."""
+    excess = np.clip(level_db - floors_db - common_db[:, None], LEAST_EXCESS_DB, cap_db)
     excess[~counts] = 0.0
     excess[held] = 0.0
     return excess
