@@ -146,10 +146,9 @@ def plan_of(
         limits[stages.LEAST_DB, : config.channels] = 20.0 * np.log10(config.noise_floor)
     groups = [[c - 1 for c in group if c - 1 not in disabled] for group in config.groups.values()]
     settings = _settings_of(config, low_sections)
-    common_rank = settings['common_rank'][0]
-    blocks = tiles if settings['contact_channels'][0] or common_rank else 1
-    by_channel = config.vote == 'mean' or len(wanted) > 0 or config.common_mode != 'none'
-    by_channel = by_channel or common_rank > 0
+    rank = settings['common_rank'][0]
+    blocks = tiles if settings['contact_channels'][0] or rank else 1
+    by_channel = bool(wanted or rank or config.vote == 'mean' or config.common_mode != 'none')
     return Plan(
         settings=settings,
         limits=np.ascontiguousarray(limits.reshape(3, tiles, LANES).swapaxes(0, 1)),

@@ -235,7 +235,7 @@ def find_common_excess(rows, settings, plan):
     for k in range(0, rows, LANES):
         _sort(lower, members, rank + 1, k)
     for k in range(rows):
-        known = lower[members[rank], k] > -np.inf
+        known = rank < members.size and lower[members[rank], k] > -np.inf
         plan.common_db[k] = -lower[members[rank - 1], k] if known else 0.0
 
 

@@ -29,11 +29,9 @@ Kinds = NDArray[np.int8]
 #: label is not certain.
 REST, MOTION, SLIP, UNCERTAIN = range(4)
 
-#: Width of a class: scores in one class differ by less than this share of their value.
-SCORE_RESOLUTION = 2.0**-10
-
-# The number of a class is the exponent of a score in float64 followed by the first ten bits of its
-# mantissa. Scores below 2^-126 are in class 0, scores from 2^129 on in the last class.
+# Scores in one class differ by less than 2^-10 of their value. The number of a class is the
+# exponent of a score in float64 followed by the first ten bits of its mantissa. Scores below
+# 2^-126 are in class 0, scores from 2^129 on in the last class.
 _DROPPED_BITS = 42
 _LOWEST_CLASS = (1023 - 127) << 10
 _CLASSES = 1 << 18
@@ -86,7 +84,7 @@ def _count(bits, kinds, table, used):  # type: ignore[no-untyped-def]
 class ScoreCounts(NamedTuple):
     """Number of rows of each kind by score, in memory that does not grow with the rows.
 
-    Scores from 1e-38 to 3e38 are resolved to :data:`SCORE_RESOLUTION` of their value.
+    Scores from 1e-38 to 3e38 are resolved to 2^-10 of their value.
 
     Attributes
     ----------

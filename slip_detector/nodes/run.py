@@ -43,9 +43,6 @@ RESPAWN_S = 2.0
 #: Variables with the path of a profile, in Fast DDS 2 and 3.
 PROFILE_VARIABLES = {'FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES_FILE'}
 
-#: How many functions an executable compiles, roughly, to say how far it is.
-FUNCTIONS = {'slip_detector': 47, 'slip_driver': 30}
-
 #: Options of ROS that give parameters.
 GIVE_PARAMETERS = ('--params-file', '-p', '--param')
 
@@ -324,14 +321,11 @@ def _node_class(executable: str) -> Callable[[list[str]], Any]:
 
     from slip_detector.compiled import LISTENERS
 
-    logger, count, total = get_logger(executable), itertools.count(1), FUNCTIONS[executable]
+    logger, count = get_logger(executable), itertools.count(1)
 
     def tell(module: str) -> None:
-        logger.info(
-            f'compiling {module}, {next(count)} of some {total} functions, kept for the next '
-            'start (slip_compile does it beforehand)',
-            throttle_duration_sec=2.0,
-        )
+        words = f'compiling {module}, function {next(count)}, kept for the next start'
+        logger.info(f'{words} (slip_compile does it beforehand)', throttle_duration_sec=2.0)
 
     LISTENERS.append(tell)
     if executable == 'slip_driver':

@@ -212,11 +212,7 @@ class ChainConfig(ParameterSet):
         0.0, 'How far activity may lift the floor; 0: it does not.', (0.0, 300.0, 'dB')
     )
     common_rank: int = of_evidence(
-        0,
-        'The excess of the channel of this rank, from the quietest on, is taken off all; 0: none.',
-        (0, 1000),
-        allows='0, or fewer than the enabled channels',
-        heading='Common excess',
+        0, 'Excess of the channel of this rank, quietest first, taken off all; 0: none.', (0, 64)
     )
     threshold: float = searched_decision(
         0.5,
@@ -358,8 +354,6 @@ class ChainConfig(ParameterSet):
         self.require(not self.impact_v or self.impact_channels <= enabled, 'impact_channels', text)
         touching = self.contact_channels if self.contact_level_v else 0
         self.require(touching <= enabled, 'contact_channels', text)
-        text = f'0, or below {enabled}, the number of enabled channels'
-        self.require(self.common_rank in (0, *range(enabled)), 'common_rank', text)
         low_hz, high_hz = self.passband_hz[0], self.activity_band_hz[1]
         text = f'up to {low_hz:g} Hz, the low edge of passband_hz, with activity_cap_db'
         self.require(not self.activity_cap_db or high_hz <= low_hz, 'activity_band_hz', text)
