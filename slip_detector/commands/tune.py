@@ -38,7 +38,7 @@ from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.files import read_yaml, write_yaml
 from slip_detector.parameters.sections import ALL, node_of, sections_of
 from slip_detector.report.tables import comparison_table, number_text
-from slip_detector.tuning.learning import learn_from_quiet, learn_from_taps
+from slip_detector.tuning.learning import learn_from_quiet
 from slip_detector.tuning.problem import Candidate, searched
 from slip_detector.tuning.tracks import Track, TrainingFiles
 from slip_detector.tuning.verdict import TuningParameters, tune
@@ -276,7 +276,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             if options.quiet is not None:
                 changes, lines = learn_from_quiet(options.quiet, *of, rate)
             elif options.taps is not None:
-                changes, lines = learn_from_taps(options.taps, options.recordings, *of)
+                raise ValueError
             else:
                 changes, lines, write_report = _search(options, parameters, where, stop)
             now = datetime.datetime.now(datetime.timezone.utc)

@@ -244,8 +244,10 @@ class ThresholdSweep(NamedTuple):
         Time of the rest.
     on_rest_s : ndarray, shape (T,)
         Time of the rest that is ON.
-    coverage : ndarray, shape (T,)
-        Share of the time that certainly slips in which the decision is ON; NaN without any.
+    certain_s : float
+        Time that certainly slips.
+    on_certain_s : ndarray, shape (T,)
+        Time of it that is ON.
     of_kinds : dict
         ``rest_s``, ``false_alarms`` and ``on_rest_s`` of each kind of recordings.
     """
@@ -257,8 +259,39 @@ class ThresholdSweep(NamedTuple):
     false_alarms: Ints
     rest_s: float
     on_rest_s: Floats
-    coverage: Floats
+    certain_s: float
+    on_certain_s: Floats
     of_kinds: dict[str, tuple[float, Ints, Floats]]
+
+    @property
+    def coverage(self) -> Floats:
+        """Share of the time that certainly slips in which the decision is ON; NaN without any."""
+        unknown = np.full_like(self.on_certain_s, np.nan)
+        return self.on_certain_s / self.certain_s if self.certain_s else unknown
+
+    def at(self, place: int) -> 'ThresholdSweep':
+        """Return what there is at one threshold."""
+        one = [place]
+        kinds = {kind: (s, n[one], on_s[one]) for kind, (s, n, on_s) in self.of_kinds.items()}
+        return self._replace(
+            latencies_ms=self.latencies_ms[:, one],
+            false_alarms=self.false_alarms[one],
+            on_rest_s=self.on_rest_s[one],
+            on_certain_s=self.on_certain_s[one],
+            of_kinds=kinds,
+        )
+
+    @classmethod
+    def pooled(cls, parts: Sequence['ThresholdSweep']) -> 'ThresholdSweep':
+        """Return several recordings together."""
+        kinds: dict[str, Any] = {}
+        for part in parts:
+            for kind, its in part.of_kinds.items():
+                before = kinds.get(kind, (0.0, 0, 0.0))
+                kinds[kind] = tuple(a + b for a, b in zip(before, its, strict=True))
+        of_slips = (np.concatenate(one) for one in zip(*(part[:4] for part in parts), strict=True))
+        sums = (sum(one) for one in zip(*(part[4:-1] for part in parts), strict=True))
+        return cls(*of_slips, *sums, kinds)
 
     def figures(self, at: int) -> dict[str, float | None]:
         """Return coverage and those of :func:`.slip_figures`."""
@@ -304,42 +337,42 @@ def sweep_thresholds(
     >>> sweep.latencies_ms, sweep.false_alarms, sweep.on_rest_s
     (array([[nan, 10., nan]]), array([1, 0, 0]), array([0.01, 0.  , 0.  ]))
     """
-    # By kind: rest_s, false_alarms and on_rest_s; of each track what its slips have.
-    of_kinds: dict[str, Any] = {}
-    of_tracks = []
-    # Times of the kinds 1, rest, and 2, certain slip: in all, then ON at each threshold.
-    on_s = np.zeros((limits.size + 1, 3))
-    for part, track in zip(statistic, tracks, strict=True):
-        rate_hz, accuracy_s = track.sample_rate_hz, track.samples.accuracy_s
-        stretches = [stretch.interval for stretch in track.stretches]
-        rows = matching.ScoredRows(
-            track.slips, stretches, settling_rows, config, rate_hz, accuracy_s
-        )
-        rises = np.full((len(track.slips), limits.size), matching.NONE, np.int64)
-        false_alarms = np.zeros(limits.size, np.int64)
-        rows_below = np.zeros((limits.size + 1, 3), np.int64)
-        rest = np.stack(np.broadcast_arrays(rows.rest_starts, rows.rest_ends, 1), axis=1)
-        slip = np.stack(np.broadcast_arrays(rows.certain_starts, rows.certain_ends, 2), axis=1)
-        intervals = np.concatenate([rest, slip])
-        for (begin, end, first_row), settled in zip(track.stretches, rows.settled, strict=True):
-            _sweep(
-                part[begin:end], limits, first_row, int(settled), rows.off_rows, rows.lows,
-                rows.highs, intervals, rises, false_alarms, rows_below,
-            )  # fmt: skip
-        starts = np.array([slip.start for slip in track.slips], np.int64)[:, np.newaxis]
-        found = (rises != matching.NONE) & rows.scored[:, np.newaxis]
-        late_s = matching.beyond_accuracy((rises - starts) / rate_hz, accuracy_s)
-        latencies_ms: Floats = np.where(found, late_s * 1e3, np.nan)
-        of_slips = rows.leads_s[rows.scored], rows.windows_s[rows.scored]
-        of_tracks.append((latencies_ms, rows.scored, *of_slips))
-        # A row is ON at threshold k where more than k thresholds are below its value.
-        its_s = np.cumsum(rows_below[::-1], axis=0)[::-1] / rate_hz
-        on_s += its_s
-        its_rest = rows.rest_rows / rate_hz, false_alarms, its_s[1:, 1]
-        before = of_kinds.get(track.kind, (0.0, 0, 0.0))
-        of_kinds[track.kind] = tuple(a + b for a, b in zip(before, its_rest, strict=True))
-    coverage = on_s[1:, 2] / on_s[0, 2] if on_s[0, 2] else np.full(limits.size, np.nan)
-    latencies_ms, scored, leads_s, windows_s = map(np.concatenate, zip(*of_tracks, strict=True))
-    rest_s, alarms = (sum(one[column] for one in of_kinds.values()) for column in (0, 1))
-    found = alarms, rest_s, on_s[1:, 1], coverage, of_kinds
-    return ThresholdSweep(latencies_ms, scored, leads_s, windows_s, *found)
+    parts = [
+        _sweep_track(part, track, limits, config, settling_rows)
+        for part, track in zip(statistic, tracks, strict=True)
+    ]
+    return ThresholdSweep.pooled(parts)
+
+
+def _sweep_track(
+    statistic: Floats, track: Track, limits: Floats, config: EvaluationConfig, settling_rows: int
+) -> ThresholdSweep:
+    """Match the slips and alarms of one recording at each threshold."""
+    rate_hz, accuracy_s = track.sample_rate_hz, track.samples.accuracy_s
+    stretches = [stretch.interval for stretch in track.stretches]
+    rows = matching.ScoredRows(track.slips, stretches, settling_rows, config, rate_hz, accuracy_s)
+    rises = np.full((len(track.slips), limits.size), matching.NONE, np.int64)
+    false_alarms = np.zeros(limits.size, np.int64)
+    # Rows of the kinds 1, rest, and 2, certain slip.
+    rows_below = np.zeros((limits.size + 1, 3), np.int64)
+    rest = np.stack(np.broadcast_arrays(rows.rest_starts, rows.rest_ends, 1), axis=1)
+    slip = np.stack(np.broadcast_arrays(rows.certain_starts, rows.certain_ends, 2), axis=1)
+    intervals = np.concatenate([rest, slip])
+    for (begin, end, first_row), settled in zip(track.stretches, rows.settled, strict=True):
+        _sweep(
+            statistic[begin:end], limits, first_row, int(settled), rows.off_rows, rows.lows,
+            rows.highs, intervals, rises, false_alarms, rows_below,
+        )  # fmt: skip
+    starts = np.array([slip.start for slip in track.slips], np.int64)[:, np.newaxis]
+    found = (rises != matching.NONE) & rows.scored[:, np.newaxis]
+    late_s = matching.beyond_accuracy((rises - starts) / rate_hz, accuracy_s)
+    latencies_ms: Floats = np.where(found, late_s * 1e3, np.nan)
+    # A row is ON at threshold k where more than k thresholds are below its value.
+    times_s = np.cumsum(rows_below[::-1], axis=0)[::-1] / rate_hz
+    _, on_rest_s, on_certain_s = times_s[1:].T
+    rest_s = rows.rest_rows / rate_hz
+    return ThresholdSweep(
+        latencies_ms, rows.scored, rows.leads_s[rows.scored], rows.windows_s[rows.scored],
+        false_alarms, rest_s, on_rest_s, float(times_s[0, 2]), on_certain_s,
+        {track.kind: (rest_s, false_alarms, on_rest_s)},
+    )  # fmt: skip

@@ -35,7 +35,7 @@ from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.files import writable_folder, write_yaml
 from slip_detector.report.tables import figure_text, heading, main_figures
-from slip_detector.tuning.learning import learn_from_quiet, learn_from_taps
+from slip_detector.tuning.learning import learn_from_quiet
 from slip_detector.tuning.problem import Candidate, searched
 from slip_detector.tuning.tracks import TrainingFiles
 from slip_detector.tuning.verdict import TuningParameters, tune
@@ -257,7 +257,6 @@ def learnt(job: TuneJob, begin: Values, report: Callable[..., None]) -> tuple[Va
     slips = job.paths(job.to_tune_on['slip'])
     steps: list[tuple[str, str, Callable[..., tuple[Values, list[str]]]]] = [
         ('noise', 'rest', learn_from_quiet),
-        ('impacts', 'taps', functools.partial(learn_from_taps, slips=slips)),
     ]
     lines = job.left_out
     for what, kind, learn in steps:
