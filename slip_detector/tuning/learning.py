@@ -183,7 +183,8 @@ def quiet_threshold(track: Track, chain: ChainConfig, per_hour: float) -> tuple[
         limits = np.array([chain.threshold])
     # Each rise counts as an alarm, from the first row on, as it does in the detector's output.
     config = EvaluationConfig(off_before_s=0.0)
-    alarms = sweep_thresholds([statistic], [track], limits, config, settling_rows=0).false_alarms
+    (events,) = sweep_thresholds([statistic], [track], limits, config, settling_rows=0)
+    alarms = events.rest[2].astype(np.int64)
     blocks = range(0, statistic.size, round(max(BLOCK_S * track.sample_rate_hz, 1.0)))
     peaks = np.maximum.reduceat(statistic, blocks)
     loud = np.array([np.count_nonzero(peaks > limit) for limit in limits])
@@ -224,8 +225,7 @@ def learnt_floors(chain: ChainConfig, tracks: Sequence[Track]) -> tuple[float, .
     True
     """
     plain, tracks = dataclasses.replace(chain, decision='mean'), at_rest(tracks)
-    any_rest = any((track.kinds == REST).any() for track in tracks)
-    kinds = [REST] if any_rest else range(SLIP)
+    kinds = [REST] if any((track.kinds == REST).any() for track in tracks) else range(SLIP)
     every = []
     for track in tracks:
         most = max(MOST_ROWS // len(tracks), round(LEAST_S * track.sample_rate_hz))

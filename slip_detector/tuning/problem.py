@@ -26,14 +26,16 @@ import numpy as np
 
 from slip_detector.chain.filters import evidence_falls_s, settling_rows
 from slip_detector.chain.samples import Floats
-from slip_detector.evaluation.chance import HALF, saved_by_chance_s, sooner_than_chance
+from slip_detector.evaluation.chance import saved_by_chance_s
+from slip_detector.evaluation.events import Events
 from slip_detector.parameters import ChainConfig, EvaluationConfig, TuneConfig
+from slip_detector.recordings.labels import KINDS
 from slip_detector.tuning import sweep
 from slip_detector.tuning.space import SearchSpace
 from slip_detector.tuning.tracks import Track
 
-#: Figures by name, None where one is not defined: ``coverage`` and those of :func:`.slip_figures`
-#: and :meth:`.ScoreCounts.aucs`; and ``auc``: ``auc_moving``, or, where that is not defined,
+#: Figures by name, None where one is not defined: those of :meth:`.Events.at` and of
+#: :meth:`.ScoreCounts.aucs`; and ``auc``: ``auc_moving``, or, where that is not defined,
 #: ``auc_all``.
 Figures = dict[str, Any]
 
@@ -213,72 +215,72 @@ class Problem:
         """Return a chain with the threshold that, with so many neighbours, costs least."""
         rows = max(settling_rows(chain), self.settling_rows)
         most_ms = self.config.missed_costs_ms
-        swept = sweep.sweep_thresholds(statistic, self.tracks, limits, self.evaluation, rows)
+        scoring = self.evaluation, rows
+        swept = Events.pooled(sweep.sweep_thresholds(statistic, self.tracks, limits, *scoring))
         # How late each slip is found. One that begins while a chain settles counts as missed, so
         # that a chain does not gain by settling for longer.
         late_ms = np.clip(np.fmin(swept.latencies_ms, most_ms), 0.0, most_ms)
+        unscored = sum(len(track.slips) for track in self.tracks) - len(late_ms)
+        all_ms = np.pad(late_ms, ((0, unscored), (0, 0)), constant_values=most_ms)
         hidden_ms = self._hidden_costs_ms(chain, limits, swept)
-        costs_ms = _with_neighbours(self._event_costs_ms(swept, late_ms) + hidden_ms, neighbours)
+        costs_ms = _with_neighbours(self._event_costs_ms(swept, all_ms) + hidden_ms, neighbours)
         at = int(np.argmin(costs_ms))
         chain = dataclasses.replace(chain, threshold=float(limits[at]))
-        scored = statistic, self.tracks, chain.threshold, self.evaluation, rows
-        areas = sweep.count_scores(*scored).aucs()
+        areas = sweep.count_scores(statistic, self.tracks, chain.threshold, *scoring).aucs()
         auc = areas['auc_all'] if areas['auc_moving'] is None else areas['auc_moving']
         lacking = 1.0 - (auc or 0.0)
         if self.figures is not None:
             lacking += WORSE_COUNTS * max((self.figures['auc'] or 0.0) - (auc or 0.0), 0.0)
         cost_ms = float(costs_ms[at]) + self.config.auc_costs_ms * lacking
-        figures = {**swept.figures(at), **areas, 'auc': auc}
-        return Candidate(chain, cost_ms, _error_of_mean(late_ms[swept.scored, at]), figures)
+        figures = {**swept.at(at), **areas, 'auc': auc}
+        return Candidate(chain, cost_ms, _error_of_mean(late_ms[:, at]), figures)
 
-    def _event_costs_ms(self, swept: sweep.ThresholdSweep, late_ms: Floats) -> Floats:
+    def _event_costs_ms(self, swept: Events, late_ms: Floats) -> Floats:
         """Return the cost of slips and alarms at each of T thresholds, shape (T,).
 
         It is infinite where no slip or no rest is scored, which says nothing about the chain.
         """
-        config, given, scored = self.config, self.figures, swept.scored
-        if not scored.any() or not swept.rest_s:
+        config, given, figures = self.config, self.figures, swept.figures
+        rest_s, _, alarms = swept.rest
+        if not len(swept.latencies_ms) or not rest_s.all():
             return np.full(late_ms.shape[1], np.inf)
-        rates_hz = swept.false_alarms / swept.rest_s
-        chance = swept.leads_s, swept.windows_s, rates_hz
+        chance = swept.leads_s, swept.windows_s, alarms / rest_s
         # Each kind of recordings counts as much as another, however long it was recorded.
-        kinds = {kind: one for kind, one in swept.of_kinds.items() if one[0]}
-        per_minute = {kind: 60.0 * many / rest_s for kind, (rest_s, many, _) in kinds.items()}
-        on_percent = {kind: 100.0 * (on_s / rest_s) for kind, (rest_s, _, on_s) in kinds.items()}
+        of_kinds = swept.lasting[1:][swept.lasting[1:, 0, 0] > 0.0]
+        on, often = (of_kinds[:, 1:] / of_kinds[:, :1]).mean(axis=0)
         # Labels that are not exact may leave no row that certainly slips.
-        missed_percent = 100.0 * (1.0 - np.nan_to_num(swept.coverage, nan=1.0))
+        missed_percent = 100.0 * (1.0 - np.nan_to_num(figures['coverage'], nan=1.0))
         costs = (
             late_ms.mean(axis=0)
             + 1e3 * saved_by_chance_s(*chance, config.missed_costs_ms / 1e3)
-            + config.false_alarm_costs_ms * (sum(per_minute.values()) / len(kinds))
-            + config.false_time_costs_ms * (sum(on_percent.values()) / len(kinds))
+            + config.false_alarm_costs_ms * 60.0 * often
+            + config.false_time_costs_ms * 100.0 * on
             + config.missed_time_costs_ms * missed_percent
         )
         if given is None or not better_than_chance(given):
             return np.asarray(costs)
         # A figure that is not defined is not worse.
         limit = {name: np.nan if one is None else one for name, one in given.items()}
-        sooner = sooner_than_chance(swept.latencies_ms[scored] / 1e3, *chance)
-        median_ms = np.where(sooner >= HALF, np.median(late_ms, axis=0), config.missed_costs_ms)
-        more_percent = 100.0 * (swept.on_rest_s / swept.rest_s) - limit['false_time_percent']
-        more_alarms = 60.0 * rates_hz - limit['false_alarms_per_minute']
+        median_ms = np.fmin(figures['latency_median_all_ms'], config.missed_costs_ms)
+        more_percent = figures['false_time_percent'] - limit['false_time_percent']
+        more_alarms = figures['false_alarms_per_minute'] - limit['false_alarms_per_minute']
         more_missed_percent = missed_percent - 100.0 * (1.0 - limit['coverage'])
         # As verdict.worse_than does.
         more = [
             (1.0, median_ms - max(limit['latency_median_all_ms'], 0.0)),
-            (config.missed_costs_ms, limit['sooner_than_chance'] - sooner),
+            (config.missed_costs_ms, limit['sooner_than_chance'] - figures['sooner_than_chance']),
             (config.false_alarm_costs_ms, np.where(more_percent < -ON_STEP, 0.0, more_alarms)),
             (config.false_time_costs_ms, more_percent),
             (config.missed_time_costs_ms, more_missed_percent + np.minimum(more_percent, 0.0)),
         ]
-        for kind, its_percent in on_percent.items():
-            most = limit.get(f'{kind}_on_percent', np.nan) + ON_STEP
-            more.append((config.false_time_costs_ms, its_percent - most))
+        for name in (f'{kind}_on_percent' for kind in KINDS):
+            most = limit.get(name, np.nan) + ON_STEP
+            more.append((config.false_time_costs_ms, figures[name] - most))
         worse = sum(weight * np.fmax(by, 0.0) for weight, by in more)
         return np.asarray(costs + WORSE_COUNTS * worse)
 
     def _hidden_costs_ms(
-        self, chain: ChainConfig, limits: Floats, swept: sweep.ThresholdSweep
+        self, chain: ChainConfig, limits: Floats, swept: Events
     ) -> Floats | float:
         """Return what a chain's memory costs about the ends of slips, where labels hide that.
 
@@ -286,7 +288,7 @@ class Problem:
         known: the rows of the mains comb and of windows, the time in which evidence falls from its
         limit to a threshold, and that in which it rises there in the loudest slip.
         """
-        rest_s, *_ = swept.of_kinds.get('', (0.0,))
+        rest_s = float(swept.lasting[1, 0, 0])
         if not rest_s:
             return 0.0
         holds_s = chain.mains_rows / chain.sample_rate_hz + chain.envelope_window_s
