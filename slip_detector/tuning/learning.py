@@ -25,7 +25,7 @@ from slip_detector.chain.filters import settling_rows
 from slip_detector.chain.samples import Floats
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation.evaluator import RecordingLoader
-from slip_detector.evaluation.scores import MOTION, REST
+from slip_detector.evaluation.scores import REST, SLIP
 from slip_detector.parameters import ChainConfig, EvaluationConfig
 from slip_detector.parameters.fields import refuse
 from slip_detector.recordings.rates import forward_filled
@@ -168,7 +168,8 @@ def quiet_threshold(track: Track, chain: ChainConfig, per_hour: float) -> tuple[
         limits = np.array([chain.threshold])
     # Each rise counts as an alarm, from the first row on, as it does in the detector's output.
     config = EvaluationConfig(off_before_s=0.0)
-    alarms = sweep_thresholds([statistic], [track], limits, config, settling_rows=0).false_alarms
+    (events,) = sweep_thresholds([statistic], [track], limits, config, settling_rows=0)
+    alarms = events.rest[2].astype(np.int64)
     blocks = range(0, statistic.size, round(max(BLOCK_S * track.sample_rate_hz, 1.0)))
     peaks = np.maximum.reduceat(statistic, blocks)
     loud = np.array([np.count_nonzero(peaks > limit) for limit in limits])
@@ -209,12 +210,12 @@ def learnt_floors(chain: ChainConfig, tracks: Sequence[Track]) -> tuple[float, .
     True
     """
     plain, tracks = dataclasses.replace(chain, decision='mean'), at_rest(tracks)
-    kind = REST if any((track.kinds == REST).any() for track in tracks) else MOTION
+    kinds = [REST] if any((track.kinds == REST).any() for track in tracks) else range(SLIP)
     every = []
     for track in tracks:
         most = max(MOST_ROWS // len(tracks), round(LEAST_S * track.sample_rate_hz))
         its = envelopes(plain, track, settling_rows(plain) + most)
-        every.append(its[track.kinds[: len(its)] == kind])
+        every.append(its[np.isin(track.kinds[: len(its)], kinds)])
     columns = [column[np.isfinite(column)] for column in np.concatenate(every).T]
     found = np.array([np.quantile(one, BELOW_FLOOR) if one.size else 0.0 for one in columns])
     if not found.any():

@@ -17,6 +17,7 @@
 import dataclasses
 import functools
 import hashlib
+import itertools
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -24,18 +25,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from slip_detector.chain.filters import evidence_falls_s, settling_rows
-from slip_detector.chain.samples import Floats
-from slip_detector.evaluation.chance import HALF, saved_by_chance_s, sooner_than_chance
-from slip_detector.evaluation.scores import MOTION, REST, SLIP, ScoreCounts, ScoreTally
+from slip_detector.chain.samples import Bools, Floats
+from slip_detector.evaluation.chance import saved_by_chance_s
+from slip_detector.evaluation.events import LASTING, Events
+from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters import ChainConfig, EvaluationConfig, TuneConfig
 from slip_detector.recordings.labels import KINDS
 from slip_detector.tuning import sweep
 from slip_detector.tuning.space import SearchSpace
 from slip_detector.tuning.tracks import Track
 
-#: Figures by name, None where one is not defined: ``coverage`` and those of :func:`.slip_figures`;
-#: and ``auc``, the area under the ROC curve of rows with slip against rows of motion, or, where no
-#: motion is known, all rows without slip.
+#: Figures by name, None where one is not defined: those of :meth:`.Events.at` and of
+#: :meth:`.ScoreCounts.aucs`; and ``auc``: the mean of the area against rest, in motion where that
+#: is known, and of the mean of those against the other kinds of recordings.
 Figures = dict[str, Any]
 
 #: The cost of a threshold is averaged with those of this many neighbours on each side, which are
@@ -281,44 +283,38 @@ class Problem:
         self, chain: ChainConfig, statistic: Sequence[Floats], limits: Floats, neighbours: int
     ) -> Candidate:
         """Return a chain with the threshold that, with so many neighbours, costs least."""
-        swept = self._swept(chain, statistic, self.tracks, limits)
-        costs_ms = self._costs_ms(chain, limits, swept, neighbours)
+        swept = Events.pooled(self._events(chain, statistic, limits))
+        slips = sum(len(track.slips) for track in self.tracks)
+        costs_ms = self._costs_ms(chain, limits, swept, slips, neighbours)
         at = int(np.argmin(costs_ms))
         chain = dataclasses.replace(chain, threshold=float(limits[at]))
-        auc = self._auc(chain, statistic)
-        lacking = 1.0 - (auc or 0.0)
+        areas = self._areas(chain, statistic)
+        lacking = 1.0 - (areas['auc'] or 0.0)
         if self.figures is not None:
-            lacking += WORSE_COUNTS * max((self.figures['auc'] or 0.0) - (auc or 0.0), 0.0)
+            before = self.figures['auc'] or 0.0
+            lacking += WORSE_COUNTS * max(before - (areas['auc'] or 0.0), 0.0)
         cost_ms = float(costs_ms[at]) + self.config.auc_costs_ms * lacking
-        return Candidate(chain, cost_ms, {**swept.figures(at), 'auc': auc})
+        return Candidate(chain, cost_ms, {**swept.at(at), **areas})
 
-    def _swept(
-        self, chain: ChainConfig, statistic: Sequence[Floats], tracks: Sequence[Track], limits: Floats
-    ) -> sweep.ThresholdSweep:
-        rows = max(settling_rows(chain), self.settling_rows)
-        return sweep.sweep_thresholds(statistic, tracks, limits, self.evaluation, rows)
+    def _settling_rows(self, chain: ChainConfig) -> int:
+        return max(settling_rows(chain), self.settling_rows)
 
-    def _auc(self, chain: ChainConfig, statistic: Sequence[Floats]) -> float | None:
-        """Return the area under the ROC curve, see :data:`Figures`."""
-        tallies: dict[str, ScoreTally] = {}
-        for part, track in zip(statistic, self.tracks, strict=True):
-            # The chain divides in the same way, so the scores equal an evaluation's to the bit.
-            tallies.setdefault(track.kind, ScoreTally()).add(part / chain.threshold, track.kinds)
-        if '' not in tallies:
-            return None
-        slips = tallies[''].collect()
-        areas = {}
-        for kind, tally in tallies.items():
-            counts = tally.collect()
-            counts = counts if not kind else ScoreCounts.pooled([ScoreCounts(slips.classes, slips.counts * np.array([[0], [0], [1]])), counts])
-            areas[kind] = counts.auc([MOTION] if counts.counts[MOTION].any() and not kind else (REST, MOTION))
-        areas = {kind: area for kind, area in areas.items() if area is not None}
-        if not areas:
-            return None
-        rest = [area for kind, area in areas.items() if kind in ('', 'rest')]
-        others = [area for kind, area in areas.items() if kind not in ('', 'rest')]
-        means = [float(np.mean(part)) for part in (rest, others) if part]
-        return float(np.mean(means))
+    def _events(
+        self, chain: ChainConfig, statistic: Sequence[Floats], limits: Floats
+    ) -> list[Events]:
+        """Return the events of each recording at each threshold."""
+        rows = self._settling_rows(chain)
+        return sweep.sweep_thresholds(statistic, self.tracks, limits, self.evaluation, rows)
+
+    def _areas(self, chain: ChainConfig, statistic: Sequence[Floats]) -> Figures:
+        """Return the areas under the ROC curve, see :data:`Figures`."""
+        scoring = chain.threshold, self.evaluation, self._settling_rows(chain)
+        areas: Figures = sweep.count_scores(statistic, self.tracks, *scoring).aucs()
+        others = [areas[f'auc_{kind}'] for kind in KINDS if kind != 'rest']
+        rest = areas['auc_moving'] if areas['auc_moving'] is not None else areas['auc_rest']
+        known = [one for one in others if one is not None]
+        parts = [np.mean(part) for part in ([] if rest is None else [rest], known) if part]
+        return {**areas, 'auc': float(np.mean(parts)) if parts else None}
 
     def left_out(self, chain: ChainConfig) -> tuple[float, Floats]:
         """Return what a chain costs where the threshold for a recording comes from the others.
@@ -326,7 +322,7 @@ class Problem:
         Returns
         -------
         cost_ms : float
-            Of all recordings, with a threshold each; infinite where it has none.
+            Of all recordings, with a threshold each; infinite where too few have slips.
         costs_ms : ndarray, shape (folds,)
             Of all but one recording, or group of :data:`FOLDS`, for the error of the cost.
         """
@@ -335,71 +331,67 @@ class Problem:
         # Recordings with slips are spread over the groups.
         order = sorted(range(len(self.tracks)), key=lambda k: not self.tracks[k].slips)
         many = min(FOLDS, sum(bool(track.slips) for track in self.tracks))
-        folds = [order[fold::many] for fold in range(many)]
         if many < 2 or not limits.size:
             return math.inf, np.full(many, np.inf)
-        swept = [
-            self._swept(chain, [statistic[k] for k in fold], [self.tracks[k] for k in fold], limits)
-            for fold in folds
-        ]
+        of_tracks = self._events(chain, statistic, limits)
+        folds = [order[fold::many] for fold in range(many)]
+        parts = [Events.pooled(of_tracks[k] for k in fold) for fold in folds]
+        slips = np.array([sum(len(self.tracks[k].slips) for k in fold) for fold in folds])
+        others = ~np.eye(many, dtype=bool)
+
+        def pooled(of_folds: Sequence[Events], chosen: Bools) -> tuple[Events, int]:
+            return Events.pooled(itertools.compress(of_folds, chosen)), int(slips[chosen].sum())
+
         alone = []
-        for part in swept:
-            others = sweep.ThresholdSweep.pooled([one for one in swept if one is not part])
-            alone.append(part.at(int(np.argmin(self._costs_ms(chain, limits, others, NEIGHBOURS)))))
-
-        def cost_ms(parts: Sequence[sweep.ThresholdSweep]) -> float:
-            pooled = sweep.ThresholdSweep.pooled(parts)
-            return float(self._costs_ms(chain, np.array([chain.threshold]), pooled, 0)[0])
-
-        lacking_ms = self.config.auc_costs_ms * (1.0 - (self._auc(chain, statistic) or 0.0))
-        without = [cost_ms([one for one in alone if one is not part]) for part in alone]
-        return cost_ms(alone) + lacking_ms, np.array(without) + lacking_ms
+        for part, rest in zip(parts, others, strict=True):
+            costs_ms = self._costs_ms(chain, limits, *pooled(parts, rest), NEIGHBOURS)
+            alone.append(part.at_one(int(np.argmin(costs_ms))))
+        areas, limit = self._areas(chain, statistic), np.array([chain.threshold])
+        lacking_ms = self.config.auc_costs_ms * (1.0 - (areas['auc'] or 0.0))
+        all_of_them = np.ones(many, bool)
+        found = [
+            self._costs_ms(chain, limit, *pooled(alone, which), 0)[0] + lacking_ms
+            for which in (all_of_them, *others)
+        ]
+        return float(found[0]), np.array(found[1:])
 
     def _costs_ms(
-        self, chain: ChainConfig, limits: Floats, swept: sweep.ThresholdSweep, neighbours: int
+        self, chain: ChainConfig, limits: Floats, swept: Events, slips: int, neighbours: int
     ) -> Floats:
-        """Return the cost at each of T thresholds, with its neighbours; shape (T,)."""
-        costs_ms = self._event_costs_ms(swept) + self._hidden_costs_ms(chain, limits)
+        """Return the cost at each of T thresholds, with its neighbours; shape (T,).
+
+        A slip that begins while a chain settles counts as missed, so that a chain does not gain by
+        settling for longer: ``slips`` is the number of all.
+        """
+        costs_ms = self._event_costs_ms(swept, slips) + self._hidden_costs_ms(chain, limits)
         return _with_neighbours(costs_ms, neighbours)
 
-    def _event_costs_ms(self, swept: sweep.ThresholdSweep) -> Floats:
+    def _event_costs_ms(self, swept: Events, slips: int) -> Floats:
         """Return the cost of slips and alarms at each of T thresholds, shape (T,).
 
         It is infinite where no slip or no rest is scored, which says nothing about the chain.
         """
-        config, scored, most_ms = self.config, swept.scored, self.config.missed_costs_ms
-        # How late each slip is found. One that begins while a chain settles counts as missed, so
-        # that a chain does not gain by settling for longer.
+        config, figures, most_ms = self.config, swept.figures, self.config.missed_costs_ms
+        rest_s, _, alarms = swept.rest
+        if not len(swept.latencies_ms) or not rest_s.all():
+            return np.full(rest_s.shape, np.inf)
         late_ms = np.clip(np.fmin(swept.latencies_ms, most_ms), 0.0, most_ms)
-        if not scored.any() or not swept.rest_s:
-            return np.full(late_ms.shape[1], np.inf)
-        rates_hz = swept.false_alarms / swept.rest_s
-        chance = swept.leads_s, swept.windows_s, rates_hz
-        kinds = {kind: one for kind, one in swept.of_kinds.items() if one[0]}
-        per_minute = {kind: 60.0 * many / rest_s for kind, (rest_s, many, _) in kinds.items()}
-        on_percent = {kind: 100.0 * (on_s / rest_s) for kind, (rest_s, _, on_s) in kinds.items()}
+        unscored = ((0, slips - len(late_ms)), (0, 0))
+        late_ms = np.pad(late_ms, unscored, constant_values=most_ms)
+        chance = swept.leads_s, swept.windows_s, alarms / rest_s
         # Labels that are not exact may leave no row that certainly slips.
-        coverage = np.nan_to_num(swept.coverage, nan=1.0)
+        missed_percent = 100.0 * (1.0 - np.nan_to_num(figures['coverage'], nan=1.0))
         costs = (
             late_ms.mean(axis=0)
             + 1e3 * saved_by_chance_s(*chance, most_ms / 1e3)
-            + config.false_alarm_costs_ms * _of_kinds(per_minute)
-            + config.false_time_costs_ms * _of_kinds(on_percent)
-            + config.missed_time_costs_ms * 100.0 * (1.0 - coverage)
+            + config.false_alarm_costs_ms * 60.0 * _of_kinds(swept, 2)
+            + config.false_time_costs_ms * 100.0 * _of_kinds(swept, 1)
+            + config.missed_time_costs_ms * missed_percent
         )
         if self.figures is None:
             return np.asarray(costs)
-        sooner = sooner_than_chance(swept.latencies_ms[scored] / 1e3, *chance)
-        figures = {
-            **dict.fromkeys(COMPARED),
-            'recall': (~np.isnan(swept.latencies_ms[scored])).mean(axis=0),
-            'coverage': coverage,
-            'latency_median_all_ms': np.where(sooner >= HALF, np.median(late_ms, axis=0), most_ms),
-            'false_alarms_per_minute': 60.0 * rates_hz,
-            'false_time_percent': 100.0 * (swept.on_rest_s / swept.rest_s),
-            **{f'{kind}_on_percent': percent for kind, percent in on_percent.items()},
-        }
-        for name, by in worse_by(figures, self.figures).items():
+        late = {'latency_median_all_ms': np.fmin(figures['latency_median_all_ms'], most_ms)}
+        for name, by in worse_by({**figures, **late, 'auc': np.nan}, self.figures).items():
             compared = COMPARED[name]
             weight = compared.per * getattr(config, compared.cost, 1.0)
             over = np.nan_to_num(by) - compared.step
@@ -442,15 +434,19 @@ class Problem:
         return Candidate(dataclasses.replace(self.given, **entry['parameters']), **rest)
 
 
-def _of_kinds(values: Mapping[str, Floats]) -> Floats | float:
-    """Return a figure of rest plus the mean of those of the other kinds of recordings.
+def _of_kinds(swept: Events, what: int) -> Floats:
+    """Return the share of rest that is ON (1), or its alarms a second (2), over kinds; shape (T,).
 
-    So rest, which there always is, counts as much as all others together, and each kind of these
-    as another, however long it was recorded.
+    It is that of rest plus the mean of those of the other kinds of recordings. So rest counts as
+    much as all others together, and each of these as another, however long it was recorded.
     """
-    rest = [one for kind, one in values.items() if kind in ('', 'rest')]
-    others = [one for kind, one in values.items() if kind not in ('', 'rest')]
-    return sum(sum(part) / len(part) for part in (rest, others) if part)
+    shares = [
+        (name in ('', 'rest'), of[what] / of[0])
+        for name, of in zip(LASTING, swept.lasting, strict=True)
+        if name != 'slip' and of[0].all()
+    ]
+    parts = [[share for rest, share in shares if rest is wanted] for wanted in (True, False)]
+    return np.asarray(sum(np.mean(part, axis=0) for part in parts if part))
 
 
 def _with_neighbours(costs: Floats, neighbours: int) -> Floats:
