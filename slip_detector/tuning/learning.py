@@ -33,7 +33,7 @@ from slip_detector.parameters import ChainConfig, EvaluationConfig
 from slip_detector.parameters.fields import refuse
 from slip_detector.recordings.rates import forward_filled
 from slip_detector.tuning.sweep import sweep_thresholds, thresholds, vote_statistics
-from slip_detector.tuning.tracks import Track, enabled, faults_of, load_track, load_tracks
+from slip_detector.tuning.tracks import Track, enabled, faults_of, load_track
 
 #: Confidence of the bounds of a rate.
 CONFIDENCE = 0.95
@@ -323,33 +323,6 @@ def _lines(mains_hz: float, rate_hz: float, hz: Floats, power: Floats) -> dict[i
             place = '' if seen_hz == hum_hz else f', seen at {seen_hz:g} Hz'
             lines[harmonic] = f'{hum_hz:g} Hz ({least_db:.0f} dB{place})'
     return lines
-
-
-def learn_from_taps(
-    path: str, slips: Sequence[str], chain: ChainConfig, loader: RecordingLoader
-) -> tuple[dict[str, Any], list[str]]:
-    """Set the step that is an impact from a recording of knocks and labelled slips.
-
-    Parameters
-    ----------
-    path
-        The recording of knocks.
-    slips
-        Labelled recordings of slips, and folders of them.
-    chain, loader
-        As in :func:`learn_from_quiet`, and so is what is returned.
-
-    Raises
-    ------
-    ValueError
-        When a recording cannot be read, evidence does not decide, or the steps of knocks and slips
-        are too similar.
-    """
-    if chain.decision != 'evidence':
-        refuse(f'parameter decision is {chain.decision}', 'evidence, which impact_v is for')
-    knocks, tracks = load_track(path, loader), load_tracks(slips, loader)
-    impact_v, line = impact_step(chain, knocks, tracks)
-    return {'impact_v': impact_v}, [*faults_of([knocks, *tracks]), f'{knocks.name}: {line}']
 
 
 def steps_v(chain: ChainConfig, track: Track, rows: int = 1) -> Floats:
