@@ -164,8 +164,7 @@ def run(name: str, work: Callable[[], str]) -> int:
     try:
         text = work()
     except BrokenPipeError:  # Nobody reads how far it is.
-        _drop_output()
-        return 1
+        text = ''
     except (ValueError, OSError) as error:  # OSError: a name that is too long, for example.
         sys.stderr.write(f'{name}: {one_line(error)}\n')
         return 1
@@ -176,18 +175,14 @@ def run(name: str, work: Callable[[], str]) -> int:
                 sys.stdout.write(text[k : k + ATOMIC])
             print(flush=True)
     except (OSError, KeyboardInterrupt) as error:
-        _drop_output()
+        # The interpreter flushes the rest of the buffer at exit, which must not fail again.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         if isinstance(error, KeyboardInterrupt):
             raise
         if not isinstance(error, BrokenPipeError):
             sys.stderr.write(f'{name}: the output cannot be written ({error.strerror})\n')
             return 1
     return 0
-
-
-def _drop_output() -> None:
-    """Drop what is not yet written; the interpreter flushes it at exit, which must not fail."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _start(command: str) -> int:

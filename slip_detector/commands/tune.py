@@ -40,6 +40,7 @@ from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.files import read_yaml, write_yaml
 from slip_detector.parameters.sections import ALL, node_of, sections_of
 from slip_detector.recordings import with_subfolders
+from slip_detector.recordings.labels import KINDS
 from slip_detector.report.tables import compared, number_text, text_table
 from slip_detector.tuning.learning import learn_from_quiet
 from slip_detector.tuning.problem import Candidate, searched
@@ -50,17 +51,8 @@ NAME = 'slip_tune'
 
 TRIALS = 200
 
-#: Options for recordings in which nothing slides, and what happens in these.
-OF_KINDS = {
-    'rest': 'at rest on an object that is held',
-    'taps': 'knocked, or that holds something that is',
-    'press': 'pressed, squeezed and let go',
-    'roll': 'rolled',
-    'idle': 'not touched',
-}
-
 #: Options that only a search has.
-OF_SEARCH = ('recordings', 'held_out', 'report', 'storage', 'jobs', 'cluster', 'json', *OF_KINDS)
+OF_SEARCH = ('recordings', 'held_out', 'report', 'storage', 'jobs', 'cluster', 'json', *KINDS)
 
 STOPPING = '\nstopping; results so far are kept (Ctrl-C again: end at once)\n'
 
@@ -88,13 +80,13 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         'recording, or a folder of them, and tune on all other RECORDINGs; repeatable',
     )  # fmt: skip
     add(
-        '--json', action='store_true', help='print progress and result for a program, as one JSON '
-        'object a line, with the keys step, share and lines; the last one has kept, changes and '
-        'table besides',
+        '--json', action='store_true',
+        help='print progress and result as one JSON object a line (docs/tuning.md)',
     )  # fmt: skip
-    add = parser.add_argument_group('kinds of recordings that no labels tell').add_argument
-    for kind, happens in OF_KINDS.items():
-        text = f'a recording of a finger that is {happens}, or a folder of them; repeatable'
+    title = 'kinds of recordings without labels, in which nothing slides'
+    add = parser.add_argument_group(title, 'see docs/recordings.md').add_argument
+    for kind in KINDS:
+        text = f'a recording of the kind {kind}, or a folder of them; repeatable'
         add(f'--{kind}', action='append', default=[], metavar='RECORDING', help=text)
     add = parser.add_argument_group('learn from a recording, without a search').add_argument
     add(
@@ -181,10 +173,10 @@ def _search(
     options: argparse.Namespace, parameters: TuningParameters, where: str, stop: Callable[[], bool]
 ) -> tuple[dict[str, Any], list[str], Callable[[Path], None]]:
     """Search; return the result, lines about it, and a function that writes the report."""
-    for name in ('recordings', 'held_out', *OF_KINDS):
+    for name in ('recordings', 'held_out', *KINDS):
         setattr(options, name, with_subfolders(getattr(options, name)))
-    workers.make_paths_whole(options, 'recordings', 'held_out', *OF_KINDS)
-    of_kinds = [(kind, path) for kind in OF_KINDS for path in getattr(options, kind)]
+    workers.make_paths_whole(options, 'recordings', 'held_out', *KINDS)
+    of_kinds = [(kind, path) for kind in KINDS for path in getattr(options, kind)]
     read = options.recordings, parameters.loader, options.held_out
     files, trials = TrainingFiles(*read, of_kinds=of_kinds), options.trials
     with (
@@ -215,18 +207,19 @@ def _search(
     if not variants[0 if verdict.kept else 1].figures['all held out']['recall']:
         slips = sum(len(track.slips) for track in held)
         lines.insert(0, f'The result detects none of {slips} slips that are held out')
-    title, shown = 'Tuning of the slip detector', [*lines]
-    tables = {what: compared(*(one.figures[f'all {what}'] for one in variants)) for what in parts}
-    for what, rows in tables.items():
-        heads = ['', *(one.name for one in variants)]
-        lines += [f'On what was {what}:', *text_table([heads, *rows], '<>><').splitlines()]
+    heads, tables = ['', *(one.name for one in variants)], []
+    for what in parts:
+        rows = compared(*(one.figures[f'all {what}'] for one in variants))
+        tables += [f'On what was {what}:', *text_table([heads, *rows], '<>><').splitlines()]
     before, after = given.to_parameters(), found.to_parameters()
     changes = {name: value for name, value in after.items() if value != before.get(name)}
     said = {
         'step': '', 'share': 1.0, 'lines': notes, 'kept': verdict.kept,
-        'changes': {**searched(found), **changes}, 'table': tables['held out'],
+        'changes': {**searched(found), **changes},
+        'table': compared(*(one.figures['all held out'] for one in variants)),
     }  # fmt: skip
-    return said, lines, lambda path: write_page(path, title, variants, shown)
+    page = 'Tuning of the slip detector', variants, lines
+    return said, [*lines, *tables], lambda path: write_page(path, *page)
 
 
 def with_parameters(given: str | Path | None, changes: Mapping[str, Any]) -> dict[str, Any]:

@@ -115,9 +115,8 @@ def _is_inside(path: Path) -> bool:
 def _recordings_in(folder: Path) -> list[Path]:
     """Return the recordings in a folder; ``slip_10`` comes after ``slip_9``."""
 
-    def place(path: Path) -> tuple[list[Any], str]:
-        parts = re.split(r'([0-9]+)', path.name)
-        return [int(part) if k % 2 else part for k, part in enumerate(parts)], path.name
+    def place(path: Path) -> tuple[str, str]:
+        return re.sub('[0-9]+', lambda digits: digits[0].zfill(20), path.name), path.name
 
     return sorted(filter(_is_inside, folder.iterdir()), key=place)
 
@@ -136,14 +135,11 @@ def with_subfolders(arguments: Sequence[str]) -> list[str]:
     >>> [len(Path(path).relative_to(folder).parts) for path in found]
     [0, 1]
     """
-    found = []
+    found = list[Path]()
     for argument in map(Path, arguments):
-        folder = argument.is_dir() and not is_recording(argument)
-        inside = filter(Path.is_dir, argument.iterdir()) if folder else ()
-        sets = [path for path in inside if not _is_inside(path) and _recordings_in(path)]
-        if not sets or _recordings_in(argument):
-            found.append(argument)
-        found += sorted(sets)
+        paths = [argument, *sorted(argument.iterdir())] if argument.is_dir() else []
+        plain = [path for path in paths if path.is_dir() and not _is_inside(path)]
+        found += [path for path in plain if _recordings_in(path)] or [argument]
     return list(dict.fromkeys(map(str, found)))
 
 

@@ -21,10 +21,8 @@ import json
 import signal
 import sys
 from asyncio.subprocess import PIPE, Process
-from collections.abc import Sequence
 from typing import Any, cast
 
-from slip_detector.commands.command_line import one_line
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.files import writable_folder, write_yaml
 from slip_detector.report.tables import Row
@@ -51,19 +49,10 @@ class TuneRun:
         The recordings; parameter files are written in the folder ``tuning`` beside them.
     finger, config
         Name and parameters of the detector.
-    options
-        More options of ``slip_tune``.
     """
 
-    def __init__(
-        self,
-        recorded: RecordedFolder,
-        finger: str,
-        config: DetectorConfig,
-        options: Sequence[str] = (),
-    ) -> None:
-        self.finger, self._config, self._options = finger, config, options
-        self._folder = recorded.folder
+    def __init__(self, recorded: RecordedFolder, finger: str, config: DetectorConfig) -> None:
+        self.finger, self._config, self._folder = finger, config, recorded.folder
         self._process: Process | None = None
         #: Whether it has not ended, and was stopped.
         self.running, self.stopping = True, False
@@ -86,9 +75,9 @@ class TuneRun:
             write_yaml(given, self._config.to_document(), ['Written by slip_view: what runs.'])
             files = self._folder, '--config', given, '--out', folder / 'tuned.yaml'
             process = self._process = await asyncio.create_subprocess_exec(
-                *COMMAND, *map(str, files), *self._options,
-                stdout=PIPE, stderr=PIPE, limit=MOST_LINE,
-                start_new_session=True,  # Ctrl-C in the terminal is for slip_view.
+                # Ctrl-C in the terminal is for slip_view.
+                *COMMAND, *map(str, files), stdout=PIPE, stderr=PIPE, start_new_session=True,
+                limit=MOST_LINE,
             )  # fmt: skip
             self._interrupt()
             await self._follow(process)
@@ -109,14 +98,14 @@ class TuneRun:
                     found = {**self._config.to_parameters(), **said['changes']}
                     self.found = DetectorConfig.from_parameters(found)
         finally:
-            with contextlib.suppress(ProcessLookupError):  # It has ended.
+            if not output.at_eof():
                 process.kill()
             code, said = await process.wait(), (await complaints).decode(errors='replace')
         if self.found is None and self.stopping and code != 1:
             self.failed = 'stopped before anything was found'
         elif self.found is None:
             lines = said.strip().splitlines() or ['the search ended before it was done']
-            self.failed = one_line(lines[-1].removeprefix('slip_tune: '))
+            self.failed = lines[-1].removeprefix('slip_tune: ')
 
     def to_apply(self, config: DetectorConfig) -> Values:
         """Return the parameters to set so that a detector decides as the tuned one.
