@@ -124,13 +124,10 @@ def _reports(trials: int, bar: Any, as_json: bool) -> dict[str, Callable[..., No
 
     def progress(count: int, best: Candidate | None) -> None:
         nonlocal printed
-        found = in_short(best)
-        words = f'{count} of {trials} trials, {found}'
-        bar.set_postfix_str(found, refresh=False)
+        words = f'{count} of {trials} trials, {in_short(best)}'
         bar.update(count - bar.n)
-        if as_json:
-            say(step=f'searching: {words}', share=count / trials)
-        elif bar.disable and (count - printed) * LINES >= trials:
+        say(step=words, share=count / trials)
+        if bar.disable and not as_json and (count - printed) * LINES >= trials:
             printed = count
             say([words])
 
@@ -207,19 +204,16 @@ def _search(
     if not variants[0 if verdict.kept else 1].figures['all held out']['recall']:
         slips = sum(len(track.slips) for track in held)
         lines.insert(0, f'The result detects none of {slips} slips that are held out')
-    heads, tables = ['', *(one.name for one in variants)], []
-    for what in parts:
-        rows = compared(*(one.figures[f'all {what}'] for one in variants))
-        tables += [f'On what was {what}:', *text_table([heads, *rows], '<>><').splitlines()]
+    rows = compared(*(one.figures['all held out'] for one in variants))
+    table = text_table([['', *(one.name for one in variants)], *rows], '<>><').splitlines()
     before, after = given.to_parameters(), found.to_parameters()
     changes = {name: value for name, value in after.items() if value != before.get(name)}
     said = {
         'step': '', 'share': 1.0, 'lines': notes, 'kept': verdict.kept,
-        'changes': {**searched(found), **changes},
-        'table': compared(*(one.figures['all held out'] for one in variants)),
+        'changes': {**searched(found), **changes}, 'table': rows,
     }  # fmt: skip
     page = 'Tuning of the slip detector', variants, lines
-    return said, [*lines, *tables], lambda path: write_page(path, *page)
+    return said, [*lines, 'On what was held out:', *table], lambda path: write_page(path, *page)
 
 
 def with_parameters(given: str | Path | None, changes: Mapping[str, Any]) -> dict[str, Any]:

@@ -36,15 +36,17 @@ from support.tuning_cases import PARAMETERS, journal, run, slips, trials_of, wri
 def test_the_file_has_the_figures_and_all_that_was_not_searched(case, capsys):
     folder, words = case
     out = folder / 'out.yaml'
-    run(*words, '--out', out, '--report', folder / 'report.html', '--trials', 12)
+    (folder / 'more').mkdir()
+    (folder / 'c.npz').rename(folder / 'more' / 'c.npz')
+    run(folder, *words[3:], '--out', out, '--report', folder / 'report.html', '--trials', 12)
     shown = capsys.readouterr()
-    assert 'Held out, and not tuned on: b.npz (4 slips in 0.2 min)' in shown.out
+    assert '/b.npz (4 slips in 0.2 min)' in shown.out
     # Nothing is known before the first batch is stored, not even that no slip is detected.
     assert '\n8 of 12 trials, no result yet\n' in shown.err
     assert '12 of 12 trials, result so far: costs' in shown.err
     text = out.read_text()
     comments = [line for line in text.splitlines() if line.startswith('#')]
-    assert any('Tuned on: a.npz, c.npz (8 slips in 0.4 min)' in line for line in comments)
+    assert any('/a.npz, more/c.npz (8 slips in 0.4 min)' in line for line in comments)
     assert any('false alarms per minute' in line for line in comments)
     config = DetectorConfig.from_yaml(out)
     assert config.heartbeat_hz == 20.0
