@@ -38,7 +38,7 @@ from benchmarks.tune.families import disturbances
 from slip_detector.evaluation.figures import Bound
 from slip_detector.parameters.files import read_yaml
 from slip_detector.scenes import find_scene
-from slip_detector.tuning.verdict import AUC_STEP, COVERAGE_STEP
+from slip_detector.tuning.problem import COMPARED
 
 #: Numbers of slips in a lesson, and how many lessons there are.
 SLIPS, LESSONS = (5, 20), 20
@@ -96,8 +96,8 @@ def measure_lessons(slips: int, seeds: Iterable[int]) -> dict[str, Any]:
 def _not_worse(given: dict[str, Any], by_chance: float) -> bool:
     before, after = given['before'], given['after']
     covered = [one['coverage'] - by_chance * one['false_time_percent'] for one in (before, after)]
-    better = after['auc_all'] >= before['auc_all'] - AUC_STEP
-    return bool(better and covered[1] >= covered[0] - COVERAGE_STEP)
+    better = after['auc_all'] >= before['auc_all'] - COMPARED['auc'].step
+    return bool(better and covered[1] >= covered[0] - COMPARED['coverage'].step)
 
 
 def _good(figures: dict[str, float]) -> bool:

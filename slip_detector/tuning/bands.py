@@ -41,7 +41,9 @@ SHARES = (0.5, 0.7, 0.85)
 LEAST_AREA = 0.6
 
 
-def slip_bands(chain: ChainConfig, tracks: Sequence[Track]) -> tuple[list[tuple[float, float]], str]:
+def slip_bands(
+    chain: ChainConfig, tracks: Sequence[Track]
+) -> tuple[list[tuple[float, float]], str]:
     """Return the bands in which slides stand out from rest, the widest first, and a line on them.
 
     How far they stand out in a narrow band is the area under the ROC curve of the level there, in
@@ -67,7 +69,7 @@ def slip_bands(chain: ChainConfig, tracks: Sequence[Track]) -> tuple[list[tuple[
         return [], 'slides are too short to measure where they stand out'
     rows = min(rows, MOST_ROWS)
     count = int(np.log(HIGHEST * rows) / np.log(RATIO))
-    edges_hz = HIGHEST * rate_hz / RATIO ** np.arange(count, -1, -1)
+    edges_hz: Floats = HIGHEST * rate_hz / RATIO ** np.arange(count, -1.0, -1.0)
     spectra = [_levels_db(track, chain, rows, edges_hz) for track in tracks if track.slips]
     quiet = [_levels_db(one, chain, rows, edges_hz) for one in at_rest(tracks) if not one.slips]
     slides = np.concatenate([sliding for sliding, _ in spectra])

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What recordings of several kinds teach: when a finger touches, and which contradict their kind."""
+"""What recordings of kinds teach: when a finger touches, and which contradict their kind."""
 
 import dataclasses
 from collections.abc import Sequence

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is learnt of a sensor without a search: noise floors, mains, a threshold, steps of slips."""
+"""What is learnt without a search: noise floors, mains, a threshold, steps of slips."""
 
 import dataclasses
 import math

@@ -88,7 +88,9 @@ COMPARED = {
         'false alarms', ' in a minute of rest', -1.0, 0.5, 5.0, 'false_alarm_costs_ms'
     ),
     'false_time_percent': Compared('time ON', ' %', -1.0, 0.1, 5.0, ON),
-    **{f'{kind}_on_percent': Compared(f'ON in {kind}', ' %', -1.0, 0.5, 5.0, ON) for kind in KINDS},
+    **{
+        f'{kind}_on_percent': Compared(f'ON in {kind}', ' %', -1.0, 0.5, 5.0, ON) for kind in KINDS
+    },
     'auc': Compared('area under the ROC curve', '', 1.0, 1e-3, 0.02, 'auc_costs_ms'),
 }
 

@@ -104,7 +104,9 @@ def search(
     def attempt(points: Sequence[Point]) -> bool:
         """Try points that were not tried yet; return whether the search goes on."""
         fresh = [
-            one for k, one in enumerate(points) if study.cost_ms(one) is None and one not in points[:k]
+            one
+            for k, one in enumerate(points)
+            if study.cost_ms(one) is None and one not in points[:k]
         ]
         for first in range(0, len(fresh), BATCH):
             count = study.follow()

@@ -388,7 +388,7 @@ class SearchSpace:
             for way in ('learnt', 'followed')
             for scale in (0.7, 1.0)
         ]
-        stages = [
+        stages: list[list[dict[str, Any]]] = [
             [{**band, **decision} for band in every for decision in decisions],
             floors,
             [{'mains_hz': hz} for hz in self.distributions['mains_hz'].choices],
@@ -403,7 +403,11 @@ class SearchSpace:
         allowed = self.distributions
         return [
             [
-                {name: _nearest(allowed[name], of) for name, of in change.items() if name in allowed}
+                {
+                    name: _nearest(allowed[name], of)
+                    for name, of in change.items()
+                    if name in allowed
+                }
                 for change in stage
             ]
             for stage in stages

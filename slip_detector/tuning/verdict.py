@@ -39,6 +39,7 @@ from slip_detector.tuning.problem import (
     worse_by,
 )
 from slip_detector.tuning.search import Calls, Study, candidates_at, search
+from slip_detector.tuning.teaching import learn
 from slip_detector.tuning.tracks import Track, TrainingFiles
 
 #: The chains that are compared on the recordings that were tuned on, the cheapest first.
@@ -140,7 +141,10 @@ def tune(
     calls: Calls | None = None,
     step: Callable[[str], None] = lambda words: None,
 ) -> TuningResult:
-    """Search for a better chain, and judge the best one on the held-out recordings.
+    """Learn of a finger, search for a better chain, and judge the best one by what is held out.
+
+    Without evidence the search begins as for a new sensor. Noise is learnt of the longest
+    recording of rest and impacts of the longest of taps, as far as there are any.
 
     Parameters
     ----------
@@ -159,12 +163,14 @@ def tune(
         ended now, before the first trial, and after each trial and each batch.
     doubt
         Called before the search with a line on each recording that has faults, is left out or
-        contradicts its kind, if there are any; see :func:`.kinds.contradictions`.
+        contradicts its kind, see :func:`.kinds.contradictions`, and on what was learnt.
     stop
         Returns whether to end the search with the result so far; first called when the recordings
         are read.
     calls
         Makes the calls for the points of a batch. None: they are made in this process.
+    step
+        Called with words on each step as it begins.
 
     Raises
     ------
@@ -178,17 +184,20 @@ def tune(
         raise ValueError("needs optuna, which is not installed: pip install 'slip_detector[tune]'")
     training, held, notes = files.load()
     sentences, mistakes = contradictions(parameters.chain, training + held)
-    wrong = [track for track in mistakes if track.samples.accuracy_s]
-    parts = [[track for track in part if track not in wrong] for part in (training, held)]
-    if wrong and all(any(track.slips for track in part) for part in parts):
-        training, held = parts
+    wrong = [one for one in training if one in mistakes and one.samples.accuracy_s]
+    others = [track for track in training if track not in wrong]
+    if wrong and any(track.slips for track in others):
+        training = others
         left_out = name_list([track.name for track in wrong])
-        sentences.append(f'Left out, as keys that were pressed by mistake: {left_out}')
+        sentences.append(f'Not tuned on, as keys that were pressed by mistake: {left_out}')
     notes += sentences
-    if notes:
-        doubt(notes)
+    running = parameters.running or parameters.chain
+    begin, learnt = learn(parameters.chain, training, step)
+    notes += learnt
+    doubt(notes)
     stop()
-    problem = parameters.problem(training)
+    step('searching')
+    problem = parameters._replace(chain=begin, running=running).problem(training)
     name = problem.study_name()
     study = Study(problem.space.distributions, seed, storage, name)
     # It has a few kilobytes, without any rows.
@@ -226,8 +235,8 @@ def tune(
 def worse_than(figures: Figures, other: Figures, trade: bool = False) -> list[str]:
     """Return a text for each figure that is worse, or not defined where the other's is.
 
-    See :func:`.problem.worse_by`. The latency of the slips found is not compared, as it falls where
-    late slips are missed.
+    See :func:`.problem.worse_by`. The latency of the slips found is not compared, as it falls
+    where late slips are missed.
 
     Parameters
     ----------
@@ -321,7 +330,9 @@ def judge(problem: Problem, held: Sequence[Track], best: Candidate | None) -> Ve
     before, after = (on_held.as_it_is(one) for one in (running, best.chain))
     if why := _why_not(on_held, after, before):
         return Verdict(running, f'on the held-out recordings the best found is {why}', best.chain)
-    return Verdict(best.chain, '', best.chain, ', '.join(worse_than(after.figures, before.figures)))
+    return Verdict(
+        best.chain, '', best.chain, ', '.join(worse_than(after.figures, before.figures))
+    )
 
 
 def _why_not(on_held: Problem, after: Candidate, before: Candidate) -> str:

@@ -1,0 +1,80 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""What is learnt of a finger before a search: where it begins, its bands and its noise."""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from slip_detector.parameters import ChainConfig
+from slip_detector.tuning.bands import slip_bands
+from slip_detector.tuning.learning import LEARNT_RANGE_DB, find_mains, learnt_floors
+from slip_detector.tuning.tracks import Track, at_rest
+
+#: Where the search for an unknown sensor begins, and its pass-band: from a frequency, or from a
+#: share of the sample rate if that is lower.
+NEW_SENSOR: dict[str, Any] = {
+    'decision': 'evidence',
+    'threshold': 0.5,
+    'noise_floor': (1e-9,),
+    'noise_floor_learnt': ChainConfig.noise_floor_learnt,
+    'passband_degree': 2,
+    'stopbands_hz': (),
+    'gain': 1.0,
+    'exponent': 1,
+}
+LOW_HZ, LOW_SHARE = 20.0, 0.2
+
+
+def beginning(chain: ChainConfig) -> ChainConfig:
+    """Return where learning begins: the given chain, or, without evidence, that of a new sensor.
+
+    Examples
+    --------
+    >>> beginning(ChainConfig()).passband_hz
+    (20.0, 0.0)
+    """
+    if chain.decision == 'evidence':
+        return chain
+    low_hz = min(LOW_HZ, LOW_SHARE * chain.sample_rate_hz)
+    vote = min(2, *map(len, chain.groups.values()))
+    return dataclasses.replace(chain, **NEW_SENSOR, passband_hz=(low_hz, 0.0), vote=vote)
+
+
+def learn(
+    chain: ChainConfig, tracks: Sequence[Track], step: Callable[[str], None]
+) -> tuple[ChainConfig, list[str]]:
+    """Learn bands, mains and noise of a finger; return where a search begins, and lines on it."""
+    chain, lines = beginning(chain), []
+    step('measuring where slides stand out')
+    bands, line = slip_bands(chain, tracks)
+    low_hz, _ = chain.passband_hz
+    lines.append(line)
+    if bands and bands[0][1] and low_hz >= bands[0][1]:
+        lines.append(f'The given pass-band begins above them, at {low_hz:g} Hz')
+    resting = [track for track in at_rest(tracks) if not track.slips]
+    if not resting:
+        return chain, [*lines, 'No mains sought: there is no recording of rest']
+    longest = max(resting, key=lambda track: track.duration_s)
+    step(f'learning the noise of {longest.name}')
+    mains_hz, line = find_mains(chain, longest)
+    lines.append(f'{longest.name}: {line}')
+    try:
+        chain = dataclasses.replace(chain, mains_hz=chain.mains_hz or mains_hz)
+        learnt: Any = {'noise_floor': learnt_floors(chain, tracks), 'noise_floor_learnt': True}
+        chain = dataclasses.replace(chain, **learnt, noise_floor_range_db=LEARNT_RANGE_DB)
+    except ValueError as error:  # The mains of this rate cannot be removed, or there is no noise.
+        lines.append(str(error))
+    return chain, lines
