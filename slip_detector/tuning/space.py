@@ -40,13 +40,6 @@ LOWEST_LOW, HIGHEST_LOW, HIGHEST = 1 / 400, 0.3, 0.48
 #: Most octaves of a pass-band; the paper's has 2.8.
 WIDEST = 6.0
 
-#: High edge over low edge of the stop-bands below and above the pass-band, as in the paper: 0.5 to
-#: 7 Hz and 50 to 180 Hz.
-BELOW, ABOVE = 7.0 / 0.5, 180.0 / 50.0
-
-#: Half the width of a stop-band around the mains frequency.
-NOTCH_HALF_WIDTH_HZ = 5.0
-
 #: Shortest window, one sample at the paper's rate.
 SHORTEST_WINDOW_S = 0.0025
 
@@ -127,7 +120,6 @@ class SearchSpace:
 
         given, rate = self._given, self._given.sample_rate_hz
         windows_s = Between(self._least_window_s, 0.3, log=True)
-        notches_hz = [f for f in MAINS_HZ if f + NOTCH_HALF_WIDTH_HZ < self._highest_hz]
         of_rate = [f for f in MAINS_HZ if _works(dataclasses.replace, given, mains_hz=f)]
         touching = dataclasses.replace(given, contact_channels=self._touching)
         of_kinds: dict[str, Any] = {}
@@ -149,8 +141,7 @@ class SearchSpace:
             'passband_octaves': Between(0.5, WIDEST),
             # For a band-pass an odd degree is raised by 1.
             'passband_degree': OneOf(sorted({given.passband_degree, 1, 2, 4})),
-            'stopbands': OneOf(('given', 'none', 'below', 'above', 'both')),
-            'notch_hz': OneOf((0.0, *notches_hz)),
+            'stopbands': OneOf(_ways(given.stopbands_hz, 'none')),
             'mains_hz': OneOf(sorted({0.0, given.mains_hz, *of_rate})),
             'exponent': Whole(1, max(4, given.exponent)),
             'envelope_window_s': windows_s,
@@ -196,7 +187,7 @@ class SearchSpace:
         } | {
             'passband_hz': (low_hz, high_hz),
             'passband_degree': degree + degree % 2 if high_hz else degree,
-            'stopbands_hz': self._stopbands(point, low_hz, high_hz),
+            'stopbands_hz': given.stopbands_hz if point['stopbands'] == 'given' else (),
             'mains_hz': point['mains_hz'],
         }
         # A rounded window must not be shorter than a sample.
@@ -273,19 +264,6 @@ class SearchSpace:
         impact_v = rounded(point['impact_scale'] * (1.0 + FEW_SLIPS / max(slips, 1)) * step_v)
         return {'impact_v': impact_v, 'impact_s': impact_s, 'impact_channels': channels}
 
-    def _stopbands(self, point: dict[str, Any], low_hz: float, high_hz: float) -> tuple[Any, ...]:
-        """Return the stop-bands beside the pass-band, and the notch."""
-        which, mains_hz = point['stopbands'], point['notch_hz']
-        pairs = list(self._given.stopbands_hz) if which == 'given' else []
-        if which in ('below', 'both'):
-            pairs.append((rounded(low_hz / BELOW), low_hz))
-        top_hz = min(rounded(ABOVE * high_hz), rounded(self._highest_hz))
-        if which in ('above', 'both') and 0.0 < high_hz < top_hz / 1.1:
-            pairs.append((high_hz, top_hz))
-        if mains_hz:
-            pairs.append((mains_hz - NOTCH_HALF_WIDTH_HZ, mains_hz + NOTCH_HALF_WIDTH_HZ))
-        return tuple(pairs)
-
     def point(self, chain: ChainConfig) -> dict[str, Any]:
         """Return the point of the space that is nearest to a chain.
 
@@ -306,8 +284,7 @@ class SearchSpace:
         values: dict[str, Any] = {
             'passband_low_hz': low_hz,
             'passband_octaves': math.log2(high_hz / low_hz) if high_hz else WIDEST,
-            'stopbands': 'both' if chain.stopbands_hz else 'none',
-            'notch_hz': 0.0,
+            'stopbands': 'given' if chain.stopbands_hz == given.stopbands_hz else 'none',
             'floors': floors,
             'floor_scale': 1.0,
             'floor_range_db': chain.noise_floor_range_db,
@@ -319,8 +296,6 @@ class SearchSpace:
             'activity': way(chain.activity_cap_db, chain == given, 'searched'),
             'activity_cap_db': chain.activity_cap_db or ACTIVITY_CAP_DB,
         }
-        if chain.stopbands_hz == given.stopbands_hz:
-            values['stopbands'] = 'given'
         # All others have the names of the chain's parameters.
         return {
             name: _nearest(allowed, values[name] if name in values else getattr(chain, name))
