@@ -41,7 +41,7 @@ from slip_detector.parameters.files import read_yaml, write_yaml
 from slip_detector.parameters.sections import ALL, node_of, sections_of
 from slip_detector.recordings import with_subfolders
 from slip_detector.recordings.labels import KINDS
-from slip_detector.report.tables import compared, number_text, text_table
+from slip_detector.report.tables import compared, figure_text, heading, text_table
 from slip_detector.tuning.learning import learn_from_quiet
 from slip_detector.tuning.problem import Candidate, searched
 from slip_detector.tuning.tracks import Track, TrainingFiles
@@ -55,6 +55,11 @@ TRIALS = 200
 OF_SEARCH = ('recordings', 'held_out', 'report', 'storage', 'jobs', 'cluster', 'json', *KINDS)
 
 STOPPING = '\nstopping; results so far are kept (Ctrl-C again: end at once)\n'
+
+#: Figures of the best chain so far that are shown during a search.
+SHOWN = (
+    'latency_median_all_ms', 'sooner_than_chance', 'false_alarms_per_minute', 'false_time_percent'
+)  # fmt: skip
 
 #: Number of lines on the progress of a search where no bar can be shown.
 LINES = 10
@@ -142,20 +147,13 @@ def in_short(found: Candidate | None) -> str:
     --------
     >>> from slip_detector.parameters import ChainConfig
     >>> figures = {'latency_median_all_ms': 41.0, 'sooner_than_chance': 0.95}
-    >>> figures |= {'false_alarms_per_minute': 1.5, 'false_time_percent': None}
-    >>> in_short(Candidate(ChainConfig(), cost_ms=91.0, error_ms=9.0, figures=figures))[:46]
-    'result so far: costs 91.0 ms, latency 41.0 ms,'
+    >>> in_short(Candidate(ChainConfig(), cost_ms=91.0, error_ms=9.0, figures=figures))[:60]
+    'result so far: costs 91.0 ms, latency median all [ms] 41.0, '
     """
     if found is None:
         return 'no result yet'
-    figures = found.figures
-    return (
-        f'result so far: costs {found.cost_ms:.1f} ms, '
-        f'latency {number_text(figures["latency_median_all_ms"], ".1f")} ms, '
-        f'sooner than chance {number_text(figures["sooner_than_chance"], ".2f")}, '
-        f'{number_text(figures["false_alarms_per_minute"], ".2g")} false/min, '
-        f'{number_text(figures["false_time_percent"], ".2g")} % false time'
-    )
+    figures = [f'{heading(name)} {figure_text(name, found.figures)}' for name in SHOWN]
+    return f'result so far: costs {found.cost_ms:.1f} ms, {", ".join(figures)}'
 
 
 def _names_of(tracks: Sequence[Track]) -> str:

@@ -19,7 +19,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from slip_detector.parameters import ChainConfig
-from slip_detector.tuning.learning import LEARNT_RANGE_DB, find_mains, impact_step, learnt_floors
+from slip_detector.tuning.learning import impact_step, learn_from_rest
 from slip_detector.tuning.tracks import Track
 
 #: Where the search for an unknown sensor begins, and its pass-band: from a frequency, or from a
@@ -67,15 +67,11 @@ def learn(
         step(f'learning the {what} of {longest.name}')
         try:
             if kind == 'rest':
-                mains_hz, line = find_mains(chain, longest)
-                chain = dataclasses.replace(chain, mains_hz=chain.mains_hz or mains_hz)
-                floors = learnt_floors(chain, [longest])
-                learnt: Any = {'noise_floor_range_db': LEARNT_RANGE_DB, 'noise_floor': floors}
-                chain = dataclasses.replace(chain, noise_floor_learnt=True, **learnt)
+                learnt, said = learn_from_rest(longest, chain)
             else:
                 impact_v, line = impact_step(chain, longest, slips)
-                chain = dataclasses.replace(chain, impact_v=impact_v)
-            lines.append(f'{longest.name}: {line}')
+                learnt, said = {'impact_v': impact_v}, [f'On {longest.name}: {line}']
+            chain, lines = dataclasses.replace(chain, **learnt), lines + said
         except ValueError as error:  # Taps may look like slips: what was learnt before is kept.
             lines.append(str(error))
     return chain, lines
