@@ -57,9 +57,7 @@ OF_SEARCH = ('recordings', 'held_out', 'report', 'storage', 'jobs', 'cluster', '
 STOPPING = '\nstopping; results so far are kept (Ctrl-C again: end at once)\n'
 
 #: Figures of the best chain so far that are shown during a search.
-SHOWN = (
-    'latency_median_all_ms', 'sooner_than_chance', 'false_alarms_per_minute', 'false_time_percent'
-)  # fmt: skip
+SHOWN = 'latency_median_all_ms', 'sooner_than_chance', 'false_time_percent'
 
 #: Number of lines on the progress of a search where no bar can be shown.
 LINES = 10
@@ -117,7 +115,6 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
 def _reports(trials: int, bar: Any, as_json: bool) -> dict[str, Callable[..., None]]:
     """Return functions that show each step, what is noticed, and the trials so far."""
     said: dict[str, Any] = {'step': 'reading the recordings', 'share': 0.0, 'lines': []}
-    printed = 0
 
     def say(lines: Sequence[str] = (), **changes: Any) -> None:
         said.update(changes, lines=[*said['lines'], *lines])
@@ -128,12 +125,11 @@ def _reports(trials: int, bar: Any, as_json: bool) -> dict[str, Callable[..., No
         bar.set_description_str(said['step'])
 
     def progress(count: int, best: Candidate | None) -> None:
-        nonlocal printed
+        tenths = [int(LINES * share) for share in (said['share'], count / trials)]
         words = f'{count} of {trials} trials, {in_short(best)}'
         bar.update(count - bar.n)
         say(step=words, share=count / trials)
-        if bar.disable and not as_json and (count - printed) * LINES >= trials:
-            printed = count
+        if bar.disable and not as_json and tenths[0] < tenths[1]:
             say([words])
 
     say()
