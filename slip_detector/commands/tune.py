@@ -16,9 +16,10 @@
 
 Learn of a finger's recordings how to detect its slips: noise and mains of rest, impacts of taps,
 contact of a finger that touches nothing; then search the parameters that catch labelled slips
-soonest without false alarms. Of each kind of recordings every third, from the second on, is held
-out: on these the result is never worse than the given parameters. Ctrl-C ends the search with the
-result so far, and the same command continues it.
+soonest without false alarms. Of a folder its recordings are read, and those of the folders in it.
+Of each kind every third, from the second on, is held out: on these the result is never worse than
+the given parameters. Ctrl-C ends the search with the result so far, and the same command continues
+it.
 
 It uses no ROS. :func:`slip_detector.tuning.verdict.tune` does the work.
 """
