@@ -16,9 +16,10 @@
 
 Learn of a finger's recordings how to detect its slips: noise and mains of rest, impacts of taps,
 contact of a finger that touches nothing; then search the parameters that catch labelled slips
-soonest without false alarms. Of each kind of recordings every third, from the second on, is held
-out: on these the result is never worse than the given parameters. Ctrl-C ends the search with the
-result so far, and the same command continues it.
+soonest without false alarms. Of a folder its recordings are read, and those of the folders in it.
+Of each kind every third, from the second on, is held out: on these the result is never worse than
+the given parameters. Ctrl-C ends the search with the result so far, and the same command continues
+it.
 
 It uses no ROS. :func:`slip_detector.tuning.verdict.tune` does the work.
 """
@@ -41,7 +42,7 @@ from slip_detector.parameters.files import read_yaml, write_yaml
 from slip_detector.parameters.sections import ALL, node_of, sections_of
 from slip_detector.recordings import with_subfolders
 from slip_detector.recordings.labels import KINDS
-from slip_detector.report.tables import compared, number_text, text_table
+from slip_detector.report.tables import compared, figure_text, heading, text_table
 from slip_detector.tuning.learning import learn_from_quiet
 from slip_detector.tuning.problem import Candidate, searched
 from slip_detector.tuning.tracks import Track, TrainingFiles
@@ -55,6 +56,9 @@ TRIALS = 200
 OF_SEARCH = ('recordings', 'held_out', 'report', 'storage', 'jobs', 'cluster', 'json', *KINDS)
 
 STOPPING = '\nstopping; results so far are kept (Ctrl-C again: end at once)\n'
+
+#: Figures of the best chain so far that are shown during a search.
+SHOWN = 'latency_median_all_ms', 'sooner_than_chance', 'false_time_percent'
 
 #: Number of lines on the progress of a search where no bar can be shown.
 LINES = 10
@@ -112,7 +116,6 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
 def _reports(trials: int, bar: Any, as_json: bool) -> dict[str, Callable[..., None]]:
     """Return functions that show each step, what is noticed, and the trials so far."""
     said: dict[str, Any] = {'step': 'reading the recordings', 'share': 0.0, 'lines': []}
-    printed = 0
 
     def say(lines: Sequence[str] = (), **changes: Any) -> None:
         said.update(changes, lines=[*said['lines'], *lines])
@@ -123,12 +126,11 @@ def _reports(trials: int, bar: Any, as_json: bool) -> dict[str, Callable[..., No
         bar.set_description_str(said['step'])
 
     def progress(count: int, best: Candidate | None) -> None:
-        nonlocal printed
+        tenths = [int(LINES * share) for share in (said['share'], count / trials)]
         words = f'{count} of {trials} trials, {in_short(best)}'
         bar.update(count - bar.n)
         say(step=words, share=count / trials)
-        if bar.disable and not as_json and (count - printed) * LINES >= trials:
-            printed = count
+        if bar.disable and not as_json and tenths[0] < tenths[1]:
             say([words])
 
     say()
@@ -142,20 +144,13 @@ def in_short(found: Candidate | None) -> str:
     --------
     >>> from slip_detector.parameters import ChainConfig
     >>> figures = {'latency_median_all_ms': 41.0, 'sooner_than_chance': 0.95}
-    >>> figures |= {'false_alarms_per_minute': 1.5, 'false_time_percent': None}
-    >>> in_short(Candidate(ChainConfig(), cost_ms=91.0, figures=figures))[:46]
-    'result so far: costs 91.0 ms, latency 41.0 ms,'
+    >>> in_short(Candidate(ChainConfig(), cost_ms=91.0, figures=figures))[:60]
+    'result so far: costs 91.0 ms, latency median all [ms] 41.0, '
     """
     if found is None:
         return 'no result yet'
-    figures = found.figures
-    return (
-        f'result so far: costs {found.cost_ms:.1f} ms, '
-        f'latency {number_text(figures["latency_median_all_ms"], ".1f")} ms, '
-        f'sooner than chance {number_text(figures["sooner_than_chance"], ".2f")}, '
-        f'{number_text(figures["false_alarms_per_minute"], ".2g")} false/min, '
-        f'{number_text(figures["false_time_percent"], ".2g")} % false time'
-    )
+    figures = [f'{heading(name)} {figure_text(name, found.figures)}' for name in SHOWN]
+    return f'result so far: costs {found.cost_ms:.1f} ms, {", ".join(figures)}'
 
 
 def _names_of(tracks: Sequence[Track]) -> str:

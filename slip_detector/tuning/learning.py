@@ -107,15 +107,25 @@ def learn_from_quiet(
         When the recording cannot be read or is too short, or there is nothing to learn from it;
         names it.
     """
-    by_evidence = chain.decision == 'evidence'
-    if per_hour is None and not by_evidence:
+    if per_hour is None and chain.decision != 'evidence':
         text = 'evidence, whose noise floors --quiet learns, or --false-alarms-per-hour, which '
         refuse('parameter decision is mean', f'{text}sets the threshold')
     track = load_track(path, loader)
+    learnt, lines = learn_from_rest(track, chain)
+    lines = [*faults_of([track]), *lines]
+    if per_hour is not None:
+        chain = dataclasses.replace(chain, **learnt)
+        learnt['threshold'], line = quiet_threshold(track, chain, per_hour)
+        lines.append(f'On {track.name}, without slip: {line}')
+    return learnt, lines
+
+
+def learn_from_rest(track: Track, chain: ChainConfig) -> tuple[dict[str, Any], list[str]]:
+    """Learn mains and, where evidence decides, noise floors; see :func:`learn_from_quiet`."""
     mains_hz, line = find_mains(chain, track)
     learnt: dict[str, Any] = {}
-    lines = [*faults_of([track]), f'On {track.name}: {line}']
-    if by_evidence:
+    lines = [f'On {track.name}: {line}']
+    if chain.decision == 'evidence':
         if track.duration_s < LEAST_S:
             lasts = f'{track.name}: lasts {track.duration_s:.3g} s'
             refuse(lasts, f'at least {LEAST_S:g} s at rest')
@@ -129,10 +139,6 @@ def learn_from_quiet(
         learnt |= {'noise_floor': list(floors), 'noise_floor_learnt': True}
         learnt['noise_floor_range_db'] = LEARNT_RANGE_DB
         lines.append(f'Noise floors of {min(floors):.4g} to {max(floors):.4g}')
-    if per_hour is not None:
-        chain = dataclasses.replace(chain, **learnt)
-        learnt['threshold'], line = quiet_threshold(track, chain, per_hour)
-        lines.append(f'On {track.name}, without slip: {line}')
     return learnt, lines
 
 

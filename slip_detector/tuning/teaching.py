@@ -20,7 +20,7 @@ from typing import Any
 
 from slip_detector.parameters import ChainConfig
 from slip_detector.tuning.bands import slip_bands
-from slip_detector.tuning.learning import LEARNT_RANGE_DB, find_mains, learnt_floors
+from slip_detector.tuning.learning import learn_from_rest
 from slip_detector.tuning.tracks import Track, at_rest
 
 #: Where the search for an unknown sensor begins, and its pass-band: from a frequency, or from a
@@ -66,15 +66,11 @@ def learn(
         lines.append(f'The given pass-band begins above them, at {low_hz:g} Hz')
     resting = [track for track in at_rest(tracks) if not track.slips]
     if not resting:
-        return chain, [*lines, 'No mains sought: there is no recording of rest']
+        return chain, [*lines, 'No noise learnt: there is no recording of rest']
     longest = max(resting, key=lambda track: track.duration_s)
     step(f'learning the noise of {longest.name}')
-    mains_hz, line = find_mains(chain, longest)
-    lines.append(f'{longest.name}: {line}')
     try:
-        chain = dataclasses.replace(chain, mains_hz=chain.mains_hz or mains_hz)
-        learnt: Any = {'noise_floor': learnt_floors(chain, tracks), 'noise_floor_learnt': True}
-        chain = dataclasses.replace(chain, **learnt, noise_floor_range_db=LEARNT_RANGE_DB)
-    except ValueError as error:  # The mains of this rate cannot be removed, or there is no noise.
-        lines.append(str(error))
-    return chain, lines
+        learnt, said = learn_from_rest(longest, chain)
+        return dataclasses.replace(chain, **learnt), lines + said
+    except ValueError as error:
+        return chain, [*lines, str(error)]
