@@ -48,12 +48,13 @@ BY_EYE_S = 0.1
 #: Below this frequency, or this share of the sample rate, a signal is no sign of sliding to
 #: :func:`snapped`; a change has so many rows on either side, and so much logarithm of likelihood a
 #: row at least, that of a change of 3 dB in the middle, and so much in all.
-LOW_HZ, LOW_SHARE, SIDE_ROWS, LEAST_GAIN, LEAST_GAIN_IN_ALL = 20.0, 0.2, 4, 0.05, 10.0
+LOW_HZ, LOW_SHARE, SIDE_ROWS, LEAST_GAIN, LEAST_GAIN_IN_ALL = 20.0, 0.2, 8, 0.05, 25.0
 
-#: Places that are less likely than the best by this much logarithm of likelihood are ruled out;
-#: so many times as far as an end may be off it is sought at most, where its reach has to grow; and
-#: what is louder than this share of the rows about it counts as they do, as knocks are short.
-UNLIKELY, FARTHEST, LOUDEST = 6.0, 2.0, 0.95
+#: Places that are less likely than the best by this much logarithm of likelihood are ruled out
+#: with one channel, and by half of it with four or more, which do not all err alike; an end is
+#: sought at most so many times as far away as it may be, where its reach has to grow; and what is
+#: louder than this share of the rows about it counts as they do, as knocks are short.
+UNLIKELY, FARTHEST, LOUDEST = 12.0, 2.0, 0.95
 
 #: Largest accuracy that means something.
 MOST_S = 10.0
@@ -305,11 +306,12 @@ def snapped(
 
 def _change(power: Floats, row: int, reach: int, exact: float, rises: bool) -> int | None:
     """Return at which row near one power changes; None if that cannot be said exactly enough."""
-    n, below, above = len(power), reach, reach
+    (n, channels), below, above = power.shape, reach, reach
     if n < 2 * SIDE_ROWS:
         return None
     row = min(max(row, SIDE_ROWS), n - SIDE_ROWS)
     energy = np.cumsum(np.minimum(power, np.quantile(power, LOUDEST, axis=0)), axis=0)
+    unlikely = UNLIKELY / math.sqrt(min(channels, 4))
     while max(below, above) <= FARTHEST * reach:
         at = np.arange(max(row - below, SIDE_ROWS), min(row + above, n - SIDE_ROWS) + 1)
         whole, before, after = (
@@ -322,7 +324,7 @@ def _change(power: Floats, row: int, reach: int, exact: float, rises: bool) -> i
         )
         gain = n * whole - at * before - (n - at) * after
         gain[(after > before) != rises] = 0.0
-        best, likely = int(at[gain.argmax()]), at[gain >= gain.max() - UNLIKELY]
+        best, likely = int(at[gain.argmax()]), at[gain >= gain.max() - unlikely]
         if at[0] < likely[0] and likely[-1] < at[-1]:
             sure = gain.max() > max(LEAST_GAIN * n, LEAST_GAIN_IN_ALL)
             return best if sure and np.abs(likely - best).max() <= exact else None
