@@ -46,11 +46,9 @@ from slip_detector.report.tables import compared, figure_text, heading, text_tab
 from slip_detector.tuning.learning import learn_from_quiet
 from slip_detector.tuning.problem import Candidate, searched
 from slip_detector.tuning.tracks import Track, TrainingFiles
-from slip_detector.tuning.verdict import TuningParameters, tune
+from slip_detector.tuning.verdict import TRIALS, TuningParameters, tune
 
 NAME = 'slip_tune'
-
-TRIALS = 200
 
 #: Options that only a search has.
 OF_SEARCH = ('recordings', 'held_out', 'report', 'storage', 'jobs', 'cluster', 'json', *KINDS)
@@ -71,8 +69,8 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     add('--out', type=Path, required=True, metavar='FILE', help='the parameter file to write')
     workers.add_options(parser, 'search')
     add(
-        '--trials', type=whole_number(1), default=TRIALS, metavar='N',
-        help='number of trials of the study, including earlier runs (default: %(default)s)',
+        '--trials', type=whole_number(1), metavar='N', help='number of trials of the study, with '
+        'earlier runs (default: {} to {}, more where recordings are short)'.format(*TRIALS),
     )  # fmt: skip
     add(
         '--storage', metavar='URL', help='where the study is kept and shared: the path of a '
@@ -113,7 +111,7 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     return options
 
 
-def _reports(trials: int, bar: Any, as_json: bool) -> dict[str, Callable[..., None]]:
+def _reports(bar: Any, as_json: bool) -> dict[str, Callable[..., None]]:
     """Return functions that show each step, what is noticed, and the trials so far."""
     said: dict[str, Any] = {'step': 'reading the recordings', 'share': 0.0, 'lines': []}
 
@@ -125,7 +123,8 @@ def _reports(trials: int, bar: Any, as_json: bool) -> dict[str, Callable[..., No
             bar.write('\n'.join(lines), file=sys.stderr)
         bar.set_description_str(said['step'])
 
-    def progress(count: int, best: Candidate | None) -> None:
+    def progress(count: int, trials: int, best: Candidate | None) -> None:
+        bar.total = trials
         tenths = [int(LINES * share) for share in (said['share'], count / trials)]
         words = f'{count} of {trials} trials, {in_short(best)}'
         bar.update(count - bar.n)
@@ -170,13 +169,13 @@ def _search(
     workers.make_paths_whole(options, 'recordings', 'held_out', *KINDS)
     of_kinds = [(kind, path) for kind in KINDS for path in getattr(options, kind)]
     read = options.recordings, parameters.loader, options.held_out
-    files, trials = TrainingFiles(*read, of_kinds=of_kinds), options.trials
+    files = TrainingFiles(*read, of_kinds=of_kinds)
     with (
         workers.processes(options.jobs, options.cluster) as calls,
-        workers.progress_bar(trials, 'trial') as bar,
+        workers.progress_bar(options.trials, 'trial') as bar,
     ):
-        more: Any = {**_reports(trials, bar, options.json), 'stop': stop, 'calls': calls}
-        result = tune(files, parameters, trials, seed=options.seed, storage=where, **more)
+        more: Any = {**_reports(bar, options.json), 'stop': stop, 'calls': calls}
+        result = tune(files, parameters, options.trials, seed=options.seed, storage=where, **more)
     # It takes a while to load.
     from slip_detector.report.page import replay_variant, write_page
 
@@ -188,8 +187,7 @@ def _search(
         for name, chain in (('given', given), ('not taken' if verdict.kept else 'tuned', found))
     ]
     lines = [
-        f'{study.follow()} trials ({trials} asked for), {len(study.trials)} of them gave '
-        f'a chain, seed {options.seed}',
+        f'{study.follow()} trials, {len(study.trials)} of them gave a chain, seed {options.seed}',
         f'Tuned on: {_names_of(problem.tracks)}',
         f'Held out, and not tuned on: {_names_of(held)}',
         *notes,

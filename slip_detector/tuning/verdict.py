@@ -46,6 +46,10 @@ from slip_detector.tuning.tracks import Track, TrainingFiles
 #: The chains that are compared on the recordings that were tuned on, the cheapest first.
 COMPARED_CHAINS = 24
 
+#: The fewest and the most trials of a search without a number, and how many values of recordings
+#: all of them together may read.
+TRIALS, VALUES = (200, 400), 1e9
+
 #: In less rest than this, in seconds, false alarms hardly show.
 LEAST_REST_S = 60.0
 
@@ -132,11 +136,11 @@ class TuningResult(NamedTuple):
 def tune(
     files: TrainingFiles,
     parameters: TuningParameters,
-    trials: int,
+    trials: int | None = None,
     *,
     seed: int = 0,
     storage: str | None = None,
-    progress: Callable[[int, Candidate | None], None] = lambda count, best: None,
+    progress: Callable[[int, int, Candidate | None], None] = lambda count, trials, best: None,
     doubt: Callable[[list[str]], None] = lambda sentences: None,
     stop: Callable[[], bool] = lambda: False,
     calls: Calls | None = None,
@@ -155,13 +159,14 @@ def tune(
         The chain that is tuned, and how.
     trials
         Number of trials that the study is to reach, including other searches and earlier runs.
+        None: as many as a short time allows, see :data:`TRIALS`.
     seed
         Seed of the search.
     storage
         The storage of the study, see :class:`Study`; None: in memory.
     progress
-        Called with the number of trials so far and the chain that would be judged if the search
-        ended now, before the first trial, and after each trial and each batch.
+        Called with the number of trials so far, the number of all, and the cheapest chain, before
+        the first trial, and after each trial and each batch.
     doubt
         Called before the search with a line on each recording that has faults, is left out or
         contradicts its kind, see :func:`.kinds.contradictions`, and on what was learnt.
@@ -199,6 +204,7 @@ def tune(
     stop()
     step('searching')
     problem = parameters._replace(chain=begin, running=running).problem(training)
+    many = trials or default_trials(training)
     name = problem.study_name()
     study = Study(problem.space.distributions, seed, storage, name)
     # It has a few kilobytes, without any rows.
@@ -211,11 +217,11 @@ def tune(
             return next(iter(cheapest(problem, study.trials)), None)
 
     def show(count: int) -> None:
-        progress(count, best_so_far(len(study.trials)))
+        progress(count, many, best_so_far(len(study.trials)))
 
     show(study.follow())
     results = calls and functools.partial(calls, functools.partial(candidates_at, pickled))
-    search(problem, study, trials, stop, show, results)
+    search(problem, study, many, stop, show, results)
     if stop():
         if not study.trials:
             raise KeyboardInterrupt('stopped before anything was found')
@@ -231,6 +237,11 @@ def tune(
     if verdict.traded:
         notes.append(f'Worse on what was held out, as trade allows: {verdict.traded}')
     return TuningResult(problem, held, study, verdict, notes)
+
+
+def default_trials(tracks: Sequence[Track]) -> int:
+    """Return how many trials a search has: more where recordings are short."""
+    return int(np.clip(VALUES / sum(track.volts.size for track in tracks), *TRIALS))
 
 
 def worse_than(figures: Figures, other: Figures, trade: bool = False) -> list[str]:
