@@ -213,9 +213,8 @@ class Problem:
         self, chain: ChainConfig, statistic: Sequence[Floats], limits: Floats, neighbours: int
     ) -> Candidate:
         """Return a chain with the threshold that, with so many neighbours, costs least."""
-        rows = max(settling_rows(chain), self.settling_rows)
+        scoring = self.evaluation, max(settling_rows(chain), self.settling_rows)
         most_ms = self.config.missed_costs_ms
-        scoring = self.evaluation, rows
         swept = Events.pooled(sweep.sweep_thresholds(statistic, self.tracks, limits, *scoring))
         # How late each slip is found. One that begins while a chain settles counts as missed, so
         # that a chain does not gain by settling for longer.
