@@ -106,8 +106,8 @@ class Events:
         with np.errstate(invalid='ignore'):  # Of no time, 0 / 0 is not defined.
             lasting = np.concatenate([self.lasting, self.rest[np.newaxis]])
             on, alarms_hz = np.swapaxes(lasting[:, 1:] / lasting[:, :1], 0, 1)
-        missed = np.isnan(self.latencies_ms)
-        many, matched = len(missed), (~missed).sum(axis=0)
+        many, missed = len(self.latencies_ms), np.isnan(self.latencies_ms)
+        matched = many - missed.sum(axis=0)
         by_chance = sooner = median_ms = np.full(matched.shape, np.nan)
         if many and self.rest[0].all():
             chance = self.leads_s, self.windows_s, alarms_hz[-1]
@@ -138,9 +138,10 @@ class Events:
         To :attr:`figures` are added ``latency_median_ms``, ``latency_p90_ms`` and
         ``latency_worst_ms`` of the slips found, defined where ``sooner_than_chance`` is above 0.
         """
-        every = {name: of[threshold] for name, of in self.figures.items()}
+        # Alone, as NumPy rounds the mean of one column in another way than that of several.
+        latencies_ms, lasting = self.latencies_ms[:, [threshold]], self.lasting[..., [threshold]]
+        every = dataclasses.replace(self, latencies_ms=latencies_ms, lasting=lasting).figures
         figures = {name: None if np.isnan(one) else one.item() for name, one in every.items()}
-        latencies_ms = self.latencies_ms[:, threshold]
         found_ms = latencies_ms[~np.isnan(latencies_ms)]
         defined = found_ms.size and (figures['sooner_than_chance'] or 0.0) > 0.0
         for name, percent in OF_FOUND.items():

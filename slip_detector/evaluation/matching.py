@@ -297,8 +297,7 @@ class ScoredRows:
         latencies_ms = np.where(rises == NONE, np.nan, 1e3 * late_s)[self.scored]
         lasting = np.zeros((len(LASTING), 3, len(alarms)))
         slip, rest = lasting[0], lasting[LASTING.index(kind)]
-        rows = (np.sum(ends - starts) for starts, ends in (self.certain, self.rest))
-        slip[0], rest[0] = (many / self._rate_hz for many in rows)
+        slip[0], rest[0] = (np.sum(b - a) / self._rate_hz for a, b in (self.certain, self.rest))
         slip[1], rest[1], rest[2] = on_certain / self._rate_hz, on_rest / self._rate_hz, alarms
         of_scored = self.leads_s[self.scored], self.windows_s[self.scored]
         return Events(latencies_ms, *of_scored, lasting)

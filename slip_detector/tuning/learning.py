@@ -174,8 +174,7 @@ def quiet_threshold(track: Track, chain: ChainConfig, per_hour: float) -> tuple[
         limits = np.array([chain.threshold])
     # Each rise counts as an alarm, from the first row on, as it does in the detector's output.
     config = EvaluationConfig(off_before_s=0.0)
-    (events,) = sweep_thresholds([statistic], [track], limits, config, settling_rows=0)
-    alarms = events.rest[2].astype(np.int64)
+    alarms = sweep_thresholds([statistic], [track], limits, config, settling_rows=0)[0].rest[2]
     blocks = range(0, statistic.size, round(max(BLOCK_S * track.sample_rate_hz, 1.0)))
     peaks = np.maximum.reduceat(statistic, blocks)
     loud = np.array([np.count_nonzero(peaks > limit) for limit in limits])
@@ -192,7 +191,7 @@ def quiet_threshold(track: Track, chain: ChainConfig, per_hour: float) -> tuple[
     low = special.gammaincinv(loud[first], 1.0 - CONFIDENCE) if loud[first] else 0.0
     threshold = float(f'{limits[first]:.6g}')
     return threshold, (
-        f'threshold {threshold:g}, {alarms[first]} false alarms in {hours:.3g} h: '
+        f'threshold {threshold:g}, {alarms[first]:.0f} false alarms in {hours:.3g} h: '
         f'{low / hours * cluster[first]:.3g} to {upper[first]:.3g} an hour at '
         f'{CONFIDENCE:.0%} confidence'
     )

@@ -253,9 +253,8 @@ def sweep_thresholds(
     found = []
     for part, track in zip(statistic, tracks, strict=True):
         stretches = [stretch.interval for stretch in track.stretches]
-        rate_hz, accuracy_s = track.sample_rate_hz, track.samples.accuracy_s
-        of = track.slips, stretches, settling_rows, config, rate_hz, accuracy_s
-        rows = matching.ScoredRows(*of)
+        times = track.sample_rate_hz, track.samples.accuracy_s
+        rows = matching.ScoredRows(track.slips, stretches, settling_rows, config, *times)
         rises = np.full((len(track.slips), limits.size), matching.NONE, np.int64)
         false_alarms = np.zeros(limits.size, np.int64)
         rows_below = np.zeros((limits.size + 1, 3), np.int64)
