@@ -28,7 +28,7 @@ from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters import ChainConfig, EvaluationConfig, RecordingConfig, TuneConfig
 from slip_detector.parameters.fields import name_list
 from slip_detector.recordings.labels import KINDS
-from slip_detector.tuning.hand_labels import load_snapped
+from slip_detector.tuning.hand_labels import snap_labels
 from slip_detector.tuning.kinds import contradictions
 from slip_detector.tuning.problem import ON_STEP, Candidate, Figures, Problem, better_than_chance
 from slip_detector.tuning.search import Calls, Study, candidates_at, search
@@ -184,7 +184,9 @@ def tune(
     """
     if importlib.util.find_spec('optuna') is None:
         raise ValueError("needs optuna, which is not installed: pip install 'slip_detector[tune]'")
-    training, held, notes = load_snapped(files)
+    training, held, notes = files.load()
+    tracks, moved = snap_labels(training + held)
+    training, held, notes = tracks[: len(training)], tracks[len(training) :], notes + moved
     sentences, mistakes = contradictions(parameters.chain, training + held)
     wrong = [track for track in mistakes if track.samples.accuracy_s]
     parts = [[track for track in part if track not in wrong] for part in (training, held)]
