@@ -187,7 +187,7 @@ class RecordedFolder:
         before_s = self.recordings[path.name].exact_s or [recording.accuracy_s] * len(were_s)
         known = dict(zip(were_s, before_s, strict=False))
         exact_s = [known.get(end_s, by_s) for end_s in wanted.edges_s.ravel().tolist()]
-        document = {labels.KEY: edges_s, labels.ACCURACY: max(exact_s, default=0.0)}
+        document = {labels.KEY: edges_s, labels.ACCURACY: max(exact_s, default=by_s)}
         write_yaml(file, document, ['Moved by hand on the page of slip_view.'])
         self.recordings[path.name] = self._summary(path.name)._replace(exact_s=tuple(exact_s))
         return {'slip_s': edges_s}
