@@ -306,13 +306,9 @@ def choose(problem: Problem, trials: Sequence[Any]) -> Candidate | None:
     _, best_ms, best_costs_ms, _ = min(tried, key=lambda one: one[1])
     as_good = []
     for found, cost_ms, costs_ms, params in tried:
-        folds = costs_ms.size
-        differences_ms = costs_ms - best_costs_ms
-        if folds > 1 and np.isfinite(best_ms):
-            error_ms = math.sqrt(folds - 1) * float(np.std(differences_ms))
-            if not cost_ms <= best_ms + error_ms:
-                continue
-        as_good.append((problem.space.distance(params, given), found))
+        error_ms = math.sqrt(costs_ms.size - 1) * float(np.std(costs_ms - best_costs_ms))
+        if cost_ms <= best_ms + error_ms:
+            as_good.append((problem.space.distance(params, given), found))
     return min(as_good, key=lambda one: one[0])[1]
 
 
