@@ -306,10 +306,11 @@ def choose(problem: Problem, trials: Sequence[Any]) -> Candidate | None:
     _, best_ms, best_costs_ms, _ = min(tried, key=lambda one: one[1])
     as_good = []
     for found, cost_ms, costs_ms, params in tried:
-        folds = costs_ms.size
-        differences_ms = costs_ms - best_costs_ms
-        if folds > 1 and np.isfinite(best_ms):
-            error_ms = math.sqrt(folds - 1) * float(np.std(differences_ms))
+        if np.isfinite(best_ms):
+            # Leaving out a recording may leave no slip, which costs infinitely much with each.
+            known = np.isfinite(costs_ms) & np.isfinite(best_costs_ms)
+            differences_ms = costs_ms[known] - best_costs_ms[known]
+            error_ms = math.sqrt(max(known.sum() - 1, 0)) * float(np.std(differences_ms))
             if not cost_ms <= best_ms + error_ms:
                 continue
         as_good.append((problem.space.distance(params, given), found))
