@@ -33,17 +33,18 @@ The figures of a chain, of rows in which it has settled and the label is certain
 ``slips``, ``recall``, ``recall_by_chance``, ``coverage``, ``false_alarms_per_minute``
     As ``slip_evaluate`` has them.
 ``on_percent``
-    The share of all these rows that is ON. A guess that is as often ON covers as much of the
-    slips, is ON for as much of each kind, and has areas of 0.5.
-``kinds``
-    For each kind of rows in which nothing slides, ``motion`` of the robot among them:
-    ``on_percent``; ``auc``, the area under the ROC curve of slides against them; and
-    ``auc_of_rest``, that of rest against them, which is high where the chain recognises not what
-    happens but the recording.
-``joints``
-    Of joints (:mod:`benchmarks.fingers.joints`) of a rest with a ``slide``, and with another
-    ``rest``: the number of ``joints`` and how many are ``on_before``; of the others
-    ``detected_percent``, within 0.3 s, and after which time from the middle, ``median_ms``.
+    The share that is ON: of rows that ``slide``; of those of each kind in which nothing slides;
+    ``between`` slips, or of recordings without a kind; of the robot's ``motion`` in these; and of
+    ``all``. A guess that is as often ON is ON for this share of each, and its areas are 0.5.
+``auc``
+    The area under the ROC curve of slides against the rows of each kind.
+``auc_of_rest``
+    That of rest, between slips and of this kind, against them: above 0.5 where the chain
+    recognises not what happens but the recording.
+``joints``, ``joints_detected_percent``, ``joints_ms``
+    Joints (:mod:`benchmarks.fingers.joints`) of a rest with a ``slide``, and with another
+    ``rest``, before which it is OFF; how many of them turn it ON within 0.3 s; and the median of
+    the times from the middle of a joint, of all of them, where that is defined.
 ``recordings_on_percent``
     The share of the rest of each recording that is ON.
 """
@@ -51,13 +52,13 @@ The figures of a chain, of rows in which it has settled and the label is certain
 import argparse
 import dataclasses
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.fingers.judging import OF_SLIPS, Judged, figures, judge, rows_of
+from benchmarks.fingers.judging import Judged, figures, judge, pooled
 from benchmarks.fingers.parts import Tracks, divide, longest, recordings_in
 from benchmarks.measurement import shared_options
 from benchmarks.paper.protocol import PAPER_FALSE_POSITIVE_PERCENT
@@ -77,9 +78,6 @@ from slip_detector.view.tuning import beginning
 WANTED: dict[str, Bound] = {}
 
 TRIALS, QUICK_TRIALS = 200, 8
-
-#: Length of the cross-fade of a joint without mains.
-FADE_S = 0.08
 
 #: The highest frequency of a band, as a share of the rate.
 TOP_SHARE = 0.45
@@ -108,85 +106,71 @@ def options() -> argparse.ArgumentParser:
 def measure(words: argparse.Namespace) -> dict[str, Any]:
     """Measure each finger."""
     if not words.data.is_dir():
-        refuse(f'--data: is {words.data}', 'a folder with a folder for each finger')
-    folders = {one.name: one for one in sorted(words.data.iterdir()) if one.is_dir()}
-    given = dict(one.partition('=')[::2] for one in words.config)
-    for name in {*words.finger, *given} - folders.keys():
-        refuse(f'{words.data}: has no folder {name!r}', ', '.join(folders) or 'one for each')
-    trials = QUICK_TRIALS if words.quick else words.trials
-    found = {}
-    for name in words.finger or folders:
-        beside = words.data / f'{name}.yaml'
-        file = find_parameter_file(given[name]) if name in given else beside
-        parameters = parameters_of(folders[name], file if file.exists() else None)
-        tracks = load(parameters, recordings_in(folders[name]))
-        if words.judge or not any(one.slips for one in tracks.values()):
-            on_all = judged_on(parameters, parameters.chain, tracks, parameters.chain.mains_rows)
-            found[name] = {'parts': [], 'chains': {'given': figures(on_all)}}
-        else:
-            found[name] = measure_taught(parameters, tracks, trials, words.seed)
-    return found
-
-
-def parameters_of(folder: Path, file: Path | None) -> TuningParameters:
-    """Return the parameters in a file, or those that the recordings of a new sensor tell."""
-    if file:
-        sets: Any = (type(one).from_yaml(file) for one in TuningParameters()[:-1])
-        return TuningParameters(*sets)
-    paths = recordings_in(folder)
-    if not paths:
-        refuse(f'{folder}: has no recordings', 'those of a finger')
-    first = open_recording(paths[0])
-    shape: Any = {'channels': len(first.channel_names), 'sample_rate_hz': first.sample_rate_hz}
-    # Bands of the paper may be beyond this rate; the beginning has its own.
-    return TuningParameters(ChainConfig(**shape, passband_hz=(1.0, 0.0), stopbands_hz=()))
-
-
-def load(parameters: TuningParameters, paths: list[Path]) -> Tracks:
-    """Read recordings."""
-    loaded = {path: load_tracks([str(path)], parameters.loader)[0] for path in paths}
+        refuse(f'--data is {words.data}', 'a folder with a folder for each finger')
+    folders = (one for one in sorted(words.data.iterdir()) if one.is_dir())
+    fingers = {one.name: paths for one in folders if (paths := recordings_in(one))}
+    files = {name: str(words.data / f'{name}.yaml') for name in fingers}
+    files = {name: file for name, file in files.items() if Path(file).is_file()}
+    files |= {name: file for name, _, file in (one.partition('=') for one in words.config)}
+    for name in {*words.finger, *files} - fingers.keys():
+        refuse(f'{words.data}: has no recordings of {name}', ', '.join(fingers) or 'some')
     return {
-        path: dataclasses.replace(one, name='/'.join(path.parts[-2:]))
-        for path, one in loaded.items()
+        name: measure_finger(fingers[name], files.get(name, ''), words)
+        for name in words.finger or fingers
     }
 
 
-def judged_on(
-    parameters: TuningParameters, chain: ChainConfig, tracks: Tracks, mains_rows: int
-) -> list[Judged]:
-    """Judge a chain on each recording."""
-    fade_rows = mains_rows or chain.samples(FADE_S)
-    return [judge(chain, one, parameters.evaluation, fade_rows) for one in tracks.values()]
-
-
-def measure_taught(
-    parameters: TuningParameters, tracks: Tracks, trials: int, seed: int
-) -> dict[str, Any]:
-    """Judge each part by what was taught on the others."""
+def measure_finger(paths: list[Path], file: str, words: argparse.Namespace) -> dict[str, Any]:
+    """Judge each part of the recordings by what was taught on the others; or what is given."""
+    parameters = parameters_of(file, paths[0])
+    tracks, chain, config = load(paths, parameters), parameters.chain, parameters.evaluation
+    if words.judge or not any(one.slips for one in tracks.values()):
+        if not file:
+            refuse(f'{paths[0].parent}: has no slips, or no parameters to judge', '--config')
+        judged = [judge(chain, one, config, chain.mains_rows) for one in tracks.values()]
+        return {'parts': [], 'chains': {'given': figures(judged)}}
     parts, together = [], dict[str, list[Judged]]()
     with tempfile.TemporaryDirectory() as folder:
         divided = divide(tracks, parameters.recording, Path(folder))
-        loaded = [load(parameters, paths) for paths in divided]
+        loaded = [load(its, parameters) for its in divided]
         for its in loaded:
-            others = {
-                path: one for part in loaded if part is not its for path, one in part.items()
-            }
-            chains, about = teach(parameters, others, trials, seed)
-            judged = {
-                name: judged_on(parameters, chain, its, chains['beginning'].mains_rows)
-                for name, chain in chains.items()
-            }
-            for name, several in judged.items():
-                together.setdefault(name, []).extend(several)
-            names = [one.name for one in its.values()]
-            parts.append({'judged_on': names, **about, 'figures': figures(judged['taught'])})
+            others = dict(pair for part in loaded if part is not its for pair in part.items())
+            chains, about = teach(parameters, others, words)
+            rows = chains['beginning'].mains_rows
+            for name, chain in chains.items():
+                judged = [judge(chain, one, config, rows) for one in its.values()]
+                together.setdefault(name, []).extend(judged)
+            of_taught = figures(together['taught'][-len(its) :])
+            parts.append({**about, 'judged_on': [*map(str, its)], 'figures': of_taught})
     return {'parts': parts, 'chains': {name: figures(every) for name, every in together.items()}}
 
 
+def parameters_of(file: str, recording: Path) -> TuningParameters:
+    """Return the parameters in a file, or what a recording tells of a new sensor."""
+    if file:
+        path = find_parameter_file(file)
+        sets: Any = (type(one).from_yaml(path) for one in TuningParameters()[:-1])
+        return TuningParameters(*sets)
+    first = open_recording(recording)
+    shape: Any = {'channels': len(first.channel_names), 'sample_rate_hz': first.sample_rate_hz}
+    # The paper's bands may be beyond this rate; the beginning has its own.
+    return TuningParameters(ChainConfig(**shape, passband_hz=(1.0, 0.0), stopbands_hz=()))
+
+
+def load(paths: list[Path], parameters: TuningParameters) -> Tracks:
+    """Read recordings; each is named by its folder too."""
+    loaded = {path: load_tracks([str(path)], parameters.loader)[0] for path in paths}
+    names = {path: f'{path.parent.name}/{path.name}' for path in paths}
+    return {path: dataclasses.replace(one, name=names[path]) for path, one in loaded.items()}
+
+
 def teach(
-    parameters: TuningParameters, tracks: Tracks, trials: int, seed: int
+    parameters: TuningParameters, tracks: Tracks, words: argparse.Namespace
 ) -> tuple[dict[str, ChainConfig], dict[str, Any]]:
-    """Return the chains, one of them taught as in ``docs/your_sensor.md``, and what is to say."""
+    """Return the chains to judge, one of them taught as ``docs/your_sensor.md`` says.
+
+    With them comes what there is to say about the teaching.
+    """
     values = beginning(DetectorConfig.from_parameters(parameters.chain.to_parameters()))
     known = {name: value for name, value in values.items() if name in vars(parameters.chain)}
     start = dataclasses.replace(parameters.chain, **known)
@@ -202,60 +186,46 @@ def teach(
             lines = [str(error)]
         notes += lines
     files = TrainingFiles([str(path) for path in tracks], parameters.loader)
-    result = tune(files, parameters._replace(chain=start), trials, seed=seed)
+    trials = QUICK_TRIALS if words.quick else words.trials
+    result = tune(files, parameters._replace(chain=start), trials, seed=words.seed)
     taught, kept = result.verdict.chain, result.verdict.kept
     chains = {'taught': taught, 'paper': papers(parameters, tracks), 'beginning': begin}
-    notes += result.notes
-    return chains, {'kept': kept, 'notes': notes, 'parameters': searched(taught)}
+    about = {'kept': kept, 'notes': notes + result.notes, 'parameters': searched(taught)}
+    return chains, about
 
 
 def papers(parameters: TuningParameters, tracks: Tracks) -> ChainConfig:
     """Return the paper's rule with a threshold for as many false positives as the paper had."""
-    given, its = parameters.chain, ChainConfig()
-    top_hz = TOP_SHARE * given.sample_rate_hz
+    its, top_hz = ChainConfig(), TOP_SHARE * parameters.chain.sample_rate_hz
     bands = [(low, min(high, top_hz)) for low, high in (its.passband_hz, *its.stopbands_hz)]
     passband_hz, *stopbands_hz = (band for band in bands if band[0] < band[1])
     kept = 'channels', 'sample_rate_hz', 'groups', 'disabled_channels', 'valid_range_v'
-    chain = ChainConfig(
-        passband_hz=passband_hz,
-        stopbands_hz=tuple(stopbands_hz),
-        **{name: getattr(given, name) for name in kept},
-    )
-    rest = rows_of(judged_on(parameters, chain, tracks, 0), 'rest')
-    times = np.quantile(rest, 1.0 - PAPER_FALSE_POSITIVE_PERCENT / 100.0)
-    return dataclasses.replace(chain, threshold=float(chain.threshold * times))
+    given: Any = {name: getattr(parameters.chain, name) for name in kept}
+    chain = ChainConfig(passband_hz=passband_hz, stopbands_hz=tuple(stopbands_hz), **given)
+    judged = [judge(chain, one, parameters.evaluation) for one in tracks.values()]
+    rest = pooled(judged, 'between', 'rest')
+    times = float(np.quantile(rest, 1.0 - PAPER_FALSE_POSITIVE_PERCENT / 100.0))
+    return dataclasses.replace(chain, threshold=chain.threshold * times)
 
 
 def as_table(found: Mapping[str, Any]) -> str:
-    """Return the figures as text, a table for each finger."""
-    return '\n\n'.join(f'{name}\n{text_table(_table(one))}' for name, one in found.items())
+    """Return the figures as text: for each finger those of each chain, and those of each part."""
+    tables = []
+    for name, finger in found.items():
+        parts = {f'taught, part {k}': one['figures'] for k, one in enumerate(finger['parts'], 1)}
+        columns = {**finger['chains'], **parts}
+        flat = [dict(_flat(column)) for column in columns.values()]
+        # Of many recordings only what the chain that was given does fits on a line.
+        heads = [head for head in flat[0] if all(head in one for one in flat)]
+        rows = [[head, *(number_text(one[head], '.3g') for one in flat)] for head in heads]
+        tables.append(f'{name}\n{text_table([["", *columns], *rows])}')
+    return '\n\n'.join(tables)
 
 
-def _table(finger: Mapping[str, Any]) -> list[list[str]]:
-    """Return the figures of each chain, and of what was taught on each part."""
-    columns = dict(finger['chains'])
-    for number, part in enumerate(finger['parts'], start=1):
-        columns[f'taught, part {number}'] = part['figures']
-    kinds = next(iter(columns.values()))['kinds']
-    rows: dict[str, tuple[str, ...]] = {
-        name.replace('_', ' '): ('.2f', name) for name in (*OF_SLIPS, 'on_percent')
-    }
-    for what, form, name in (
-        ('ON in {} [%]', '.1f', 'on_percent'),
-        ('area of slides against {}', '.3f', 'auc'),
-        ('area of rest against {}', '.3f', 'auc_of_rest'),
-    ):
-        rows |= {what.format(kind): (form, 'kinds', kind, name) for kind in kinds}
-    for kind in ('slide', 'rest'):
-        for name in ('joints', 'on_before', 'detected_percent', 'median_ms'):
-            rows[f'rest to {kind}, {name.replace("_", " ")}'] = ('.0f', 'joints', kind, name)
-    table = [['', *columns]]
-    for head, (form, *keys) in rows.items():
-        cells = []
-        for column in columns.values():
-            value: Any = column
-            for key in keys:
-                value = value[key]
-            cells.append(number_text(value, form))
-        table.append([head, *cells])
-    return table
+def _flat(figures: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Yield each figure with its name."""
+    for name, value in figures.items():
+        if isinstance(value, Mapping):
+            yield from ((f'{name}, {of}', one) for of, one in value.items())
+        else:
+            yield name, value

@@ -47,7 +47,7 @@ def join(before: Floats, after: Floats, rate_hz: float, fade_rows: int) -> tuple
     Parameters
     ----------
     before, after : ndarray, shapes (n, c) and (m, c)
-        Each of at least :func:`least_rows`.
+        Each longer than the shift, the cross-fade and what is not known of the slow part.
     rate_hz
         Their rate.
     fade_rows
@@ -77,11 +77,6 @@ def join(before: Floats, after: Floats, rate_hz: float, fade_rows: int) -> tuple
     return np.concatenate([before[: end.start], faded, after[fade_rows:]]), end.start
 
 
-def least_rows(rate_hz: float, fade_rows: int) -> int:
-    """Return how many rows a joint needs on either side."""
-    return 4 * fade_rows + round((2.0 * GUARD_S + WITHIN_S) * rate_hz)
-
-
 def joints(
     track: Track, rest: Bools, other: Bools, fade_rows: int
 ) -> Iterator[tuple[Floats, int]]:
@@ -104,7 +99,7 @@ def joints(
     first : int
         The first row of the cross-fade.
     """
-    least = least_rows(track.sample_rate_hz, fade_rows)
+    least = 4 * fade_rows + round((2.0 * GUARD_S + WITHIN_S) * track.sample_rate_hz)
     edges = (np.flatnonzero(np.diff(rows, prepend=0, append=0)) for rows in (rest, other))
     rests, others = (
         [run for run in its.reshape(-1, 2).tolist() if run[1] - run[0] >= least] for its in edges
@@ -122,11 +117,11 @@ def joints(
 def latency_s(chain: ChainConfig, volts: Floats, first: int, fade_rows: int) -> float | None:
     """Return when ``slip`` turns ON, from the middle of a joint; None where it was ON before.
 
-    NaN: not within :data:`WITHIN_S`.
+    It is infinite where it is not within :data:`WITHIN_S`.
     """
     middle = first + fade_rows // 2
     rows = volts[: middle + 1 + chain.samples(WITHIN_S)]
     slip = SlipChain(chain).update(rows, envelope=False, level=False).slip
     on = np.flatnonzero(slip[first:])
-    found = (first + int(on[0]) - middle) / chain.sample_rate_hz if on.size else np.nan
+    found = (first + int(on[0]) - middle) / chain.sample_rate_hz if on.size else np.inf
     return None if slip[first - 1] else found

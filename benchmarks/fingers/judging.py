@@ -26,7 +26,7 @@ import numpy as np
 from benchmarks.fingers.joints import joints, latency_s
 from slip_detector.chain.filters import settling_rows
 from slip_detector.chain.samples import Bools, Floats, Ints
-from slip_detector.chain.slip_chain import SlipResult
+from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation.figures import ReplayOutcome, figures_of_merit, percent
 from slip_detector.evaluation.matching import ScoredRows
 from slip_detector.evaluation.replay import Replay
@@ -35,8 +35,12 @@ from slip_detector.parameters import ChainConfig, EvaluationConfig
 from slip_detector.recordings.labels import KINDS
 from slip_detector.tuning.tracks import Track
 
-#: What rows are that do not slide: those of a kind of recordings, or where the robot moves.
-NOTHING_SLIDES = (*KINDS, 'motion')
+#: What rows are that do not slide: those of a kind of recordings; and in those without a kind, as
+#: those with slips, where the robot moves and the others.
+NOTHING_SLIDES = ('between', 'motion', *KINDS)
+
+#: Length of the cross-fade of a joint without mains.
+FADE_S = 0.08
 
 #: The figures of the evaluation that are given.
 OF_SLIPS = 'slips', 'recall', 'recall_by_chance', 'coverage', 'false_alarms_per_minute'
@@ -49,36 +53,28 @@ class Judged(NamedTuple):
     ----------
     name : str
     outcome : ReplayOutcome
-    rows : dict
-        The decision statistic of scored rows: of those that ``slide``, and those of
-        :data:`NOTHING_SLIDES`; of a recording without a kind these are ``rest``.
-    latencies_s : dict
-        Of joints of each rest with a ``slide`` and another ``rest``; see :func:`.latency_s`.
+    found : dict
+        The decision statistic of scored rows, by what they are: ``slide`` or one of
+        :data:`NOTHING_SLIDES`; and the latencies at joints with a slide and with a rest, see
+        :func:`.latency_s`, ``slide joints`` and ``rest joints``.
     """
 
     name: str
     outcome: ReplayOutcome
-    rows: dict[str, Floats]
-    latencies_s: dict[str, list[float | None]]
+    found: dict[str, Floats]
 
 
-class _Statistic:
-    """Receives the rows of a replay, and keeps the decision statistic."""
-
-    def __init__(self) -> None:
-        self.parts: list[Floats] = []
-
-    def add(self, volts: Floats, result: SlipResult, truth: Bools) -> None:
-        self.parts.append(result.vote_statistic[:, 0].copy())
-
-    def gap(self, seconds: float) -> None:
-        """Rows that are missing have no statistic."""
-
-
-def judge(chain: ChainConfig, track: Track, config: EvaluationConfig, fade_rows: int) -> Judged:
-    """Run a chain over a recording, and over its joints, cross-faded over so many rows."""
-    statistic, rate_hz = _Statistic(), track.sample_rate_hz
-    outcome = Replay(chain, config).run(track.rows(), rate_hz, statistic)
+def judge(
+    chain: ChainConfig, track: Track, config: EvaluationConfig, mains_rows: int = 0
+) -> Judged:
+    """Run a chain over a recording and its joints, cross-faded over whole periods of the mains."""
+    rate_hz, fade_rows = track.sample_rate_hz, mains_rows or chain.samples(FADE_S)
+    outcome = Replay(chain, config).run(track.rows(), rate_hz)
+    runner, parts = SlipChain(chain), []
+    for piece in track.rows():
+        runner.restart()
+        parts.append(runner.update(piece.volts, votes=[chain.vote]).vote_statistic[:, 0])
+    statistic = np.concatenate(parts)
     stretches, accuracy_s = [one.interval for one in track.stretches], track.samples.accuracy_s
     settling = settling_rows(chain)
     scored = ScoredRows(track.slips, stretches, settling, config, rate_hz, accuracy_s)
@@ -91,19 +87,18 @@ def judge(chain: ChainConfig, track: Track, config: EvaluationConfig, fade_rows:
     slide = within(scored.certain_starts, scored.certain_ends)
     rest = within(scored.rest_starts, scored.rest_ends)
     moving = rest & (False if track.samples.moving is None else track.samples.moving)
-    which = {'slide': slide, track.kind or 'rest': rest & ~moving, 'motion': moving}
-    rows = {name: np.concatenate(statistic.parts)[its] for name, its in which.items()}
-    latencies_s = {
-        name: [latency_s(chain, *one, fade_rows) for one in joints(track, rest, its, fade_rows)]
-        for name, its in (('slide', slide), ('rest', rest))
-        if track.slips
-    }
-    return Judged(track.name, outcome, rows, latencies_s)
+    which = {'slide': slide, track.kind or 'between': rest & ~moving, 'motion': moving}
+    found = {name: statistic[its] for name, its in which.items()}
+    for name, its in {'slide': slide, 'rest': rest}.items() if track.slips else ():
+        late_s = (latency_s(chain, *one, fade_rows) for one in joints(track, rest, its, fade_rows))
+        found[f'{name} joints'] = np.array([one for one in late_s if one is not None])
+    return Judged(track.name, outcome, found)
 
 
-def rows_of(several: Sequence[Judged], name: str) -> Floats:
-    """Return the statistic of the rows of recordings that are one thing."""
-    return np.concatenate([np.zeros(0), *(one.rows.get(name, []) for one in several)])
+def pooled(several: Sequence[Judged], *names: str) -> Floats:
+    """Return what was found of one thing, or of more, in all recordings."""
+    every = (one.found[name] for one in several for name in names if name in one.found)
+    return np.concatenate([np.zeros(0), *every])
 
 
 def area(positive: Floats, negative: Floats) -> float | None:
@@ -123,39 +118,29 @@ def area(positive: Floats, negative: Floats) -> float | None:
 def figures(several: Sequence[Judged]) -> dict[str, Any]:
     """Return the figures of recordings; see :mod:`benchmarks.fingers.command`."""
     of = figures_of_merit([one.outcome for one in several])
-    slide, rest = (rows_of(several, name) for name in ('slide', 'rest'))
-    kinds = {name: rows_of(several, name) for name in NOTHING_SLIDES}
-    every = np.concatenate([slide, *kinds.values()])
+    kinds = {name: its for name in NOTHING_SLIDES if (its := pooled(several, name)).size}
+    slide, rest = pooled(several, 'slide'), pooled(several, 'between', 'rest')
+    rows = {'slide': slide, **kinds, 'all': np.concatenate([slide, *kinds.values()])}
+    late_s = {name: pooled(several, f'{name} joints') for name in ('slide', 'rest')}
+    outcomes = {one.name: one.outcome for one in several}
     return {
         **{name: of[name] for name in OF_SLIPS},
-        'on_percent': percent(float((every > 1.0).sum()), every.size),
-        'kinds': {
-            name: {
-                'on_percent': percent(float((rows > 1.0).sum()), rows.size),
-                'auc': area(slide, rows),
-                'auc_of_rest': area(rest, rows),
-            }
-            for name, rows in kinds.items()
-            if rows.size
-        },
-        'joints': {
-            name: _of_joints(
-                [late_s for one in several for late_s in one.latencies_s.get(name, [])]
-            )
-            for name in ('slide', 'rest')
-        },
+        'on_percent': {name: _percent(its > 1.0) for name, its in rows.items()},
+        'auc': {name: area(slide, its) for name, its in kinds.items()},
+        'auc_of_rest': {name: area(rest, its) for name, its in kinds.items()},
+        'joints': {name: its.size for name, its in late_s.items()},
+        'joints_detected_percent': {name: _percent(its < np.inf) for name, its in late_s.items()},
+        'joints_ms': {name: _median_ms(its) for name, its in late_s.items()},
         'recordings_on_percent': {
-            one.name: percent(one.outcome.on_rest_rows, one.outcome.rest_rows) for one in several
+            name: percent(one.on_rest_rows, one.rest_rows) for name, one in outcomes.items()
         },
     }
 
 
-def _of_joints(latencies_s: Sequence[float | None]) -> dict[str, Any]:
-    known = np.array([one for one in latencies_s if one is not None], np.float64)
-    found = known[~np.isnan(known)]
-    return {
-        'joints': len(latencies_s),
-        'on_before': len(latencies_s) - known.size,
-        'detected_percent': percent(found.size, known.size),
-        'median_ms': 1e3 * float(np.median(found)) if found.size else None,
-    }
+def _percent(which: Bools) -> float | None:
+    return percent(float(which.sum()), which.size)
+
+
+def _median_ms(latencies_s: Floats) -> float | None:
+    median_ms = 1e3 * float(np.median([*latencies_s] or [np.inf]))
+    return median_ms if median_ms < np.inf else None
