@@ -32,27 +32,29 @@ The figures of a chain, of rows in which it has settled and the label is certain
 
 ``slips``, ``recall``, ``recall_by_chance``, ``coverage``, ``false_alarms_per_minute``
     As ``slip_evaluate`` has them.
-``on_percent``
-    The share that is ON: of rows that ``slide``; of those of each kind in which nothing slides;
-    ``between`` slips, or of recordings without a kind; of the robot's ``motion`` in these; and of
-    ``all``. A guess that is as often ON is ON for this share of each, and its areas are 0.5.
-``auc``
-    The area under the ROC curve of slides against the rows of each kind.
-``auc_of_rest``
+``slide_on_percent``, ``all_on_percent``, ``<kind>_on_percent``
+    The share that is ON: of rows that slide, of all rows, and of the rows of each kind in which
+    nothing slides; ``between`` slips, and in recordings without a kind; and where the robot moves
+    in these, ``motion``. A guess that is as often ON is ON for the same share of each.
+``<kind>_auc``
+    The area under the ROC curve of slides against rows of a kind; of a guess 0.5.
+``<kind>_auc_of_rest``
     That of rest, between slips and of this kind, against them: above 0.5 where the chain
     recognises not what happens but the recording.
-``joints``, ``joints_detected_percent``, ``joints_ms``
-    Joints (:mod:`benchmarks.fingers.joints`) of a rest with a ``slide``, and with another
-    ``rest``, before which it is OFF; how many of them turn it ON within 0.3 s; and the median of
-    the times from the middle of a joint, of all of them, where that is defined.
-``recordings_on_percent``
-    The share of the rest of each recording that is ON.
+``joints_of_slide``, ``joints_of_slide_detected_percent``, ``joints_of_slide_ms``
+    Joints (:mod:`benchmarks.fingers.joints`) of a rest with a slide, before which it is OFF; how
+    many of them turn it ON within 0.3 s; and the median of the times from the middle of a joint,
+    of all of them, where that is defined. ``joints_of_rest`` and so on: the same of joints of a
+    rest with another rest.
+
+Of parameters that are given there is also the share of the rest of each recording that is ON, in
+per cent, by its name.
 """
 
 import argparse
 import dataclasses
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -62,7 +64,7 @@ from benchmarks.fingers.judging import Judged, figures, judge, pooled
 from benchmarks.fingers.parts import Tracks, divide, longest, recordings_in
 from benchmarks.measurement import shared_options
 from benchmarks.paper.protocol import PAPER_FALSE_POSITIVE_PERCENT
-from slip_detector.evaluation.figures import Bound
+from slip_detector.evaluation.figures import Bound, percent
 from slip_detector.parameters import ChainConfig, DetectorConfig
 from slip_detector.parameters.fields import refuse
 from slip_detector.parameters.files import find_parameter_file
@@ -105,33 +107,34 @@ def options() -> argparse.ArgumentParser:
 
 def measure(words: argparse.Namespace) -> dict[str, Any]:
     """Measure each finger."""
-    if not words.data.is_dir():
-        refuse(f'--data is {words.data}', 'a folder with a folder for each finger')
-    folders = (one for one in sorted(words.data.iterdir()) if one.is_dir())
-    fingers = {one.name: paths for one in folders if (paths := recordings_in(one))}
-    files = {name: str(words.data / f'{name}.yaml') for name in fingers}
-    files = {name: file for name, file in files.items() if Path(file).is_file()}
-    files |= {name: file for name, _, file in (one.partition('=') for one in words.config)}
-    for name in {*words.finger, *files} - fingers.keys():
-        refuse(f'{words.data}: has no recordings of {name}', ', '.join(fingers) or 'some')
-    return {
-        name: measure_finger(fingers[name], files.get(name, ''), words)
-        for name in words.finger or fingers
-    }
+    fingers = {one.name: one for one in sorted(words.data.iterdir()) if one.is_dir()}
+    files = {name: words.data / f'{name}.yaml' for name in fingers}
+    given = {name: str(file) for name, file in files.items() if file.is_file()}
+    given |= {name: file for name, _, file in (one.partition('=') for one in words.config)}
+    for name in {*words.finger, *given} - fingers.keys():
+        refuse(f'{words.data}: has no folder {name}', ', '.join(fingers) or 'one of a finger')
+    names = words.finger or fingers
+    return {name: measure_finger(fingers[name], given.get(name, ''), words) for name in names}
 
 
-def measure_finger(paths: list[Path], file: str, words: argparse.Namespace) -> dict[str, Any]:
+def measure_finger(folder: Path, file: str, words: argparse.Namespace) -> dict[str, Any]:
     """Judge each part of the recordings by what was taught on the others; or what is given."""
+    paths = recordings_in(folder)
+    if not paths:
+        refuse(f'{folder}: has no recordings', 'those of a finger')
     parameters = parameters_of(file, paths[0])
     tracks, chain, config = load(paths, parameters), parameters.chain, parameters.evaluation
     if words.judge or not any(one.slips for one in tracks.values()):
         if not file:
-            refuse(f'{paths[0].parent}: has no slips, or no parameters to judge', '--config')
+            refuse(f'{folder}: has no slips, or no parameters to judge', '--config')
         judged = [judge(chain, one, config, chain.mains_rows) for one in tracks.values()]
-        return {'parts': [], 'chains': {'given': figures(judged)}}
+        found = figures(judged)
+        for track, (outcome, _) in zip(tracks.values(), judged, strict=True):
+            found[track.name] = percent(outcome.on_rest_rows, outcome.rest_rows)
+        return {'parts': [], 'chains': {'given': found}}
     parts, together = [], dict[str, list[Judged]]()
-    with tempfile.TemporaryDirectory() as folder:
-        divided = divide(tracks, parameters.recording, Path(folder))
+    with tempfile.TemporaryDirectory() as cut:
+        divided = divide(tracks, parameters.recording, Path(cut))
         loaded = [load(its, parameters) for its in divided]
         for its in loaded:
             others = dict(pair for part in loaded if part is not its for pair in part.items())
@@ -140,8 +143,8 @@ def measure_finger(paths: list[Path], file: str, words: argparse.Namespace) -> d
             for name, chain in chains.items():
                 judged = [judge(chain, one, config, rows) for one in its.values()]
                 together.setdefault(name, []).extend(judged)
-            of_taught = figures(together['taught'][-len(its) :])
-            parts.append({**about, 'judged_on': [*map(str, its)], 'figures': of_taught})
+            about['judged_on'] = [one.name for one in its.values()]
+            parts.append({**about, 'figures': figures(together['taught'][-len(its) :])})
     return {'parts': parts, 'chains': {name: figures(every) for name, every in together.items()}}
 
 
@@ -159,9 +162,11 @@ def parameters_of(file: str, recording: Path) -> TuningParameters:
 
 def load(paths: list[Path], parameters: TuningParameters) -> Tracks:
     """Read recordings; each is named by its folder too."""
-    loaded = {path: load_tracks([str(path)], parameters.loader)[0] for path in paths}
-    names = {path: f'{path.parent.name}/{path.name}' for path in paths}
-    return {path: dataclasses.replace(one, name=names[path]) for path, one in loaded.items()}
+    loaded = {}
+    for path in paths:
+        (track,) = load_tracks([str(path)], parameters.loader)
+        loaded[path] = dataclasses.replace(track, name=f'{path.parent.name}/{path.name}')
+    return loaded
 
 
 def teach(
@@ -199,12 +204,11 @@ def papers(parameters: TuningParameters, tracks: Tracks) -> ChainConfig:
     its, top_hz = ChainConfig(), TOP_SHARE * parameters.chain.sample_rate_hz
     bands = [(low, min(high, top_hz)) for low, high in (its.passband_hz, *its.stopbands_hz)]
     passband_hz, *stopbands_hz = (band for band in bands if band[0] < band[1])
-    kept = 'channels', 'sample_rate_hz', 'groups', 'disabled_channels', 'valid_range_v'
-    given: Any = {name: getattr(parameters.chain, name) for name in kept}
-    chain = ChainConfig(passband_hz=passband_hz, stopbands_hz=tuple(stopbands_hz), **given)
+    rule = {**searched(its), 'passband_hz': passband_hz, 'stopbands_hz': stopbands_hz}
+    chain = dataclasses.replace(parameters.chain, **rule)
     judged = [judge(chain, one, parameters.evaluation) for one in tracks.values()]
-    rest = pooled(judged, 'between', 'rest')
-    times = float(np.quantile(rest, 1.0 - PAPER_FALSE_POSITIVE_PERCENT / 100.0))
+    false = PAPER_FALSE_POSITIVE_PERCENT / 100.0
+    times = float(np.quantile(pooled(judged, 'between', 'rest'), 1.0 - false))
     return dataclasses.replace(chain, threshold=chain.threshold * times)
 
 
@@ -214,18 +218,8 @@ def as_table(found: Mapping[str, Any]) -> str:
     for name, finger in found.items():
         parts = {f'taught, part {k}': one['figures'] for k, one in enumerate(finger['parts'], 1)}
         columns = {**finger['chains'], **parts}
-        flat = [dict(_flat(column)) for column in columns.values()]
-        # Of many recordings only what the chain that was given does fits on a line.
-        heads = [head for head in flat[0] if all(head in one for one in flat)]
-        rows = [[head, *(number_text(one[head], '.3g') for one in flat)] for head in heads]
+        first, *_ = columns.values()
+        of = {head: [one.get(head) for one in columns.values()] for head in first}
+        rows = [[head, *(number_text(each, '.3g') for each in its)] for head, its in of.items()]
         tables.append(f'{name}\n{text_table([["", *columns], *rows])}')
     return '\n\n'.join(tables)
-
-
-def _flat(figures: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
-    """Yield each figure with its name."""
-    for name, value in figures.items():
-        if isinstance(value, Mapping):
-            yield from ((f'{name}, {of}', one) for of, one in value.items())
-        else:
-            yield name, value

@@ -21,8 +21,6 @@ rest, moved until the slow parts meet, and faded in. Beside joints with a slide 
 another rest of the same recording: what is "detected" there is the joint.
 """
 
-from collections.abc import Iterator
-
 import numpy as np
 from scipy import signal
 
@@ -77,13 +75,15 @@ def join(before: Floats, after: Floats, rate_hz: float, fade_rows: int) -> tuple
     return np.concatenate([before[: end.start], faded, after[fade_rows:]]), end.start
 
 
-def joints(
-    track: Track, rest: Bools, other: Bools, fade_rows: int
-) -> Iterator[tuple[Floats, int]]:
-    """Yield a joint of each rest of a recording with other rows of it.
+def joint_latencies_s(
+    chain: ChainConfig, track: Track, rest: Bools, other: Bools, fade_rows: int
+) -> Floats:
+    """Return when ``slip`` turns ON at each joint of a rest of a recording with other rows of it.
 
     Parameters
     ----------
+    chain
+        It runs from the beginning of the stretch through the rest and what is joined.
     track
         The recording.
     rest, other : ndarray of bool, shape (n,)
@@ -92,36 +92,29 @@ def joints(
     fade_rows
         As in :func:`join`.
 
-    Yields
-    ------
-    volts : ndarray, shape (n, c)
-        From the beginning of the stretch through the rest to the end of what is joined.
-    first : int
-        The first row of the cross-fade.
+    Returns
+    -------
+    ndarray
+        Seconds from the middle of each joint before which ``slip`` is OFF; infinite where it does
+        not turn ON within :data:`WITHIN_S`.
     """
-    least = 4 * fade_rows + round((2.0 * GUARD_S + WITHIN_S) * track.sample_rate_hz)
+    rate_hz, found = track.sample_rate_hz, []
+    least = 4 * fade_rows + round((2.0 * GUARD_S + WITHIN_S) * rate_hz)
     edges = (np.flatnonzero(np.diff(rows, prepend=0, append=0)) for rows in (rest, other))
-    rests, others = (
-        [run for run in its.reshape(-1, 2).tolist() if run[1] - run[0] >= least] for its in edges
-    )
+    rests, others = ([run for run in its.reshape(-1, 2) if np.diff(run) >= least] for its in edges)
     for begin, end in rests:
-        later = [run for run in others if run[0] >= end] or others[:1]
-        if not later or later[0][0] == begin:
+        after_begin, after_end = next((run for run in others if run[0] >= end), [0, 0])
+        if not after_end:
             continue
-        parts = track.volts[begin:end], track.volts[slice(*later[0])]
-        joined, first = join(*parts, track.sample_rate_hz, fade_rows)
         start = max(one.begin for one in track.stretches if one.begin <= begin)
-        yield np.concatenate([track.volts[start:begin], joined]), first + begin - start
-
-
-def latency_s(chain: ChainConfig, volts: Floats, first: int, fade_rows: int) -> float | None:
-    """Return when ``slip`` turns ON, from the middle of a joint; None where it was ON before.
-
-    It is infinite where it is not within :data:`WITHIN_S`.
-    """
-    middle = first + fade_rows // 2
-    rows = volts[: middle + 1 + chain.samples(WITHIN_S)]
-    slip = SlipChain(chain).update(rows, envelope=False, level=False).slip
-    on = np.flatnonzero(slip[first:])
-    found = (first + int(on[0]) - middle) / chain.sample_rate_hz if on.size else np.inf
-    return None if slip[first - 1] else found
+        joined, first = join(
+            track.volts[begin:end], track.volts[after_begin:after_end], rate_hz, fade_rows
+        )
+        volts = np.concatenate([track.volts[start:begin], joined])
+        first += begin - start
+        middle = first + fade_rows // 2
+        slip = SlipChain(chain).update(volts[: middle + round(WITHIN_S * rate_hz)]).slip
+        on = np.flatnonzero(slip[first:])
+        if not slip[first - 1]:
+            found.append((first + on[0] - middle) / rate_hz if on.size else np.inf)
+    return np.array(found)

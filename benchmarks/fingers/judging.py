@@ -19,11 +19,10 @@ out, as the evaluation does.
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks.fingers.joints import joints, latency_s
+from benchmarks.fingers.joints import joint_latencies_s
 from slip_detector.chain.filters import settling_rows
 from slip_detector.chain.samples import Bools, Floats, Ints
 from slip_detector.chain.slip_chain import SlipChain
@@ -46,22 +45,10 @@ FADE_S = 0.08
 OF_SLIPS = 'slips', 'recall', 'recall_by_chance', 'coverage', 'false_alarms_per_minute'
 
 
-class Judged(NamedTuple):
-    """What a chain decides on a recording.
-
-    Attributes
-    ----------
-    name : str
-    outcome : ReplayOutcome
-    found : dict
-        The decision statistic of scored rows, by what they are: ``slide`` or one of
-        :data:`NOTHING_SLIDES`; and the latencies at joints with a slide and with a rest, see
-        :func:`.latency_s`, ``slide joints`` and ``rest joints``.
-    """
-
-    name: str
-    outcome: ReplayOutcome
-    found: dict[str, Floats]
+#: The outcome of a recording; and the decision statistic of its scored rows by what they are:
+#: ``slide`` or one of :data:`NOTHING_SLIDES`. With these are the latencies at joints with a slide
+#: and with a rest, ``slide joints`` and ``rest joints``; see :func:`.joint_latencies_s`.
+Judged = tuple[ReplayOutcome, dict[str, Floats]]
 
 
 def judge(
@@ -90,14 +77,13 @@ def judge(
     which = {'slide': slide, track.kind or 'between': rest & ~moving, 'motion': moving}
     found = {name: statistic[its] for name, its in which.items()}
     for name, its in {'slide': slide, 'rest': rest}.items() if track.slips else ():
-        late_s = (latency_s(chain, *one, fade_rows) for one in joints(track, rest, its, fade_rows))
-        found[f'{name} joints'] = np.array([one for one in late_s if one is not None])
-    return Judged(track.name, outcome, found)
+        found[f'{name} joints'] = joint_latencies_s(chain, track, rest, its, fade_rows)
+    return outcome, found
 
 
 def pooled(several: Sequence[Judged], *names: str) -> Floats:
     """Return what was found of one thing, or of more, in all recordings."""
-    every = (one.found[name] for one in several for name in names if name in one.found)
+    every = (found[name] for _, found in several for name in names if name in found)
     return np.concatenate([np.zeros(0), *every])
 
 
@@ -115,32 +101,25 @@ def area(positive: Floats, negative: Floats) -> float | None:
     return tally.collect().auc()
 
 
-def figures(several: Sequence[Judged]) -> dict[str, Any]:
+def figures(several: Sequence[Judged]) -> dict[str, float | None]:
     """Return the figures of recordings; see :mod:`benchmarks.fingers.command`."""
-    of = figures_of_merit([one.outcome for one in several])
-    kinds = {name: its for name in NOTHING_SLIDES if (its := pooled(several, name)).size}
+    of = figures_of_merit([outcome for outcome, _ in several])
+    found = {name: of[name] for name in OF_SLIPS}
     slide, rest = pooled(several, 'slide'), pooled(several, 'between', 'rest')
-    rows = {'slide': slide, **kinds, 'all': np.concatenate([slide, *kinds.values()])}
-    late_s = {name: pooled(several, f'{name} joints') for name in ('slide', 'rest')}
-    outcomes = {one.name: one.outcome for one in several}
-    return {
-        **{name: of[name] for name in OF_SLIPS},
-        'on_percent': {name: _percent(its > 1.0) for name, its in rows.items()},
-        'auc': {name: area(slide, its) for name, its in kinds.items()},
-        'auc_of_rest': {name: area(rest, its) for name, its in kinds.items()},
-        'joints': {name: its.size for name, its in late_s.items()},
-        'joints_detected_percent': {name: _percent(its < np.inf) for name, its in late_s.items()},
-        'joints_ms': {name: _median_ms(its) for name, its in late_s.items()},
-        'recordings_on_percent': {
-            name: percent(one.on_rest_rows, one.rest_rows) for name, one in outcomes.items()
-        },
-    }
+    kinds = {name: its for name in NOTHING_SLIDES if (its := pooled(several, name)).size}
+    every = np.concatenate([slide, *kinds.values()])
+    for name, its in {'slide': slide, **kinds, 'all': every}.items():
+        found[f'{name}_on_percent'] = _percent(its > 1.0)
+    for name, its in kinds.items():
+        found |= {f'{name}_auc': area(slide, its), f'{name}_auc_of_rest': area(rest, its)}
+    for name in ('slide', 'rest'):
+        late_s = pooled(several, f'{name} joints')
+        median_ms = 1e3 * float(np.median([*late_s] or [np.inf]))
+        found[f'joints_of_{name}'] = late_s.size
+        found[f'joints_of_{name}_detected_percent'] = _percent(late_s < np.inf)
+        found[f'joints_of_{name}_ms'] = median_ms if median_ms < np.inf else None
+    return found
 
 
 def _percent(which: Bools) -> float | None:
     return percent(float(which.sum()), which.size)
-
-
-def _median_ms(latencies_s: Floats) -> float | None:
-    median_ms = 1e3 * float(np.median([*latencies_s] or [np.inf]))
-    return median_ms if median_ms < np.inf else None
