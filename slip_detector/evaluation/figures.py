@@ -22,7 +22,7 @@ import numpy as np
 
 from slip_detector.evaluation.chance import Rest, slip_figures
 from slip_detector.evaluation.matching import beyond_accuracy
-from slip_detector.evaluation.scores import MOTION, ScoreCounts
+from slip_detector.evaluation.scores import ScoreCounts
 from slip_detector.recordings.labels import KINDS
 
 
@@ -398,9 +398,8 @@ def figures_of_merit(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:
     -------
     dict
         Numbers, None where one is not defined: ``rows``, ``slip_rows``, ``moving_rows``,
-        ``settling_rows`` (in which neither slips nor rest are scored) and ``duration_s``; areas
-        under the ROC curve of the decision statistic, for rows with slip against all other rows
-        (``auc_all``) and against rows of motion (``auc_moving``); the figures of
+        ``settling_rows`` (in which nothing is scored) and ``duration_s``; areas under the ROC
+        curve of the decision statistic, see :meth:`.ScoreCounts.aucs`; the figures of
         :func:`paper_figures` and :func:`event_figures`.
 
     Examples
@@ -415,15 +414,13 @@ def figures_of_merit(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:
     (2.0, 0, None)
     """
     moving = [one.moving_rows for one in outcomes if one.moving_rows is not None]
-    scores = ScoreCounts.pooled([one.scores for one in outcomes])
     return {
         'rows': sum(one.rows for one in outcomes),
         'slip_rows': sum(one.slip_rows for one in outcomes),
         'moving_rows': sum(moving) if moving else None,
         'settling_rows': sum(one.settling_rows for one in outcomes),
         'duration_s': sum(one.rows / one.sample_rate_hz for one in outcomes),
-        'auc_all': scores.auc(),
-        'auc_moving': scores.auc([MOTION]) if moving else None,
+        **ScoreCounts.pooled([one.scores for one in outcomes]).aucs(),
         **paper_figures(outcomes),
         **event_figures(outcomes),
     }

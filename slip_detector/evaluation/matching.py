@@ -118,6 +118,11 @@ def rows_on(on: Sequence[RowInterval], starts: Rows, ends: Rows) -> Ints:
     return np.asarray(np.diff(rows_before, axis=0)[0], np.int64)
 
 
+def unscored_rows(settling_rows: int, config: EvaluationConfig, sample_rate_hz: float) -> int:
+    """Return how many rows from the beginning of each stretch are not scored."""
+    return max(settling_rows, round(config.off_before_s * sample_rate_hz))
+
+
 @compiled
 def slip_not_over(row, slip, highs):
     """Return the first slip, from ``slip`` on, whose window has not ended before a row."""
@@ -229,7 +234,8 @@ class ScoredRows:
         self.off_rows = round(config.off_before_s * sample_rate_hz)
         inexact = round(accuracy_s * sample_rate_hz)
         self._starts, ends = _columns(stretches)
-        self.settled = np.minimum(self._starts + max(settling_rows, self.off_rows), ends)
+        unscored = unscored_rows(settling_rows, config, sample_rate_hz)
+        self.settled = np.minimum(self._starts + unscored, ends)
         slip_starts, slip_ends = _columns(slips)
         stretch = self._stretch_of(slip_starts)
         self.scored = np.asarray(slip_starts >= self.settled[stretch])

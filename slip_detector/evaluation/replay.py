@@ -31,8 +31,14 @@ from slip_detector.chain.stamps import missing_rows
 from slip_detector.chain.watch import Watch
 from slip_detector.evaluation import figures
 from slip_detector.evaluation.figures import STAGES, Alarm, ReplayOutcome, TrueSlip, mean_and_sd
-from slip_detector.evaluation.matching import OnIntervals, RowInterval, ScoredRows, rows_on
-from slip_detector.evaluation.scores import Kinds, ScoreTally, kinds_of
+from slip_detector.evaluation.matching import (
+    OnIntervals,
+    RowInterval,
+    ScoredRows,
+    rows_on,
+    unscored_rows,
+)
+from slip_detector.evaluation.scores import UNCERTAIN, Kinds, ScoreTally, kinds_of
 from slip_detector.parameters import ChainConfig, EvaluationConfig
 
 #: Number of values that the chain is given at a time, so that its results stay in the cache.
@@ -154,6 +160,9 @@ class _Run:
         self._accuracy_s, self._kind = 0.0, ''
         self._chain, self._config = replay.chain, replay.chain.config
         self._row = 0  # Number of the next row; rows that are missing in gaps count.
+        self._settling = settling_rows(self._config)
+        self._unscored = unscored_rows(self._settling, replay.config, rate_hz)
+        self._scored_from = self._unscored
         self._moving_rows: int | None = None
         self._valid_rows = np.zeros(self._config.channels)
         self._last_ns = 0
@@ -172,12 +181,14 @@ class _Run:
             self._end_stretch()
             missing = missing_rows(self._last_ns, int(piece.stamps_ns[0]), self._rate_hz)
             self._row += missing
+            self._scored_from = self._row + self._unscored
             if self._observer and missing:
                 self._observer.gap(missing / self._rate_hz)
             self._chain.restart()
         if piece.moving is not None:
             self._moving_rows = (self._moving_rows or 0) + int(np.count_nonzero(piece.moving))
-        kinds = kinds_of(truth, piece.moving, piece.certain)
+        kinds = kinds_of(truth, piece.moving, piece.certain, piece.kind)
+        kinds[: max(self._scored_from - self._row, 0)] = UNCERTAIN
         # A block ends before each slip, so that the stages can be watched from that row on.
         starts = np.flatnonzero(truth & ~np.concatenate([[self._labels.on], truth[:-1]]))
         block_rows = max(BLOCK_VALUES // self._config.channels, 1)
@@ -257,8 +268,8 @@ class _Run:
         self._end_stretch()
         stretches, labels, on = (signal.closed() for signal in self._signals)
         config, rate_hz = self._replay.config, self._rate_hz
-        settling, accuracy_s = settling_rows(self._config), self._accuracy_s
-        scored = ScoredRows(labels, stretches, settling, config, rate_hz, accuracy_s)
+        accuracy_s = self._accuracy_s
+        scored = ScoredRows(labels, stretches, self._settling, config, rate_hz, accuracy_s)
         alarms = scored.alarms(on)
         rises = [alarm.start for alarm in alarms]
         alarm_of, slip_of = scored.match(rises)

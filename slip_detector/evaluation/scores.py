@@ -21,13 +21,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from slip_detector.chain.samples import Bools, Floats, Ints
-from slip_detector.compiled import compiled
+from slip_detector.recordings.labels import KINDS
 
 Kinds = NDArray[np.int8]
 
-#: Kinds of rows: the robot rests, or its motion is not known; the robot moves; there is slip; the
-#: label is not certain.
-REST, MOTION, SLIP, UNCERTAIN = range(4)
+#: Kinds of rows without slip: the robot rests, or its motion is not known; the robot moves; any
+#: row of a recording in which a finger is tapped, presses, rolls or touches nothing.
+WITHOUT_SLIP = ('rest', 'moving', *(kind for kind in KINDS if kind != 'rest'))
+REST, MOTION = 0, 1
+
+#: Further kinds of rows: there is slip; what is not scored, as the label is not certain or the
+#: chain settles.
+SLIP = len(WITHOUT_SLIP)
+UNCERTAIN = SLIP + 1
 
 # Scores in one class differ by less than 2^-10 of their value. The number of a class is the
 # exponent of a score in float64 followed by the first ten bits of its mantissa. Scores below
@@ -37,7 +43,9 @@ _LOWEST_CLASS = (1023 - 127) << 10
 _CLASSES = 1 << 18
 
 
-def kinds_of(truth: Bools, moving: Bools | None = None, certain: Bools | None = None) -> Kinds:
+def kinds_of(
+    truth: Bools, moving: Bools | None = None, certain: Bools | None = None, kind: str = ''
+) -> Kinds:
     """Return the kind of each row, :data:`REST` to :data:`UNCERTAIN`; shape (n,).
 
     A row with slip is of the kind :data:`SLIP` whether the robot moves or not.
@@ -50,35 +58,19 @@ def kinds_of(truth: Bools, moving: Bools | None = None, certain: Bools | None = 
         Whether the robot moves, where that is known.
     certain : ndarray of bool, shape (n,), or None
         Whether the label is certain; None: in all rows.
+    kind : str
+        The kind of the recording, see :mod:`slip_detector.recordings.labels`.
 
     Examples
     --------
     >>> kinds_of(np.array([False, False, True]), np.array([False, True, True]))
-    array([0, 1, 2], dtype=int8)
+    array([0, 1, 6], dtype=int8)
     """
-    others = REST if moving is None else np.where(moving, MOTION, REST)
+    others: Kinds | int = REST if moving is None else np.where(moving, MOTION, REST)
+    if kind not in ('', 'rest'):
+        others = WITHOUT_SLIP.index(kind)
     kinds = np.where(truth, SLIP, others)
     return np.where(True if certain is None else certain, kinds, UNCERTAIN).astype(np.int8)
-
-
-@compiled
-def _count(bits, kinds, table, used):  # type: ignore[no-untyped-def]
-    """Count rows in the table by their kind and the class of their score.
-
-    ``bits`` are the bits of the scores; ``used`` is the lowest class in use above 0, and the class
-    after the highest one in use. Class 0, which has the rows before any signal, is left out: it
-    lies far below the others. Rows of the kind ``UNCERTAIN`` do not count.
-    """
-    low, high = used[0], used[1]
-    for k in range(bits.size):
-        if kinds[k] == UNCERTAIN:
-            continue
-        # The bits of positive floats have the same order as the floats.
-        at = min(max((bits[k] >> _DROPPED_BITS) - _LOWEST_CLASS, 0), _CLASSES - 1)
-        table[kinds[k], at] += 1
-        if at > 0:
-            low, high = min(low, at), max(high, at + 1)
-    used[0], used[1] = low, high
 
 
 class ScoreCounts(NamedTuple):
@@ -90,8 +82,8 @@ class ScoreCounts(NamedTuple):
     ----------
     classes : ndarray of int, shape (k,)
         The classes of the scores that occur, in rising order.
-    counts : ndarray of int, shape (3, k)
-        Number of rows of the kinds :data:`REST`, :data:`MOTION` and :data:`SLIP` in each class.
+    counts : ndarray of int, shape (7, k)
+        Number of rows of each of the kinds :data:`REST` to :data:`SLIP` in each class.
 
     Examples
     --------
@@ -108,7 +100,7 @@ class ScoreCounts(NamedTuple):
     @classmethod
     def pooled(cls, parts: Iterable['ScoreCounts']) -> 'ScoreCounts':
         """Return the counts of several recordings together."""
-        several = [cls(np.zeros(0, np.int64), np.zeros((3, 0), np.int64)), *parts]
+        several = [cls(np.zeros(0, np.int64), np.zeros((UNCERTAIN, 0), np.int64)), *parts]
         every = np.concatenate([one.counts for one in several], axis=1)
         its_class = np.concatenate([one.classes for one in several])
         classes, places = np.unique(its_class, return_inverse=True)
@@ -121,7 +113,7 @@ class ScoreCounts(NamedTuple):
         bits = (self.classes + _LOWEST_CLASS) << _DROPPED_BITS
         return np.where(self.classes > 0, bits.view(np.float64), 0.0)
 
-    def auc(self, against: Iterable[int] = (REST, MOTION)) -> float | None:
+    def auc(self, against: Iterable[int] = range(SLIP)) -> float | None:
         """Return the area under the ROC curve of slip against rows of other kinds.
 
         Two scores in one class count as equal. The error of the area is at most half the share of
@@ -144,7 +136,19 @@ class ScoreCounts(NamedTuple):
         below = np.cumsum(negative) - 0.5 * negative
         return float(np.sum(positive * below)) / pairs
 
-    def roc(self, against: Iterable[int] = (REST, MOTION)) -> tuple[Floats, Floats, Floats]:
+    def aucs(self) -> dict[str, float | None]:
+        """Return the areas of slip against all other rows and against each kind of them.
+
+        Returns
+        -------
+        dict
+            ``auc_all``, and ``auc_<kind>`` for each of :data:`WITHOUT_SLIP`; None where one is not
+            defined.
+        """
+        against = {f'auc_{name}': self.auc([kind]) for kind, name in enumerate(WITHOUT_SLIP)}
+        return {'auc_all': self.auc(), **against}
+
+    def roc(self, against: Iterable[int] = range(SLIP)) -> tuple[Floats, Floats, Floats]:
         """Return the ROC curve of slip against rows of other kinds.
 
         Returns
@@ -175,8 +179,8 @@ class ScoreTally:
     """
 
     def __init__(self) -> None:
-        self._table = np.zeros((3, _CLASSES), np.int64)
-        self._used = np.array([_CLASSES, 0])
+        self._counts = np.zeros((UNCERTAIN + 1, _CLASSES), np.int64)
+        self._occurs = np.zeros(_CLASSES, bool)
 
     def add(self, score: ArrayLike, kind: ArrayLike) -> None:
         """Count rows.
@@ -188,17 +192,17 @@ class ScoreTally:
         kind : array_like of int, shape (n,)
             :data:`REST` to :data:`UNCERTAIN`, which does not count.
         """
-        scores = np.ascontiguousarray(score, np.float64)
-        kinds = np.ascontiguousarray(kind, np.int8)
-        _count(scores.view(np.int64), kinds, self._table, self._used)
+        bits = np.ascontiguousarray(score, np.float64).view(np.int64)
+        # The bits of positive floats have the same order as the floats.
+        classes = np.clip((bits >> _DROPPED_BITS) - _LOWEST_CLASS, 0, _CLASSES - 1)
+        places = np.asarray(kind, np.int64) * _CLASSES + classes
+        np.add.at(self._counts.reshape(-1), places, 1)
+        self._occurs[classes] = True
 
     def collect(self) -> ScoreCounts:
         """Return the counts so far and start again from zero."""
-        # Class 0, which has the rows before any signal, is far below the classes in use.
-        low, high = max(int(self._used[0]), 1), int(self._used[1])
-        classes = np.concatenate([[0], np.arange(low, high)])
-        counts = np.concatenate([self._table[:, :1], self._table[:, low:high]], axis=1)
-        self._table[:, :1] = self._table[:, low:high] = 0
-        self._used[:] = _CLASSES, 0
+        classes = np.flatnonzero(self._occurs)
+        counts = self._counts[:UNCERTAIN, classes]
+        self._counts[:, classes] = self._occurs[classes] = 0
         occur = counts.any(axis=0)
         return ScoreCounts(classes[occur], counts[:, occur])

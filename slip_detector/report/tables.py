@@ -43,7 +43,7 @@ HEADINGS = {
 
 #: The figures in each table of an evaluation, by its title; the first is titled by the set's name.
 TABLES: dict[str, Sequence[str]] = {
-    '': ('rows', 'slip_rows', 'moving_rows', 'settling_rows', 'auc_all', 'auc_moving'),
+    '': ('rows', 'slip_rows', 'moving_rows', 'settling_rows', 'auc_all', 'auc_moving', 'auc_rest'),
     "as the paper's": (
         'mean_delay_ms', 'sd_delay_ms', 'success_percent', 'false_positive_percent',
     ),
@@ -60,7 +60,10 @@ TABLES: dict[str, Sequence[str]] = {
         'precision_by_chance',
     ),
     'rest': ('rest_s', 'false_alarms_per_minute', 'false_time_percent', 'false_time_s_per_hour'),
-    'kinds': [f'{kind}_{what}' for kind in KINDS for what in ('on_percent', 'alarms_per_minute')],
+    'kinds': [
+        *(f'auc_{kind}' for kind in KINDS if kind != 'rest'),
+        *(f'{kind}_{what}' for kind in KINDS for what in ('on_percent', 'alarms_per_minute')),
+    ],
     'decisions': ('onsets', 'onsets_per_minute', 'on_s', 'on_percent', 'invalid_channels'),
     'mean latency, by stage': [f'{stage}_ms' for stage in STAGES],
     'of the late ones': [f'late_{stage}_ms' for stage in STAGES],
@@ -79,7 +82,7 @@ MAIN_FIGURES = (
     'precision',
     'false_alarms', 'false_alarms_per_minute', 'false_time_percent', 'latency_median_all_ms',
     'latency_median_ms', 'latency_p90_ms', 'latency_worst_ms', 'auc_all', 'auc_moving',
-    *TABLES['kinds'], *TABLES['decisions'],
+    'auc_rest', *TABLES['kinds'], *TABLES['decisions'],
 )  # fmt: skip
 
 
@@ -183,7 +186,7 @@ def evaluation_tables(report: Mapping[str, Any]) -> str:
     >>> figures = recording_figures([])
     >>> report = {'sets': {'trials': {**figures, 'recordings': {}}}, 'all': figures}
     >>> evaluation_tables(report).splitlines()[1].split()
-    ['all', 'rows', '0', '0', '-', '0', '-', '-']
+    ['all', 'rows', '0', '0', '-', '0', '-', '-', '-']
     """
     blocks, notes = [], []
     for name, whole in report['sets'].items():

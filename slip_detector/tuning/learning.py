@@ -28,7 +28,7 @@ from slip_detector.chain.filters import settling_rows
 from slip_detector.chain.samples import Floats
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation.evaluator import RecordingLoader
-from slip_detector.evaluation.scores import MOTION, REST
+from slip_detector.evaluation.scores import REST, SLIP
 from slip_detector.parameters import ChainConfig, EvaluationConfig
 from slip_detector.parameters.fields import refuse
 from slip_detector.recordings.rates import forward_filled
@@ -224,12 +224,13 @@ def learnt_floors(chain: ChainConfig, tracks: Sequence[Track]) -> tuple[float, .
     True
     """
     plain, tracks = dataclasses.replace(chain, decision='mean'), at_rest(tracks)
-    kind = REST if any((track.kinds == REST).any() for track in tracks) else MOTION
+    any_rest = any((track.kinds == REST).any() for track in tracks)
+    kinds = [REST] if any_rest else range(SLIP)
     every = []
     for track in tracks:
         most = max(MOST_ROWS // len(tracks), round(LEAST_S * track.sample_rate_hz))
         its = envelopes(plain, track, settling_rows(plain) + most)
-        every.append(its[track.kinds[: len(its)] == kind])
+        every.append(its[np.isin(track.kinds[: len(its)], kinds)])
     columns = [column[np.isfinite(column)] for column in np.concatenate(every).T]
     found = np.array([np.quantile(one, BELOW_FLOOR) if one.size else 0.0 for one in columns])
     if not found.any():

@@ -27,15 +27,14 @@ import numpy as np
 from slip_detector.chain.filters import evidence_falls_s, settling_rows
 from slip_detector.chain.samples import Floats
 from slip_detector.evaluation.chance import HALF, saved_by_chance_s, sooner_than_chance
-from slip_detector.evaluation.scores import MOTION, REST, ScoreTally
 from slip_detector.parameters import ChainConfig, EvaluationConfig, TuneConfig
 from slip_detector.tuning import sweep
 from slip_detector.tuning.space import SearchSpace
 from slip_detector.tuning.tracks import Track
 
-#: Figures by name, None where one is not defined: ``coverage`` and those of :func:`.slip_figures`;
-#: and ``auc``, the area under the ROC curve of rows with slip against rows of motion, or, where no
-#: motion is known, all rows without slip.
+#: Figures by name, None where one is not defined: ``coverage`` and those of :func:`.slip_figures`
+#: and :meth:`.ScoreCounts.aucs`; and ``auc``: ``auc_moving``, or, where that is not defined,
+#: ``auc_all``.
 Figures = dict[str, Any]
 
 #: The cost of a threshold is averaged with those of this many neighbours on each side, which are
@@ -222,17 +221,14 @@ class Problem:
         costs_ms = _with_neighbours(self._event_costs_ms(swept, late_ms) + hidden_ms, neighbours)
         at = int(np.argmin(costs_ms))
         chain = dataclasses.replace(chain, threshold=float(limits[at]))
-        tally = ScoreTally()
-        for part, track in zip(statistic, self.tracks, strict=True):
-            # The chain divides in the same way, so the scores equal an evaluation's to the bit.
-            tally.add(part / chain.threshold, track.kinds)
-        counts = tally.collect()
-        auc = counts.auc([MOTION] if counts.counts[MOTION].any() else (REST, MOTION))
+        scored = statistic, self.tracks, chain.threshold, self.evaluation, rows
+        areas = sweep.count_scores(*scored).aucs()
+        auc = areas['auc_all'] if areas['auc_moving'] is None else areas['auc_moving']
         lacking = 1.0 - (auc or 0.0)
         if self.figures is not None:
             lacking += WORSE_COUNTS * max((self.figures['auc'] or 0.0) - (auc or 0.0), 0.0)
         cost_ms = float(costs_ms[at]) + self.config.auc_costs_ms * lacking
-        figures = {**swept.figures(at), 'auc': auc}
+        figures = {**swept.figures(at), **areas, 'auc': auc}
         return Candidate(chain, cost_ms, _error_of_mean(late_ms[swept.scored, at]), figures)
 
     def _event_costs_ms(self, swept: sweep.ThresholdSweep, late_ms: Floats) -> Floats:

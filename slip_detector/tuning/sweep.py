@@ -31,7 +31,7 @@ from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.compiled import compiled
 from slip_detector.evaluation import matching
 from slip_detector.evaluation.chance import slip_figures
-from slip_detector.evaluation.scores import SLIP
+from slip_detector.evaluation.scores import SLIP, UNCERTAIN, ScoreCounts, ScoreTally
 from slip_detector.parameters import ChainConfig, EvaluationConfig
 from slip_detector.tuning.tracks import Track
 
@@ -343,3 +343,40 @@ def sweep_thresholds(
     rest_s, alarms = (sum(one[column] for one in of_kinds.values()) for column in (0, 1))
     found = alarms, rest_s, on_s[1:, 1], coverage, of_kinds
     return ThresholdSweep(latencies_ms, scored, leads_s, windows_s, *found)
+
+
+def count_scores(
+    statistic: Sequence[Floats],
+    tracks: Sequence[Track],
+    threshold: float,
+    config: EvaluationConfig,
+    settling_rows: int,
+) -> ScoreCounts:
+    """Count the scores of tracks by kind, as an evaluation of a chain with that threshold does.
+
+    Parameters
+    ----------
+    statistic, tracks, config, settling_rows
+        See :func:`sweep_thresholds`.
+    threshold
+        The chain's.
+
+    Examples
+    --------
+    >>> from slip_detector.chain.samples import Samples
+    >>> from slip_detector.tuning.tracks import track_of
+    >>> slip = np.array([True, False, True, True])
+    >>> track = track_of('trial', [Samples.evenly(np.zeros((4, 1)), 100.0, slip)], 100.0)
+    >>> config = EvaluationConfig(off_before_s=0.0)
+    >>> count_scores([np.array([0.0, 0.1, 0.2, 0.3])], [track], 0.5, config, 1).auc()
+    1.0
+    """
+    tally = ScoreTally()
+    for part, track in zip(statistic, tracks, strict=True):
+        kinds = track.kinds.copy()
+        unscored = matching.unscored_rows(settling_rows, config, track.sample_rate_hz)
+        for begin, end, _ in track.stretches:
+            kinds[begin : min(begin + unscored, end)] = UNCERTAIN
+        # The chain divides in the same way, so the scores equal an evaluation's to the bit.
+        tally.add(part / threshold, kinds)
+    return tally.collect()

@@ -99,7 +99,8 @@ class Track:
     @functools.cached_property
     def kinds(self) -> NDArray[np.int8]:
         """See above."""
-        return kinds_of(np.asarray(self.samples.truth), self.samples.moving, self.samples.certain)
+        rows = self.samples
+        return kinds_of(np.asarray(rows.truth), rows.moving, rows.certain, rows.kind)
 
     @functools.cached_property
     def slips(self) -> tuple[RowInterval, ...]:

@@ -14,6 +14,7 @@
 
 """Replaying recordings of ridges: slips, alarms, and an observer."""
 
+import dataclasses
 import tracemalloc
 from unittest import mock
 
@@ -69,6 +70,22 @@ def test_the_recordings_own_rate_turns_rows_into_times():
     # The tail of the slip and off_before_s are times too.
     assert (ours.settling_rows, its.settling_rows) == (max(settling_rows(CONFIG), 40), 40)
     assert (ours.rest_rows, its.rest_rows) == (2000 - 240 - ours.settling_rows, 2000 - 240 - 40)
+
+
+def test_noise_in_short_clips_is_told_from_noise_as_by_guessing():
+    # Evidence of noise grows from 0 to near its limit; these rows, as rest, would give 0.513.
+    chain = dataclasses.replace(
+        CONFIG, decision='evidence', passband_hz=(7.0, 50.0), exponent=1, noise_floor=0.25,
+        noise_floor_learnt=True, evidence_offset_db=1.0, envelope_window_s=0.04,
+        evidence_limit_db_s=0.2, threshold=0.05,
+    )  # fmt: skip
+    random, replay, areas = np.random.default_rng(1), Replay(chain), []
+    for _ in range(40 if COMPILED else 5):
+        slips = random.choice(np.arange(2, 10), 3, replace=False)
+        truth = np.isin(np.arange(2000) // 200, slips)
+        noise = Samples.evenly(random.standard_normal((2000, 4)), RATE_HZ, truth)
+        areas.append(replay.run([noise]).scores.auc())
+    assert abs(np.mean(areas) - 0.5) < 3.0 * np.std(areas) / np.sqrt(len(areas))
 
 
 def test_an_observer_receives_all_rows_and_gaps():

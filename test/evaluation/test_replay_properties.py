@@ -73,8 +73,9 @@ def test_figures_are_those_of_an_independent_scorer(pieces, config, evaluation):
         parts.append(Stretch(*scored))
         moving = np.zeros(len(part.truth), bool) if part.moving is None else part.moving
         statistic = result.vote_statistic[:, 0]
-        columns.append((*scored[:2], moving, statistic, result.channels, result.valid))
-    on, truth, moving, statistic, _, valid = (
+        settled = np.arange(len(part.truth)) >= parts[-1].settling_rows
+        columns.append((*scored[:2], moving, statistic, settled, result.channels, result.valid))
+    on, truth, moving, statistic, settled, _, valid = (
         np.concatenate(column) for column in zip(*columns, strict=True)
     )
     expected = {
@@ -90,7 +91,7 @@ def test_figures_are_those_of_an_independent_scorer(pieces, config, evaluation):
     assert {name: found[name] for name in expected} == pytest.approx(expected)
     assert found['moving_rows'] in (None, int(moving.sum()))
     for against, auc in ((~truth, 'auc_all'), (~truth & moving, 'auc_moving')):
-        wanted, error = area(statistic, truth, against)
+        wanted, error = area(statistic, truth & settled, against & settled)
         assert found[auc] == (None if wanted is None else pytest.approx(wanted, abs=error))
     # The paper's figures: the first ON of each channel during each slip.
     enabled = [c for c in range(config.channels) if c + 1 not in config.disabled_channels]

@@ -18,9 +18,11 @@ import json
 
 import numpy as np
 
+from slip_detector.chain.filters import settling_rows
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.commands.evaluate import main
 from slip_detector.evaluation.scores import REST, SLIP, ScoreTally
+from slip_detector.parameters import ChainConfig
 
 RATE_HZ = 380.0
 
@@ -73,7 +75,8 @@ def roc_auc(score, label):
 
 
 def expected_scores(path):
-    """Return what the chain compares with the threshold in each row of a file, and its label."""
+    """Return what the chain compares with the threshold, and the label, in each scored row."""
     with np.load(path) as file:
         result = SlipChain().update(file['volts'], votes=('all',))
-        return result.vote_statistic[:, 0], file['slip']
+        scored = slice(settling_rows(ChainConfig()), None)
+        return result.vote_statistic[scored, 0], file['slip'][scored]
