@@ -34,8 +34,8 @@ The figures of a chain, of rows in which it has settled and the label is certain
     As ``slip_evaluate`` has them.
 ``slide_on_percent``, ``all_on_percent``, ``<kind>_on_percent``
     The share that is ON: of rows that slide, of all rows, and of the rows of each kind in which
-    nothing slides; ``between`` slips, and in recordings without a kind; and where the robot moves
-    in these, ``motion``. A guess that is as often ON is ON for the same share of each.
+    nothing slides; ``between`` slips, and in recordings without a kind; and where the robot is
+    ``moving`` in these. A guess that is as often ON is ON for the same share of each.
 ``<kind>_auc``
     The area under the ROC curve of slides against rows of a kind; of a guess 0.5.
 ``<kind>_auc_of_rest``

@@ -24,16 +24,19 @@ another rest of the same recording: what is "detected" there is the joint.
 import numpy as np
 from scipy import signal
 
-from slip_detector.chain.samples import Bools, Floats
+from slip_detector.chain.filters import settling_rows
+from slip_detector.chain.samples import Floats
 from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters import ChainConfig
 from slip_detector.tuning.tracks import Track
 
 #: What is slower than this meets at a joint; the rest is hum and noise.
 SLOW_HZ = 5.0
 
-#: Where the slow part is not known, at each end of what is joined.
-GUARD_S = 0.064
+#: Left out at each end of what is joined, where the slow part is not known and a slide may not be
+#: over, or have begun.
+GUARD_S = 0.16
 
 #: A detection that is later belongs to what follows.
 WITHIN_S = 0.3
@@ -57,7 +60,7 @@ def join(before: Floats, after: Floats, rate_hz: float, fade_rows: int) -> tuple
     >>> hum = np.sin(2 * np.pi * 50.0 * np.arange(2000) / 500.0)[:, np.newaxis]
     >>> joined, first = join(hum[:1000], 3.0 + hum[1007:], rate_hz=500.0, fade_rows=10)
     >>> first, bool(np.abs(joined - hum[: len(joined)]).max() < 0.1)
-    (958, True)
+    (910, True)
     """
     low = signal.butter(2, min(SLOW_HZ, rate_hz / 4.0), fs=rate_hz, output='sos')
     slow, slow_after = (signal.sosfiltfilt(low, rows, axis=0) for rows in (before, after))
@@ -76,9 +79,9 @@ def join(before: Floats, after: Floats, rate_hz: float, fade_rows: int) -> tuple
 
 
 def joint_latencies_s(
-    chain: ChainConfig, track: Track, rest: Bools, other: Bools, fade_rows: int
+    chain: ChainConfig, track: Track, with_slide: bool, fade_rows: int
 ) -> Floats:
-    """Return when ``slip`` turns ON at each joint of a rest of a recording with other rows of it.
+    """Return when ``slip`` turns ON at the joints of a recording.
 
     Parameters
     ----------
@@ -86,9 +89,8 @@ def joint_latencies_s(
         It runs from the beginning of the stretch through the rest and what is joined.
     track
         The recording.
-    rest, other : ndarray of bool, shape (n,)
-        Rows that rest, and those to join them with, as rows that slide; each run of the first is
-        joined with the next run of the second.
+    with_slide
+        Whether each rest is joined with the next slide, or with the next rest.
     fade_rows
         As in :func:`join`.
 
@@ -99,19 +101,23 @@ def joint_latencies_s(
         not turn ON within :data:`WITHIN_S`.
     """
     rate_hz, found = track.sample_rate_hz, []
-    least = 4 * fade_rows + round((2.0 * GUARD_S + WITHIN_S) * rate_hz)
-    edges = (np.flatnonzero(np.diff(rows, prepend=0, append=0)) for rows in (rest, other))
-    rests, others = ([run for run in its.reshape(-1, 2) if np.diff(run) >= least] for its in edges)
+    least = 3 * fade_rows + round((GUARD_S + WITHIN_S) * rate_hz)
+    rests, slides = (
+        [
+            run
+            for run in np.flatnonzero(np.diff(rows, prepend=0, append=0)).reshape(-1, 2).tolist()
+            if run[1] - run[0] >= least
+        ]
+        for rows in (track.kinds < SLIP, track.kinds == SLIP)
+    )
     for begin, end in rests:
-        after_begin, after_end = next((run for run in others if run[0] >= end), [0, 0])
-        if not after_end:
-            continue
         start = max(one.begin for one in track.stretches if one.begin <= begin)
-        joined, first = join(
-            track.volts[begin:end], track.volts[after_begin:after_end], rate_hz, fade_rows
-        )
-        volts = np.concatenate([track.volts[start:begin], joined])
-        first += begin - start
+        later = [run for run in (slides if with_slide else rests) if run[0] >= end]
+        if not later or end - start < settling_rows(chain):
+            continue
+        parts = track.volts[begin:end], track.volts[slice(*later[0])]
+        joined, first = join(*parts, rate_hz, fade_rows)
+        volts, first = np.concatenate([track.volts[start:begin], joined]), first + begin - start
         middle = first + fade_rows // 2
         slip = SlipChain(chain).update(volts[: middle + round(WITHIN_S * rate_hz)]).slip
         on = np.flatnonzero(slip[first:])

@@ -12,31 +12,19 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The figures of a chain on recordings of a finger.
-
-Each recording is one continuous stream. Slips and alarms are matched, and rows are scored or left
-out, as the evaluation does.
-"""
+"""The figures of a chain on recordings of a finger, each of which is one continuous stream."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
 from benchmarks.fingers.joints import joint_latencies_s
-from slip_detector.chain.filters import settling_rows
-from slip_detector.chain.samples import Bools, Floats, Ints
-from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.chain.samples import Bools, Floats
 from slip_detector.evaluation.figures import ReplayOutcome, figures_of_merit, percent
-from slip_detector.evaluation.matching import ScoredRows
 from slip_detector.evaluation.replay import Replay
-from slip_detector.evaluation.scores import REST, SLIP, ScoreTally
+from slip_detector.evaluation.scores import REST, SLIP, WITHOUT_SLIP, ScoreTally
 from slip_detector.parameters import ChainConfig, EvaluationConfig
-from slip_detector.recordings.labels import KINDS
 from slip_detector.tuning.tracks import Track
-
-#: What rows are that do not slide: those of a kind of recordings; and in those without a kind, as
-#: those with slips, where the robot moves and the others.
-NOTHING_SLIDES = ('between', 'motion', *KINDS)
 
 #: Length of the cross-fade of a joint without mains.
 FADE_S = 0.08
@@ -44,10 +32,9 @@ FADE_S = 0.08
 #: The figures of the evaluation that are given.
 OF_SLIPS = 'slips', 'recall', 'recall_by_chance', 'coverage', 'false_alarms_per_minute'
 
-
-#: The outcome of a recording; and the decision statistic of its scored rows by what they are:
-#: ``slide`` or one of :data:`NOTHING_SLIDES`. With these are the latencies at joints with a slide
-#: and with a rest, ``slide joints`` and ``rest joints``; see :func:`.joint_latencies_s`.
+#: The outcome of a recording; and what was found in it by its name: the decision statistic of
+#: scored rows that ``slide``, of those ``between`` slips (or of a recording without a kind), and
+#: of those of :data:`.WITHOUT_SLIP`; and the latencies at joints with a slide and with a rest.
 Judged = tuple[ReplayOutcome, dict[str, Floats]]
 
 
@@ -55,29 +42,13 @@ def judge(
     chain: ChainConfig, track: Track, config: EvaluationConfig, mains_rows: int = 0
 ) -> Judged:
     """Run a chain over a recording and its joints, cross-faded over whole periods of the mains."""
-    rate_hz, fade_rows = track.sample_rate_hz, mains_rows or chain.samples(FADE_S)
-    outcome = Replay(chain, config).run(track.rows(), rate_hz)
-    runner, parts = SlipChain(chain), []
-    for piece in track.rows():
-        runner.restart()
-        parts.append(runner.update(piece.volts, votes=[chain.vote]).vote_statistic[:, 0])
-    statistic = np.concatenate(parts)
-    stretches, accuracy_s = [one.interval for one in track.stretches], track.samples.accuracy_s
-    settling = settling_rows(chain)
-    scored = ScoredRows(track.slips, stretches, settling, config, rate_hz, accuracy_s)
-    numbers = np.concatenate([np.arange(*one) for one in stretches])
-
-    def within(starts: Ints, ends: Ints) -> Bools:
-        edges = np.stack([starts, ends], axis=1).ravel()
-        return np.asarray(np.searchsorted(edges, numbers, 'right') % 2 == 1)
-
-    slide = within(scored.certain_starts, scored.certain_ends)
-    rest = within(scored.rest_starts, scored.rest_ends)
-    moving = rest & (False if track.samples.moving is None else track.samples.moving)
-    which = {'slide': slide, track.kind or 'between': rest & ~moving, 'motion': moving}
-    found = {name: statistic[its] for name, its in which.items()}
-    for name, its in {'slide': slide, 'rest': rest}.items() if track.slips else ():
-        found[f'{name} joints'] = joint_latencies_s(chain, track, rest, its, fade_rows)
+    outcome = Replay(chain, config).run(track.rows(), track.sample_rate_hz)
+    names = 'rest' if track.kind else 'between', *WITHOUT_SLIP[1:], 'slide'
+    counts = zip(names, outcome.scores.counts, strict=True)
+    found = {name: np.repeat(outcome.scores.score, many) for name, many in counts}
+    for name in ('slide', 'rest'):
+        its = chain, track, name == 'slide', mains_rows or chain.samples(FADE_S)
+        found[f'{name} joints'] = joint_latencies_s(*its) if track.slips else np.zeros(0)
     return outcome, found
 
 
@@ -106,10 +77,11 @@ def figures(several: Sequence[Judged]) -> dict[str, float | None]:
     of = figures_of_merit([outcome for outcome, _ in several])
     found = {name: of[name] for name in OF_SLIPS}
     slide, rest = pooled(several, 'slide'), pooled(several, 'between', 'rest')
-    kinds = {name: its for name in NOTHING_SLIDES if (its := pooled(several, name)).size}
+    names = 'between', *WITHOUT_SLIP
+    kinds = {name: its for name in names if (its := pooled(several, name)).size}
     every = np.concatenate([slide, *kinds.values()])
     for name, its in {'slide': slide, **kinds, 'all': every}.items():
-        found[f'{name}_on_percent'] = _percent(its > 1.0)
+        found[f'{name}_on_percent'] = _percent(its >= 1.0)
     for name, its in kinds.items():
         found |= {f'{name}_auc': area(slide, its), f'{name}_auc_of_rest': area(rest, its)}
     for name in ('slide', 'rest'):
