@@ -163,6 +163,8 @@ def run(name: str, work: Callable[[], str]) -> int:
     """
     try:
         text = work()
+    except BrokenPipeError:  # Nobody reads how far it is.
+        text = ''
     except (ValueError, OSError) as error:  # OSError: a name that is too long, for example.
         sys.stderr.write(f'{name}: {one_line(error)}\n')
         return 1

@@ -14,16 +14,18 @@
 
 """The command ``slip_tune``.
 
-Search the bands, stop-bands, exponent, windows, decision, threshold, votes and common mode that
-catch slips of labelled recordings soonest without false alarms. Some recordings are held out: on
-these the result is never worse than the given parameters. Ctrl-C ends the search with the result
-so far, and the same command continues it.
+Learn of a finger's recordings how to detect its slips: noise and mains of rest, impacts of taps,
+contact of a finger that touches nothing; then search the parameters that catch labelled slips
+soonest without false alarms. Of each kind of recordings every third, from the second on, is held
+out: on these the result is never worse than the given parameters. Ctrl-C ends the search with the
+result so far, and the same command continues it.
 
-It uses no ROS. :mod:`slip_detector.tuning.search` searches and stores the trials.
+It uses no ROS. :func:`slip_detector.tuning.verdict.tune` does the work.
 """
 
 import argparse
 import datetime
+import json
 import math
 import shlex
 import sys
@@ -37,8 +39,10 @@ from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.files import read_yaml, write_yaml
 from slip_detector.parameters.sections import ALL, node_of, sections_of
-from slip_detector.report.tables import comparison_table, number_text
-from slip_detector.tuning.learning import learn_from_quiet, learn_from_taps
+from slip_detector.recordings import with_subfolders
+from slip_detector.recordings.labels import KINDS
+from slip_detector.report.tables import compared, figure_text, heading, text_table
+from slip_detector.tuning.learning import learn_from_quiet
 from slip_detector.tuning.problem import Candidate, searched
 from slip_detector.tuning.tracks import Track, TrainingFiles
 from slip_detector.tuning.verdict import TuningParameters, tune
@@ -48,12 +52,14 @@ NAME = 'slip_tune'
 TRIALS = 200
 
 #: Options that only a search has.
-OF_SEARCH = ('held_out', 'report', 'storage', 'jobs', 'cluster', 'press', 'roll', 'idle')
-
-#: Options for recordings in which nothing slides, and what happens in these.
-OF_KINDS = {'press': 'pressed, squeezed and let go', 'roll': 'rolled', 'idle': 'not touched'}
+OF_SEARCH = ('recordings', 'held_out', 'report', 'storage', 'jobs', 'cluster', 'json', *KINDS)
 
 STOPPING = '\nstopping; results so far are kept (Ctrl-C again: end at once)\n'
+
+#: Figures of the best chain so far that are shown during a search.
+SHOWN = (
+    'latency_median_all_ms', 'sooner_than_chance', 'false_alarms_per_minute', 'false_time_percent'
+)  # fmt: skip
 
 #: Number of lines on the progress of a search where no bar can be shown.
 LINES = 10
@@ -74,19 +80,18 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         'journal (.journal), sqlite:///FILE, postgresql://... (default: a journal beside --out)',
     )  # fmt: skip
     add('--seed', type=int, default=0, metavar='N', help='seed (default: %(default)s)')
-    add = parser.add_mutually_exclusive_group().add_argument
-    add(
-        '--hold-out', type=float, default=1 / 3, metavar='SHARE',
-        help='share of the recordings to hold out, evenly spread and with the last (of two the '
-        'second, of four the fourth), or of the time of a single one (default: 1/3)',
-    )  # fmt: skip
     add(
         '--held-out', action='append', default=[], metavar='RECORDING', help='hold out this '
         'recording, or a folder of them, and tune on all other RECORDINGs; repeatable',
     )  # fmt: skip
-    add = parser.add_argument_group('more to tune on, unlabelled, as nothing slides').add_argument
-    for kind, happens in OF_KINDS.items():
-        text = f'a recording of a finger that is {happens}, or a folder of them; repeatable'
+    add(
+        '--json', action='store_true',
+        help='print progress and result as one JSON object a line (docs/tuning.md)',
+    )  # fmt: skip
+    title = 'kinds of recordings without labels, in which nothing slides'
+    add = parser.add_argument_group(title, 'see docs/recordings.md').add_argument
+    for kind in KINDS:
+        text = f'a recording of the kind {kind}, or a folder of them; repeatable'
         add(f'--{kind}', action='append', default=[], metavar='RECORDING', help=text)
     add = parser.add_argument_group('learn from a recording, without a search').add_argument
     add(
@@ -94,13 +99,7 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         'sought and, where evidence decides, the noise floors are learnt',
     )  # fmt: skip
     add('--false-alarms-per-hour', type=float, metavar='R', help='set the threshold too, for this')
-    add(
-        '--taps', metavar='RECORDING', help='a recording of knocks: impact_v is set between its '
-        'steps and those of the slips of the RECORDINGs',
-    )  # fmt: skip
     options = parser.parse_args(argv)
-    if not 0.0 < options.hold_out < 1.0:
-        parser.error(f'--hold-out: is {options.hold_out:g}, allowed: a number between 0 and 1')
     rate = options.false_alarms_per_hour
     if rate is not None and not 0.0 < rate < math.inf:
         parser.error(f'--false-alarms-per-hour: is {rate:g}, allowed: a number above 0')
@@ -108,29 +107,37 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         parser.error('--false-alarms-per-hour goes with --quiet')
     if options.quiet is None and not options.recordings:
         parser.error('the following arguments are required: RECORDING (or --quiet)')
-    what = 'quiet' if options.quiet is not None else 'taps'
-    others = ('recordings', 'taps', *OF_SEARCH) if what == 'quiet' else OF_SEARCH
-    for name in others if getattr(options, what) is not None else ():
+    for name in OF_SEARCH if options.quiet is not None else ():
         if getattr(options, name):
             word = 'RECORDING' if name == 'recordings' else f'--{name.replace("_", "-")}'
-            parser.error(f'--{what} searches nothing, allowed: no {word} with it')
+            parser.error(f'--quiet searches nothing, allowed: no {word} with it')
     return options
 
 
-def _progress(bar: Any) -> Callable[[int, Candidate | None], None]:
-    """Return a function that shows how many trials there are, and the result so far."""
+def _reports(trials: int, bar: Any, as_json: bool) -> dict[str, Callable[..., None]]:
+    """Return functions that show each step, what is noticed, and the trials so far."""
+    said: dict[str, Any] = {'step': 'reading the recordings', 'share': 0.0, 'lines': []}
     printed = 0
 
-    def show(count: int, best: Candidate | None) -> None:
-        nonlocal printed
-        found = in_short(best)
-        bar.set_postfix_str(found, refresh=False)
-        bar.update(count - bar.n)
-        if bar.disable and (count - printed) * LINES >= bar.total:
-            printed = count
-            sys.stderr.write(f'{count} of {bar.total} trials, {found}\n')
+    def say(lines: Sequence[str] = (), **changes: Any) -> None:
+        said.update(changes, lines=[*said['lines'], *lines])
+        if as_json:
+            print(json.dumps(said), flush=True)
+        elif lines:
+            bar.write('\n'.join(lines), file=sys.stderr)
+        bar.set_description_str(said['step'])
 
-    return show
+    def progress(count: int, best: Candidate | None) -> None:
+        nonlocal printed
+        words = f'{count} of {trials} trials, {in_short(best)}'
+        bar.update(count - bar.n)
+        say(step=words, share=count / trials)
+        if bar.disable and not as_json and (count - printed) * LINES >= trials:
+            printed = count
+            say([words])
+
+    say()
+    return {'progress': progress, 'doubt': say, 'step': lambda words: say(step=words)}
 
 
 def in_short(found: Candidate | None) -> str:
@@ -140,20 +147,13 @@ def in_short(found: Candidate | None) -> str:
     --------
     >>> from slip_detector.parameters import ChainConfig
     >>> figures = {'latency_median_all_ms': 41.0, 'sooner_than_chance': 0.95}
-    >>> figures |= {'false_alarms_per_minute': 1.5, 'false_time_percent': None}
-    >>> in_short(Candidate(ChainConfig(), cost_ms=91.0, error_ms=9.0, figures=figures))[:46]
-    'result so far: costs 91.0 ms, latency 41.0 ms,'
+    >>> in_short(Candidate(ChainConfig(), cost_ms=91.0, error_ms=9.0, figures=figures))[:60]
+    'result so far: costs 91.0 ms, latency median all [ms] 41.0, '
     """
     if found is None:
         return 'no result yet'
-    figures = found.figures
-    return (
-        f'result so far: costs {found.cost_ms:.1f} ms, '
-        f'latency {number_text(figures["latency_median_all_ms"], ".1f")} ms, '
-        f'sooner than chance {number_text(figures["sooner_than_chance"], ".2f")}, '
-        f'{number_text(figures["false_alarms_per_minute"], ".2g")} false/min, '
-        f'{number_text(figures["false_time_percent"], ".2g")} % false time'
-    )
+    figures = [f'{heading(name)} {figure_text(name, found.figures)}' for name in SHOWN]
+    return f'result so far: costs {found.cost_ms:.1f} ms, {", ".join(figures)}'
 
 
 def _names_of(tracks: Sequence[Track]) -> str:
@@ -167,29 +167,31 @@ def _names_of(tracks: Sequence[Track]) -> str:
 def _search(
     options: argparse.Namespace, parameters: TuningParameters, where: str, stop: Callable[[], bool]
 ) -> tuple[dict[str, Any], list[str], Callable[[Path], None]]:
-    """Search; return what is found, lines about it, and a function that writes the report."""
-    workers.make_paths_whole(options, 'recordings', 'held_out', *OF_KINDS)
-    of_kinds = [(kind, path) for kind in OF_KINDS for path in getattr(options, kind)]
-    held_out = options.held_out, options.hold_out
-    files = TrainingFiles(options.recordings, parameters.loader, *held_out, of_kinds)
+    """Search; return the result, lines about it, and a function that writes the report."""
+    for name in ('recordings', 'held_out', *KINDS):
+        setattr(options, name, with_subfolders(getattr(options, name)))
+    workers.make_paths_whole(options, 'recordings', 'held_out', *KINDS)
+    of_kinds = [(kind, path) for kind in KINDS for path in getattr(options, kind)]
+    read = options.recordings, parameters.loader, options.held_out
+    files, trials = TrainingFiles(*read, of_kinds=of_kinds), options.trials
     with (
         workers.processes(options.jobs, options.cluster) as calls,
-        workers.progress_bar(options.trials, 'trial') as bar,
+        workers.progress_bar(trials, 'trial') as bar,
     ):
-        more: Any = {'seed': options.seed, 'storage': where, 'progress': _progress(bar)}
-        more['doubt'] = lambda sentences: bar.write('\n'.join(sentences), file=sys.stderr)
-        result = tune(files, parameters, options.trials, stop=stop, calls=calls, **more)
+        more: Any = {**_reports(trials, bar, options.json), 'stop': stop, 'calls': calls}
+        result = tune(files, parameters, trials, seed=options.seed, storage=where, **more)
     # It takes a while to load.
     from slip_detector.report.page import replay_variant, write_page
 
     problem, held, study, verdict, notes = result
+    given, found = parameters.chain, verdict.tried or verdict.chain
     parts = {'held out': held, 'tuned on': problem.tracks}
-    given, tuned = (
+    variants = [
         replay_variant(name, Replay(chain, problem.evaluation), parts)
-        for name, chain in (('given', problem.given), ('tuned', verdict.chain))
-    )
+        for name, chain in (('given', given), ('not taken' if verdict.kept else 'tuned', found))
+    ]
     lines = [
-        f'{study.follow()} trials ({options.trials} asked for), {len(study.trials)} of them gave '
+        f'{study.follow()} trials ({trials} asked for), {len(study.trials)} of them gave '
         f'a chain, seed {options.seed}',
         f'Tuned on: {_names_of(problem.tracks)}',
         f'Held out, and not tuned on: {_names_of(held)}',
@@ -197,15 +199,19 @@ def _search(
     ]
     if verdict.kept:
         lines.append(f'The given parameters are kept: {verdict.kept}')
-    if not tuned.figures['all held out']['recall']:
+    if not variants[0 if verdict.kept else 1].figures['all held out']['recall']:
         slips = sum(len(track.slips) for track in held)
         lines.insert(0, f'The result detects none of {slips} slips that are held out')
-    title, notes = 'Tuning of the slip detector', [*lines]
-    for what in parts:
-        figures = (one.figures[f'all {what}'] for one in (given, tuned))
-        lines += [f'On what was {what}:', *comparison_table(*figures).splitlines()]
-    changes = {} if verdict.kept else searched(verdict.chain)
-    return changes, lines, lambda path: write_page(path, title, [given, tuned], notes)
+    rows = compared(*(one.figures['all held out'] for one in variants))
+    table = text_table([['', *(one.name for one in variants)], *rows], '<>><').splitlines()
+    before, after = given.to_parameters(), found.to_parameters()
+    changes = {name: value for name, value in after.items() if value != before.get(name)}
+    said = {
+        'step': '', 'share': 1.0, 'lines': notes, 'kept': verdict.kept,
+        'changes': {**searched(found), **changes}, 'table': rows,
+    }  # fmt: skip
+    page = 'Tuning of the slip detector', variants, lines
+    return said, [*lines, 'On what was held out:', *table], lambda path: write_page(path, *page)
 
 
 def with_parameters(given: str | Path | None, changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -275,10 +281,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         with interrupts_noted(STOPPING) as stop:
             if options.quiet is not None:
                 changes, lines = learn_from_quiet(options.quiet, *of, rate)
-            elif options.taps is not None:
-                changes, lines = learn_from_taps(options.taps, options.recordings, *of)
             else:
-                changes, lines, write_report = _search(options, parameters, where, stop)
+                result, lines, write_report = _search(options, parameters, where, stop)
+                changes = {} if result['kept'] else result['changes']
             now = datetime.datetime.now(datetime.timezone.utc)
             command = shlex.join([NAME, *(sys.argv[1:] if argv is None else argv)])
             comments = [f'Written by {NAME} on {now:%Y-%m-%d %H:%M} UTC:', f'  {command}', *lines]
@@ -288,6 +293,8 @@ def main(argv: Sequence[str] | None = None) -> int:
                     write_report(options.report)
                 except ValueError as error:
                     raise ValueError(f'{error}; {options.out} is written') from None
+        if options.json:
+            return json.dumps({**result, 'written': [*map(str, paths)]})
         return '\n'.join([*lines, f'Written: {", ".join(map(str, paths))}'])
 
     return run(NAME, work)

@@ -27,6 +27,7 @@ import tempfile
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -274,6 +275,8 @@ def processes(jobs: int | None = None, cluster: str | None = None) -> Iterator[C
         died = f'a worker process died, allowed: fewer --jobs than {jobs} where memory is short'
         of_thread, started = threading.local(), list[Any]()
         start: Any = functools.partial(_start_process, of_thread, started)
+        # The first process would start it, which takes its protection from signals away.
+        resource_tracker.ensure_running()
         with ThreadPoolExecutor(jobs, initializer=start) as threads:
             try:
                 yield lambda function, every: _results(

@@ -14,6 +14,7 @@
 
 """Recordings: rows of volts with their stamps and labels, in bags, npz and csv files."""
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -37,6 +38,7 @@ __all__ = [
     'open_recording',
     'rates_differ',
     'recording_sets',
+    'with_subfolders',
     'write_recording',
 ]
 
@@ -110,6 +112,37 @@ def _is_inside(path: Path) -> bool:
     return is_recording(path) or any(map(Path.is_file, first))
 
 
+def _recordings_in(folder: Path) -> list[Path]:
+    """Return the recordings in a folder; ``slip_10`` comes after ``slip_9``."""
+
+    def place(path: Path) -> tuple[str, str]:
+        return re.sub('[0-9]+', lambda digits: digits[0].zfill(20), path.name), path.name
+
+    return sorted(filter(_is_inside, folder.iterdir()), key=place)
+
+
+def with_subfolders(arguments: Sequence[str]) -> list[str]:
+    """Return paths of recordings and folders, and those sub-folders that have recordings.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     for path in (Path(folder) / 'rest.npz', Path(folder) / 'slips' / '1.npz'):
+    ...         path.parent.mkdir(exist_ok=True)
+    ...         path.touch()
+    ...     found = with_subfolders([folder])
+    >>> [len(Path(path).relative_to(folder).parts) for path in found]
+    [0, 1]
+    """
+    found = list[Path]()
+    for argument in map(Path, arguments):
+        paths = [argument, *sorted(argument.iterdir())] if argument.is_dir() else []
+        plain = [path for path in paths if path.is_dir() and not _is_inside(path)]
+        found += [path for path in plain if _recordings_in(path)] or [argument]
+    return list(dict.fromkeys(map(str, found)))
+
+
 def recording_sets(arguments: Sequence[str]) -> dict[str, list[Path]]:
     """Sort files and folders into sets of recordings.
 
@@ -122,7 +155,8 @@ def recording_sets(arguments: Sequence[str]) -> dict[str, list[Path]]:
     -------
     dict
         The files of each set by its name: the name of the folder, or its path if two folders have
-        the same name. The files of a folder in ``arguments`` are sorted by name.
+        the same name. The files of a folder in ``arguments`` are sorted by name, with numbers in
+        it by their value.
 
     Raises
     ------
@@ -139,7 +173,7 @@ def recording_sets(arguments: Sequence[str]) -> dict[str, list[Path]]:
     for argument in map(Path, arguments):
         folder = argument.is_dir() and not is_recording(argument)
         with named_errors(argument):
-            files = sorted(filter(_is_inside, argument.iterdir())) if folder else [argument]
+            files = _recordings_in(argument) if folder else [argument]
             if not files:
                 raise ValueError(f'has no recordings, allowed: {", ".join(ENDINGS)} or bags')
         for file in files:

@@ -76,6 +76,13 @@ OPTIONAL = tuple(TABLES)[-4:]
 
 LEGEND = f'{UNDEFINED}: not defined (no labels, no such rows or events, or no record of motion)'
 
+#: Title of a figure, the figure before and after, and 'better', 'worse' or ''.
+Row = tuple[str, str, str, str]
+
+#: Figures of which larger is better; of all others, smaller is better.
+LARGER_IS_BETTER = ('recall', 'coverage', 'sooner_than_chance', 'precision', 'auc_all',
+                    'auc_moving')  # fmt: skip
+
 #: The figures by which chains are compared, where they are defined.
 MAIN_FIGURES = (
     'slips', 'settling_slips', 'missed', 'late', 'recall', 'coverage', 'sooner_than_chance',
@@ -269,24 +276,34 @@ def main_figures(several: Iterable[Mapping[str, Any]]) -> list[str]:
     return [name for name in MAIN_FIGURES if any(one.get(name) is not None for one in several)]
 
 
-def comparison_table(given: Mapping[str, Any], tuned: Mapping[str, Any]) -> str:
-    """Return the figures of the given and of the tuned chain beside each other, as text.
+def compared(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[Row]:
+    """Return two sets of figures side by side, each with its title and 'better' or 'worse'.
+
+    Of what finds no slip nothing is better; and the latency of the slips found is neither where
+    more of them are missed, as it falls where late ones are.
 
     Parameters
     ----------
-    given, tuned
+    before, after
         Figures as :func:`slip_detector.evaluation.figures.figures_of_merit` returns them.
 
     Examples
     --------
-    >>> print(comparison_table({'slips': 4, 'recall': 0.8}, {'slips': 4, 'recall': 0.95}))
-              given  tuned
-      slips       4      4
-      recall  0.800  0.950
+    >>> compared({'recall': 0.8}, {'recall': 0.95})
+    [('recall', '0.800', '0.950', 'better')]
     """
-    names = main_figures([given, tuned])
-    rows = [[heading(name), figure_text(name, given), figure_text(name, tuned)] for name in names]
-    return text_table([['', 'given', 'tuned'], *rows])
+    rows, recalls = [], [one.get('recall') or 0.0 for one in (before, after)]
+    for name in main_figures([before, after]):
+        was, now, change = before[name], after[name], ''
+        known = was is not None and now is not None and was != now and 'slips' not in name
+        # A negative latency, ON before the slip, is neither better nor worse.
+        if known and not (name.startswith('latency') and min(was, now) < 0.0):
+            change = 'better' if (now > was) == (name in LARGER_IS_BETTER) else 'worse'
+        late_missed = name.startswith('latency') and '_all' not in name and recalls[1] < recalls[0]
+        if change == 'better' and (late_missed or not recalls[1]):
+            change = ''
+        rows.append((heading(name), figure_text(name, before), figure_text(name, after), change))
+    return rows
 
 
 def demo_table(result: Mapping[str, Any]) -> str:

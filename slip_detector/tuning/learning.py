@@ -33,7 +33,7 @@ from slip_detector.parameters import ChainConfig, EvaluationConfig
 from slip_detector.parameters.fields import refuse
 from slip_detector.recordings.rates import forward_filled
 from slip_detector.tuning.sweep import sweep_thresholds, thresholds, vote_statistics
-from slip_detector.tuning.tracks import Track, enabled, faults_of, load_track, load_tracks
+from slip_detector.tuning.tracks import Track, enabled, faults_of, load_track
 
 #: Confidence of the bounds of a rate.
 CONFIDENCE = 0.95
@@ -122,15 +122,25 @@ def learn_from_quiet(
         When the recording cannot be read or is too short, or there is nothing to learn from it;
         names it.
     """
-    by_evidence = chain.decision == 'evidence'
-    if per_hour is None and not by_evidence:
+    if per_hour is None and chain.decision != 'evidence':
         text = 'evidence, whose noise floors --quiet learns, or --false-alarms-per-hour, which '
         refuse('parameter decision is mean', f'{text}sets the threshold')
     track = load_track(path, loader)
+    learnt, lines = learn_from_rest(track, chain)
+    lines = [*faults_of([track]), *lines]
+    if per_hour is not None:
+        chain = dataclasses.replace(chain, **learnt)
+        learnt['threshold'], line = quiet_threshold(track, chain, per_hour)
+        lines.append(f'On {track.name}, without slip: {line}')
+    return learnt, lines
+
+
+def learn_from_rest(track: Track, chain: ChainConfig) -> tuple[dict[str, Any], list[str]]:
+    """Learn mains and, where evidence decides, noise floors; see :func:`learn_from_quiet`."""
     mains_hz, line = find_mains(chain, track)
     learnt: dict[str, Any] = {}
-    lines = [*faults_of([track]), f'On {track.name}: {line}']
-    if by_evidence:
+    lines = [f'On {track.name}: {line}']
+    if chain.decision == 'evidence':
         if track.duration_s < LEAST_S:
             lasts = f'{track.name}: lasts {track.duration_s:.3g} s'
             refuse(lasts, f'at least {LEAST_S:g} s at rest')
@@ -144,10 +154,6 @@ def learn_from_quiet(
         learnt |= {'noise_floor': list(floors), 'noise_floor_learnt': True}
         learnt['noise_floor_range_db'] = LEARNT_RANGE_DB
         lines.append(f'Noise floors of {min(floors):.4g} to {max(floors):.4g}')
-    if per_hour is not None:
-        chain = dataclasses.replace(chain, **learnt)
-        learnt['threshold'], line = quiet_threshold(track, chain, per_hour)
-        lines.append(f'On {track.name}, without slip: {line}')
     return learnt, lines
 
 
@@ -324,33 +330,6 @@ def _lines(mains_hz: float, rate_hz: float, hz: Floats, power: Floats) -> dict[i
             place = '' if seen_hz == hum_hz else f', seen at {seen_hz:g} Hz'
             lines[harmonic] = f'{hum_hz:g} Hz ({least_db:.0f} dB{place})'
     return lines
-
-
-def learn_from_taps(
-    path: str, slips: Sequence[str], chain: ChainConfig, loader: RecordingLoader
-) -> tuple[dict[str, Any], list[str]]:
-    """Set the step that is an impact from a recording of knocks and labelled slips.
-
-    Parameters
-    ----------
-    path
-        The recording of knocks.
-    slips
-        Labelled recordings of slips, and folders of them.
-    chain, loader
-        As in :func:`learn_from_quiet`, and so is what is returned.
-
-    Raises
-    ------
-    ValueError
-        When a recording cannot be read, evidence does not decide, or the steps of knocks and slips
-        are too similar.
-    """
-    if chain.decision != 'evidence':
-        refuse(f'parameter decision is {chain.decision}', 'evidence, which impact_v is for')
-    knocks, tracks = load_track(path, loader), load_tracks(slips, loader)
-    impact_v, line = impact_step(chain, knocks, tracks)
-    return {'impact_v': impact_v}, [*faults_of([knocks, *tracks]), f'{knocks.name}: {line}']
 
 
 def steps_v(chain: ChainConfig, track: Track, rows: int = 1) -> Floats:

@@ -186,8 +186,8 @@ def edges_of(samples: Samples) -> Ints:
 def held_out(tracks: Sequence[Track], share: float) -> tuple[list[Track], list[Track]]:
     """Divide recordings into those that are tuned on and those that are held out.
 
-    Of several recordings with slip a share is held out, and likewise of each kind of those without
-    slip; see :func:`hold_out_evenly`. A single one with slip is cut in two between two slips, as
+    Of several recordings with slip every third is held out, and likewise of each kind of those
+    without slip; see :func:`hold_out`. A single one with slip is cut in two between two slips, as
     near to the share as possible.
 
     Parameters
@@ -195,46 +195,40 @@ def held_out(tracks: Sequence[Track], share: float) -> tuple[list[Track], list[T
     tracks
         The recordings in their order.
     share
-        Share of the recordings, or of the time of a single one, to hold out: above 0, below 1.
+        Share of the time of a single one to hold out: above 0, below 1.
 
     Examples
     --------
     >>> rows = [Samples.evenly(np.zeros((4, 1)), 2.0, truth=[False, True, True, False])]
     >>> training, held = held_out([track_of(name, rows, 2.0) for name in 'abc'], share=1 / 3)
     >>> [track.name for track in training], [track.name for track in held]
-    (['a', 'b'], ['c'])
+    (['a', 'c'], ['b'])
     """
     with_slip = [track for track in tracks if track.slips]
-    divide = _cut_in_two if len(with_slip) == 1 else hold_out_evenly
-    training, held = divide(with_slip, share)
+    parts = _cut_in_two(with_slip[0], share) if len(with_slip) == 1 else hold_out(with_slip)
+    training, held = parts
     quiet = [track for track in tracks if not track.slips]
     for kind in dict.fromkeys(track.kind for track in quiet):
-        parts = hold_out_evenly([track for track in quiet if track.kind == kind], share)
+        parts = hold_out([track for track in quiet if track.kind == kind])
         training, held = training + parts[0], held + parts[1]
     return training, held
 
 
-def hold_out_evenly(items: Sequence[Any], share: float) -> tuple[list[Any], list[Any]]:
-    """Divide items into those to tune on and those to hold out.
+def hold_out(items: Sequence[Any]) -> tuple[list[Any], list[Any]]:
+    """Divide items into those to tune on and those to hold out: every third from the second on.
 
-    These are evenly spread, and the last one is among them. Of two or more at least one is held
-    out, and not all.
+    So one more moves no other to the other side.
 
     Examples
     --------
-    >>> [''.join(hold_out_evenly(items, share=1 / 3)[1]) for items in ('ab', 'abcd', 'abcde')]
-    ['b', 'd', 'be']
+    >>> hold_out('abcde')
+    (['a', 'c', 'd'], ['b', 'e'])
     """
-    n = len(items)
-    many = min(max(round(share * n), 1), n - 1) if n > 1 else 0
-    places = {round((k + 1) * n / many) - 1 for k in range(many)}
-    held = [item for i, item in enumerate(items) if i in places]
-    return [item for i, item in enumerate(items) if i not in places], held
+    return [item for k, item in enumerate(items) if k % 3 != 1], [*items[1::3]]
 
 
-def _cut_in_two(tracks: Sequence[Track], share: float) -> tuple[list[Track], list[Track]]:
-    """Cut the one recording between two slips; the later part is held out."""
-    (track,) = tracks
+def _cut_in_two(track: Track, share: float) -> tuple[list[Track], list[Track]]:
+    """Cut a recording between two slips; the later part is held out."""
     starts, ends = edges_of(track.samples).T
     cuts = (ends[:-1] + starts[1:]) // 2
     if not cuts.size:
@@ -355,7 +349,7 @@ class TrainingFiles(NamedTuple):
     left_out : sequence of str
         Recordings and folders of recordings that are held out by name.
     share : float
-        Share of the recordings to hold out where none are held out by name.
+        Share of the time of a single recording to hold out where none are held out by name.
     of_kinds : sequence of (str, str)
         Kind and path of more recordings, which need no labels.
     """
@@ -383,7 +377,8 @@ class TrainingFiles(NamedTuple):
         """
         left_out: list[str] = []
         load = functools.partial(load_tracks, loader=self.loader, unusable=left_out)
-        training = load(self.paths, left_out=self.left_out)
+        named = [*self.left_out, *(path for _, path in self.of_kinds)]
+        training = load(self.paths, left_out=named)
         for kind, path in self.of_kinds:
             training += load([path], labelled=False, kind=kind)
         held = load(self.left_out)

@@ -31,6 +31,7 @@ from slip_detector.recordings.labels import KINDS
 from slip_detector.tuning.kinds import contradictions
 from slip_detector.tuning.problem import ON_STEP, Candidate, Figures, Problem, better_than_chance
 from slip_detector.tuning.search import Calls, Study, candidates_at, search
+from slip_detector.tuning.teaching import learn
 from slip_detector.tuning.tracks import Track, TrainingFiles
 
 #: So many chains at most are judged, the cheapest first, if one is not enough.
@@ -146,8 +147,12 @@ def tune(
     doubt: Callable[[list[str]], None] = lambda sentences: None,
     stop: Callable[[], bool] = lambda: False,
     calls: Calls | None = None,
+    step: Callable[[str], None] = lambda words: None,
 ) -> TuningResult:
-    """Search for a better chain, and judge the best one on the held-out recordings.
+    """Learn of a finger, search for a better chain, and judge the best one by what is held out.
+
+    Without evidence the search begins as for a new sensor. Noise is learnt of the longest
+    recording of rest and impacts of the longest of taps, as far as there are any.
 
     Parameters
     ----------
@@ -166,12 +171,14 @@ def tune(
         ended now, before the first trial, and after each trial and each batch.
     doubt
         Called before the search with a line on each recording that has faults, is left out or
-        contradicts its kind, if there are any; see :func:`.kinds.contradictions`.
+        contradicts its kind, see :func:`.kinds.contradictions`, and on what was learnt.
     stop
         Returns whether to end the search with the result so far; first called when the recordings
         are read.
     calls
         Makes the calls for the points of a batch. None: they are made in this process.
+    step
+        Called with words on each step as it begins.
 
     Raises
     ------
@@ -192,10 +199,13 @@ def tune(
         left_out = name_list([track.name for track in wrong])
         sentences.append(f'Left out, as keys that were pressed by mistake: {left_out}')
     notes += sentences
-    if notes:
-        doubt(notes)
+    running = parameters.running or parameters.chain
+    begin, learnt = learn(parameters.chain, training, step)
+    notes += learnt
+    doubt(notes)
     stop()
-    problem = parameters.problem(training)
+    step('searching')
+    problem = parameters._replace(chain=begin, running=running).problem(training)
     name = problem.study_name()
     study = Study(problem.space.distributions, seed, storage, name)
     # It has a few kilobytes, without any rows.
@@ -217,6 +227,7 @@ def tune(
         if not study.trials:
             raise KeyboardInterrupt('stopped before anything was found')
         notes.append('Stopped early.')
+    step('comparing on what was held out')
     rest_s = sum((one.kinds < SLIP).sum() / one.sample_rate_hz for one in held)
     if rest_s < LEAST_REST_S:
         notes.append(f'Only {rest_s:.3g} s of rest are held out: false alarms hardly show in it')

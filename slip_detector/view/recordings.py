@@ -40,7 +40,7 @@ from slip_detector.recordings import labels, open_recording
 from slip_detector.recordings.rates import rates_differ
 from slip_detector.recordings.writing import BagWriter
 from slip_detector.report.overview import MOST_CELLS, THRESHOLD_CODE, Overview
-from slip_detector.tuning.tracks import hold_out_evenly, track_of
+from slip_detector.tuning.tracks import hold_out, track_of
 from slip_detector.view.detectors import Finger
 
 #: Kinds of recordings.
@@ -52,9 +52,6 @@ NO_SLIP = 'has no slip'
 
 #: Bins of a recording's trace: at most so many, and more than half of them, unless it is short.
 TRACE_BINS = 150
-
-#: Share of the recordings of each kind that is held out of the search.
-HELD_OUT = 1 / 3
 
 
 class RecordingSummary(NamedTuple):
@@ -206,19 +203,11 @@ class RecordedFolder:
         with contextlib.suppress(ValueError):  # It cannot be read, which its summary says.
             self.rates_hz[name] = open_recording(self.folder / name).sample_rate_hz
 
-    def divided(self) -> tuple[dict[str, list[str]], list[str]]:
-        """Return the names of those to tune on, of each kind, and of those that judge the result.
-
-        These are a third of each kind, evenly spread and with the last; of only two, the second.
-        What cannot be used is in neither.
-        """
-        to_tune_on, held_out = {}, []
+    def held_out(self) -> list[str]:
+        """Return the names of those that judge the result, of those that can be used."""
         usable = [one for n, one in self.recordings.items() if one.usable and not self.off_rate(n)]
-        for kind in KINDS:
-            names = [one.name for one in usable if one.kind == kind]
-            to_tune_on[kind], held = hold_out_evenly(names, HELD_OUT)
-            held_out += held
-        return to_tune_on, held_out
+        of_kinds = ([one.name for one in usable if one.kind == kind] for kind in KINDS)
+        return [name for names in of_kinds for name in hold_out(names)[1]]
 
     def _bags(self) -> set[str]:
         paths = self.folder.glob('*/*.mcap')

@@ -82,9 +82,9 @@ class Teaching:
     async def close(self) -> None:
         """End the recording and the tuning."""
         self.stop()
-        if self._run is not None and self._tuning is not None:
-            self._run.kill()
-            await self._tuning
+        if self._tuning is not None:
+            self._tuning.cancel()
+            await asyncio.gather(self._tuning, return_exceptions=True)
 
     def tick(self) -> None:
         """Write new rows, end what is due to end, and report; called after each poll."""
@@ -188,7 +188,7 @@ class Teaching:
         }
 
     def _listed(self, folder: RecordedFolder) -> Mapping[str, Any]:
-        (_, held_out), writing = folder.divided(), self._recorder and self._recorder.path
+        held_out, writing = folder.held_out(), self._recorder and self._recorder.path
         recordings = [
             {
                 **one._asdict(),
@@ -279,10 +279,7 @@ class Teaching:
 
     async def _tune(self, message: Message) -> None:
         name = message.get('finger')
-        folder = self.folder_of(name)
-        await folder.refresh(self._server.work)
-        # Meanwhile another page may have begun to tune, or the finger may have gone.
-        finger = self._detectors.finger_of(name)
+        folder, finger = self.folder_of(name), self._detectors.finger_of(name)
         if self._run is not None and self._run.running:
             raise ValueError('tuning runs already, allowed: one at a time')
         self._run = TuneRun(folder, finger.name, finger.config)

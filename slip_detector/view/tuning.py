@@ -13,116 +13,51 @@
 # limitations under the License.
 
 
-"""Tunes a detector on the recordings of the live page, in a process of low priority."""
+"""Tunes a detector on the recordings of the live page, as ``slip_tune`` does."""
 
 import asyncio
 import contextlib
-import functools
-import itertools
-import multiprocessing
-import os
+import json
 import signal
-import threading
-from collections.abc import Callable, Iterable, Mapping
-from multiprocessing.connection import Connection
-from pathlib import Path
-from typing import Any, NamedTuple
+import sys
+from asyncio.subprocess import PIPE, Process
+from typing import Any, cast
 
-from slip_detector.commands.command_line import interrupts_noted
-from slip_detector.commands.tune import in_short
-from slip_detector.evaluation.figures import figures_of_merit
-from slip_detector.evaluation.replay import Replay
-from slip_detector.parameters.detector import ChainConfig, DetectorConfig
+from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.files import writable_folder, write_yaml
-from slip_detector.report.tables import figure_text, heading, main_figures
-from slip_detector.tuning.learning import learn_from_quiet, learn_from_taps
-from slip_detector.tuning.problem import Candidate, searched
-from slip_detector.tuning.tracks import TrainingFiles
-from slip_detector.tuning.verdict import TuningParameters, tune
-from slip_detector.view.detectors import OF_THE_CHAIN, Values, to_decide_as
+from slip_detector.report.tables import Row
+from slip_detector.view.detectors import Values, to_decide_as
 from slip_detector.view.recordings import RecordedFolder
 
-#: Number of chains that the search tries.
-TRIALS = 200
+#: Starts ``slip_tune`` as the console script does, wherever that is, and gives way to the nodes.
+SLIP_TUNE = 'import sys; from slip_detector.commands.command_line import tune; sys.exit(tune())'
+COMMAND = 'nice', '-n', '10', sys.executable, '-c', SLIP_TUNE, '--json'
 
-#: Figures of which larger is better; of all others, smaller is better.
-LARGER_IS_BETTER = ('recall', 'coverage', 'sooner_than_chance', 'precision', 'auc_all')
-
-#: Where the search for an unknown sensor begins: see docs/your_sensor.md.
-NEW_SENSOR: dict[str, Any] = {
-    'decision': 'evidence',
-    'threshold': 0.5,
-    'noise_floor': [1e-9],
-    'noise_floor_learnt': ChainConfig.noise_floor_learnt,
-    'passband_degree': 2,
-    'stopbands_hz': [],
-    'gain': 1.0,
-    'exponent': 1,
-    'vote': 2,
-}
-LOW_HZ, LOW_SHARE = 20.0, 0.2
+#: Longest line that it may print, in bytes.
+MOST_LINE = 2**24
 
 #: What a page shows of a run as it is.
 DESCRIBED = 'finger', 'running', 'step', 'share', 'lines', 'table', 'kept'
 
-#: How much the search gives way to the nodes.
-NICE = 10
-
-#: Title, figure of the running and of the tuned detector, 'better', 'worse' or ''.
-Row = tuple[str, str, str, str]
-
-
-class TuneJob(NamedTuple):
-    """What the process is to do."""
-
-    running: Values
-    #: By kind the names of recordings to tune on, the longest last; and of all that are held out.
-    to_tune_on: dict[str, list[str]]
-    held_out: list[str]
-    #: A line on each recording that is left out, as its rate is another.
-    left_out: list[str]
-    #: Where the recordings are; parameter files are written in a folder in it.
-    folder: Path
-    trials: int
-
-    def paths(self, names: Iterable[str]) -> list[str]:
-        """Return the paths of recordings."""
-        return [str(self.folder / name) for name in names]
-
 
 class TuneRun:
-    """One run of the search on the recordings of a finger.
+    """One run of ``slip_tune`` on the recordings of a finger, to be better than what runs.
 
-    Noise is learnt from rest and impacts from taps; a search begins with what was learnt. Then the
-    running and the tuned detector are compared on the held-out recordings.
-
-    Raises
-    ------
-    ValueError
-        When there are too few recordings.
+    Parameters
+    ----------
+    recorded
+        The recordings; parameter files are written in the folder ``tuning`` beside them.
+    finger, config
+        Name and parameters of the detector.
     """
 
     def __init__(self, recorded: RecordedFolder, finger: str, config: DetectorConfig) -> None:
-        to_tune_on, self.held_out = recorded.divided()
-        if not any(name.startswith('slip') for name in self.held_out):
-            slips = len(to_tune_on['slip'])
-            raise ValueError(f'there are {slips} recordings of slips, allowed: two or more')
-        self.finger, self._config = finger, config
-        for names in to_tune_on.values():
-            names.sort(key=lambda name: recorded.recordings[name].duration_s)
-        off = [(name, recorded.off_rate(name)) for name in recorded.recordings]
-        left_out = [f'{name} is left out: it {words}' for name, words in off if words]
-        values = config.to_parameters()
-        job = TuneJob(values, to_tune_on, self.held_out, left_out, recorded.folder, TRIALS)
-        context = multiprocessing.get_context('spawn')
-        self._connection, child = context.Pipe()
-        self._process = context.Process(target=work, args=(job, child), daemon=True)
-        self._process.start()
-        child.close()
+        self.finger, self._config, self._folder = finger, config, recorded.folder
+        self._process: Process | None = None
         #: Whether it has not ended, and was stopped.
         self.running, self.stopping = True, False
         #: What is left out, what was learnt, and which steps did not work.
-        self.lines = left_out
+        self.lines: list[str] = []
         #: The present step, why the run failed, and why what was found should not be applied.
         self.step = self.failed = self.kept = ''
         #: Share of the search that is done, 0 to 1.
@@ -133,15 +68,44 @@ class TuneRun:
         self.found: DetectorConfig | None = None
 
     async def run(self) -> None:
-        """Note what the process reports until it ends; an error is noted in ``failed``."""
-        with contextlib.suppress(EOFError, ConnectionResetError):  # The process has ended.
-            while True:
-                vars(self).update(await asyncio.to_thread(self._connection.recv))
-        if self.found is None and not self.failed:
-            self.failed = 'the search ended before it was done, the log of slip_view says why'
-        await asyncio.to_thread(self._process.join)
-        self._connection.close()
-        self.running, self.step = False, ''
+        """Note what the command prints until it ends; an error is noted in ``failed``."""
+        try:
+            folder = writable_folder(self._folder / 'tuning')
+            given = folder / 'running.yaml'
+            write_yaml(given, self._config.to_document(), ['Written by slip_view: what runs.'])
+            files = self._folder, '--config', given, '--out', folder / 'tuned.yaml'
+            process = self._process = await asyncio.create_subprocess_exec(
+                # Ctrl-C in the terminal is for slip_view.
+                *COMMAND, *map(str, files), stdout=PIPE, stderr=PIPE, start_new_session=True,
+                limit=MOST_LINE,
+            )  # fmt: skip
+            self._interrupt()
+            await self._follow(process)
+        except ValueError as error:
+            self.failed = str(error)
+        finally:
+            self.running, self.step = False, ''
+
+    async def _follow(self, process: Process) -> None:
+        output, errors = cast(list[asyncio.StreamReader], [process.stdout, process.stderr])
+        complaints = asyncio.create_task(errors.read())
+        try:
+            async for line in output:
+                said = json.loads(line)
+                self.step, self.share, self.lines = said['step'], said['share'], said['lines']
+                if 'changes' in said:
+                    self.kept, self.table = said['kept'], [(*row,) for row in said['table']]
+                    found = {**self._config.to_parameters(), **said['changes']}
+                    self.found = DetectorConfig.from_parameters(found)
+        finally:
+            if not output.at_eof():
+                process.kill()
+            code, said = await process.wait(), (await complaints).decode(errors='replace')
+        if self.found is None and self.stopping and code != 1:
+            self.failed = 'stopped before anything was found'
+        elif self.found is None:
+            lines = said.strip().splitlines() or ['the search ended before it was done']
+            self.failed = lines[-1].removeprefix('slip_tune: ')
 
     def to_apply(self, config: DetectorConfig) -> Values:
         """Return the parameters to set so that a detector decides as the tuned one.
@@ -166,12 +130,12 @@ class TuneRun:
         """Stop the search; the best chain so far is judged and kept."""
         if self.running and not self.stopping:
             self.stopping = True
-            with contextlib.suppress(OSError):  # It has just ended.
-                self._connection.send('stop')
+            self._interrupt()
 
-    def kill(self) -> None:
-        """End the process at once; the run then fails."""
-        self._process.kill()
+    def _interrupt(self) -> None:
+        if self._process and self.stopping:
+            with contextlib.suppress(ProcessLookupError):  # It has just ended.
+                self._process.send_signal(signal.SIGINT)
 
     def described(self) -> dict[str, Any]:
         """Return the state of the run, for the page."""
@@ -181,131 +145,3 @@ class TuneRun:
             'failed': '' if self.running else self.failed,
             'changes': len(self.to_apply(self._config)),
         }
-
-
-def work(job: TuneJob, connection: Connection) -> None:
-    """Do a job, as the only thing of this process; report changes of the run's attributes."""
-    os.setsid()  # Ctrl-C in the terminal is for slip_view.
-    os.nice(NICE)
-    try:
-        with interrupts_noted() as stop:
-            threading.Thread(target=_obey, args=(connection,), daemon=True).start()
-            _tune(job, lambda **changes: connection.send(changes), stop)
-    except KeyboardInterrupt:
-        connection.send({'failed': 'stopped before anything was found'})
-    except ValueError as error:
-        connection.send({'failed': str(error)})
-
-
-def _obey(connection: Connection) -> None:
-    """Interrupt the search when it is to stop; end when slip_view has ended, even if killed."""
-    try:
-        while connection.recv():
-            os.kill(os.getpid(), signal.SIGINT)
-    except (EOFError, OSError):
-        os._exit(1)
-
-
-def _tune(job: TuneJob, report: Callable[..., None], stop: Callable[[], bool]) -> None:
-    """Learn, search and compare."""
-    folder = writable_folder(job.folder / 'tuning')
-    begin, lines = learnt(job, beginning(DetectorConfig.from_parameters(job.running)), report)
-    _write(folder / 'begin.yaml', begin)
-    running = _parameters(job.running).chain
-    parameters = _parameters(begin)._replace(running=running)
-
-    def progress(count: int, best: Candidate | None) -> None:
-        tried = f'{count} of {job.trials} chains tried'
-        report(share=count / job.trials, step=f'searching: {tried}, {in_short(best)}')
-
-    report(step='searching')
-    to_tune_on = job.paths(itertools.chain(*job.to_tune_on.values()))
-    files = TrainingFiles(to_tune_on, parameters.loader, job.paths(job.held_out))
-    journal = str(folder / 'tuned.yaml.study.journal')
-    calls: Any = {'progress': progress, 'doubt': lambda said: report(lines=lines + said)}
-    result = tune(files, parameters, job.trials, storage=journal, stop=stop, **calls)
-    report(step='comparing on what was held out', lines=lines + result.notes)
-    kept, tried = result.verdict.kept, result.verdict.tried
-    tuned = {**begin, **searched(tried)} if tried else job.running
-
-    _write(folder / 'tuned.yaml', job.running if kept else tuned)
-    outcomes = (
-        [replay.run(one.rows(), one.sample_rate_hz) for one in result.held]
-        for replay in (Replay(running), Replay(_parameters(tuned).chain))
-    )
-    table = compared(*map(figures_of_merit, outcomes))
-    report(found=DetectorConfig.from_parameters(tuned), table=table, kept=kept)
-
-
-def beginning(config: DetectorConfig) -> Values:
-    """Return where learning begins: the present parameters, or those for a new sensor.
-
-    Examples
-    --------
-    >>> beginning(DetectorConfig())['passband_hz']
-    [20.0, 0.0]
-    """
-    if config.decision == 'evidence':
-        return config.to_parameters()
-    low_hz = min(LOW_HZ, LOW_SHARE * config.sample_rate_hz)
-    vote = min(2, *map(len, config.groups.values()))
-    return {**config.to_parameters(), **NEW_SENSOR, 'passband_hz': [low_hz, 0.0], 'vote': vote}
-
-
-def learnt(job: TuneJob, begin: Values, report: Callable[..., None]) -> tuple[Values, list[str]]:
-    """Learn noise and impacts if there are recordings of them; return parameters and lines."""
-    slips = job.paths(job.to_tune_on['slip'])
-    steps: list[tuple[str, str, Callable[..., tuple[Values, list[str]]]]] = [
-        ('noise', 'rest', learn_from_quiet),
-        ('impacts', 'taps', functools.partial(learn_from_taps, slips=slips)),
-    ]
-    lines = job.left_out
-    for what, kind, learn in steps:
-        if not job.to_tune_on[kind]:
-            lines = [*lines, f'No {what} learnt: there is no recording for that']
-            continue
-        name = job.to_tune_on[kind][-1]
-        report(lines=lines, step=f'learning the {what} of {name}')
-        path, parameters = str(job.folder / name), _parameters(begin)
-        try:
-            found, more = learn(path, chain=parameters.chain, loader=parameters.loader)
-            begin, lines = {**begin, **found}, lines + more
-        except ValueError as error:  # Taps may look like slips: what was learnt before is kept.
-            lines = [*lines, str(error)]
-    report(lines=lines)
-    return begin, lines
-
-
-def _parameters(values: Values) -> TuningParameters:
-    chain = {n: value for n, value in values.items() if n.partition('.')[0] in OF_THE_CHAIN}
-    return TuningParameters(ChainConfig.from_parameters(chain))
-
-
-def _write(file: Path, values: Values) -> None:
-    document = DetectorConfig.from_parameters(values).to_document()
-    write_yaml(file, document, ['Written by slip_view, which has tuned.'])
-
-
-def compared(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[Row]:
-    """Return two sets of figures side by side, each with its title and 'better' or 'worse'.
-
-    Of what finds no slip nothing is better; and the latency of the slips found is neither where
-    more of them are missed, as it falls where late ones are.
-
-    Examples
-    --------
-    >>> compared({'recall': 0.8}, {'recall': 0.95})
-    [('recall', '0.800', '0.950', 'better')]
-    """
-    rows, recalls = [], [one.get('recall') or 0.0 for one in (before, after)]
-    for name in main_figures([before, after]):
-        was, now, change = before[name], after[name], ''
-        known = was is not None and now is not None and was != now and 'slips' not in name
-        # A negative latency, ON before the slip, is neither better nor worse.
-        if known and not (name.startswith('latency') and min(was, now) < 0.0):
-            change = 'better' if (now > was) == (name in LARGER_IS_BETTER) else 'worse'
-        late_missed = name.startswith('latency') and '_all' not in name and recalls[1] < recalls[0]
-        if change == 'better' and (late_missed or not recalls[1]):
-            change = ''
-        rows.append((heading(name), figure_text(name, before), figure_text(name, after), change))
-    return rows

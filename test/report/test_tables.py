@@ -18,7 +18,13 @@ from slip_detector.evaluation.chance import slip_figures
 from slip_detector.evaluation.scores import ScoreCounts
 from slip_detector.grasp.loop import CONTROLLER, HARDER, UNCONTROLLED, check_wanted, grasp_figures
 from slip_detector.report.grasp import grasp_table
-from slip_detector.report.tables import MAIN_FIGURES, TABLES, comparison_table, evaluation_tables
+from slip_detector.report.tables import (
+    MAIN_FIGURES,
+    TABLES,
+    compared,
+    evaluation_tables,
+    heading,
+)
 from support import grasp_trials
 
 
@@ -77,17 +83,34 @@ def test_kinds_are_shown_where_they_were_recorded():
     assert lines[at + 1].split() == ['a', '0.750', '0.00', '0.00']
 
 
-def test_given_and_tuned_are_beside_each_other():
+def test_two_sets_of_figures_are_beside_each_other():
     known = dict.fromkeys(MAIN_FIGURES, 1) | {'latency_median_ms': None}
-    given_ = {**known, 'recall': 0.5, 'press_on_percent': 30.0}
-    tuned = {**known, 'recall': 0.75, 'press_on_percent': None, 'latency_worst_ms': -120.0}
-    lines = [' '.join(line.split()) for line in comparison_table(given_, tuned).splitlines()]
-    assert lines[0] == 'given tuned'
-    assert {'recall 0.500 0.750', 'press ON [%] 30.00 -'} <= set(lines)
+    before = {**known, 'recall': 0.5, 'press_on_percent': 30.0}
+    after = {**known, 'recall': 0.75, 'press_on_percent': None, 'latency_worst_ms': -120.0}
+    rows = compared(before, after)
+    assert ('recall', '0.500', '0.750', 'better') in rows
+    assert ('press ON [%]', '30.00', '-', '') in rows
     # Slip was ON before its label.
-    assert 'latency worst [ms] 1 ON 120.0 before' in lines
+    assert ('latency worst [ms]', '1', 'ON 120.0 before', '') in rows
     # What is undefined for both is left out.
-    assert len(lines) == len(MAIN_FIGURES)
+    assert len(rows) == len(MAIN_FIGURES) - 1
+
+
+def changes_between(before, after):
+    """Return by heading what is said of a change of figures."""
+    return {row[0]: row[3] for row in compared(before, after)}
+
+
+def test_of_what_finds_no_slip_or_was_on_before_nothing_is_better():
+    before = {**dict.fromkeys(MAIN_FIGURES, 1.0), 'latency_p90_ms': 90.0}
+    never = {**dict.fromkeys(MAIN_FIGURES, 0.0), 'latency_p90_ms': None}
+    assert {*changes_between(before, never).values()} == {'worse', ''}
+    fewer = {**before, 'recall': 0.5, 'latency_p90_ms': 50.0}
+    assert changes_between(before, fewer)[heading('latency_p90_ms')] == ''
+    early = {**before, 'latency_median_ms': -96.3, 'latency_p90_ms': 80.0}
+    changes = changes_between(early, before)
+    assert changes[heading('latency_median_ms')] == ''
+    assert changes[heading('latency_p90_ms')] == 'worse'
 
 
 def test_the_table_of_the_grasp_has_conditions_wanted_figures_and_the_nodes():

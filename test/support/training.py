@@ -93,14 +93,13 @@ def rows_of(name):
     return Samples(volts, stamps_ns, truth)
 
 
-def write_recordings(folder, slips=6, gains=None):
+def write_recordings(folder, slips=6):
     """Write recordings as a page makes them: rest, taps, and one slip in each of some."""
-    gains = gains or {}
     channels = [f'ch{c}' for c in range(1, 17)]
     for name in [*RECORDINGS][: 3 + slips]:
         folder.mkdir(exist_ok=True)
-        accuracy_s = BY_HAND_S if name.startswith('slip') else 0.0
-        bag = BagWriter(folder / name, channels, accuracy_s=accuracy_s)
-        rows = rows_of(name)
-        bag.write(rows._replace(volts=4.3 + (rows.volts - 4.3) * gains.get(name, 1.0)))
+        kind = name.partition('_')[0]
+        about = {'accuracy_s': BY_HAND_S} if kind == 'slip' else {'kind': kind}
+        bag = BagWriter(folder / name, channels, **about)
+        bag.write(rows_of(name))
         bag.close()

@@ -103,12 +103,10 @@ def interrupted_at(*counts):
 def test_a_first_interrupt_keeps_the_result_so_far_and_a_second_ends_at_once(files, capfd):
     before = signal.getsignal(signal.SIGINT)
     with interrupts_noted('stopping') as stop:
-        result = tune(files, PARAMETERS, 1000, progress=interrupted_at(3), stop=stop)
-    assert result.notes == [
-        'Stopped early.',
-        'Only 9.21 s of rest are held out: false alarms hardly show in it',
-    ]
-    assert result.study.follow() == 3
+        result = tune(files, PARAMETERS, 1000, progress=interrupted_at(12), stop=stop)
+    few = 'Only 9.21 s of rest are held out: false alarms hardly show in it'
+    assert {'Stopped early.', few} <= {*result.notes}
+    assert result.study.follow() == 12
     assert [track.name for track in result.held] == ['b.npz']
     with pytest.raises(KeyboardInterrupt), interrupts_noted('stopping') as stop:
         tune(files, PARAMETERS, 1000, progress=interrupted_at(3, 3), stop=stop)

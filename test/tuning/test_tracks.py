@@ -71,10 +71,10 @@ def test_tracks_hold_the_rows_and_slips_of_their_files(folder):
     assert faults_of(found) == ['d.npz: 1 bad samples']
 
 
-def test_a_share_or_those_named_are_held_out(folder):
-    training, held, _ = TrainingFiles([str(folder)], LOADER, share=1 / 3).load()
-    assert [track.name for track in training] == ['a.npz', 'b.npz']
-    assert [track.name for track in held] == ['c.npz']
+def test_every_third_or_those_named_are_held_out(folder):
+    training, held, _ = TrainingFiles([str(folder)], LOADER).load()
+    assert [track.name for track in training] == ['a.npz', 'c.npz']
+    assert [track.name for track in held] == ['b.npz']
     link = folder.parent / f'{folder.name}_link.npz'
     link.symlink_to(folder / 'b.npz')
     training, held, _ = TrainingFiles([str(folder)], LOADER, [str(link)]).load()
@@ -84,8 +84,8 @@ def test_a_share_or_those_named_are_held_out(folder):
 
 def test_what_cannot_be_used_is_left_out_with_a_line_and_what_is_not_there_is_refused(folder):
     np.savez(folder / 'aa.npz', volts=np.zeros((99, 3)), label=np.zeros(99), sample_rate_hz=380.0)
-    training, held, notes = TrainingFiles([str(folder)], LOADER, share=1 / 3).load()
-    assert [track.name for track in training + held] == ['a.npz', 'b.npz', 'c.npz']
+    training, held, notes = TrainingFiles([str(folder)], LOADER).load()
+    assert [track.name for track in training + held] == ['a.npz', 'c.npz', 'b.npz']
     assert notes == [
         f'Left out: {folder}/aa.npz: has 3 channels, allowed: 4, the parameter channels'
     ]

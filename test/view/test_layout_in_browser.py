@@ -22,6 +22,7 @@ import numpy as np
 import pytest
 
 from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.view.recordings import RecordedFolder
 from slip_detector.view.tuning import TuneRun
 from support import page_parts as parts
 from support.browsers import expect
@@ -37,12 +38,9 @@ def resize(page, size):
 
 def tuned(served):
     """Let the tuning of the finger have found something."""
-    run = TuneRun.__new__(TuneRun)
-    vars(run).update(
-        finger=parts.NAME, _config=DetectorConfig(), found=DetectorConfig(threshold=0.25),
-        table=[('recall', '0.8', '0.9', 'better')], held_out=[], lines=[], running=False,
-        stopping=False, step='', failed='', kept='', share=1.0,
-    )  # fmt: skip
+    run = TuneRun(RecordedFolder(None), parts.NAME, DetectorConfig())
+    run.running, run.found = False, DetectorConfig(threshold=0.25)
+    run.table = [('recall', '0.8', '0.9', 'better')]
     apply, _ = served.server.requests['apply_tuning']
     apply.__self__._run = run
 

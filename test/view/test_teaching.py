@@ -35,6 +35,7 @@ from slip_detector.view.parameters import ParameterRequests
 from slip_detector.view.recordings import NO_SLIP
 from slip_detector.view.server import READ_ONLY, Server
 from slip_detector.view.teaching import AFTER_S, BEFORE_S, GONE, Teaching
+from slip_detector.view.tuning import TuneRun
 from support.limits import full_disk
 from support.simulated_detectors import SimulatedDetectors
 from support.training import write_recordings
@@ -281,22 +282,15 @@ async def test_tuning_runs_once_keeps_its_recordings_and_ends_with_the_server(tm
         run = one.teaching._run
         while not run.step:
             await asyncio.sleep(0.02)
-        assert one.latest()['tuning']['step'] == 'learning the noise of rest_1'
-    assert run._process.exitcode == -9
+        assert one.latest()['tuning']['step'] == 'reading the recordings'
+    assert run._process.returncode == -9
     assert not run.running
 
 
 async def test_what_was_found_is_applied_as_one_change_and_the_rest_stays(tmp_path):
     async with tuned(tmp_path) as one:
-        asked = asyncio.create_task(one.ask('tune'))
-        await asyncio.sleep(0)
-        finger = one.detectors.fingers.pop(FINGER)
-        assert 'there is no finger' in await asked
-        one.detectors.fingers[FINGER] = finger
-        await one.ask('tune')
-        run = one.teaching._run
-        run.kill()
-        await one.teaching._tuning
+        run = one.teaching._run = TuneRun(one.teaching.folder_of(FINGER), FINGER, DetectorConfig())
+        finger = one.detectors.fingers[FINGER]
         found = {'threshold': 0.25, 'groups': {'all': tuple(range(1, 17))}}
         run.found = dataclasses.replace(finger.config, **found)
         # Meanwhile another program has changed what was compared, and what decides nothing.
