@@ -25,7 +25,7 @@ is judged with the parameters that it is given. For each finger ``--json`` print
 ``chains``
     The figures on all parts together: of the chains that were ``taught``; of the ``paper``'s rule
     with as much of its bands as the rate allows, ON for 1.01 % of the rest that was taught on; and
-    of the ``beginning`` of a search, with noise floors and mains as they were learnt. Or of the
+    of the ``beginning`` of a search, with noise and impacts as they were learnt. Or of the
     parameters that were ``given``.
 
 The figures of a chain, of rows in which it has settled and the label is certain:
@@ -61,20 +61,19 @@ from typing import Any
 import numpy as np
 
 from benchmarks.fingers.judging import Judged, figures, judge, pooled
-from benchmarks.fingers.parts import Tracks, divide, longest, recordings_in
+from benchmarks.fingers.parts import Tracks, divide, recordings_in
 from benchmarks.measurement import shared_options
 from benchmarks.paper.protocol import PAPER_FALSE_POSITIVE_PERCENT
 from slip_detector.evaluation.figures import Bound, percent
-from slip_detector.parameters import ChainConfig, DetectorConfig
+from slip_detector.parameters import ChainConfig
 from slip_detector.parameters.fields import refuse
 from slip_detector.parameters.files import find_parameter_file
 from slip_detector.recordings import open_recording
 from slip_detector.report.tables import number_text, text_table
-from slip_detector.tuning.learning import learn_from_quiet, learn_from_taps
 from slip_detector.tuning.problem import searched
+from slip_detector.tuning.teaching import learn
 from slip_detector.tuning.tracks import TrainingFiles, load_tracks
 from slip_detector.tuning.verdict import TuningParameters, tune
-from slip_detector.view.tuning import beginning
 
 #: Nothing is wanted of every finger.
 WANTED: dict[str, Bound] = {}
@@ -120,8 +119,6 @@ def measure(words: argparse.Namespace) -> dict[str, Any]:
 def measure_finger(folder: Path, file: str, words: argparse.Namespace) -> dict[str, Any]:
     """Judge each part of the recordings by what was taught on the others; or what is given."""
     paths = recordings_in(folder)
-    if not paths:
-        refuse(f'{folder}: has no recordings', 'those of a finger')
     parameters = parameters_of(file, paths[0])
     tracks, chain, config = load(paths, parameters), parameters.chain, parameters.evaluation
     if words.judge or not any(one.slips for one in tracks.values()):
@@ -172,31 +169,14 @@ def load(paths: list[Path], parameters: TuningParameters) -> Tracks:
 def teach(
     parameters: TuningParameters, tracks: Tracks, words: argparse.Namespace
 ) -> tuple[dict[str, ChainConfig], dict[str, Any]]:
-    """Return the chains to judge, one of them taught as ``docs/your_sensor.md`` says.
-
-    With them comes what there is to say about the teaching.
-    """
-    values = beginning(DetectorConfig.from_parameters(parameters.chain.to_parameters()))
-    known = {name: value for name, value in values.items() if name in vars(parameters.chain)}
-    start = dataclasses.replace(parameters.chain, **known)
-    quiet = longest(tracks, 'rest') or longest(tracks, '') or next(iter(tracks))
-    learnt, notes = learn_from_quiet(str(quiet), start, parameters.loader)
-    start = begin = dataclasses.replace(start, **learnt)
-    if knocks := longest(tracks, 'taps'):
-        slips = [str(path) for path, one in tracks.items() if one.slips]
-        try:
-            learnt, lines = learn_from_taps(str(knocks), slips, begin, parameters.loader)
-            start = dataclasses.replace(begin, **learnt)
-        except ValueError as error:
-            lines = [str(error)]
-        notes += lines
+    """Return the chains to judge, one of them taught as ``slip_tune`` does, and what it says."""
+    begin, _ = learn(parameters.chain, [*tracks.values()], lambda step: None)
     files = TrainingFiles([str(path) for path in tracks], parameters.loader)
     trials = QUICK_TRIALS if words.quick else words.trials
-    result = tune(files, parameters._replace(chain=start), trials, seed=words.seed)
+    result = tune(files, parameters, trials, seed=words.seed)
     taught, kept = result.verdict.chain, result.verdict.kept
     chains = {'taught': taught, 'paper': papers(parameters, tracks), 'beginning': begin}
-    about = {'kept': kept, 'notes': notes + result.notes, 'parameters': searched(taught)}
-    return chains, about
+    return chains, {'kept': kept, 'notes': result.notes, 'parameters': searched(taught)}
 
 
 def papers(parameters: TuningParameters, tracks: Tracks) -> ChainConfig:

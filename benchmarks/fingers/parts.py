@@ -29,7 +29,7 @@ import numpy as np
 
 from slip_detector.parameters import RecordingConfig
 from slip_detector.parameters.files import write_yaml
-from slip_detector.recordings import is_recording
+from slip_detector.recordings import recording_sets, with_subfolders
 from slip_detector.recordings.array_recordings import STAMPS_KEY
 from slip_detector.recordings.labels import ACCURACY, KEY, KIND, labels_name
 from slip_detector.tuning.tracks import Track, edges_of
@@ -41,10 +41,8 @@ Tracks = Mapping[Path, Track]
 
 
 def recordings_in(folder: Path) -> list[Path]:
-    """Return the recordings in a folder, and then those in the folders in it."""
-    inside = sorted(folder.iterdir())
-    below = [one for one in inside if one.is_dir() and not is_recording(one)]
-    return [*filter(is_recording, inside), *itertools.chain(*map(recordings_in, below))]
+    """Return the recordings in a folder, and those in the folders in it."""
+    return [*itertools.chain(*recording_sets(with_subfolders([str(folder)])).values())]
 
 
 def divide(tracks: Tracks, config: RecordingConfig, folder: Path) -> list[list[Path]]:
@@ -94,9 +92,3 @@ def cut(track: Track, many: int, config: RecordingConfig, folder: Path) -> list[
         write_yaml(folder / labels_name(path), about)
         written.append(path)
     return written
-
-
-def longest(tracks: Tracks, kind: str) -> Path | None:
-    """Return the longest recording of a kind; None without any."""
-    its = [path for path, one in tracks.items() if one.kind == kind and not one.slips]
-    return max(its, key=lambda path: tracks[path].duration_s, default=None)
