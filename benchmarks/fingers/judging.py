@@ -44,11 +44,11 @@ def judge(
     """Run a chain over a recording and its joints, cross-faded over whole periods of the mains."""
     outcome = Replay(chain, config).run(track.rows(), track.sample_rate_hz)
     names = 'rest' if track.kind else 'between', *WITHOUT_SLIP[1:], 'slide'
-    counts = zip(names, outcome.scores.counts, strict=True)
-    found = {name: np.repeat(outcome.scores.score, many) for name, many in counts}
+    counts, (*_, limits) = outcome.scores.counts, outcome.scores.roc()
+    found = {name: np.repeat(limits[::-1], its) for name, its in zip(names, counts, strict=True)}
     for name in ('slide', 'rest'):
-        its = chain, track, name == 'slide', mains_rows or chain.samples(FADE_S)
-        found[f'{name} joints'] = joint_latencies_s(*its) if track.slips else np.zeros(0)
+        how = chain, track, name == 'slide', mains_rows or chain.samples(FADE_S)
+        found[f'{name} joints'] = joint_latencies_s(*how) if track.slips else np.zeros(0)
     return outcome, found
 
 
