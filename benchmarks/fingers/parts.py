@@ -14,10 +14,9 @@
 
 """The recordings of a finger, and the parts that they are divided into.
 
-Recordings with slips, and those of each kind, are divided so that in each part are those that
-follow each other: what was recorded together stays together. There are two parts; where four
-recordings or fewer have slips, each of these is in a part of its own. The only recording of a kind
-is cut.
+Recordings with slips, and those of each kind, are dealt out in their order, one to each part in
+turn. There are two parts; where four recordings or fewer have slips, each of these is in a part of
+its own. The only recording of a kind is cut.
 """
 
 import itertools
@@ -66,7 +65,7 @@ def divide(tracks: Tracks, config: RecordingConfig, folder: Path) -> list[list[P
         one, its = len(paths) == 1, folder / (name or 'other')
         several = cut(tracks[paths[0]], many, config, its) if one else paths
         for k, path in enumerate(several):
-            parts[k * many // len(several)].append(path)
+            parts[k % many].append(path)
     return parts
 
 
