@@ -16,7 +16,7 @@
 
 :func:`measure_families` gives, ``by_name`` of the family, ``given`` and ``tuned``, the
 figures of both chains on scenes with seeds that the search has not seen (:data:`FIGURES`, see
-:func:`.slip_figures`; in ``latency_median_all_ms`` a missed slip counts as later than any other);
+:meth:`.Events.at`; in ``latency_median_all_ms`` a missed slip counts as later than any other);
 ``kept``: why the given parameters were kept, else empty; ``better``: whether
 ``latency_median_all_ms``, ``false_time_percent`` and ``recall`` are all three better, or as good
 as they can be; and ``parameters``: the tuned values of the parameters that are searched. Beside

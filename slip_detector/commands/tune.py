@@ -16,9 +16,10 @@
 
 Learn of a finger's recordings how to detect its slips: noise and mains of rest, impacts of taps,
 contact of a finger that touches nothing; then search the parameters that catch labelled slips
-soonest without false alarms. Of each kind of recordings every third, from the second on, is held
-out: on these the result is never worse than the given parameters. Ctrl-C ends the search with the
-result so far, and the same command continues it.
+soonest without false alarms. Of a folder its recordings are read, and those of the folders in it.
+Of each kind every third, from the second on, is held out: on these the result is never worse than
+the given parameters. Ctrl-C ends the search with the result so far, and the same command continues
+it.
 
 It uses no ROS. :func:`slip_detector.tuning.verdict.tune` does the work.
 """
@@ -45,11 +46,9 @@ from slip_detector.report.tables import compared, figure_text, heading, text_tab
 from slip_detector.tuning.learning import learn_from_quiet
 from slip_detector.tuning.problem import Candidate, searched
 from slip_detector.tuning.tracks import Track, TrainingFiles
-from slip_detector.tuning.verdict import TuningParameters, tune
+from slip_detector.tuning.verdict import TRIALS, TuningParameters, tune
 
 NAME = 'slip_tune'
-
-TRIALS = 200
 
 #: Options that only a search has.
 OF_SEARCH = ('recordings', 'held_out', 'report', 'storage', 'jobs', 'cluster', 'json', *KINDS)
@@ -57,9 +56,7 @@ OF_SEARCH = ('recordings', 'held_out', 'report', 'storage', 'jobs', 'cluster', '
 STOPPING = '\nstopping; results so far are kept (Ctrl-C again: end at once)\n'
 
 #: Figures of the best chain so far that are shown during a search.
-SHOWN = (
-    'latency_median_all_ms', 'sooner_than_chance', 'false_alarms_per_minute', 'false_time_percent'
-)  # fmt: skip
+SHOWN = 'latency_median_all_ms', 'sooner_than_chance', 'false_time_percent'
 
 #: Number of lines on the progress of a search where no bar can be shown.
 LINES = 10
@@ -72,8 +69,8 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     add('--out', type=Path, required=True, metavar='FILE', help='the parameter file to write')
     workers.add_options(parser, 'search')
     add(
-        '--trials', type=whole_number(1), default=TRIALS, metavar='N',
-        help='number of trials of the study, including earlier runs (default: %(default)s)',
+        '--trials', type=whole_number(1), metavar='N', help='number of trials of the study, with '
+        'earlier runs (default: {} to {}, more where recordings are short)'.format(*TRIALS),
     )  # fmt: skip
     add(
         '--storage', metavar='URL', help='where the study is kept and shared: the path of a '
@@ -114,10 +111,9 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     return options
 
 
-def _reports(trials: int, bar: Any, as_json: bool) -> dict[str, Callable[..., None]]:
+def _reports(bar: Any, as_json: bool) -> dict[str, Callable[..., None]]:
     """Return functions that show each step, what is noticed, and the trials so far."""
     said: dict[str, Any] = {'step': 'reading the recordings', 'share': 0.0, 'lines': []}
-    printed = 0
 
     def say(lines: Sequence[str] = (), **changes: Any) -> None:
         said.update(changes, lines=[*said['lines'], *lines])
@@ -127,13 +123,13 @@ def _reports(trials: int, bar: Any, as_json: bool) -> dict[str, Callable[..., No
             bar.write('\n'.join(lines), file=sys.stderr)
         bar.set_description_str(said['step'])
 
-    def progress(count: int, best: Candidate | None) -> None:
-        nonlocal printed
+    def progress(count: int, trials: int, best: Candidate | None) -> None:
+        bar.total = trials
+        tenths = [int(LINES * share) for share in (said['share'], count / trials)]
         words = f'{count} of {trials} trials, {in_short(best)}'
         bar.update(count - bar.n)
         say(step=words, share=count / trials)
-        if bar.disable and not as_json and (count - printed) * LINES >= trials:
-            printed = count
+        if bar.disable and not as_json and tenths[0] < tenths[1]:
             say([words])
 
     say()
@@ -147,7 +143,7 @@ def in_short(found: Candidate | None) -> str:
     --------
     >>> from slip_detector.parameters import ChainConfig
     >>> figures = {'latency_median_all_ms': 41.0, 'sooner_than_chance': 0.95}
-    >>> in_short(Candidate(ChainConfig(), cost_ms=91.0, error_ms=9.0, figures=figures))[:60]
+    >>> in_short(Candidate(ChainConfig(), cost_ms=91.0, figures=figures))[:60]
     'result so far: costs 91.0 ms, latency median all [ms] 41.0, '
     """
     if found is None:
@@ -173,13 +169,13 @@ def _search(
     workers.make_paths_whole(options, 'recordings', 'held_out', *KINDS)
     of_kinds = [(kind, path) for kind in KINDS for path in getattr(options, kind)]
     read = options.recordings, parameters.loader, options.held_out
-    files, trials = TrainingFiles(*read, of_kinds=of_kinds), options.trials
+    files = TrainingFiles(*read, of_kinds=of_kinds)
     with (
         workers.processes(options.jobs, options.cluster) as calls,
-        workers.progress_bar(trials, 'trial') as bar,
+        workers.progress_bar(options.trials, 'trial') as bar,
     ):
-        more: Any = {**_reports(trials, bar, options.json), 'stop': stop, 'calls': calls}
-        result = tune(files, parameters, trials, seed=options.seed, storage=where, **more)
+        more: Any = {**_reports(bar, options.json), 'stop': stop, 'calls': calls}
+        result = tune(files, parameters, options.trials, seed=options.seed, storage=where, **more)
     # It takes a while to load.
     from slip_detector.report.page import replay_variant, write_page
 
@@ -191,8 +187,7 @@ def _search(
         for name, chain in (('given', given), ('not taken' if verdict.kept else 'tuned', found))
     ]
     lines = [
-        f'{study.follow()} trials ({trials} asked for), {len(study.trials)} of them gave '
-        f'a chain, seed {options.seed}',
+        f'{study.follow()} trials, {len(study.trials)} of them gave a chain, seed {options.seed}',
         f'Tuned on: {_names_of(problem.tracks)}',
         f'Held out, and not tuned on: {_names_of(held)}',
         *notes,

@@ -214,7 +214,7 @@ def check_apart(written: Mapping[str, Path | None], *read: str | Path | None) ->
             check_writable(path)
 
 
-def progress_bar(total: int, unit: str) -> 'tqdm[Any]':
+def progress_bar(total: int | None, unit: str) -> 'tqdm[Any]':
     """Return a progress bar on stderr; it is disabled where stderr is not a terminal.
 
     Examples

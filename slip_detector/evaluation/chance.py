@@ -25,16 +25,10 @@ rise. Its *lead* is the time from the beginning of this window to the start of t
 a row, as an alarm may rise anywhere within its row.
 """
 
-from collections.abc import Mapping, Sequence
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from slip_detector.chain.samples import Floats
-from slip_detector.recordings.labels import KINDS
-
-#: Time of some rest, number of alarms in it, and how much of it the global decision is ON.
-Rest = tuple[float, int, float]
 
 #: Least ``sooner_than_chance`` with which the median latency of all slips is defined.
 HALF = 0.5
@@ -132,77 +126,3 @@ def saved_by_chance_s(
     grows_s = np.clip(full_s - leads, 0.0, most_s)
     growing = rates * grows_s * (leads + 0.5 * grows_s)
     return np.asarray((growing + highest * (most_s - grows_s)).mean(axis=0))
-
-
-def slip_figures(
-    latencies_ms: Sequence[float] | Floats,
-    leads_s: Sequence[float] | Floats,
-    windows_s: Sequence[float] | Floats,
-    rests: Mapping[str, Rest],
-) -> dict[str, float | None]:
-    """Return the figures of slips and rest; None where one is not defined.
-
-    Parameters
-    ----------
-    latencies_ms : array_like, shape (slips,)
-        Latency of each scored slip; NaN for a missed one.
-    leads_s, windows_s : array_like, shape (slips,)
-        The lead and the window of each slip; see the module's docstring.
-    rests
-        All rest, by '', and that of the recordings of each kind in which nothing slides, by one of
-        :data:`.labels.KINDS`; what is not there was not recorded.
-
-    Returns
-    -------
-    dict
-        How many slips are ``matched`` to an alarm, and ``missed``; ``recall``: the share of the
-        slips that are found; :func:`recall_by_chance` and
-        :func:`sooner_than_chance`; ``false_alarms_per_minute`` of rest; ``false_time_percent``:
-        the share of the rest that is ON, and ``false_time_s_per_hour``, the same in another unit;
-        ``latency_median_ms``, ``latency_p90_ms`` and ``latency_worst_ms`` of the slips found,
-        defined where ``sooner_than_chance`` is above 0; ``latency_median_all_ms``, of all slips
-        with missed ones as the latest, defined where ``sooner_than_chance`` is at least 0.5; and
-        ``<kind>_on_percent`` and ``<kind>_alarms_per_minute`` for each kind.
-
-    Examples
-    --------
-    >>> rests = {'': (60.0, 6, 0.3), 'press': (30.0, 2, 0.3)}
-    >>> figures = slip_figures([40.0, np.nan], [0.0] * 2, [1.0] * 2, rests)
-    >>> figures['recall'], figures['recall_by_chance'], round(figures['sooner_than_chance'], 3)
-    (0.5, 0.1, 0.446)
-    >>> figures['false_time_percent'], figures['latency_median_ms']
-    (0.5, 40.0)
-    >>> figures['press_on_percent'], figures['press_alarms_per_minute'], figures['rest_on_percent']
-    (1.0, 4.0, None)
-    """
-    latencies = np.asarray(latencies_ms, np.float64)
-    found = latencies[~np.isnan(latencies)]
-    rest_s, false_alarms, on_rest_s = rests['']
-    of_kinds: dict[str, float | None] = {}
-    for kind in KINDS:
-        its_s, alarms, on_s = rests.get(kind, (0.0, 0, 0.0))
-        of_kinds[f'{kind}_on_percent'] = 100.0 * (on_s / its_s) if its_s else None
-        of_kinds[f'{kind}_alarms_per_minute'] = 60.0 * alarms / its_s if its_s else None
-    by_chance = sooner = None
-    if latencies.size and rest_s:
-        rate_hz = false_alarms / rest_s
-        by_chance = float(recall_by_chance(windows_s, rate_hz))
-        sooner = float(sooner_than_chance(latencies / 1e3, leads_s, windows_s, rate_hz))
-    reported = found if sooner is not None and sooner > 0.0 else found[:0]
-    missed_last = np.where(np.isnan(latencies), np.inf, latencies)
-    median_all = float(np.median(missed_last)) if (sooner or 0.0) >= HALF else np.inf
-    return {
-        'matched': found.size,
-        'missed': latencies.size - found.size,
-        'recall': found.size / latencies.size if latencies.size else None,
-        'recall_by_chance': by_chance,
-        'sooner_than_chance': sooner,
-        'false_alarms_per_minute': 60.0 * false_alarms / rest_s if rest_s else None,
-        'false_time_percent': 100.0 * (on_rest_s / rest_s) if rest_s else None,
-        'false_time_s_per_hour': 3600.0 * (on_rest_s / rest_s) if rest_s else None,
-        'latency_median_all_ms': median_all if np.isfinite(median_all) else None,
-        'latency_median_ms': float(np.median(reported)) if reported.size else None,
-        'latency_p90_ms': float(np.percentile(reported, 90)) if reported.size else None,
-        'latency_worst_ms': float(reported.max()) if reported.size else None,
-        **of_kinds,
-    }

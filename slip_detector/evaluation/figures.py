@@ -20,10 +20,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from slip_detector.evaluation.chance import Rest, slip_figures
-from slip_detector.evaluation.matching import beyond_accuracy
+from slip_detector.evaluation.events import Events
 from slip_detector.evaluation.scores import ScoreCounts
-from slip_detector.recordings.labels import KINDS
 
 
 class Bound(NamedTuple):
@@ -97,9 +95,6 @@ class TrueSlip:
     settling : bool
         Whether the slip begins while filters and windows settle, at the beginning of a recording
         or after a long gap. Then it is neither found nor missed.
-    lead_s, window_s : float
-        How long before its latest possible start its alarm may rise at the earliest, and length of
-        the time in which it may; see :mod:`.chance`.
     late : bool
         Whether the latency is certainly above ``late_after_s``.
     stages_s : dict or None
@@ -129,8 +124,8 @@ class TrueSlip:
     --------
     >>> slip = TrueSlip(
     ...     start_s=1.0, end_s=2.0, alarm=0, latency_s=0.04, accuracy_s=0.0, settling=False,
-    ...     lead_s=0.1, window_s=0.5, late=False, stages_s=None, lost_at=None, on_at_start=False,
-    ...     on_while=True, channel_delays_s=(0.03, 0.05), delay_s=0.04,
+    ...     late=False, stages_s=None, lost_at=None, on_at_start=False, on_while=True,
+    ...     channel_delays_s=(0.03, 0.05), delay_s=0.04,
     ... )
     >>> slip.start_s + slip.latency_s  # when its alarm rose
     1.04
@@ -142,8 +137,6 @@ class TrueSlip:
     latency_s: float | None
     accuracy_s: float
     settling: bool
-    lead_s: float
-    window_s: float
     late: bool
     stages_s: dict[str, float] | None
     lost_at: str | None
@@ -192,9 +185,8 @@ def event_figures(outcomes: Sequence['ReplayOutcome']) -> dict[str, Any]:
         matched ones are ``late``; ``alarms``, with ``repeated_alarms``, ``false_alarms`` and
         ``settling_alarms``; ``precision``: the share of the alarms that are matched, without
         repeated and settling ones, and ``precision_by_chance``: the share of the scored
-        time in which an alarm would be matched; ``rest_s``; ``coverage``: the share of the time
-        that certainly slips in which the global decision is ON; ``latency_accuracy_ms``: how exact
-        the starts of the labels are, 0 if all are; the figures of :func:`.slip_figures`, whose
+        time in which an alarm would be matched; ``rest_s``; ``latency_accuracy_ms``: how exact
+        the starts of the labels are, 0 if all are; the figures of :meth:`.Events.at`, whose
         latencies are what is certain of them, 0 within this accuracy; ``<stage>_ms``: mean time
         that the latency of the matched slips spends in the stage; ``late_<stage>_ms``: the same
         for the late slips;
@@ -202,17 +194,12 @@ def event_figures(outcomes: Sequence['ReplayOutcome']) -> dict[str, Any]:
     """
     slips = [slip for one in outcomes for slip in one.slips]
     kinds = [alarm.kind for one in outcomes for alarm in one.alarms]
-    rests = {kind: _rest(o for o in outcomes if kind in ('', o.kind)) for kind in ('', *KINDS)}
+    events = Events.pooled(one.events for one in outcomes)
     scored = [slip for slip in slips if not slip.settling]
     late = [slip for slip in scored if slip.late]
     lost = [slip.lost_at for slip in scored if slip.latency_s is None]
     matched, false_alarms = len(scored) - len(lost), kinds.count(FALSE)
-    leads_s, windows_s = [s.lead_s for s in scored], [s.window_s for s in scored]
-    scored_s = sum(windows_s) + rests[''][0]
-    latencies_ms = [np.nan if slip.latency_s is None else slip.latency_s * 1e3 for slip in scored]
-    accuracy_ms = [slip.accuracy_s * 1e3 for slip in scored]
-    certain_s = sum(one.certain_rows / one.sample_rate_hz for one in outcomes)
-    on_certain_s = sum(one.on_certain_rows / one.sample_rate_hz for one in outcomes)
+    windows_s, rest_s = float(events.windows_s.sum()), float(events.rest[0, 0])
     return {
         'slips': len(slips),
         'settling_slips': len(slips) - len(scored),
@@ -222,24 +209,15 @@ def event_figures(outcomes: Sequence['ReplayOutcome']) -> dict[str, Any]:
         'false_alarms': false_alarms,
         'settling_alarms': kinds.count(SETTLING),
         'precision': matched / (matched + false_alarms) if matched + false_alarms else None,
-        'precision_by_chance': sum(windows_s) / scored_s if scored_s else None,
-        'rest_s': rests[''][0],
-        'coverage': on_certain_s / certain_s if certain_s else None,
-        'latency_accuracy_ms': max(accuracy_ms, default=0.0),
-        **slip_figures(beyond_accuracy(latencies_ms, accuracy_ms), leads_s, windows_s, rests),
+        'precision_by_chance': windows_s / (windows_s + rest_s) if windows_s + rest_s else None,
+        'rest_s': rest_s,
+        'latency_accuracy_ms': 1e3 * max((slip.accuracy_s for slip in scored), default=0.0),
+        **events.at(),
         **_mean_stages(scored, ''),
         **_mean_stages(late, 'late_'),
         **{f'missed_at_{stage}': lost.count(stage) for stage in STAGES},
         f'missed_{ALREADY_ON}': lost.count(ALREADY_ON),
     }
-
-
-def _rest(outcomes: Iterable['ReplayOutcome']) -> Rest:
-    """Return the time of the rest, the number of alarms in it and how much of it is ON."""
-    several = list(outcomes)
-    rest_s = sum(one.rest_rows / one.sample_rate_hz for one in several)
-    on_s = sum(one.on_rest_rows / one.sample_rate_hz for one in several)
-    return rest_s, sum(alarm.kind == FALSE for one in several for alarm in one.alarms), on_s
 
 
 def _mean_stages(slips: Sequence[TrueSlip], prefix: str) -> dict[str, float | None]:
@@ -318,13 +296,12 @@ class ReplayOutcome:
         Number of rows without slip in which the global decision is ON, as the paper counts them.
     settling_rows : int
         Number of rows that are not scored, as filters and windows settle.
-    certain_rows, on_certain_rows, rest_rows, on_rest_rows : int
-        Number of rows that certainly slip and of rows of rest, see :mod:`.matching`, and how many
-        of each have the global decision ON.
     sample_rate_hz : float
         Rate of the recording.
     slips : tuple of TrueSlip
     alarms : tuple of Alarm
+    events : Events
+        The same at the one threshold of the chain.
     scores : ScoreCounts
         Scores of the decision statistic.
     kind : str
@@ -338,10 +315,10 @@ class ReplayOutcome:
 
     Examples
     --------
+    >>> from slip_detector.evaluation.events import NO_EVENTS
     >>> outcome = ReplayOutcome(
     ...     rows=760, slip_rows=190, moving_rows=None, on_rows=19, settling_rows=190,
-    ...     certain_rows=190, on_certain_rows=95, rest_rows=380, on_rest_rows=19,
-    ...     sample_rate_hz=380.0, slips=(), alarms=(),
+    ...     sample_rate_hz=380.0, slips=(), alarms=(), events=NO_EVENTS,
     ...     scores=ScoreCounts.pooled([]),
     ... )
     >>> outcome.rows / outcome.sample_rate_hz
@@ -353,13 +330,10 @@ class ReplayOutcome:
     moving_rows: int | None
     on_rows: int
     settling_rows: int
-    certain_rows: int
-    on_certain_rows: int
-    rest_rows: int
-    on_rest_rows: int
     sample_rate_hz: float
     slips: tuple[TrueSlip, ...]
     alarms: tuple[Alarm, ...]
+    events: Events
     scores: ScoreCounts
     kind: str = ''
     on_s: tuple[tuple[float, float], ...] = ()

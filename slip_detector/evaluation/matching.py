@@ -28,10 +28,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from slip_detector.chain.samples import Bools, Floats, Ints
+from slip_detector.chain.samples import Bools, Ints
 from slip_detector.compiled import compiled
+from slip_detector.evaluation.events import LASTING, Events
 from slip_detector.parameters.evaluation import EvaluationConfig
 
 Rows = Sequence[int] | Ints
@@ -124,19 +124,11 @@ def unscored_rows(settling_rows: int, config: EvaluationConfig, sample_rate_hz: 
 
 
 @compiled
-def slip_not_over(row, slip, highs):
-    """Return the first slip, from ``slip`` on, whose window has not ended before a row."""
-    while slip < highs.size and highs[slip] <= row:
-        slip += 1
-    return slip
-
-
-@compiled
-def give_alarm(alarm, row, slip, lows, alarm_of, threshold):
+def give_alarm(alarm, row, lows, highs, alarm_of, threshold):
     """Give an alarm to the first slip that it can belong to and that has no alarm yet.
 
     Windows overlap only where one slip's tail meets the early part of the next. So the alarm can
-    belong to ``slip``, the first whose window has not ended, or to the slip after it.
+    belong to the first slip whose window has not ended, or to the slip after it.
 
     Parameters
     ----------
@@ -144,10 +136,8 @@ def give_alarm(alarm, row, slip, lows, alarm_of, threshold):
         Number of the alarm, at least 0.
     row : int
         The row at which the alarm rises.
-    slip : int
-        See :func:`slip_not_over`.
-    lows : ndarray of int, shape (slips,)
-        The first row of the window of each slip, see :class:`ScoredRows`.
+    lows, highs : ndarray of int, shape (slips,)
+        The windows of the slips, see :class:`ScoredRows`.
     alarm_of : ndarray of int, shape (slips, thresholds)
         The number of each slip's alarm at each threshold, ``NONE`` before there is one.
     threshold : int
@@ -159,7 +149,7 @@ def give_alarm(alarm, row, slip, lows, alarm_of, threshold):
         The slip that the alarm belongs to, also where it is a repeated alarm; ``NONE`` for a
         false alarm.
     """
-    belongs = NONE
+    belongs, slip = NONE, np.searchsorted(highs, row, 'right')
     for s in range(slip, min(slip + 2, lows.size)):
         if lows[s] <= row:
             if alarm_of[s, threshold] == NONE:
@@ -208,18 +198,18 @@ class ScoredRows:
     leads_s, windows_s : ndarray, shape (slips,)
         Time from the beginning of each window to the middle of the first row of its slip, or, as
         far as its start is not exact, to the latest such row; and length of the window.
-    certain_starts, certain_ends : ndarray of int, shape (slips,)
-        The rows that certainly slip, of scored slips; none of others.
-    rest_starts, rest_ends : ndarray of int, shape (intervals,)
-        The rest: scored rows that are in no window.
+    certain : tuple of ndarray of int, shapes (slips,)
+        First and last rows, plus one, that certainly slip, of scored slips; none of others.
+    rest : tuple of ndarray of int, shapes (intervals,)
+        The same of the rest: scored rows that are in no window.
 
     Examples
     --------
     >>> config = EvaluationConfig(off_before_s=0.05, tail_s=0.05)
     >>> rows = ScoredRows([RowInterval(10, 20), RowInterval(50, 60)], [RowInterval(0, 100)],
     ...                   settling_rows=30, config=config, sample_rate_hz=100.0)
-    >>> rows.scored, rows.settling_rows, rows.rest_rows
-    (array([False,  True]), 30, 55)
+    >>> rows.scored, rows.settling_rows, rows.rest
+    (array([False,  True]), 30, (array([30, 65]), array([ 50, 100])))
     """
 
     def __init__(
@@ -231,16 +221,18 @@ class ScoredRows:
         sample_rate_hz: float,
         accuracy_s: float = 0.0,
     ) -> None:
+        self._rate_hz, self._accuracy_s = sample_rate_hz, accuracy_s
         self.off_rows = round(config.off_before_s * sample_rate_hz)
         inexact = round(accuracy_s * sample_rate_hz)
         self._starts, ends = _columns(stretches)
         unscored = unscored_rows(settling_rows, config, sample_rate_hz)
         self.settled = np.minimum(self._starts + unscored, ends)
         slip_starts, slip_ends = _columns(slips)
+        self._slip_starts = slip_starts
         stretch = self._stretch_of(slip_starts)
         self.scored = np.asarray(slip_starts >= self.settled[stretch])
-        self.certain_starts = np.where(self.scored, slip_starts + inexact, slip_ends)
-        self.certain_ends = np.maximum(slip_ends - inexact, self.certain_starts)
+        starts = np.where(self.scored, slip_starts + inexact, slip_ends)
+        self.certain = starts, np.maximum(slip_ends - inexact, starts)
         lows = slip_starts - round(config.early_s * sample_rate_hz) - inexact
         highs = slip_ends + round(config.tail_s * sample_rate_hz) + inexact
         lows[1:] = np.maximum(lows[1:], slip_ends[:-1])
@@ -254,9 +246,8 @@ class ScoredRows:
         # or the end of the stretch. There is no rest between windows that meet or overlap.
         starts = np.sort(np.concatenate([self.settled, self.highs]))
         ends = np.sort(np.concatenate([self.lows, ends]))
-        self.rest_starts, self.rest_ends = starts[starts < ends], ends[starts < ends]
+        self.rest = starts[starts < ends], ends[starts < ends]
         self.settling_rows = int((self.settled - self._starts).sum())
-        self.rest_rows = int((self.rest_ends - self.rest_starts).sum())
 
     def _stretch_of(self, rows: Ints) -> Ints:
         return np.searchsorted(self._starts, rows, 'right') - 1
@@ -285,7 +276,33 @@ class ScoredRows:
         rows = np.array(rises, np.int64)
         return np.asarray(rows < self.settled[self._stretch_of(rows)])
 
-    def match(self, rises: Sequence[int]) -> tuple[list[int | None], list[int | None]]:
+    def events(
+        self, kind: str, rises: Ints, alarms: Ints, on_certain: Ints, on_rest: Ints
+    ) -> Events:
+        """Return what a decision makes of the recording at each of T thresholds.
+
+        Parameters
+        ----------
+        kind
+            The kind of the recording.
+        rises
+            The row at which the alarm of each slip rises, ``NONE`` without one; shape (slips, T).
+        alarms
+            Number of false alarms; shape (T,).
+        on_certain, on_rest
+            In how many rows of :attr:`certain` and :attr:`rest` it is ON; shapes (T,).
+        """
+        late_s = (rises - self._slip_starts[:, np.newaxis]) / self._rate_hz
+        late_s -= np.clip(late_s, -self._accuracy_s, self._accuracy_s)
+        latencies_ms = np.where(rises == NONE, np.nan, 1e3 * late_s)[self.scored]
+        lasting = np.zeros((len(LASTING), 3, len(alarms)))
+        slip, rest = lasting[0], lasting[LASTING.index(kind)]
+        slip[0], rest[0] = (np.sum(b - a) / self._rate_hz for a, b in (self.certain, self.rest))
+        slip[1], rest[1], rest[2] = on_certain / self._rate_hz, on_rest / self._rate_hz, alarms
+        of_scored = self.leads_s[self.scored], self.windows_s[self.scored]
+        return Events(latencies_ms, *of_scored, lasting)
+
+    def match(self, rises: Sequence[int]) -> tuple[Ints, Ints]:
         """Match each true slip to at most one alarm and each alarm to at most one slip.
 
         An alarm can belong to a slip when it rises within the slip's window. In the order of time
@@ -299,45 +316,27 @@ class ScoredRows:
 
         Returns
         -------
-        alarm_of : list of int or None
-            The alarm of each slip; None where there is none, or the slip is not scored.
-        slip_of : list of int or None
-            The slip that each alarm belongs to, also where it is a repeated alarm; else None.
+        alarm_of : ndarray of int, shape (slips,)
+            The alarm of each slip; ``NONE`` where there is none, or the slip is not scored.
+        slip_of : ndarray of int, shape (alarms,)
+            The slip that each alarm belongs to, also where it is a repeated alarm; else ``NONE``.
 
         Examples
         --------
         >>> config = EvaluationConfig(off_before_s=0.0, tail_s=0.05)
         >>> slips, stretches = [RowInterval(10, 20), RowInterval(50, 60)], [RowInterval(0, 99)]
         >>> ScoredRows(slips, stretches, 0, config, sample_rate_hz=100.0).match([12, 17, 40])
-        ([0, None], [0, 0, None])
+        (array([ 0, -1]), array([ 0,  0, -1]))
         """
         alarm_of = np.full((len(self.lows), 1), NONE, np.int64)
         slip_of = np.full(len(rises), NONE, np.int64)
         rows = np.array(rises, np.int64)
-        slip = 0
         for alarm in np.flatnonzero(~self.settling(rises)):
-            slip = slip_not_over(rows[alarm], slip, self.highs)
-            slip_of[alarm] = give_alarm(alarm, rows[alarm], slip, self.lows, alarm_of, 0)
+            slip_of[alarm] = give_alarm(alarm, rows[alarm], self.lows, self.highs, alarm_of, 0)
         alarm_of[~self.scored] = NONE
-        return _or_none(alarm_of[:, 0]), _or_none(slip_of)
-
-
-def beyond_accuracy(latencies: ArrayLike, accuracy: ArrayLike) -> Floats:
-    """Return by how much each latency is certainly above 0, or below; 0 where it may be either.
-
-    Examples
-    --------
-    >>> beyond_accuracy([0.1, 0.5, -0.4, np.nan], accuracy=0.3).round(6)
-    array([ 0. ,  0.2, -0.1,  nan])
-    """
-    late = np.asarray(latencies, np.float64)
-    return np.asarray(late - np.clip(late, -np.asarray(accuracy), accuracy))
+        return alarm_of[:, 0], slip_of
 
 
 def _columns(intervals: Sequence[RowInterval]) -> tuple[Ints, Ints]:
     starts, ends = np.array(intervals, np.int64).reshape(-1, 2).T.copy()
     return starts, ends
-
-
-def _or_none(numbers: Ints) -> list[int | None]:
-    return [None if number == NONE else number for number in numbers.tolist()]

@@ -31,13 +31,7 @@ from slip_detector.chain.stamps import missing_rows
 from slip_detector.chain.watch import Watch
 from slip_detector.evaluation import figures
 from slip_detector.evaluation.figures import STAGES, Alarm, ReplayOutcome, TrueSlip, mean_and_sd
-from slip_detector.evaluation.matching import (
-    OnIntervals,
-    RowInterval,
-    ScoredRows,
-    rows_on,
-    unscored_rows,
-)
+from slip_detector.evaluation.matching import NONE, OnIntervals, ScoredRows, rows_on, unscored_rows
 from slip_detector.evaluation.scores import UNCERTAIN, Kinds, ScoreTally, kinds_of
 from slip_detector.parameters import ChainConfig, EvaluationConfig
 
@@ -162,7 +156,6 @@ class _Run:
         self._row = 0  # Number of the next row; rows that are missing in gaps count.
         self._settling = settling_rows(self._config)
         self._unscored = unscored_rows(self._settling, replay.config, rate_hz)
-        self._scored_from = self._unscored
         self._moving_rows: int | None = None
         self._valid_rows = np.zeros(self._config.channels)
         self._last_ns = 0
@@ -181,14 +174,12 @@ class _Run:
             self._end_stretch()
             missing = missing_rows(self._last_ns, int(piece.stamps_ns[0]), self._rate_hz)
             self._row += missing
-            self._scored_from = self._row + self._unscored
             if self._observer and missing:
                 self._observer.gap(missing / self._rate_hz)
             self._chain.restart()
         if piece.moving is not None:
             self._moving_rows = (self._moving_rows or 0) + int(np.count_nonzero(piece.moving))
         kinds = kinds_of(truth, piece.moving, piece.certain, piece.kind)
-        kinds[: max(self._scored_from - self._row, 0)] = UNCERTAIN
         # A block ends before each slip, so that the stages can be watched from that row on.
         starts = np.flatnonzero(truth & ~np.concatenate([[self._labels.on], truth[:-1]]))
         block_rows = max(BLOCK_VALUES // self._config.channels, 1)
@@ -221,6 +212,7 @@ class _Run:
         self._wrong.update(self._watch.look([(volts, result)]))
         on = np.ascontiguousarray(result.slip)
         self._stretches.add(np.ones_like(on), row)
+        kinds[: max(self._stretches.edges[-1] + self._unscored - row, 0)] = UNCERTAIN
         self._labels.add(truth, row)
         self._on.add(on, row)
         self._valid_rows += np.ones(len(on)) @ result.valid
@@ -267,18 +259,18 @@ class _Run:
     def outcome(self) -> ReplayOutcome:
         self._end_stretch()
         stretches, labels, on = (signal.closed() for signal in self._signals)
-        config, rate_hz = self._replay.config, self._rate_hz
-        accuracy_s = self._accuracy_s
+        config, rate_hz, accuracy_s = self._replay.config, self._rate_hz, self._accuracy_s
         scored = ScoredRows(labels, stretches, self._settling, config, rate_hz, accuracy_s)
         alarms = scored.alarms(on)
         rises = [alarm.start for alarm in alarms]
         alarm_of, slip_of = scored.match(rises)
+        its_rises = np.array([*rises, NONE])[alarm_of]
         on_in_slips = rows_on(on, self._labels.edges[::2], self._labels.edges[1::2])
         late_rows = round((config.late_after_s + accuracy_s) * rate_hz)
         disabled = [channel - 1 for channel in self._config.disabled_channels]
         slips = []
-        for s, (slip, its_alarm) in enumerate(zip(self._slips, alarm_of, strict=True)):
-            latency = None if its_alarm is None else rises[its_alarm] - slip.start
+        for s, (slip, its_rise) in enumerate(zip(self._slips, its_rises.tolist(), strict=True)):
+            latency = None if its_rise == NONE else its_rise - slip.start
             settles, stages_s = not scored.scored[s], None
             ons = np.delete(slip.first[3], disabled).tolist()
             delays_s = tuple(None if row == NEVER else (row - slip.start) / rate_hz for row in ons)
@@ -289,12 +281,10 @@ class _Run:
                 TrueSlip(
                     start_s=slip.start / rate_hz,
                     end_s=labels[s].end / rate_hz,
-                    alarm=its_alarm,
+                    alarm=None if latency is None else int(alarm_of[s]),
                     latency_s=None if latency is None else latency / rate_hz,
                     accuracy_s=accuracy_s,
                     settling=settles,
-                    lead_s=float(scored.leads_s[s]),
-                    window_s=float(scored.windows_s[s]),
                     late=latency is not None and latency > late_rows,
                     stages_s=stages_s,
                     lost_at=self._lost_at(slip) if latency is None and not settles else None,
@@ -308,25 +298,25 @@ class _Run:
         invalid_rows[disabled] = 0
         found = []
         alarm_settles = scored.settling(rises)
-        for a, (alarm, of) in enumerate(zip(alarms, slip_of, strict=True)):
-            true = figures.TRUE if of is not None and alarm_of[of] == a else figures.REPEAT
-            kind = figures.FALSE if of is None else true
-            if alarm_settles[a] or (of is not None and slips[of].settling):
+        for a, (alarm, of) in enumerate(zip(alarms, slip_of.tolist(), strict=True)):
+            true = figures.TRUE if of != NONE and alarm_of[of] == a else figures.REPEAT
+            kind = figures.FALSE if of == NONE else true
+            if alarm_settles[a] or (of != NONE and slips[of].settling):
                 kind = figures.SETTLING
-            found.append(Alarm(alarm.start / rate_hz, alarm.end / rate_hz, kind, of))
+            its_slip = None if of == NONE else of
+            found.append(Alarm(alarm.start / rate_hz, alarm.end / rate_hz, kind, its_slip))
+        on_rows = (rows_on(on, *part).sum(keepdims=True) for part in (scored.certain, scored.rest))
+        false = sum(alarm.kind == figures.FALSE for alarm in found)
         return ReplayOutcome(
             rows=_length(stretches),
             slip_rows=_length(labels),
             moving_rows=self._moving_rows,
             on_rows=_length(on) - int(on_in_slips.sum()),
             settling_rows=scored.settling_rows,
-            rest_rows=scored.rest_rows,
-            certain_rows=int((scored.certain_ends - scored.certain_starts).sum()),
-            on_certain_rows=int(rows_on(on, scored.certain_starts, scored.certain_ends).sum()),
-            on_rest_rows=int(rows_on(on, scored.rest_starts, scored.rest_ends).sum()),
             sample_rate_hz=rate_hz,
             slips=tuple(slips),
             alarms=tuple(found),
+            events=scored.events(self._kind, its_rises[:, None], np.array([false]), *on_rows),
             scores=self._replay.tally.collect(),
             kind=self._kind,
             on_s=tuple((one.start / rate_hz, one.end / rate_hz) for one in on),
@@ -342,5 +332,5 @@ class _Run:
         return STAGES[int(lost.argmax()) if lost.any() else 3]
 
 
-def _length(intervals: Sequence[RowInterval]) -> int:
-    return sum(interval.end - interval.start for interval in intervals)
+def _length(intervals: Sequence[tuple[int, int]]) -> int:
+    return sum(end - start for start, end in intervals)

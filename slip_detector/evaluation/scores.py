@@ -107,12 +107,6 @@ class ScoreCounts(NamedTuple):
         counts = [np.bincount(places, kind, minlength=classes.size) for kind in every]
         return cls(classes, np.array(counts, np.int64))
 
-    @property
-    def score(self) -> Floats:
-        """The lowest score of each class; shape (k,)."""
-        bits = (self.classes + _LOWEST_CLASS) << _DROPPED_BITS
-        return np.where(self.classes > 0, bits.view(np.float64), 0.0)
-
     def auc(self, against: Iterable[int] = range(SLIP)) -> float | None:
         """Return the area under the ROC curve of slip against rows of other kinds.
 
@@ -163,7 +157,9 @@ class ScoreCounts(NamedTuple):
             many / many[-1] if many.size and many[-1] else np.full(many.shape, np.nan)
             for many in (negative, positive)
         ]
-        return shares[0], shares[1], self.score[::-1]
+        classes = self.classes[::-1]
+        lowest = ((classes + _LOWEST_CLASS) << _DROPPED_BITS).view(np.float64)
+        return shares[0], shares[1], np.where(classes > 0, lowest, 0.0)
 
 
 class ScoreTally:
@@ -179,7 +175,7 @@ class ScoreTally:
     """
 
     def __init__(self) -> None:
-        self._counts = np.zeros((UNCERTAIN + 1, _CLASSES), np.int64)
+        self._counts = np.zeros((_CLASSES, UNCERTAIN + 1), np.int64)
         self._occurs = np.zeros(_CLASSES, bool)
 
     def add(self, score: ArrayLike, kind: ArrayLike) -> None:
@@ -195,14 +191,14 @@ class ScoreTally:
         bits = np.ascontiguousarray(score, np.float64).view(np.int64)
         # The bits of positive floats have the same order as the floats.
         classes = np.clip((bits >> _DROPPED_BITS) - _LOWEST_CLASS, 0, _CLASSES - 1)
-        places = np.asarray(kind, np.int64) * _CLASSES + classes
+        places = classes * (UNCERTAIN + 1) + np.asarray(kind, np.int64)
         np.add.at(self._counts.reshape(-1), places, 1)
         self._occurs[classes] = True
 
     def collect(self) -> ScoreCounts:
         """Return the counts so far and start again from zero."""
         classes = np.flatnonzero(self._occurs)
-        counts = self._counts[:UNCERTAIN, classes]
-        self._counts[:, classes] = self._occurs[classes] = 0
+        counts = self._counts[classes, :UNCERTAIN].T
+        self._counts[classes] = self._occurs[classes] = 0
         occur = counts.any(axis=0)
         return ScoreCounts(classes[occur], counts[:, occur])

@@ -27,7 +27,7 @@ from rclpy.parameter import Parameter
 
 from slip_detector.nodes.rclpy_internals import answer_with, given_parameters
 from slip_detector.parameters.fields import allowed
-from slip_detector.parameters.sections import OF_RCLPY, given_to, sections_for_others
+from slip_detector.parameters.sections import OF_RCLPY, parameters_for
 from slip_detector.parameters.sets import ConfigType, Judge, ParameterSet, changed
 
 
@@ -65,7 +65,8 @@ def declare(
     given: dict[str, Any] = {}
     for option, path in pairs:
         if option == '--params-file':
-            given |= given_to(path, config_class.NODE, node.get_fully_qualified_name())
+            found = parameters_for(path, config_class.NODE, node.get_fully_qualified_name())
+            given |= {name: found.values[name] for name in found.own}
     own |= given.keys()
     given |= {
         each.name: [] if each.type_ == Parameter.Type.NOT_SET else each.value
@@ -97,9 +98,10 @@ def declare(
 def tell_of_other_names(nodes: Sequence[Node], executable: str) -> None:
     """Warn of sections in parameter files for nodes like these that this process does not have."""
     names = [node.get_fully_qualified_name() for node in nodes]
-    for option, path in itertools.pairwise(sys.argv):
-        others = sections_for_others(path, executable, names) if option == '--params-file' else []
-        if others:
+    paths = [path for option, path in itertools.pairwise(sys.argv) if option == '--params-file']
+    for path in paths:
+        first, *rest = (parameters_for(path, executable, name).unmatched for name in names)
+        if others := [section for section in first if all(section in its for its in rest)]:
             words = f'{path}: no node of this process has the name of {", ".join(others)}'
             nodes[0].get_logger().warning(words)
 

@@ -15,9 +15,9 @@
 """ROS parameter files: which of their sections are for which node or command."""
 
 import re
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from slip_detector.parameters.fields import refuse, shown, shown_name
 from slip_detector.parameters.files import read_yaml
@@ -121,122 +121,79 @@ def check_values(parameters: Mapping[str, Any], where: object) -> None:
             refuse(f'{where}: {shown_name(name)} is {said}', text)
 
 
-def our_sections(path: str | Path, *nodes: str) -> list[Section]:
-    """Return the sections of a ROS parameter file for these nodes and those of this package.
+class Given(NamedTuple):
+    """What a ROS parameter file has for a node of this package."""
 
-    Raises
-    ------
-    ValueError
-        When the file is missing, is not a ROS parameter file, or has no such section; names the
-        file.
-
-    Examples
-    --------
-    >>> import slip_detector.parameters
-    >>> from slip_detector.parameters.files import shared_folder
-    >>> [name for name, _ in our_sections(shared_folder() / 'config' / 'grasp.yaml')]
-    ['/**/slip_detector', '/**/grasp_controller', '/**/slip_driver']
-    """
-    every = sections_of(read_yaml(path), path)
-    ours = [section for section in every if node_of(section[0]) in (*SECTIONS, *ALL, *nodes)]
-    if not ours:
-        refuse(f'{path}: has no section of this package', ', '.join(SECTIONS))
-    return ours
+    #: Flat names (``groups.TP``) and values, without the parameters of rclpy.
+    values: dict[str, Any]
+    #: Those of the names that are given to this node, and not to all nodes.
+    own: set[str]
+    #: Sections that are for other nodes, though they end with its name or its executable's.
+    unmatched: list[str]
 
 
-def parameters_for(
-    path: str | Path, node: str, executable: str = ''
-) -> tuple[dict[str, Any], set[str]]:
-    """Return the parameters that a ROS parameter file has for a node of this package.
+def parameters_for(path: str | Path, executable: str, node: str = '') -> Given:
+    """Return what a ROS parameter file has for a node.
+
+    ROS ignores sections that do not match, so that the node would run with its defaults. A node
+    of another name than its executable's is given what is for that, if nothing is for itself.
 
     Parameters
     ----------
     path
         The YAML file.
-    node
-        Name of the node: in full, or without namespace for the sections in any namespace.
     executable
-        Name of its executable, whose sections count where none is for a node's own full name.
-
-    Returns
-    -------
-    dict
-        Flat names (``groups.TP``) and values, without the parameters of rclpy.
-    set
-        Those of the names that are given to this node, and not to all nodes.
+        Name of the node's executable, which is its default name.
+    node
+        Full name of the node; empty: the default name, in any namespace.
 
     Raises
     ------
     ValueError
-        When the file is missing, is not a ROS parameter file, or has sections for the node in
-        several namespaces and the name does not tell which.
+        When the file is missing, is not a ROS parameter file, or has no section of this package;
+        without a full name, when there are sections for several namespaces; for a node, when all
+        sections for its name or its executable's are for other nodes, or when it would be given
+        a value for its executable that the file has for all nodes too, as ROS gives it that.
 
     Examples
     --------
     >>> import slip_detector.parameters
     >>> from slip_detector.parameters.files import shared_folder
     >>> file = shared_folder() / 'config' / 'slip_detector.yaml'
-    >>> parameters_for(file, 'slip_detector')[0]['groups.TP']
+    >>> parameters_for(file, 'slip_detector').values['groups.TP']
     [14, 16, 11, 9]
     """
-    if node.startswith('/'):
-        every, names = [*sections_of(read_yaml(path), path)], [node]
-        if not any(matches(name, node) and node_of(name) not in ALL for name, _ in every):
-            names += [f'{node.rpartition("/")[0]}/{executable}']
-        sections = [each for each in every if any(matches(each[0], name) for name in names)]
-    else:
-        sections = [each for each in our_sections(path, node) if node_of(each[0]) in (node, *ALL)]
-        named = [name for name, _ in sections if '*' not in name]
-        if len(named) > 1:
-            refuse(f'{path}: has sections for {", ".join(named)}', 'one namespace')
-    flat = [(section, flattened(parameters)) for section, parameters in sections]
-    values = {name: value for _, its in flat for name, value in its.items()}
-    own = {name for section, its in flat if node_of(section) not in ALL for name in its}
-    return {name: value for name, value in values.items() if name not in OF_RCLPY}, own
-
-
-def given_to(path: str | Path, executable: str, node: str) -> dict[str, Any]:
-    """Return what a parameter file gives to a node, by its full name, not to all nodes.
-
-    ROS ignores sections that do not match, so that the node would run with its defaults. A node
-    of another name than its executable's is given what is for that, if nothing is for itself.
-
-    Raises
-    ------
-    ValueError
-        When all sections for the executable, the default name of the node, are for nodes of other
-        names, or no section is for this package; for a node of another name, when the file has a
-        name for the executable and for all nodes, as ROS gives it the latter.
-    """
-    values, own = parameters_for(path, node, executable)
-    for_all, its = parameters_for(path, node)
-    if twice := sorted((own - its) & for_all.keys()):
-        what = f'{path}: has {", ".join(twice)} for {executable} and for all nodes'
-        refuse(what, f'a section for this node, {node}')
+    every = [
+        (section, {n: value for n, value in flattened(parameters).items() if n not in OF_RCLPY})
+        for section, parameters in sections_of(read_yaml(path), path)
+    ]
+    alike = [name for name, _ in every if node_of(name) in (executable, node_of(node))]
+    if not alike and not any(node_of(name) in (*SECTIONS, *ALL) for name, _ in every):
+        refuse(f'{path}: has no section of this package', ', '.join(SECTIONS))
+    named = [name for name in alike if '*' not in name]
+    if not node and len(named) > 1:
+        refuse(f'{path}: has sections for {", ".join(named)}', 'one namespace')
     default = f'{node.rpartition("/")[0]}/{executable}'
-    ours = [] if own else [name for name, _ in our_sections(path) if node_of(name) == executable]
-    if ours and not any(matches(name, default) for name in ours):
-        what = f'{path}: has sections for {", ".join(ours)}, none for this node, {node}'
+    for_node = [name for name in alike if not node or matches(name, node)]
+    for_default = [name for name in alike if matches(name, default)]
+    unmatched = [name for name in alike if name not in for_node + for_default]
+    if unmatched and not for_node + for_default:
+        what = f'{path}: has sections for {", ".join(unmatched)}, none for this node, {node}'
         refuse(what, f'{node} or /**/{node_of(node)}')
-    return {name: values[name] for name in own}
+    for_all = [
+        name for name, _ in every if node_of(name) in ALL and (not node or matches(name, node))
+    ]
+    own = _values_in(every, for_node or for_default)
+    twice = own.keys() & _values_in(every, for_all).keys()
+    if twice and not for_node:
+        what = f'{path}: has {", ".join(sorted(twice))} for {executable} and for all nodes'
+        refuse(what, f'a section for this node, {node}')
+    return Given(_values_in(every, [*for_all, *(for_node or for_default)]), {*own}, unmatched)
 
 
-def sections_for_others(path: str | Path, executable: str, nodes: Collection[str]) -> list[str]:
-    """Return the sections of a parameter file for nodes of an executable, but for none of these.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     file = Path(folder) / 'hand.yaml'
-    ...     _ = file.write_text('/ringg/slip_driver: {ros__parameters: {seed: 3}}')
-    ...     sections_for_others(file, 'slip_driver', ['/ring/slip_driver'])
-    ['/ringg/slip_driver']
-    """
-    known = [*nodes, *(f'{node.rpartition("/")[0]}/{executable}' for node in nodes)]
-    kinds = {*map(node_of, known)}
-    names = [name for name, _ in sections_of(read_yaml(path), path) if node_of(name) in kinds]
-    return [name for name in names if not any(matches(name, node) for node in known)]
+def _values_in(every: Iterable[Section], names: Collection[str]) -> dict[str, Any]:
+    """Return the values in some of the sections of a file; of two the later one holds."""
+    return {n: value for name, its in every if name in names for n, value in its.items()}
 
 
 def flattened(values: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:

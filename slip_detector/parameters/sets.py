@@ -190,7 +190,7 @@ class ParameterSet:
             When the file cannot be read, has sections for the node in several namespaces, or holds
             a value that is not allowed; names the file.
         """
-        values, own = sections.parameters_for(path, node or cls.NODE, cls.NODE)
+        values, own, _ = sections.parameters_for(path, cls.NODE, node)
         whole, mine = sections.SECTIONS.get(cls.NODE, cls), cls.__dataclass_fields__
         if issubclass(whole, cls):
             every = whole.from_parameters(values, str(path), own)

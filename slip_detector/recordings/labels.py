@@ -42,13 +42,19 @@ KINDS = ('rest', 'taps', 'press', 'roll', 'idle')
 BY_HAND_S = 0.35
 
 #: How exact an end is that was moved by hand over a trace, or by :func:`snapped`: on simulated
-#: plates with hum, tremor, taps and drift the latter is at most 0.05 s off.
+#: plates with hum, tremor, taps and drift the latter is at most 0.07 s off.
 BY_EYE_S = 0.1
 
 #: Below this frequency, or this share of the sample rate, a signal is no sign of sliding to
 #: :func:`snapped`; a change has so many rows on either side, and so much logarithm of likelihood a
-#: row at least: that of a change of 3 dB in the middle.
-LOW_HZ, LOW_SHARE, SIDE_ROWS, LEAST_GAIN = 20.0, 0.2, 4, 0.05
+#: row at least, that of a change of 3 dB in the middle, and so much in all.
+LOW_HZ, LOW_SHARE, SIDE_ROWS, LEAST_GAIN, LEAST_GAIN_IN_ALL = 20.0, 0.2, 8, 0.05, 25.0
+
+#: Places that are less likely than the best by this much logarithm of likelihood are ruled out
+#: with one channel, and by half of it with four or more, which do not all err alike; an end is
+#: sought at most so many times as far away as it may be, where its reach has to grow; and what is
+#: louder than this share of the rows about it counts as they do, as knocks are short.
+UNLIKELY, FARTHEST, LOUDEST = 12.0, 2.0, 0.95
 
 #: Largest accuracy that means something.
 MOST_S = 10.0
@@ -240,11 +246,15 @@ def label_at(at_ns: Stamps, edges_ns: Stamps, accuracy_s: float) -> dict[str, An
     return {'truth': now % 2 == 1, 'certain': first == last if accuracy_s else None}
 
 
-def snapped(samples: Samples, edges_s: Floats, rate_hz: float, within_s: float) -> Floats:
-    """Return the ends of labels, each moved to where the power of the signal changes most.
+def snapped(
+    samples: Samples, edges_s: Floats, rate_hz: float, within_s: float
+) -> tuple[Floats, Bools]:
+    """Return the ends of labels, moved to where the power of the signal changes most.
 
     That is the change point of largest likelihood for a Gaussian signal whose variance, of each
-    channel, rises at the start of a slip and falls at its end.
+    channel, rises at the start of a slip and falls at its end. Where likelihood still rises at the
+    limit of the search this goes on there, up to :data:`FARTHEST` times as far, but no farther
+    than half way to the end beside it.
 
     Parameters
     ----------
@@ -255,15 +265,23 @@ def snapped(samples: Samples, edges_s: Floats, rate_hz: float, within_s: float) 
     rate_hz
         Rate of the samples.
     within_s
-        How far an end is moved at most. One where no power changes so stays.
+        How far an end may be off.
+
+    Returns
+    -------
+    edges_s : ndarray, shape (k, 2)
+        Those that were found where they belong, the others as they were.
+    found : ndarray of bool, shape (k, 2)
+        Whether each was found, and so is exact to :data:`BY_EYE_S`: all other places are unlikely.
 
     Examples
     --------
     >>> volts = np.random.default_rng(1).normal(size=(1000, 4)) * 1e-3
-    >>> volts[400:600] *= 5.0
+    >>> volts[400:] *= 5.0
     >>> samples = Samples.evenly(volts, 100.0, np.zeros(1000))
-    >>> snapped(samples, np.array([[4.25, 6.2]]), 100.0, 0.35).round(1)
-    array([[4., 6.]])
+    >>> edges_s, found = snapped(samples, np.array([[4.25, 6.2]]), 100.0, 0.35)
+    >>> edges_s.round(1), found
+    (array([[4. , 6.2]]), array([[ True, False]]))
     """
     from scipy import signal  # takes a while, and only who labels by hand needs it
 
@@ -271,28 +289,48 @@ def snapped(samples: Samples, edges_s: Floats, rate_hz: float, within_s: float) 
     sections = signal.butter(2, min(LOW_HZ, LOW_SHARE * rate_hz), 'high', fs=rate_hz, output='sos')
     volts = np.nan_to_num(samples.volts - samples.volts[:1], posinf=0.0, neginf=0.0)
     power = signal.sosfiltfilt(sections, volts, axis=0, padlen=min(n - 1, 15)) ** 2
-    least_v2 = 1e-9 * power.max() + np.finfo(float).tiny
-    energy = np.vstack([np.zeros(volts.shape[1]), np.cumsum(power, axis=0)])
+    power += 1e-9 * power.max() + np.finfo(float).tiny
     after_ns = samples.stamps_ns - samples.stamps_ns[0]
     rows = np.searchsorted(after_ns, np.rint(1e9 * edges_s.ravel()).astype(np.int64))
-    moved_s = edges_s.ravel().copy()
-    bounds = [0, *((rows[1:] + rows[:-1]) // 2), n]
-    for i, row in enumerate(rows):
+    moved_s, found = edges_s.ravel().copy(), np.zeros(edges_s.size, bool)
+    for i, row in enumerate(rows.tolist()):
         # Half way to the next end there is another change.
-        first, last = max(bounds[i], row - 3 * reach), min(bounds[i + 1], row + 3 * reach)
-        least, most = max(first + SIDE_ROWS, row - reach), min(last - SIDE_ROWS, row + reach)
-        if most < least:
-            continue
-        at = np.arange(least, most + 1)
+        first = max((rows[i - 1] + row) // 2 if i else 0, row - 3 * reach)
+        last = min((row + rows[i + 1]) // 2 if i + 1 < rows.size else n, row + 3 * reach)
+        at = _change(power[first:last], row - first, reach, BY_EYE_S * rate_hz, i % 2 == 0)
+        if at is not None:
+            rows[i], found[i] = first + at, True
+            moved_s[i] = after_ns[first + at] * 1e-9
+    return np.reshape(moved_s, (-1, 2)), np.reshape(found, (-1, 2))
+
+
+def _change(power: Floats, row: int, reach: int, exact: float, rises: bool) -> int | None:
+    """Return at which row near one power changes; None if that cannot be said exactly enough."""
+    (n, channels), below, above = power.shape, reach, reach
+    if n < 2 * SIDE_ROWS:
+        return None
+    row = min(max(row, SIDE_ROWS), n - SIDE_ROWS)
+    energy = np.cumsum(np.minimum(power, np.quantile(power, LOUDEST, axis=0)), axis=0)
+    unlikely = UNLIKELY / math.sqrt(min(channels, 4))
+    while max(below, above) <= FARTHEST * reach:
+        at = np.arange(max(row - below, SIDE_ROWS), min(row + above, n - SIDE_ROWS) + 1)
         whole, before, after = (
-            np.log((energy[b] - energy[a]) / np.reshape(b - a, (-1, 1)) + least_v2).mean(1)
-            for a, b in ((first, last), (first, at), (at, last))
+            np.log(part / rows[:, np.newaxis]).mean(axis=1)
+            for part, rows in (
+                (energy[-1:], np.array([n])),
+                (energy[at - 1], at),
+                (energy[-1] - energy[at - 1], n - at),
+            )
         )
-        gain = (last - first) * (whole - LEAST_GAIN) - (at - first) * before - (last - at) * after
-        gain[(after < before) if i % 2 == 0 else (after > before)] = 0.0
-        if gain.max() > 0.0:
-            moved_s[i] = after_ns[at[gain.argmax()]] * 1e-9
-    return np.reshape(moved_s, (-1, 2))
+        gain = n * whole - at * before - (n - at) * after
+        gain[(after > before) != rises] = 0.0
+        best, likely = int(at[gain.argmax()]), at[gain >= gain.max() - unlikely]
+        if at[0] < likely[0] and likely[-1] < at[-1]:
+            sure = gain.max() > max(LEAST_GAIN * n, LEAST_GAIN_IN_ALL)
+            return best if sure and np.abs(likely - best).max() <= exact else None
+        below += (at[0] == likely[0]) * max(reach // 2, 1)
+        above += (at[-1] == likely[-1]) * max(reach // 2, 1)
+    return None
 
 
 def as_truth(label: NDArray[Any], key: str) -> Bools:

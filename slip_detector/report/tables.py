@@ -139,7 +139,7 @@ def figure_text(name: str, figures: Mapping[str, Any]) -> str:
 
     A latency below 0 is no early detection: ``slip`` was ON before its label, for example from an
     unrelated alarm. The text says so. Where labels are not exact, nor is the latency: what is
-    given is its range.
+    given is its range, or that it is not known.
 
     Examples
     --------
@@ -148,7 +148,7 @@ def figure_text(name: str, figures: Mapping[str, Any]) -> str:
     ['41.3', '0.950', '-', 'ON 96.3 before']
     >>> by_hand = {'latency_accuracy_ms': 350.0, 'latency_p90_ms': 0.0, 'latency_worst_ms': 120.0}
     >>> [figure_text(name, by_hand) for name in by_hand]
-    ['350.0', 'within 350', '120 to 820']
+    ['350.0', '± 350: not known', '120 to 820']
     """
     value, accuracy_ms = figures.get(name), figures.get('latency_accuracy_ms')
     if isinstance(value, int):
@@ -158,7 +158,7 @@ def figure_text(name: str, figures: Mapping[str, Any]) -> str:
             return f'ON {-value:.1f} before'
         if accuracy_ms:
             more = f'{value:.0f} to {value + 2.0 * accuracy_ms:.0f}'
-            return more if value else f'within {accuracy_ms:.0f}'
+            return more if value else f'± {accuracy_ms:.0f}: not known'
     if name.endswith(('_ms', '_s', '_per_hour')):
         return number_text(value, '.1f')
     return number_text(value, '.2f' if name.endswith(('_percent', '_per_minute')) else '.3f')

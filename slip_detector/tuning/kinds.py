@@ -12,10 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What recordings of several kinds teach: when a finger touches, and how far pressing makes noise.
-
-And which of them contradict their kind.
-"""
+"""What recordings of kinds teach: when a finger touches, and which contradict their kind."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -26,12 +23,15 @@ from slip_detector.chain.samples import Floats
 from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.fields import refuse
-from slip_detector.tuning.learning import LEAST_RATIO, at_rest, envelopes, learnt_floors
-from slip_detector.tuning.tracks import Track, edges_of, enabled
+from slip_detector.tuning.learning import envelopes
+from slip_detector.tuning.tracks import Track, at_rest, edges_of, enabled
 
 #: A finger that touches nothing stays below the level of contact for all but this share of time;
 #: one that slides is above it for all but the second share.
-IDLE_SHARE, SLIDE_SHARE = 0.005, 0.1
+IDLE_SHARE, SLIDE_SHARE = 0.05, 0.1
+
+#: The level of a finger that slides is at least so many times that of one that touches nothing.
+LEAST_CONTACT_RATIO = 1.2
 
 #: The level of contact is at most this many times that of a finger that touches nothing, so that
 #: contact is noticed as soon as a slide begins.
@@ -40,9 +40,6 @@ MOST_RATIO = 2.0
 #: The beginning of a recording shows a finger that touches nothing if the rest of it never is as
 #: quiet, by a factor of :data:`MOST_RATIO`, even in this quietest share.
 BEGINNING_S, QUIETEST = 0.5, 0.2
-
-#: Presses that are above the floor in less than this share of their rows teach nothing.
-LOUD_SHARE = 0.01
 
 #: Length of the blocks in which a recording is compared with its kind.
 BLOCK_S = 0.2
@@ -95,60 +92,40 @@ def low_chain(chain: ChainConfig) -> ChainConfig:
 def contact_level_v(chain: ChainConfig, tracks: Sequence[Track]) -> float:
     """Return a ``contact_level_v`` between a finger that touches nothing and one that slides.
 
-    A finger touches nothing in recordings of the kind ``idle``; if there are none, at the
-    beginning of recordings that are never as quiet later.
+    What counts is the loudest row within ``contact_hold_s``, as contact lasts so long. A finger
+    touches nothing in recordings of the kind ``idle``; if there are none, at the beginning of
+    recordings that are never as quiet later.
 
     Raises
     ------
     ValueError
         When no recording shows that, or touch makes no difference.
     """
-    low = low_chain(chain)
+    low, held = low_chain(chain), chain.samples(chain.contact_hold_s)
     idle, slides = [np.zeros(0)], [np.zeros(0)]
     idles = any(track.kind == 'idle' for track in tracks)
     for track in tracks:
         levels = np.nan_to_num(envelopes(low, track))
         settled, touching = levels.any(axis=1), np.sort(levels, axis=1)[:, -chain.contact_channels]
-        slides.append(touching[settled & (track.kinds == SLIP)])
+        slides.append(_loudest(touching[settled & (track.kinds == SLIP)], held))
         still = touching[settled & (track.kinds != SLIP)]
         first, later = np.split(still, [round(BEGINNING_S * track.sample_rate_hz)])
         if track.kind == 'idle':
-            idle.append(still)
+            idle.append(_loudest(still, held))
         elif not idles and later.size:
-            most, least = np.quantile(first, 1.0 - IDLE_SHARE), np.quantile(later, QUIETEST)
-            idle += [first] if MOST_RATIO * most < least else []
+            most, least = first.max(), np.quantile(later, QUIETEST)
+            idle += [_loudest(first, held)] if MOST_RATIO * most < least else []
     of_each = (np.concatenate(idle), 1.0 - IDLE_SHARE), (np.concatenate(slides), SLIDE_SHARE)
     idle_v, slide_v = (float(np.quantile(v, share)) if v.size else 0.0 for v, share in of_each)
-    if not idle_v or slide_v < LEAST_RATIO * idle_v:
+    if not idle_v or slide_v < LEAST_CONTACT_RATIO * idle_v:
         what = f'a finger that touches nothing has a level of {idle_v:.4g}, one that slides of '
-        refuse(f'{what}{slide_v:.4g}', f'{LEAST_RATIO:g} times as much')
+        refuse(f'{what}{slide_v:.4g}', f'{LEAST_CONTACT_RATIO:g} times as much')
     return float(f'{min(MOST_RATIO * idle_v, np.sqrt(idle_v * slide_v)):.4g}')
 
 
-def activity_range_db(chain: ChainConfig, tracks: Sequence[Track]) -> float:
-    """Return how far below its low level a finger is that is pressed or rolled and does not slide.
-
-    It is the median over the rows and channels that are above their floor by the offset of
-    evidence.
-
-    Raises
-    ------
-    ValueError
-        When hardly any are, so that there is nothing to learn.
-    """
-    plain = plain_chain(chain)
-    least = np.array(learnt_floors(plain, tracks)) * 10.0 ** (chain.evidence_offset_db / 20.0)
-    ranges_db, rows = [np.zeros(0)], 0
-    for track in tracks:
-        if track.kind in ('press', 'roll'):
-            high, low = envelopes(plain, track), envelopes(low_chain(chain), track)
-            loud = (high > least) & (low > 0.0)
-            ranges_db.append(20.0 * np.log10(low[loud] / high[loud]))
-            rows += high.size
-    found = np.concatenate(ranges_db)
-    if found.size < LOUD_SHARE * rows or not found.size:
-        raise ValueError('presses are hardly above the noise floors, allowed: louder ones')
-    return float(f'{np.clip(np.median(found), -100.0, 100.0):.4g}')
+def _loudest(levels: Floats, rows: int) -> Floats:
+    """Return the largest of each so many levels."""
+    return np.maximum.reduceat(levels, range(0, levels.size, rows)) if levels.size else levels
 
 
 def contradictions(chain: ChainConfig, tracks: Sequence[Track]) -> tuple[list[str], list[Track]]:

@@ -17,24 +17,27 @@
 import dataclasses
 import functools
 import hashlib
+import itertools
 import math
-import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from slip_detector.chain.filters import evidence_falls_s, settling_rows
-from slip_detector.chain.samples import Floats
-from slip_detector.evaluation.chance import HALF, saved_by_chance_s, sooner_than_chance
+from slip_detector.chain.samples import Bools, Floats
+from slip_detector.evaluation.chance import saved_by_chance_s
+from slip_detector.evaluation.events import LASTING, Events
+from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters import ChainConfig, EvaluationConfig, TuneConfig
+from slip_detector.recordings.labels import KINDS
 from slip_detector.tuning import sweep
 from slip_detector.tuning.space import SearchSpace
 from slip_detector.tuning.tracks import Track
 
-#: Figures by name, None where one is not defined: ``coverage`` and those of :func:`.slip_figures`
-#: and :meth:`.ScoreCounts.aucs`; and ``auc``: ``auc_moving``, or, where that is not defined,
-#: ``auc_all``.
+#: Figures by name, None where one is not defined: those of :meth:`.Events.at` and of
+#: :meth:`.ScoreCounts.aucs`; and ``auc``: the mean of the area against rest, in motion where that
+#: is known, and of the mean of those against the other kinds of recordings.
 Figures = dict[str, Any]
 
 #: The cost of a threshold is averaged with those of this many neighbours on each side, which are
@@ -42,15 +45,93 @@ Figures = dict[str, Any]
 #: the amplitude by about a tenth.
 NEIGHBOURS = 3
 
-#: Confidence that is needed to prefer a chain to one nearer to the given chain. It is high, as the
-#: best of many chains may be the best by chance.
-CONFIDENCE = 0.99
-
-#: Times ON in recordings of a kind that differ by less than this count as equal, in per cent.
-ON_STEP = 0.5
-
 #: Factor on the cost of the amount by which a figure is worse than that of the given chain.
 WORSE_COUNTS = 10.0
+
+#: Weight of taps, presses, rolling and idle together beside that of rest.
+OTHERS = 0.5
+
+#: Recordings are left out one at a time, or where there are more, in so many groups.
+FOLDS = 8
+
+
+class Compared(NamedTuple):
+    """A figure that must not get worse.
+
+    Attributes
+    ----------
+    words, unit : str
+    sign : float
+        1 where more is better, -1 where less is.
+    step : float
+        Up to this difference two are equal.
+    trade : float
+        By so much it may get worse where ``trade`` is set.
+    cost : str
+        The weight, see :class:`.TuneConfig`, of a difference of 1 / ``per``.
+    per : float
+    """
+
+    words: str
+    unit: str
+    sign: float
+    step: float
+    trade: float
+    cost: str
+    per: float = 1.0
+
+
+ON = 'false_time_costs_ms'
+#: The figures that must not get worse, by name: first what a slip costs, then time ON by kind.
+COMPARED = {
+    'recall': Compared('recall', '', 1.0, 1e-9, 0.05, 'missed_costs_ms'),
+    'coverage': Compared('coverage', '', 1.0, 0.01, 0.1, 'missed_time_costs_ms', 100.0),
+    'latency_median_all_ms': Compared('median latency', ' ms', -1.0, 5.0, 50.0, ''),
+    'false_alarms_per_minute': Compared(
+        'false alarms', ' in a minute of rest', -1.0, 0.5, 5.0, 'false_alarm_costs_ms'
+    ),
+    'false_time_percent': Compared('time ON', ' %', -1.0, 0.1, 5.0, ON),
+    **{
+        f'{kind}_on_percent': Compared(f'ON in {kind}', ' %', -1.0, 0.5, 5.0, ON) for kind in KINDS
+    },
+    'auc': Compared('area under the ROC curve', '', 1.0, 1e-3, 0.02, 'auc_costs_ms'),
+}
+
+
+def worse_by(figures: Mapping[str, Any], other: Figures) -> dict[str, Floats]:
+    """Return by how much each of :data:`COMPARED` is worse than another chain's; 0 or less: not.
+
+    A figure that is not defined, in either, is not worse, but for that of the chain alone: NaN.
+    Only the area under the ROC curve is compared where the other chain is no better than chance.
+    What is ON for much of the rest is ON in slips by chance and has few alarms: coverage may fall
+    by as much as the time ON, and alarms are not compared where that is less.
+
+    Parameters
+    ----------
+    figures
+        Numbers, or arrays of them of one shape, with NaN or None where one is not defined.
+    other
+        See :data:`Figures`.
+    """
+    found = {}
+    on_percent, its_percent = (
+        np.nan_to_num(np.array(one['false_time_percent'], np.float64)) for one in (figures, other)
+    )
+    less_percent = np.maximum(its_percent - on_percent, 0.0)
+    for name, compared in COMPARED.items():
+        its = other[name]
+        if its is None or (name != 'auc' and not better_than_chance(other)):
+            continue
+        figure = np.array(figures[name], np.float64)
+        if name.startswith('latency'):  # That an alarm is before its slip brings nothing.
+            figure, its = np.maximum(figure, 0.0), max(its, 0.0)
+        by = compared.sign * (its - figure)
+        if name == 'coverage':
+            by = by - less_percent / 100.0
+        elif name == 'false_alarms_per_minute':
+            by = np.where(less_percent > COMPARED['false_time_percent'].step, 0.0, by)
+        found[name] = by
+    return found
 
 
 def searched(chain: ChainConfig) -> dict[str, Any]:
@@ -78,16 +159,12 @@ class Candidate(NamedTuple):
     ----------
     chain : ChainConfig
     cost_ms : float
-    error_ms : float
-        Half the confidence interval of the mean latency in the cost, by Student's t; large with
-        few slips, and the largest float with one.
     figures : dict
         See :data:`Figures`.
     """
 
     chain: ChainConfig
     cost_ms: float
-    error_ms: float
     figures: Figures
 
     def as_json(self) -> dict[str, Any]:
@@ -211,83 +288,131 @@ class Problem:
         self, chain: ChainConfig, statistic: Sequence[Floats], limits: Floats, neighbours: int
     ) -> Candidate:
         """Return a chain with the threshold that, with so many neighbours, costs least."""
-        rows = max(settling_rows(chain), self.settling_rows)
-        most_ms = self.config.missed_costs_ms
-        swept = sweep.sweep_thresholds(statistic, self.tracks, limits, self.evaluation, rows)
-        # How late each slip is found. One that begins while a chain settles counts as missed, so
-        # that a chain does not gain by settling for longer.
-        late_ms = np.clip(np.fmin(swept.latencies_ms, most_ms), 0.0, most_ms)
-        hidden_ms = self._hidden_costs_ms(chain, limits, swept)
-        costs_ms = _with_neighbours(self._event_costs_ms(swept, late_ms) + hidden_ms, neighbours)
+        swept = Events.pooled(self._events(chain, statistic, limits))
+        slips = sum(len(track.slips) for track in self.tracks)
+        costs_ms = self._costs_ms(chain, limits, swept, slips, neighbours)
         at = int(np.argmin(costs_ms))
         chain = dataclasses.replace(chain, threshold=float(limits[at]))
-        scored = statistic, self.tracks, chain.threshold, self.evaluation, rows
-        areas = sweep.count_scores(*scored).aucs()
-        auc = areas['auc_all'] if areas['auc_moving'] is None else areas['auc_moving']
-        lacking = 1.0 - (auc or 0.0)
+        areas = self._areas(chain, statistic)
+        lacking = 1.0 - (areas['auc'] or 0.0)
         if self.figures is not None:
-            lacking += WORSE_COUNTS * max((self.figures['auc'] or 0.0) - (auc or 0.0), 0.0)
+            before = self.figures['auc'] or 0.0
+            lacking += WORSE_COUNTS * max(before - (areas['auc'] or 0.0), 0.0)
         cost_ms = float(costs_ms[at]) + self.config.auc_costs_ms * lacking
-        figures = {**swept.figures(at), **areas, 'auc': auc}
-        return Candidate(chain, cost_ms, _error_of_mean(late_ms[swept.scored, at]), figures)
+        return Candidate(chain, cost_ms, {**swept.at(at), **areas})
 
-    def _event_costs_ms(self, swept: sweep.ThresholdSweep, late_ms: Floats) -> Floats:
+    def _settling_rows(self, chain: ChainConfig) -> int:
+        return max(settling_rows(chain), self.settling_rows)
+
+    def _events(
+        self, chain: ChainConfig, statistic: Sequence[Floats], limits: Floats
+    ) -> list[Events]:
+        """Return the events of each recording at each threshold."""
+        rows = self._settling_rows(chain)
+        return sweep.sweep_thresholds(statistic, self.tracks, limits, self.evaluation, rows)
+
+    def _areas(self, chain: ChainConfig, statistic: Sequence[Floats]) -> Figures:
+        """Return the areas under the ROC curve, see :data:`Figures`."""
+        scoring = chain.threshold, self.evaluation, self._settling_rows(chain)
+        areas: Figures = sweep.count_scores(statistic, self.tracks, *scoring).aucs()
+        others = [areas[f'auc_{kind}'] for kind in KINDS if kind != 'rest']
+        rest = areas['auc_moving'] if areas['auc_moving'] is not None else areas['auc_rest']
+        known = [one for one in others if one is not None]
+        parts = [np.mean(part) for part in ([] if rest is None else [rest], known) if part]
+        return {**areas, 'auc': float(np.mean(parts)) if parts else None}
+
+    def left_out(self, chain: ChainConfig) -> tuple[float, Floats]:
+        """Return what a chain costs where the threshold for a recording comes from the others.
+
+        Returns
+        -------
+        cost_ms : float
+            Of all recordings, with a threshold each; infinite where too few have slips.
+        costs_ms : ndarray, shape (folds,)
+            Of all but one recording, or group of :data:`FOLDS`, for the error of the cost.
+        """
+        (statistic,) = sweep.vote_statistics(chain, [chain.vote], self.tracks).values()
+        limits = sweep.thresholds(chain, statistic, self.tracks)
+        # Recordings with slips are spread over the groups.
+        order = sorted(range(len(self.tracks)), key=lambda k: not self.tracks[k].slips)
+        many = min(FOLDS, sum(bool(track.slips) for track in self.tracks))
+        if many < 2 or not limits.size:
+            return math.inf, np.full(many, np.inf)
+        of_tracks = self._events(chain, statistic, limits)
+        folds = [order[fold::many] for fold in range(many)]
+        parts = [Events.pooled(of_tracks[k] for k in fold) for fold in folds]
+        slips = np.array([sum(len(self.tracks[k].slips) for k in fold) for fold in folds])
+        others = ~np.eye(many, dtype=bool)
+
+        def pooled(of_folds: Sequence[Events], chosen: Bools) -> tuple[Events, int]:
+            return Events.pooled(itertools.compress(of_folds, chosen)), int(slips[chosen].sum())
+
+        alone = []
+        for part, rest in zip(parts, others, strict=True):
+            costs_ms = self._costs_ms(chain, limits, *pooled(parts, rest), NEIGHBOURS)
+            alone.append(part.at_one(int(np.argmin(costs_ms))))
+        areas, limit = self._areas(chain, statistic), np.array([chain.threshold])
+        lacking_ms = self.config.auc_costs_ms * (1.0 - (areas['auc'] or 0.0))
+        all_of_them = np.ones(many, bool)
+        found = [
+            self._costs_ms(chain, limit, *pooled(alone, which), 0)[0] + lacking_ms
+            for which in (all_of_them, *others)
+        ]
+        return float(found[0]), np.array(found[1:])
+
+    def _costs_ms(
+        self, chain: ChainConfig, limits: Floats, swept: Events, slips: int, neighbours: int
+    ) -> Floats:
+        """Return the cost at each of T thresholds, with its neighbours; shape (T,).
+
+        A slip that begins while a chain settles counts as missed, so that a chain does not gain by
+        settling for longer: ``slips`` is the number of all.
+        """
+        costs_ms = self._event_costs_ms(swept, slips) + self._hidden_costs_ms(chain, limits)
+        return _with_neighbours(costs_ms, neighbours)
+
+    def _event_costs_ms(self, swept: Events, slips: int) -> Floats:
         """Return the cost of slips and alarms at each of T thresholds, shape (T,).
 
         It is infinite where no slip or no rest is scored, which says nothing about the chain.
         """
-        config, given, scored = self.config, self.figures, swept.scored
-        if not scored.any() or not swept.rest_s:
-            return np.full(late_ms.shape[1], np.inf)
-        rates_hz = swept.false_alarms / swept.rest_s
-        chance = swept.leads_s, swept.windows_s, rates_hz
-        # Each kind of recordings counts as much as another, however long it was recorded.
-        kinds = {kind: one for kind, one in swept.of_kinds.items() if one[0]}
-        per_minute = {kind: 60.0 * many / rest_s for kind, (rest_s, many, _) in kinds.items()}
-        on_percent = {kind: 100.0 * (on_s / rest_s) for kind, (rest_s, _, on_s) in kinds.items()}
+        config, figures, most_ms = self.config, swept.figures, self.config.missed_costs_ms
+        rest_s, _, alarms = swept.rest
+        if not len(swept.latencies_ms) or not rest_s.all():
+            return np.full(rest_s.shape, np.inf)
+        late_ms = np.clip(np.fmin(swept.latencies_ms, most_ms), 0.0, most_ms)
+        unscored = ((0, slips - len(late_ms)), (0, 0))
+        late_ms = np.pad(late_ms, unscored, constant_values=most_ms)
+        chance = swept.leads_s, swept.windows_s, alarms / rest_s
         # Labels that are not exact may leave no row that certainly slips.
-        missed_percent = 100.0 * (1.0 - np.nan_to_num(swept.coverage, nan=1.0))
+        missed_percent = 100.0 * (1.0 - np.nan_to_num(figures['coverage'], nan=1.0))
         costs = (
             late_ms.mean(axis=0)
-            + 1e3 * saved_by_chance_s(*chance, config.missed_costs_ms / 1e3)
-            + config.false_alarm_costs_ms * (sum(per_minute.values()) / len(kinds))
-            + config.false_time_costs_ms * (sum(on_percent.values()) / len(kinds))
+            + 1e3 * saved_by_chance_s(*chance, most_ms / 1e3)
+            + config.false_alarm_costs_ms * 60.0 * _of_kinds(swept, 2)
+            + config.false_time_costs_ms * 100.0 * _of_kinds(swept, 1)
             + config.missed_time_costs_ms * missed_percent
         )
-        if given is None or not better_than_chance(given):
+        if self.figures is None:
             return np.asarray(costs)
-        # A figure that is not defined is not worse.
-        limit = {name: np.nan if one is None else one for name, one in given.items()}
-        sooner = sooner_than_chance(swept.latencies_ms[scored] / 1e3, *chance)
-        median_ms = np.where(sooner >= HALF, np.median(late_ms, axis=0), config.missed_costs_ms)
-        more_percent = 100.0 * (swept.on_rest_s / swept.rest_s) - limit['false_time_percent']
-        more_alarms = 60.0 * rates_hz - limit['false_alarms_per_minute']
-        more_missed_percent = missed_percent - 100.0 * (1.0 - limit['coverage'])
-        # As verdict.worse_than does.
-        more = [
-            (1.0, median_ms - max(limit['latency_median_all_ms'], 0.0)),
-            (config.missed_costs_ms, limit['sooner_than_chance'] - sooner),
-            (config.false_alarm_costs_ms, np.where(more_percent < -ON_STEP, 0.0, more_alarms)),
-            (config.false_time_costs_ms, more_percent),
-            (config.missed_time_costs_ms, more_missed_percent + np.minimum(more_percent, 0.0)),
-        ]
-        for kind, its_percent in on_percent.items():
-            most = limit.get(f'{kind}_on_percent', np.nan) + ON_STEP
-            more.append((config.false_time_costs_ms, its_percent - most))
-        worse = sum(weight * np.fmax(by, 0.0) for weight, by in more)
-        return np.asarray(costs + WORSE_COUNTS * worse)
+        late = {'latency_median_all_ms': np.fmin(figures['latency_median_all_ms'], most_ms)}
+        for name, by in worse_by({**figures, **late, 'auc': np.nan}, self.figures).items():
+            compared = COMPARED[name]
+            weight = compared.per * getattr(config, compared.cost, 1.0)
+            over = np.nan_to_num(by) - compared.step
+            costs = costs + WORSE_COUNTS * weight * np.maximum(over, 0.0)
+        return np.asarray(costs)
 
-    def _hidden_costs_ms(
-        self, chain: ChainConfig, limits: Floats, swept: sweep.ThresholdSweep
-    ) -> Floats | float:
+    def _hidden_costs_ms(self, chain: ChainConfig, limits: Floats) -> Floats | float:
         """Return what a chain's memory costs about the ends of slips, where labels hide that.
 
         Labels by hand say nothing of the rows about their ends, but how long a chain remembers is
         known: the rows of the mains comb and of windows, the time in which evidence falls from its
         limit to a threshold, and that in which it rises there in the loudest slip.
         """
-        rest_s, *_ = swept.of_kinds.get('', (0.0,))
-        if not rest_s:
+        with_slips = [track for track in self.tracks if track.slips]
+        rest_s = sum((one.kinds < SLIP).sum() / one.sample_rate_hz for one in with_slips)
+        if not rest_s or not any(track.samples.accuracy_s for track in with_slips):
             return 0.0
         holds_s = chain.mains_rows / chain.sample_rate_hz + chain.envelope_window_s
         if chain.decision == 'mean':
@@ -296,12 +421,12 @@ class Problem:
             rises_s = limits / chain.evidence_cap_db
             over = np.maximum(1.0 - limits / chain.evidence_limit_db_s, 0.0)
             falls_s = evidence_falls_s(chain) * over
-        inexact = [(len(track.slips), track.samples.accuracy_s) for track in self.tracks]
+        inexact = [(len(track.slips), track.samples.accuracy_s) for track in with_slips]
         off_s, on_s = (
             sum(slips * np.minimum(holds_s + more_s, by_s) for slips, by_s in inexact)
             for more_s in (rises_s, falls_s)
         )
-        of_slips = ((sum(b - a for a, b in one.slips), one.sample_rate_hz) for one in self.tracks)
+        of_slips = ((sum(b - a for a, b in one.slips), one.sample_rate_hz) for one in with_slips)
         slips_s = sum(rows / rate_hz for rows, rate_hz in of_slips)
         return np.asarray(
             self.config.false_time_costs_ms * 100.0 * on_s / rest_s
@@ -314,19 +439,20 @@ class Problem:
         return Candidate(dataclasses.replace(self.given, **entry['parameters']), **rest)
 
 
-def _error_of_mean(late_ms: Floats) -> float:
-    """Return the error of the mean latency by Student's t, at ``CONFIDENCE``.
+def _of_kinds(swept: Events, what: int) -> Floats:
+    """Return the share of rest that is ON (1), or its alarms a second (2), over kinds; shape (T,).
 
-    A chain whose cost is higher by less than this counts as equally good. With one slip the error
-    is the largest float, as JSON has no infinity.
+    It is that of rest, which there always is, plus :data:`OTHERS` times the mean of those of the
+    other kinds of recordings, each of which counts as much as another, however long it is.
     """
-    if late_ms.size < 2:
-        return sys.float_info.max
-    # Imported here: what is learnt of rest and of taps does without it.
-    from scipy import special
-
-    t = float(special.stdtrit(late_ms.size - 1, 0.5 + CONFIDENCE / 2))
-    return t * float(np.std(late_ms, ddof=1)) / math.sqrt(late_ms.size)
+    shares = [
+        (name in ('', 'rest'), of[what] / of[0])
+        for name, of in zip(LASTING, swept.lasting, strict=True)
+        if name != 'slip' and of[0].all()
+    ]
+    parts = [[share for rest, share in shares if rest is wanted] for wanted in (True, False)]
+    rest, others = (np.mean(part, axis=0) if part else 0.0 for part in parts)
+    return np.asarray(rest + OTHERS * others)
 
 
 def _with_neighbours(costs: Floats, neighbours: int) -> Floats:

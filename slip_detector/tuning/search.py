@@ -28,19 +28,21 @@ import contextlib
 import dataclasses
 import fcntl
 import functools
+import math
 import pickle
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from slip_detector.parameters.files import check_plain
+from slip_detector.tuning.hand_labels import load_snapped
 from slip_detector.tuning.problem import Candidate, Problem
 
 #: Number of trials in a batch, which is the largest number of processes that are useful.
 BATCH = 8
 
-#: Number of trials at random points before the sampler learns from results.
-STARTUP_TRIALS = 12
+#: How often each stage is tried on the best chain so far.
+ROUNDS = 2
 
 #: Errors of a journal that is damaged. A plain ValueError refuses something in words.
 DAMAGE = ValueError, LookupError, TypeError, AttributeError, AssertionError, RecursionError
@@ -99,21 +101,45 @@ def search(
     2
     """
     results = results or (lambda points: enumerate(map(problem.candidates_at, points)))
-    starts = problem.space.starts()
-    count = study.follow()
-    while not stop() and count < trials:
-        places = range(count, min(count + BATCH, trials))
-        points = [starts[k] if k < len(starts) else study.ask() for k in places]
-        found = {}
-        for place, candidates in results(points):
-            found[place] = candidates
-            progress(count + len(found))
-            if stop():
-                break
-        for place, candidates in sorted(found.items()):
-            study.tell(points[place], [one.as_json() for one in candidates])
+
+    def attempt(points: Sequence[Point]) -> bool:
+        """Try points that were not tried yet; return whether the search goes on."""
+        fresh = [
+            one
+            for k, one in enumerate(points)
+            if study.cost_ms(one) is None and one not in points[:k]
+        ]
+        for first in range(0, len(fresh), BATCH):
+            count = study.follow()
+            batch, found = fresh[first : first + BATCH][: max(trials - count, 0)], {}
+            for place, candidates in results(batch) if batch and not stop() else ():
+                found[place] = candidates
+                progress(count + len(found))
+                if stop():
+                    break
+            for place, candidates in sorted(found.items()):
+                study.tell(batch[place], [one.as_json() for one in candidates])
         count = study.follow()
         progress(count)
+        return count < trials and not stop()
+
+    starts = problem.space.starts()
+    going = attempt(starts)
+    best = min(starts, key=study.cost_of)
+    bands, *stages = problem.space.stages() if going else [[]]
+    # The bands on the given chain; on the best of these each stage alone; then one after another,
+    # each on the best so far, more than once, as one stage changes what another can do.
+    points = [best, *({**starts[1], **change} for change in bands)]
+    going = going and attempt(points)
+    best = min(points, key=study.cost_of)
+    for stage in stages:
+        going = going and attempt([{**best, **change} for change in stage])
+    for stage in ROUNDS * [*stages, bands]:
+        points = [best, *({**best, **change} for change in stage)]
+        going = going and attempt(points)
+        best = min(points, key=study.cost_of)
+    while going:
+        going = attempt([study.ask() for _ in range(min(BATCH, trials - study.follow()))])
 
 
 def candidates_at(pickled: bytes, point: Point) -> list[Candidate]:
@@ -125,7 +151,7 @@ def candidates_at(pickled: bytes, point: Point) -> list[Candidate]:
 def _with_rows(pickled: bytes) -> Problem:
     """Read the recordings of a problem, once for all of its trials."""
     files, names, problem, name = pickle.loads(pickled)
-    tracks = [track for track in files.load()[0] if track.name in names]
+    tracks = [track for track in load_snapped(files)[0] if track.name in names]
     found: Problem = dataclasses.replace(problem, tracks=tracks)
     if found.study_name() != name:
         paths = ', '.join(files.paths)
@@ -173,9 +199,11 @@ class Study:
 
         optuna.logging.set_verbosity(optuna.logging.ERROR)
         self._distributions, self._where = distributions, storage
-        sampler = optuna.samplers.TPESampler(seed=seed, n_startup_trials=STARTUP_TRIALS)
+        # Points of a batch keep away from each other.
+        sampler = optuna.samplers.TPESampler(seed=seed, n_startup_trials=0, constant_liar=True)
         self._copy = optuna.create_study(sampler=sampler)
         self._asked, self._all = list[Any](), list[Any]()
+        self._costs_ms: dict[Any, float] = {}
         with self.errors_in_one_line():
             self._shared = optuna.create_study(
                 storage=storage and _opened(storage), study_name=name, load_if_exists=True
@@ -205,8 +233,19 @@ class Study:
         # What was asked for is among them; until now the sampler kept away from these points.
         while self._asked:
             self._copy.tell(self._asked.pop(), state=TrialState.FAIL)
+        for trial in trials[len(self._all) :]:
+            costs = _key(trial.params), math.inf if trial.value is None else trial.value
+            self._costs_ms.setdefault(*costs)
         self._all = trials
         return len(trials)
+
+    def cost_ms(self, point: Point) -> float | None:
+        """Return what the cheapest chain at a point costs; infinite without one; None: untried."""
+        return self._costs_ms.get(_key(point))
+
+    def cost_of(self, point: Point) -> float:
+        """Return :meth:`cost_ms`, infinite where it was not tried."""
+        return self._costs_ms.get(_key(point), math.inf)
 
     def ask(self) -> Point:
         """Return the next point to try."""
@@ -231,6 +270,10 @@ class Study:
     def trials(self) -> list[Any]:
         """All trials with a cost that this worker has read."""
         return [trial for trial in self._all if trial.value is not None]
+
+
+def _key(point: Point) -> tuple[Any, ...]:
+    return tuple(sorted(point.items()))
 
 
 def _opened(storage: str) -> Any:

@@ -27,8 +27,9 @@ from typing import Any
 
 from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
 from slip_detector.parameters.files import shared_folder
-from slip_detector.tuning.kinds import activity_range_db, contact_level_v
-from slip_detector.tuning.learning import LEAST_RATIO, MAINS_HZ, learnt_floors, slip_steps_v
+from slip_detector.tuning.bands import slip_bands
+from slip_detector.tuning.kinds import contact_level_v
+from slip_detector.tuning.learning import MAINS_HZ, learnt_floors, slip_steps_v
 from slip_detector.tuning.sweep import rounded
 from slip_detector.tuning.tracks import Track
 
@@ -39,13 +40,6 @@ LOWEST_LOW, HIGHEST_LOW, HIGHEST = 1 / 400, 0.3, 0.48
 #: Most octaves of a pass-band; the paper's has 2.8.
 WIDEST = 6.0
 
-#: High edge over low edge of the stop-bands below and above the pass-band, as in the paper: 0.5 to
-#: 7 Hz and 50 to 180 Hz.
-BELOW, ABOVE = 7.0 / 0.5, 180.0 / 50.0
-
-#: Half the width of a stop-band around the mains frequency.
-NOTCH_HALF_WIDTH_HZ = 5.0
-
 #: Shortest window, one sample at the paper's rate.
 SHORTEST_WINDOW_S = 0.0025
 
@@ -55,18 +49,22 @@ LEAST_SHARING = 3
 #: How the names of the parameters of a point begin that only one decision has.
 OF_DECISIONS = {
     'mean': ('decision_window',),
-    'evidence': ('floor', 'evidence', 'cap', 'impact', 'contact', 'activity'),
+    'evidence': ('floor', 'evidence', 'cap', 'impact', 'contact', 'activity', 'common_rank'),
 }
 
 #: With so many slips, an impact is twice as large a step as with many.
 FEW_SLIPS = 2
 
-#: Times over which a step may be an impact, and the cap of activity to begin with.
+#: Times over which a step may be an impact, and how large it is beside those of slips.
 IMPACTS_S = (0.0, 0.005, 0.01, 0.02, 0.05)
-ACTIVITY_CAP_DB = 8.7
+IMPACT_SCALES = (0.75, 1.5)
 
-#: What recordings of kinds teach, to begin with.
-TAUGHT = {'contact': 'learnt', 'activity': 'learnt', 'impact_s': 0.01}
+#: The cap of activity, how far the floor is below the low level, and the largest rank of common
+#: excess.
+ACTIVITY_CAP_DB, ACTIVITY_RANGES_DB, MOST_RANK = 8.7, (10.0, 15.0, 20.0), 3
+
+#: Windows that are tried with each band that was measured.
+WINDOWS_S = (0.05, 0.2)
 
 
 @functools.cache
@@ -109,6 +107,7 @@ class SearchSpace:
         self._enabled = given.channels - len(given.disabled_channels)
         # No more channels have to touch than there are.
         self._touching = min(given.contact_channels, self._enabled)
+        self._contact_levels_v: dict[Any, float] = {}
         self._slip_steps_v = functools.cache(lambda rows: slip_steps_v(given, tracks, rows))
         self._least_window_s = max(SHORTEST_WINDOW_S, 1.0 / given.sample_rate_hz)
 
@@ -121,7 +120,6 @@ class SearchSpace:
 
         given, rate = self._given, self._given.sample_rate_hz
         windows_s = Between(self._least_window_s, 0.3, log=True)
-        notches_hz = [f for f in MAINS_HZ if f + NOTCH_HALF_WIDTH_HZ < self._highest_hz]
         of_rate = [f for f in MAINS_HZ if _works(dataclasses.replace, given, mains_hz=f)]
         touching = dataclasses.replace(given, contact_channels=self._touching)
         of_kinds: dict[str, Any] = {}
@@ -129,19 +127,21 @@ class SearchSpace:
         # What no recording shows is not searched, and stays as it is given.
         if kinds & {'taps', 'press', 'roll'}:
             of_kinds['impact_s'] = OneOf(sorted({given.impact_s, *IMPACTS_S}))
+            of_kinds['common_rank'] = Whole(0, max(MOST_RANK, given.common_rank))
         if _works(contact_level_v, touching, self._tracks):
             of_kinds['contact'] = OneOf(_ways(given.contact_level_v, 'none', 'learnt'))
+            of_kinds['contact_channels'] = Whole(1, self._enabled, log=True)
         if kinds & {'press', 'roll'}:
-            of_kinds['activity'] = OneOf(_ways(given.activity_cap_db, 'none', 'learnt'))
+            of_kinds['activity'] = OneOf(_ways(given.activity_cap_db, 'none', 'searched'))
             of_kinds['activity_cap_db'] = Between(2.0, 20.0)
+            of_kinds['activity_range_db'] = Between(-10.0, 30.0)
         return of_kinds | {
             'decision': OneOf(('mean', 'evidence')),
             'passband_low_hz': Between(LOWEST_LOW * rate, HIGHEST_LOW * rate, log=True),
             'passband_octaves': Between(0.5, WIDEST),
             # For a band-pass an odd degree is raised by 1.
             'passband_degree': OneOf(sorted({given.passband_degree, 1, 2, 4})),
-            'stopbands': OneOf(('given', 'none', 'below', 'above', 'both')),
-            'notch_hz': OneOf((0.0, *notches_hz)),
+            'stopbands': OneOf(_ways(given.stopbands_hz, 'none')),
             'mains_hz': OneOf(sorted({0.0, given.mains_hz, *of_rate})),
             'exponent': Whole(1, max(4, given.exponent)),
             'envelope_window_s': windows_s,
@@ -155,8 +155,9 @@ class SearchSpace:
             'evidence_offset_db': Between(0.5, 12.0),
             'cap_above_db': Between(1.0, 30.0),
             'evidence_limit_db_s': Between(0.02, 5.0, log=True),
-            # The given step that is an impact, none, or one larger than any step of a slip.
-            'impact': OneOf(_ways(given.impact_v, 'none', 'above slips')),
+            # The given step that is an impact, none, or one beside the largest steps of slips.
+            'impact': OneOf(_ways(given.impact_v, 'none', 'learnt')),
+            'impact_scale': Between(0.2, 5.0, log=True),
             'impact_channels': Whole(1, self._enabled, log=True),
             'impact_hold_s': Between(max(0.05, 1.0 / rate), 1.0, log=True),
             'common_mode': OneOf(COMMON_MODES if self._enabled >= LEAST_SHARING else ('none',)),
@@ -186,7 +187,7 @@ class SearchSpace:
         } | {
             'passband_hz': (low_hz, high_hz),
             'passband_degree': degree + degree % 2 if high_hz else degree,
-            'stopbands_hz': self._stopbands(point, low_hz, high_hz),
+            'stopbands_hz': given.stopbands_hz if point['stopbands'] == 'given' else (),
             'mains_hz': point['mains_hz'],
         }
         # A rounded window must not be shorter than a sample.
@@ -212,24 +213,31 @@ class SearchSpace:
     def _contact(self, point: dict[str, Any], chain: ChainConfig) -> dict[str, Any]:
         """Return the parameters of contact and activity; ``chain`` has others of the point."""
         given = self._given
-        changes: dict[str, Any] = {'activity_cap_db': given.activity_cap_db}
         contact, activity = (point.get(name, 'given') for name in ('contact', 'activity'))
+        names = 'activity_cap_db', 'activity_range_db', 'contact_level_v', 'contact_channels'
+        changes: dict[str, Any] = {name: getattr(given, name) for name in names}
         if activity == 'none':
             changes['activity_cap_db'] = 0.0
-        elif activity == 'learnt':
+        elif activity == 'searched':
             low_hz, (begin_hz, end_hz) = chain.passband_hz[0], given.activity_band_hz
             share = min(low_hz / end_hz, 1.0)
             changes['activity_band_hz'] = rounded(share * begin_hz), min(low_hz, end_hz)
-            changes['activity_cap_db'] = rounded(point['activity_cap_db'])
-            chain = dataclasses.replace(chain, **changes)
-            changes['activity_range_db'] = activity_range_db(chain, self._tracks)
+            changes |= {name: rounded(point[name]) for name in names[:2]}
         if contact == 'none':
             changes['contact_level_v'] = 0.0
         elif contact == 'learnt':
-            changes['contact_channels'] = self._touching
-            chain = dataclasses.replace(chain, contact_channels=self._touching)
-            changes['contact_level_v'] = contact_level_v(chain, self._tracks)
+            changes['contact_channels'] = point['contact_channels']
+            changes['contact_level_v'] = self._contact_level_v(
+                dataclasses.replace(chain, **{**changes, 'contact_level_v': 0.0})
+            )
         return changes
+
+    def _contact_level_v(self, chain: ChainConfig) -> float:
+        """Return the learnt level; it depends on few parameters and is often asked for."""
+        key = chain.contact_channels, chain.activity_band_hz, chain.envelope_window_s
+        if key not in self._contact_levels_v:
+            self._contact_levels_v[key] = contact_level_v(chain, self._tracks)
+        return self._contact_levels_v[key]
 
     def _floors(self, point: dict[str, Any], chain: ChainConfig) -> tuple[float, ...]:
         """Return the noise floors at a point; ``chain`` has all other parameters."""
@@ -245,7 +253,7 @@ class SearchSpace:
     def _impacts(self, point: dict[str, Any]) -> dict[str, Any]:
         """Return the parameters of the step that is an impact at a point."""
         given, channels = self._given, point['impact_channels']
-        if point['impact'] != 'above slips':
+        if point['impact'] != 'learnt':
             impact_v = given.impact_v if point['impact'] == 'given' else 0.0
             kept = {'impact_s': given.impact_s, 'impact_channels': given.impact_channels}
             return {'impact_v': impact_v, **kept}
@@ -253,21 +261,8 @@ class SearchSpace:
         step_v = float(self._slip_steps_v(given.samples(impact_s))[channels - 1])
         # The largest step of few slips says little of the next one's.
         slips = sum(len(track.slips) for track in self._tracks)
-        impact_v = rounded(LEAST_RATIO * (1.0 + FEW_SLIPS / max(slips, 1)) * step_v)
+        impact_v = rounded(point['impact_scale'] * (1.0 + FEW_SLIPS / max(slips, 1)) * step_v)
         return {'impact_v': impact_v, 'impact_s': impact_s, 'impact_channels': channels}
-
-    def _stopbands(self, point: dict[str, Any], low_hz: float, high_hz: float) -> tuple[Any, ...]:
-        """Return the stop-bands beside the pass-band, and the notch."""
-        which, mains_hz = point['stopbands'], point['notch_hz']
-        pairs = list(self._given.stopbands_hz) if which == 'given' else []
-        if which in ('below', 'both'):
-            pairs.append((rounded(low_hz / BELOW), low_hz))
-        top_hz = min(rounded(ABOVE * high_hz), rounded(self._highest_hz))
-        if which in ('above', 'both') and 0.0 < high_hz < top_hz / 1.1:
-            pairs.append((high_hz, top_hz))
-        if mains_hz:
-            pairs.append((mains_hz - NOTCH_HALF_WIDTH_HZ, mains_hz + NOTCH_HALF_WIDTH_HZ))
-        return tuple(pairs)
 
     def point(self, chain: ChainConfig) -> dict[str, Any]:
         """Return the point of the space that is nearest to a chain.
@@ -289,20 +284,18 @@ class SearchSpace:
         values: dict[str, Any] = {
             'passband_low_hz': low_hz,
             'passband_octaves': math.log2(high_hz / low_hz) if high_hz else WIDEST,
-            'stopbands': 'both' if chain.stopbands_hz else 'none',
-            'notch_hz': 0.0,
+            'stopbands': 'given' if chain.stopbands_hz == given.stopbands_hz else 'none',
             'floors': floors,
             'floor_scale': 1.0,
             'floor_range_db': chain.noise_floor_range_db,
             'floor_rate_db_s': chain.noise_floor_rate_db_s,
             'cap_above_db': chain.evidence_cap_db - chain.evidence_offset_db,
-            'impact': way(chain.impact_v, chain.impact_v == given.impact_v, 'above slips'),
+            'impact': way(chain.impact_v, chain.impact_v == given.impact_v),
+            'impact_scale': IMPACT_SCALES[-1],
             'contact': way(chain.contact_level_v, chain == given),
-            'activity': way(chain.activity_cap_db, chain == given),
+            'activity': way(chain.activity_cap_db, chain == given, 'searched'),
             'activity_cap_db': chain.activity_cap_db or ACTIVITY_CAP_DB,
         }
-        if chain.stopbands_hz == given.stopbands_hz:
-            values['stopbands'] = 'given'
         # All others have the names of the chain's parameters.
         return {
             name: _nearest(allowed, values[name] if name in values else getattr(chain, name))
@@ -333,25 +326,75 @@ class SearchSpace:
     def starts(self) -> list[dict[str, Any]]:
         """Return the points where a search begins: the given chain, the paper's, the presets.
 
-        The given chain is among them with each mains frequency and with none, as subtracting the
-        row whole mains periods ago removes a steady slide at multiples of 1 / that time, too. What
-        recordings of kinds teach is there as well, alone and together.
-
         A preset gives bands, windows and the parameters of evidence; noise floors and the steps
         of impacts are learnt from the sensor that is tuned.
         """
-        points: list[dict[str, Any]] = []
         given = self.point(self._given)
-        combs = [{**given, 'mains_hz': hz} for hz in self.distributions['mains_hz'].choices]
-        every = [given, *combs, *map(self.point, presets())]
-        evidence = next(point for point in every if point['decision'] == 'evidence')
-        taught = {name: of for name, of in TAUGHT.items() if name in self.distributions}
-        for change in (*({name: of} for name, of in taught.items()), taught):
-            impact = {'impact': 'above slips'} if 'impact_s' in change else {}
-            every.append({**evidence, **change, **impact})
-        for point in every:
+        points = [given, {**given, 'floors': 'learnt'}]
+        for point in map(self.point, presets()):
             points += [] if point in points else [point]
         return points
+
+    def stages(self) -> list[list[dict[str, Any]]]:
+        """Return changes of a point, by stage of the chain, in the order in which they are tried.
+
+        First come the bands in which slides stand out from rest, then what the recordings of kinds
+        teach.
+        """
+        bands, _ = slip_bands(self._given, self._tracks)
+        every = [_band(band, window_s) for band in bands for window_s in WINDOWS_S]
+        decisions = [
+            {'decision': 'mean', 'exponent': 1, 'decision_window_s': 0.1},
+            {'decision': 'evidence', 'evidence_offset_db': 3.5, 'evidence_limit_db_s': 1.3},
+            {'decision': 'evidence', 'evidence_offset_db': 1.0, 'evidence_limit_db_s': 2.0},
+        ]
+        impacts = [
+            {'impact': 'learnt', 'impact_s': time_s, 'impact_channels': 2, 'impact_scale': scale}
+            for time_s in IMPACTS_S[::2]
+            for scale in IMPACT_SCALES
+        ]
+        contacts = [{'contact': 'learnt', 'contact_channels': many} for many in (1, 2, 4, 6)]
+        activities = [
+            {'activity': 'searched', 'activity_range_db': range_db}
+            for range_db in ACTIVITY_RANGES_DB
+        ]
+        floors = [
+            {'floors': way, 'floor_scale': scale, 'floor_range_db': 15.0}
+            for way in ('learnt', 'followed')
+            for scale in (0.7, 1.0)
+        ]
+        stages: list[list[dict[str, Any]]] = [
+            [{**band, **decision} for band in every for decision in decisions],
+            floors,
+            [{'mains_hz': hz} for hz in self.distributions['mains_hz'].choices],
+            [{'impact': 'none'}, *impacts],
+            [{'contact': 'none'}, *contacts],
+            [{'activity': 'none'}, *activities],
+            [{'common_rank': rank} for rank in range(MOST_RANK + 1)],
+            [{'evidence_offset_db': offset_db} for offset_db in (1.0, 2.0, 3.5, 5.0, 7.0)],
+            [{'evidence_limit_db_s': limit_db_s} for limit_db_s in (0.3, 0.6, 1.3, 2.6)],
+            [{'common_mode': way} for way in self.distributions['common_mode'].choices],
+        ]
+        allowed = self.distributions
+        return [
+            [
+                {
+                    name: _nearest(allowed[name], of)
+                    for name, of in change.items()
+                    if name in allowed
+                }
+                for change in stage
+            ]
+            for stage in stages
+        ]
+
+
+def _band(band_hz: tuple[float, float], window_s: float) -> dict[str, Any]:
+    """Return the part of a point that has a band and a window."""
+    low_hz, high_hz = band_hz
+    octaves = math.log2(high_hz / low_hz) if high_hz else WIDEST
+    band = {'passband_low_hz': low_hz, 'passband_octaves': octaves, 'stopbands': 'none'}
+    return {**band, 'envelope_window_s': window_s}
 
 
 def _ways(is_given: object, *others: str) -> tuple[str, ...]:

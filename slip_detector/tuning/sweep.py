@@ -22,15 +22,14 @@ filters run once, and a row takes time only for the thresholds that the number c
 import dataclasses
 import math
 from collections.abc import Sequence
-from typing import Any, NamedTuple
 
 import numpy as np
 
-from slip_detector.chain.samples import Bools, Floats, Ints
+from slip_detector.chain.samples import Floats
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.compiled import compiled
 from slip_detector.evaluation import matching
-from slip_detector.evaluation.chance import slip_figures
+from slip_detector.evaluation.events import Events
 from slip_detector.evaluation.scores import SLIP, UNCERTAIN, ScoreCounts, ScoreTally
 from slip_detector.parameters import ChainConfig, EvaluationConfig
 from slip_detector.tuning.tracks import Track
@@ -52,6 +51,9 @@ RANGE = 1000.0
 
 #: The lowest threshold is found from every n-th row.
 STRIDE = 16
+
+# Its table is large, so it is made once. It is empty between calls.
+_TALLY = ScoreTally()
 
 
 def votes_of(config: ChainConfig) -> tuple[Vote, ...]:
@@ -199,75 +201,19 @@ def _sweep(
         kinds[max(start - first_row, 0) : max(end - first_row, 0)] = kind
     # For each threshold the row at which the value last fell to it.
     fell = np.full(limits.size, first_row - off_rows)
-    above = slip = 0
-    # Most rows stay between the same two thresholds, which takes two comparisons.
-    low = high = np.inf
+    above = 0
     for r in range(statistic.size):
-        value = statistic[r]
-        if not low < value <= high:
-            row, before = first_row + r, above
-            while above < limits.size and value > limits[above]:
-                above += 1
-            while above > 0 and value <= limits[above - 1]:
-                above -= 1
-                fell[above] = row
-            low = limits[above - 1] if above > 0 else -np.inf
-            high = limits[above] if above < limits.size else np.inf
-            if above > before and row >= settled:
-                slip = matching.slip_not_over(row, slip, highs)
-                # Then no slip can have the alarm, whatever the threshold.
-                false = slip == lows.size or row < lows[slip]
-                for t in range(before, above):
-                    if row - fell[t] < off_rows:
-                        continue
-                    if false:
-                        false_alarms[t] += 1
-                    else:
-                        matching.give_alarm(row, row, slip, lows, rises, t)
+        value, row, before = statistic[r], first_row + r, above
+        while above < limits.size and value > limits[above]:
+            above += 1
+        while above > 0 and value <= limits[above - 1]:
+            above -= 1
+            fell[above] = row
         rows_below[above, kinds[r]] += 1
-
-
-class ThresholdSweep(NamedTuple):
-    """Latencies, false alarms and time ON at each of T thresholds of one vote.
-
-    Attributes
-    ----------
-    latencies_ms : ndarray, shape (slips, T)
-        Latency of each true slip, as far as it is certain; NaN where it is missed and where it is
-        not scored.
-    scored : ndarray of bool, shape (slips,)
-        Whether a slip is scored, see :class:`.ScoredRows`.
-    leads_s, windows_s : ndarray, shape (scored slips,)
-        The lead and the window of each scored slip, see :mod:`.chance`.
-    false_alarms : ndarray of int, shape (T,)
-    rest_s : float
-        Time of the rest.
-    on_rest_s : ndarray, shape (T,)
-        Time of the rest that is ON.
-    coverage : ndarray, shape (T,)
-        Share of the time that certainly slips in which the decision is ON; NaN without any.
-    of_kinds : dict
-        ``rest_s``, ``false_alarms`` and ``on_rest_s`` of each kind of recordings.
-    """
-
-    latencies_ms: Floats
-    scored: Bools
-    leads_s: Floats
-    windows_s: Floats
-    false_alarms: Ints
-    rest_s: float
-    on_rest_s: Floats
-    coverage: Floats
-    of_kinds: dict[str, tuple[float, Ints, Floats]]
-
-    def figures(self, at: int) -> dict[str, float | None]:
-        """Return coverage and those of :func:`.slip_figures`."""
-        coverage = None if math.isnan(self.coverage[at]) else float(self.coverage[at])
-        # The recordings of no kind are among those of all kinds.
-        every = {**self.of_kinds, '': (self.rest_s, self.false_alarms, self.on_rest_s)}
-        rests = {kind: (s, int(n[at]), float(on_s[at])) for kind, (s, n, on_s) in every.items()}
-        slips = self.latencies_ms[self.scored, at], self.leads_s, self.windows_s
-        return {'coverage': coverage, **slip_figures(*slips, rests)}
+        for t in range(before, above):
+            if row >= settled and row - fell[t] >= off_rows:
+                slip = matching.give_alarm(row, row, lows, highs, rises, t)
+                false_alarms[t] += slip == matching.NONE
 
 
 def sweep_thresholds(
@@ -276,8 +222,8 @@ def sweep_thresholds(
     limits: Floats,
     config: EvaluationConfig,
     settling_rows: int,
-) -> ThresholdSweep:
-    """Match slips and alarms at each threshold, as :class:`.ScoredRows` does at one.
+) -> list[Events]:
+    """Return the events of each track at each threshold, as :class:`.ScoredRows` at one.
 
     Parameters
     ----------
@@ -300,49 +246,30 @@ def sweep_thresholds(
     >>> track = track_of('trial', [Samples.evenly(np.zeros((5, 1)), 100.0, slip)], 100.0)
     >>> statistic, limits = np.array([0.0, 0.2, 0.2, 0.6, 0.9]), np.array([0.1, 0.5, 1.0])
     >>> config = EvaluationConfig(off_before_s=0.0)
-    >>> sweep = sweep_thresholds([statistic], [track], limits, config, settling_rows=0)
-    >>> sweep.latencies_ms, sweep.false_alarms, sweep.on_rest_s
-    (array([[nan, 10., nan]]), array([1, 0, 0]), array([0.01, 0.  , 0.  ]))
+    >>> (events,) = sweep_thresholds([statistic], [track], limits, config, settling_rows=0)
+    >>> events.latencies_ms, events.figures['false_time_percent']
+    (array([[nan, 10., nan]]), array([50.,  0.,  0.]))
     """
-    # By kind: rest_s, false_alarms and on_rest_s; of each track what its slips have.
-    of_kinds: dict[str, Any] = {}
-    of_tracks = []
-    # Times of the kinds 1, rest, and 2, certain slip: in all, then ON at each threshold.
-    on_s = np.zeros((limits.size + 1, 3))
+    found = []
     for part, track in zip(statistic, tracks, strict=True):
-        rate_hz, accuracy_s = track.sample_rate_hz, track.samples.accuracy_s
         stretches = [stretch.interval for stretch in track.stretches]
-        rows = matching.ScoredRows(
-            track.slips, stretches, settling_rows, config, rate_hz, accuracy_s
-        )
+        times = track.sample_rate_hz, track.samples.accuracy_s
+        rows = matching.ScoredRows(track.slips, stretches, settling_rows, config, *times)
         rises = np.full((len(track.slips), limits.size), matching.NONE, np.int64)
         false_alarms = np.zeros(limits.size, np.int64)
         rows_below = np.zeros((limits.size + 1, 3), np.int64)
-        rest = np.stack(np.broadcast_arrays(rows.rest_starts, rows.rest_ends, 1), axis=1)
-        slip = np.stack(np.broadcast_arrays(rows.certain_starts, rows.certain_ends, 2), axis=1)
+        rest = np.stack(np.broadcast_arrays(*rows.rest, 1), axis=1)
+        slip = np.stack(np.broadcast_arrays(*rows.certain, 2), axis=1)
         intervals = np.concatenate([rest, slip])
         for (begin, end, first_row), settled in zip(track.stretches, rows.settled, strict=True):
             _sweep(
                 part[begin:end], limits, first_row, int(settled), rows.off_rows, rows.lows,
                 rows.highs, intervals, rises, false_alarms, rows_below,
             )  # fmt: skip
-        starts = np.array([slip.start for slip in track.slips], np.int64)[:, np.newaxis]
-        found = (rises != matching.NONE) & rows.scored[:, np.newaxis]
-        late_s = matching.beyond_accuracy((rises - starts) / rate_hz, accuracy_s)
-        latencies_ms: Floats = np.where(found, late_s * 1e3, np.nan)
-        of_slips = rows.leads_s[rows.scored], rows.windows_s[rows.scored]
-        of_tracks.append((latencies_ms, rows.scored, *of_slips))
         # A row is ON at threshold k where more than k thresholds are below its value.
-        its_s = np.cumsum(rows_below[::-1], axis=0)[::-1] / rate_hz
-        on_s += its_s
-        its_rest = rows.rest_rows / rate_hz, false_alarms, its_s[1:, 1]
-        before = of_kinds.get(track.kind, (0.0, 0, 0.0))
-        of_kinds[track.kind] = tuple(a + b for a, b in zip(before, its_rest, strict=True))
-    coverage = on_s[1:, 2] / on_s[0, 2] if on_s[0, 2] else np.full(limits.size, np.nan)
-    latencies_ms, scored, leads_s, windows_s = map(np.concatenate, zip(*of_tracks, strict=True))
-    rest_s, alarms = (sum(one[column] for one in of_kinds.values()) for column in (0, 1))
-    found = alarms, rest_s, on_s[1:, 1], coverage, of_kinds
-    return ThresholdSweep(latencies_ms, scored, leads_s, windows_s, *found)
+        _, on_rest, on_certain = np.cumsum(rows_below[::-1], axis=0)[::-1][1:].T
+        found.append(rows.events(track.kind, rises, false_alarms, on_certain, on_rest))
+    return found
 
 
 def count_scores(
@@ -371,12 +298,11 @@ def count_scores(
     >>> count_scores([np.array([0.0, 0.1, 0.2, 0.3])], [track], 0.5, config, 1).auc()
     1.0
     """
-    tally = ScoreTally()
     for part, track in zip(statistic, tracks, strict=True):
         kinds = track.kinds.copy()
         unscored = matching.unscored_rows(settling_rows, config, track.sample_rate_hz)
         for begin, end, _ in track.stretches:
             kinds[begin : min(begin + unscored, end)] = UNCERTAIN
         # The chain divides in the same way, so the scores equal an evaluation's to the bit.
-        tally.add(part / threshold, kinds)
-    return tally.collect()
+        _TALLY.add(part / threshold, kinds)
+    return _TALLY.collect()

@@ -12,15 +12,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is learnt of a finger before a search: where it begins, its noise and its impacts."""
+"""What is learnt of a finger before a search: where it begins, its bands and its noise."""
 
 import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Any
 
 from slip_detector.parameters import ChainConfig
-from slip_detector.tuning.learning import impact_step, learn_from_rest
-from slip_detector.tuning.tracks import Track
+from slip_detector.tuning.bands import slip_bands
+from slip_detector.tuning.learning import learn_from_rest
+from slip_detector.tuning.tracks import Track, at_rest
 
 #: Where the search for an unknown sensor begins, and its pass-band: from a frequency, or from a
 #: share of the sample rate if that is lower.
@@ -55,23 +56,21 @@ def beginning(chain: ChainConfig) -> ChainConfig:
 def learn(
     chain: ChainConfig, tracks: Sequence[Track], step: Callable[[str], None]
 ) -> tuple[ChainConfig, list[str]]:
-    """Learn noise and impacts of a finger; return the chain with them, and lines about them."""
+    """Learn bands, mains and noise of a finger; return where a search begins, and lines on it."""
     chain, lines = beginning(chain), []
-    slips = [track for track in tracks if track.slips]
-    for what, kind in (('noise', 'rest'), ('impacts', 'taps')):
-        of_kind = [track for track in tracks if track.kind == kind]
-        if not of_kind:
-            lines.append(f'No {what} learnt: there is no recording for that')
-            continue
-        longest = max(of_kind, key=lambda track: track.duration_s)
-        step(f'learning the {what} of {longest.name}')
-        try:
-            if kind == 'rest':
-                learnt, said = learn_from_rest(longest, chain)
-            else:
-                impact_v, line = impact_step(chain, longest, slips)
-                learnt, said = {'impact_v': impact_v}, [f'On {longest.name}: {line}']
-            chain, lines = dataclasses.replace(chain, **learnt), lines + said
-        except ValueError as error:  # Taps may look like slips: what was learnt before is kept.
-            lines.append(str(error))
-    return chain, lines
+    step('measuring where slides stand out')
+    bands, line = slip_bands(chain, tracks)
+    low_hz, _ = chain.passband_hz
+    lines.append(line)
+    if bands and bands[0][1] and low_hz >= bands[0][1]:
+        lines.append(f'The given pass-band begins above them, at {low_hz:g} Hz')
+    resting = [track for track in at_rest(tracks) if not track.slips]
+    if not resting:
+        return chain, [*lines, 'No noise learnt: there is no recording of rest']
+    longest = max(resting, key=lambda track: track.duration_s)
+    step(f'learning the noise of {longest.name}')
+    try:
+        learnt, said = learn_from_rest(longest, chain)
+        return dataclasses.replace(chain, **learnt), lines + said
+    except ValueError as error:
+        return chain, [*lines, str(error)]

@@ -172,6 +172,11 @@ def track_of(name: str, pieces: Iterable[Samples], sample_rate_hz: float) -> Tra
     return Track(name, samples, tuple(stretches), sample_rate_hz)
 
 
+def at_rest(tracks: Sequence[Track]) -> Sequence[Track]:
+    """Return the recordings whose rows without slip are rest; all where there are none."""
+    return [track for track in tracks if track.kind in ('', 'rest')] or tracks
+
+
 def enabled(columns: Floats, chain: ChainConfig) -> Floats:
     """Return the columns of the channels that a chain has not disabled."""
     return np.delete(columns, [channel - 1 for channel in chain.disabled_channels], axis=1)

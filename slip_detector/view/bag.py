@@ -29,6 +29,7 @@ from slip_detector.parameters import DetectorConfig, DriverConfig
 from slip_detector.parameters.fields import shown
 from slip_detector.parameters.files import file_errors_of, write_yaml
 from slip_detector.recordings import labels
+from slip_detector.tuning.hand_labels import snapped_words
 from slip_detector.view.recordings import trace_of
 from slip_detector.view.server import Server
 from slip_detector.view.view_request import Message, number
@@ -212,14 +213,17 @@ class PlayedBag:
         known, ends_s = dict(self._ends), np.minimum(wanted.edges_s, last_s).ravel()
         self._keep([(end_s, known.get(end_s, by_s)) for end_s in ends_s.tolist()])
 
-    async def _snap(self, message: Message) -> None:
-        """Move the ends to where the power of the signal changes, as near as hands are exact."""
+    async def _snap(self, message: Message) -> dict[str, Any]:
+        """Move the ends to where the power of the signal changes, if that is found."""
         before = self._ends
-        of = self._rows, np.array(_pairs(before)), self._rate_hz, labels.BY_HAND_S
-        moved = await self._server.work(labels.snapped, *of)
-        if before and before is self._ends:  # No page has changed them meanwhile.
-            ends = zip(moved.ravel().round(4).tolist(), before, strict=True)
-            self._keep([old if s == old[0] else (s, labels.BY_EYE_S) for s, old in ends])
+        edges_s = np.array(_pairs(before))
+        by_hand = self._rows, edges_s, self._rate_hz, labels.BY_HAND_S
+        moved_s, found = await self._server.work(labels.snapped, *by_hand)
+        if not before or before is not self._ends:  # A page has changed them meanwhile.
+            return {}
+        ends = zip(before, moved_s.ravel().round(4).tolist(), found.flat, strict=True)
+        self._keep([(s, labels.BY_EYE_S) if known else old for old, s, known in ends])
+        return {'said': snapped_words(edges_s, moved_s, found)}
 
     async def _undo(self, message: Message) -> None:
         if self._before:

@@ -40,6 +40,7 @@ from slip_detector.recordings import labels, open_recording
 from slip_detector.recordings.rates import rates_differ
 from slip_detector.recordings.writing import BagWriter
 from slip_detector.report.overview import MOST_CELLS, THRESHOLD_CODE, Overview
+from slip_detector.tuning.hand_labels import snapped_words
 from slip_detector.tuning.tracks import hold_out, track_of
 from slip_detector.view.detectors import Finger
 
@@ -163,9 +164,9 @@ class RecordedFolder:
     def label(self, name: object, edges_s: object, by_s: float, *, snap: bool) -> dict[str, Any]:
         """Take the ends of a recording's labels as a page has moved them, in seconds.
 
-        Either nothing is changed and the ends are returned where the power changes, as near as
-        hands are exact; or they are written beside the recording. Ends that were moved are exact
-        to ``by_s``, the others as before.
+        Either nothing is changed and the ends are returned where the power changes, and in words
+        what was found; or they are written beside the recording. Ends that were moved are exact to
+        ``by_s``, the others as before.
 
         Raises
         ------
@@ -179,8 +180,10 @@ class RecordedFolder:
         recording = open_recording(path)
         track = track_of(path.name, recording.rows(), recording.sample_rate_hz)
         if snap:
-            sought = wanted.edges_s, track.sample_rate_hz, labels.BY_HAND_S
-            return {'slip_s': labels.snapped(track.samples, *sought).round(4).tolist()}
+            by_hand = wanted.edges_s, track.sample_rate_hz, labels.BY_HAND_S
+            moved_s, found = labels.snapped(track.samples, *by_hand)
+            said = snapped_words(wanted.edges_s, moved_s, found)
+            return {'slip_s': moved_s.round(4).tolist(), 'said': said}
         # The page has seen the ends as rows.
         were_s = (np.ravel(track.slips) / track.sample_rate_hz).round(4).tolist()
         before_s = self.recordings[path.name].exact_s or [recording.accuracy_s] * len(were_s)

@@ -33,9 +33,6 @@ from slip_detector.view.recordings import RecordedFolder
 SLIP_TUNE = 'import sys; from slip_detector.commands.command_line import tune; sys.exit(tune())'
 COMMAND = 'nice', '-n', '10', sys.executable, '-c', SLIP_TUNE, '--json'
 
-#: Longest line that it may print, in bytes.
-MOST_LINE = 2**24
-
 #: What a page shows of a run as it is.
 DESCRIBED = 'finger', 'running', 'step', 'share', 'lines', 'table', 'kept'
 
@@ -77,7 +74,7 @@ class TuneRun:
             process = self._process = await asyncio.create_subprocess_exec(
                 # Ctrl-C in the terminal is for slip_view.
                 *COMMAND, *map(str, files), stdout=PIPE, stderr=PIPE, start_new_session=True,
-                limit=MOST_LINE,
+                limit=2**24,  # bytes of a line
             )  # fmt: skip
             self._interrupt()
             await self._follow(process)

@@ -20,7 +20,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slip_detector.evaluation.chance import recall_by_chance, saved_by_chance_s, sooner_than_chance
-from slip_detector.evaluation.matching import RowInterval, ScoredRows
+from slip_detector.evaluation.matching import NONE, RowInterval, ScoredRows
 from slip_detector.parameters.evaluation import EvaluationConfig
 
 RATE_HZ = 100.0
@@ -53,7 +53,7 @@ def test_alarms_shifted_to_every_time_are_on_average_no_better_than_chance(drawn
         rows = ScoredRows([slip], [RowInterval(0, 2 * n)], n, config, RATE_HZ)
         rises = [alarm.start for alarm in rows.alarms(intervals(turns, [(0, 2 * n)]))]
         ((alarm,), _) = rows.match(rises)
-        latencies_s.append(np.nan if alarm is None else (rises[alarm] - slip.start) / RATE_HZ)
+        latencies_s.append(np.nan if alarm == NONE else (rises[alarm] - slip.start) / RATE_HZ)
         alarms.add(int((~rows.settling(rises)).sum()))
     (in_a_turn,) = alarms
     rate_hz = in_a_turn / n * RATE_HZ

@@ -16,8 +16,10 @@
 
 import dataclasses
 
+import numpy as np
 import pytest
 
+from slip_detector.evaluation.events import LASTING, NO_EVENTS
 from slip_detector.evaluation.figures import (
     FALSE,
     REPEAT,
@@ -34,8 +36,7 @@ from slip_detector.evaluation.figures import (
 from slip_detector.evaluation.scores import ScoreCounts
 
 SLIP = TrueSlip(
-    start_s=1.0, end_s=2.0, alarm=0, latency_s=0.04, accuracy_s=0.0, settling=False, lead_s=0.0,
-    window_s=1.1, late=False,
+    start_s=1.0, end_s=2.0, alarm=0, latency_s=0.04, accuracy_s=0.0, settling=False, late=False,
     stages_s=dict(zip(STAGES, (0.01, 0.005, 0.02, 0.005), strict=True)), lost_at=None,
     on_at_start=False, on_while=True, channel_delays_s=(0.03, None), delay_s=0.03,
 )  # fmt: skip
@@ -44,17 +45,20 @@ MISSED = dataclasses.replace(
 )
 
 
-def outcome(
-    slips=(), kinds=(), rest_rows=0, on_rest_rows=0, rows=0, on_rows=0, certain=(0, 0), kind=''
-):
+def events(kind, certain, rest):
+    """Return the events of a recording of a kind, without slips."""
+    lasting = np.zeros_like(NO_EVENTS.lasting)
+    lasting[[0, LASTING.index(kind)], :, 0] = certain, rest
+    return dataclasses.replace(NO_EVENTS, lasting=lasting)
+
+
+def outcome(slips=(), kinds=(), of=NO_EVENTS, rows=0, on_rows=0):
     """Return the outcome of a recording with 10 rows a second, none of them called slip."""
     return ReplayOutcome(
         rows=rows, slip_rows=0, moving_rows=None, on_rows=on_rows, settling_rows=0,
-        certain_rows=certain[0], on_certain_rows=certain[1], rest_rows=rest_rows,
-        on_rest_rows=on_rest_rows,
         sample_rate_hz=10.0, slips=tuple(slips),
         alarms=tuple(Alarm(1.0, 1.5, kind, None) for kind in kinds),
-        scores=ScoreCounts.pooled([]), kind=kind,
+        events=of, scores=ScoreCounts.pooled([]),
     )  # fmt: skip
 
 
@@ -70,8 +74,11 @@ def test_figures_of_events_by_hand():
     already_on = dataclasses.replace(MISSED, lost_at='already_on')
     slips = [SLIP, late, MISSED, already_on, early, begun]
     kinds = (TRUE, TRUE, TRUE, REPEAT, FALSE, SETTLING)
-    first = outcome(slips[:2], kinds[:1], 100, 6, certain=(30, 25), kind='rest')
-    outcomes = [first, outcome(slips[2:], kinds[1:], 200, certain=(10, 5), kind='press')]
+    # The one false alarm is in the 20 s of the second.
+    outcomes = [
+        outcome(slips[:2], kinds[:1], events('rest', (3.0, 2.5, 0), (10.0, 0.6, 0))),
+        outcome(slips[2:], kinds[1:], events('press', (1.0, 0.5, 0), (20.0, 0.0, 1))),
+    ]
     # All others are those of an independent scorer, see test_replay_properties.py.
     expected = pytest.approx(
         {
@@ -81,7 +88,6 @@ def test_figures_of_events_by_hand():
             'late_vote_ms': 10.0,
             'missed_at_filter': 0, 'missed_at_envelope': 1, 'missed_at_decision': 0,
             'missed_at_vote': 0, 'missed_already_on': 1,
-            # The one false alarm is in the 20 s of the second.
             'rest_on_percent': 6.0, 'rest_alarms_per_minute': 0.0,
             'press_on_percent': 0.0, 'press_alarms_per_minute': 3.0,
             **{f'{kind}_{what}': None for kind in ('taps', 'roll', 'idle')

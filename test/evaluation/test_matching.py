@@ -22,7 +22,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import linear_sum_assignment
 
-from slip_detector.evaluation.matching import OnIntervals, RowInterval, ScoredRows, rows_on
+from slip_detector.evaluation.matching import NONE, OnIntervals, RowInterval, ScoredRows, rows_on
 from slip_detector.parameters.evaluation import EvaluationConfig
 from support.reference_scores import Stretch
 
@@ -89,15 +89,16 @@ def test_alarms_slips_and_rest_are_those_of_an_independent_scorer(drawn):
     assert all(on[end - 1] for _, end in alarms)
     starts = [start for start, _ in intervals(truth, stretches)]
     latencies = [
-        None if alarm is None else (rises[alarm] - start) / 100.0
+        None if alarm == NONE else (rises[alarm] - start) / 100.0
         for alarm, start, scored in zip(alarm_of, starts, rows.scored, strict=True)
         if scored
     ]
     assert latencies == [one for part in parts for one in part.latencies_s]
-    false = np.array([of is None for of in slip_of], bool) & ~rows.settling(rises)
+    false = (slip_of == NONE) & ~rows.settling(rises)
     assert false.sum() == sum(part.kinds.count('false') for part in parts)
-    assert rows.rest_rows / 100.0 == pytest.approx(sum(part.rest_s for part in parts))
-    on_rows = rows_on(intervals(on, stretches), rows.rest_starts, rows.rest_ends).sum()
+    starts, ends = rows.rest
+    assert (ends - starts).sum() / 100.0 == pytest.approx(sum(part.rest_s for part in parts))
+    on_rows = rows_on(intervals(on, stretches), *rows.rest).sum()
     assert on_rows / 100.0 == pytest.approx(sum(part.on_rest_s for part in parts))
     # One to one, and no other matching has more pairs.
     for part in parts:

@@ -69,7 +69,8 @@ def test_the_recordings_own_rate_turns_rows_into_times():
     assert its.slips[0].latency_s == pytest.approx(1.01 * ours.slips[0].latency_s)
     # The tail of the slip and off_before_s are times too.
     assert (ours.settling_rows, its.settling_rows) == (max(settling_rows(CONFIG), 40), 40)
-    assert (ours.rest_rows, its.rest_rows) == (2000 - 240 - ours.settling_rows, 2000 - 240 - 40)
+    rest_rows = RATE_HZ * ours.events.rest[0, 0], RATE_HZ / 1.01 * its.events.rest[0, 0]
+    assert rest_rows == pytest.approx((2000 - 240 - ours.settling_rows, 2000 - 240 - 40))
 
 
 def test_noise_in_short_clips_is_told_from_noise_as_by_guessing():

@@ -18,7 +18,6 @@ from pathlib import Path
 
 from slip_detector.parameters import DetectorConfig, DriverConfig, GraspConfig, TuneConfig
 from slip_detector.parameters.files import read_yaml, shared_folder
-from slip_detector.parameters.sections import our_sections
 from slip_detector.recordings.labels import read_labels
 from support.fuzzing import fuzz, put
 from support.mutations import mutated_text
@@ -53,7 +52,7 @@ CORPUS = [
 def test_any_text_of_a_file_is_read_or_refused_in_one_line_that_names_the_file(tmp_path):
     file = tmp_path / 'some.yaml'
     sets = (DetectorConfig, DriverConfig, GraspConfig, TuneConfig)
-    readers = [*(one.from_yaml for one in sets), our_sections, read_labels, read_yaml]
+    readers = [*(one.from_yaml for one in sets), read_labels, read_yaml]
 
     def check(text):
         # As bytes that are no text too.

@@ -58,7 +58,7 @@ def test_ros_reads_the_values_that_the_commands_read(tmp_path_factory, written):
     path = tmp_path_factory.getbasetemp() / 'written.yaml'
     path.write_text(f'slip_driver:\n  ros__parameters:\n    a: {written}\n')
     with contextlib.suppress(ValueError):  # What is refused need not be the same.
-        taken, _ = parameters_for(path, 'slip_driver')
+        taken = parameters_for(path, 'slip_driver').values
         assert repr(read_by_ros(path, 'slip_driver')) == repr(without_type(taken))
 
 

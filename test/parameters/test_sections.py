@@ -17,7 +17,7 @@
 import pytest
 
 from slip_detector.parameters import ChainConfig, DetectorConfig, DriverConfig, GraspConfig
-from slip_detector.parameters.sections import given_to, sections_for_others
+from slip_detector.parameters.sections import parameters_for
 from support.config_cases import message_of
 
 
@@ -46,8 +46,9 @@ def test_sections_for_all_nodes_count_and_those_of_other_nodes_do_not(write):
     assert ChainConfig.from_yaml(path) == ChainConfig(channels=2, groups=groups)
     assert DriverConfig.from_yaml(path) == DriverConfig(seed=3, channels=2)
     assert GraspConfig.from_yaml(path) == GraspConfig(limit_n=8.0)
-    own = {'groups.left': [1], 'groups.right': [2]}
-    assert given_to(path, 'slip_detector', '/finger/slip_detector') == own
+    given = parameters_for(path, 'slip_detector', '/finger/slip_detector')
+    assert given.own == {'groups.left', 'groups.right'}
+    assert given.values == {'channels': 2, 'limit_n': 8.0, 'groups.left': [1], 'groups.right': [2]}
 
 
 def test_of_the_robots_parameters_only_what_is_nearly_ours_is_told(write, caplog):
@@ -89,37 +90,36 @@ def test_a_running_node_has_what_ros_would_give_it(write):
     for finger, threshold in (('thumb', 0.4), ('index', 0.6), ('little', 0.3)):
         config = DetectorConfig.from_yaml(path, f'/{finger}/slip_detector')
         assert config == DetectorConfig(threshold=threshold, gain=5.0, heartbeat_hz=20.0)
-    own = {'threshold': 0.3, 'gain': 5.0}
-    assert given_to(path, 'slip_detector', '/little/slip_detector') == own
-    nodes = ['/thumb/slip_detector', '/little/slip_detector']
-    assert sections_for_others(path, 'slip_detector', nodes) == ['/index/slip_detector']
+    given = parameters_for(path, 'slip_detector', '/little/slip_detector')
+    assert given.own == {'threshold', 'gain'}
+    assert given.unmatched == ['/thumb/slip_detector', '/index/slip_detector']
     said = 'has sections for /thumb/slip_detector, /index/slip_detector, allowed: one namespace'
     assert message_of(ChainConfig.from_yaml, path) == f'{path}: {said}'
 
 
 def test_a_file_with_sections_for_other_names_of_the_node_is_refused(write):
     path = write('/thumb/slip_driver: {ros__parameters: {seed: 3}}\n')
-    message = message_of(given_to, path, 'slip_driver', '/index/slip_driver')
+    message = message_of(parameters_for, path, 'slip_driver', '/index/slip_driver')
     assert message == (
         f'{path}: has sections for /thumb/slip_driver, none for this node, /index/slip_driver, '
         'allowed: /index/slip_driver or /**/slip_driver'
     )
-    assert given_to(write('/mine: {ros__parameters: {gain: 2}}'), 'slip_detector', '/mine')
+    path = write('/mine: {ros__parameters: {gain: 2, use_sim_time: true}}')
+    assert parameters_for(path, 'slip_detector', '/mine') == ({'gain': 2}, {'gain'}, [])
     empty = write('/**/slip_driver: {ros__parameters: {}}\n')
-    assert given_to(empty, 'slip_driver', '/index/slip_driver') == {}
+    assert parameters_for(empty, 'slip_driver', '/index/slip_driver') == ({}, set(), [])
 
 
 def test_a_node_of_another_name_takes_what_is_for_its_executable_without_a_section(write):
     text = '/hand/slip_detector: {ros__parameters: {gain: 2}}\n'
     path = write(text)
-    assert given_to(path, 'slip_detector', '/hand/mine') == {'gain': 2}
+    assert parameters_for(path, 'slip_detector', '/hand/mine') == ({'gain': 2}, {'gain'}, [])
     assert DetectorConfig.from_yaml(path, '/hand/mine') == DetectorConfig(gain=2)
-    assert sections_for_others(path, 'slip_detector', ['/hand/mine']) == []
     write(f'{text}/hand/mine: {{ros__parameters: {{vote: 2}}}}')
-    assert given_to(path, 'slip_detector', '/hand/mine') == {'vote': 2}
+    assert parameters_for(path, 'slip_detector', '/hand/mine').values == {'vote': 2}
     write(f'{text}/**: {{ros__parameters: {{gain: 3}}}}')  # ROS has given it this.
     said = 'has gain for slip_detector and for all nodes, allowed: a section for this node, '
-    assert said in message_of(given_to, path, 'slip_detector', '/hand/mine')
+    assert said in message_of(parameters_for, path, 'slip_detector', '/hand/mine')
 
 
 @pytest.mark.parametrize(

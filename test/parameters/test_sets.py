@@ -158,7 +158,7 @@ def test_only_groups_can_be_deleted():
 @pytest.mark.parametrize('old', FILES)
 def test_each_file_is_loaded_onto_each_other_as_a_whole_or_not_at_all(old, new, order):
     config = DetectorConfig.from_yaml(FILES[old])
-    values = ORDERS[order]([*parameters_for(FILES[new], 'slip_detector')[0].items()])
+    values = ORDERS[order]([*parameters_for(FILES[new], 'slip_detector').values.items()])
     taken, refusals = judge().judged(config, values, 0.0)
     # The file says nothing of what another sensor needed: it stays as it was, and does not fit.
     if (old, new) != ('xela_uskin', 'xela_uskin') and old == 'xela_uskin':

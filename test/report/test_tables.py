@@ -14,8 +14,6 @@
 
 """Tables of text, and the texts of figures."""
 
-from slip_detector.evaluation.chance import slip_figures
-from slip_detector.evaluation.scores import ScoreCounts
 from slip_detector.grasp.loop import CONTROLLER, HARDER, UNCONTROLLED, check_wanted, grasp_figures
 from slip_detector.report.grasp import grasp_table
 from slip_detector.report.tables import (
@@ -73,14 +71,13 @@ def test_without_labels_there_are_decisions_and_how_to_label_but_no_scores():
 
 
 def test_kinds_are_shown_where_they_were_recorded():
-    rests = {'': (30.0, 0, 0.0), 'press': (30.0, 0, 0.0)}
-    areas = {**ScoreCounts.pooled([]).aucs(), 'auc_press': 0.75}
-    one = {**evaluated(0), **slip_figures([], [], [], rests), **areas}
+    kinds = dict.fromkeys(TABLES['kinds']) | {'auc_press': 0.75, 'press_on_percent': 0.0}
+    one = {**evaluated(0), **kinds}
     report = {'sets': {'x': {**one, 'recordings': {'a': one}}}}
     lines = evaluation_tables({**report, 'all': one}).splitlines()
     at = next(k for k, line in enumerate(lines) if line.startswith('kinds'))
-    assert ' '.join(lines[at].split()) == 'kinds AUC press press ON [%] press alarms per minute'
-    assert lines[at + 1].split() == ['a', '0.750', '0.00', '0.00']
+    assert ' '.join(lines[at].split()) == 'kinds AUC press press ON [%]'
+    assert lines[at + 1].split() == ['a', '0.750', '0.00']
 
 
 def test_two_sets_of_figures_are_beside_each_other():

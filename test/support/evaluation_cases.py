@@ -18,15 +18,9 @@ import json
 
 import numpy as np
 
-from slip_detector.chain.filters import settling_rows
-from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.commands.evaluate import main
-from slip_detector.evaluation.scores import REST, SLIP, ScoreTally
-from slip_detector.parameters import ChainConfig
 
 RATE_HZ = 380.0
-
-TALLY = ScoreTally()
 
 HALF_OF_IT = np.arange(600) >= 450
 
@@ -66,17 +60,3 @@ def complaint(capsys, *arguments, code=1, command=main):
     name, _, line = captured.err.rstrip('\n').partition(': ')
     assert name == f'slip_{command.__module__.rpartition(".")[2]}'
     return line
-
-
-def roc_auc(score, label):
-    """Return the area under the ROC curve of rows that the label calls slip against all others."""
-    TALLY.add(score, np.where(label, SLIP, REST))
-    return TALLY.collect().auc()
-
-
-def expected_scores(path):
-    """Return what the chain compares with the threshold, and the label, in each scored row."""
-    with np.load(path) as file:
-        result = SlipChain().update(file['volts'], votes=('all',))
-        scored = slice(settling_rows(ChainConfig()), None)
-        return result.vote_statistic[scored, 0], file['slip'][scored]

@@ -36,9 +36,9 @@ CONFIG = ChainConfig(
 
 def plain(outcome):
     """Return an outcome as something that can be compared."""
-    scores = outcome.scores
-    rest = dataclasses.replace(outcome, scores=None)
-    return rest, scores.classes.tolist(), scores.counts.tolist()
+    scores, events = outcome.scores, outcome.events
+    rest = dataclasses.replace(outcome, scores=None, events=None)
+    return rest, scores.classes.tolist(), scores.counts.tolist(), events.at()
 
 
 def ridges(*bursts):

@@ -44,6 +44,8 @@ QUICK = dataclasses.replace(CHAIN, threshold=0.02)
 def test_the_tuner_gives_a_chain_the_figures_of_the_evaluation_to_the_bit(
     chain, several, evaluation
 ):
+    kinds = zip(several, ('', 'press', 'rest'), strict=False)
+    several = [[piece._replace(kind=kind) for piece in pieces] for pieces, kind in kinds]
     tracks = [track_of('a', pieces, RATE_HZ) for pieces in several]
     assume(any(track.slips for track in tracks))
     objective = Problem(tracks, evaluation=evaluation)

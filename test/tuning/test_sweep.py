@@ -23,6 +23,7 @@ from hypothesis import strategies as st
 
 from slip_detector.chain.filters import settling_rows
 from slip_detector.compiled import COMPILED
+from slip_detector.evaluation.events import Events
 from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
@@ -42,21 +43,15 @@ def test_each_threshold_and_vote_gives_what_a_chain_with_them_gives(
         limits = thresholds(config, mine, tracks)
         if not limits.size:
             continue
-        sweep = sweep_thresholds(mine, tracks, limits, evaluation, settling_rows(config))
+        swept = sweep_thresholds(mine, tracks, limits, evaluation, settling_rows(config))
+        sweep = Events.pooled(swept)
         for k in {0, limits.size - 1, random.randrange(limits.size)}:
             chain = dataclasses.replace(config, vote=vote, threshold=float(limits[k]))
             replay = Replay(chain, evaluation)
             outcomes = [replay.run(pieces, RATE_HZ) for pieces in several]
-            latencies_ms = [
-                np.nan if slip.latency_s is None else slip.latency_s * 1e3
-                for one in outcomes
-                for slip in one.slips
-            ]
-            np.testing.assert_array_equal(sweep.latencies_ms[:, k], latencies_ms)
-            # False alarms, rest and the time ON in it are among them.
-            assert sweep.figures(k).items() <= figures_of_merit(outcomes).items()
-            scored = [not slip.settling for one in outcomes for slip in one.slips]
-            assert sweep.scored.tolist() == scored
+            latencies_ms = np.concatenate([one.events.latencies_ms for one in outcomes])
+            np.testing.assert_array_equal(sweep.latencies_ms[:, k], latencies_ms[:, 0])
+            assert sweep.at(k).items() <= figures_of_merit(outcomes).items()
 
 
 EVIDENCE = ChainConfig(decision='evidence', noise_floor=1e-3, envelope_window_s=0.02)

@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 from slip_detector.evaluation.evaluator import RecordingLoader
+from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
 from slip_detector.tuning.tracks import TrainingFiles, faults_of, held_out, load_tracks
@@ -62,7 +63,7 @@ def test_tracks_hold_the_rows_and_slips_of_their_files(folder):
     track, *others = load_tracks([str(folder)], LOADER)
     volts, truth = slips(0)
     np.testing.assert_array_equal(track.volts, volts)
-    np.testing.assert_array_equal(track.kinds == 2, truth)
+    np.testing.assert_array_equal(track.kinds == SLIP, truth)
     assert [one.name for one in others] == ['b.npz', 'c.npz']
     assert track.channel_names == tuple(f'ch{k + 1}' for k in range(volts.shape[1]))
     volts[5, 0] = np.nan

@@ -10,7 +10,7 @@ const part = (name) => element(`bag-${name}`);
 export class Played extends RecordingTrace {
   constructor(connection) {
     super('recording', (type, content) => connection.request(`bag_${type}`, content));
-    Object.assign(this, {edit: part('edit'), line: build('div.play-head'), band: build('div.new-label'), pairs: [], held: null, factor: 1});
+    Object.assign(this, {edit: part('edit'), line: build('div.play-head'), band: build('div.new-label'), pairs: [], held: null, factor: 1, said: ''});
     this.picture.append(this.band, this.line);
     element('played').append(this.frame = build('div.long-trace', this.picture), part('place'), this.words);
     connection.on('bag', (state) => this.show(state));
@@ -91,8 +91,9 @@ export class Played extends RecordingTrace {
 
   // Ask for a change, which comes as news to all pages.
   async ask(type, content) {
-    const {refusal} = await this.request(type, content);
-    if (refusal) this.move(this.saved, `Refused: ${refusal}`);
+    const {refusal, said} = await this.request(type, content);
+    this.said = said ?? '';
+    if (refusal || said) this.move(this.saved, refusal && `Refused: ${refusal}`);
   }
 
   // Show the labels that are kept; or, after an end was moved, keep them.
@@ -102,7 +103,7 @@ export class Played extends RecordingTrace {
     if (slip !== this.saved) return this.ask('label', {slip_s: this.pairs, pixel_s: this.trace.duration_s / this.canvas.clientWidth});
     super.move(slip);
     part('snap').disabled = !slip.length;
-    write(this.words, refused ?? `Labels: ${this.pairs.length}, in ${this.state.labels}. ${this.words.textContent}`);
+    write(this.words, refused || `Labels: ${this.pairs.length}, in ${this.state.labels}. ${this.words.textContent}. ${this.said}`);
     this.show(this.state);
   }
 }

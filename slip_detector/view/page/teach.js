@@ -27,7 +27,7 @@ export class RecordingTrace {
     this.canvas = build('canvas');
     this.picture = build('div.trace', this.canvas);
     this.words = build('p.hint');
-    this.snap = button('Snap', () => this.ask('snap'), {title: 'Move the ends to where the power of the signal changes, 0.35 s away at most'});
+    this.snap = button('Snap', () => this.ask('snap'), {title: 'Move the ends to where the power of the signal changes, if that is found within 0.7 s'});
     this.save = button('Save labels', () => this.ask('label'), {title: 'An end that was moved is right to 0.1 s, or a pixel; the others as before'});
     this.reset = button('Reset', () => this.move(this.saved));
     this.edit = build('span.buttons', this.snap, this.save, this.reset);
@@ -74,7 +74,9 @@ export class RecordingTrace {
     const pairs = this.saved.flatMap((_, i) => (i % 2 ? [] : [this.slip.slice(i, i + 2)]));
     const answer = await this.request(type, {slip_s: pairs, pixel_s: this.trace.duration_s / this.canvas.clientWidth});
     if (answer.refusal) return;
-    await (type === 'snap' ? this.move(answer.slip_s.flat()) : this.load());
+    if (type !== 'snap') return this.load();
+    this.move(answer.slip_s.flat());
+    write(this.words, `Not saved: ${answer.said}`);
   }
 
   move(slip) {

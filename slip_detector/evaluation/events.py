@@ -1,0 +1,153 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Slips and alarms at one threshold or at many, and their figures.
+
+An evaluation has one threshold, and the tuner tries many at once; both have their figures from
+here.
+"""
+
+import dataclasses
+import functools
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from slip_detector.chain.samples import Floats
+from slip_detector.evaluation.chance import HALF, recall_by_chance, sooner_than_chance
+from slip_detector.recordings.labels import KINDS
+
+#: What lasts: what certainly slips; the rest, of recordings of no kind and of each kind.
+LASTING = ('slip', '', *KINDS)
+
+#: The latencies of the slips found, by the share in per cent that is not later.
+OF_FOUND = {'latency_median_ms': 50, 'latency_p90_ms': 90, 'latency_worst_ms': 100}
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Events:
+    """Scored slips and rest, with alarms and time ON at each of T thresholds.
+
+    Attributes
+    ----------
+    latencies_ms : ndarray, shape (slips, T)
+        Latency of each scored slip, as far as it is certain; NaN where it is missed.
+    leads_s, windows_s : ndarray, shape (slips,)
+        The lead and the window of each, see :mod:`.chance`.
+    lasting : ndarray, shape (7, 3, T)
+        For each of :data:`LASTING` the time, how much of it is ON, in seconds, and the number of
+        false alarms.
+
+    Examples
+    --------
+    >>> lasting = np.zeros((7, 3, 1))
+    >>> lasting[LASTING.index('')] = [[30.0], [0.0], [4]]  # 30 s, of which 0 are ON, 4 alarms
+    >>> lasting[LASTING.index('press')] = [[30.0], [0.3], [2]]
+    >>> slips = np.array([[40.0], [np.nan]]), np.zeros(2), np.ones(2)
+    >>> figures = Events(*slips, lasting).at()
+    >>> figures['recall'], figures['recall_by_chance'], round(figures['sooner_than_chance'], 3)
+    (0.5, 0.1, 0.446)
+    >>> figures['false_time_percent'], figures['latency_median_ms']
+    (0.5, 40.0)
+    >>> figures['press_on_percent'], figures['press_alarms_per_minute'], figures['rest_on_percent']
+    (1.0, 4.0, None)
+    """
+
+    latencies_ms: Floats
+    leads_s: Floats
+    windows_s: Floats
+    lasting: Floats
+
+    @classmethod
+    def pooled(cls, parts: Iterable['Events']) -> 'Events':
+        """Return those of several recordings, at the same thresholds, together."""
+        several = list(parts) or [NO_EVENTS]
+        names = ('latencies_ms', 'leads_s', 'windows_s')
+        slips = {name: np.concatenate([getattr(one, name) for one in several]) for name in names}
+        return cls(**slips, lasting=np.sum([one.lasting for one in several], axis=0))
+
+    def at_one(self, threshold: int) -> 'Events':
+        """Return those at one threshold."""
+        one = np.array([threshold])
+        return Events(
+            self.latencies_ms[:, one], self.leads_s, self.windows_s, self.lasting[:, :, one]
+        )
+
+    @property
+    def rest(self) -> Floats:
+        """Time of all rest, how much of it is ON, and the alarms in it; shape (3, T)."""
+        return np.asarray(self.lasting[1:].sum(axis=0))
+
+    @functools.cached_property
+    def figures(self) -> dict[str, NDArray[Any]]:
+        """The figures at each threshold, by name; NaN where one is not defined.
+
+        How many slips are ``matched`` to an alarm, and ``missed``; ``recall``: the share of the
+        slips that are found; :func:`.recall_by_chance` and :func:`.sooner_than_chance`;
+        ``coverage``: the share of the time that certainly slips in which the decision is ON;
+        ``false_alarms_per_minute`` of rest; ``false_time_percent``: the share of the rest that is
+        ON, and ``false_time_s_per_hour``, the same in another unit; ``latency_median_all_ms``: of
+        all slips with missed ones as the latest, defined where ``sooner_than_chance`` is at least
+        0.5; and ``<kind>_on_percent`` and ``<kind>_alarms_per_minute`` for each kind.
+        """
+        with np.errstate(invalid='ignore'):  # Of no time, 0 / 0 is not defined.
+            lasting = np.concatenate([self.lasting, self.rest[np.newaxis]])
+            on, alarms_hz = np.swapaxes(lasting[:, 1:] / lasting[:, :1], 0, 1)
+        many, missed = len(self.latencies_ms), np.isnan(self.latencies_ms)
+        matched = many - missed.sum(axis=0)
+        by_chance = sooner = median_ms = np.full(matched.shape, np.nan)
+        if many and self.rest[0].all():
+            chance = self.leads_s, self.windows_s, alarms_hz[-1]
+            by_chance = recall_by_chance(*chance[1:])
+            sooner = sooner_than_chance(self.latencies_ms / 1e3, *chance)
+            median_ms = np.median(np.where(missed, np.inf, self.latencies_ms), axis=0)
+            median_ms[(sooner < HALF) | np.isinf(median_ms)] = np.nan
+        figures = {
+            'matched': matched,
+            'missed': many - matched,
+            'recall': matched / (many or np.nan),
+            'recall_by_chance': by_chance,
+            'sooner_than_chance': sooner,
+            'coverage': on[0],
+            'false_alarms_per_minute': 60.0 * alarms_hz[-1],
+            'false_time_percent': 100.0 * on[-1],
+            'false_time_s_per_hour': 3600.0 * on[-1],
+            'latency_median_all_ms': median_ms,
+        }
+        for kind, its_on, its_alarms_hz in zip(KINDS, on[2:-1], alarms_hz[2:-1], strict=True):
+            figures[f'{kind}_on_percent'] = 100.0 * its_on
+            figures[f'{kind}_alarms_per_minute'] = 60.0 * its_alarms_hz
+        return figures
+
+    def at(self, threshold: int = 0) -> dict[str, Any]:
+        """Return the figures at one threshold, of which None is not defined.
+
+        To :attr:`figures` are added ``latency_median_ms``, ``latency_p90_ms`` and
+        ``latency_worst_ms`` of the slips found, defined where ``sooner_than_chance`` is above 0.
+        """
+        # Alone, as NumPy rounds the mean of one column in another way than that of several.
+        latencies_ms, lasting = self.latencies_ms[:, [threshold]], self.lasting[..., [threshold]]
+        every = dataclasses.replace(self, latencies_ms=latencies_ms, lasting=lasting).figures
+        figures = {name: None if np.isnan(one) else one.item() for name, one in every.items()}
+        found_ms = latencies_ms[~np.isnan(latencies_ms)]
+        defined = found_ms.size and (figures['sooner_than_chance'] or 0.0) > 0.0
+        for name, percent in OF_FOUND.items():
+            figures[name] = float(np.percentile(found_ms, percent)) if defined else None
+        return figures
+
+
+#: Those of no recording, at one threshold.
+NO_EVENTS = Events(np.zeros((0, 1)), np.zeros(0), np.zeros(0), np.zeros((len(LASTING), 3, 1)))

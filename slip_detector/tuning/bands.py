@@ -1,0 +1,134 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The bands in which slides stand out from rest."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from slip_detector.chain.samples import Floats
+from slip_detector.evaluation.scores import SLIP
+from slip_detector.parameters.detector import ChainConfig
+from slip_detector.recordings.rates import forward_filled
+from slip_detector.tuning.tracks import Track, at_rest, enabled
+
+#: Spectra are of so many rows at most, and of so many at least.
+MOST_ROWS, LEAST_ROWS = 256, 32
+
+#: This share of the rows of a spectrum has to slip, for it to be one of a slide.
+SLIDING = 0.9
+
+#: Narrow bands have this ratio of their edges; the highest edge is this share of the sample rate.
+#: The lowest is above the lines of the spectrum that a trend would be in.
+RATIO, HIGHEST = 2**0.5, 0.48
+
+#: A band goes on as long as slides stand out by this share of where they stand out most.
+SHARES = (0.5, 0.7, 0.85)
+
+#: Below this area slides do not stand out.
+LEAST_AREA = 0.6
+
+
+def slip_bands(
+    chain: ChainConfig, tracks: Sequence[Track]
+) -> tuple[list[tuple[float, float]], str]:
+    """Return the bands in which slides stand out from rest, the widest first, and a line on them.
+
+    How far they stand out in a narrow band is the area under the ROC curve of the level there, in
+    dB and averaged over the channels, of spectra of slides against spectra of rest. A band that
+    ends at the highest edge has 0 as its upper edge, as a high-pass has. There is no band where
+    slides are too short, or nowhere louder than rest.
+
+    Examples
+    --------
+    >>> from slip_detector.chain.samples import Samples
+    >>> from slip_detector.tuning.tracks import track_of
+    >>> slip = np.arange(4000) % 1000 >= 500
+    >>> volts = np.random.default_rng(0).normal(0.0, 1.0, (4000, 16))
+    >>> volts += slip[:, np.newaxis] * np.sin(np.arange(4000) / 5.0)[:, np.newaxis]
+    >>> tracks = [track_of('slips', [Samples.evenly(volts, 380.0, slip)], 380.0)]
+    >>> slip_bands(ChainConfig(), tracks)[1]
+    'slides stand out from rest at 11 to 15 Hz'
+    """
+    rate_hz = chain.sample_rate_hz
+    lengths = [end - start for track in tracks for start, end in _certain_slips(track)]
+    rows = 2 ** int(np.log2(max(np.median(lengths), 1))) if lengths else 0
+    if rows < LEAST_ROWS:
+        return [], 'slides are too short to measure where they stand out'
+    rows = min(rows, MOST_ROWS)
+    count = int(np.log(HIGHEST * rows) / np.log(RATIO))
+    edges_hz: Floats = HIGHEST * rate_hz / RATIO ** np.arange(count, -1.0, -1.0)
+    spectra = [_levels_db(track, chain, rows, edges_hz) for track in tracks if track.slips]
+    quiet = [_levels_db(one, chain, rows, edges_hz) for one in at_rest(tracks) if not one.slips]
+    slides = np.concatenate([sliding for sliding, _ in spectra])
+    rest = np.concatenate([resting for _, resting in spectra + quiet])
+    if not len(slides) or not len(rest):
+        return [], 'there is too little rest to measure where slides stand out'
+    areas = np.array([_area(slides[:, b], rest[:, b]) for b in range(count)])
+    best = int(np.argmax(areas))
+    if areas[best] < LEAST_AREA:
+        return [], 'slides stand out from rest in no band'
+    bands = []
+    for share in SHARES:
+        loud = areas - 0.5 >= share * (areas[best] - 0.5)
+        first = best - int(np.argmin(loud[best::-1])) + 1 if not loud[: best + 1].all() else 0
+        last = best + int(np.argmin(loud[best:])) if not loud[best:].all() else count
+        high_hz = 0.0 if last == count else float(edges_hz[last])
+        band = float(f'{edges_hz[first]:.3g}'), float(f'{high_hz:.3g}')
+        bands += [] if band in bands else [band]
+    low_hz, high_hz = bands[-1]
+    where = f'{low_hz:g} to {high_hz:g} Hz' if high_hz else f'{low_hz:g} Hz and more'
+    return bands, f'slides stand out from rest at {where}'
+
+
+def _certain_slips(track: Track) -> list[tuple[int, int]]:
+    """Return the rows of each slip that certainly slip."""
+    edges = np.flatnonzero(np.diff(track.kinds == SLIP, prepend=False, append=False))
+    return [(int(start), int(end)) for start, end in edges.reshape(-1, 2)]
+
+
+def _levels_db(
+    track: Track, chain: ChainConfig, rows: int, edges_hz: Floats
+) -> tuple[Floats, Floats]:
+    """Return the levels of slides and of rest, mean over the channels, shapes (spectra, bands)."""
+    from scipy import signal
+
+    hz = np.fft.rfftfreq(rows, 1.0 / track.sample_rate_hz)
+    # A band that is narrower than the lines of the spectrum has the nearest line.
+    firsts = np.minimum(np.searchsorted(hz, edges_hz[:-1]), hz.size - 1)
+    lasts = np.maximum(np.searchsorted(hz, edges_hz[1:]), firsts + 1)
+    found: tuple[list[Floats], list[Floats]] = [], []
+    for begin, end, _ in track.stretches:
+        volts = enabled(track.volts[begin:end], chain)
+        volts = forward_filled(volts, ~np.isfinite(volts))
+        for start in range(0, end - begin - rows + 1, rows // 2):
+            slipping = track.kinds[begin + start : begin + start + rows] == SLIP
+            slides = slipping.mean() >= SLIDING
+            if not slides and np.asarray(track.samples.truth)[begin + start :][:rows].any():
+                continue
+            part = signal.detrend(volts[start : start + rows], axis=0)
+            power = np.abs(np.fft.rfft(part * np.hanning(rows)[:, np.newaxis], axis=0)) ** 2
+            sums = np.cumsum(np.vstack([np.zeros(power.shape[1]), power]), axis=0)
+            levels = np.log10(np.maximum(sums[lasts] - sums[firsts], 1e-60)).mean(axis=1)
+            found[0 if slides else 1].append(10.0 * levels)
+    slides_db, rest_db = (np.reshape(one, (-1, edges_hz.size - 1)) for one in found)
+    return slides_db, rest_db
+
+
+def _area(slides: Floats, rest: Floats) -> float:
+    """Return the area under the ROC curve: how often a slide is above rest."""
+    below = np.searchsorted(np.sort(rest), slides, side='left')
+    upto = np.searchsorted(np.sort(rest), slides, side='right')
+    return float((below + upto).mean() / (2 * rest.size))
