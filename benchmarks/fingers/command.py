@@ -47,8 +47,8 @@ The figures of a chain, of rows in which it has settled and the label is certain
     of all of them, where that is defined. ``joints_of_rest`` and so on: the same of joints of a
     rest with another rest.
 
-Of parameters that are given there is also the share of the rest of each recording that is ON, in
-per cent, by its name.
+Of parameters that are given there is also the share of each recording that is ON, in per cent, by
+its name.
 """
 
 import argparse
@@ -64,7 +64,7 @@ from benchmarks.fingers.judging import Judged, figures, judge, pooled
 from benchmarks.fingers.parts import Tracks, divide, recordings_in
 from benchmarks.measurement import shared_options
 from benchmarks.paper.protocol import PAPER_FALSE_POSITIVE_PERCENT
-from slip_detector.evaluation.figures import Bound, percent
+from slip_detector.evaluation.figures import Bound
 from slip_detector.parameters import ChainConfig
 from slip_detector.parameters.fields import refuse
 from slip_detector.parameters.files import find_parameter_file
@@ -126,8 +126,8 @@ def measure_finger(folder: Path, file: str, words: argparse.Namespace) -> dict[s
             refuse(f'{folder}: has no slips, or no parameters to judge', '--config')
         judged = [judge(chain, one, config, chain.mains_rows) for one in tracks.values()]
         found = figures(judged)
-        for track, (outcome, _) in zip(tracks.values(), judged, strict=True):
-            found[track.name] = percent(outcome.on_rest_rows, outcome.rest_rows)
+        for track, one in zip(tracks.values(), judged, strict=True):
+            found[track.name] = figures([one])['all_on_percent']
         return {'parts': [], 'chains': {'given': found}}
     parts, together = [], dict[str, list[Judged]]()
     with tempfile.TemporaryDirectory() as cut:
