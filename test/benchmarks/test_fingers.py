@@ -26,7 +26,8 @@ from benchmarks.fingers.judging import figures, judge
 from benchmarks.fingers.parts import divide
 from slip_detector.chain.samples import Samples
 from slip_detector.evaluation.evaluator import RecordingLoader
-from slip_detector.parameters import ChainConfig, EvaluationConfig, RecordingConfig
+from slip_detector.parameters import ChainConfig, DetectorConfig, EvaluationConfig, RecordingConfig
+from slip_detector.parameters.files import write_yaml
 from slip_detector.recordings import write_recording
 from slip_detector.tuning.tracks import load_tracks, track_of
 
@@ -90,6 +91,11 @@ def test_a_run_prints_a_table_of_a_finger_and_refuses_one_that_is_not_there(caps
     assert main(words) == 0
     assert re.search(
         r'new\n +taught +paper +beginning .* part 2\n +slips +18 ', capsys.readouterr().out
+    )
+    write_yaml(tmp_path / 'new.yaml', DetectorConfig(**vars(CHAIN)).to_document())
+    assert main([*words, '--judge']) == 0
+    assert re.search(
+        r'new\n +given\n +slips +18\n[^$]* slips/5.npz +[0-9.]+$', capsys.readouterr().out
     )
     assert main([*words, '--config', 'other=sure.yaml']) == 1
     assert 'has no folder other, allowed: new' in capsys.readouterr().err
