@@ -114,11 +114,8 @@ def _is_inside(path: Path) -> bool:
 
 def _recordings_in(folder: Path) -> list[Path]:
     """Return the recordings in a folder; ``slip_10`` comes after ``slip_9``."""
-
-    def place(path: Path) -> tuple[str, str]:
-        return re.sub('[0-9]+', lambda digits: digits[0].zfill(20), path.name), path.name
-
-    return sorted(filter(_is_inside, folder.iterdir()), key=place)
+    found = sorted(filter(_is_inside, folder.iterdir()))
+    return sorted(found, key=lambda path: re.sub('[0-9]+', lambda m: m[0].zfill(20), path.name))
 
 
 def with_subfolders(arguments: Sequence[str]) -> list[str]:

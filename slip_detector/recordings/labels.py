@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain.samples import Bools, Floats, Samples, Stamps
-from slip_detector.parameters.fields import refuse, shown
+from slip_detector.parameters.fields import name_list, refuse, shown
 from slip_detector.parameters.files import read_yaml
 
 #: Ending of a file of labels beside its recording: ``trial.labels.yaml`` for ``trial.mcap``.
@@ -248,7 +248,7 @@ def label_at(at_ns: Stamps, edges_ns: Stamps, accuracy_s: float) -> dict[str, An
 
 def snapped(
     samples: Samples, edges_s: Floats, rate_hz: float, within_s: float
-) -> tuple[Floats, Bools]:
+) -> tuple[Floats, Bools, str]:
     """Return the ends of labels, moved to where the power of the signal changes most.
 
     That is the change point of largest likelihood for a Gaussian signal whose variance, of each
@@ -273,15 +273,19 @@ def snapped(
         Those that were found where they belong, the others as they were.
     found : ndarray of bool, shape (k, 2)
         Whether each was found, and so is exact to :data:`BY_EYE_S`: all other places are unlikely.
+    said : str
+        This in words.
 
     Examples
     --------
     >>> volts = np.random.default_rng(1).normal(size=(1000, 4)) * 1e-3
     >>> volts[400:] *= 5.0
     >>> samples = Samples.evenly(volts, 100.0, np.zeros(1000))
-    >>> edges_s, found = snapped(samples, np.array([[4.25, 6.2]]), 100.0, 0.35)
+    >>> edges_s, found, said = snapped(samples, np.array([[4.25, 6.2]]), 100.0, 0.35)
     >>> edges_s.round(1), found
     (array([[4. , 6.2]]), array([[ True, False]]))
+    >>> said
+    'start 4.25 -> 4.00 s, end 6.20 s not known'
     """
     from scipy import signal  # takes a while, and only who labels by hand needs it
 
@@ -292,16 +296,17 @@ def snapped(
     power += 1e-9 * power.max() + np.finfo(float).tiny
     after_ns = samples.stamps_ns - samples.stamps_ns[0]
     rows = np.searchsorted(after_ns, np.rint(1e9 * edges_s.ravel()).astype(np.int64))
-    moved_s, found = edges_s.ravel().copy(), np.zeros(edges_s.size, bool)
+    moved_s, found, words = edges_s.ravel().copy(), np.zeros(edges_s.size, bool), list[str]()
     for i, row in enumerate(rows.tolist()):
         # Half way to the next end there is another change.
         first = max((rows[i - 1] + row) // 2 if i else 0, row - 3 * reach)
         last = min((row + rows[i + 1]) // 2 if i + 1 < rows.size else n, row + 3 * reach)
         at = _change(power[first:last], row - first, reach, BY_EYE_S * rate_hz, i % 2 == 0)
+        words.append(f'{"end" if i % 2 else "start"} {moved_s[i]:.2f} s not known')
         if at is not None:
-            rows[i], found[i] = first + at, True
-            moved_s[i] = after_ns[first + at] * 1e-9
-    return np.reshape(moved_s, (-1, 2)), np.reshape(found, (-1, 2))
+            rows[i], moved_s[i], found[i] = first + at, after_ns[first + at] * 1e-9, True
+            words[i] = words[i].replace('s not known', f'-> {moved_s[i]:.2f} s')
+    return np.reshape(moved_s, (-1, 2)), np.reshape(found, (-1, 2)), name_list(words)
 
 
 def _change(power: Floats, row: int, reach: int, exact: float, rises: bool) -> int | None:
@@ -311,21 +316,15 @@ def _change(power: Floats, row: int, reach: int, exact: float, rises: bool) -> i
         return None
     row = min(max(row, SIDE_ROWS), n - SIDE_ROWS)
     energy = np.cumsum(np.minimum(power, np.quantile(power, LOUDEST, axis=0)), axis=0)
-    unlikely = UNLIKELY / math.sqrt(min(channels, 4))
     while max(below, above) <= FARTHEST * reach:
         at = np.arange(max(row - below, SIDE_ROWS), min(row + above, n - SIDE_ROWS) + 1)
-        whole, before, after = (
-            np.log(part / rows[:, np.newaxis]).mean(axis=1)
-            for part, rows in (
-                (energy[-1:], np.array([n])),
-                (energy[at - 1], at),
-                (energy[-1] - energy[at - 1], n - at),
-            )
-        )
-        gain = n * whole - at * before - (n - at) * after
+        before = np.log(energy[at - 1] / at[:, np.newaxis]).mean(axis=1)
+        after = np.log((energy[-1] - energy[at - 1]) / (n - at)[:, np.newaxis]).mean(axis=1)
+        gain = n * np.log(energy[-1] / n).mean() - at * before - (n - at) * after
         gain[(after > before) != rises] = 0.0
-        best, likely = int(at[gain.argmax()]), at[gain >= gain.max() - unlikely]
+        likely = at[gain >= gain.max() - UNLIKELY / math.sqrt(min(channels, 4))]
         if at[0] < likely[0] and likely[-1] < at[-1]:
+            best = int(at[gain.argmax()])
             sure = gain.max() > max(LEAST_GAIN * n, LEAST_GAIN_IN_ALL)
             return best if sure and np.abs(likely - best).max() <= exact else None
         below += (at[0] == likely[0]) * max(reach // 2, 1)

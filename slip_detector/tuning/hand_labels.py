@@ -15,25 +15,14 @@
 """Labels by late hands, moved to where the signal changes before anything is learnt from them."""
 
 import dataclasses
-import itertools
-import math
-from collections.abc import Sequence
 
 import numpy as np
 
-from slip_detector.chain.samples import Bools, Floats
-from slip_detector.parameters.fields import name_list
 from slip_detector.recordings.labels import BY_EYE_S, label_at, snapped
-from slip_detector.tuning.tracks import Track, TrainingFiles, edges_of
-
-#: Hands are later than was said if more than this share of the ends that were found is.
-LATE_SHARE = 0.1
-
-#: An accuracy that is proposed is a multiple of this.
-STEP_S = 0.05
+from slip_detector.tuning.tracks import Track, edges_of
 
 
-def snap_labels(tracks: Sequence[Track]) -> tuple[list[Track], list[str]]:
+def snap_labels(tracks: list[Track]) -> tuple[list[Track], list[str]]:
     """Move labels by hand to where the power of the signal changes; see :func:`.snapped`.
 
     A recording whose ends are all found is exact to :data:`.BY_EYE_S` then; else it is as exact as
@@ -59,58 +48,23 @@ def snap_labels(tracks: Sequence[Track]) -> tuple[list[Track], list[str]]:
     >>> tracks[0].slips, tracks[0].samples.accuracy_s
     ((RowInterval(start=400, end=601),), 0.1)
     >>> sentences
-    ['slip_1: start 4.25 -> 4.00 s, end 6.20 -> 6.01 s; exact to 0.1 s']
+    ['slip_1: start 4.25 -> 4.00 s, end 6.20 -> 6.01 s; ± 0.1 s']
     """
-    snapped_tracks, sentences = list(tracks), list[str]()
-    offs_s, late_s = list[float](), list[float]()
+    done, sentences, late_s = [*tracks], list[str](), list[float]()
     for k, track in enumerate(tracks):
         rows, by_s = track.samples, track.samples.accuracy_s
-        set_back = (np.diff(rows.stamps_ns) < 0).any()
-        if by_s <= BY_EYE_S or not track.slips or set_back:
+        if by_s <= BY_EYE_S or not track.slips or (np.diff(rows.stamps_ns) < 0).any():
             continue
-        period_ns = round(1e9 / track.sample_rate_hz)
-        after_ns = np.append(rows.stamps_ns, rows.stamps_ns[-1] + period_ns) - rows.stamps_ns[0]
+        after_ns = np.append(rows.stamps_ns, rows.stamps_ns[-1] + 1) - rows.stamps_ns[0]
         edges_s = after_ns[edges_of(rows)] * 1e-9
-        moved_s, found = snapped(rows, edges_s, track.sample_rate_hz, by_s)
+        moved_s, found, said = snapped(rows, edges_s, track.sample_rate_hz, by_s)
         now_s = BY_EYE_S if found.all() else by_s
         label = label_at(after_ns[:-1], np.rint(1e9 * moved_s.ravel()).astype(np.int64), now_s)
-        samples = rows._replace(accuracy_s=now_s, **label)
-        snapped_tracks[k] = dataclasses.replace(track, samples=samples)
-        unknown = f'± {by_s:g} s: not known'
-        sentences.append(f'{track.name}: {snapped_words(edges_s, moved_s, found, unknown)}')
-        its_offs_s = np.abs(moved_s - edges_s)[found]
-        offs_s += its_offs_s.tolist()
-        late_s += its_offs_s[its_offs_s > by_s].tolist()
-    if len(late_s) > LATE_SHARE * len(offs_s):
-        fits_s = STEP_S * math.ceil((max(late_s) + STEP_S) / STEP_S)
-        sentences.append(
-            f'{len(late_s)} of {len(offs_s)} ends were off by more than accuracy_s, by up to '
-            f'{max(late_s):.2f} s: accuracy_s: {fits_s:.2f} fits this hand'
-        )
-    return snapped_tracks, sentences
-
-
-def snapped_words(
-    edges_s: Floats, moved_s: Floats, found: Bools, unknown: str = 'as exact as before'
-) -> str:
-    """Return in words what :func:`.snapped` made of ends; ``unknown``: where one is not found.
-
-    Examples
-    --------
-    >>> ends_s, moved_s = np.array([[1.92, 3.4]]), np.array([[1.61, 3.4]])
-    >>> snapped_words(ends_s, moved_s, np.array([[True, False]]))
-    'start 1.92 -> 1.61 s, end 3.40 s not found; as exact as before'
-    """
-    each = zip(itertools.cycle(('start', 'end')), edges_s.flat, moved_s.flat, found.flat)
-    texts = [
-        f'{what} {was_s:.2f} -> {now_s:.2f} s' if known else f'{what} {was_s:.2f} s not found'
-        for what, was_s, now_s, known in each
-    ]
-    return f'{name_list(texts)}; {f"exact to {BY_EYE_S:g} s" if found.all() else unknown}'
-
-
-def load_snapped(files: TrainingFiles) -> tuple[list[Track], list[Track], list[str]]:
-    """Read files as :meth:`.TrainingFiles.load` does, and move labels by hand."""
-    training, held, notes = files.load()
-    tracks, sentences = snap_labels(training + held)
-    return tracks[: len(training)], tracks[len(training) :], notes + sentences
+        done[k] = dataclasses.replace(track, samples=rows._replace(accuracy_s=now_s, **label))
+        sentences.append(f'{track.name}: {said}; ± {now_s:g} s')
+        if (off_s := np.abs(moved_s - edges_s).max()) > by_s:
+            late_s.append(off_s)
+    if 10 * len(late_s) > len(sentences):  # One of ten may be off by chance.
+        off = f'by up to {max(late_s):.2f} s: accuracy_s: {np.ceil(10 * max(late_s)) / 10:g} fits'
+        sentences.append(f'{len(late_s)} of {len(sentences)} labels by hand were off {off}')
+    return done, sentences

@@ -85,7 +85,7 @@ ON = 'false_time_costs_ms'
 #: The figures that must not get worse, by name: first what a slip costs, then time ON by kind.
 COMPARED = {
     'recall': Compared('recall', '', 1.0, 1e-9, 0.05, 'missed_costs_ms'),
-    'coverage': Compared('coverage', '', 1.0, 0.01, 0.1, 'missed_time_costs_ms', 100.0),
+    'coverage': Compared('coverage', '', 1.0, 0.05, 0.1, 'missed_time_costs_ms', 100.0),
     'latency_median_all_ms': Compared('median latency', ' ms', -1.0, 5.0, 50.0, ''),
     'false_alarms_per_minute': Compared(
         'false alarms', ' in a minute of rest', -1.0, 0.5, 5.0, 'false_alarm_costs_ms'

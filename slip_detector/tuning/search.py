@@ -35,7 +35,7 @@ from pathlib import Path
 from typing import Any
 
 from slip_detector.parameters.files import check_plain
-from slip_detector.tuning.hand_labels import load_snapped
+from slip_detector.tuning.hand_labels import snap_labels
 from slip_detector.tuning.problem import Candidate, Problem
 
 #: Number of trials in a batch, which is the largest number of processes that are useful.
@@ -151,7 +151,7 @@ def candidates_at(pickled: bytes, point: Point) -> list[Candidate]:
 def _with_rows(pickled: bytes) -> Problem:
     """Read the recordings of a problem, once for all of its trials."""
     files, names, problem, name = pickle.loads(pickled)
-    tracks = [track for track in load_snapped(files)[0] if track.name in names]
+    tracks = [track for track in snap_labels(files.load()[0])[0] if track.name in names]
     found: Problem = dataclasses.replace(problem, tracks=tracks)
     if found.study_name() != name:
         paths = ', '.join(files.paths)

@@ -63,8 +63,25 @@ IMPACT_SCALES = (0.75, 1.5)
 #: excess.
 ACTIVITY_CAP_DB, ACTIVITY_RANGES_DB, MOST_RANK = 8.7, (10.0, 15.0, 20.0), 3
 
-#: Windows that are tried with each band that was measured.
+#: What is tried with each band that was measured: windows, decisions, and with the evidence of a
+#: vibration and of a slow sensor all that the recordings of kinds teach, together.
 WINDOWS_S = (0.05, 0.2)
+MEAN = {'decision': 'mean', 'exponent': 1, 'decision_window_s': 0.1}
+EVIDENCES = (
+    {'decision': 'evidence', 'evidence_offset_db': 3.5, 'evidence_limit_db_s': 1.3},
+    {'decision': 'evidence', 'evidence_offset_db': 1.0, 'evidence_limit_db_s': 2.0},
+)
+LEARNT_IMPACT = {'impact': 'learnt', 'impact_channels': 2}
+TOGETHER = {
+    'floors': 'followed',
+    'floor_range_db': 15.0,
+    'contact': 'learnt',
+    'contact_channels': 4,
+    'activity': 'searched',
+    'activity_range_db': 15.0,
+    'common_rank': 1,
+    **LEARNT_IMPACT,
+}
 
 
 @functools.cache
@@ -338,51 +355,52 @@ class SearchSpace:
     def stages(self) -> list[list[dict[str, Any]]]:
         """Return changes of a point, by stage of the chain, in the order in which they are tried.
 
-        First come the bands in which slides stand out from rest, then what the recordings of kinds
-        teach.
+        First come the bands in which slides stand out from rest, without and with all that the
+        recordings of kinds teach; then each of that, and evidence itself.
         """
+        allowed = self.distributions
         bands, _ = slip_bands(self._given, self._tracks)
-        every = [_band(band, window_s) for band in bands for window_s in WINDOWS_S]
-        decisions = [
-            {'decision': 'mean', 'exponent': 1, 'decision_window_s': 0.1},
-            {'decision': 'evidence', 'evidence_offset_db': 3.5, 'evidence_limit_db_s': 1.3},
-            {'decision': 'evidence', 'evidence_offset_db': 1.0, 'evidence_limit_db_s': 2.0},
-        ]
-        impacts = [
-            {'impact': 'learnt', 'impact_s': time_s, 'impact_channels': 2, 'impact_scale': scale}
-            for time_s in IMPACTS_S[::2]
-            for scale in IMPACT_SCALES
-        ]
-        contacts = [{'contact': 'learnt', 'contact_channels': many} for many in (1, 2, 4, 6)]
-        activities = [
-            {'activity': 'searched', 'activity_range_db': range_db}
-            for range_db in ACTIVITY_RANGES_DB
-        ]
-        floors = [
-            {'floors': way, 'floor_scale': scale, 'floor_range_db': 15.0}
-            for way in ('learnt', 'followed')
-            for scale in (0.7, 1.0)
+        of_bands = [
+            {**_band(band, window_s), **decision}
+            for band in bands
+            for window_s in WINDOWS_S
+            for decision in (MEAN, *EVIDENCES, *({**one, **TOGETHER} for one in EVIDENCES))
         ]
         stages: list[list[dict[str, Any]]] = [
-            [{**band, **decision} for band in every for decision in decisions],
-            floors,
-            [{'mains_hz': hz} for hz in self.distributions['mains_hz'].choices],
-            [{'impact': 'none'}, *impacts],
-            [{'contact': 'none'}, *contacts],
-            [{'activity': 'none'}, *activities],
+            of_bands,
+            [
+                {'floors': way, 'floor_scale': scale, 'floor_range_db': 15.0}
+                for way in ('learnt', 'followed')
+                for scale in (0.7, 1.0)
+            ],
+            [{'mains_hz': hz} for hz in allowed['mains_hz'].choices],
+            [
+                {'impact': 'none'},
+                *(
+                    {**LEARNT_IMPACT, 'impact_s': time_s, 'impact_scale': scale}
+                    for time_s in IMPACTS_S[::2]
+                    for scale in IMPACT_SCALES
+                ),
+            ],
+            [
+                {'contact': 'none'},
+                *({'contact': 'learnt', 'contact_channels': many} for many in (1, 2, 4, 6)),
+            ],
+            [
+                {'activity': 'none'},
+                *(
+                    {'activity': 'searched', 'activity_range_db': range_db}
+                    for range_db in ACTIVITY_RANGES_DB
+                ),
+            ],
             [{'common_rank': rank} for rank in range(MOST_RANK + 1)],
             [{'evidence_offset_db': offset_db} for offset_db in (1.0, 2.0, 3.5, 5.0, 7.0)],
             [{'evidence_limit_db_s': limit_db_s} for limit_db_s in (0.3, 0.6, 1.3, 2.6)],
-            [{'common_mode': way} for way in self.distributions['common_mode'].choices],
+            [{'common_mode': way} for way in allowed['common_mode'].choices],
         ]
-        allowed = self.distributions
         return [
             [
-                {
-                    name: _nearest(allowed[name], of)
-                    for name, of in change.items()
-                    if name in allowed
-                }
+                {name: _nearest(allowed[name], change[name]) for name in change if name in allowed}
                 for change in stage
             ]
             for stage in stages

@@ -305,6 +305,8 @@ def load_tracks(
                 opened = loader.open(file, labelled)
                 rows = (one._replace(kind=kind or one.kind) for one in opened.rows)
                 track = track_of(shown, rows, opened.sample_rate_hz)
+                if track.samples.accuracy_s and not track.slips:  # What a key was for is unknown.
+                    refuse(f'{file}: has no slip', 'one at least where labels are by hand')
             except ValueError as error:
                 if unusable is None or not file.exists():
                     raise

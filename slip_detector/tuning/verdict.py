@@ -29,7 +29,7 @@ from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters import ChainConfig, EvaluationConfig, RecordingConfig, TuneConfig
 from slip_detector.parameters.fields import name_list
-from slip_detector.tuning.hand_labels import load_snapped
+from slip_detector.tuning.hand_labels import snap_labels
 from slip_detector.tuning.kinds import contradictions
 from slip_detector.tuning.problem import (
     COMPARED,
@@ -188,7 +188,9 @@ def tune(
     """
     if importlib.util.find_spec('optuna') is None:
         raise ValueError("needs optuna, which is not installed: pip install 'slip_detector[tune]'")
-    training, held, notes = load_snapped(files)
+    training, held, notes = files.load()
+    tracks, moved = snap_labels(training + held)
+    training, held, notes = tracks[: len(training)], tracks[len(training) :], notes + moved
     sentences, mistakes = contradictions(parameters.chain, training + held)
     wrong = [one for one in training if one in mistakes and one.samples.accuracy_s]
     others = [track for track in training if track not in wrong]

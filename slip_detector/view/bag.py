@@ -29,7 +29,6 @@ from slip_detector.parameters import DetectorConfig, DriverConfig
 from slip_detector.parameters.fields import shown
 from slip_detector.parameters.files import file_errors_of, write_yaml
 from slip_detector.recordings import labels
-from slip_detector.tuning.hand_labels import snapped_words
 from slip_detector.view.recordings import trace_of
 from slip_detector.view.server import Server
 from slip_detector.view.view_request import Message, number
@@ -216,14 +215,13 @@ class PlayedBag:
     async def _snap(self, message: Message) -> dict[str, Any]:
         """Move the ends to where the power of the signal changes, if that is found."""
         before = self._ends
-        edges_s = np.array(_pairs(before))
-        by_hand = self._rows, edges_s, self._rate_hz, labels.BY_HAND_S
-        moved_s, found = await self._server.work(labels.snapped, *by_hand)
+        by_hand = self._rows, np.array(_pairs(before)), self._rate_hz, labels.BY_HAND_S
+        moved_s, found, said = await self._server.work(labels.snapped, *by_hand)
         if not before or before is not self._ends:  # A page has changed them meanwhile.
             return {}
         ends = zip(before, moved_s.ravel().round(4).tolist(), found.flat, strict=True)
         self._keep([(s, labels.BY_EYE_S) if known else old for old, s, known in ends])
-        return {'said': snapped_words(edges_s, moved_s, found)}
+        return {'said': said}
 
     async def _undo(self, message: Message) -> None:
         if self._before:

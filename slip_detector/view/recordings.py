@@ -40,7 +40,6 @@ from slip_detector.recordings import labels, open_recording
 from slip_detector.recordings.rates import rates_differ
 from slip_detector.recordings.writing import BagWriter
 from slip_detector.report.overview import MOST_CELLS, THRESHOLD_CODE, Overview
-from slip_detector.tuning.hand_labels import snapped_words
 from slip_detector.tuning.tracks import hold_out, track_of
 from slip_detector.view.detectors import Finger
 
@@ -181,15 +180,14 @@ class RecordedFolder:
         track = track_of(path.name, recording.rows(), recording.sample_rate_hz)
         if snap:
             by_hand = wanted.edges_s, track.sample_rate_hz, labels.BY_HAND_S
-            moved_s, found = labels.snapped(track.samples, *by_hand)
-            said = snapped_words(wanted.edges_s, moved_s, found)
-            return {'slip_s': moved_s.round(4).tolist(), 'said': said}
+            slip_s, _, said = labels.snapped(track.samples, *by_hand)
+            return {'slip_s': slip_s.round(4).tolist(), 'said': said}
         # The page has seen the ends as rows.
         were_s = (np.ravel(track.slips) / track.sample_rate_hz).round(4).tolist()
         before_s = self.recordings[path.name].exact_s or [recording.accuracy_s] * len(were_s)
         known = dict(zip(were_s, before_s, strict=False))
         exact_s = [known.get(end_s, by_s) for end_s in wanted.edges_s.ravel().tolist()]
-        document = {labels.KEY: edges_s, labels.ACCURACY: max(exact_s, default=0.0)}
+        document = {labels.KEY: edges_s, labels.ACCURACY: max(exact_s, default=by_s)}
         write_yaml(file, document, ['Moved by hand on the page of slip_view.'])
         self.recordings[path.name] = self._summary(path.name)._replace(exact_s=tuple(exact_s))
         return {'slip_s': edges_s}

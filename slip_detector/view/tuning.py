@@ -67,10 +67,9 @@ class TuneRun:
     async def run(self) -> None:
         """Note what the command prints until it ends; an error is noted in ``failed``."""
         try:
-            folder = writable_folder(self._folder / 'tuning')
-            given = folder / 'running.yaml'
+            given = writable_folder(self._folder / 'tuning') / 'running.yaml'
             write_yaml(given, self._config.to_document(), ['Written by slip_view: what runs.'])
-            files = self._folder, '--config', given, '--out', folder / 'tuned.yaml'
+            files = self._folder, '--config', given, '--out', given.with_name('tuned.yaml')
             process = self._process = await asyncio.create_subprocess_exec(
                 # Ctrl-C in the terminal is for slip_view.
                 *COMMAND, *map(str, files), stdout=PIPE, stderr=PIPE, start_new_session=True,

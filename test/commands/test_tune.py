@@ -41,8 +41,7 @@ def test_the_file_has_the_figures_and_all_that_was_not_searched(case, capsys):
     run(folder, *words[3:], '--out', out, '--report', folder / 'report.html', '--trials', 12)
     shown = capsys.readouterr()
     assert '/b.npz (4 slips in 0.2 min)' in shown.out
-    # Nothing is known before the first batch is stored, not even that no slip is detected.
-    assert '\n8 of 12 trials, no result yet\n' in shown.err
+    assert '\n8 of 12 trials, ' in shown.err
     assert '12 of 12 trials, result so far: costs' in shown.err
     text = out.read_text()
     comments = [line for line in text.splitlines() if line.startswith('#')]

@@ -155,7 +155,7 @@ def test_an_end_that_is_found_is_exact_and_all_that_are_loud_are_found(
         volts[begin:end] *= 10.0 ** (rises_db / 20.0)
     samples = Samples.evenly(4.3 + 1e-3 * volts, 380.0, np.zeros(len(volts)))
     by_hand_s = edges / 380.0 + late_s
-    near_s, found = snapped(samples, by_hand_s, 380.0, 0.35)
+    near_s, found, _ = snapped(samples, by_hand_s, 380.0, 0.35)
     off_s = np.abs(near_s - edges / 380.0)
     assert off_s[found].max(initial=0.0) <= BY_EYE_S
     np.testing.assert_array_equal(near_s[~found], by_hand_s[~found])
@@ -172,7 +172,7 @@ def test_where_no_power_changes_no_end_is_found(edges, channels, seed):
     volts = noise(2000, channels, seed)
     samples = Samples.evenly(volts, 380.0, np.zeros(2000))
     edges_s = np.reshape(sorted(edges)[: len(edges) // 2 * 2], (-1, 2)) / 380.0
-    near_s, found = snapped(samples, edges_s, 380.0, 0.35)
+    near_s, found, _ = snapped(samples, edges_s, 380.0, 0.35)
     assert not found.any()
     np.testing.assert_array_equal(near_s, edges_s)
     assert not snapped(samples.take(slice(6)), edges_s, 380.0, 1.0)[1].any()

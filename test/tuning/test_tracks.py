@@ -85,10 +85,13 @@ def test_every_third_or_those_named_are_held_out(folder):
 
 def test_what_cannot_be_used_is_left_out_with_a_line_and_what_is_not_there_is_refused(folder):
     np.savez(folder / 'aa.npz', volts=np.zeros((99, 3)), label=np.zeros(99), sample_rate_hz=380.0)
+    write(folder / 'ab.npz', 1, slips=False)
+    (folder / 'ab.labels.yaml').write_text('{slip_s: [], accuracy_s: 0.35}')
     training, held, notes = TrainingFiles([str(folder)], LOADER).load()
     assert [track.name for track in training + held] == ['a.npz', 'c.npz', 'b.npz']
     assert notes == [
-        f'Left out: {folder}/aa.npz: has 3 channels, allowed: 4, the parameter channels'
+        f'Left out: {folder}/aa.npz: has 3 channels, allowed: 4, the parameter channels',
+        f'Left out: {folder}/ab.npz: has no slip, allowed: one at least where labels are by hand',
     ]
     with pytest.raises(ValueError, match=r'^no recording: too few slips, .* Left out: .*/aa\.npz'):
         TrainingFiles([str(folder / 'aa.npz')], LOADER).load()

@@ -103,7 +103,7 @@ export class Played extends RecordingTrace {
     if (slip !== this.saved) return this.ask('label', {slip_s: this.pairs, pixel_s: this.trace.duration_s / this.canvas.clientWidth});
     super.move(slip);
     part('snap').disabled = !slip.length;
-    write(this.words, refused || `Labels: ${this.pairs.length}, in ${this.state.labels}. ${this.words.textContent}. ${this.said}`);
+    write(this.words, refused || `Labels: ${this.pairs.length}, in ${this.state.labels}. ${this.words.textContent}${this.said && `. ${this.said}`}`);
     this.show(this.state);
   }
 }
