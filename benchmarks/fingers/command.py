@@ -71,7 +71,7 @@ from slip_detector.parameters.files import find_parameter_file
 from slip_detector.recordings import open_recording
 from slip_detector.report.tables import number_text, text_table
 from slip_detector.tuning.problem import searched
-from slip_detector.tuning.teaching import learn
+from slip_detector.tuning.teaching import LOW_HZ, LOW_SHARE, learn
 from slip_detector.tuning.tracks import TrainingFiles, load_tracks
 from slip_detector.tuning.verdict import TuningParameters, tune
 
@@ -152,9 +152,11 @@ def parameters_of(file: str, recording: Path) -> TuningParameters:
         sets: Any = (type(one).from_yaml(path) for one in TuningParameters()[:-1])
         return TuningParameters(*sets)
     first = open_recording(recording)
-    shape: Any = {'channels': len(first.channel_names), 'sample_rate_hz': first.sample_rate_hz}
-    # The paper's bands may be beyond this rate; the beginning has its own.
-    return TuningParameters(ChainConfig(**shape, passband_hz=(1.0, 0.0), stopbands_hz=()))
+    many, rate_hz = len(first.channel_names), first.sample_rate_hz
+    # The paper's bands may be beyond this rate.
+    passband_hz = min(LOW_HZ, LOW_SHARE * rate_hz), 0.0
+    shape: Any = {'channels': many, 'sample_rate_hz': rate_hz, 'passband_hz': passband_hz}
+    return TuningParameters(ChainConfig(**shape, stopbands_hz=()))
 
 
 def load(paths: list[Path], parameters: TuningParameters) -> Tracks:
