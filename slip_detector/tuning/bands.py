@@ -37,8 +37,9 @@ RATIO, HIGHEST = 2**0.5, 0.48
 #: A band goes on as long as slides stand out by this share of where they stand out most.
 SHARES = (0.5, 0.7, 0.85)
 
-#: Below this area slides do not stand out.
-LEAST_AREA = 0.6
+#: Below this area slides do not stand out, nor within so many standard errors of chance: of few
+#: spectra the best of many bands has a large area by chance.
+LEAST_AREA, LEAST_ERRORS = 0.6, 3.0
 
 
 def slip_bands(
@@ -78,7 +79,8 @@ def slip_bands(
         return [], 'there is too little rest to measure where slides stand out'
     areas = np.array([_area(slides[:, b], rest[:, b]) for b in range(count)])
     best = int(np.argmax(areas))
-    if areas[best] < LEAST_AREA:
+    error = np.sqrt((len(slides) + len(rest) + 1) / (12 * len(slides) * len(rest)))
+    if areas[best] < max(LEAST_AREA, min(0.5 + LEAST_ERRORS * error, 1.0)):
         return [], 'slides stand out from rest in no band'
     bands = []
     for share in SHARES:

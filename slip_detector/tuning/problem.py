@@ -324,7 +324,8 @@ class Problem:
         Returns
         -------
         cost_ms : float
-            Of all recordings, with a threshold each; infinite where too few have slips.
+            Of all recordings, with a threshold each; infinite where too few have slips that are
+            scored.
         costs_ms : ndarray, shape (folds,)
             Of all but one recording, or group of :data:`FOLDS`, for the error of the cost.
         """
@@ -334,7 +335,7 @@ class Problem:
         order = sorted(range(len(self.tracks)), key=lambda k: not self.tracks[k].slips)
         many = min(FOLDS, sum(bool(track.slips) for track in self.tracks))
         if many < 2 or not limits.size:
-            return math.inf, np.full(many, np.inf)
+            return math.inf, np.zeros(many)
         of_tracks = self._events(chain, statistic, limits)
         folds = [order[fold::many] for fold in range(many)]
         parts = [Events.pooled(of_tracks[k] for k in fold) for fold in folds]
@@ -355,6 +356,8 @@ class Problem:
             self._costs_ms(chain, limit, *pooled(alone, which), 0)[0] + lacking_ms
             for which in (all_of_them, *others)
         ]
+        if not np.isfinite(found).all():
+            return math.inf, np.zeros(many)
         return float(found[0]), np.array(found[1:])
 
     def _costs_ms(

@@ -306,14 +306,9 @@ def choose(problem: Problem, trials: Sequence[Any]) -> Candidate | None:
     _, best_ms, best_costs_ms, _ = min(tried, key=lambda one: one[1])
     as_good = []
     for found, cost_ms, costs_ms, params in tried:
-        if np.isfinite(best_ms):
-            # Leaving out a recording may leave no slip, which costs infinitely much with each.
-            known = np.isfinite(costs_ms) & np.isfinite(best_costs_ms)
-            differences_ms = costs_ms[known] - best_costs_ms[known]
-            error_ms = math.sqrt(max(known.sum() - 1, 0)) * float(np.std(differences_ms))
-            if not cost_ms <= best_ms + error_ms:
-                continue
-        as_good.append((problem.space.distance(params, given), found))
+        error_ms = math.sqrt(costs_ms.size - 1) * float(np.std(costs_ms - best_costs_ms))
+        if cost_ms <= best_ms + error_ms:
+            as_good.append((problem.space.distance(params, given), found))
     return min(as_good, key=lambda one: one[0])[1]
 
 
