@@ -43,6 +43,7 @@ COMMANDS = {
     'tune': 'recordings read, evaluated, searched and reported; what tuning brings',
     'paper': "the paper's protocol, its figures beside ours",
     'lessons': 'what teaching by late and careless hands brings',
+    'fingers': 'real fingers: taught on a part of the recordings, judged on the rest',
     'soak': 'drivers and detectors that run for long',
     'view': 'the live page: frames, memory, and what it costs the detectors',
 }

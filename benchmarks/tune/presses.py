@@ -14,15 +14,12 @@
 
 """How long ``slip`` is ON in what is no slip, on a simulated finger whose contact makes noise.
 
-:func:`measure_presses` gives for each configuration two objects: for the ``paper``'s, ``onset``
-and ``sure`` (files of ``config``); for ``without_impacts``, which is onset so; for ``learnt`` and
-``active``, sure with :data:`LEARNT_V` and with :data:`ACTIVE`; and for :data:`EVIDENCE`, alone,
-with ``contact``, and with contact and ``activity``. ``percent`` is the share of the time in which
+:func:`measure_presses` gives for each configuration the share of the time, in per cent, in which
 ``slip`` is ON while the finger is pressed, idle, rolled or slides (scene ``press``; ``rolling``
 with its disturbances; the plates with presses before and after), and in grasp, hold, slides and
-release of ``grasp_and_release``. ``at_recall`` has the same shares with the threshold at which
-``slip`` is ON in :data:`RECALL` of the slides of the plates, and ``auc``, the area under the ROC
-curve of these slides against presses, roll and idle.
+release of ``grasp_and_release``: for the ``paper``'s, ``onset`` and ``sure`` (files of
+``config``); for ``without_impacts``, which is onset so; and for ``learnt`` and ``active``, sure
+with :data:`LEARNT_V` and with :data:`ACTIVE`.
 """
 
 import dataclasses
@@ -34,7 +31,6 @@ from numpy.typing import NDArray
 
 from benchmarks.tune.families import disturbances, families
 from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.evaluation.scores import REST, SLIP, ScoreTally
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.files import read_yaml, shared_folder
 from slip_detector.scenes import Scene, find_scene
@@ -42,17 +38,6 @@ from slip_detector.scenes.electronics import CONTACT_N
 
 #: Seeds other than those that the scenes and configurations were chosen on.
 SEEDS = range(7800, 7810)
-
-RECALL = 0.8
-
-#: As chosen for a piezo finger (docs/evaluation.md), without mains and knocks.
-EVIDENCE = ChainConfig(
-    passband_hz=(60.0, 0.0), passband_degree=2, stopbands_hz=(), gain=1.0, exponent=1,
-    envelope_window_s=0.05, decision='evidence', noise_floor=(1.3e-3,), noise_floor_learnt=True,
-    noise_floor_range_db=15.0, threshold=0.71, vote=2,
-)  # fmt: skip
-CONTACT = dataclasses.replace(EVIDENCE, contact_level_v=5e-4)
-ACTIVITY = dataclasses.replace(CONTACT, activity_cap_db=8.7)
 
 #: What ``slip_tune --quiet`` finds with ``config/sure.yaml`` for a noisy contact that is still.
 LEARNT_V = (1.15e-3,)
@@ -93,26 +78,14 @@ def recorded(seeds: Sequence[int]) -> list[tuple[NDArray[np.float64], dict[str, 
     return found
 
 
-def figures_of(config: ChainConfig, recordings: Sequence[Any]) -> dict[str, Any]:
+def figures_of(config: ChainConfig, recordings: Sequence[Any]) -> dict[str, float]:
     """Return the figures of one configuration; the keys are in the module's docstring."""
-    statistics: dict[str, list[Any]] = {}
+    on: dict[str, list[Rows]] = {}
     for volts, kinds in recordings:
-        result = SlipChain(config).update(volts, votes=(config.vote,))
+        slip = SlipChain(config).update(volts, envelope=False, level=False).slip
         for name, rows in kinds.items():
-            statistics.setdefault(name, []).append(result.vote_statistic[rows, 0])
-    by_kind = {name: np.concatenate(several) for name, several in statistics.items()}
-    recalled = float(np.quantile(by_kind['slide'], 1.0 - RECALL))
-    auc = {}
-    for name in ('press', 'roll', 'idle'):
-        tally = ScoreTally()
-        tally.add(by_kind['slide'], np.full(by_kind['slide'].size, SLIP))
-        tally.add(by_kind[name], np.full(by_kind[name].size, REST))
-        auc[name] = tally.collect().auc()
-    percent, at_recall = (
-        {name: 100.0 * float(np.mean(of >= limit)) for name, of in by_kind.items()}
-        for limit in (np.nextafter(1.0, 2.0), recalled)
-    )
-    return {'percent': percent, 'at_recall': {**at_recall, 'auc': auc}}
+            on.setdefault(name, []).append(slip[rows])
+    return {name: 100.0 * float(np.mean(np.concatenate(parts))) for name, parts in on.items()}
 
 
 def measure_presses(seeds: Sequence[int] = SEEDS) -> dict[str, Any]:
@@ -130,5 +103,4 @@ def measure_presses(seeds: Sequence[int] = SEEDS) -> dict[str, Any]:
     configs['without_impacts'] = dataclasses.replace(configs['onset'], impact_v=0.0)
     configs['learnt'] = dataclasses.replace(sure, noise_floor=LEARNT_V)
     configs['active'] = dataclasses.replace(sure, **ACTIVE)
-    configs |= {'evidence': EVIDENCE, 'contact': CONTACT, 'activity': ACTIVITY}
     return {name: figures_of(config, recordings) for name, config in configs.items()}

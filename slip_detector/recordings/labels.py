@@ -306,7 +306,8 @@ def snapped(
         if at is not None:
             rows[i], moved_s[i], found[i] = first + at, after_ns[first + at] * 1e-9, True
             words[i] = words[i].replace('s not known', f'-> {moved_s[i]:.2f} s')
-    return np.reshape(moved_s, (-1, 2)), np.reshape(found, (-1, 2)), name_list(words)
+    said = name_list(words) if found.any() else f'none of {found.size} ends is known'
+    return np.reshape(moved_s, (-1, 2)), np.reshape(found, (-1, 2)), said
 
 
 def _change(power: Floats, row: int, reach: int, exact: float, rises: bool) -> int | None:
@@ -324,9 +325,8 @@ def _change(power: Floats, row: int, reach: int, exact: float, rises: bool) -> i
         gain[(after > before) != rises] = 0.0
         likely = at[gain >= gain.max() - UNLIKELY / math.sqrt(min(channels, 4))]
         if at[0] < likely[0] and likely[-1] < at[-1]:
-            best = int(at[gain.argmax()])
-            sure = gain.max() > max(LEAST_GAIN * n, LEAST_GAIN_IN_ALL)
-            return best if sure and np.abs(likely - best).max() <= exact else None
+            sure = gain.max() > max(LEAST_GAIN * n, LEAST_GAIN_IN_ALL) and np.ptp(likely) <= exact
+            return int(at[gain.argmax()]) if sure else None
         below += (at[0] == likely[0]) * max(reach // 2, 1)
         above += (at[-1] == likely[-1]) * max(reach // 2, 1)
     return None

@@ -274,8 +274,10 @@ def find_mains(chain: ChainConfig, track: Track) -> tuple[float, str]:
         volts = volts - volts[0]
         common = np.median if chain.common_mode == 'median' else np.mean
         volts -= common(volts, axis=1, keepdims=True)
+    if len(volts) < 2 * rows:
+        return 0.0, f'too short to seek lines of the mains, which takes {2 * SPECTRUM_S:g} s'
     lines = {}
-    if len(volts) >= 2 * rows and volts.any():
+    if volts.any():
         from scipy import signal
 
         spectra = signal.welch(volts, rate_hz, nperseg=rows, axis=0)

@@ -48,9 +48,6 @@ NEIGHBOURS = 3
 #: Factor on the cost of the amount by which a figure is worse than that of the given chain.
 WORSE_COUNTS = 10.0
 
-#: Weight of taps, presses, rolling and idle together beside that of rest.
-OTHERS = 0.5
-
 #: Recordings are left out one at a time, or where there are more, in so many groups.
 FOLDS = 8
 
@@ -206,7 +203,7 @@ class Problem:
     >>> given.figures['sooner_than_chance'], given.figures['false_alarms_per_minute']
     (1.0, 0.0)
     >>> [one.chain.vote for one in problem.candidates_at(problem.space.point(problem.given))]
-    ['all', 'mean', 1, 2, 3]
+    ['all', 'mean', 2, 3]
     """
 
     tracks: Sequence[Track]
@@ -445,8 +442,8 @@ class Problem:
 def _of_kinds(swept: Events, what: int) -> Floats:
     """Return the share of rest that is ON (1), or its alarms a second (2), over kinds; shape (T,).
 
-    It is that of rest, which there always is, plus :data:`OTHERS` times the mean of those of the
-    other kinds of recordings, each of which counts as much as another, however long it is.
+    It is that of rest plus the mean of those of the other kinds of recordings: rest counts as much
+    as all others together, and each of these as another, however long it is.
     """
     shares = [
         (name in ('', 'rest'), of[what] / of[0])
@@ -455,7 +452,7 @@ def _of_kinds(swept: Events, what: int) -> Floats:
     ]
     parts = [[share for rest, share in shares if rest is wanted] for wanted in (True, False)]
     rest, others = (np.mean(part, axis=0) if part else 0.0 for part in parts)
-    return np.asarray(rest + OTHERS * others)
+    return np.asarray(rest + others)
 
 
 def _with_neighbours(costs: Floats, neighbours: int) -> Floats:

@@ -43,6 +43,9 @@ ROWS_PER_CALL = 2048
 ALL_COUNTS = 6
 SHARES = (1 / 8, 1 / 4, 3 / 8, 1 / 2, 5 / 8, 3 / 4, 7 / 8)
 
+#: In groups of so many channels one alone, which may drift, does not decide unless it is given so.
+LEAST_AGREEING = 4
+
 #: Ratio of neighbouring thresholds in amplitude (the level to the power of 1 / exponent).
 STEP = 1.03
 
@@ -62,13 +65,14 @@ def votes_of(config: ChainConfig) -> tuple[Vote, ...]:
     Examples
     --------
     >>> votes_of(ChainConfig())
-    ('all', 'mean', 1, 2, 3)
+    ('all', 'mean', 2, 3)
     """
     disabled = set(config.disabled_channels)
     able = [len(set(members) - disabled) for members in config.groups.values()]
     size = min(many for many in able if many)
     counts = range(1, size) if size <= ALL_COUNTS else [round(share * size) for share in SHARES]
-    votes: list[Vote] = ['all', 'mean', *counts]
+    least = 2 if size >= LEAST_AGREEING else 1
+    votes: list[Vote] = ['all', 'mean', *(k for k in counts if k >= least)]
     return tuple(votes) if config.vote in votes else (*votes, config.vote)
 
 

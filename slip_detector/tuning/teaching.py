@@ -20,8 +20,8 @@ from typing import Any
 
 from slip_detector.parameters import ChainConfig
 from slip_detector.tuning.bands import slip_bands
-from slip_detector.tuning.learning import learn_from_rest
-from slip_detector.tuning.tracks import Track, at_rest
+from slip_detector.tuning.learning import LEARNT_RANGE_DB, find_mains, learnt_floors
+from slip_detector.tuning.tracks import Track
 
 #: Where the search for an unknown sensor begins, and its pass-band: from a frequency, or from a
 #: share of the sample rate if that is lower.
@@ -64,13 +64,22 @@ def learn(
     lines.append(line)
     if bands and bands[0][1] and low_hz >= bands[0][1]:
         lines.append(f'The given pass-band begins above them, at {low_hz:g} Hz')
-    resting = [track for track in at_rest(tracks) if not track.slips]
-    if not resting:
-        return chain, [*lines, 'No noise learnt: there is no recording of rest']
-    longest = max(resting, key=lambda track: track.duration_s)
-    step(f'learning the noise of {longest.name}')
+    quiet = [track for track in tracks if not track.slips]
+    if not quiet:
+        return chain, [*lines, 'No noise learnt: there is no recording without slips']
+    longest = max(quiet, key=lambda track: track.duration_s)
+    step(f'seeking the mains in {longest.name}')
+    mains_hz, line = find_mains(chain, longest)
+    lines.append(f'On {longest.name}: {line}')
     try:
-        learnt, said = learn_from_rest(longest, chain)
-        return dataclasses.replace(chain, **learnt), lines + said
+        chain = dataclasses.replace(chain, mains_hz=chain.mains_hz or mains_hz)
+    except ValueError as error:
+        lines.append(f'mains_hz cannot remove it: {error}')
+    step('learning the noise at rest')
+    try:
+        floors = learnt_floors(chain, tracks)
     except ValueError as error:
         return chain, [*lines, str(error)]
+    lines.append(f'Noise floors of {min(floors):.4g} to {max(floors):.4g}')
+    learnt: Any = {'noise_floor': floors, 'noise_floor_range_db': LEARNT_RANGE_DB}
+    return dataclasses.replace(chain, noise_floor_learnt=True, **learnt), lines

@@ -137,14 +137,9 @@ def test_the_real_finger_is_told_sliding_from_holding_and_from_moving(capsys):
     ]
     assert len(report['recordings']) == 7
     assert (report['rows'], report['slip_rows'], report['moving_rows']) == (2195, 196, 1512)
-    # What the configuration says of itself.
+    # On the rows that the configuration was chosen on.
     assert report['auc_all'] == pytest.approx(0.964, abs=1e-3)
     assert report['auc_moving'] == pytest.approx(0.947, abs=1e-3)
-    within = [part['auc_moving'] for part in report['recordings'].values() if part['slip_rows']]
-    assert within == pytest.approx([0.952, 0.739, 0.933], abs=2e-3)
     assert (report['slips'], report['settling_slips'], report['matched']) == (4, 0, 3)
     assert (report['false_alarms'], report['rest_s']) == (2, pytest.approx(28.2, abs=0.1))
     assert report['false_time_percent'] == pytest.approx(4.6, abs=0.1)
-    found = [slip for part in report['recordings'].values() for slip in part['slip_events']]
-    latencies_s = sorted(slip['latency_s'] for slip in found if slip['latency_s'] is not None)
-    assert latencies_s == pytest.approx([0.033, 0.150, 0.318], abs=1e-3)

@@ -46,7 +46,7 @@ def test_each_label_is_where_the_power_changes_and_as_exact_as_what_was_found():
     np.testing.assert_array_equal(tracks[1].samples.certain, unknown.samples.certain)
     assert tracks[2] is exact
     assert sentences[0].startswith('late: start 2.30 -> 2.0')
-    assert sentences[1:] == ['none: start 2.20 s not known, end 4.20 s not known; ± 0.35 s']
+    assert sentences[1:] == ['none: none of 2 ends is known; ± 0.35 s']
 
 
 def test_hands_later_than_was_said_are_told_the_accuracy_that_fits():
