@@ -72,7 +72,7 @@ def test_a_pass_band_above_the_slides_and_a_lack_of_rest_are_said():
     assert begin.decision == 'evidence'
     assert lines[1:] == [
         'The given pass-band begins above them, at 20 Hz',
-        'No noise learnt: there is no recording of rest',
+        'No noise learnt: there is no recording without slips',
     ]
     rest = track_with(0.05 * noise(2), name='still', kind='rest')
     begin, lines = learn(CHAIN, [*tracks, rest], step=lambda words: None)

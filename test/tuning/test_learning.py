@@ -24,12 +24,11 @@ from hypothesis import strategies as st
 
 from slip_detector.chain.samples import Samples
 from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.evaluation.replay import Replay
-from slip_detector.parameters import ChainConfig, RecordingConfig
+from slip_detector.parameters import ChainConfig
 from slip_detector.tuning.learning import (
     find_mains,
-    learn_from_quiet,
+    learn_from_rest,
     learnt_floors,
     quiet_threshold,
     slip_steps_v,
@@ -199,22 +198,16 @@ def test_where_rest_makes_no_evidence_the_given_threshold_stays():
 GIVEN = dataclasses.replace(CHAIN, exponent=1, decision='evidence', noise_floor=(0.001,))
 
 
-def recording(path, seconds=60.0, humming=0.0, hum_hz=60.0, rate_hz=RATE_HZ):
-    """Write a recording at rest, with hum."""
-    volts, _ = slips(1, duration_s=seconds, slips=False)
-    volts += hum(hum_hz, len(volts), rate_hz, {1: humming})
-    np.savez(path, volts=volts, sample_rate_hz=rate_hz)
-    return str(path)
-
-
-def learn(path, chain=GIVEN):
-    loader = RecordingLoader(chain, RecordingConfig(recording_truth_key='label'))
-    learnt, lines = learn_from_quiet(path, chain, loader)
+def learn(rest_s=60.0, chain=GIVEN, mains_hz=60.0, hum_v=0.0):
+    """Learn of a recording at rest, with hum."""
+    volts, _ = slips(1, duration_s=rest_s, slips=False)
+    volts += hum(mains_hz, len(volts), chain.sample_rate_hz, {1: hum_v})
+    learnt, lines = learn_from_rest(rest(volts, rate_hz=chain.sample_rate_hz), chain)
     return learnt, '\n'.join(lines)
 
 
-def test_quiet_learns_a_floor_for_each_channel_and_nothing_else(tmp_path):
-    parameters, lines = learn(recording(tmp_path / 'rest.npz'))
+def test_rest_teaches_a_floor_for_each_channel_and_nothing_else():
+    parameters, lines = learn()
     assert parameters == {
         'noise_floor': list(learnt_floors(GIVEN, [track(1, duration_s=60.0, slips=False)])),
         'noise_floor_learnt': True,
@@ -223,25 +216,22 @@ def test_quiet_learns_a_floor_for_each_channel_and_nothing_else(tmp_path):
     assert 'no line of the mains is 12 dB above the noise' in lines
 
 
-def test_quiet_removes_the_hum_before_it_learns_the_floors(tmp_path):
-    humming, lines = learn(recording(tmp_path / 'hum.npz', humming=0.5))
+def test_the_hum_is_removed_before_the_floors_are_learnt():
+    humming, lines = learn(hum_v=0.5)
     assert humming['mains_hz'] == 60.0
     assert 'mains of 60 Hz: lines of 60 Hz (' in lines
-    quiet, _ = learn(recording(tmp_path / 'rest.npz'))
     # The comb makes noise louder by 3 dB; the hum was louder by 20.
-    ratios = np.array(humming['noise_floor']) / quiet['noise_floor']
+    ratios = np.array(humming['noise_floor']) / learn()[0]['noise_floor']
     np.testing.assert_allclose(20.0 * np.log10(ratios), 3.0, atol=0.7)
 
 
-def test_hum_without_whole_periods_is_reported_and_not_removed(tmp_path):
+def test_hum_without_whole_periods_is_reported_and_not_removed():
     other = dataclasses.replace(GIVEN, sample_rate_hz=377.7)
-    path = recording(tmp_path / 'hum.npz', humming=1.0, hum_hz=50.0, rate_hz=377.7)
-    parameters, lines = learn(path, other)
+    parameters, lines = learn(chain=other, mains_hz=50.0, hum_v=1.0)
     assert 'mains_hz cannot remove it' in lines
     assert 'mains_hz' not in parameters
 
 
-def test_floors_need_five_seconds_of_rest(tmp_path):
-    path = recording(tmp_path / 'short.npz', seconds=4.0)
-    with pytest.raises(ValueError, match=r'short\.npz: lasts 4 s, allowed: at least 5 s at rest'):
-        learn(path)
+def test_floors_need_five_seconds_of_rest():
+    with pytest.raises(ValueError, match=r'^rest: lasts 4 s, allowed: at least 5 s at rest'):
+        learn(rest_s=4.0)

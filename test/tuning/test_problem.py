@@ -30,7 +30,7 @@ from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.evaluation import EvaluationConfig, TuneConfig
 from slip_detector.recordings.labels import label_at
-from slip_detector.tuning.problem import COMPARED, OTHERS, Candidate, Problem, worse_by
+from slip_detector.tuning.problem import COMPARED, Candidate, Problem, worse_by
 from slip_detector.tuning.sweep import thresholds, vote_statistics
 from slip_detector.tuning.tracks import track_of
 from slip_detector.tuning.verdict import choose, judge, worse_than
@@ -110,7 +110,7 @@ def test_time_on_counts_beside_rest_by_the_mean_of_kinds_however_long_each_was_r
             for weight in (0.0, 1.0)
         )  # fmt: skip
         others_percent = np.mean(of_kinds[:many]) if many else 0.0
-        assert cost_ms - free_ms == pytest.approx(alone_percent + OTHERS * others_percent)
+        assert cost_ms - free_ms == pytest.approx(alone_percent + others_percent)
 
 
 def test_a_figure_that_gets_worse_than_given_counts_tenfold():
@@ -139,13 +139,9 @@ def test_each_figure_that_is_worse_is_named_and_of_a_chain_as_good_as_chance_onl
         'ON in press 3.6 against 3 %',
         'area under the ROC curve 0.9 against 0.99',
     ]
-    good['press_on_percent'] = 3.2  # Not much more.
-    assert 'ON in press 3.6 against 3.2 %' not in worse_than(bad, good)
     assert worse_than(good, good) == worse_than(good, bad) == []
-    for sooner_than_chance in (0.0, -0.2, None):
-        by_chance = {**good, 'sooner_than_chance': sooner_than_chance}
-        assert worse_than(bad, by_chance) == ['area under the ROC curve 0.9 against 0.99']
-        assert worse_than(bad, {**by_chance, 'auc': 0.9}) == []
+    by_chance = {**good, 'sooner_than_chance': 0.0}
+    assert worse_than(bad, by_chance) == ['area under the ROC curve 0.9 against 0.99']
 
 
 FIGURE = st.sampled_from([0.0, 0.003, 0.01, 0.3, 0.9, 1.0, 20.0, 75.0, None])
@@ -169,12 +165,16 @@ def test_many_thresholds_are_worse_by_as_much_as_each_of_them_alone(several, oth
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Known(Problem):
-    """A problem in which the costs of a quick chain and of the given one are known."""
+    """A problem in which costs are known: as it is, of a quick chain; left out, by threshold."""
 
     costs: tuple = ()
 
     def as_it_is(self, chain):
         return self.costs[chain is QUICK]
+
+    def left_out(self, chain):
+        of_each = np.array(self.costs[round(chain.threshold)])
+        return of_each.mean(), (of_each.sum() - of_each) / (of_each.size - 1)
 
 
 def worsened(was, now, limit='step'):
@@ -259,50 +259,25 @@ def test_a_threshold_next_to_no_evidence_is_not_taken():
         assert found.chain.threshold > 3 * 0.25 * chain.envelope_window_s
 
 
-def test_of_slips_in_one_recording_nothing_is_learnt_but_threshold_and_vote():
-    asked = problem([track(1), track(2, 'rest')])
-    choice = choose(asked, study_of(asked, 12).trials)
-    for name in (
-        'passband_hz', 'stopbands_hz', 'exponent', 'envelope_window_s', 'common_mode',
-    ):  # fmt: skip
-        assert getattr(choice.chain, name) == getattr(CHAIN, name), name
-
-
 def test_the_threshold_for_a_recording_comes_from_the_others(monkeypatch):
     chosen, at_one = [], Events.at_one
     monkeypatch.setattr(Events, 'at_one', lambda self, k: chosen.append(k) or at_one(self, k))
 
     def left_out(gain):
-        """Return the threshold for each recording, the first of which is as loud, and the cost."""
+        """Return the threshold for each recording, the first of which is as loud, and costs."""
         volts, truth = slips(1)
         tracks = [track_with(4.3 + gain * (volts - 4.3), truth), track(2), track(3), track(4)]
         (statistic,) = vote_statistics(CHAIN, [CHAIN.vote], tracks).values()
-        limits = thresholds(CHAIN, statistic, tracks)
-        chosen.clear()
         cost_ms, costs_ms = Problem(tracks).left_out(CHAIN)
-        assert costs_ms.shape == (4,)
-        return limits[chosen], cost_ms, costs_ms
+        return thresholds(CHAIN, statistic, tracks)[chosen[-4:]], cost_ms, costs_ms
 
-    step = 1.03**CHAIN.exponent
-    before, cost_ms, costs_ms = left_out(1.0)
-    assert abs(cost_ms - costs_ms.mean()) < 0.2 * cost_ms
+    before, cost_ms, _ = left_out(1.0)
     # Louder noise costs time ON where the threshold is not its own; without it nothing changes.
     after, more_ms, without_ms = left_out(4.0)
-    assert 1 / step <= after[0] / before[0] <= step
-    assert after[1:].max() > step * before[1:].max()
+    assert abs(math.log(after[0] / before[0], 1.03**CHAIN.exponent)) <= 1.0
+    assert after[1:].max() > 1.5 * before[1:].max()
     assert more_ms > cost_ms + 100.0
     assert without_ms[0] < without_ms[1:].min()
-
-
-@dataclasses.dataclass(frozen=True, eq=False)
-class Costly(Problem):
-    """A problem in which a chain costs in each recording what is known by its threshold."""
-
-    costs_ms: tuple = ()
-
-    def left_out(self, chain):
-        of_each = np.array(self.costs_ms[round(chain.threshold)])
-        return of_each.mean(), (of_each.sum() - of_each) / (of_each.size - 1)
 
 
 def trial_of(asked, k, octaves):
@@ -320,7 +295,7 @@ COSTS_MS = st.lists(st.floats(0.0, 500.0).map(round), min_size=5, max_size=5)
 @example([90, 110, 100, 95, 105], [95, 115, 105, 100, 110])  # worse by the same in each: surely
 @example([20, 180, 100, 40, 160], [120, 90, 110, 130, 85])  # worse in some: maybe
 def test_the_nearest_of_those_within_a_standard_error_of_the_best_is_chosen(far, near):
-    asked = Costly([track(1)], CHAIN, costs_ms=((), far, near, [1e4] * 5))
+    asked = Known([], CHAIN, costs=((), far, near, [1e4] * 5))
     trials = [trial_of(asked, 1, 2.0), trial_of(asked, 2, 1.0), trial_of(asked, 3, 0.5)]
     differences = np.subtract(near, far)
     error_ms = np.std(differences, ddof=1) / math.sqrt(len(far))
@@ -329,13 +304,14 @@ def test_the_nearest_of_those_within_a_standard_error_of_the_best_is_chosen(far,
     assert choose(asked, trials).chain.threshold == (1.0 if surely else 2.0)
 
 
-def test_where_a_recording_has_no_slip_that_is_scored_the_nearest_is_chosen():
+def test_with_scored_slips_in_one_recording_nothing_is_learnt_but_threshold_and_vote():
     volts, truth = slips(1)
     early = track_with(volts[600:900], truth[600:900])  # While the chain settles.
-    asked = problem([track(1), early])
-    assert asked.left_out(CHAIN)[0] == math.inf
-    trials = study_of(asked, 6).trials
-    assert choose(asked, trials).chain.passband_hz == CHAIN.passband_hz
+    for other in (early, track(2, 'rest')):
+        asked = problem([track(1), other])
+        choice = choose(asked, study_of(asked, 12).trials)
+        for name in ('passband_hz', 'stopbands_hz', 'exponent', 'common_mode'):
+            assert getattr(choice.chain, name) == getattr(CHAIN, name), name
 
 
 def test_another_problem_has_another_name():

@@ -90,8 +90,6 @@ def test_every_point_of_the_space_is_a_chain(rate_hz, shares):
     assert found.decision == point['decision']
     assert found.groups == chain.groups
     assert found.threshold < (found.evidence_limit_db_s if found.decision == 'evidence' else 1.0)
-    for low_hz, high_hz in found.stopbands_hz:
-        assert 0.0 < low_hz < high_hz < rate_hz / 2
 
 
 def test_what_only_the_other_decision_has_is_no_distance():
@@ -150,7 +148,8 @@ def test_a_search_begins_at_each_preset_with_the_floors_of_its_own_sensor():
 def test_what_no_recording_shows_is_not_searched_and_stays_as_given():
     given = dataclasses.replace(EVIDENCE, impact_v=1.0, impact_s=0.02, contact_level_v=0.3)
     space = SearchSpace(given, [track(1), track(2, 'rest')])
-    assert not {'impact_s', 'contact', 'activity'} & set(space.distributions)
+    names = {'impact_s', 'contact', 'activity', 'common_rank'}
+    assert not names & {*space.distributions, *(k for s in space.stages() for c in s for k in c)}
     assert space.chain(space.starts()[0]) == given
 
 
@@ -175,11 +174,8 @@ def test_contact_is_learnt_and_activity_searched_in_the_low_band_of_the_chain():
 def test_each_stage_is_tried_off_and_on_and_all_together_in_each_band_that_was_measured():
     tracks = [track(1, slip_hz=60.0), *TRACKS[1:]]
     space = SearchSpace(EVIDENCE, tracks)
-    given, allowed = space.point(EVIDENCE), space.distributions
-    bands, *stages = space.stages()
-    lows_hz = {change['passband_low_hz'] for change in bands}
-    assert all(30.0 < low_hz < 60.0 for low_hz in lows_hz)
-    assert {change['decision'] for change in bands} == {'mean', 'evidence'}
+    given, (bands, *stages) = space.point(EVIDENCE), space.stages()
+    assert all(30.0 < change['passband_low_hz'] < 60.0 for change in bands)
     together = {'contact': 'learnt', 'activity': 'searched', 'impact': 'learnt', 'common_rank': 1}
     assert any(together.items() <= change.items() for change in bands)
     for name, values in (
@@ -190,8 +186,4 @@ def test_each_stage_is_tried_off_and_on_and_all_together_in_each_band_that_was_m
         (stage,) = [one for one in stages if name in one[0]]
         assert sorted({change[name] for change in stage}) == sorted(values)
     for change in [*bands, *(change for stage in stages for change in stage)]:
-        assert change.keys() <= allowed.keys()
         assert space.chain({**given, **change, 'decision': 'evidence'}).decision == 'evidence'
-    # Where nothing shows what a stage is for, there is nothing to try.
-    alone = SearchSpace(EVIDENCE, tracks[:1])
-    assert not any('common_rank' in change for stage in alone.stages() for change in stage)
