@@ -14,6 +14,8 @@
 
 """Small labelled recordings for the tests of the tuner."""
 
+import dataclasses
+
 import numpy as np
 import optuna
 
@@ -38,6 +40,10 @@ CHAIN = ChainConfig(
     threshold=0.05,
     decision_window_s=0.15,
 )
+
+HIGH = {'passband_hz': (60.0, 0.0), 'passband_degree': 2, 'stopbands_hz': (), 'exponent': 1}
+FLOOR = {'decision': 'evidence', 'noise_floor': (0.01,), 'threshold': 0.1}
+EVIDENCE = dataclasses.replace(CHAIN, **HIGH, **FLOOR, vote=1)
 
 PARAMETERS = """# The given ones.
 /**/slip_detector:
@@ -98,10 +104,10 @@ def problem(tracks, given_chain=CHAIN):
     return Problem(tracks, given_chain, before.figures)
 
 
-def study_of(asked, trials, seed=1, results=None):
+def study_of(asked, trials):
     """Search, and return the study in memory."""
-    study = Study(asked.space.distributions, seed)
-    search(asked, study, trials, results=results)
+    study = Study(asked.space.distributions, seed=1)
+    search(asked, study, trials)
     return study
 
 

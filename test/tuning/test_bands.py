@@ -50,8 +50,7 @@ def test_the_narrowest_band_is_that_of_the_slides_within_half_an_octave(low_hz, 
     found_hz = bands[-1][0], bands[-1][1] or highest_hz
     assert np.abs(np.log2(np.divide(found_hz, (low_hz, high_hz)))).max() < 0.6
     assert f'stand out from rest at {bands[-1][0]:g} ' in line
-    lows_hz = [its_low_hz for its_low_hz, _ in bands]
-    assert lows_hz == sorted(lows_hz)
+    assert bands == sorted(bands, key=lambda band: band[0])
 
 
 def test_noise_alone_has_no_band_however_few_its_spectra_are():

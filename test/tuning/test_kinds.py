@@ -27,17 +27,7 @@ from slip_detector.parameters.files import read_yaml
 from slip_detector.scenes import Scene, find_scene
 from slip_detector.tuning.kinds import contact_level_v, contradictions
 from slip_detector.tuning.tracks import track_of
-from support.tuning_cases import CHAIN, RATE_HZ, slips, track_with
-
-HIGH = dataclasses.replace(
-    CHAIN,
-    decision='evidence',
-    noise_floor=(1e-3,),
-    threshold=0.1,
-    passband_hz=(60.0, 0.0),
-    stopbands_hz=(),
-    exponent=1,
-)
+from support.tuning_cases import CHAIN, EVIDENCE, RATE_HZ, slips, track_with
 
 
 def sliding(seed, untouched_s=0.0):
@@ -53,8 +43,8 @@ def test_contact_begins_above_a_finger_that_touches_nothing_and_below_one_that_s
     of_idle = [track_with(volts, truth), track_with(idle, kind='idle')]
     of_beginning = [track_with(*sliding(1, untouched_s=2.0))]
     for tracks in (of_idle, of_beginning):
-        level_v = contact_level_v(HIGH, tracks)
-        gated = SlipChain(dataclasses.replace(HIGH, contact_level_v=level_v))
+        level_v = contact_level_v(EVIDENCE, tracks)
+        gated = SlipChain(dataclasses.replace(EVIDENCE, contact_level_v=level_v))
         assert not gated.update(idle, excess=True).excess.any()
         gated.reset()
         assert gated.update(volts, excess=True).excess[truth].any(axis=1).mean() > 0.8
@@ -64,7 +54,7 @@ def test_where_a_finger_always_touches_there_is_no_level_of_contact():
     volts, truth = sliding(1)
     for more in ([], [track_with(volts, kind='idle')]):
         with pytest.raises(ValueError, match=r'touches nothing has a level of .* allowed: 1\.2 t'):
-            contact_level_v(HIGH, [track_with(volts, truth), *more])
+            contact_level_v(EVIDENCE, [track_with(volts, truth), *more])
 
 
 def played(parts, seed, name='plate_400um', kind=''):
@@ -90,9 +80,8 @@ PAGE = ChainConfig(passband_hz=(20.0, 0.0), passband_degree=2, stopbands_hz=(), 
 @pytest.mark.parametrize('family', FAMILIES)
 def test_honest_recordings_contradict_nothing_and_others_their_kind(family, chain):
     parts, plates = FAMILIES[family], ('plate_400um', 'plate_440um', 'plate_480um')
-    still = {
-        'steps': [{'duration_s': 1.0}, {'duration_s': 0.8, 'force_n': 0.4}, {'duration_s': 9}]
-    }
+    grip = {'duration_s': 0.8, 'force_n': 0.4}
+    still = {'steps': [{'duration_s': 1.0}, grip, {'duration_s': 9}]}
     for seed in range(0, 20, 10):
         honest = [played(parts, seed + k, name) for k, name in enumerate(plates)]
         rest = played({**parts, **still}, seed + 5, kind='rest')
@@ -114,6 +103,6 @@ def test_honest_recordings_contradict_nothing_and_others_their_kind(family, chai
 def test_where_slips_are_no_louder_than_rest_nothing_is_said():
     volts, truth = slips(3, slip_hz=40.0)
     tracks = [track_with(volts, truth), track_with(volts, kind='rest')]
-    deaf = dataclasses.replace(HIGH, passband_hz=(100.0, 0.0))
+    deaf = dataclasses.replace(EVIDENCE, passband_hz=(180.0, 0.0))
     assert contradictions(deaf, tracks) == ([], [])
     assert len(contradictions(CHAIN, tracks)[0]) == 1

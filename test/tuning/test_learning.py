@@ -35,11 +35,11 @@ from slip_detector.tuning.learning import (
     steps_v,
 )
 from slip_detector.tuning.tracks import track_of
-from support.tuning_cases import CHAIN, RATE_HZ, slips, track, track_with
+from support.tuning_cases import CHAIN, EVIDENCE, FLOOR, HIGH, RATE_HZ, slips, track, track_with
 
 PIEZO_HZ = 312.5
-HIGH = {'passband_hz': (60.0, 0.0), 'passband_degree': 2, 'stopbands_hz': (), 'exponent': 1}
 PIEZO = ChainConfig(sample_rate_hz=PIEZO_HZ, channels=4, gain=1.0, **HIGH)
+SURE = dataclasses.replace(EVIDENCE, evidence_offset_db=4.0)
 NOISE_V = np.array([0.01, 0.03, 0.1, 0.02])
 
 
@@ -63,14 +63,8 @@ def hum(mains_hz, rows, rate_hz, amplitudes):
 def test_at_the_floors_that_are_learnt_noise_makes_no_evidence(window_rows):
     chain = dataclasses.replace(PIEZO, envelope_window_s=window_rows / PIEZO_HZ)
     floors = learnt_floors(chain, [rest(noise(20_000))])
-    chain = dataclasses.replace(
-        chain,
-        decision='evidence',
-        noise_floor=floors,
-        noise_floor_learnt=True,
-        noise_floor_range_db=15.0,
-        evidence_offset_db=0.5,
-    )
+    learnt = {'noise_floor': floors, 'noise_floor_learnt': True, 'noise_floor_range_db': 15.0}
+    chain = dataclasses.replace(chain, **FLOOR | learnt, evidence_offset_db=0.5)
     result = SlipChain(chain).update(noise(20_000, seed=1), excess=True)
     excess_db = result.excess[1000:].mean(axis=0)
     assert -5.0 < excess_db.min() <= excess_db.max() < 0.0
@@ -149,16 +143,12 @@ def test_the_steps_of_slips_are_those_that_nine_in_ten_stay_below_or_eight_of_a_
     assert found.tolist() == [below + 1.0, (below + 1.0) / 2, 0.0]
 
 
-BY_EVIDENCE = {'decision': 'evidence', 'noise_floor': (0.01,), 'evidence_offset_db': 4.0}
-EVIDENCE = dataclasses.replace(CHAIN, vote=1, **HIGH, **BY_EVIDENCE)
-
-
 def alarms_at(chain, recording):
     replay = Replay(chain)
     return len(replay.run(recording.rows(), recording.sample_rate_hz).alarms)
 
 
-@pytest.mark.parametrize(('chain', 'vote'), [(CHAIN, 'all'), (EVIDENCE, 1)])
+@pytest.mark.parametrize(('chain', 'vote'), [(CHAIN, 'all'), (SURE, 1)])
 def test_the_rate_holds_in_the_recording_and_in_another_but_not_below_the_threshold(chain, vote):
     chain = dataclasses.replace(chain, vote=vote)
     recording = track(1, duration_s=600.0, slips=False)
@@ -176,7 +166,7 @@ def test_the_rate_holds_in_the_recording_and_in_another_but_not_below_the_thresh
 
 def test_a_recording_that_cannot_show_the_rate_is_refused():
     minute = track(5, duration_s=60.0, slips=False)
-    noisy = dataclasses.replace(EVIDENCE, noise_floor=(1e-6,), noise_floor_range_db=10.0)
+    noisy = dataclasses.replace(SURE, noise_floor=(1e-6,), noise_floor_range_db=10.0)
     silent = track_with(np.zeros((4560, 4)), name='seed 5')
     for recording, chain, per_hour, line in (
         (minute, CHAIN, 100.0, '5: lasts 0.0167 h, allowed: no slip, and at least 0.03 h to show'),
@@ -189,16 +179,13 @@ def test_a_recording_that_cannot_show_the_rate_is_refused():
 
 
 def test_where_rest_makes_no_evidence_the_given_threshold_stays():
-    surer = dataclasses.replace(EVIDENCE, noise_floor=(1.0,))
+    surer = dataclasses.replace(SURE, noise_floor=(1.0,))
     found = quiet_threshold(track(5, duration_s=60.0, slips=False), surer, 200.0)
     line = '0 false alarms in 0.0167 h: 0 to 180 an hour at 95% confidence'
     assert found == (surer.threshold, f'threshold {surer.threshold:g}, {line}')
 
 
-GIVEN = dataclasses.replace(CHAIN, exponent=1, decision='evidence', noise_floor=(0.001,))
-
-
-def learn(rest_s=60.0, chain=GIVEN, mains_hz=60.0, hum_v=0.0):
+def learn(rest_s=60.0, chain=EVIDENCE, mains_hz=60.0, hum_v=0.0):
     """Learn of a recording at rest, with hum."""
     volts, _ = slips(1, duration_s=rest_s, slips=False)
     volts += hum(mains_hz, len(volts), chain.sample_rate_hz, {1: hum_v})
@@ -209,7 +196,7 @@ def learn(rest_s=60.0, chain=GIVEN, mains_hz=60.0, hum_v=0.0):
 def test_rest_teaches_a_floor_for_each_channel_and_nothing_else():
     parameters, lines = learn()
     assert parameters == {
-        'noise_floor': list(learnt_floors(GIVEN, [track(1, duration_s=60.0, slips=False)])),
+        'noise_floor': list(learnt_floors(EVIDENCE, [track(1, duration_s=60.0, slips=False)])),
         'noise_floor_learnt': True,
         'noise_floor_range_db': 15.0,
     }
@@ -226,7 +213,7 @@ def test_the_hum_is_removed_before_the_floors_are_learnt():
 
 
 def test_hum_without_whole_periods_is_reported_and_not_removed():
-    other = dataclasses.replace(GIVEN, sample_rate_hz=377.7)
+    other = dataclasses.replace(EVIDENCE, sample_rate_hz=377.7)
     parameters, lines = learn(chain=other, mains_hz=50.0, hum_v=1.0)
     assert 'mains_hz cannot remove it' in lines
     assert 'mains_hz' not in parameters

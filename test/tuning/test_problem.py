@@ -102,15 +102,15 @@ def test_time_on_counts_beside_rest_by_the_mean_of_kinds_however_long_each_was_r
     figures = Problem(tracks).as_it_is(often).figures
     alone_percent = Problem(tracks[:1]).as_it_is(often).figures['false_time_percent']
     of_kinds = [figures['press_on_percent'], figures['idle_on_percent']]
+    weights = TuneConfig(auc_costs_ms=0.0)
     for many in range(3):
-        free_ms, cost_ms = (
-            Problem(
-                tracks[: many + 1], config=TuneConfig(auc_costs_ms=0.0, false_time_costs_ms=weight)
-            ).as_it_is(often).cost_ms
-            for weight in (0.0, 1.0)
-        )  # fmt: skip
-        others_percent = np.mean(of_kinds[:many]) if many else 0.0
-        assert cost_ms - free_ms == pytest.approx(alone_percent + others_percent)
+        asked = Problem(tracks[: many + 1], config=weights)
+        free = dataclasses.replace(weights, false_time_costs_ms=0.0)
+        cost_ms, free_ms = (
+            one.as_it_is(often).cost_ms for one in (asked, dataclasses.replace(asked, config=free))
+        )
+        percent = alone_percent + (np.mean(of_kinds[:many]) if many else 0.0)
+        assert cost_ms - free_ms == pytest.approx(10.0 * percent)
 
 
 def test_a_figure_that_gets_worse_than_given_counts_tenfold():

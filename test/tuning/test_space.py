@@ -26,24 +26,17 @@ from slip_detector.parameters.detector import ChainConfig
 from slip_detector.tuning.kinds import contact_level_v
 from slip_detector.tuning.learning import learnt_floors, slip_steps_v
 from slip_detector.tuning.space import SearchSpace, presets
-from support.tuning_cases import CHAIN, track, track_with
+from support.tuning_cases import CHAIN, EVIDENCE, track, track_with
 
 XELA = ChainConfig.from_yaml(Path(__file__).resolve().parents[2] / 'config' / 'xela_uskin.yaml')
 
 
-EVIDENCE = dataclasses.replace(
-    CHAIN,
-    decision='evidence',
-    noise_floor=(0.01, 0.02, 0.03, 0.04),
-    evidence_limit_db_s=0.9,
-    threshold=0.4,
-    mains_hz=50.0,
-    exponent=1,
-)
+FLOORS = {'noise_floor': (0.01, 0.02, 0.03, 0.04), 'evidence_limit_db_s': 0.9}
+GIVEN = dataclasses.replace(EVIDENCE, **FLOORS, threshold=0.4, mains_hz=50.0)
 
 
 @pytest.mark.parametrize(
-    'chain', [CHAIN, XELA, ChainConfig(), EVIDENCE], ids=['small', 'xela', 'paper', 'evidence']
+    'chain', [CHAIN, XELA, ChainConfig(), GIVEN], ids=['small', 'xela', 'paper', 'evidence']
 )
 def test_the_given_chain_is_a_point_of_its_space(chain):
     space = SearchSpace(chain)
@@ -61,8 +54,7 @@ def some_point(space, shares):
             point[name] = kind.choices[round(share * (len(kind.choices) - 1))]
         else:
             value = kind.low + share * (kind.high - kind.low)
-            whole = name in ('exponent', 'impact_channels')
-            point[name] = round(value) if whole else value
+            point[name] = round(value) if isinstance(kind.low, int) else value
     return point
 
 
@@ -146,7 +138,7 @@ def test_a_search_begins_at_each_preset_with_the_floors_of_its_own_sensor():
 
 
 def test_what_no_recording_shows_is_not_searched_and_stays_as_given():
-    given = dataclasses.replace(EVIDENCE, impact_v=1.0, impact_s=0.02, contact_level_v=0.3)
+    given = dataclasses.replace(GIVEN, impact_v=1.0, impact_s=0.02, contact_level_v=0.3)
     space = SearchSpace(given, [track(1), track(2, 'rest')])
     names = {'impact_s', 'contact', 'activity', 'common_rank'}
     assert not names & {*space.distributions, *(k for s in space.stages() for c in s for k in c)}
@@ -157,8 +149,8 @@ TRACKS = [track(1), track(2, 'press', noise_v=1.0), track(3, 'idle', noise_v=0.0
 
 
 def test_contact_is_learnt_and_activity_searched_in_the_low_band_of_the_chain():
-    space = SearchSpace(EVIDENCE, TRACKS)
-    point = space.point(EVIDENCE) | {'contact': 'learnt', 'contact_channels': 2}
+    space = SearchSpace(GIVEN, TRACKS)
+    point = space.point(GIVEN) | {'contact': 'learnt', 'contact_channels': 2}
     found = space.chain({**point, 'activity': 'searched', 'activity_range_db': 12.0})
     assert found.contact_level_v == contact_level_v(found, TRACKS) > 0.0
     assert (found.contact_channels, found.activity_range_db) == (2, 12.0)
@@ -173,17 +165,14 @@ def test_contact_is_learnt_and_activity_searched_in_the_low_band_of_the_chain():
 
 def test_each_stage_is_tried_off_and_on_and_all_together_in_each_band_that_was_measured():
     tracks = [track(1, slip_hz=60.0), *TRACKS[1:]]
-    space = SearchSpace(EVIDENCE, tracks)
-    given, (bands, *stages) = space.point(EVIDENCE), space.stages()
+    space = SearchSpace(GIVEN, tracks)
+    given, (bands, *stages) = space.point(GIVEN), space.stages()
     assert all(30.0 < change['passband_low_hz'] < 60.0 for change in bands)
     together = {'contact': 'learnt', 'activity': 'searched', 'impact': 'learnt', 'common_rank': 1}
     assert any(together.items() <= change.items() for change in bands)
-    for name, values in (
-        ('mains_hz', (0.0, 50.0, 60.0)), ('impact', ('none', 'learnt')),
-        ('contact', ('none', 'learnt')), ('activity', ('none', 'searched')),
-        ('common_rank', (0, 1, 2, 3)), ('floors', ('learnt', 'followed')),
-    ):  # fmt: skip
+    onoff = {'impact': 'learnt', 'contact': 'learnt', 'activity': 'searched', 'mains_hz': 50.0}
+    for name, value in onoff.items():
         (stage,) = [one for one in stages if name in one[0]]
-        assert sorted({change[name] for change in stage}) == sorted(values)
+        assert {change[name] for change in stage} >= {value, 0.0 if name == 'mains_hz' else 'none'}
     for change in [*bands, *(change for stage in stages for change in stage)]:
         assert space.chain({**given, **change, 'decision': 'evidence'}).decision == 'evidence'
