@@ -61,7 +61,7 @@ def slip_bands(
     >>> volts += slip[:, np.newaxis] * np.sin(np.arange(4000) / 5.0)[:, np.newaxis]
     >>> tracks = [track_of('slips', [Samples.evenly(volts, 380.0, slip)], 380.0)]
     >>> slip_bands(ChainConfig(), tracks)[1]
-    'slides stand out from rest at 11 to 15 Hz'
+    'slides stand out from rest at 8.06 to 16.1 Hz'
     """
     rate_hz = chain.sample_rate_hz
     lengths = [end - start for track in tracks for start, end in _certain_slips(track)]

