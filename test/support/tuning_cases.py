@@ -81,9 +81,9 @@ def track_with(volts, truth=None, name='a', rate_hz=RATE_HZ, kind=''):
     return track_of(name, [Samples.evenly(volts, rate_hz, truth, kind=kind)], rate_hz)
 
 
-def track(seed, kind='', **what):
+def track(seed, kind='', duration_s=12.0, **what):
     """Return the noise and slips of a seed as a track; one of a kind has no slips."""
-    volts, truth = slips(seed, **{'slips': not kind, **what})
+    volts, truth = slips(seed, duration_s, **{'slips': not kind, **what})
     return track_with(volts, truth, f'seed {seed}', kind=kind)
 
 

@@ -66,13 +66,11 @@ def test_noise_alone_has_no_band_however_few_its_spectra_are():
 
 def test_a_pass_band_above_the_slides_and_a_lack_of_rest_are_said():
     tracks = [slides(1, 5.0, 12.0)]
-    begin, lines = learn(CHAIN, tracks, step=lambda words: None)
-    assert begin.decision == 'evidence'
-    assert lines[1:] == [
+    assert learn(CHAIN, tracks, step=lambda words: None)[1][1:] == [
         'The given pass-band begins above them, at 20 Hz',
         'No noise learnt: there is no recording without slips',
     ]
-    rest = track_with(0.05 * noise(2), name='still', kind='rest')
-    begin, lines = learn(CHAIN, [*tracks, rest], step=lambda words: None)
+    tracks.append(track_with(0.05 * noise(2), name='still', kind='rest'))
+    begin, lines = learn(CHAIN, tracks, step=lambda words: None)
     assert begin.noise_floor_learnt
     assert 'On still: no line of the mains' in lines[2]

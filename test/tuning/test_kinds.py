@@ -48,6 +48,10 @@ def test_contact_begins_above_a_finger_that_touches_nothing_and_below_one_that_s
         assert not gated.update(idle, excess=True).excess.any()
         gated.reset()
         assert gated.update(volts, excess=True).excess[truth].any(axis=1).mean() > 0.8
+    # A slide that sticks for half of its time is in contact by its loudest rows.
+    sticks = np.arange(len(volts)) % 1140 < 703
+    volts[sticks] = np.resize(idle, volts.shape)[sticks]
+    assert contact_level_v(EVIDENCE, [track_with(volts, truth), of_idle[1]]) > 0.0
 
 
 def test_where_a_finger_always_touches_there_is_no_level_of_contact():
