@@ -251,7 +251,8 @@ class SearchSpace:
 
     def _contact_level_v(self, chain: ChainConfig) -> float:
         """Return the learnt level; it depends on few parameters and is often asked for."""
-        key = chain.contact_channels, chain.activity_band_hz, chain.envelope_window_s
+        window_s, mode = chain.envelope_window_s, chain.common_mode
+        key = chain.contact_channels, chain.activity_band_hz, window_s, mode
         if key not in self._contact_levels_v:
             self._contact_levels_v[key] = contact_level_v(chain, self._tracks)
         return self._contact_levels_v[key]

@@ -121,9 +121,9 @@ class TuningResult(NamedTuple):
     verdict : Verdict
         The best chain found, or the given one.
     notes : list of str
-        A line for each recording that has faults, is left out or contradicts its kind; one where
-        the search was stopped, where little rest is held out, where the cheapest chain is not the
-        one that was judged or taken, and where that is worse in one figure.
+        A line for each recording that has faults, is left out or contradicts its kind, and for each
+        whose labels were moved; what was learnt; one where the search was stopped, where little
+        rest is held out, and where the result is worse in one figure.
     """
 
     problem: Problem
@@ -148,8 +148,7 @@ def tune(
 ) -> TuningResult:
     """Learn of a finger, search for a better chain, and judge the best one by what is held out.
 
-    Without evidence the search begins as for a new sensor. Noise is learnt of the longest
-    recording of rest and impacts of the longest of taps, as far as there are any.
+    See :func:`.teaching.learn`, :func:`.search.search`, :func:`choose` and :func:`judge`.
 
     Parameters
     ----------
