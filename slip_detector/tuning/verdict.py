@@ -121,9 +121,9 @@ class TuningResult(NamedTuple):
     verdict : Verdict
         The best chain found, or the given one.
     notes : list of str
-        A line for each recording that has faults, is left out or contradicts its kind, and for each
-        whose labels were moved; what was learnt; one where the search was stopped, where little
-        rest is held out, and where the result is worse in one figure.
+        A line for each recording that has faults, is left out, contradicts its kind or has labels
+        that were moved; what was learnt; one where the search was stopped, where little rest is
+        held out, and where the result is worse in one figure.
     """
 
     problem: Problem
