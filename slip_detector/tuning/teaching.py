@@ -37,7 +37,7 @@ NEW_SENSOR: dict[str, Any] = {
 }
 LOW_HZ, LOW_SHARE = 20.0, 0.2
 
-#: A shorter recording of rest is no better for seeking the mains than a longer one of another kind.
+#: In a shorter recording of rest the mains show no better than in a longer one of another kind.
 LEAST_S = 10.0
 
 
