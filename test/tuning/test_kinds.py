@@ -18,8 +18,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from benchmarks.tune.families import disturbances
 from slip_detector.chain.slip_chain import SlipChain
@@ -27,7 +25,7 @@ from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.files import read_yaml
 from slip_detector.scenes import Scene, find_scene
-from slip_detector.tuning.kinds import activity_range_db, contact_level_v, contradictions
+from slip_detector.tuning.kinds import contact_level_v, contradictions
 from slip_detector.tuning.tracks import track_of
 from support.tuning_cases import CHAIN, RATE_HZ, slips, track_with
 
@@ -40,15 +38,6 @@ HIGH = dataclasses.replace(
     stopbands_hz=(),
     exponent=1,
 )
-
-
-def band(n, low_hz, high_hz, seed):
-    """Return noise of an RMS of 1 between two frequencies, on four channels."""
-    spectrum = np.fft.rfft(np.random.default_rng(seed).standard_normal((n, 4)), axis=0)
-    hz = np.fft.rfftfreq(n, 1.0 / RATE_HZ)
-    spectrum[(hz < low_hz) | (hz > high_hz)] = 0.0
-    rows = np.fft.irfft(spectrum, n, axis=0)
-    return rows / rows.std()
 
 
 def sliding(seed, untouched_s=0.0):
@@ -74,24 +63,8 @@ def test_contact_begins_above_a_finger_that_touches_nothing_and_below_one_that_s
 def test_where_a_finger_always_touches_there_is_no_level_of_contact():
     volts, truth = sliding(1)
     for more in ([], [track_with(volts, kind='idle')]):
-        with pytest.raises(ValueError, match=r'touches nothing has a level of .* allowed: 1\.5 t'):
+        with pytest.raises(ValueError, match=r'touches nothing has a level of .* allowed: 1\.2 t'):
             contact_level_v(HIGH, [track_with(volts, truth), *more])
-
-
-@settings(deadline=None, max_examples=10)
-@given(range_db=st.floats(5.0, 25.0), level_v=st.floats(0.5, 50.0), seed=st.integers(0, 99))
-def test_the_range_of_activity_is_how_far_noise_in_the_pass_band_is_below_the_low_band(
-    range_db, level_v, seed
-):
-    quiet = 1e-3 * np.random.default_rng(seed).standard_normal((6000, 4))
-    low, high = band(6000, 9.0, 18.0, seed), band(6000, 80.0, 170.0, seed + 1)
-    volts = level_v * (low + 10 ** (-range_db / 20) * high) + quiet
-    press = track_with(volts, kind='press')
-    # Over a long window, so that noise in the narrow low band has about its mean power.
-    long = dataclasses.replace(HIGH, envelope_window_s=0.5)
-    assert activity_range_db(long, [track_with(quiet), press]) == pytest.approx(range_db, abs=1.5)
-    with pytest.raises(ValueError, match='presses are hardly above the noise floors'):
-        activity_range_db(HIGH, [track_with(quiet), track_with(quiet, kind='press')])
 
 
 def played(parts, seed, name='plate_400um', kind=''):

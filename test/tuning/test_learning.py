@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is learnt from a recording at rest or of knocks."""
+"""What is learnt from a recording at rest, and the steps of slips."""
 
 import dataclasses
 import re
@@ -22,19 +22,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from slip_detector.chain.samples import Samples
 from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.evaluation.replay import Replay
-from slip_detector.parameters import ChainConfig, RecordingConfig
+from slip_detector.parameters import ChainConfig
 from slip_detector.tuning.learning import (
     find_mains,
-    impact_step,
-    knocks_v,
-    learn_from_quiet,
+    learn_from_rest,
     learnt_floors,
     quiet_threshold,
+    slip_steps_v,
     steps_v,
 )
+from slip_detector.tuning.tracks import track_of
 from support.tuning_cases import CHAIN, RATE_HZ, slips, track, track_with
 
 PIEZO_HZ = 312.5
@@ -118,14 +118,6 @@ def test_noise_has_no_mains_nor_has_a_line_that_one_channel_lacks(seed):
     assert find_mains(without, rest(volts))[0] == 50.0
 
 
-def with_knocks(step_v):
-    volts = 0.05 * np.random.default_rng(3).standard_normal((20_000, 4))
-    for k in range(20):
-        shape = np.exp(-np.arange(60) / 10.0) * np.cos(np.arange(60))
-        volts[500 + 1000 * k : 560 + 1000 * k] += step_v * shape[:, np.newaxis]
-    return track_with(volts, name='knocks')
-
-
 @given(channels=st.integers(1, 4), rows=st.integers(1, 9), seed=st.integers(0, 2**32 - 1))
 def test_a_step_over_some_rows_is_one_that_so_many_channels_exceed(channels, rows, seed):
     random = np.random.default_rng(seed)
@@ -142,36 +134,19 @@ def test_a_step_over_some_rows_is_one_that_so_many_channels_exceed(channels, row
     np.testing.assert_allclose(found, expected)
 
 
-def test_each_knock_counts_once_however_long_it_rings():
-    steps_v = knocks_v(CHAIN, with_knocks(20.0))
-    assert steps_v.size == 20
-    assert steps_v.min() > 15.0
-    assert knocks_v(CHAIN, track_with(np.zeros((100, 4)))).size == 0
-
-
-def test_the_chain_ignores_the_knocks_and_no_slip_at_the_step_that_is_found():
-    slips = track(1)
-    impact_v, line = impact_step(CHAIN, with_knocks(20.0), [slips])
-    assert '90 % of 20 knocks' in line
-    chain = dataclasses.replace(CHAIN, decision='evidence', noise_floor=(1e-3,), impact_v=impact_v)
-    for knocked, volts in ((False, slips.volts), (True, with_knocks(20.0).volts)):
-        held = dataclasses.replace(chain, impact_v=0.0)
-        with_impacts, without = (
-            SlipChain(one).update(volts, excess=True).excess for one in (chain, held)
-        )
-        assert (with_impacts != without).any() == knocked
-
-
-def test_knocks_like_slips_are_refused_with_the_numbers():
-    still = track_with(np.zeros((100, 4)), name='knocks')
-    for knocks, of_slips, numbers in (
-        (with_knocks(0.6), track(1), r'20 knocks have a step above 0\.\d+ V, slips of up to 0\.'),
-        (with_knocks(20.0), track(1, slips=False), r'20 knocks .* slips of up to 0 V'),
-        (still, track(1), '0 knocks have a step above 0 V'),
-    ):
-        line = f'^knocks: its knocks cannot be told from slips: 90 % of {numbers}.*, allowed: 1.5'
-        with pytest.raises(ValueError, match=line):
-            impact_step(CHAIN, knocks, [of_slips])
+@pytest.mark.parametrize(('accuracy_s', 'below'), [(0.0, 9), (0.2, 8)])
+def test_the_steps_of_slips_are_those_that_nine_in_ten_stay_below_or_eight_of_a_hand(
+    accuracy_s, below
+):
+    volts, truth = np.zeros((2000, 3)), np.arange(2000) % 200 >= 150
+    # One row of each slip steps by 1 to 10 V on one channel, by half as much on another.
+    for k, at in enumerate(range(160, 2000, 200)):
+        volts[at, :2] = (k * 7 % 10 + 1) * np.array([1.0, 0.5])
+    volts[50] = 99.0
+    rows = Samples.evenly(volts, RATE_HZ, truth, accuracy_s=accuracy_s)
+    tracks = [track_of('a', [rows], RATE_HZ), track_with(volts)]
+    found = slip_steps_v(ChainConfig(channels=3), tracks)
+    assert found.tolist() == [below + 1.0, (below + 1.0) / 2, 0.0]
 
 
 BY_EVIDENCE = {'decision': 'evidence', 'noise_floor': (0.01,), 'evidence_offset_db': 4.0}
@@ -223,22 +198,16 @@ def test_where_rest_makes_no_evidence_the_given_threshold_stays():
 GIVEN = dataclasses.replace(CHAIN, exponent=1, decision='evidence', noise_floor=(0.001,))
 
 
-def recording(path, seconds=60.0, humming=0.0, hum_hz=60.0, rate_hz=RATE_HZ):
-    """Write a recording at rest, with hum."""
-    volts, _ = slips(1, duration_s=seconds, slips=False)
-    volts += hum(hum_hz, len(volts), rate_hz, {1: humming})
-    np.savez(path, volts=volts, sample_rate_hz=rate_hz)
-    return str(path)
-
-
-def learn(path, chain=GIVEN):
-    loader = RecordingLoader(chain, RecordingConfig(recording_truth_key='label'))
-    learnt, lines = learn_from_quiet(path, chain, loader)
+def learn(rest_s=60.0, chain=GIVEN, mains_hz=60.0, hum_v=0.0):
+    """Learn of a recording at rest, with hum."""
+    volts, _ = slips(1, duration_s=rest_s, slips=False)
+    volts += hum(mains_hz, len(volts), chain.sample_rate_hz, {1: hum_v})
+    learnt, lines = learn_from_rest(rest(volts, rate_hz=chain.sample_rate_hz), chain)
     return learnt, '\n'.join(lines)
 
 
-def test_quiet_learns_a_floor_for_each_channel_and_nothing_else(tmp_path):
-    parameters, lines = learn(recording(tmp_path / 'rest.npz'))
+def test_rest_teaches_a_floor_for_each_channel_and_nothing_else():
+    parameters, lines = learn()
     assert parameters == {
         'noise_floor': list(learnt_floors(GIVEN, [track(1, duration_s=60.0, slips=False)])),
         'noise_floor_learnt': True,
@@ -247,25 +216,22 @@ def test_quiet_learns_a_floor_for_each_channel_and_nothing_else(tmp_path):
     assert 'no line of the mains is 12 dB above the noise' in lines
 
 
-def test_quiet_removes_the_hum_before_it_learns_the_floors(tmp_path):
-    humming, lines = learn(recording(tmp_path / 'hum.npz', humming=0.5))
+def test_the_hum_is_removed_before_the_floors_are_learnt():
+    humming, lines = learn(hum_v=0.5)
     assert humming['mains_hz'] == 60.0
     assert 'mains of 60 Hz: lines of 60 Hz (' in lines
-    quiet, _ = learn(recording(tmp_path / 'rest.npz'))
     # The comb makes noise louder by 3 dB; the hum was louder by 20.
-    ratios = np.array(humming['noise_floor']) / quiet['noise_floor']
+    ratios = np.array(humming['noise_floor']) / learn()[0]['noise_floor']
     np.testing.assert_allclose(20.0 * np.log10(ratios), 3.0, atol=0.7)
 
 
-def test_hum_without_whole_periods_is_reported_and_not_removed(tmp_path):
+def test_hum_without_whole_periods_is_reported_and_not_removed():
     other = dataclasses.replace(GIVEN, sample_rate_hz=377.7)
-    path = recording(tmp_path / 'hum.npz', humming=1.0, hum_hz=50.0, rate_hz=377.7)
-    parameters, lines = learn(path, other)
+    parameters, lines = learn(chain=other, mains_hz=50.0, hum_v=1.0)
     assert 'mains_hz cannot remove it' in lines
     assert 'mains_hz' not in parameters
 
 
-def test_floors_need_five_seconds_of_rest(tmp_path):
-    path = recording(tmp_path / 'short.npz', seconds=4.0)
-    with pytest.raises(ValueError, match=r'short\.npz: lasts 4 s, allowed: at least 5 s at rest'):
-        learn(path)
+def test_floors_need_five_seconds_of_rest():
+    with pytest.raises(ValueError, match=r'^rest: lasts 4 s, allowed: at least 5 s at rest'):
+        learn(rest_s=4.0)

@@ -14,6 +14,8 @@
 
 """A search in this process and in others, its study and its end."""
 
+import contextlib
+import dataclasses
 import os
 import pickle
 import signal
@@ -26,12 +28,12 @@ import pytest
 from slip_detector.commands.command_line import interrupts_noted
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.parameters.driver import RecordingConfig
-from slip_detector.tuning.search import Study
+from slip_detector.tuning.search import Study, search
 from slip_detector.tuning.tracks import TrainingFiles
 from slip_detector.tuning.verdict import TuningParameters, tune
 from support.limits import full_disk
 from support.python_runs import run_python
-from support.tuning_cases import CHAIN, problem, study_of, track, write
+from support.tuning_cases import CHAIN, RATE_HZ, problem, slips, study_of, track, track_with, write
 
 PARAMETERS = TuningParameters(CHAIN, RecordingConfig(recording_truth_key='label'))
 X = {'x': optuna.distributions.FloatDistribution(0.0, 1.0)}
@@ -50,6 +52,55 @@ def test_the_order_in_which_a_batch_is_done_changes_nothing():
     ]
     assert len(found[0]) > 15
     assert found[0] == found[1]
+
+
+class OnlyStages(Study):
+    """Ends a search where chance would begin."""
+
+    def ask(self):
+        raise LookupError
+
+
+def searched(asked, trials=10_000, storage=None):
+    """Search up to a number of trials, but not by chance; return point and cost of all."""
+    study = OnlyStages(asked.space.distributions, 0, storage)
+    with contextlib.suppress(LookupError):
+        search(asked, study, trials)
+    return [(trial.params, trial.value) for trial in study.trials]
+
+
+def test_a_search_that_goes_on_tries_nothing_twice_and_what_one_run_tries(tmp_path):
+    asked = problem([track(1, duration_s=6.0)])
+    whole, storage = searched(asked, 45), str(tmp_path / 'study.journal')
+    for trials in (3, 20, 21, 45, 45):
+        parts = searched(asked, trials, storage)
+    assert parts == whole
+    points = [sorted(trial.params.items()) for trial in study_of(asked, 300).trials]
+    assert all(point not in points[:k] for k, point in enumerate(points))
+
+
+def humming(seed, kind='', knock_v=0.0):
+    """Return slips or knocks, all but one with hum, which differ from channel to channel."""
+    volts, truth = slips(seed, slip_hz=90.0, slips=not kind)
+    volts[truth] += 0.5 * np.random.default_rng(seed).standard_normal((truth.sum(), 4))
+    signs, time_s = np.array([1.0, -1.0, -1.0, 1.0]), np.arange(len(volts)) / RATE_HZ
+    hum = sum(np.sin(2 * np.pi * 60.0 * harmonic * time_s) for harmonic in range(1, 4))
+    volts += 2.0 * (seed > 1) * signs * hum[:, np.newaxis]
+    for at in range(200, len(volts), 380):
+        volts[at : at + 12] += knock_v * signs * (-1.0) ** np.arange(12)[:, np.newaxis]
+    return track_with(volts, truth, f'seed {seed}', kind=kind)
+
+
+def test_stages_that_help_are_kept_while_others_are_tried():
+    given = dataclasses.replace(
+        CHAIN, decision='evidence', noise_floor=(0.01,), exponent=1, stopbands_hz=(),
+        passband_hz=(40.0, 0.0), threshold=0.1, vote=1,
+    )  # fmt: skip
+    asked = problem([humming(1), humming(2), humming(3, 'rest'), humming(4, 'taps', 20.0)], given)
+    point, cost_ms = min(searched(asked), key=lambda one: one[1])
+    assert (point['mains_hz'], point['impact']) == (60.0, 'learnt')
+    for without in ({'mains_hz': 0.0}, {'impact': 'none'}):
+        assert all(one.cost_ms > 2 * cost_ms for one in asked.candidates_at({**point, **without}))
 
 
 @pytest.fixture
@@ -92,7 +143,7 @@ def interrupted_at(*counts):
     """Return what interrupts a search when it has tried so many chains."""
     left = list(counts)
 
-    def progress(count, best):
+    def progress(count, trials, best):
         while left and count >= left[0]:
             del left[0]
             signal.raise_signal(signal.SIGINT)

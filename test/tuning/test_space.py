@@ -22,10 +22,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.tuning.kinds import activity_range_db, contact_level_v
-from slip_detector.tuning.learning import learnt_floors, steps_v
+from slip_detector.tuning.kinds import contact_level_v
+from slip_detector.tuning.learning import learnt_floors, slip_steps_v
 from slip_detector.tuning.space import SearchSpace, presets
 from support.tuning_cases import CHAIN, track, track_with
 
@@ -91,8 +90,6 @@ def test_every_point_of_the_space_is_a_chain(rate_hz, shares):
     assert found.decision == point['decision']
     assert found.groups == chain.groups
     assert found.threshold < (found.evidence_limit_db_s if found.decision == 'evidence' else 1.0)
-    for low_hz, high_hz in found.stopbands_hz:
-        assert 0.0 < low_hz < high_hz < rate_hz / 2
 
 
 def test_what_only_the_other_decision_has_is_no_distance():
@@ -121,16 +118,16 @@ def test_floors_are_those_of_the_chain_s_own_band_on_what_is_tuned_on(which):
     np.testing.assert_allclose(ratios, 2.0**CHAIN.exponent, rtol=2e-3)
 
 
-def test_an_impact_is_above_every_step_of_the_slips():
-    tracks = [track(1)]
+def test_an_impact_is_a_step_beside_those_of_the_slips():
+    tracks = [track(1), track(2, 'taps')]
     space = SearchSpace(CHAIN, tracks)
-    point = space.point(CHAIN) | {'decision': 'evidence', 'impact': 'above slips'}
-    for channels in (1, 2, 4):
-        found = space.chain(point | {'impact_channels': channels})
-        assert found.impact_channels == channels
-        steps = steps_v(found, tracks[0])[tracks[0].kinds == SLIP, channels - 1]
+    point = space.point(CHAIN) | {'decision': 'evidence', 'impact': 'learnt', 'impact_s': 0.01}
+    for channels, scale in ((1, 1.5), (2, 1.5), (4, 0.75)):
+        found = space.chain(point | {'impact_channels': channels, 'impact_scale': scale})
+        assert (found.impact_channels, found.impact_rows) == (channels, 4)
+        step_v = slip_steps_v(found, tracks, found.impact_rows)[channels - 1]
         few = 1.0 + 2 / len(tracks[0].slips)
-        assert found.impact_v == pytest.approx(1.5 * few * steps.max(), rel=1e-3)
+        assert found.impact_v == pytest.approx(scale * few * step_v, rel=1e-3)
     assert space.chain(point | {'impact': 'none'}).impact_v == 0.0
 
 
@@ -151,31 +148,42 @@ def test_a_search_begins_at_each_preset_with_the_floors_of_its_own_sensor():
 def test_what_no_recording_shows_is_not_searched_and_stays_as_given():
     given = dataclasses.replace(EVIDENCE, impact_v=1.0, impact_s=0.02, contact_level_v=0.3)
     space = SearchSpace(given, [track(1), track(2, 'rest')])
-    assert not {'impact_s', 'contact', 'activity'} & set(space.distributions)
+    names = {'impact_s', 'contact', 'activity', 'common_rank'}
+    assert not names & {*space.distributions, *(k for s in space.stages() for c in s for k in c)}
     assert space.chain(space.starts()[0]) == given
 
 
-def test_what_recordings_of_kinds_teach_is_among_the_first_alone_and_together():
-    tracks = [track(1), track(2, 'press', noise_v=1.0), track(3, 'idle', noise_v=0.005)]
-    given = dataclasses.replace(EVIDENCE, passband_hz=(60.0, 0.0), stopbands_hz=(), mains_hz=0.0)
-    space = SearchSpace(given, tracks)
-    known = [(one.get('contact'), one.get('activity'), one['impact_s']) for one in space.starts()]
-    for start in [
-        ('learnt', 'none', 0.0), ('none', 'learnt', 0.0), ('none', 'none', 0.01),
-        ('learnt', 'learnt', 0.01),
-    ]:  # fmt: skip
-        assert start in known
-    found = space.chain(space.starts()[known.index(('learnt', 'learnt', 0.01))])
-    assert found.contact_level_v == contact_level_v(found, tracks) > 0.0
-    assert found.activity_range_db == activity_range_db(found, tracks)
+TRACKS = [track(1), track(2, 'press', noise_v=1.0), track(3, 'idle', noise_v=0.005)]
+
+
+def test_contact_is_learnt_and_activity_searched_in_the_low_band_of_the_chain():
+    space = SearchSpace(EVIDENCE, TRACKS)
+    point = space.point(EVIDENCE) | {'contact': 'learnt', 'contact_channels': 2}
+    found = space.chain({**point, 'activity': 'searched', 'activity_range_db': 12.0})
+    assert found.contact_level_v == contact_level_v(found, TRACKS) > 0.0
+    assert (found.contact_channels, found.activity_range_db) == (2, 12.0)
     assert found.activity_cap_db == 8.7
-    slip = tracks[0].kinds == SLIP
-    steps = steps_v(found, tracks[0], found.impact_rows)[slip, given.impact_channels - 1]
-    assert found.impact_rows == 4
-    assert found.impact_v > 1.5 * steps.max()
     # A band below that of the chain: evidence of what is learnt differs from none.
-    low = space.chain({**space.starts()[0], 'activity': 'learnt', 'passband_low_hz': 10.0})
+    low = space.chain({**point, 'activity': 'searched', 'passband_low_hz': 10.0})
     assert low.activity_band_hz == (4.0, 10.0)
     # From there a search goes on with what was learnt.
-    again = SearchSpace(found, tracks)
+    again = SearchSpace(found, TRACKS)
     assert again.chain(again.point(found)) == found
+
+
+def test_each_stage_is_tried_off_and_on_and_all_together_in_each_band_that_was_measured():
+    tracks = [track(1, slip_hz=60.0), *TRACKS[1:]]
+    space = SearchSpace(EVIDENCE, tracks)
+    given, (bands, *stages) = space.point(EVIDENCE), space.stages()
+    assert all(30.0 < change['passband_low_hz'] < 60.0 for change in bands)
+    together = {'contact': 'learnt', 'activity': 'searched', 'impact': 'learnt', 'common_rank': 1}
+    assert any(together.items() <= change.items() for change in bands)
+    for name, values in (
+        ('mains_hz', (0.0, 50.0, 60.0)), ('impact', ('none', 'learnt')),
+        ('contact', ('none', 'learnt')), ('activity', ('none', 'searched')),
+        ('common_rank', (0, 1, 2, 3)), ('floors', ('learnt', 'followed')),
+    ):  # fmt: skip
+        (stage,) = [one for one in stages if name in one[0]]
+        assert sorted({change[name] for change in stage}) == sorted(values)
+    for change in [*bands, *(change for stage in stages for change in stage)]:
+        assert space.chain({**given, **change, 'decision': 'evidence'}).decision == 'evidence'
