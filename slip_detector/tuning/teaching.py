@@ -20,7 +20,7 @@ from typing import Any
 
 from slip_detector.parameters import ChainConfig
 from slip_detector.tuning.bands import slip_bands
-from slip_detector.tuning.learning import LEARNT_RANGE_DB, find_mains, learnt_floors
+from slip_detector.tuning.learning import learn_noise
 from slip_detector.tuning.tracks import Track, at_rest
 
 #: Where the search for an unknown sensor begins, and its pass-band: from a frequency, or from a
@@ -75,18 +75,9 @@ def learn(
     longest = max(
         quiet, key=lambda one: (one in resting and one.duration_s >= LEAST_S, one.duration_s)
     )
-    step(f'seeking the mains in {longest.name}')
-    mains_hz, line = find_mains(chain, longest)
-    lines.append(f'On {longest.name}: {line}')
+    step(f'learning the noise of {longest.name}')
     try:
-        chain = dataclasses.replace(chain, mains_hz=chain.mains_hz or mains_hz)
-    except ValueError as error:
-        lines.append(f'mains_hz cannot remove it: {error}')
-    step('learning the noise at rest')
-    try:
-        floors = learnt_floors(chain, tracks)
+        learnt, said = learn_noise(chain, tracks, longest)
     except ValueError as error:
         return chain, [*lines, str(error)]
-    lines.append(f'Noise floors of {min(floors):.4g} to {max(floors):.4g}')
-    learnt: Any = {'noise_floor': floors, 'noise_floor_range_db': LEARNT_RANGE_DB}
-    return dataclasses.replace(chain, noise_floor_learnt=True, **learnt), lines
+    return dataclasses.replace(chain, **learnt), lines + said
