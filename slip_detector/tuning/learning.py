@@ -111,9 +111,6 @@ def learn_from_quiet(
         text = 'evidence, whose noise floors --quiet learns, or --false-alarms-per-hour, which '
         refuse('parameter decision is mean', f'{text}sets the threshold')
     track = load_track(path, loader)
-    if chain.decision == 'evidence' and track.duration_s < LEAST_S:
-        lasts = f'{track.name}: lasts {track.duration_s:.3g} s'
-        refuse(lasts, f'at least {LEAST_S:g} s at rest')
     learnt, lines = learn_noise(chain, [track], track)
     lines = [*faults_of([track]), *lines]
     if per_hour is not None:
@@ -131,6 +128,9 @@ def learn_noise(
     learnt: dict[str, Any] = {}
     lines = [f'On {longest.name}: {line}']
     if chain.decision == 'evidence':
+        lasts_s = sum(track.duration_s for track in at_rest(tracks))
+        if lasts_s < LEAST_S:
+            refuse(f'{longest.name}: lasts {lasts_s:.3g} s', f'at least {LEAST_S:g} s at rest')
         if mains_hz and not chain.mains_hz:
             try:
                 chain = dataclasses.replace(chain, mains_hz=mains_hz)
