@@ -42,6 +42,7 @@ COMMANDS = {
     'extremes': 'stiff and extreme cases of the simulated fingertip',
     'tune': 'recordings read, evaluated, searched and reported; what tuning brings',
     'paper': "the paper's protocol, its figures beside ours",
+    'grasp': 'how far objects slide in a simulated grasp',
     'lessons': 'what teaching by late and careless hands brings',
     'fingers': 'real fingers: taught on a part of the recordings, judged on the rest',
     'soak': 'drivers and detectors that run for long',

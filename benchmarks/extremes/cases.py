@@ -60,9 +60,8 @@ def held_object(mass_kg: float) -> dict[str, Any]:
 
 #: Friction without the Stribeck effect, which needs damping.
 EVEN = {'kinetic_coefficient': 0.6, 'static_coefficient': 0.6}
-BARE = {'skin': {'mass_kg': 0.0, 'damping_n_s_m': 0.0}}
+BARE = {'skin': {'damping_n_s_m': 0.0}}
 UNDAMPED_BRISTLES = {'bristle_damping_n_s_m': 0.0}
-LIGHT = {'mass_kg': 1e-5, 'damping_n_s_m': 0.0}
 SMOOTH = {'electronics': {'bandwidth_hz': 150.0}}
 RELIEF = {'times_s': [0.25, 0.3, 0.35], 'peak_force_n': -1.0}
 REVERSALS = {**SMOOTH, 'steps': moving(20e-3, -20e-3, 20e-3, -20e-3)}
@@ -83,8 +82,7 @@ CASES: list[tuple[str, str, dict[str, Any]]] = [
     ('bare skin', 'no Stribeck effect', {**BARE, 'friction': {**EVEN, **UNDAMPED_BRISTLES}}),
     ('bare skin', 'damped bristles', {**BARE, 'friction': EVEN}),
     ('bare skin', 'Stribeck effect', BARE),
-    ('no mass', 'no bristle damping', {'friction': UNDAMPED_BRISTLES}),
-    ('no damping', 'mass 1e-5 kg', {'skin': LIGHT, 'friction': EVEN}),
+    ('bristles', 'no damping', {'friction': UNDAMPED_BRISTLES}),
     ('spatial period', '1 um, 150 Hz', {'texture': FINE, **SMOOTH}),
     ('spatial period', '1 um, no low-pass', {'texture': FINE}),
     ('velocity', '80 mm/s, 150 Hz', {**FAST, **SMOOTH}),

@@ -25,8 +25,7 @@ Keys of ``python -m benchmarks extremes --json``:
     One object for each case: ``case``, ``setting``; ``said``: the message with which it is refused
     before it starts (the rest is then missing), else empty; ``volts_share``: the largest voltage
     as a share of what loads, ridges and friction allow; ``bounded``: whether it is finite and at
-    most 1 (2 for skin with mass, which may overshoot);
-    ``voltage_error``: the worst, as a share of the range of the reference's volts;
+    most 1; ``voltage_error``: the worst, as a share of the range of the reference's volts;
     ``position_error_m`` of an object until it is lost; ``reference``: its method;
     ``reference_error``: how far its check differs from it.
 ``hour``
@@ -120,7 +119,7 @@ def _measure_case(description: Mapping[str, Any], budget_s: float) -> dict[str, 
         'said': '',
         'volts_share': share,
         # False, too, where anything is not finite.
-        'bounded': share <= (2.0 if scene.constants.skin.mass_kg > 0.0 else 1.0 + 1e-6),
+        'bounded': share <= 1.0 + 1e-6,
         'voltage_error': reference.error(found),
         'position_error_m': reference.error_m(found) if 'object' in scene.parts else None,
         'reference': name,

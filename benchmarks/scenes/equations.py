@@ -26,7 +26,7 @@ from slip_detector.scenes.friction import LIGHTEST_LOAD_N
 from slip_detector.scenes.motion import drive_at
 from slip_detector.scenes.surface import FINGERS, ridges_between, roughness_between, spread_load
 
-#: Most iterations for the velocity of skin without mass; about six are needed.
+#: Most iterations for the velocity of the skin; about six are needed.
 MOST_ITERATIONS = 100
 
 #: The iteration ends when velocity or force are exact to this share of themselves.
@@ -51,7 +51,7 @@ def bristle_force(w, z, load, law):
 
 @compiled
 def _passing_velocity(v, x, z, load, skin, law):
-    """Return the velocity w at which the surface passes over skin without mass.
+    """Return the velocity w at which the surface passes over the skin.
 
     It is the root of c (v - w) + k x = F(w, z), which exists if skin or friction have damping.
     """
@@ -86,18 +86,13 @@ def _passing_velocity(v, x, z, load, skin, law):
 
 
 @compiled
-def _patch_rates(v, load, x, u, z, constants):
-    """Return dx/dt, du/dt, dz/dt and the friction force of one patch."""
-    skin = constants.skin
-    if load == 0.0 and x == 0.0 and u == 0.0 and z == 0.0:
-        return 0.0, 0.0, 0.0, 0.0  # Without contact nothing moves, as in the live stepper.
-    if skin.mass_kg > 0.0:
-        force, dz = bristle_force(v - u, z, load, constants.friction)
-        pull = force - skin.damping_n_s_m * u - skin.shear_stiffness_n_m * x
-        return u, pull / skin.mass_kg, dz, force
-    w = _passing_velocity(v, x, z, load, skin, constants.friction)
+def _patch_rates(v, load, x, z, constants):
+    """Return dx/dt, dz/dt and the friction force of one patch."""
+    if load == 0.0 and x == 0.0 and z == 0.0:
+        return 0.0, 0.0, 0.0  # Without contact nothing moves, as in the live stepper.
+    w = _passing_velocity(v, x, z, load, constants.skin, constants.friction)
     force, dz = bristle_force(w, z, load, constants.friction)
-    return v - w, 0.0, dz, force
+    return v - w, dz, force
 
 
 @compiled
@@ -126,14 +121,13 @@ def _channel_volts(c, load, x, position, constants):
 def rates(t, y, numbers, constants, cutoff_rad_s, loads, out):
     """Write dy/dt to ``out``.
 
-    The states of each patch are its displacement x, its velocity u (with mass), the deflection z
-    of its bristles and the voltage V (with a low-pass); then come position and velocity of an
-    object. ``numbers`` are those of the drive.
+    The states of each patch are its displacement x, the deflection z of its bristles and the
+    voltage V (with a low-pass); then come position and velocity of an object. ``numbers`` are
+    those of the drive.
     """
     drive = drive_at(t, numbers)
     n_channels, n_patches = constants.positions_m.shape[0], constants.patches.size
     with_object = n_patches > n_channels
-    with_mass, smooth = constants.skin.mass_kg > 0.0, cutoff_rad_s > 0.0
     position, v = drive.position_m, drive.velocity_m_s
     if with_object:
         position, v = y[-2], y[-1]
@@ -144,16 +138,10 @@ def rates(t, y, numbers, constants, cutoff_rad_s, loads, out):
         x = 0.0
         if n_patches:
             x = y[i]
-            u = y[i + 1] if with_mass else 0.0
-            z = y[i + 1 + with_mass]
-            dx, du, dz, friction = _patch_rates(v, loads[p], x, u, z, constants)
+            out[i], out[i + 1], friction = _patch_rates(v, loads[p], x, y[i + 1], constants)
             total += constants.patches[p] * friction
-            out[i] = dx
-            if with_mass:
-                out[i + 1] = du
-            out[i + 1 + with_mass] = dz
-            i += 2 + with_mass
-        if smooth and p < n_channels:
+            i += 2
+        if cutoff_rad_s > 0.0 and p < n_channels:
             out[i] = cutoff_rad_s * (_channel_volts(p, loads[p], x, position, constants) - y[i])
             i += 1
     if with_object:

@@ -78,19 +78,19 @@ class Ode:
     Raises
     ------
     ValueError
-        For skin that has neither mass nor damping.
+        For skin without damping.
     """
 
     def __init__(self, scene: Scene) -> None:
         self.scene, self._constants, self._drive = scene, scene.constants, scene.drive_numbers
         constants, skin, law = scene.constants, scene.constants.skin, scene.constants.friction
         n_channels, with_friction = len(constants.positions_m), bool(constants.patches.size)
-        if with_friction and skin.mass_kg == 0.0 and skin.damping_n_s_m + law.viscous_n_s_m == 0.0:
-            raise ValueError('no state says how fast skin without mass and damping moves')
+        if with_friction and skin.damping_n_s_m + law.viscous_n_s_m == 0.0:
+            raise ValueError('no state says how fast skin without damping moves')
         self.with_object = constants.patches.size > n_channels
         self._cutoff_rad_s = 2.0 * np.pi * scene.parts['electronics'].bandwidth_hz
         self._loads = np.zeros(max(constants.patches.size, n_channels))
-        self._own = 2 + (skin.mass_kg > 0.0) if with_friction else 0
+        self._own = 2 if with_friction else 0
         times_s = np.linspace(0.0, scene.duration_s, 2001)
         load_n = scene.parts['contact'].largest_load_n(float(scene.force_n(times_s).max()))
         load_n = max(load_n, LIGHTEST_LOAD_N)
@@ -98,9 +98,8 @@ class Ode:
         volts = float(np.abs(constants.normal_v_n).max()) * load_n
         volts += float(np.abs(constants.shear_v_n).max()) * shear_n
         x_m, z_m = shear_n / skin.shear_stiffness_n_m, shear_n / law.bristle_stiffness_n_m
-        speed_m_s = max(float(np.abs(self._drive.plate[2]).max()), 1e-3)
         # How large each state may become; the tolerances are relative to it.
-        own = {0: [], 2: [x_m, z_m], 3: [x_m, speed_m_s, z_m]}[self._own]
+        own = [x_m, z_m][: self._own]
         filtered = [max(volts, 1e-6)] if self._cutoff_rad_s else []
         scales = (own + filtered) * n_channels + ([*own, 1e-3, 1e-2] if self.with_object else [])
         self._scales, self.size = np.array(scales), len(scales)

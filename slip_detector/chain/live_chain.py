@@ -27,7 +27,6 @@ from slip_detector.chain.stages import CONTACT_ROWS, FLOOR, HOLD_ROWS
 from slip_detector.chain.watch import Found, Watch
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.fields import names_that_affect
-from slip_detector.parameters.sets import WAIT_S
 
 #: Time for which rows are kept; a new chain starts with them. The slowest response of the paper's
 #: filters falls to a thousandth in two seconds. As many rows at rest are kept during slip.
@@ -45,7 +44,7 @@ PARTS = {'low_band_hz', 'impact_rows'}
 #: A chain is built when no other change has followed for this time: parameters that come one by
 #: one are complete then. Where they never end, this is the longest time from the first one. What
 #: comes while a chain is built is for the next one.
-GATHER_S, GATHER_AT_MOST_S = WAIT_S, 10.0
+GATHER_S, GATHER_AT_MOST_S = 0.5, 10.0
 
 #: Parameters after whose change the kept rows cannot be used; some are the detector's: another
 #: field of a message is another signal.

@@ -33,7 +33,6 @@ import numpy as np
 
 from slip_detector.chain.samples import Bools, Floats
 from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.evaluation.figures import Bound
 from slip_detector.grasp.law import GraspLaw
 from slip_detector.parameters import ChainConfig, GraspConfig
 from slip_detector.parameters.fields import refuse
@@ -214,22 +213,6 @@ HARDER: dict[str, dict[str, float]] = {
     'ridges a quarter as high': {'ridge_factor': 0.25},
 }
 
-#: Bounds of the controller's figures, in the ordinary condition and in harder ones.
-WANTED: dict[str, dict[str, Bound]] = {
-    CONTROLLER: {
-        'dropped': Bound(high=0.0),
-        'mean_slide_mm': Bound(high=0.2),
-        'worst_slide_mm': Bound(high=0.6),
-        'force_percent': Bound(high=43.0),
-    },
-    'gripper with 60 ms of lag': {
-        'mean_slide_mm': Bound(high=0.5, strict=True),
-        'worst_slide_mm': Bound(high=3.5, strict=True),
-    },
-    'ridges half as high': {'worst_slide_mm': Bound(high=1.0, strict=True)},
-    'ridges a quarter as high': {'worst_slide_mm': Bound(high=2.1, strict=True)},
-}
-
 #: Longest time, in seconds, from an onset to a raise of the grip that counts as the answer to it.
 ANSWER_S = 0.05
 
@@ -297,33 +280,6 @@ def grasp_figures(trials: Sequence[GraspTrial], limit_n: float) -> dict[str, Any
         'most_force_percent': max(shares),
         'needed_percent': float(np.mean(needed)),
         'onsets': float(np.mean([len(trial.onsets_s) for trial in trials])),
-    }
-
-
-def check_wanted(parts: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
-    """Compare the controller's figures with their bounds in :data:`WANTED`.
-
-    Parameters
-    ----------
-    parts
-        The figures of :func:`grasp_figures` under each condition in :data:`WANTED`.
-
-    Returns
-    -------
-    dict
-        For each condition, and each of its figures in :data:`WANTED`: the ``value``, the ``bound``
-        as text and whether it is ``met``; a value that is not defined does not meet it.
-
-    Examples
-    --------
-    >>> found = {'dropped': 0, 'mean_slide_mm': 0.1, 'worst_slide_mm': 0.9, 'force_percent': 42.0}
-    >>> wanted = check_wanted(dict.fromkeys(WANTED, found))
-    >>> [name for name, entry in wanted[CONTROLLER].items() if not entry['met']]
-    ['worst_slide_mm']
-    """
-    return {
-        condition: {name: bound.verdict(parts[condition][name]) for name, bound in bounds.items()}
-        for condition, bounds in WANTED.items()
     }
 
 

@@ -12,81 +12,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``slip_demo``: driver and detector as two processes, and what a grasp controller would get.
-
-Also what all demonstrations share: nodes as processes, and exit codes.
-"""
+"""``slip_demo``: driver and detector as two processes, and what a grasp controller would get."""
 
 import argparse
 import importlib
 import json
 import os
-import subprocess
-import sys
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 from slip_detector.commands import command_line
 from slip_detector.nodes.run import run
-
-#: Time, in seconds, for which messages are still received after a node has ended.
-DRAIN_S = 0.5
-
-
-class NodeProcesses:
-    """Runs nodes, each in a process of its own; on leaving the context all of them are ended.
-
-    ``receive`` is called during waits: it receives messages and returns soon.
-    """
-
-    def __init__(self, namespace: str, receive: Callable[[], None]) -> None:
-        self._namespace, self._receive = namespace, receive
-        self._processes: dict[str, subprocess.Popen[bytes]] = {}
-
-    def __enter__(self) -> 'NodeProcesses':
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        for process in reversed(self._processes.values()):  # A node before what it listens to.
-            process.terminate()
-        for process in self._processes.values():
-            process.wait()
-
-    def start(self, executable: str, config: Path, *arguments: str, **parameters: object) -> None:
-        """Start a node by its executable (see :mod:`slip_detector.nodes.run`)."""
-        command = ['setpriv', '--pdeathsig', 'TERM']  # It ends if this process is killed.
-        command += [sys.executable, '-m', 'slip_detector.nodes.run', executable, '--ros-args']
-        command += ['-r', f'__ns:=/{self._namespace}', '--params-file', str(config)]
-        for name, value in parameters.items():
-            command += ['-p', f'{name}:={value}']
-        # Ctrl-C reaches only this process, which ends them.
-        process = subprocess.Popen([*command, '--', *arguments], start_new_session=True)
-        self._processes[executable] = process
-
-    def check(self) -> None:
-        """Raise a ValueError if a node has failed."""
-        for executable, process in self._processes.items():
-            if process.poll():
-                raise ValueError(f'{executable} ended with the exit code {process.returncode}')
-
-    def wait_until(self, happened: Callable[[], bool]) -> None:
-        """Receive messages until a condition holds; a ValueError if a node fails before.
-
-        The first start compiles the chain, which takes minutes on a small or busy machine. What a
-        node waits for is in its log.
-        """
-        while not happened():
-            self.check()
-            self._receive()
-
-    def wait_for_end(self, executable: str) -> None:
-        """Receive messages until a node has ended without an error, and those still under way."""
-        node = self._processes[executable]
-        self.wait_until(lambda: node.poll() == 0)
-        deadline_s = time.monotonic() + DRAIN_S
-        while time.monotonic() < deadline_s:
-            self._receive()
 
 
 def run_demonstration(parser: argparse.ArgumentParser) -> None:

@@ -12,21 +12,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What ``slip_demo`` and ``slip_grasp`` do with real nodes, and the recorder of their messages."""
+"""What ``slip_demo`` and ``slip_grasp`` do with real nodes."""
 
 import argparse
-import functools
 import sys
 import time
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
-from rclpy.executors import ExternalShutdownException
-from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Header
@@ -35,10 +30,9 @@ from slip_detector.chain.samples import Floats
 from slip_detector.evaluation.demo import Heard, demo_figures, states_at
 from slip_detector.grasp import loop
 from slip_detector.grasp.loop import CONTROLLER, GraspTrial, LiveGraspTrial
-from slip_detector.nodes.demo import NodeProcesses
-from slip_detector.nodes.ending import ASKED, init_ros
-from slip_detector.nodes.finger_topics import PolledTopics
-from slip_detector.nodes.messages import event_qos, sensor_qos, stamp_ns, state_qos
+from slip_detector.nodes.ending import init_ros
+from slip_detector.nodes.messages import event_qos, sensor_qos, state_qos
+from slip_detector.nodes.processes import NodeProcesses, Recorder
 from slip_detector.parameters import ChainConfig, DetectorConfig, DriverConfig, GraspConfig
 from slip_detector.parameters.files import shared_folder, whole_file
 from slip_detector.parameters.grasp import commands_of_a_scene
@@ -49,9 +43,6 @@ from slip_detector.report.tables import demo_table
 from slip_detector.sources.played import SceneSource
 
 ENVELOPE = 'slip_detector/envelope'
-
-#: Period, in seconds, at which messages are received.
-POLL_S = 0.05
 
 #: Timeout of the detector's input: from the end of the driver to its own it does not miss samples.
 TIMEOUT_S = 10.0
@@ -66,43 +57,6 @@ TOPICS: dict[str, tuple[Any, QoSProfile]] = {
 
 #: Index of the object that is drawn, if there are as many; the default one slips five times.
 SHOWN = 2
-
-
-class Recorder(PolledTopics):
-    """Records all messages of some topics with their times of arrival.
-
-    These times come from the middleware of this process, so that its work does not count as
-    latency of the nodes.
-    """
-
-    def __init__(self, namespace: str, topics: Mapping[str, tuple[Any, QoSProfile]]) -> None:
-        super().__init__(Node('recorder', namespace=namespace))
-        #: By topic, the messages and their times of arrival in nanoseconds.
-        self.messages: dict[str, list[tuple[int, Any]]] = {topic: [] for topic in topics}
-        for topic, (message_type, qos) in topics.items():
-            self.add(message_type, topic, qos, functools.partial(self._keep, topic))
-
-    def _keep(self, topic: str, message: Any, info: dict[str, int]) -> None:
-        self.messages[topic].append((info['received_timestamp'], message))
-
-    def receive(self) -> None:
-        """Wait for a moment, and receive messages; an ExternalShutdownException after a signal."""
-        if ASKED.wait(POLL_S):
-            raise ExternalShutdownException
-        self.poll()
-
-    def received_s(self, topic: str) -> Floats:
-        """Return when the messages of a topic arrived."""
-        return np.array([at_ns for at_ns, _ in self.messages[topic]]) * 1e-9
-
-    def stamps_s(self, topic: str) -> Floats:
-        """Return the stamps of the messages of a topic, which have headers or are such."""
-        headers = (getattr(message, 'header', message) for _, message in self.messages[topic])
-        return np.array([stamp_ns(header.stamp) for header in headers]) * 1e-9
-
-    def values(self, topic: str, field: str) -> NDArray[Any]:
-        """Return a field of the messages of a topic."""
-        return np.array([getattr(message, field) for _, message in self.messages[topic]])
 
 
 def slip_demo(arguments: argparse.Namespace, picture: Path) -> tuple[dict[str, Any], str]:
@@ -139,9 +93,9 @@ def _play(arguments: argparse.Namespace, file: Path, config: DetectorConfig) -> 
     with NodeProcesses('slip_demo', recorder.receive) as nodes:
         nodes.start('slip_detector', file, input_timeout_s=TIMEOUT_S)
         nodes.wait_until(lambda: all(map(recorder.messages.get, decisions)))
-        scene = {'scene': arguments.scene, 'seed': arguments.seed, 'loop': 'false'}
-        nodes.start('slip_driver', file, source='scene', wait_for_subscribers=2, **scene)
-        nodes.wait_for_end('slip_driver')
+        scene = {'source': 'scene', 'scene': arguments.scene, 'seed': arguments.seed}
+        driver = nodes.start('slip_driver', file, wait_for_subscribers=2, loop='false', **scene)
+        nodes.wait_for_end(driver)
     begin_s, changes = recorder.stamps_s('voltages')[0], {}
     for topic in decisions:
         states = recorder.values(topic, 'data')
@@ -186,7 +140,6 @@ def slip_grasp(arguments: argparse.Namespace, picture: Path) -> tuple[dict[str, 
         'harder': harder,
         'transport_ms': loop.TRANSPORT_S * 1e3,
         **loop.live_figures(heard, trials[CONTROLLER][: arguments.live], grasp.limit_n),
-        'wanted': loop.check_wanted({**parts, **harder}),
     }
     drawn = min(SHOWN, len(seeds) - 1)
     shown = heard.get(seeds[drawn])
@@ -210,8 +163,8 @@ def _play_live(recorder: Recorder, seed: int, config: Path, folder: Path) -> Liv
     with NodeProcesses('slip_grasp', recorder.receive) as nodes:
         nodes.start('slip_detector', config, input_timeout_s=TIMEOUT_S)
         nodes.start('grasp_controller', config, **commands_of_a_scene())
-        nodes.start('slip_driver', config, wait_for_subscribers=2, **played)
-        nodes.wait_for_end('slip_driver')
+        driver = nodes.start('slip_driver', config, wait_for_subscribers=2, **played)
+        nodes.wait_for_end(driver)
     begin_s = recorder.stamps_s('voltages')[0]
 
     def course(topic: str, field: str) -> Floats:

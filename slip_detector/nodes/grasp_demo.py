@@ -35,9 +35,6 @@ of the grasps that were played through the nodes.
 ``latency_ms``
     ``median`` and ``most`` through the nodes, from the stamp of the sample on which slip came on
     to the command that answered it; null when there was no slip.
-``wanted``
-    For the controller, also under harder conditions: the ``value`` of each figure, its ``bound``
-    as text, and whether it is ``met``.
 """
 
 import argparse

@@ -16,7 +16,6 @@
 
 import itertools
 import sys
-import time
 from collections.abc import Callable, Collection, Iterable, Sequence
 from typing import Any
 
@@ -28,7 +27,7 @@ from rclpy.parameter import Parameter
 from slip_detector.nodes.rclpy_internals import answer_with, given_parameters
 from slip_detector.parameters.fields import allowed
 from slip_detector.parameters.sections import OF_RCLPY, parameters_for
-from slip_detector.parameters.sets import ConfigType, Judge, ParameterSet, changed
+from slip_detector.parameters.sets import ConfigType, ParameterSet, changed, replace_groups
 
 
 def declare(
@@ -114,8 +113,8 @@ def follow_changes(
 ) -> None:
     """Let the parameter services change a node's configuration.
 
-    The atomic service takes all values of a request or none; the ordinary one refuses what is
-    wrong by itself, and takes or refuses all else together (see :class:`.Judge`).
+    All values of a request are taken or none. The ordinary service answers each parameter by
+    itself that cannot be among them: one of another node, or that cannot be changed.
 
     The node must allow undeclared parameters, so that groups can be added and deleted, and so that
     a wrong name reaches the check here, whose message is clearer than rclpy's.
@@ -131,7 +130,7 @@ def follow_changes(
     apply
         Gets the new configuration once the parameters have changed.
     """
-    judge = Judge(check)
+    fields = current().__dataclass_fields__
     fixed = {name for name in current().to_parameters() if node.describe_parameter(name).read_only}
 
     def set_all(parameters: list[Parameter]) -> msg.SetParametersResult:
@@ -160,19 +159,16 @@ def follow_changes(
         return response
 
     def take(request: Any, response: Any) -> Any:
-        """Set the parameters of a request: each for itself, or together what needs each other."""
         parameters = [Parameter.from_parameter_msg(each) for each in request.parameters]
-        its = [each for each in _ours(parameters) if each.name not in fixed]
-        given = [(each.name, each.value) for each in its]
-        taken, refusals = judge.judged(current(), given, time.monotonic())
-        if taken:
-            set_all([Parameter(name, value=value) for name, value in taken.items()])
-        else:  # What waits for others belongs to the changes that are being gathered.
-            apply(current())
-        answers = (msg.SetParametersResult(successful=not text, reason=text) for text in refusals)
+        values = {
+            each.name: each.value
+            for each in parameters
+            if each.name.partition('.')[0] in fields and each.name not in fixed
+        }
+        whole = replace_groups(current(), values)
+        result = set_all([Parameter(name, value=value) for name, value in whole.items()])
         for each in parameters:
-            answer = next(answers) if each in its else node.set_parameters_atomically([each])
-            response.results.append(answer)
+            response.results.append(result if each.name in values else set_all([each]))
         return response
 
     answer_with(node, SetParametersAtomically, take_all)

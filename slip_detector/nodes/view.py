@@ -96,9 +96,9 @@ async def _serve(arguments: argparse.Namespace, takedowns: Takedowns) -> None:
 
     from rclpy.node import Node
 
-    from slip_detector.nodes.demo import NodeProcesses
     from slip_detector.nodes.markers import publish_markers
     from slip_detector.nodes.played_bag import AS_PLAYED, publish_bag
+    from slip_detector.nodes.processes import NodeProcesses
     from slip_detector.nodes.view_fingers import RosDetectors
     from slip_detector.view.access import Access, is_loopback, page_address
     from slip_detector.view.parameters import ParameterRequests

@@ -23,8 +23,7 @@ with the parameter, its value and what is allowed.
 import dataclasses
 import difflib
 import logging
-import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
@@ -32,11 +31,6 @@ from slip_detector.parameters import sections
 from slip_detector.parameters.fields import Field, converted, refuse, shown, shown_name
 
 LOG = logging.getLogger(__name__)
-
-#: Time, in seconds, for which parameters that do not fit yet wait for those that they need. A
-#: running node looks for requests every tenth of a second; on a busy machine the next one of the
-#: same client came after up to a quarter.
-WAIT_S = 0.5
 
 if TYPE_CHECKING:
     from typing_extensions import dataclass_transform
@@ -245,80 +239,22 @@ def changed(config: ConfigType, values: Mapping[str, Any]) -> ConfigType:
     return type(config).from_parameters({n: v for n, v in given.items() if v is not None})
 
 
-class Judge:
-    """Judges parameters together that come one after the other, as a file is loaded.
+def replace_groups(config: ParameterSet, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the values to set for a request that cannot delete groups, as a file that is loaded.
 
-    What is wrong whatever the others are is refused alone. All else of a request is taken or
-    refused as a set. A set that is refused waits for ``WAIT_S``: it is taken together with a later
-    request that makes it possible. As a file cannot delete groups, those of a set replace all
-    others where they do not fit beside them.
+    Its groups replace all others where they do not fit beside them.
 
-    Parameters
-    ----------
-    check
-        Raises a ValueError when a configuration, though valid, cannot be run.
+    Examples
+    --------
+    >>> from slip_detector.parameters import ChainConfig
+    >>> config = ChainConfig(channels=2, groups={'a': [1], 'b': [2]})
+    >>> replace_groups(config, {'channels': 1, 'groups.a': [1]})
+    {'groups.b': None, 'channels': 1, 'groups.a': [1]}
     """
-
-    def __init__(self, check: Callable[[Any], None]) -> None:
-        self._check = check
-        self._waiting: dict[str, Any] = {}
-        self._until_s = -math.inf
-
-    def judged(
-        self, config: ParameterSet, given: Sequence[tuple[str, Any]], now_s: float
-    ) -> tuple[dict[str, Any], list[str]]:
-        """Return the values to set, and for each of those given why it is refused, or ``''``.
-
-        Parameters
-        ----------
-        config
-            The present configuration.
-        given
-            Names and values of a request, in its order; of a name given twice the last value that
-            is not refused counts.
-        now_s
-            A steady clock.
-
-        Examples
-        --------
-        >>> from slip_detector.parameters import ChainConfig
-        >>> judge, config = Judge(lambda config: None), ChainConfig()
-        >>> judge.judged(config, [('decision', 'evidence'), ('gain', 0.0)], now_s=5.0)[1]
-        ['parameter noise_floor has 0 numbers, allowed: one number, or 16, one for each channel \
-(not yet: it waits 0.5 s for others)', 'parameter gain is 0, allowed: 1e-06 to 1e+06']
-        >>> judge.judged(config, [('noise_floor', [0.1])], now_s=5.2)
-        ({'decision': 'evidence', 'noise_floor': [0.1]}, [''])
-        """
-        refusals = [_wrong_alone(config, *each) for each in given]
-        together = dict(each for each, refusal in zip(given, refusals, strict=True) if not refusal)
-        waited = self._waiting if now_s < self._until_s else {}
-        self._waiting, self._until_s = {**waited, **together}, now_s + WAIT_S
-        old = {name: None for name in config.to_parameters() if name.startswith('groups.')}
-        refusal = ''
-        for values in ({**waited, **together}, together):
-            others = old if any(name.startswith('groups.') for name in values) else {}
-            for whole in (values, {**others, **values}):
-                try:
-                    self._check(changed(config, whole))
-                except ValueError as error:
-                    if whole == together:
-                        refusal = f'{error} (not yet: it waits {WAIT_S:g} s for others)'
-                else:
-                    self._waiting = {n: value for n, value in waited.items() if n not in whole}
-                    return whole, refusals
-        return {}, [alone or refusal for alone in refusals]
-
-
-def _wrong_alone(config: ParameterSet, name: str, value: Any) -> str:
-    """Return why a value is refused beside any others; empty if others may make it possible."""
-    fields, group = config.__dataclass_fields__, name.removeprefix('groups.')
-    try:
-        if name in fields and value is not None:
-            converted(value, fields[name], f'parameter {name}')
-        elif name == group:  # It is unknown, or cannot be deleted.
-            changed(config, {name: value})
-        elif value is not None:
-            converted({group: value}, fields['groups'], 'parameter groups')
-    except ValueError as error:
-        return str(error)
-    return ''
+    if any(name.startswith('groups.') for name in values):
+        try:
+            changed(config, values)
+        except ValueError:
+            names = [name for name in config.to_parameters() if name.startswith('groups.')]
+            return {name: None for name in names if name not in values} | {**values}
+    return {**values}

@@ -23,7 +23,7 @@ from matplotlib.figure import Figure
 from slip_detector.chain.samples import Floats
 from slip_detector.grasp.loop import CONTROLLER, PAPER, UNCONTROLLED, GraspTrial
 from slip_detector.report.pictures import COLORS, draw_decision, save_picture
-from slip_detector.report.tables import heading, number_text, text_table
+from slip_detector.report.tables import number_text, text_table
 
 Figures = Mapping[str, Mapping[str, Any]]
 
@@ -40,7 +40,7 @@ SHOWN_SLIDES = 4.0
 
 
 def grasp_table(result: Mapping[str, Any]) -> str:
-    """Return the figures as text: conditions, wanted figures, and the trials with the nodes.
+    """Return the figures as text: conditions, and the trials with the nodes.
 
     Parameters
     ----------
@@ -53,8 +53,7 @@ def grasp_table(result: Mapping[str, Any]) -> str:
     >>> figures |= {'force_percent': 40.0, 'most_force_percent': 44.0, 'onsets': 2.0}
     >>> figures['needed_percent'] = 30.0
     >>> result = {'seeds': [0], 'transport_ms': 5.0, 'conditions': {CONTROLLER: figures}}
-    >>> result['harder'] = {}
-    >>> grasp_table({**result, 'wanted': {}, 'nodes': {}}).splitlines()[1]
+    >>> grasp_table({**result, 'harder': {}, 'nodes': {}}).splitlines()[1]
     'In simulated time, 5 ms from sample to command'
     """
     seeds, parts = result['seeds'], result['conditions']
@@ -63,11 +62,6 @@ def grasp_table(result: Mapping[str, Any]) -> str:
     for name, part in {**parts, **result['harder']}.items():
         figures = [number_text(part[key], '.2f') for key in COLUMNS]
         rows.append([name, f'{part["dropped"]} of {part["trials"]}', *figures])
-    wanted = []
-    for condition, entries in result['wanted'].items():
-        for name, entry in entries.items():
-            value, met = number_text(entry['value'], '.2f'), 'met' if entry['met'] else 'NOT met'
-            wanted.append([condition, heading(name), value, f'wanted {entry["bound"]}', met])
     needed = parts[CONTROLLER]['needed_percent']
     blocks = [
         f'{len(seeds)} objects (seeds {seeds[0]} to {seeds[-1]}): gripped, lifted and filled '
@@ -75,8 +69,6 @@ def grasp_table(result: Mapping[str, Any]) -> str:
         f'In simulated time, {result["transport_ms"]:g} ms from sample to command',
         text_table(rows),
         f'The smallest grip that would hold the objects: {needed:.1f} % of the limit.',
-        'Wanted of the controller',
-        text_table(wanted, '<<><'),
     ]
     if result['nodes']:
         rows = [['', 'slide [mm]', '', 'command [% of limit]'],

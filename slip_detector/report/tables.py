@@ -80,8 +80,7 @@ LEGEND = f'{UNDEFINED}: not defined (no labels, no such rows or events, or no re
 Row = tuple[str, str, str, str]
 
 #: Figures of which larger is better; of all others, smaller is better.
-LARGER_IS_BETTER = ('recall', 'coverage', 'sooner_than_chance', 'precision', 'auc_all',
-                    'auc_moving')  # fmt: skip
+LARGER_IS_BETTER = ('recall', 'coverage', 'sooner_than_chance', 'precision')
 
 #: The figures by which chains are compared, where they are defined.
 MAIN_FIGURES = (
@@ -298,7 +297,8 @@ def compared(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[Row]:
         known = was is not None and now is not None and was != now and 'slips' not in name
         # A negative latency, ON before the slip, is neither better nor worse.
         if known and not (name.startswith('latency') and min(was, now) < 0.0):
-            change = 'better' if (now > was) == (name in LARGER_IS_BETTER) else 'worse'
+            larger = name in LARGER_IS_BETTER or name.startswith('auc')
+            change = 'better' if (now > was) == larger else 'worse'
         late_missed = name.startswith('latency') and '_all' not in name and recalls[1] < recalls[0]
         if change == 'better' and (late_missed or not recalls[1]):
             change = ''

@@ -14,7 +14,7 @@
 
 """The skin over a taxel, and the friction between it and the surface that moves over it.
 
-The skin is a spring, a damper and a mass that shear along x.
+The skin is a spring and a damper that shear along x.
 
 LuGre model (Canudas de Wit, Olsson, Astrom, Lischinsky 1995): bristles of deflection z under a
 surface that moves with the velocity w against the skin,
@@ -46,9 +46,6 @@ class Skin(CompiledSet):
     shear_stiffness_n_m: float = parameter(800.0, 'Shear stiffness.', (1e-3, 1e9, 'N/m'))
     damping_n_s_m: float = parameter(
         0.3, 'Damping against the finger; 0: none.', (0.0, 1e6, 'N s/m')
-    )
-    mass_kg: float = parameter(
-        0.0, 'Mass that moves with the surface of the skin; 0: no inertia.', (0.0, 1.0, 'kg')
     )
 
 
@@ -207,17 +204,16 @@ def lugre_stage(available, impedance, w_last, z, load, step, law):
 def skin_stage(v, x, u, z, w_last, load, step, skin, law):
     """Advance one patch by one implicit step under a surface of velocity v.
 
-    m dU/dt + c U + k X = F(w), U = v - w, X the displacement of the skin's surface.
+    c U + k X = F(w), U = v - w, X the displacement of the skin's surface. The velocity u before
+    the step only tells whether the skin is at rest.
 
     Returns the velocity w of the surface against the skin, the friction force, its slope in v, and
     the bristles' deflection after the step.
     """
     if load == 0.0 and abs(x) < AT_REST and abs(u) < AT_REST:
         return v, 0.0, 0.0, 0.0
-    inertia = skin.mass_kg / step
-    impedance = inertia + skin.damping_n_s_m + skin.shear_stiffness_n_m * step
-    available = inertia * (v - u) + skin.damping_n_s_m * v
-    available += skin.shear_stiffness_n_m * (x + step * v)
+    impedance = skin.damping_n_s_m + skin.shear_stiffness_n_m * step
+    available = skin.damping_n_s_m * v + skin.shear_stiffness_n_m * (x + step * v)
     w, force, slope, after = lugre_stage(available, impedance, w_last, z, load, step, law)
     # Friction and skin act in series.
     return w, force, slope * impedance / (slope + impedance), after

@@ -134,7 +134,7 @@ def check_grip(parts: Mapping[str, Any], force_n: float, where: str = 'friction'
 
     Friction must not fall with velocity faster than the skin's damping rises: each patch would
     stick and slip by itself, too fast for any step. And something must determine how fast skin
-    without mass and damping moves when it begins to slip.
+    without damping moves when it begins to slip.
     """
     friction, skin = parts['friction'], parts['skin']
     load_n = parts['contact'].largest_load_n(force_n)
@@ -148,11 +148,9 @@ def check_grip(parts: Mapping[str, Any], force_n: float, where: str = 'friction'
             'more of these, a higher stribeck_velocity_m_s or less static_coefficient',
         )
     bristle_damping = friction.bristle_damping_n_s_m
-    if skin.mass_kg == 0.0 and damping == 0.0 and bristle_damping > 0.0:
-        what = f'{where}: bristle_damping_n_s_m is {bristle_damping:g} N s/m on skin without mass'
-        refuse(
-            f'{what} and damping, which leaves its velocity open', '0, or damping_n_s_m above 0'
-        )
+    if damping == 0.0 and bristle_damping > 0.0:
+        what = f'{where}: bristle_damping_n_s_m is {bristle_damping:g} N s/m, and skin without'
+        refuse(f'{what} damping leaves its velocity open', '0, or damping_n_s_m above 0')
 
 
 def _largest_force_n(parts: Mapping[str, Any], steps: Sequence[Step]) -> float:

@@ -27,16 +27,10 @@ from slip_detector.parameters.fields import refuse, shown
 from slip_detector.parameters.files import read_yaml, shared_folder
 from slip_detector.scenes import motion
 from slip_detector.scenes.electronics import Frontend, taxel_positions
-from slip_detector.scenes.friction import Friction, Skin
+from slip_detector.scenes.friction import Friction
 from slip_detector.scenes.mechanics import STAGE_TIMES, SceneConstants, State, advance
 from slip_detector.scenes.parts import Sampling, check_grip, check_parts, read_parts, spawned
 from slip_detector.scenes.surface import NO_RIDGES, NO_ROUGHNESS, FreeObject
-
-#: Longest step of the integrator, as a phase angle of the skin's own oscillation.
-RINGING_RAD = 0.4
-
-#: Largest number of integrator steps per second of a scene; more would take too long.
-MOST_STEPS_HZ = 2e6
 
 
 class Scene:
@@ -113,7 +107,7 @@ class Scene:
     def _scene_constants(
         self, longest_step_s: float, of_texture: np.random.Generator
     ) -> SceneConstants:
-        """Build the constants; an error says that the skin oscillates too fast."""
+        """Build what does not change while the scene runs."""
         parts, frontend, rate_hz = self.parts, self._frontend, self.sample_rate_hz
         friction: Friction | None = parts.get('friction')
         body: FreeObject | None = parts.get('object')
@@ -121,12 +115,7 @@ class Scene:
         steps_per_sample = 1
         # Without friction and low-pass filter nothing changes between two samples.
         if friction or bandwidth_hz:
-            step_s = min(longest_step_s, _ringing_step_s(parts['skin']) if friction else math.inf)
-            steps_per_sample = math.ceil(1.0 / (rate_hz * step_s) - 1e-9)
-        if steps_per_sample * rate_hz > MOST_STEPS_HZ:
-            what = f'the scene needs {steps_per_sample * rate_hz:.3g} steps for a second'
-            allowed = f'{MOST_STEPS_HZ:g}; a longer step_s, more damping_n_s_m or mass_kg 0 help'
-            refuse(what, allowed)
+            steps_per_sample = math.ceil(1.0 / (rate_hz * longest_step_s) - 1e-9)
         step_s = 1.0 / (rate_hz * steps_per_sample)
         patches = np.ones(PAPER_CHANNELS if friction else 0)
         cutoff_rad_s = 2.0 * np.pi * bandwidth_hz
@@ -254,13 +243,6 @@ class Scene:
             velocity_m_s, position_m = motion.plate_at(time_s, self.drive_numbers.plate)
             truth = (velocity_m_s != 0.0) & (force_n > 0.0)
         return Samples(volts, np.rint(time_s * 1e9).astype(np.int64), truth, position_m)
-
-
-def _ringing_step_s(skin: Skin) -> float:
-    """Return the longest step that resolves the skin's own oscillation; infinite without one."""
-    if skin.damping_n_s_m**2 >= 4.0 * skin.shear_stiffness_n_m * skin.mass_kg:
-        return math.inf
-    return RINGING_RAD * math.sqrt(skin.mass_kg / skin.shear_stiffness_n_m)
 
 
 def load_scene(path: str | Path, trial: np.random.Generator) -> Scene:

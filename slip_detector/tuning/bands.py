@@ -64,7 +64,11 @@ def slip_bands(
     'slides stand out from rest at 8.06 to 16.1 Hz'
     """
     rate_hz = chain.sample_rate_hz
-    lengths = [end - start for track in tracks for start, end in _certain_slips(track)]
+    lengths = [
+        end - start - 2 * track.samples.accuracy_s * rate_hz
+        for track in tracks
+        for start, end in track.slips
+    ]
     rows = 2 ** int(np.log2(max(np.median(lengths), 1))) if lengths else 0
     if rows < LEAST_ROWS:
         return [], 'slides are too short to measure where they stand out'
@@ -93,12 +97,6 @@ def slip_bands(
     low_hz, high_hz = bands[-1]
     where = f'{low_hz:g} to {high_hz:g} Hz' if high_hz else f'{low_hz:g} Hz and more'
     return bands, f'slides stand out from rest at {where}'
-
-
-def _certain_slips(track: Track) -> list[tuple[int, int]]:
-    """Return the rows of each slip that certainly slip."""
-    edges = np.flatnonzero(np.diff(track.kinds == SLIP, prepend=False, append=False))
-    return [(int(start), int(end)) for start, end in edges.reshape(-1, 2)]
 
 
 def _levels_db(

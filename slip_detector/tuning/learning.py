@@ -111,7 +111,7 @@ def learn_from_quiet(
         text = 'evidence, whose noise floors --quiet learns, or --false-alarms-per-hour, which '
         refuse('parameter decision is mean', f'{text}sets the threshold')
     track = load_track(path, loader)
-    learnt, lines = learn_from_rest(track, chain)
+    learnt, lines = learn_noise(chain, [track], track)
     lines = [*faults_of([track]), *lines]
     if per_hour is not None:
         chain = dataclasses.replace(chain, **learnt)
@@ -120,22 +120,24 @@ def learn_from_quiet(
     return learnt, lines
 
 
-def learn_from_rest(track: Track, chain: ChainConfig) -> tuple[dict[str, Any], list[str]]:
-    """Learn mains and, where evidence decides, noise floors; see :func:`learn_from_quiet`."""
-    mains_hz, line = find_mains(chain, track)
+def learn_noise(
+    chain: ChainConfig, tracks: Sequence[Track], longest: Track
+) -> tuple[dict[str, Any], list[str]]:
+    """Learn mains of one recording and, where evidence decides, noise floors of some at rest."""
+    mains_hz, line = find_mains(chain, longest)
     learnt: dict[str, Any] = {}
-    lines = [f'On {track.name}: {line}']
+    lines = [f'On {longest.name}: {line}']
     if chain.decision == 'evidence':
-        if track.duration_s < LEAST_S:
-            lasts = f'{track.name}: lasts {track.duration_s:.3g} s'
-            refuse(lasts, f'at least {LEAST_S:g} s at rest')
+        lasts_s = sum(track.duration_s for track in at_rest(tracks))
+        if lasts_s < LEAST_S:
+            refuse(f'{longest.name}: lasts {lasts_s:.3g} s', f'at least {LEAST_S:g} s at rest')
         if mains_hz and not chain.mains_hz:
             try:
                 chain = dataclasses.replace(chain, mains_hz=mains_hz)
                 learnt['mains_hz'] = mains_hz
             except ValueError as error:
                 lines.append(f'mains_hz cannot remove it: {error}')
-        floors = learnt_floors(chain, [track])
+        floors = learnt_floors(chain, tracks)
         learnt |= {'noise_floor': list(floors), 'noise_floor_learnt': True}
         learnt['noise_floor_range_db'] = LEARNT_RANGE_DB
         lines.append(f'Noise floors of {min(floors):.4g} to {max(floors):.4g}')

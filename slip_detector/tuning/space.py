@@ -22,7 +22,7 @@ values for the noise floors, a point has the way in which they are learnt from t
 import dataclasses
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
@@ -251,7 +251,8 @@ class SearchSpace:
 
     def _contact_level_v(self, chain: ChainConfig) -> float:
         """Return the learnt level; it depends on few parameters and is often asked for."""
-        key = chain.contact_channels, chain.activity_band_hz, chain.envelope_window_s
+        window_s, mode = chain.envelope_window_s, chain.common_mode
+        key = chain.contact_channels, chain.activity_band_hz, window_s, mode
         if key not in self._contact_levels_v:
             self._contact_levels_v[key] = contact_level_v(chain, self._tracks)
         return self._contact_levels_v[key]
@@ -366,37 +367,33 @@ class SearchSpace:
             for window_s in WINDOWS_S
             for decision in (MEAN, *EVIDENCES, *({**one, **TOGETHER} for one in EVIDENCES))
         ]
-        stages: list[list[dict[str, Any]]] = [
+        floors = {'floor_range_db': 15.0}
+        stages = [
             of_bands,
             [
-                {'floors': way, 'floor_scale': scale, 'floor_range_db': 15.0}
-                for way in ('learnt', 'followed')
-                for scale in (0.7, 1.0)
+                *_each('floor_scale', (0.7, 1.0), floors='learnt', **floors),
+                *_each('floor_scale', (0.7, 1.0), floors='followed', **floors),
             ],
-            [{'mains_hz': hz} for hz in allowed['mains_hz'].choices],
+            _each('mains_hz', allowed['mains_hz'].choices),
             [
                 {'impact': 'none'},
                 *(
-                    {**LEARNT_IMPACT, 'impact_s': time_s, 'impact_scale': scale}
+                    change
                     for time_s in IMPACTS_S[::2]
-                    for scale in IMPACT_SCALES
+                    for change in _each(
+                        'impact_scale', IMPACT_SCALES, impact_s=time_s, **LEARNT_IMPACT
+                    )
                 ),
             ],
-            [
-                {'contact': 'none'},
-                *({'contact': 'learnt', 'contact_channels': many} for many in (1, 2, 4, 6)),
-            ],
+            [{'contact': 'none'}, *_each('contact_channels', (1, 2, 4, 6), contact='learnt')],
             [
                 {'activity': 'none'},
-                *(
-                    {'activity': 'searched', 'activity_range_db': range_db}
-                    for range_db in ACTIVITY_RANGES_DB
-                ),
+                *_each('activity_range_db', ACTIVITY_RANGES_DB, activity='searched'),
             ],
-            [{'common_rank': rank} for rank in range(MOST_RANK + 1)],
-            [{'evidence_offset_db': offset_db} for offset_db in (1.0, 2.0, 3.5, 5.0, 7.0)],
-            [{'evidence_limit_db_s': limit_db_s} for limit_db_s in (0.3, 0.6, 1.3, 2.6)],
-            [{'common_mode': way} for way in allowed['common_mode'].choices],
+            _each('common_rank', range(MOST_RANK + 1)),
+            _each('evidence_offset_db', (1.0, 2.0, 3.5, 5.0, 7.0)),
+            _each('evidence_limit_db_s', (0.3, 0.6, 1.3, 2.6)),
+            _each('common_mode', allowed['common_mode'].choices),
         ]
         return [
             [
@@ -405,6 +402,11 @@ class SearchSpace:
             ]
             for stage in stages
         ]
+
+
+def _each(name: str, values: Iterable[Any], **others: Any) -> list[dict[str, Any]]:
+    """Return a change of a point for each value of a parameter."""
+    return [{name: value, **others} for value in values]
 
 
 def _band(band_hz: tuple[float, float], window_s: float) -> dict[str, Any]:

@@ -20,8 +20,8 @@ from typing import Any
 
 from slip_detector.parameters import ChainConfig
 from slip_detector.tuning.bands import slip_bands
-from slip_detector.tuning.learning import LEARNT_RANGE_DB, find_mains, learnt_floors
-from slip_detector.tuning.tracks import Track
+from slip_detector.tuning.learning import learn_noise
+from slip_detector.tuning.tracks import Track, at_rest
 
 #: Where the search for an unknown sensor begins, and its pass-band: from a frequency, or from a
 #: share of the sample rate if that is lower.
@@ -36,6 +36,9 @@ NEW_SENSOR: dict[str, Any] = {
     'exponent': 1,
 }
 LOW_HZ, LOW_SHARE = 20.0, 0.2
+
+#: In a shorter recording of rest the mains show no better than in a longer one of another kind.
+LEAST_S = 10.0
 
 
 def beginning(chain: ChainConfig) -> ChainConfig:
@@ -67,19 +70,14 @@ def learn(
     quiet = [track for track in tracks if not track.slips]
     if not quiet:
         return chain, [*lines, 'No noise learnt: there is no recording without slips']
-    longest = max(quiet, key=lambda track: track.duration_s)
-    step(f'seeking the mains in {longest.name}')
-    mains_hz, line = find_mains(chain, longest)
-    lines.append(f'On {longest.name}: {line}')
+    # A recording of rest shows the mains best, if it is long enough.
+    resting = at_rest(quiet)
+    longest = max(
+        quiet, key=lambda one: (one in resting and one.duration_s >= LEAST_S, one.duration_s)
+    )
+    step(f'learning the noise of {longest.name}')
     try:
-        chain = dataclasses.replace(chain, mains_hz=chain.mains_hz or mains_hz)
-    except ValueError as error:
-        lines.append(f'mains_hz cannot remove it: {error}')
-    step('learning the noise at rest')
-    try:
-        floors = learnt_floors(chain, tracks)
+        learnt, said = learn_noise(chain, tracks, longest)
     except ValueError as error:
         return chain, [*lines, str(error)]
-    lines.append(f'Noise floors of {min(floors):.4g} to {max(floors):.4g}')
-    learnt: Any = {'noise_floor': floors, 'noise_floor_range_db': LEARNT_RANGE_DB}
-    return dataclasses.replace(chain, noise_floor_learnt=True, **learnt), lines
+    return dataclasses.replace(chain, **learnt), lines + said

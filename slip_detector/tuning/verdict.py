@@ -121,9 +121,9 @@ class TuningResult(NamedTuple):
     verdict : Verdict
         The best chain found, or the given one.
     notes : list of str
-        A line for each recording that has faults, is left out or contradicts its kind; one where
-        the search was stopped, where little rest is held out, where the cheapest chain is not the
-        one that was judged or taken, and where that is worse in one figure.
+        A line for each recording that has faults, is left out, contradicts its kind or has labels
+        that were moved; what was learnt; one where the search was stopped, where little rest is
+        held out, and where the result is worse in one figure.
     """
 
     problem: Problem
@@ -148,8 +148,7 @@ def tune(
 ) -> TuningResult:
     """Learn of a finger, search for a better chain, and judge the best one by what is held out.
 
-    Without evidence the search begins as for a new sensor. Noise is learnt of the longest
-    recording of rest and impacts of the longest of taps, as far as there are any.
+    See :func:`.teaching.learn`, :func:`.search.search`, :func:`choose` and :func:`judge`.
 
     Parameters
     ----------
@@ -293,7 +292,9 @@ def choose(problem: Problem, trials: Sequence[Any]) -> Candidate | None:
     the other recordings give. Of those that cost as much as the best one, to one standard error
     (by the jackknife) of the difference, it is the nearest to the given chain. So with few slips,
     which cannot distinguish a good chain from a lucky one, the result stays close to the given
-    chain; where too few recordings have slips to leave one out, it is the nearest of all.
+    chain; where too few recordings have slips to leave one out, it is the nearest of all. But its
+    area under the ROC curve is not below both that of the best and that of the running chain: as
+    the area is of many rows, few slips do not explain a lower one.
     """
     if not trials:
         return None
@@ -303,11 +304,13 @@ def choose(problem: Problem, trials: Sequence[Any]) -> Candidate | None:
     for trial in of_trials[:COMPARED_CHAINS]:
         found = problem.candidate(trial.user_attrs['found'][0])
         tried.append((found, *problem.left_out(found.chain), trial.params))
-    _, best_ms, best_costs_ms, _ = min(tried, key=lambda one: one[1])
+    best, best_ms, best_costs_ms, _ = min(tried, key=lambda one: one[1])
+    areas = ((one or {}).get('auc') or 0.0 for one in (best.figures, problem.figures))
+    least_area = min(areas) - COMPARED['auc'].step
     as_good = []
     for found, cost_ms, costs_ms, params in tried:
         error_ms = math.sqrt(costs_ms.size - 1) * float(np.std(costs_ms - best_costs_ms))
-        if cost_ms <= best_ms + error_ms:
+        if cost_ms <= best_ms + error_ms and (found.figures['auc'] or 0.0) >= least_area:
             as_good.append((problem.space.distance(params, given), found))
     return min(as_good, key=lambda one: one[0])[1]
 

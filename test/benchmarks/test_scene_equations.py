@@ -31,7 +31,6 @@ STEPS = [
 ]
 PLATE = {'steps': STEPS, 'friction': {}, 'texture': {}}
 FILTERED = {**PLATE, 'electronics': {'bandwidth_hz': 150.0}}
-HEAVY = {**PLATE, 'skin': {'mass_kg': 1e-5}}
 OBJECT = {
     'steps': [
         {'duration_s': 0.05, 'force_n': 2.5},
@@ -53,7 +52,7 @@ DISTURBED = {
 }
 SHAKEN = {**OBJECT, 'tremor': {'motion_rms_m': 5e-5}}
 SCENES = {
-    'plate': PLATE, 'filtered': FILTERED, 'heavy': HEAVY, 'object': OBJECT,
+    'plate': PLATE, 'filtered': FILTERED, 'object': OBJECT,
     'disturbed': DISTURBED, 'shaken': SHAKEN,
 }  # fmt: skip
 
@@ -77,7 +76,7 @@ def test_the_live_stepper_comes_to_the_equation_s_solution_with_the_square_of_it
     assert errors[1] < errors[0] / 3.0
 
 
-@pytest.mark.parametrize('name', ['plate', 'heavy', 'object'])
+@pytest.mark.parametrize('name', ['plate', 'object'])
 def test_two_methods_agree(name):
     other = Ode(build_scene(SCENES[name])).solve('BDF', 1e-6)
     assert reference(name).error(other) < 1e-4

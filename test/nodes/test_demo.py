@@ -31,7 +31,7 @@ from support.python_runs import run_python
 
 pytest.importorskip('rosbags', reason='needs rosbags')
 
-from slip_detector.nodes.demo import NodeProcesses
+from slip_detector.nodes.processes import NodeProcesses
 
 
 @pytest.fixture(scope='module')
@@ -87,10 +87,9 @@ def nodes():
 def test_the_end_of_a_node_is_waited_for_and_leaving_ends_the_others(nodes, tmp_path):
     path = tmp_path / 'rest.npz'
     np.savez(path, volts=np.full((20, 16), 4.3), sample_rate_hz=380.0)
-    nodes.start('slip_driver', FILE, source='recording', recording=path, loop='false')
-    nodes.wait_for_end('slip_driver')
-    nodes.start('slip_driver', FILE, source='scene', wait_for_subscribers=1)
-    process = nodes._processes['slip_driver']
+    ends = nodes.start('slip_driver', FILE, source='recording', recording=path, loop='false')
+    nodes.wait_for_end(ends)
+    process = nodes.start('slip_driver', FILE, source='scene', wait_for_subscribers=1)
     assert process.poll() is None
     assert os.getpgid(process.pid) != os.getpgid(0)  # Ctrl-C of the terminal is not for it.
     nodes.__exit__()
@@ -100,10 +99,9 @@ def test_the_end_of_a_node_is_waited_for_and_leaving_ends_the_others(nodes, tmp_
 def test_nodes_end_with_the_process_that_started_them_even_if_it_is_killed():
     # Before it is killed, setpriv has to have become the node.
     code = (
-        'import os, pathlib, time; from slip_detector.nodes.demo import NodeProcesses\n'
+        'import os, pathlib, time; from slip_detector.nodes.processes import NodeProcesses\n'
         "nodes = NodeProcesses('killed', lambda: None)\n"
-        f"nodes.start('slip_detector', '{FILE}')\n"
-        "pid = nodes._processes['slip_detector'].pid\n"
+        f"pid = nodes.start('slip_detector', '{FILE}').pid\n"
         "words = pathlib.Path(f'/proc/{pid}/cmdline')\n"
         f'end_s = time.monotonic() + {DEADLINE_S}\n'
         # While it becomes another program it has no words.
@@ -117,9 +115,9 @@ def test_nodes_end_with_the_process_that_started_them_even_if_it_is_killed():
 
 
 def test_a_node_that_fails_is_named(nodes):
-    nodes.start('slip_driver', FILE, source='scene', scene='moon')
+    process = nodes.start('slip_driver', FILE, source='scene', scene='moon')
     with pytest.raises(ValueError, match=r'^slip_driver ended with the exit code 1$'):
-        nodes.wait_for_end('slip_driver')
+        nodes.wait_for_end(process)
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])

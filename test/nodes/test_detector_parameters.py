@@ -42,25 +42,18 @@ def test_files_are_loaded_whole_as_ros2_param_load_sends_them(bench):
     assert 'decision failed' not in process.log()
 
 
-def test_what_comes_one_by_one_is_used_as_a_whole_even_what_has_to_wait(bench):
-    process = bench.start('slip_detector')
-
-    def changes():
-        return process.log().count('the new filters have taken over')
-
-    # The first change takes longer, as it loads SciPy.
-    assert bench.set_whole('slip_detector', {'gain': 10.0}).successful
-    bench.wait_for(lambda: changes() == 1, 'the first filters')
-    reasons = []
-    for name, value in [
-        ('gain', 1.0), *6 * [('decision', 'evidence')], ('noise_floor', [0.001]),
-    ]:  # fmt: skip
-        (result,) = bench.set_each('slip_detector', {name: value})
-        reasons.append(result.reason.partition(' (')[2])
-        assert changes() == 1
-    assert reasons == ['', *6 * ['not yet: it waits 0.5 s for others)'], '']
-    bench.wait_for(lambda: changes() == 2, 'the new filters')
-    assert values_of(bench, ['decision']) == {'decision': 'evidence'}
+def test_a_request_is_taken_whole_or_refused_for_good(bench):
+    bench.start('slip_detector')
+    wrong = {'threshold': 0.7, 'gain': -1.0, 'grip_n': 2.0, 'autostart': False}
+    taken, *reasons = (each.reason for each in bench.set_each('slip_detector', wrong))
+    assert taken == reasons[0] == 'parameter gain is -1, allowed: 1e-06 to 1e+06'
+    assert 'it is a parameter of grasp_controller' in reasons[1]
+    assert not any(each.successful for each in bench.set_each('slip_detector', wrong))
+    (early,) = bench.set_each('slip_detector', {'decision': 'evidence'})
+    assert early.reason.startswith('parameter noise_floor has 0 numbers, allowed: one number')
+    assert bench.set_each('slip_detector', {'noise_floor': [0.001]})[0].successful
+    assert bench.values_of('slip_detector', 'threshold', 'decision') == [0.5, 'mean']
+    assert bench.set_each('slip_detector', {'decision': 'evidence'})[0].successful
 
 
 def test_another_type_of_input_is_taken_while_it_runs(bench):

@@ -24,7 +24,6 @@ from slip_detector.grasp.loop import (
     CONTROLLER,
     HARDER,
     UNCONTROLLED,
-    WANTED,
     conditions,
     grasp_figures,
     play_trial,
@@ -64,7 +63,6 @@ def test_the_objects_are_held_and_those_through_the_nodes_are_beside_the_simulat
     assert parts[CONTROLLER]['dropped'] == 0
     assert parts[UNCONTROLLED]['dropped'] == len(SEEDS)
     assert set(result['harder']) == set(HARDER)
-    assert all(entry['met'] for part in result['wanted'].values() for entry in part.values())
     (part,) = result['nodes'].values()
     assert list(result['nodes']) == [str(FIRST)]
     assert part['simulated']['slide_mm'] == parts[CONTROLLER]['slide_mm'][0]
@@ -76,23 +74,23 @@ def test_the_objects_are_held_and_those_through_the_nodes_are_beside_the_simulat
 
 
 def test_the_table_has_each_condition_and_each_object_and_there_is_a_picture(finished):
-    words = (*conditions(ChainConfig(), GraspConfig()), *HARDER, 'smallest grip', 'nodes', 'met')
+    words = (*conditions(ChainConfig(), GraspConfig()), *HARDER, 'smallest grip', 'nodes')
     for word in words:
         assert word in finished[1]
     assert f'Written: {finished[0] / "grasp.json"}' in finished[1]
     assert (finished[0] / 'grasp.png').read_bytes().startswith(b'\x89PNG')
 
 
-def test_the_figures_of_the_docs_are_those_of_thirty_objects_and_as_good_as_is_wanted():
+def test_the_figures_of_the_docs_are_those_of_thirty_objects():
     file = shared_folder() / 'config' / 'grasp.yaml'
     chain, grasp = ChainConfig.from_yaml(file), GraspConfig.from_yaml(file)
     found = grasp_figures(
         [play_trial(chain, grasp, seed) for seed in seed_range('30')], grasp.limit_n
     )
     assert found['trials'] == 30
-    for name, bound in WANTED[CONTROLLER].items():
-        assert bound.met(found[name]), name
+    assert found['dropped'] == 0
     assert found['mean_slide_mm'] == pytest.approx(0.06, abs=0.005)
+    assert found['worst_slide_mm'] == pytest.approx(0.21, abs=0.005)
     assert found['force_percent'] == pytest.approx(40.2, abs=0.1)
 
 

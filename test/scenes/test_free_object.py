@@ -35,7 +35,7 @@ PARTS = {
     'step_s': 5e-4,
     'motion': {'acceleration_m_s2': 0.5, 'ringing_hz': 40.0, 'ringing_damping': 1.0},
     'contact': {'radius_at_1n_m': 5e-3, 'taxel_area_m2': 1e-6},
-    'skin': {'shear_stiffness_n_m': STIFFNESS_N_M, 'damping_n_s_m': 1.0, 'mass_kg': 0.0},
+    'skin': {'shear_stiffness_n_m': STIFFNESS_N_M, 'damping_n_s_m': 1.0},
 }
 ONE_COEFFICIENT = {**LUGRE, 'static_coefficient': 0.5}
 TWO_COEFFICIENTS = {**LUGRE, 'stribeck_velocity_m_s': 0.1}

@@ -64,8 +64,8 @@ WRONG = [
         'friction: the skin would chatter, as friction falls with velocity by up to',
     ),
     (
-        'skin: {damping_n_s_m: 0, mass_kg: 0}\nfriction: {kinetic_coefficient: 0.61}',
-        'friction: bristle_damping_n_s_m is 0.1 N s/m on skin without mass and damping',
+        'skin: {damping_n_s_m: 0}\nfriction: {kinetic_coefficient: 0.61}',
+        'friction: bristle_damping_n_s_m is 0.1 N s/m, and skin without damping',
     ),
     (
         'sample_rate_hz: 40\ncontact_noise:',

@@ -238,7 +238,7 @@ class Bench:
         return [*map(parameter_value_to_python, values)]
 
     def set_each(self, node, values):
-        """Set parameters one by one; return the result of each."""
+        """Set parameters with the ordinary service; return the result of each."""
         request = SetParameters.Request(parameters=parameter_messages(values))
         return self.ask(SetParameters, f'{node}/set_parameters', request).results
 

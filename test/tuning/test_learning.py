@@ -28,7 +28,7 @@ from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters import ChainConfig
 from slip_detector.tuning.learning import (
     find_mains,
-    learn_from_rest,
+    learn_noise,
     learnt_floors,
     quiet_threshold,
     slip_steps_v,
@@ -189,7 +189,8 @@ def learn(rest_s=60.0, chain=EVIDENCE, mains_hz=60.0, hum_v=0.0):
     """Learn of a recording at rest, with hum."""
     volts, _ = slips(1, duration_s=rest_s, slips=False)
     volts += hum(mains_hz, len(volts), chain.sample_rate_hz, {1: hum_v})
-    learnt, lines = learn_from_rest(rest(volts, rate_hz=chain.sample_rate_hz), chain)
+    still = rest(volts, rate_hz=chain.sample_rate_hz)
+    learnt, lines = learn_noise(chain, [still], still)
     return learnt, '\n'.join(lines)
 
 

@@ -1,0 +1,134 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Nodes as processes, and a recorder of what they publish, for the demonstrations."""
+
+import functools
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+
+from slip_detector.chain.samples import Floats
+from slip_detector.nodes.ending import ASKED
+from slip_detector.nodes.finger_topics import PolledTopics
+from slip_detector.nodes.messages import stamp_ns
+
+#: Period, in seconds, at which messages are received.
+POLL_S = 0.05
+
+#: Time, in seconds, for which messages are still received after a node has ended.
+DRAIN_S = 0.5
+
+
+class NodeProcesses:
+    """Runs nodes, each in a process of its own; on leaving the context all of them are ended.
+
+    ``receive`` is called during waits: it receives messages and returns soon.
+    """
+
+    def __init__(self, namespace: str, receive: Callable[[], None]) -> None:
+        self._namespace, self._receive = namespace, receive
+        self._processes: list[tuple[str, subprocess.Popen[bytes]]] = []
+
+    def __enter__(self) -> 'NodeProcesses':
+        return self
+
+    def __exit__(self, *raised: object) -> None:
+        for _, process in reversed(self._processes):  # A node before what it listens to.
+            process.terminate()
+        for _, process in self._processes:
+            process.wait()
+
+    def start(
+        self, executable: str, config: Path, *arguments: str, **parameters: object
+    ) -> subprocess.Popen[bytes]:
+        """Start a node by its executable (see :mod:`slip_detector.nodes.run`)."""
+        command = ['setpriv', '--pdeathsig', 'TERM']  # It ends if this process is killed.
+        command += [sys.executable, '-m', 'slip_detector.nodes.run', executable, '--ros-args']
+        command += ['-r', f'__ns:=/{self._namespace}', '--params-file', str(config)]
+        for name, value in parameters.items():
+            command += ['-p', f'{name}:={value}']
+        # Ctrl-C reaches only this process, which ends them.
+        process = subprocess.Popen([*command, '--', *arguments], start_new_session=True)
+        self._processes.append((executable, process))
+        return process
+
+    def check(self) -> None:
+        """Raise a ValueError if a node has failed."""
+        for executable, process in self._processes:
+            if process.poll():
+                raise ValueError(f'{executable} ended with the exit code {process.returncode}')
+
+    def wait_until(self, happened: Callable[[], bool]) -> None:
+        """Receive messages until a condition holds; a ValueError if a node fails before.
+
+        The first start compiles the chain, which takes minutes on a small or busy machine. What a
+        node waits for is in its log.
+        """
+        while not happened():
+            self.check()
+            self._receive()
+
+    def wait_for_end(self, process: subprocess.Popen[bytes]) -> None:
+        """Receive messages until a node has ended without an error, and those still under way."""
+        self.wait_until(lambda: process.poll() == 0)
+        deadline_s = time.monotonic() + DRAIN_S
+        while time.monotonic() < deadline_s:
+            self._receive()
+
+
+class Recorder(PolledTopics):
+    """Records all messages of some topics with their times of arrival.
+
+    These times come from the middleware of this process, so that its work does not count as
+    latency of the nodes.
+    """
+
+    def __init__(self, namespace: str, topics: Mapping[str, tuple[Any, QoSProfile]]) -> None:
+        super().__init__(Node('recorder', namespace=namespace))
+        #: By topic, the messages and their times of arrival in nanoseconds.
+        self.messages: dict[str, list[tuple[int, Any]]] = {topic: [] for topic in topics}
+        for topic, (message_type, qos) in topics.items():
+            self.add(message_type, topic, qos, functools.partial(self._keep, topic))
+
+    def _keep(self, topic: str, message: Any, info: dict[str, int]) -> None:
+        self.messages[topic].append((info['received_timestamp'], message))
+
+    def receive(self) -> None:
+        """Wait for a moment, and receive messages; an ExternalShutdownException after a signal."""
+        if ASKED.wait(POLL_S):
+            raise ExternalShutdownException
+        self.poll()
+
+    def received_s(self, topic: str) -> Floats:
+        """Return when the messages of a topic arrived."""
+        return np.array([at_ns for at_ns, _ in self.messages[topic]]) * 1e-9
+
+    def stamps_s(self, topic: str) -> Floats:
+        """Return the stamps of the messages of a topic, which have headers or are such."""
+        headers = (getattr(message, 'header', message) for _, message in self.messages[topic])
+        return np.array([stamp_ns(header.stamp) for header in headers]) * 1e-9
+
+    def values(self, topic: str, field: str) -> NDArray[Any]:
+        """Return a field of the messages of a topic."""
+        return np.array([getattr(message, field) for _, message in self.messages[topic]])
