@@ -292,9 +292,9 @@ def choose(problem: Problem, trials: Sequence[Any]) -> Candidate | None:
     the other recordings give. Of those that cost as much as the best one, to one standard error
     (by the jackknife) of the difference, it is the nearest to the given chain. So with few slips,
     which cannot distinguish a good chain from a lucky one, the result stays close to the given
-    chain; where too few recordings have slips to leave one out, it is the nearest of all. But its
-    area under the ROC curve is not below both that of the best and that of the running chain: as
-    the area is of many rows, few slips do not explain a lower one.
+    chain; where too few recordings have slips to leave one out, it is the nearest of the cheapest.
+    But its area under the ROC curve is not below both that of the best and that of the running
+    chain: as the area is of many rows, few slips do not explain a lower one.
     """
     if not trials:
         return None

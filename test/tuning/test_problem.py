@@ -272,8 +272,7 @@ def test_the_threshold_for_a_recording_comes_from_the_others(monkeypatch):
 
 def trial_of(asked, k, octaves, auc=0.9):
     """Return the trial of a chain with a threshold at a distance from the given one."""
-    found = {'parameters': {'threshold': float(k), 'vote': 1}, 'cost_ms': k}
-    found['figures'] = {'auc': auc}
+    found = {'parameters': {'threshold': float(k)}, 'cost_ms': k, 'figures': {'auc': auc}}
     point = asked.space.point(CHAIN)
     point['passband_octaves'] += octaves
     return SimpleNamespace(params=point, user_attrs={'found': [found]})
@@ -291,23 +290,20 @@ def test_the_nearest_of_those_within_a_standard_error_of_the_best_is_chosen(far,
     differences = np.subtract(near, far)
     error_ms = np.std(differences, ddof=1) / math.sqrt(len(far))
     assume(abs(abs(differences.mean()) - error_ms) > 1e-6)
-    surely = differences.mean() > error_ms
-    assert choose(asked, trials).chain.threshold == (1.0 if surely else 2.0)
+    assert choose(asked, trials).chain.threshold == (1.0 if differences.mean() > error_ms else 2.0)
     # Few slips do not excuse one that tells less of the many rows.
     asked = dataclasses.replace(asked, figures={'auc': 0.9})
     blind = [trials[0], trial_of(asked, 2, 1.0, auc=0.8)]
-    expected = 2.0 if np.mean(near) < np.mean(far) else 1.0
-    assert choose(asked, blind).chain.threshold == expected
+    assert choose(asked, blind).chain.threshold == (2.0 if differences.mean() < 0.0 else 1.0)
 
 
-def test_with_scored_slips_in_one_recording_nothing_is_learnt_but_threshold_and_vote():
+def test_with_scored_slips_in_one_recording_the_nearest_of_the_cheapest_is_chosen():
     volts, truth = slips(1)
     early = track_with(volts[600:900], truth[600:900])  # While the chain settles.
     for other in (early, track(2, 'rest')):
         asked = problem([track(1), other])
-        choice = choose(asked, study_of(asked, 12).trials)
-        for name in ('passband_hz', 'stopbands_hz', 'exponent', 'common_mode'):
-            assert getattr(choice.chain, name) == getattr(CHAIN, name), name
+        chosen = choose(asked, study_of(asked, 12).trials).chain
+        assert (chosen.passband_hz, chosen.exponent) == (CHAIN.passband_hz, CHAIN.exponent)
 
 
 def test_another_problem_has_another_name():
