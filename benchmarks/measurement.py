@@ -29,7 +29,7 @@ import platform
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
@@ -37,7 +37,6 @@ import yaml
 from numpy.typing import NDArray
 
 from slip_detector.compiled import COMPILED
-from slip_detector.evaluation.figures import Bound
 from slip_detector.report.tables import number_text, text_table
 
 #: Noise that :func:`swelling_noise_v` makes.
@@ -87,6 +86,45 @@ def machine() -> dict[str, Any]:
         'numba': importlib.import_module('numba').__version__ if COMPILED else None,
         'compiled': COMPILED,
     }
+
+
+class Bound(NamedTuple):
+    """The range in which a figure is wanted, from ``low`` to ``high``.
+
+    Attributes
+    ----------
+    low, high : float
+        In the unit of the figure.
+    strict : bool
+        Whether a figure equal to ``low`` or ``high`` is outside the range.
+
+    Examples
+    --------
+    >>> Bound(high=4.0).met(4.0), Bound(high=4.0, strict=True).met(4.0), Bound(low=1.0).met(None)
+    (True, False, False)
+    >>> print(Bound(low=0.0, strict=True), Bound(high=4.0), Bound(32.0, 40.0), sep=', ')
+    > 0, <= 4, 32.00 to 40.00
+    """
+
+    low: float = -np.inf
+    high: float = np.inf
+    strict: bool = False
+
+    def met(self, figure: float | None) -> bool:
+        """Return whether a figure is in the range; None, a figure that is not defined, is not."""
+        if figure is None:
+            return False
+        if self.strict:
+            return self.low < figure < self.high
+        return self.low <= figure <= self.high
+
+    def __str__(self) -> str:
+        equal = '' if self.strict else '='
+        if self.high == np.inf:
+            return f'>{equal} {self.low:g}'
+        if self.low == -np.inf:
+            return f'<{equal} {self.high:g}'
+        return f'{self.low:.2f} to {self.high:.2f}'
 
 
 def verdicts(

@@ -20,9 +20,8 @@ from typing import Any
 
 from benchmarks.chain.precision import measure_chain_precision
 from benchmarks.chain.speed import measure_chain_speed
-from benchmarks.measurement import shared_options
+from benchmarks.measurement import Bound, shared_options
 from benchmarks.pictures import draw_work_precision
-from slip_detector.evaluation.figures import Bound
 
 #: What is wanted, by part and figure.
 WANTED = {

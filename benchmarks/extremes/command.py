@@ -50,9 +50,8 @@ import numpy as np
 
 from benchmarks.extremes.cases import CASES, CYCLE_S, description_of, sliding_cycles
 from benchmarks.extremes.clocks import measure_clocks
-from benchmarks.measurement import shared_options
+from benchmarks.measurement import Bound, shared_options
 from benchmarks.scenes.reference import Ode, Solution, build_scene, solve_live
-from slip_detector.evaluation.figures import Bound
 from slip_detector.scenes import Scene
 from slip_detector.scenes.friction import LIGHTEST_LOAD_N
 

@@ -25,8 +25,7 @@ Keys of ``python -m benchmarks grasp --json``:
 import argparse
 from typing import Any
 
-from benchmarks.measurement import shared_options
-from slip_detector.evaluation.figures import Bound
+from benchmarks.measurement import Bound, shared_options
 from slip_detector.grasp.loop import HARDER, grasp_figures, play_trial
 from slip_detector.parameters import ChainConfig, GraspConfig
 from slip_detector.parameters.files import shared_folder

@@ -29,9 +29,10 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.measurement import Bound
 from slip_detector.chain.samples import Floats, Samples
 from slip_detector.evaluation import figures
-from slip_detector.evaluation.figures import Bound, ReplayOutcome
+from slip_detector.evaluation.figures import ReplayOutcome
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.fields import refuse

@@ -44,10 +44,9 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.measurement import garbage_collection_off, shared_options
+from benchmarks.measurement import Bound, garbage_collection_off, shared_options
 from benchmarks.pictures import draw_work_precision
 from benchmarks.scenes.reference import Ode, Solution, build_scene, solve_live
-from slip_detector.evaluation.figures import Bound
 from slip_detector.parameters.files import read_yaml, shared_folder
 from slip_detector.scenes import find_scene
 

@@ -29,8 +29,7 @@ import argparse
 import importlib
 from typing import Any
 
-from benchmarks.measurement import shared_options
-from slip_detector.evaluation.figures import Bound
+from benchmarks.measurement import Bound, shared_options
 
 WANTED = {
     'relay.latency_ratio': Bound(high=1.2),

@@ -30,9 +30,8 @@ import argparse
 from collections.abc import Callable
 from typing import Any
 
-from benchmarks.measurement import shared_options
+from benchmarks.measurement import Bound, shared_options
 from benchmarks.tune import families, hour, onset, presses
-from slip_detector.evaluation.figures import Bound
 
 WANTED = {
     'evaluate.ratio': Bound(high=4.0),

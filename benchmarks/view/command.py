@@ -38,9 +38,8 @@ Keys of ``python -m benchmarks view --json``:
 import argparse
 from typing import Any
 
-from benchmarks.measurement import shared_options
+from benchmarks.measurement import Bound, shared_options
 from benchmarks.tune.browser import why_no_browser
-from slip_detector.evaluation.figures import Bound
 
 WANTED = {
     'here.slip_view_cpu_percent': Bound(high=30.0),

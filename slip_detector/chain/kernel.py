@@ -293,8 +293,7 @@ def run(volts, flags, signals, tiles, plan, kept):
         channels, valid.
     signals
         Output of envelope, level, floor and excess, as far as they are wanted, each with as many
-        columns as ``volts``; with excess, a column that is 1 within the hold time of an impact;
-        then the statistics of v votes (above 1: ON), one column each.
+        columns as ``volts``; then the statistics of v votes (above 1: ON), one column each.
     tiles
         The state, shape (t, slots, 16).
     plan
@@ -332,11 +331,6 @@ def run(volts, flags, signals, tiles, plan, kept):
                 )  # fmt: skip
         votes.decide(rows, settings, plan, words[stages.ON], valid)
         _write_flags(plan.decisions, flags, start, rows)
-        if kept[3] >= 0:
-            row = FIRST_ROW
-            for k in range(start, start + rows):
-                signals[k, column - 1] = 1.0 if held & row else 0.0
-                row = row << FIRST_ROW
         if plan.votes.size:
             votes.find_statistics(
                 plan.by_channel, plan.members, plan.bounds, rows, plan.votes, plan.statistics

@@ -122,13 +122,6 @@ class SlipResult:
         return self._columns('excess')
 
     @property
-    def after_impact(self) -> Bools:
-        """Whether excess is held at 0 after an impact; kept if excess is; shape (n,)."""
-        self._columns('excess')
-        held: Bools = self._signals[:, -1 - self._shape[2]] != 0.0
-        return held
-
-    @property
     def vote_statistic(self) -> Floats:
         """The decision statistic of each vote that was asked for; shape (n, v).
 
@@ -336,8 +329,7 @@ class SlipChain:
             *starts, end = (columns * np.cumsum([0, *wanted])).tolist()
             places = zip(starts, wanted, strict=True)
             self._kept = tuple(start if kept else kernel.NOT_KEPT for start, kept in places)
-            # One more, with excess: whether it is held.
-            self._kept_columns, self._wanted = end + excess, wanted
+            self._kept_columns, self._wanted = end, wanted
         flags = np.empty((n, self._padded_width), BOOL_TYPE)
         signals = self._new_signals((n, self._kept_columns + many))
         kernel.compiled_run()(rows, flags, signals, self.state, self._plan, self._kept)

@@ -16,56 +16,12 @@
 
 import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from slip_detector.evaluation.events import Events
 from slip_detector.evaluation.scores import ScoreCounts
-
-
-class Bound(NamedTuple):
-    """The range in which a figure is wanted, from ``low`` to ``high``.
-
-    Attributes
-    ----------
-    low, high : float
-        In the unit of the figure.
-    strict : bool
-        Whether a figure equal to ``low`` or ``high`` is outside the range.
-
-    Examples
-    --------
-    >>> Bound(high=4.0).met(4.0), Bound(high=4.0, strict=True).met(4.0), Bound(low=1.0).met(None)
-    (True, False, False)
-    >>> print(Bound(low=0.0, strict=True), Bound(high=4.0), Bound(32.0, 40.0), sep=', ')
-    > 0, <= 4, 32.00 to 40.00
-    """
-
-    low: float = -np.inf
-    high: float = np.inf
-    strict: bool = False
-
-    def met(self, figure: float | None) -> bool:
-        """Return whether a figure is in the range; None, a figure that is not defined, is not."""
-        if figure is None:
-            return False
-        if self.strict:
-            return self.low < figure < self.high
-        return self.low <= figure <= self.high
-
-    def verdict(self, figure: float | None) -> dict[str, Any]:
-        """Return the ``value``, the ``bound`` as text, and whether it is ``met``."""
-        return {'value': figure, 'bound': str(self), 'met': self.met(figure)}
-
-    def __str__(self) -> str:
-        equal = '' if self.strict else '='
-        if self.high == np.inf:
-            return f'>{equal} {self.low:g}'
-        if self.low == -np.inf:
-            return f'<{equal} {self.high:g}'
-        return f'{self.low:.2f} to {self.high:.2f}'
-
 
 #: The stages between a signal and the global decision, in order; the parts of a latency.
 STAGES = ('filter', 'envelope', 'decision', 'vote')

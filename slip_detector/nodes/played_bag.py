@@ -23,15 +23,11 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from slip_detector.nodes.messages import sensor_qos, state_qos
-from slip_detector.nodes.run import PLAYED
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.recordings.messages import JointStateWriter
 from slip_detector.view.bag import PlayedBag
 from slip_detector.view.server import Server
-
-#: What the detector of such a recording has otherwise than in its file.
-AS_PLAYED = {**PLAYED, 'max_age_s': 0.0}
 
 
 def publish_bag(node: Node, server: Server, path: Path, config: Path, finger: str) -> None:

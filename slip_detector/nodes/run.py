@@ -46,8 +46,13 @@ PROFILE_VARIABLES = {'FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES
 #: Options of ROS that give parameters.
 GIVE_PARAMETERS = ('--params-file', '-p', '--param')
 
-#: What a detector hears of a recording that is played, whatever the sensor itself sends.
-PLAYED = {'input_type': 'sensor_msgs/msg/JointState', 'input_field': 'position'}
+#: What the detector of a recording that is played has otherwise than in its file: what it hears is
+#: not what the sensor sends, and the times of a recording need not be those of the clock.
+PLAYED = {
+    'input_type': 'sensor_msgs/msg/JointState',
+    'input_field': 'position',
+    'max_age_s': 0.0,
+}
 
 #: What to do where there is no rclpy.
 GET_ROS = "source the setup.bash of a distribution, or pip install 'slip_detector[ros]'"

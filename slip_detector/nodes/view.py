@@ -22,7 +22,7 @@ from pathlib import Path
 
 from slip_detector.commands.command_line import Parser, whole_number
 from slip_detector.nodes.ending import ASKED, init_ros
-from slip_detector.nodes.run import Takedowns, run
+from slip_detector.nodes.run import PLAYED, Takedowns, run
 
 
 def main() -> None:
@@ -97,7 +97,7 @@ async def _serve(arguments: argparse.Namespace, takedowns: Takedowns) -> None:
     from rclpy.node import Node
 
     from slip_detector.nodes.markers import publish_markers
-    from slip_detector.nodes.played_bag import AS_PLAYED, publish_bag
+    from slip_detector.nodes.played_bag import publish_bag
     from slip_detector.nodes.processes import NodeProcesses
     from slip_detector.nodes.view_fingers import RosDetectors
     from slip_detector.view.access import Access, is_loopback, page_address
@@ -112,7 +112,7 @@ async def _serve(arguments: argparse.Namespace, takedowns: Takedowns) -> None:
     takedowns.append(node.destroy_node)
     detectors = RosDetectors(node)
     server = Server(detectors, Access(arguments.host, token, arguments.read_only))
-    otherwise = AS_PLAYED if arguments.bag else {}
+    otherwise = PLAYED if arguments.bag else {}
     ParameterRequests(server, arguments.folder, arguments.configs, otherwise)
     Teaching(server, arguments.folder)
     publish_markers(node, server)

@@ -37,7 +37,7 @@ FAST = {
 def bits(*results):
     """Return the bits of all that consecutive results have, by name."""
     found = {'flags': np.concatenate([result.flags for result in results]).tobytes()}
-    for name in ('envelope', 'level', 'floor', 'excess', 'after_impact', 'vote_statistic'):
+    for name in ('envelope', 'level', 'floor', 'excess', 'vote_statistic'):
         with contextlib.suppress(ValueError):  # was not kept
             found[name] = np.concatenate([getattr(result, name) for result in results]).tobytes()
     return found
