@@ -62,9 +62,8 @@ import numpy as np
 
 from benchmarks.fingers.judging import Judged, figures, judge, pooled
 from benchmarks.fingers.parts import Tracks, divide, recordings_in
-from benchmarks.measurement import shared_options
+from benchmarks.measurement import Bound, shared_options
 from benchmarks.paper.protocol import PAPER_FALSE_POSITIVE_PERCENT
-from slip_detector.evaluation.figures import Bound
 from slip_detector.parameters import ChainConfig
 from slip_detector.parameters.fields import refuse
 from slip_detector.parameters.files import find_parameter_file
