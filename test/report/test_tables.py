@@ -15,7 +15,7 @@
 """Tables of text, and the texts of figures."""
 
 from slip_detector.evaluation.chance import slip_figures
-from slip_detector.grasp.loop import CONTROLLER, HARDER, UNCONTROLLED, grasp_figures
+from slip_detector.grasp.loop import UNCONTROLLED, grasp_figures
 from slip_detector.report.grasp import grasp_table
 from slip_detector.report.tables import MAIN_FIGURES, TABLES, comparison_table, evaluation_tables
 from support import grasp_trials
@@ -90,13 +90,10 @@ def test_given_and_tuned_are_beside_each_other():
 
 def test_the_table_of_the_grasp_has_conditions_and_the_nodes():
     parts = {name: grasp_figures(mine, 10.0) for name, mine in grasp_trials.by_condition().items()}
-    quarter = 'ridges a quarter as high'
-    harder = {**dict.fromkeys(HARDER, parts[CONTROLLER]), quarter: parts[UNCONTROLLED]}
     simulated = {'slide_mm': 0.5, 'command_percent': 49.0}
     result = {
         'seeds': [5000],
         'conditions': parts,
-        'harder': harder,
         'transport_ms': 4.0,
         'nodes': {'5000': {'slide_mm': None, 'command_percent': 50.0, 'simulated': simulated}},
         'latency_ms': None,
@@ -105,4 +102,3 @@ def test_the_table_of_the_grasp_has_conditions_and_the_nodes():
     assert any(line.startswith(f'{UNCONTROLLED} 1 of 1 - -') for line in lines)
     assert '5000 - 0.50 50.0 49.0' in lines
     assert 'From sample to command: undefined, no onset was answered' in lines
-    assert any(line.startswith(f'{quarter} 1 of 1 - -') for line in lines)
