@@ -206,13 +206,6 @@ def play_trial(
 UNCONTROLLED, AT_LIMIT = 'no controller', 'always at the limit'
 CONTROLLER, PAPER = 'controller', "controller, paper's detector"
 
-#: Conditions that are harder for the controller, as factors of :func:`.object_scene`.
-HARDER: dict[str, dict[str, float]] = {
-    'gripper with 60 ms of lag': {'lag_factor': 2.0},
-    'ridges half as high': {'ridge_factor': 0.5},
-    'ridges a quarter as high': {'ridge_factor': 0.25},
-}
-
 #: Longest time, in seconds, from an onset to a raise of the grip that counts as the answer to it.
 ANSWER_S = 0.05
 

@@ -117,18 +117,12 @@ def slip_grasp(arguments: argparse.Namespace, picture: Path) -> tuple[dict[str, 
     chain, grasp = ChainConfig.from_yaml(config), GraspConfig.from_yaml(config)
     seeds = list(arguments.seeds)
 
-    def played(
-        name: str, chain: ChainConfig, grasp: GraspConfig, **factors: float
-    ) -> list[GraspTrial]:
+    def played(name: str, chain: ChainConfig, grasp: GraspConfig) -> list[GraspTrial]:
         _say(f'{len(seeds)} objects in simulated time: {name}')
-        return [loop.play_trial(chain, grasp, seed, **factors) for seed in seeds]
+        return [loop.play_trial(chain, grasp, seed) for seed in seeds]
 
     trials = {name: played(name, *both) for name, both in loop.conditions(chain, grasp).items()}
     parts = {name: loop.grasp_figures(mine, grasp.limit_n) for name, mine in trials.items()}
-    harder = {
-        name: loop.grasp_figures(played(name, chain, grasp, **factors), grasp.limit_n)
-        for name, factors in loop.HARDER.items()
-    }
     init_ros()
     recorder = Recorder('slip_grasp', TOPICS)
     heard = {
@@ -137,7 +131,6 @@ def slip_grasp(arguments: argparse.Namespace, picture: Path) -> tuple[dict[str, 
     result = {
         'seeds': seeds,
         'conditions': parts,
-        'harder': harder,
         'transport_ms': loop.TRANSPORT_S * 1e3,
         **loop.live_figures(heard, trials[CONTROLLER][: arguments.live], grasp.limit_n),
     }

@@ -24,9 +24,6 @@ of the grasps that were played through the nodes.
     The seeds of the table.
 ``conditions``
     For each condition the figures of :func:`slip_detector.grasp.loop.grasp_figures`.
-``harder``
-    The same figures of the controller under harder conditions, see
-    :data:`slip_detector.grasp.loop.HARDER`.
 ``transport_ms``
     The delay from sample to command that the simulated loop assumes.
 ``nodes``

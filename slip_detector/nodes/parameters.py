@@ -113,8 +113,8 @@ def follow_changes(
 ) -> None:
     """Let the parameter services change a node's configuration.
 
-    All values of a request are taken or none. The ordinary service answers each parameter by
-    itself that cannot be among them: one of another node, or that cannot be changed.
+    All values of a request are taken or none. The ordinary service leaves out parameters of other
+    nodes and those that cannot be changed, and answers each of these by itself.
 
     The node must allow undeclared parameters, so that groups can be added and deleted, and so that
     a wrong name reaches the check here, whose message is clearer than rclpy's.

@@ -53,13 +53,13 @@ def grasp_table(result: Mapping[str, Any]) -> str:
     >>> figures |= {'force_percent': 40.0, 'most_force_percent': 44.0, 'onsets': 2.0}
     >>> figures['needed_percent'] = 30.0
     >>> result = {'seeds': [0], 'transport_ms': 5.0, 'conditions': {CONTROLLER: figures}}
-    >>> grasp_table({**result, 'harder': {}, 'nodes': {}}).splitlines()[1]
+    >>> grasp_table({**result, 'nodes': {}}).splitlines()[1]
     'In simulated time, 5 ms from sample to command'
     """
     seeds, parts = result['seeds'], result['conditions']
     rows = [['', '', 'slide [mm]', '', 'grip [% of limit]'],
             ['', 'dropped', 'mean', 'worst', 'mean', 'most', 'onsets']]  # fmt: skip
-    for name, part in {**parts, **result['harder']}.items():
+    for name, part in parts.items():
         figures = [number_text(part[key], '.2f') for key in COLUMNS]
         rows.append([name, f'{part["dropped"]} of {part["trials"]}', *figures])
     needed = parts[CONTROLLER]['needed_percent']

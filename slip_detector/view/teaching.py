@@ -82,7 +82,7 @@ class Teaching:
     async def close(self) -> None:
         """End the recording and the tuning."""
         self.stop()
-        if self._tuning is not None:
+        if self._tuning is not None and not self._tuning.done():
             self._tuning.cancel()
             await asyncio.gather(self._tuning, return_exceptions=True)
 

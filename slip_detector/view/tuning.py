@@ -16,12 +16,12 @@
 """Tunes a detector on the recordings of the live page, as ``slip_tune`` does."""
 
 import asyncio
-import contextlib
 import json
 import signal
+import subprocess
 import sys
-from asyncio.subprocess import PIPE, Process
-from typing import Any, cast
+from subprocess import PIPE, STDOUT
+from typing import IO, Any, cast
 
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.files import writable_folder, write_yaml
@@ -50,7 +50,7 @@ class TuneRun:
 
     def __init__(self, recorded: RecordedFolder, finger: str, config: DetectorConfig) -> None:
         self.finger, self._config, self._folder = finger, config, recorded.folder
-        self._process: Process | None = None
+        self._process: subprocess.Popen[bytes] | None = None
         #: Whether it has not ended, and was stopped.
         self.running, self.stopping = True, False
         #: What is left out, what was learnt, and which steps did not work.
@@ -70,38 +70,37 @@ class TuneRun:
             given = writable_folder(self._folder / 'tuning') / 'running.yaml'
             write_yaml(given, self._config.to_document(), ['Written by slip_view: what runs.'])
             files = self._folder, '--config', given, '--out', given.with_name('tuned.yaml')
-            process = self._process = await asyncio.create_subprocess_exec(
-                # Ctrl-C in the terminal is for slip_view.
-                *COMMAND, *map(str, files), stdout=PIPE, stderr=PIPE, start_new_session=True,
-                limit=2**24,  # bytes of a line
-            )  # fmt: skip
-            self._interrupt()
-            await self._follow(process)
+            # Ctrl-C in the terminal is for slip_view.
+            with subprocess.Popen(
+                [*COMMAND, *map(str, files)], stdout=PIPE, stderr=STDOUT, start_new_session=True
+            ) as self._process:
+                self._interrupt()
+                await self._follow(self._process)
         except ValueError as error:
             self.failed = str(error)
         finally:
             self.running, self.step = False, ''
 
-    async def _follow(self, process: Process) -> None:
-        output, errors = cast(list[asyncio.StreamReader], [process.stdout, process.stderr])
-        complaints = asyncio.create_task(errors.read())
+    async def _follow(self, process: subprocess.Popen[bytes]) -> None:
+        output, complaint = cast(IO[bytes], process.stdout), 'the search ended before it was done'
         try:
-            async for line in output:
+            while line := await asyncio.to_thread(output.readline):
+                if not line.startswith(b'{'):
+                    complaint = line.decode(errors='replace').strip()
+                    continue
                 said = json.loads(line)
                 self.step, self.share, self.lines = said['step'], said['share'], said['lines']
                 if 'changes' in said:
                     self.kept, self.table = said['kept'], [(*row,) for row in said['table']]
                     found = {**self._config.to_parameters(), **said['changes']}
                     self.found = DetectorConfig.from_parameters(found)
+            code = await asyncio.to_thread(process.wait)
         finally:
-            if not output.at_eof():
-                process.kill()
-            code, said = await process.wait(), (await complaints).decode(errors='replace')
+            process.kill()
         if self.found is None and self.stopping and code != 1:
             self.failed = 'stopped before anything was found'
         elif self.found is None:
-            lines = said.strip().splitlines() or ['the search ended before it was done']
-            self.failed = lines[-1].removeprefix('slip_tune: ')
+            self.failed = complaint.removeprefix('slip_tune: ')
 
     def to_apply(self, config: DetectorConfig) -> Values:
         """Return the parameters to set so that a detector decides as the tuned one.
@@ -130,8 +129,7 @@ class TuneRun:
 
     def _interrupt(self) -> None:
         if self._process and self.stopping:
-            with contextlib.suppress(ProcessLookupError):  # It has just ended.
-                self._process.send_signal(signal.SIGINT)
+            self._process.send_signal(signal.SIGINT)
 
     def described(self) -> dict[str, Any]:
         """Return the state of the run, for the page."""

@@ -14,7 +14,7 @@
 
 """Tables of text, and the texts of figures."""
 
-from slip_detector.grasp.loop import CONTROLLER, HARDER, UNCONTROLLED, grasp_figures
+from slip_detector.grasp.loop import UNCONTROLLED, grasp_figures
 from slip_detector.report.grasp import grasp_table
 from slip_detector.report.tables import (
     MAIN_FIGURES,
@@ -112,13 +112,10 @@ def test_of_what_finds_no_slip_or_was_on_before_nothing_is_better():
 
 def test_the_table_of_the_grasp_has_conditions_and_the_nodes():
     parts = {name: grasp_figures(mine, 10.0) for name, mine in grasp_trials.by_condition().items()}
-    quarter = 'ridges a quarter as high'
-    harder = {**dict.fromkeys(HARDER, parts[CONTROLLER]), quarter: parts[UNCONTROLLED]}
     simulated = {'slide_mm': 0.5, 'command_percent': 49.0}
     result = {
         'seeds': [5000],
         'conditions': parts,
-        'harder': harder,
         'transport_ms': 4.0,
         'nodes': {'5000': {'slide_mm': None, 'command_percent': 50.0, 'simulated': simulated}},
         'latency_ms': None,
@@ -127,4 +124,3 @@ def test_the_table_of_the_grasp_has_conditions_and_the_nodes():
     assert any(line.startswith(f'{UNCONTROLLED} 1 of 1 - -') for line in lines)
     assert '5000 - 0.50 50.0 49.0' in lines
     assert 'From sample to command: undefined, no onset was answered' in lines
-    assert any(line.startswith(f'{quarter} 1 of 1 - -') for line in lines)
