@@ -52,8 +52,9 @@ OF_DECISIONS = {
     'evidence': ('floor', 'evidence', 'cap', 'impact', 'contact', 'activity', 'common_rank'),
 }
 
-#: With so many slips, an impact is twice as large a step as with many.
-FEW_SLIPS = 2
+#: With so few slips, an impact is twice as large a step as with many; with fewer than the second
+#: number it is never smaller than these, as a slide that steps more would be taken for impacts.
+FEW_SLIPS, MANY_SLIPS = 2, 10
 
 #: Times over which a step may be an impact, and how large it is beside those of slips.
 IMPACTS_S = (0.0, 0.005, 0.01, 0.02, 0.05)
@@ -139,6 +140,7 @@ class SearchSpace:
         windows_s = Between(self._least_window_s, 0.3, log=True)
         of_rate = [f for f in MAINS_HZ if _works(dataclasses.replace, given, mains_hz=f)]
         touching = dataclasses.replace(given, contact_channels=self._touching)
+        slips = sum(len(track.slips) for track in self._tracks)
         of_kinds: dict[str, Any] = {}
         kinds = {track.kind for track in self._tracks}
         # What no recording shows is not searched, and stays as it is given.
@@ -174,7 +176,7 @@ class SearchSpace:
             'evidence_limit_db_s': Between(0.02, 5.0, log=True),
             # The given step that is an impact, none, or one beside the largest steps of slips.
             'impact': OneOf(_ways(given.impact_v, 'none', 'learnt')),
-            'impact_scale': Between(0.2, 5.0, log=True),
+            'impact_scale': Between(0.2 if slips >= MANY_SLIPS else 1.0, 5.0, log=True),
             'impact_channels': Whole(1, self._enabled, log=True),
             'impact_hold_s': Between(max(0.05, 1.0 / rate), 1.0, log=True),
             'common_mode': OneOf(COMMON_MODES if self._enabled >= LEAST_SHARING else ('none',)),
