@@ -44,8 +44,6 @@ PLATES = ('plate_400um', 'plate_440um', 'plate_480um')
 TUNED_ON = range(6800, 6806)
 REPORTED_ON = range(6900, 6910)
 
-#: Share of the tracks that is held out of the search, for the judgement.
-SHARE = 1 / 3
 
 TRIALS = 200
 
@@ -137,7 +135,7 @@ def measure_families(
     parameters = TuningParameters()
     for name, descriptions in families().items():
         # As slip_tune does: the search has a part of the tracks, the rest judges.
-        training, held = held_out(play_scenes(descriptions, tuned_on), SHARE)
+        training, held = held_out(play_scenes(descriptions, tuned_on))
         problem = parameters.problem(training)
         study = Study(problem.space.distributions, seed=0)
         search(problem, study, trials)

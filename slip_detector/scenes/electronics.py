@@ -150,15 +150,6 @@ class Faults(ParameterSet):
     dead_channels: tuple[int, ...] = parameter(
         (), 'Channels that read the lower of rails_v.', (1, PAPER_CHANNELS)
     )
-    flat_channels: tuple[int, ...] = parameter(
-        (), 'Channels that keep reading their first sample from that time on.', (1, PAPER_CHANNELS)
-    )
-    noisy_channels: tuple[int, ...] = parameter(
-        (), 'Channels with more noise.', (1, PAPER_CHANNELS)
-    )
-    noise_v: float = parameter(
-        0.05, 'Standard deviation of the additional noise of noisy_channels.', (0.0, 100.0, 'V')
-    )
 
 
 class Frontend:
@@ -186,10 +177,7 @@ class Frontend:
         self._wandered_v = np.zeros(PAPER_CHANNELS)
         self._hum = parts['hum'].sines(trials['hum']) if 'hum' in parts else NO_SINES
         self._faults: Faults = parts.get('faults', Faults())
-        names = 'noisy_channels', 'dead_channels', 'flat_channels'
-        self._failing = [np.array(getattr(self._faults, name), np.intp) - 1 for name in names]
-        self._fault_noise = trials['faults']
-        self._flat_v: Floats | None = None
+        self._dead = np.array(self._faults.dead_channels, np.intp) - 1
         noise: ContactNoise | None = parts.get('contact_noise')
         self._hiss = ContactHiss(noise, trials['contact_noise'], rate_hz) if noise else None
 
@@ -198,17 +186,12 @@ class Frontend:
 
         Any cut of the rows into calls gives the same bits.
         """
-        electronics, faults = self._electronics, self._faults
-        noisy, dead, flat = self._failing
-        failed = np.flatnonzero(time_s >= faults.from_s)
+        electronics = self._electronics
         volts = clean_v + self.baseline_v
         if self._hiss and len(volts):
             volts += self._hiss.sample(clean_v, force_n)
         if self._hum.size:
             volts += sines_at(time_s, self._hum)[:, np.newaxis]
-        if noisy.size and faults.noise_v:  # of bad joints, before rails and converter
-            noise = self._fault_noise.standard_normal((failed.size, noisy.size))
-            volts[np.ix_(failed, noisy)] += faults.noise_v * noise
         if electronics.drift_v and len(volts):
             steps_v = self._drift_steps.standard_normal(volts.shape)
             steps_v *= electronics.drift_v * np.sqrt(1.0 / self._rate_hz)
@@ -225,10 +208,6 @@ class Frontend:
             share = np.rint((volts - low_v) / (high_v - low_v) * top_code) / top_code
             # This form gives both rails exactly; the clip catches round-off if they nearly agree.
             volts = np.clip(low_v * (1.0 - share) + high_v * share, low_v, high_v)
-        # Dead and flat channels repeat one code of the converter, without noise.
-        volts[np.ix_(failed, dead)] = low_v
-        if flat.size and failed.size:
-            if self._flat_v is None:
-                self._flat_v = volts[failed[0], flat]
-            volts[np.ix_(failed, flat)] = self._flat_v
+        failed = np.flatnonzero(time_s >= self._faults.from_s)
+        volts[np.ix_(failed, self._dead)] = low_v  # One code of the converter, without noise.
         return volts

@@ -433,8 +433,9 @@ class Problem:
             + self.config.missed_time_costs_ms * 100.0 * off_s / slips_s
         )
 
-    def candidate(self, entry: dict[str, Any]) -> Candidate:
-        """Return the candidate of an entry in a study; see :meth:`Candidate.as_json`."""
+    def candidate_of(self, trial: Any) -> Candidate:
+        """Return the cheapest candidate of a trial; see :meth:`Candidate.as_json`."""
+        entry = trial.user_attrs['found'][0]
         rest = {name: entry[name] for name in Candidate._fields[1:]}
         return Candidate(dataclasses.replace(self.given, **entry['parameters']), **rest)
 

@@ -204,6 +204,8 @@ class Study:
         self._copy = optuna.create_study(sampler=sampler)
         self._asked, self._all = list[Any](), list[Any]()
         self._costs_ms: dict[Any, float] = {}
+        #: The trial that costs least; None: there is none.
+        self.cheapest: Any = None
         with self.errors_in_one_line():
             self._shared = optuna.create_study(
                 storage=storage and _opened(storage), study_name=name, load_if_exists=True
@@ -236,6 +238,8 @@ class Study:
         for trial in trials[len(self._all) :]:
             costs = _key(trial.params), math.inf if trial.value is None else trial.value
             self._costs_ms.setdefault(*costs)
+            if costs[1] < (self.cheapest.value if self.cheapest else math.inf):
+                self.cheapest = trial
         self._all = trials
         return len(trials)
 

@@ -33,6 +33,9 @@ from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.fields import refuse
 from slip_detector.recordings import RecordingCounts, recording_sets
 
+#: Share of the time of a single recording that is tuned on; the rest is held out.
+TUNED_SHARE = 2 / 3
+
 
 class Stretch(NamedTuple):
     """Rows of a track without a gap, before which the chain is reset.
@@ -188,30 +191,28 @@ def edges_of(samples: Samples) -> Ints:
     return edges.reshape(-1, 2)
 
 
-def held_out(tracks: Sequence[Track], share: float) -> tuple[list[Track], list[Track]]:
+def held_out(tracks: Sequence[Track]) -> tuple[list[Track], list[Track]]:
     """Divide recordings into those that are tuned on and those that are held out.
 
     Of several recordings with slip every third is held out, and likewise of each kind of those
     without slip; see :func:`hold_out`. A single one with slip is cut in two between two slips, as
-    near to the share as possible.
+    near to :data:`TUNED_SHARE` of its time as possible.
 
     Parameters
     ----------
     tracks
         The recordings in their order.
-    share
-        Share of the time of a single one to hold out: above 0, below 1.
 
     Examples
     --------
     >>> rows = [Samples.evenly(np.zeros((4, 1)), 2.0, truth=[False, True, True, False])]
-    >>> training, held = held_out([track_of(name, rows, 2.0) for name in 'abc'], share=1 / 3)
+    >>> training, held = held_out([track_of(name, rows, 2.0) for name in 'abc'])
     >>> [track.name for track in training], [track.name for track in held]
     (['a', 'c'], ['b'])
     """
     with_slip = [track for track in tracks if track.slips]
-    parts = _cut_in_two(with_slip[0], share) if len(with_slip) == 1 else hold_out(with_slip)
-    training, held = parts
+    divide = _cut_in_two if len(with_slip) == 1 else hold_out
+    training, held = divide(with_slip)
     quiet = [track for track in tracks if not track.slips]
     for kind in dict.fromkeys(track.kind for track in quiet):
         parts = hold_out([track for track in quiet if track.kind == kind])
@@ -232,13 +233,14 @@ def hold_out(items: Sequence[Any]) -> tuple[list[Any], list[Any]]:
     return [item for k, item in enumerate(items) if k % 3 != 1], [*items[1::3]]
 
 
-def _cut_in_two(track: Track, share: float) -> tuple[list[Track], list[Track]]:
-    """Cut a recording between two slips; the later part is held out."""
+def _cut_in_two(tracks: Sequence[Track]) -> tuple[list[Track], list[Track]]:
+    """Cut the one recording between two slips; the later part is held out."""
+    (track,) = tracks
     starts, ends = edges_of(track.samples).T
     cuts = (ends[:-1] + starts[1:]) // 2
     if not cuts.size:
         return [track], []
-    wanted = (1.0 - share) * len(track.volts)
+    wanted = TUNED_SHARE * len(track.volts)
     training, held = _parted(track, int(min(cuts, key=lambda cut: abs(cut - wanted))))
     return [training], [held]
 
@@ -355,8 +357,6 @@ class TrainingFiles(NamedTuple):
         Opens them.
     left_out : sequence of str
         Recordings and folders of recordings that are held out by name.
-    share : float
-        Share of the time of a single recording to hold out where none are held out by name.
     of_kinds : sequence of (str, str)
         Kind and path of more recordings, which need no labels.
     """
@@ -364,7 +364,6 @@ class TrainingFiles(NamedTuple):
     paths: Sequence[str]
     loader: RecordingLoader
     left_out: Sequence[str] = ()
-    share: float = 1 / 3
     of_kinds: Sequence[tuple[str, str]] = ()
 
     def load(self) -> tuple[list[Track], list[Track], list[str]]:
@@ -391,11 +390,11 @@ class TrainingFiles(NamedTuple):
         held = load(self.left_out)
         notes = left_out + faults_of(training + held)
         if not self.left_out:
-            training, held = held_out(training, self.share)
+            training, held = held_out(training)
         # Of a kind that is not held out the end of the last recording is.
         for kind in sorted({one.kind for one in training} - {'', *(one.kind for one in held)}):
             last = max(k for k, track in enumerate(training) if track.kind == kind)
-            cut = round((1.0 - self.share) * len(training[last].volts))
+            cut = round(TUNED_SHARE * len(training[last].volts))
             if 0 < cut < len(training[last].volts):
                 training[last], part = _parted(training[last], cut)
                 held.append(part)

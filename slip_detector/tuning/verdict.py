@@ -212,13 +212,9 @@ def tune(
     names = {track.name for track in training}
     pickled = pickle.dumps((files, names, dataclasses.replace(problem, tracks=()), name))
 
-    @functools.lru_cache(maxsize=1)
-    def best_so_far(known: int) -> Candidate | None:
-        with study.errors_in_one_line():  # Its trials may be damaged.
-            return next(iter(cheapest(problem, study.trials)), None)
-
     def show(count: int) -> None:
-        progress(count, many, best_so_far(len(study.trials)))
+        with study.errors_in_one_line():  # Its trials may be damaged.
+            progress(count, many, study.cheapest and problem.candidate_of(study.cheapest))
 
     show(study.follow())
     results = calls and functools.partial(calls, functools.partial(candidates_at, pickled))
@@ -275,16 +271,6 @@ def worse_than(figures: Figures, other: Figures, trade: bool = False) -> list[st
     return texts
 
 
-def cheapest(problem: Problem, trials: Sequence[Any], most: int = 1) -> list[Candidate]:
-    """Return the cheapest chains of finished trials, each of another trial."""
-    found = sorted((trial.user_attrs['found'][0] for trial in trials), key=_cost_ms)
-    return [problem.candidate(entry) for entry in found[:most]]
-
-
-def _cost_ms(entry: dict[str, Any]) -> float:
-    return float(entry['cost_ms'])
-
-
 def choose(problem: Problem, trials: Sequence[Any]) -> Candidate | None:
     """Return the result of a search; None where no trial found a chain.
 
@@ -298,11 +284,10 @@ def choose(problem: Problem, trials: Sequence[Any]) -> Candidate | None:
     """
     if not trials:
         return None
-    of_trials = sorted(trials, key=lambda trial: _cost_ms(trial.user_attrs['found'][0]))
     given = problem.space.point(problem.given)
     tried = []
-    for trial in of_trials[:COMPARED_CHAINS]:
-        found = problem.candidate(trial.user_attrs['found'][0])
+    for trial in sorted(trials, key=lambda one: one.value)[:COMPARED_CHAINS]:
+        found = problem.candidate_of(trial)
         tried.append((found, *problem.left_out(found.chain), trial.params))
     best, best_ms, best_costs_ms, _ = min(tried, key=lambda one: one[1])
     areas = ((one or {}).get('auc') or 0.0 for one in (best.figures, problem.figures))

@@ -184,16 +184,11 @@ def test_the_converter_rounds_to_the_nearest_of_its_codes(bits, low_v, range_v, 
 @given(st.floats(0, 0.7))
 def test_channels_fail_from_their_time_on_and_the_others_never(from_s):
     clean_v = 4.0 + 0.1 * np.sin(np.arange(228.0))[:, np.newaxis] * np.ones(PAPER_CHANNELS)
-    faults = Faults(from_s=from_s, dead_channels=[3], flat_channels=[1, 16], noisy_channels=[7, 5])
+    faults = Faults(from_s=from_s, dead_channels=[3, 16])
     rails = {'rails_v': (0.5, 5.0)}
     sound, faulty = sampled(clean_v, **rails), sampled(clean_v, parts={'faults': faults}, **rails)
     failed = np.arange(228) / 380.0 >= from_s
     np.testing.assert_array_equal(faulty[~failed], sound[~failed])
-    failing = np.isin(np.arange(1, 17), [1, 3, 5, 7, 16])
+    failing = np.isin(np.arange(1, 17), [3, 16])
     np.testing.assert_array_equal(faulty[:, ~failing], sound[:, ~failing])
-    if failed.any():
-        first = np.argmax(failed)
-        assert np.all(faulty[failed, 2] == 0.5)
-        for flat in (0, 15):
-            assert np.all(faulty[failed, flat] == sound[first, flat])
-        assert np.all(faulty[failed][:, [4, 6]] != sound[failed][:, [4, 6]])
+    assert np.all(faulty[failed][:, failing] == 0.5)

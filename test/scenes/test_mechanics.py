@@ -77,7 +77,7 @@ ALL_PARTS = {
     'tremor': {},
     'taps': {'times_s': [0.3], 'duration_s': 0.05},
     'rolling': {'start_s': 0.35, 'duration_s': 0.1},
-    'faults': {'dead_channels': [1], 'flat_channels': [2], 'noisy_channels': [3], 'from_s': 0.3},
+    'faults': {'dead_channels': [1], 'from_s': 0.3},
     'contact_noise': {},
 }
 ON_A_PLATE = [

@@ -62,7 +62,6 @@ def test_what_is_not_named_is_not_built():
 OPTIONAL = {
     'texture': {'ridge_height_m': 2e-5, 'harmonics': [], 'indentation_m': 1e-4},
     'tremor': {},
-    'faults': {'noisy_channels': [7]},
     'taps': {'times_s': [0.3]},
 }
 

@@ -275,7 +275,7 @@ def trial_of(asked, k, octaves, auc=0.9):
     found = {'parameters': {'threshold': float(k)}, 'cost_ms': k, 'figures': {'auc': auc}}
     point = asked.space.point(CHAIN)
     point['passband_octaves'] += octaves
-    return SimpleNamespace(params=point, user_attrs={'found': [found]})
+    return SimpleNamespace(params=point, value=k, user_attrs={'found': [found]})
 
 
 COSTS_MS = st.lists(st.floats(0.0, 500.0).map(round), min_size=5, max_size=5)

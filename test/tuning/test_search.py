@@ -104,7 +104,7 @@ def test_stages_that_help_are_kept_while_others_are_tried():
 def files(tmp_path):
     write(tmp_path / 'a.npz', 1)
     write(tmp_path / 'b.npz', 2)
-    return TrainingFiles([str(tmp_path)], RecordingLoader(*PARAMETERS[:3]), share=0.5)
+    return TrainingFiles([str(tmp_path)], RecordingLoader(*PARAMETERS[:3]))
 
 
 def test_another_process_gets_little_and_reads_the_recordings_once(files, monkeypatch):

@@ -21,30 +21,34 @@ from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
-from slip_detector.tuning.tracks import TrainingFiles, faults_of, held_out, load_tracks
+from slip_detector.tuning.tracks import (
+    TUNED_SHARE,
+    TrainingFiles,
+    faults_of,
+    held_out,
+    load_tracks,
+)
 from support.tuning_cases import CHAIN, slips, track, write
 
 
 def test_recordings_are_parted_with_slips_on_both_sides():
     tracks = [track(k) for k in range(5)] + [track(k, slips=False) for k in range(5, 8)]
-    training, held = held_out(tracks, 1 / 3)
+    training, held = held_out(tracks)
     assert sorted(one.name for one in training + held) == sorted(one.name for one in tracks)
     assert [sum(bool(t.slips) for t in part) for part in (training, held)] == [3, 2]
     pressed = [track(k, 'press') for k in range(2)]
-    training, held = held_out(tracks[:5] + pressed + tracks[5:6], 1 / 3)
+    training, held = held_out(tracks[:5] + pressed + tracks[5:6])
     assert [t.kind for t in held if not t.slips] == ['press']
 
 
-@pytest.mark.parametrize('share', [0.1, 1 / 3, 0.5, 0.9])
-def test_one_recording_is_cut_between_two_slips(share):
+def test_one_recording_is_cut_between_two_slips():
     whole = track(3, duration_s=30.0)
-    (training,), (held,) = held_out([whole], share)
+    (training,), (held,) = held_out([whole])
     assert len(training.slips) + len(held.slips) == len(whole.slips) == 10
     assert training.slips
     assert held.slips
     assert training.duration_s + held.duration_s == pytest.approx(whole.duration_s)
-    wanted_s = (1 - share) * whole.duration_s
-    assert abs(training.duration_s - wanted_s) < 3.0
+    assert abs(training.duration_s - TUNED_SHARE * whole.duration_s) < 3.0
     np.testing.assert_array_equal(held.volts, whole.volts[-len(held.volts) :])
 
 
