@@ -50,6 +50,8 @@ class Events:
     lasting : ndarray, shape (7, 3, T)
         For each of :data:`LASTING` the time, how much of it is ON, in seconds, and the number of
         false alarms.
+    settling : int
+        Number of slips that are not scored, as they begin while the chain settles.
 
     Examples
     --------
@@ -70,6 +72,7 @@ class Events:
     leads_s: Floats
     windows_s: Floats
     lasting: Floats
+    settling: int = 0
 
     @classmethod
     def pooled(cls, parts: Iterable['Events']) -> 'Events':
@@ -77,14 +80,14 @@ class Events:
         several = list(parts) or [NO_EVENTS]
         names = ('latencies_ms', 'leads_s', 'windows_s')
         slips = {name: np.concatenate([getattr(one, name) for one in several]) for name in names}
-        return cls(**slips, lasting=np.sum([one.lasting for one in several], axis=0))
+        lasting = np.sum([one.lasting for one in several], axis=0)
+        return cls(**slips, lasting=lasting, settling=sum(one.settling for one in several))
 
     def at_one(self, threshold: int) -> 'Events':
         """Return those at one threshold."""
         one = np.array([threshold])
-        return Events(
-            self.latencies_ms[:, one], self.leads_s, self.windows_s, self.lasting[:, :, one]
-        )
+        lasting, latencies_ms = self.lasting[:, :, one], self.latencies_ms[:, one]
+        return dataclasses.replace(self, latencies_ms=latencies_ms, lasting=lasting)
 
     @property
     def rest(self) -> Floats:

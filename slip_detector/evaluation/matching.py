@@ -300,7 +300,7 @@ class ScoredRows:
         slip[0], rest[0] = (np.sum(b - a) / self._rate_hz for a, b in (self.certain, self.rest))
         slip[1], rest[1], rest[2] = on_certain / self._rate_hz, on_rest / self._rate_hz, alarms
         of_scored = self.leads_s[self.scored], self.windows_s[self.scored]
-        return Events(latencies_ms, *of_scored, lasting)
+        return Events(latencies_ms, *of_scored, lasting, int(np.sum(~self.scored)))
 
     def match(self, rises: Sequence[int]) -> tuple[Ints, Ints]:
         """Match each true slip to at most one alarm and each alarm to at most one slip.

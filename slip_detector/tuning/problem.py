@@ -17,7 +17,6 @@
 import dataclasses
 import functools
 import hashlib
-import itertools
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
@@ -25,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from slip_detector.chain.filters import evidence_falls_s, settling_rows
-from slip_detector.chain.samples import Bools, Floats
+from slip_detector.chain.samples import Floats
 from slip_detector.evaluation.chance import saved_by_chance_s
 from slip_detector.evaluation.events import LASTING, Events
 from slip_detector.evaluation.scores import SLIP
@@ -286,8 +285,7 @@ class Problem:
     ) -> Candidate:
         """Return a chain with the threshold that, with so many neighbours, costs least."""
         swept = Events.pooled(self._events(chain, statistic, limits))
-        slips = sum(len(track.slips) for track in self.tracks)
-        costs_ms = self._costs_ms(chain, limits, swept, slips, neighbours)
+        costs_ms = self._costs_ms(chain, limits, swept, neighbours)
         at = int(np.argmin(costs_ms))
         chain = dataclasses.replace(chain, threshold=float(limits[at]))
         areas = self._areas(chain, statistic)
@@ -337,41 +335,31 @@ class Problem:
         if many < 2 or not limits.size:
             return math.inf, np.zeros(many)
         of_tracks = self._events(chain, statistic, limits)
-        folds = [order[fold::many] for fold in range(many)]
-        parts = [Events.pooled(of_tracks[k] for k in fold) for fold in folds]
-        slips = np.array([sum(len(self.tracks[k].slips) for k in fold) for fold in folds])
-        others = ~np.eye(many, dtype=bool)
-
-        def pooled(of_folds: Sequence[Events], chosen: Bools) -> tuple[Events, int]:
-            return Events.pooled(itertools.compress(of_folds, chosen)), int(slips[chosen].sum())
-
+        folds = [Events.pooled(of_tracks[k] for k in order[fold::many]) for fold in range(many)]
+        others = [[k for k in range(many) if k != fold] for fold in range(many)]
         alone = []
-        for part, rest in zip(parts, others, strict=True):
-            costs_ms = self._costs_ms(chain, limits, *pooled(parts, rest), NEIGHBOURS)
-            alone.append(part.at_one(int(np.argmin(costs_ms))))
-        areas, limit = self._areas(chain, statistic), np.array([chain.threshold])
-        lacking_ms = self.config.auc_costs_ms * (1.0 - (areas['auc'] or 0.0))
-        all_of_them = np.ones(many, bool)
+        for fold, rest in zip(folds, others, strict=True):
+            pooled = Events.pooled(folds[k] for k in rest)
+            costs_ms = self._costs_ms(chain, limits, pooled, NEIGHBOURS)
+            alone.append(fold.at_one(int(np.argmin(costs_ms))))
+        limit = np.array([chain.threshold])
+        lacking_ms = self.config.auc_costs_ms * (1.0 - (self._areas(chain, statistic)['auc'] or 0))
         found = [
-            self._costs_ms(chain, limit, *pooled(alone, which), 0)[0] + lacking_ms
-            for which in (all_of_them, *others)
+            self._costs_ms(chain, limit, Events.pooled(alone[k] for k in which), 0)[0] + lacking_ms
+            for which in (range(many), *others)
         ]
         if not np.isfinite(found).all():
             return math.inf, np.zeros(many)
         return float(found[0]), np.array(found[1:])
 
     def _costs_ms(
-        self, chain: ChainConfig, limits: Floats, swept: Events, slips: int, neighbours: int
+        self, chain: ChainConfig, limits: Floats, swept: Events, neighbours: int
     ) -> Floats:
-        """Return the cost at each of T thresholds, with its neighbours; shape (T,).
-
-        A slip that begins while a chain settles counts as missed, so that a chain does not gain by
-        settling for longer: ``slips`` is the number of all.
-        """
-        costs_ms = self._event_costs_ms(swept, slips) + self._hidden_costs_ms(chain, limits)
+        """Return the cost at each of T thresholds, with its neighbours; shape (T,)."""
+        costs_ms = self._event_costs_ms(swept) + self._hidden_costs_ms(chain, limits)
         return _with_neighbours(costs_ms, neighbours)
 
-    def _event_costs_ms(self, swept: Events, slips: int) -> Floats:
+    def _event_costs_ms(self, swept: Events) -> Floats:
         """Return the cost of slips and alarms at each of T thresholds, shape (T,).
 
         It is infinite where no slip or no rest is scored, which says nothing about the chain.
@@ -381,8 +369,9 @@ class Problem:
         if not len(swept.latencies_ms) or not rest_s.all():
             return np.full(rest_s.shape, np.inf)
         late_ms = np.clip(np.fmin(swept.latencies_ms, most_ms), 0.0, most_ms)
-        unscored = ((0, slips - len(late_ms)), (0, 0))
-        late_ms = np.pad(late_ms, unscored, constant_values=most_ms)
+        # A slip that begins while a chain settles counts as missed, so that a chain does not gain
+        # by settling for longer.
+        late_ms = np.pad(late_ms, ((0, swept.settling), (0, 0)), constant_values=most_ms)
         chance = swept.leads_s, swept.windows_s, alarms / rest_s
         # Labels that are not exact may leave no row that certainly slips.
         missed_percent = 100.0 * (1.0 - np.nan_to_num(figures['coverage'], nan=1.0))
