@@ -148,7 +148,7 @@ def parameters_of(file: str, recording: Path) -> TuningParameters:
     """Return the parameters in a file, or what a recording tells of a new sensor."""
     if file:
         path = find_parameter_file(file)
-        sets: Any = (type(one).from_yaml(path) for one in TuningParameters()[:-1])
+        sets: Any = (type(one).from_yaml(path) for one in TuningParameters())
         return TuningParameters(*sets)
     first = open_recording(recording)
     many, rate_hz = len(first.channel_names), first.sample_rate_hz

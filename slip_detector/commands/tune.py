@@ -265,7 +265,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = _arguments(argv)
 
     def work() -> str:
-        sets = workers.sets_of_parameters(options, *map(type, TuningParameters()[:-1]))
+        sets = workers.sets_of_parameters(options, *map(type, TuningParameters()))
         parameters = TuningParameters(*sets)
         written = {'--out': options.out, '--report': options.report}
         where = options.storage or f'{options.out}.study.journal'

@@ -299,8 +299,8 @@ def compared(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[Row]:
         if known and not (name.startswith('latency') and min(was, now) < 0.0):
             larger = name in LARGER_IS_BETTER or name.startswith('auc')
             change = 'better' if (now > was) == larger else 'worse'
-        late_missed = name.startswith('latency') and '_all' not in name and recalls[1] < recalls[0]
-        if change == 'better' and (late_missed or not recalls[1]):
+        of_found = name.startswith('latency') and '_all' not in name
+        if change == 'better' and (not recalls[1] or (of_found and recalls[1] < recalls[0])):
             change = ''
         rows.append((heading(name), figure_text(name, before), figure_text(name, after), change))
     return rows

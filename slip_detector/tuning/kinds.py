@@ -37,10 +37,6 @@ LEAST_CONTACT_RATIO = 1.2
 #: contact is noticed as soon as a slide begins.
 MOST_RATIO = 2.0
 
-#: The beginning of a recording shows a finger that touches nothing if the rest of it never is as
-#: quiet, by a factor of :data:`MOST_RATIO`, even in this quietest share.
-BEGINNING_S, QUIETEST = 0.5, 0.2
-
 #: Length of the blocks in which a recording is compared with its kind.
 BLOCK_S = 0.2
 
@@ -93,8 +89,7 @@ def contact_level_v(chain: ChainConfig, tracks: Sequence[Track]) -> float:
     """Return a ``contact_level_v`` between a finger that touches nothing and one that slides.
 
     What counts is the loudest row within ``contact_hold_s``, as contact lasts so long. A finger
-    touches nothing in recordings of the kind ``idle``; if there are none, at the beginning of
-    recordings that are never as quiet later.
+    touches nothing in recordings of the kind ``idle``.
 
     Raises
     ------
@@ -103,18 +98,11 @@ def contact_level_v(chain: ChainConfig, tracks: Sequence[Track]) -> float:
     """
     low, held = low_chain(chain), chain.samples(chain.contact_hold_s)
     idle, slides = [np.zeros(0)], [np.zeros(0)]
-    idles = any(track.kind == 'idle' for track in tracks)
     for track in tracks:
         levels = np.nan_to_num(envelopes(low, track))
         settled, touching = levels.any(axis=1), np.sort(levels, axis=1)[:, -chain.contact_channels]
         slides.append(_loudest(touching[settled & (track.kinds == SLIP)], held))
-        still = touching[settled & (track.kinds != SLIP)]
-        first, later = np.split(still, [round(BEGINNING_S * track.sample_rate_hz)])
-        if track.kind == 'idle':
-            idle.append(_loudest(still, held))
-        elif not idles and later.size:
-            most, least = first.max(), np.quantile(later, QUIETEST)
-            idle += [_loudest(first, held)] if MOST_RATIO * most < least else []
+        idle += [_loudest(touching[settled], held)] if track.kind == 'idle' else []
     of_each = (np.concatenate(idle), 1.0 - IDLE_SHARE), (np.concatenate(slides), SLIDE_SHARE)
     idle_v, slide_v = (float(np.quantile(v, share)) if v.size else 0.0 for v, share in of_each)
     if not idle_v or slide_v < LEAST_CONTACT_RATIO * idle_v:

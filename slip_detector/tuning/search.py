@@ -104,11 +104,9 @@ def search(
 
     def attempt(points: Sequence[Point]) -> bool:
         """Try points that were not tried yet; return whether the search goes on."""
-        fresh = [
-            one
-            for k, one in enumerate(points)
-            if study.cost_ms(one) is None and one not in points[:k]
-        ]
+        fresh: list[Point] = []
+        for point in points:
+            fresh += [] if point in fresh or study.cost_ms(point) is not None else [point]
         for first in range(0, len(fresh), BATCH):
             count = study.follow()
             batch, found = fresh[first : first + BATCH][: max(trials - count, 0)], {}

@@ -19,10 +19,11 @@ votes and thresholds (:mod:`slip_detector.tuning.sweep`), and a trial takes the 
 values for the noise floors, a point has the way in which they are learnt from the recordings.
 """
 
+import contextlib
 import dataclasses
 import functools
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
@@ -123,8 +124,6 @@ class SearchSpace:
         self._given, self._tracks = given, tracks
         self._highest_hz = HIGHEST * given.sample_rate_hz
         self._enabled = given.channels - len(given.disabled_channels)
-        # No more channels have to touch than there are.
-        self._touching = min(given.contact_channels, self._enabled)
         self._contact_levels_v: dict[Any, float] = {}
         self._slip_steps_v = functools.cache(lambda rows: slip_steps_v(given, tracks, rows))
         self._least_window_s = max(SHORTEST_WINDOW_S, 1.0 / given.sample_rate_hz)
@@ -138,8 +137,10 @@ class SearchSpace:
 
         given, rate = self._given, self._given.sample_rate_hz
         windows_s = Between(self._least_window_s, 0.3, log=True)
-        of_rate = [f for f in MAINS_HZ if _works(dataclasses.replace, given, mains_hz=f)]
-        touching = dataclasses.replace(given, contact_channels=self._touching)
+        of_rate = []
+        for mains_hz in MAINS_HZ:
+            with contextlib.suppress(ValueError):  # The rate has no whole periods of it.
+                of_rate.append(dataclasses.replace(given, mains_hz=mains_hz).mains_hz)
         slips = sum(len(track.slips) for track in self._tracks)
         of_kinds: dict[str, Any] = {}
         kinds = {track.kind for track in self._tracks}
@@ -147,7 +148,7 @@ class SearchSpace:
         if kinds & {'taps', 'press', 'roll'}:
             of_kinds['impact_s'] = OneOf(sorted({given.impact_s, *IMPACTS_S}))
             of_kinds['common_rank'] = Whole(0, max(MOST_RANK, given.common_rank))
-        if _works(contact_level_v, touching, self._tracks):
+        if 'idle' in kinds:
             of_kinds['contact'] = OneOf(_ways(given.contact_level_v, 'none', 'learnt'))
             of_kinds['contact_channels'] = Whole(1, self._enabled, log=True)
         if kinds & {'press', 'roll'}:
@@ -422,15 +423,6 @@ def _band(band_hz: tuple[float, float], window_s: float) -> dict[str, Any]:
 def _ways(is_given: object, *others: str) -> tuple[str, ...]:
     """Return the choices of what may be as it is given, if it is given."""
     return ('given', *others) if is_given else others
-
-
-def _works(make: Callable[..., object], *arguments: Any, **named: Any) -> bool:
-    """Return whether a function raises no ValueError."""
-    try:
-        make(*arguments, **named)
-    except ValueError:
-        return False
-    return True
 
 
 def _nearest(allowed: Any, value: Any) -> Any:

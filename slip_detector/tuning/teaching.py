@@ -71,10 +71,8 @@ def learn(
     if not quiet:
         return chain, [*lines, 'No noise learnt: there is no recording without slips']
     # A recording of rest shows the mains best, if it is long enough.
-    resting = at_rest(quiet)
-    longest = max(
-        quiet, key=lambda one: (one in resting and one.duration_s >= LEAST_S, one.duration_s)
-    )
+    resting = [track for track in at_rest(quiet) if track.duration_s >= LEAST_S]
+    longest = max(resting or quiet, key=lambda track: track.duration_s)
     step(f'learning the noise of {longest.name}')
     try:
         learnt, said = learn_noise(chain, tracks, longest)

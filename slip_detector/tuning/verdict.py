@@ -67,18 +67,17 @@ class TuningParameters(NamedTuple):
     recording: RecordingConfig = RecordingConfig()
     evaluation: EvaluationConfig = EvaluationConfig()
     tune: TuneConfig = TuneConfig()
-    running: ChainConfig | None = None
 
     @property
     def loader(self) -> RecordingLoader:
         """Opens recordings for the chain."""
         return RecordingLoader(self.chain, self.recording, self.evaluation)
 
-    def problem(self, tracks: Sequence[Track]) -> Problem:
-        """Return the problem of a search on tracks."""
-        problem = Problem(tracks, self.chain, None, self.evaluation, self.tune, self.running)
-        running = self.running or self.chain
-        return dataclasses.replace(problem, figures=problem.as_it_is(running).figures)
+    def problem(self, tracks: Sequence[Track], begin: ChainConfig | None = None) -> Problem:
+        """Return the problem of a search on tracks that begins with a chain or the given one."""
+        given = begin or self.chain, None, self.evaluation, self.tune, self.chain
+        problem = Problem(tracks, *given)
+        return dataclasses.replace(problem, figures=problem.as_it_is(self.chain).figures)
 
 
 class Verdict(NamedTuple):
@@ -198,13 +197,12 @@ def tune(
         left_out = name_list([track.name for track in wrong])
         sentences.append(f'Not tuned on, as keys that were pressed by mistake: {left_out}')
     notes += sentences
-    running = parameters.running or parameters.chain
     begin, learnt = learn(parameters.chain, training, step)
     notes += learnt
     doubt(notes)
     stop()
     step('searching')
-    problem = parameters._replace(chain=begin, running=running).problem(training)
+    problem = parameters.problem(training, begin)
     many = trials or default_trials(training)
     name = problem.study_name()
     study = Study(problem.space.distributions, seed, storage, name)
