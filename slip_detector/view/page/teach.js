@@ -73,19 +73,17 @@ export class RecordingTrace {
   async ask(type) {
     const pairs = this.saved.flatMap((_, i) => (i % 2 ? [] : [this.slip.slice(i, i + 2)]));
     const answer = await this.request(type, {slip_s: pairs, pixel_s: this.trace.duration_s / this.canvas.clientWidth});
-    if (answer.refusal) return;
-    await (type === 'snap' ? this.move(answer.slip_s.flat(), answer.said) : this.load());
+    if (!answer.refusal) await (type === 'snap' ? this.move(answer.slip_s.flat(), answer.said) : this.load());
   }
 
-  // said: what was found, by Snap.
-  move(slip, said) {
+  move(slip, snapped) {
     this.slip = slip;
     const moved = slip.map((s, i) => s - this.saved[i]), changed = moved.some((by) => Math.abs(by) > 1e-6);
     this.save.disabled = this.reset.disabled = !changed;
     const {coverage, false_time_percent: rest} = this.trace, without = this.ends.length ? 'rest' : this.name.split('_')[0];
     const on = [coverage !== null && `${percent(coverage)} of the slip`, rest !== null && `${percent(rest / 100)} of the ${without}`].filter(Boolean);
     const by = moved.map((s, i) => `${i % 2 ? 'end' : 'start'} ${s < 0 ? '\u2212' : '+'}${Math.abs(s).toFixed(2)} s`);
-    write(this.words, said ? `Not saved: ${said}` : changed ? `Moved, not saved: ${by.join(', ')}` : on.length ? `ON for ${on.join(', ')}` : 'Too short to say');
+    write(this.words, snapped ? `Not saved: ${snapped}` : changed ? `Moved, not saved: ${by.join(', ')}` : on.length ? `ON for ${on.join(', ')}` : 'Too short to say');
     this.draw();
   }
 
