@@ -81,12 +81,12 @@ ON = 'false_time_costs_ms'
 #: The figures that must not get worse, by name: first what a slip costs, then time ON by kind.
 COMPARED = {
     'recall': Compared('recall', '', 1.0, 1e-9, 0.05, 'missed_costs_ms'),
-    'coverage': Compared('coverage', '', 1.0, 0.05, 0.1, 'missed_time_costs_ms', 100.0),
-    'latency_median_all_ms': Compared('median latency', ' ms', -1.0, 5.0, 50.0, ''),
+    'coverage': Compared('coverage', '', 1.0, 0.005, 0.1, 'missed_time_costs_ms', 100.0),
+    'latency_median_all_ms': Compared('median latency', ' ms', -1.0, 1e-9, 50.0, ''),
     'false_alarms_per_minute': Compared(
-        'false alarms', ' in a minute of rest', -1.0, 0.5, 5.0, 'false_alarm_costs_ms'
+        'false alarms', ' in a minute of rest', -1.0, 1e-9, 5.0, 'false_alarm_costs_ms'
     ),
-    'false_time_percent': Compared('time ON', ' %', -1.0, 0.1, 5.0, ON),
+    'false_time_percent': Compared('time ON', ' %', -1.0, 1e-9, 5.0, ON),
     **{
         f'{kind}_on_percent': Compared(f'ON in {kind}', ' %', -1.0, 0.5, 5.0, ON) for kind in KINDS
     },
@@ -97,7 +97,7 @@ COMPARED = {
 def worse_by(figures: Mapping[str, Any], other: Figures) -> dict[str, Floats]:
     """Return by how much each of :data:`COMPARED` is worse than another chain's; 0 or less: not.
 
-    A figure that is not defined, in either, is not worse, but for that of the chain alone: NaN.
+    A figure that the other chain lacks is left out; one that this chain alone lacks is NaN.
     Only the area under the ROC curve is compared where the other chain is no better than chance.
     What is ON for much of the rest is ON in slips by chance and has few alarms: coverage may fall
     by as much as the time ON, and alarms are not compared where that is less.
@@ -125,7 +125,7 @@ def worse_by(figures: Mapping[str, Any], other: Figures) -> dict[str, Floats]:
         if name == 'coverage':
             by = by - less_percent / 100.0
         elif name == 'false_alarms_per_minute':
-            by = np.where(less_percent > COMPARED['false_time_percent'].step, 0.0, by)
+            by = np.where(less_percent > COMPARED['rest_on_percent'].step, 0.0, by)
         found[name] = by
     return found
 
