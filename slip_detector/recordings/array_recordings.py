@@ -18,7 +18,7 @@ import contextlib
 import csv
 import decimal
 import itertools
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -154,8 +154,10 @@ class CsvRecording(Recording):
         super().__init__(path, labels, config)
         self._truth_key = config.recording_truth_key
         # In many countries a semicolon or a tab is in place of the comma.
-        self._delimiter = max(',;\t', key=next(self._text(), '').count)
-        names = [name.strip() for name in next(self._lines(), [])]
+        with contextlib.closing(self._text()) as text:
+            self._delimiter = max(',;\t', key=(line := next(text, '')).count)
+            reader = csv.reader(itertools.chain([line], text), delimiter=self._delimiter)
+            names = [name.strip() for name in next(reader)]
         self._names = names = names[:-1] if names[-1:] == [''] else names
         self.has_truth |= self._truth_key in names
         self.label_name = f'label {self._truth_key}, there are: {name_list(names)}'
@@ -163,22 +165,24 @@ class CsvRecording(Recording):
         self._channels = [k for k, n in enumerate(names) if n not in (TIME, self._truth_key)]
         self.channel_names = tuple(names[k] for k in self._channels)
         if TIME not in names or not self.channel_names or len({*names, ''}) <= len(names):
-            text = f'{TIME} and one for each channel, each with a name of its own'
             there = name_list([name or '(without name)' for name in names]) or 'none'
-            refuse(f'line 1 has the columns {there}', text)
+            allowed = f'{TIME} and one for each channel, each with a name of its own'
+            refuse(f'line 1 has the columns {there}', allowed)
         first = next(self.read(), None)
         stamps_ns = np.empty(0, np.int64) if first is None else first.stamps_ns
         self.sample_rate_hz = checked_rate(rate_of(stamps_ns, f'the times in column {TIME}'))
 
     def read(self) -> Iterator[Samples]:
         """Yield the rows of the file, some thousands at a time."""
-        rows = self._rows()
-        while some := list(itertools.islice(rows, PIECE_ROWS)):
-            numbers, stamps_ns = (np.array(part) for part in zip(*some, strict=True))
-            truth: list[Any] = [as_truth(numbers[:, at], self._truth_key) for at in self._truth_at]
-            yield Samples(numbers[:, self._channels], stamps_ns, *truth)
+        # Of a file that is refused the error would hold the file open.
+        with contextlib.closing(self._text()) as text:
+            rows = self._rows(text)
+            while some := list(itertools.islice(rows, PIECE_ROWS)):
+                numbers, stamps_ns = (np.array(part) for part in zip(*some, strict=True))
+                truth: Any = (as_truth(numbers[:, k], self._truth_key) for k in self._truth_at)
+                yield Samples(numbers[:, self._channels], stamps_ns, *truth)
 
-    def _text(self) -> Iterator[str]:
+    def _text(self) -> Generator[str, None, None]:
         """Yield the lines; the last only if it has an end, as it may be cut off in a number."""
         # utf-8-sig: spreadsheets begin the file with a byte order mark.
         with open(self.path, newline='', encoding='utf-8-sig') as file:
@@ -189,14 +193,10 @@ class CsvRecording(Recording):
                     what = f'line {number} has no end, so it may be cut off, and is left out'
                     self.counts.damage = f'{self.path.name}: {what}'
 
-    def _lines(self) -> Any:
-        """Return a reader of the cells of each line."""
-        return csv.reader(self._text(), delimiter=self._delimiter)
-
-    def _rows(self) -> Iterator[tuple[list[float], int]]:
+    def _rows(self, text: Iterator[str]) -> Iterator[tuple[list[float], int]]:
         """Yield the numbers and the exact stamp of each line."""
         time_at, n = self._names.index(TIME), len(self._names)
-        lines = self._lines()
+        lines = csv.reader(text, delimiter=self._delimiter)
         for cells in itertools.islice(lines, 1, None):
             line = ''.join(cells)
             if not line.strip():  # many programs write empty lines at the end
@@ -211,6 +211,6 @@ class CsvRecording(Recording):
             except (ValueError, ArithmeticError, IndexError):
                 fits = False
             if not fits:
-                text = f'{n} decimal numbers, {TIME} below {MOST_S:g}'
-                refuse(f'line {lines.line_num} is {shown(self._delimiter.join(cells))}', text)
+                what = f'line {lines.line_num} is {shown(self._delimiter.join(cells))}'
+                refuse(what, f'{n} decimal numbers, {TIME} below {MOST_S:g}')
             yield numbers, round(time_s * 1_000_000_000)

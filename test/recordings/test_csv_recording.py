@@ -14,6 +14,9 @@
 
 """Recordings in csv files: what comes in comes out, and what is wrong is said in one line."""
 
+import glob
+import os
+
 import numpy as np
 import pytest
 
@@ -47,7 +50,12 @@ TIMES = ': the times in column time_s do not rise, allowed: two or more rows, ea
     ],
 )
 def test_csv_that_is_wrong_is_named_with_its_line_or_column(tmp_path, text, said):
-    assert complaint(save_text(tmp_path / 'a.csv', text)).startswith(said)
+    path = save_text(tmp_path / 'a.csv', text)
+    assert complaint(path).startswith(said)
+    with pytest.raises(ValueError, match='csv'):  # it holds the frames of what was read
+        read_recording(path)
+    opened = [os.readlink(one) for one in glob.glob('/proc/self/fd/*') if os.path.islink(one)]
+    assert str(path) not in opened
 
 
 @pytest.mark.parametrize(
