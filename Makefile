@@ -63,6 +63,7 @@ out/grasp.json: $(VENV)/installed $(PACKAGE)
 	@$(BIN)/slip_grasp --out out > out/grasp.txt
 
 view: $(VENV)/installed
+	@echo 'A live page of a simulated finger, which does what you press: rest, slip, taps or press.'
 	@$(BIN)/slip_view --scene obedient --folder out/recordings
 
 benchmark: $(VENV)/installed

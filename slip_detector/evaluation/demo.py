@@ -128,5 +128,5 @@ def demo_words(result: Mapping[str, Any]) -> str:
     )
     text += f'Decisions took {median_ms:.1f} ms'
     if p99_ms > HELD_UP_MS:
-        text += f', one in a hundred {p99_ms:.0f} ms, as the nodes were held up'
+        text += f', one in a hundred {p99_ms:.0f} ms: other work on this machine held up the nodes'
     return f'{text}.'

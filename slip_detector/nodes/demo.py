@@ -36,7 +36,7 @@ def run_demonstration(parser: argparse.ArgumentParser) -> None:
     arguments = parser.parse_args()
     file = arguments.out / f'{parser.prog.removeprefix("slip_")}.json'
     picture = file.with_suffix('.png')
-    # All processes are on this machine. Shared memory can hold them up for some 0.4 s.
+    # All processes are on this machine.
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
 
     def work() -> str:

@@ -64,7 +64,7 @@ SIMULATED_S, LIVE_S = 5.0, 15.0
 SHOWN = 2
 
 
-def slip_demo(arguments: argparse.Namespace, picture: Path) -> tuple[dict[str, Any], str]:
+def slip_demo(arguments: argparse.Namespace, path: Path) -> tuple[dict[str, Any], str]:
     """Play a trial through both nodes, draw it, and return its figures and what to print."""
     # A wrong argument is reported before anything is started.
     source = SceneSource(DriverConfig(scene=arguments.scene, seed=arguments.seed))
@@ -84,9 +84,7 @@ def slip_demo(arguments: argparse.Namespace, picture: Path) -> tuple[dict[str, A
     result = demo_figures(heard, config)
     states = {topic: states_at(*each, heard.stamps_s) for topic, each in heard.changes.items()}
     groups = {name: states[f'slip/group/{name}'] for name in config.groups}
-    draw_trial(
-        picture, heard.stamps_s, heard.volts, config, groups, states['slip'], heard.motion_s
-    )
+    draw_trial(path, heard.stamps_s, heard.volts, config, groups, states['slip'], heard.motion_s)
     table = f'{demo_table(result)}\n\n' if arguments.verbose else ''
     return result, table + demo_words(result)
 
@@ -146,9 +144,8 @@ def slip_grasp(arguments: argparse.Namespace, picture: Path) -> tuple[dict[str, 
     }
     drawn = min(SHOWN, len(seeds) - 1)
     shown = heard.get(seeds[drawn])
-    live = shown._asdict() if shown else {}
     one = {name: mine[drawn] for name, mine in trials.items()}
-    draw_grasp(picture, one, grasp.limit_n, live)
+    draw_grasp(picture, one, grasp.limit_n, shown._asdict() if shown else {})
     return result, grasp_table(result)
 
 

@@ -136,9 +136,9 @@ async def _serve(arguments: argparse.Namespace, takedowns: Takedowns) -> None:
             scene = {'source': 'scene', 'loop': 'true', 'wait_for_subscribers': '1'}
             nodes.start('slip_driver', config, *fingers, scene=arguments.scene, **scene)
         # What the nodes say comes below: they take a second or more to start.
-        obeys = ' Its finger does what you press there.' if arguments.scene == 'obedient' else ''
-        address = page_address(arguments.host, port, token)
-        print(f'slip_view: {address}\nCtrl-C ends it.{obeys}', flush=True)
+        print(
+            f'slip_view: {page_address(arguments.host, port, token)}\nCtrl-C ends it', flush=True
+        )
         try:
             await server.run(ASKED)
         finally:
