@@ -47,7 +47,7 @@ def run_demonstration(parser: argparse.ArgumentParser) -> None:
         result, words = getattr(demonstrations, parser.prog)(arguments, picture)
         with whole_file(file) as new:
             new.write_text(json.dumps(result, indent=2) + '\n')
-        more = 'slip_view --scene obedient (make view), a live page; or README.md, Your own sensor'
+        more = 'make view (or slip_view --scene obedient); README.md, Your own sensor'
         return f'{words}\nPicture: {picture}; figures: {file}\nNext: {more}'
 
     words = f'{parser.prog}: interrupted before it was done'
