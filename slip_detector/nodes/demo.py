@@ -44,11 +44,10 @@ def run_demonstration(parser: argparse.ArgumentParser) -> None:
         from slip_detector.parameters.files import whole_file, writable_folder
 
         writable_folder(arguments.out)
-        result, words = getattr(demonstrations, parser.prog)(arguments, picture)
+        result, said = getattr(demonstrations, parser.prog)(arguments, picture)
         with whole_file(file) as new:
             new.write_text(json.dumps(result, indent=2) + '\n')
-        more = 'make view (or slip_view --scene obedient); README.md, Your own sensor'
-        return f'{words}\nPicture: {picture}; figures: {file}\nNext: {more}'
+        return f'{said}\nPicture: {picture}; figures: {file}\nNext: make view; docs/your_sensor.md'
 
     words = f'{parser.prog}: interrupted before it was done'
     run(parser.prog, lambda _: command_line.run(parser.prog, work), words)

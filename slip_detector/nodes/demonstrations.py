@@ -125,7 +125,7 @@ def slip_grasp(arguments: argparse.Namespace, picture: Path) -> tuple[dict[str, 
     chain, grasp = ChainConfig.from_yaml(config), GraspConfig.from_yaml(config)
     seeds = list(arguments.seeds)
     minutes = (len(seeds) * SIMULATED_S + arguments.live * LIVE_S) / 60.0
-    _say('slip_grasp', f'this takes some {minutes:.1f} minutes')
+    _say('slip_grasp', f'this takes some {minutes:.1f} minutes, more on a busy machine')
 
     def played(name: str, chain: ChainConfig, grasp: GraspConfig) -> list[GraspTrial]:
         _say('slip_grasp', f'{len(seeds)} objects in simulated time: {name}')
