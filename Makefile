@@ -1,8 +1,8 @@
 # Needs Python 3.10 or newer with venv, and a package index; no ROS.
 #
-#   make demo               install into .venv, run driver and detector, show the figures
+#   make demo               install into .venv, run driver and detector: some two minutes the first time
 #   make view               a live page of a simulated finger, until Ctrl-C: open the address that it prints
-#   make grasp              a grasp controller on simulated objects: a table over thirty of them
+#   make grasp              a grasp controller on thirty simulated objects: a table, after some minutes
 #   make check              what a change is checked with: lint, types, all tests without nodes
 #   make benchmark          how fast and how exact it is: the quick form of each measurement
 #   make test               all checks
@@ -52,17 +52,18 @@ demo: out/demo.json
 	@cat out/demo.txt
 
 out/demo.json: $(VENV)/installed $(PACKAGE)
-	mkdir -p out
-	$(BIN)/slip_demo --out out > out/demo.txt
+	@mkdir -p out
+	@$(BIN)/slip_demo --out out > out/demo.txt
 
 grasp: out/grasp.json
 	@cat out/grasp.txt
 
 out/grasp.json: $(VENV)/installed $(PACKAGE)
-	mkdir -p out
-	$(BIN)/slip_grasp --out out > out/grasp.txt
+	@mkdir -p out
+	@$(BIN)/slip_grasp --out out > out/grasp.txt
 
 view: $(VENV)/installed
+	@echo 'A live page of a simulated finger, which does what you press: rest, slip, taps or press.'
 	@$(BIN)/slip_view --scene obedient --folder out/recordings
 
 benchmark: $(VENV)/installed
@@ -88,9 +89,9 @@ test-matrix: $(VENV)/installed
 
 $(VENV)/installed: setup.py
 	@echo 'Installing into $(VENV), only the first time: a minute or two, most of it downloads.'
-	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --editable '.[bags,numba,tune,$(EXTRA),test]'
-	touch $@
+	@$(PYTHON) -m venv $(VENV)
+	@$(BIN)/python -m pip install --quiet --editable '.[bags,numba,tune,$(EXTRA),test]'
+	@touch $@
 
 $(OLDER)/installed: setup.py
 	@echo 'Installing into $(OLDER), only the first time: a minute or two, most of it downloads.'

@@ -37,6 +37,7 @@ import logging
 import operator
 import os
 import pickle
+import time
 import zlib
 from collections import namedtuple
 from collections.abc import Callable
@@ -82,9 +83,22 @@ def _fingerprint() -> str:
 
 FINGERPRINT = _fingerprint()
 
-#: Called before Numba compiles a function of this package, in the same thread, with the name of
-#: the function's module.
-LISTENERS: list[Callable[[str], None]] = []
+#: Shortest time, in seconds, between two lines that say that functions are being compiled, and the
+#: time without one after which it begins anew.
+SAY_S, PAUSE_S = 10.0, 60.0
+
+#: When it was said that functions are being compiled, since that began.
+SAID_S: list[float] = []
+
+
+def _say_that_it_compiles(module: str) -> None:
+    """Say at once, and then now and then, that functions are compiled: it takes a minute."""
+    now_s = time.monotonic()
+    if SAID_S and now_s - SAID_S[-1] > PAUSE_S:
+        SAID_S.clear()
+    if not SAID_S or now_s - SAID_S[-1] >= SAY_S:
+        SAID_S.append(now_s)
+        LOG.warning('compiling %s, only the first time: %.0f s so far', module, now_s - SAID_S[0])
 
 
 if COMPILED:
@@ -114,8 +128,7 @@ if COMPILED:
             try:
                 return pickle.loads(zlib.decompress(self._path(key).read_bytes()))
             except (OSError, zlib.error):
-                for say in LISTENERS:
-                    say(self._py_func.__module__)
+                _say_that_it_compiles(self._py_func.__module__)
                 return None
 
         def save(self, key, data):

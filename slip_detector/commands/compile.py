@@ -22,14 +22,14 @@ files may be in that user's cache.
 """
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from slip_detector.chain.filters import settling_rows
 from slip_detector.chain.slip_chain import compile_chain
 from slip_detector.commands.command_line import Parser, run
-from slip_detector.compiled import COMPILED, LISTENERS
+from slip_detector.compiled import COMPILED, SAID_S
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters import ChainConfig, DriverConfig, EvaluationConfig
 from slip_detector.parameters.files import shared_folder
@@ -53,15 +53,10 @@ def compile_all() -> str:
     """Run everything with compiled functions on little data; return a line that sums it up."""
     if not COMPILED:
         return 'Nothing to compile: Numba is not installed, and everything runs interpreted.'
-    modules: list[str] = []
-    LISTENERS.append(modules.append)
-    began_s = time.monotonic()
-    for what, use in PARTS.items():
-        print(f'{what} ...', flush=True)
-        use()
-    if not modules:
-        return 'All was compiled already.'
-    return f'Compiled {len(modules)} functions in {time.monotonic() - began_s:.0f} s.'
+    compile_chain()
+    _use_scenes()
+    _use_evaluation_and_tuning()
+    return f'Compiled in {time.monotonic() - SAID_S[0]:.0f} s.' if SAID_S else 'Compiled already.'
 
 
 def _use_scenes() -> None:
@@ -80,10 +75,3 @@ def _use_evaluation_and_tuning() -> None:
     limits, rows = np.array([0.5, 1.0]), settling_rows(config)
     for statistic in vote_statistics(config, ['all', 'mean', 2], [track]).values():
         sweep_thresholds(statistic, [track], limits, EvaluationConfig(), rows)
-
-
-PARTS: dict[str, Callable[[], None]] = {
-    'chain': compile_chain,
-    'simulated fingertip': _use_scenes,
-    'evaluation and tuning': _use_evaluation_and_tuning,
-}

@@ -24,6 +24,9 @@ from slip_detector.chain.samples import Bools, Floats
 from slip_detector.evaluation import figures
 from slip_detector.parameters.detector import ChainConfig
 
+#: Latency, in milliseconds, which one in a hundred samples exceeds only where a node was held up.
+HELD_UP_MS = 50.0
+
 
 class Heard(NamedTuple):
     """What a program has heard of a trial.
@@ -105,3 +108,25 @@ def demo_figures(heard: Heard, config: ChainConfig) -> dict[str, Any]:
         'false_positive_percent': figures.percent(int((slip & rest).sum()), int(rest.sum())),
         'latency_ms': {'median': median, 'p99': p99},
     }
+
+
+def demo_words(result: Mapping[str, Any]) -> str:
+    """Say in a line what happened in a trial, of its figures of :func:`demo_figures`.
+
+    Examples
+    --------
+    >>> result = {'motion': None, 'global_delay_ms': None, 'false_positive_percent': 0.0}
+    >>> demo_words({**result, 'latency_ms': {'median': 0.4, 'p99': 1.8}})
+    'Nothing slid. Slip was ON for 0.0 % of the time at rest. Decisions took 0.4 ms.'
+    """
+    slip_ms, (median_ms, p99_ms) = result['global_delay_ms'], result['latency_ms'].values()
+    seen = 'The plate slid, and slip was not seen' if result['motion'] else 'Nothing slid'
+    if slip_ms is not None:
+        seen = f'Slip was seen {slip_ms:.0f} ms after the plate began to slide'
+    text = (
+        f'{seen}. Slip was ON for {result["false_positive_percent"]:.1f} % of the time at rest. '
+    )
+    text += f'Decisions took {median_ms:.1f} ms'
+    if p99_ms > HELD_UP_MS:
+        text += f', one in a hundred {p99_ms:.0f} ms: other work on this machine held up the nodes'
+    return f'{text}.'

@@ -15,7 +15,6 @@
 """``slip_demo``: driver and detector as two processes, and what a grasp controller would get."""
 
 import argparse
-import importlib
 import json
 import os
 from pathlib import Path
@@ -29,10 +28,11 @@ def run_demonstration(parser: argparse.ArgumentParser) -> None:
 
     It is the function of the command's name in :mod:`slip_detector.nodes.demonstrations`, which
     takes long to load. That gets the arguments and the path of its picture; it returns its
-    figures, which are written, and their table, which is printed. A ValueError or OSError is one
-    line on stderr, with exit code 1; an interruption by a signal is another, with exit code 0.
+    figures, which are written, and words about them, which are printed. A ValueError or OSError
+    is one line on stderr, with exit code 1; an interruption by a signal is another, with code 0.
     """
     parser.add_argument('--out', type=Path, default=Path('out'), help='folder for the results')
+    parser.add_argument('--verbose', action='store_true', help='all figures, and the nodes log')
     arguments = parser.parse_args()
     file = arguments.out / f'{parser.prog.removeprefix("slip_")}.json'
     picture = file.with_suffix('.png')
@@ -40,14 +40,14 @@ def run_demonstration(parser: argparse.ArgumentParser) -> None:
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
 
     def work() -> str:
+        from slip_detector.nodes import demonstrations
         from slip_detector.parameters.files import whole_file, writable_folder
 
         writable_folder(arguments.out)
-        demonstrations = importlib.import_module('slip_detector.nodes.demonstrations')
-        result, table = getattr(demonstrations, parser.prog)(arguments, picture)
+        result, said = getattr(demonstrations, parser.prog)(arguments, picture)
         with whole_file(file) as new:
             new.write_text(json.dumps(result, indent=2) + '\n')
-        return f'{table}\nWritten: {file}, {picture}'
+        return f'{said}\nPicture: {picture}; figures: {file}\nNext: make view; docs/your_sensor.md'
 
     words = f'{parser.prog}: interrupted before it was done'
     run(parser.prog, lambda _: command_line.run(parser.prog, work), words)

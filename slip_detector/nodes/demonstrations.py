@@ -27,7 +27,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Header
 
 from slip_detector.chain.samples import Floats
-from slip_detector.evaluation.demo import Heard, demo_figures, states_at
+from slip_detector.chain.slip_chain import compile_chain
+from slip_detector.evaluation.demo import Heard, demo_figures, demo_words, states_at
 from slip_detector.grasp import loop
 from slip_detector.grasp.loop import CONTROLLER, GraspTrial, LiveGraspTrial
 from slip_detector.nodes.ending import init_ros
@@ -55,13 +56,16 @@ TOPICS: dict[str, tuple[Any, QoSProfile]] = {
     'slip_onset': (Header, event_qos()),
 }
 
+#: About how long, in seconds, an object takes in simulated time under all conditions, and through
+#: the nodes.
+SIMULATED_S, LIVE_S = 5.0, 15.0
+
 #: Index of the object that is drawn, if there are as many; the default one slips five times.
 SHOWN = 2
 
 
-def slip_demo(arguments: argparse.Namespace, picture: Path) -> tuple[dict[str, Any], str]:
-    """Play a trial through both nodes, draw it, and return its figures and their table."""
-    init_ros()
+def slip_demo(arguments: argparse.Namespace, path: Path) -> tuple[dict[str, Any], str]:
+    """Play a trial through both nodes, draw it, and return its figures and what to print."""
     # A wrong argument is reported before anything is started.
     source = SceneSource(DriverConfig(scene=arguments.scene, seed=arguments.seed))
     if arguments.record:
@@ -69,16 +73,20 @@ def slip_demo(arguments: argparse.Namespace, picture: Path) -> tuple[dict[str, A
         samples = samples._replace(stamps_ns=time.time_ns() + samples.stamps_ns)
         write_recording(arguments.record, [samples], source.sample_rate_hz, source.channel_names)
         print(f'Written: {arguments.record}')
+    # What the nodes run is compiled first: a node that compiles may hold up the other one.
+    source.read(1)
+    compile_chain()
+    init_ros()
     file = shared_folder() / 'config' / 'slip_detector.yaml'
     config = DetectorConfig.from_yaml(file)
+    _say('slip_demo', f'{arguments.scene} through both nodes, {source.duration_s:.0f} s')
     heard = _play(arguments, file, config)
     result = demo_figures(heard, config)
     states = {topic: states_at(*each, heard.stamps_s) for topic, each in heard.changes.items()}
     groups = {name: states[f'slip/group/{name}'] for name in config.groups}
-    draw_trial(
-        picture, heard.stamps_s, heard.volts, config, groups, states['slip'], heard.motion_s
-    )
-    return result, demo_table(result)
+    draw_trial(path, heard.stamps_s, heard.volts, config, groups, states['slip'], heard.motion_s)
+    table = f'{demo_table(result)}\n\n' if arguments.verbose else ''
+    return result, table + demo_words(result)
 
 
 def _play(arguments: argparse.Namespace, file: Path, config: DetectorConfig) -> Heard:
@@ -90,7 +98,7 @@ def _play(arguments: argparse.Namespace, file: Path, config: DetectorConfig) -> 
     }
     topics |= dict.fromkeys(decisions, (Bool, state_qos(depth=1000)))
     recorder = Recorder('slip_demo', topics)
-    with NodeProcesses('slip_demo', recorder.receive) as nodes:
+    with NodeProcesses('slip_demo', recorder.receive, arguments.verbose) as nodes:
         nodes.start('slip_detector', file, input_timeout_s=TIMEOUT_S)
         nodes.wait_until(lambda: all(map(recorder.messages.get, decisions)))
         scene = {'source': 'scene', 'scene': arguments.scene, 'seed': arguments.seed}
@@ -113,21 +121,21 @@ def _play(arguments: argparse.Namespace, file: Path, config: DetectorConfig) -> 
 
 def slip_grasp(arguments: argparse.Namespace, picture: Path) -> tuple[dict[str, Any], str]:
     """Play the grasps, draw one, and return the figures and their table."""
-    config = arguments.config or shared_folder() / 'config' / 'grasp.yaml'
+    config = arguments.config = arguments.config or shared_folder() / 'config' / 'grasp.yaml'
     chain, grasp = ChainConfig.from_yaml(config), GraspConfig.from_yaml(config)
     seeds = list(arguments.seeds)
+    minutes = (len(seeds) * SIMULATED_S + arguments.live * LIVE_S) / 60.0
+    _say('slip_grasp', f'this takes some {minutes:.1f} minutes, more on a busy machine')
 
     def played(name: str, chain: ChainConfig, grasp: GraspConfig) -> list[GraspTrial]:
-        _say(f'{len(seeds)} objects in simulated time: {name}')
+        _say('slip_grasp', f'{len(seeds)} objects in simulated time: {name}')
         return [loop.play_trial(chain, grasp, seed) for seed in seeds]
 
     trials = {name: played(name, *both) for name, both in loop.conditions(chain, grasp).items()}
     parts = {name: loop.grasp_figures(mine, grasp.limit_n) for name, mine in trials.items()}
     init_ros()
     recorder = Recorder('slip_grasp', TOPICS)
-    heard = {
-        seed: _play_live(recorder, seed, config, arguments.out) for seed in seeds[: arguments.live]
-    }
+    heard = {seed: _play_live(recorder, seed, arguments) for seed in seeds[: arguments.live]}
     result = {
         'seeds': seeds,
         'conditions': parts,
@@ -136,27 +144,26 @@ def slip_grasp(arguments: argparse.Namespace, picture: Path) -> tuple[dict[str, 
     }
     drawn = min(SHOWN, len(seeds) - 1)
     shown = heard.get(seeds[drawn])
-    live = shown._asdict() if shown else {}
     one = {name: mine[drawn] for name, mine in trials.items()}
-    draw_grasp(picture, one, grasp.limit_n, live)
+    draw_grasp(picture, one, grasp.limit_n, shown._asdict() if shown else {})
     return result, grasp_table(result)
 
 
-def _play_live(recorder: Recorder, seed: int, config: Path, folder: Path) -> LiveGraspTrial:
+def _play_live(recorder: Recorder, seed: int, arguments: argparse.Namespace) -> LiveGraspTrial:
     """Play a scene through a driver, a detector and a controller, each a process of its own.
 
     The scene of the seed is written to the folder. A ValueError says that a node has failed.
     """
-    scene = folder / f'grasp_{seed}.yaml'
+    scene = arguments.out / f'grasp_{seed}.yaml'
     with whole_file(scene) as new:
         new.write_text(yaml.safe_dump(loop.object_scene(seed), sort_keys=False), encoding='utf-8')
-    _say(f'seed {seed} through the nodes, in real time')
+    _say('slip_grasp', f'seed {seed} through the nodes, in real time')
     played = {'source': 'scene', 'scene': scene, 'seed': seed, 'wait_for_grip': 'true'}
     recorder.messages.update({topic: [] for topic in TOPICS})
-    with NodeProcesses('slip_grasp', recorder.receive) as nodes:
-        nodes.start('slip_detector', config, input_timeout_s=TIMEOUT_S)
-        nodes.start('grasp_controller', config, **commands_of_a_scene())
-        driver = nodes.start('slip_driver', config, wait_for_subscribers=2, **played)
+    with NodeProcesses('slip_grasp', recorder.receive, arguments.verbose) as nodes:
+        nodes.start('slip_detector', arguments.config, input_timeout_s=TIMEOUT_S)
+        nodes.start('grasp_controller', arguments.config, **commands_of_a_scene())
+        driver = nodes.start('slip_driver', arguments.config, wait_for_subscribers=2, **played)
         nodes.wait_for_end(driver)
     begin_s = recorder.stamps_s('voltages')[0]
 
@@ -168,6 +175,6 @@ def _play_live(recorder: Recorder, seed: int, config: Path, folder: Path) -> Liv
     return LiveGraspTrial(position, command, recorder.stamps_s('slip_onset') - begin_s)
 
 
-def _say(words: str) -> None:
+def _say(command: str, words: str) -> None:
     """Say what goes on, as it takes a while."""
-    print(f'slip_grasp: {words}', file=sys.stderr, flush=True)
+    print(f'{command}: {words}', file=sys.stderr, flush=True)

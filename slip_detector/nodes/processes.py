@@ -43,11 +43,13 @@ DRAIN_S = 0.5
 class NodeProcesses:
     """Runs nodes, each in a process of its own; on leaving the context all of them are ended.
 
-    ``receive`` is called during waits: it receives messages and returns soon.
+    ``receive`` is called during waits: it receives messages and returns soon. Nodes that are not
+    ``verbose`` log only warnings and errors.
     """
 
-    def __init__(self, namespace: str, receive: Callable[[], None]) -> None:
-        self._namespace, self._receive = namespace, receive
+    def __init__(self, namespace: str, receive: Callable[[], None], verbose: bool = False) -> None:
+        self._receive, log_level = receive, 'info' if verbose else 'warn'
+        self._options = ['-r', f'__ns:=/{namespace}', '--log-level', log_level]
         self._processes: list[tuple[str, subprocess.Popen[bytes]]] = []
 
     def __enter__(self) -> 'NodeProcesses':
@@ -65,7 +67,7 @@ class NodeProcesses:
         """Start a node by its executable (see :mod:`slip_detector.nodes.run`)."""
         command = ['setpriv', '--pdeathsig', 'TERM']  # It ends if this process is killed.
         command += [sys.executable, '-m', 'slip_detector.nodes.run', executable, '--ros-args']
-        command += ['-r', f'__ns:=/{self._namespace}', '--params-file', str(config)]
+        command += [*self._options, '--params-file', str(config)]
         for name, value in parameters.items():
             command += ['-p', f'{name}:={value}']
         # Ctrl-C reaches only this process, which ends them.
@@ -82,8 +84,7 @@ class NodeProcesses:
     def wait_until(self, happened: Callable[[], bool]) -> None:
         """Receive messages until a condition holds; a ValueError if a node fails before.
 
-        The first start compiles the chain, which takes minutes on a small or busy machine. What a
-        node waits for is in its log.
+        What a node waits for is in its log.
         """
         while not happened():
             self.check()

@@ -322,17 +322,6 @@ def _node_class(executable: str) -> Callable[[list[str]], Any]:
         from slip_detector.nodes.grasp_controller import GraspController
 
         return GraspController
-    from rclpy.logging import get_logger
-
-    from slip_detector.compiled import LISTENERS
-
-    logger, count = get_logger(executable), itertools.count(1)
-
-    def tell(module: str) -> None:
-        words = f'compiling {module}, function {next(count)}, kept for the next start'
-        logger.info(f'{words} (slip_compile does it beforehand)', throttle_duration_sec=2.0)
-
-    LISTENERS.append(tell)
     if executable == 'slip_driver':
         from slip_detector.nodes.driver import Driver
 

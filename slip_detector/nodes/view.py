@@ -135,7 +135,10 @@ async def _serve(arguments: argparse.Namespace, takedowns: Takedowns) -> None:
             # A detector that is still starting must not miss samples.
             scene = {'source': 'scene', 'loop': 'true', 'wait_for_subscribers': '1'}
             nodes.start('slip_driver', config, *fingers, scene=arguments.scene, **scene)
-        print(f'slip_view: {page_address(arguments.host, port, token)}', flush=True)
+        # What the nodes say comes below: they take a second or more to start.
+        print(
+            f'slip_view: {page_address(arguments.host, port, token)}\nCtrl-C ends it', flush=True
+        )
         try:
             await server.run(ASKED)
         finally:

@@ -145,10 +145,20 @@ def test_without_a_cache_that_can_be_written_it_is_compiled_in_memory_and_said_o
         assert [cached_calls(), cached_calls()] == [False, False]
     monkeypatch.setattr(CacheImpl, '_locator_classes', [])
     assert [cached_calls(), cached_calls()] == [False, False]
-    assert [re.sub(r'/.*/', '...', line) for line in caplog.messages] == [
+    said = [line for line in caplog.messages if not line.startswith('compiling')]
+    assert [re.sub(r'/.*/', '...', line) for line in said] == [
         'compiled code is not kept (...__pycache__ cannot be written): each start compiles',
         'compiled code is not kept (no folder for it can be written): each start compiles',
     ]
+
+
+def test_it_says_at_once_and_then_every_ten_seconds_that_it_compiles(monkeypatch, caplog):
+    monkeypatch.setattr(compiled, 'SAID_S', [])
+    for now_s in (100.0, 109.9, 112.0, 121.0, 122.0, 200.0):
+        monkeypatch.setattr(compiled.time, 'monotonic', lambda: now_s)  # noqa: B023
+        compiled._say_that_it_compiles('m')
+    said = ['0 s so far', '12 s so far', '22 s so far', '0 s so far']
+    assert caplog.messages == [f'compiling m, only the first time: {words}' for words in said]
 
 
 ALL_COMPILED = """

@@ -57,15 +57,15 @@ def test_nothing_is_left_to_be_compiled_when_other_commands_run(tmp_path, capsys
     assert compiled_signatures() == before
 
 
-def test_it_says_how_many_functions_it_has_compiled(monkeypatch, capsys):
-    say = []
-    monkeypatch.setattr(command, 'LISTENERS', say)
-    for compiled, use, said in (
-        (True, lambda: say[-1]('slip_detector.chain'), 'chain ...\nCompiled 1 functions in '),
-        (True, lambda: None, 'chain ...\nAll was compiled already.\n'),
-        (False, None, 'Nothing to compile: Numba is not installed'),
+def test_it_says_whether_it_has_compiled_anything(monkeypatch, capsys):
+    monkeypatch.setattr(command, '_use_scenes', lambda: None)
+    monkeypatch.setattr(command, '_use_evaluation_and_tuning', lambda: None)
+    for compiled, said_s, said in (
+        (True, [5.0], 'Compiled in '),
+        (True, [], 'Compiled already.\n'),
+        (False, [], 'Nothing to compile: Numba is not installed'),
     ):
         monkeypatch.setattr(command, 'COMPILED', compiled)
-        monkeypatch.setattr(command, 'PARTS', {'chain': use})
+        monkeypatch.setattr(command, 'SAID_S', said_s)
         assert command.main([]) == 0
         assert capsys.readouterr().out.startswith(said)

@@ -17,7 +17,7 @@
 import numpy as np
 import pytest
 
-from slip_detector.evaluation.demo import Heard, demo_figures
+from slip_detector.evaluation.demo import Heard, demo_figures, demo_words
 from slip_detector.parameters.detector import ChainConfig
 
 
@@ -33,3 +33,12 @@ def test_where_nothing_moves_delays_are_undefined_and_the_rest_is_told():
     assert {*figures['channel_delay_ms'].values(), *figures['group_delay_ms'].values()} == {None}
     assert figures['false_positive_percent'] == pytest.approx(100 / 3)
     assert figures['latency_ms'] == {'median': 2.0, 'p99': 2.0}
+
+
+def test_the_words_say_whether_slip_was_seen_and_that_nodes_were_held_up():
+    result = {'motion': {'start_s': 3.0}, 'false_positive_percent': 0.86}
+    latency_ms = {'median': 0.4, 'p99': 120.0}
+    for slip_ms, said in ((None, 'The plate slid, and slip'), (37.4, 'Slip was seen 37 ms')):
+        words = demo_words({**result, 'global_delay_ms': slip_ms, 'latency_ms': latency_ms})
+        assert words.startswith(said)
+        assert ', one in a hundred 120 ms: other work on this machine' in words

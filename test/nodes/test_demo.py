@@ -37,7 +37,7 @@ from slip_detector.nodes.processes import NodeProcesses
 @pytest.fixture(scope='module')
 def finished(tmp_path_factory):
     out = tmp_path_factory.mktemp('demo')
-    words = '--out', out, '--record', out / 'trial.mcap'
+    words = '--out', out, '--record', out / 'trial.mcap', '--verbose'
     done = run_python('-m', 'slip_detector.nodes.demo', *words, timeout=2 * DEADLINE_S)
     assert done.returncode == 0, done.stderr
     assert 'no input any more' not in done.stderr
@@ -59,7 +59,7 @@ def test_the_figures_are_those_of_the_decisions_and_of_the_way_to_this_process(f
     )
     assert figures['false_positive_percent'] < golden['false_positive_percent'] + 20.0
     assert 0.0 < figures['latency_ms']['median'] <= figures['latency_ms']['p99']
-    for word in ('ch16', 'TP', 'LU', 'mean', 'slip', 'False positives', 'p99'):
+    for word in ('ch16', 'TP', 'LU', 'mean', 'slip', 'False positives', 'p99', 'Slip was seen'):
         assert word in finished[1]
     assert (finished[0] / 'demo.png').read_bytes().startswith(b'\x89PNG')
 
@@ -122,7 +122,8 @@ def test_a_node_that_fails_is_named(nodes):
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_a_demonstration_and_its_nodes_quietly(bench, tmp_path, number):
-    process = bench.start_python('-m', 'slip_detector.nodes.demo', '--out', tmp_path)
+    words = '--out', tmp_path, '--verbose'
+    process = bench.start_python('-m', 'slip_detector.nodes.demo', *words)
     bench.wait_for(lambda: 'channels at' in process.log(), 'a node')
     for each in (number, signal.SIGTERM):
         process.signal(each)

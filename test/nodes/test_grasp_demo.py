@@ -75,7 +75,7 @@ def test_the_table_has_each_condition_and_each_object_and_there_is_a_picture(fin
     words = (*conditions(ChainConfig(), GraspConfig()), 'smallest grip', 'nodes')
     for word in words:
         assert word in finished[1]
-    assert f'Written: {finished[0] / "grasp.json"}' in finished[1]
+    assert f'figures: {finished[0] / "grasp.json"}' in finished[1]
     assert (finished[0] / 'grasp.png').read_bytes().startswith(b'\x89PNG')
 
 

@@ -110,7 +110,7 @@ def test_a_signal_ends_it_with_exit_code_0(bench):
     for _ in range(3):  # ros2 launch sends more than one.
         process.signal(signal.SIGTERM)
     assert process.wait() == 0
-    assert process.lines() == [f'slip_view: {address}']
+    assert process.lines() == [f'slip_view: {address}', 'Ctrl-C ends it']
 
 
 def test_beyond_loopback_the_printed_address_has_a_token(bench):
