@@ -22,6 +22,10 @@ from typing import Any
 from slip_detector.parameters.detector import LOWEST_EDGE, ChainConfig, default_channel_names
 from slip_detector.parameters.sets import changed
 
+#: Largest difference between the rates of samples and of the chain, as a share. With a larger one,
+#: bands and windows would differ noticeably from the configured ones.
+RATE_TOLERANCE = 0.02
+
 #: Where bands do not fit the rate, all above this passes; below it is mostly hand and arm. At low
 #: rates it is this share of the rate.
 PASS_FROM_HZ, PASS_SHARE = 20.0, 1 / 3
@@ -45,6 +49,17 @@ def rounded_rate_hz(rate_hz: float) -> float:
     return float(f'{rate_hz:.4g}')
 
 
+def rates_differ(rate_hz: float, chain_rate_hz: float) -> bool:
+    """Return whether the rate of samples is too far from the one that a chain is configured for.
+
+    Examples
+    --------
+    >>> rates_differ(375.0, 380.0), rates_differ(300.0, 380.0)
+    (False, True)
+    """
+    return abs(rate_hz - chain_rate_hz) > RATE_TOLERANCE * chain_rate_hz
+
+
 def fitting(
     config: ChainConfig, channels: int, rate_hz: float, names: Sequence[str] = ()
 ) -> dict[str, Any]:
@@ -59,7 +74,7 @@ def fitting(
     config
         The configuration, from which the values differ.
     channels, rate_hz
-        Number of channels, and rate of the samples.
+        Number of channels, and measured rate of the samples, which is rounded.
     names
         Names of the channels; none, or such as cannot be names of topics: those configured, if
         they fit.
@@ -79,7 +94,8 @@ def fitting(
     groups.LU None
     groups.all [1, 2, 3]
     """
-    now = config.to_parameters()
+    now, before_hz = config.to_parameters(), config.sample_rate_hz
+    rate_hz = rounded_rate_hz(rate_hz) if rates_differ(rate_hz, before_hz) else before_hz
     kept = {**now, 'sample_rate_hz': rate_hz}
     for name in ('envelope_window_s', 'decision_window_s'):
         kept[name] = max(now[name], 1 / rate_hz)

@@ -29,8 +29,7 @@ from scipy.spatial import KDTree
 
 from slip_detector.chain.samples import Bools, Floats, Ints, Stamps
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
-from slip_detector.parameters.fitting import fitting, rounded_rate_hz
-from slip_detector.recordings import rates_differ
+from slip_detector.parameters.fitting import fitting
 from slip_detector.recordings.rates import rate_of
 from slip_detector.view.track import LiveTrack, Spectrum, spectrum
 
@@ -168,11 +167,9 @@ class Finger:
         """
         rate_hz, before_hz = self.config.sample_rate_hz, self.to_fit.get('sample_rate_hz', 0.0)
         with contextlib.suppress(ValueError):  # Stamps that do not rise.
-            measured_hz = rate_of(stamps_ns, 'stamps') * float(np.mean(counts))
-            if rates_differ(measured_hz, rate_hz):
-                rate_hz = rounded_rate_hz(measured_hz)
-                # What is offered does not waver between two numbers.
-                rate_hz = before_hz if abs(rate_hz - before_hz) < 5e-3 * rate_hz else rate_hz
+            rate_hz = rate_of(stamps_ns, 'stamps') * float(np.mean(counts))
+            # What is offered does not waver between two numbers.
+            rate_hz = before_hz if abs(rate_hz - before_hz) < 5e-3 * rate_hz else rate_hz
         self.to_fit = fitting(self.config, channels, rate_hz, names)
         self.input_s = time.monotonic()
 
