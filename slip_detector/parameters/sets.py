@@ -198,9 +198,14 @@ class ParameterSet:
         """Return names and values in the form that ROS uses: flat lists, ``groups.TP``."""
         return sections.flattened(self._as_in_yaml())
 
-    def to_document(self) -> dict[str, Any]:
-        """Return the content of a ROS parameter file that :meth:`from_yaml` and the node read."""
-        return {f'/**/{self.NODE}': {'ros__parameters': self._as_in_yaml()}}
+    def to_document(self, whole: bool = True) -> dict[str, Any]:
+        """Return the content of a ROS parameter file that :meth:`from_yaml` and the node read.
+
+        If it is not to be whole, it has only what differs from the defaults.
+        """
+        its, usual = self._as_in_yaml(), {} if whole else type(self)()._as_in_yaml()
+        its = {name: value for name, value in its.items() if whole or value != usual[name]}
+        return {f'/**/{self.NODE}': {'ros__parameters': its}} if its else {}
 
     def _as_in_yaml(self) -> dict[str, Any]:
         return {

@@ -45,9 +45,6 @@ MOST_CHANGES, LISTED_CHANGES = 1000, 8
 #: Authors of changes that no page asked for: another program, or a restart of the detector.
 OUTSIDE, RESTART = 'outside', 'restart'
 
-#: Time, in seconds, for which what came last counts as what comes.
-INPUT_S = 10.0
-
 #: Parameters by name, as ROS has them.
 Values = dict[str, Any]
 
@@ -101,8 +98,7 @@ class Finger:
     sample_s: float = float('-inf')
     #: When samples came last that do not fit the detector, and what is wrong with them.
     unfit: tuple[float, str] = (float('-inf'), '')
-    #: When it was last noted what comes, and the values to set so that the detector takes it.
-    input_s: float = float('-inf')
+    #: The values to set so that the detector takes what comes.
     to_fit: Values = field(default_factory=dict)
     heard_s: float = field(default_factory=time.monotonic)
     frame_id: str = ''
@@ -165,23 +161,19 @@ class Finger:
         channels, names
             Those of the last message.
         """
-        rate_hz, before_hz = self.config.sample_rate_hz, self.to_fit.get('sample_rate_hz', 0.0)
+        rate_hz = self.config.sample_rate_hz
         with contextlib.suppress(ValueError):  # Stamps that do not rise.
             rate_hz = rate_of(stamps_ns, 'stamps') * float(np.mean(counts))
-            # What is offered does not waver between two numbers.
-            rate_hz = before_hz if abs(rate_hz - before_hz) < 5e-3 * rate_hz else rate_hz
         self.to_fit = fitting(self.config, channels, rate_hz, names)
-        self.input_s = time.monotonic()
 
     @property
     def offer(self) -> str:
-        """What a button says that makes the detector take what comes; empty: it does, or none."""
-        values = {**self.config.to_parameters(), **self.to_fit}
-        if not self.to_fit or time.monotonic() - self.input_s > INPUT_S:
-            return ''
-        one_group = ', one group' if 'groups.all' in self.to_fit else ''
-        channels, rate_hz = values['channels'], values['sample_rate_hz']
-        return f'Take {channels} channel{"s" * (channels > 1)} at {rate_hz:g} Hz{one_group}'
+        """What a button says that makes the detector take what comes; empty: it does."""
+        values = {**vars(self.config), **self.to_fit}
+        group = ', one group' if 'groups.all' in values else ''
+        channels = f'{values["channels"]} channel{"s" * (values["channels"] > 1)}'
+        words = f'Take {channels} at {values["sample_rate_hz"]:g} Hz{group}'
+        return words if self.to_fit else ''
 
     def keep_rest(self) -> None:
         """Keep the spectra of the last seconds as those at rest.
@@ -214,7 +206,6 @@ class Finger:
             'label': self.label,
             'notice': '; '.join(notices),
             'offer': self.offer,
-            'offer_sets': ', '.join(self.to_fit),
             'channels': config.names,
             'positions_m': drawn_positions(config).tolist(),
             'disabled': config.disabled_channels,

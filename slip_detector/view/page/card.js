@@ -46,9 +46,7 @@ export class FingerCard {
   describe(finger, readOnly) {
     this.finger = finger;
     write(this.take, finger.offer);
-    Object.assign(this.take, {
-      hidden: !finger.offer, disabled: readOnly, title: `Sets ${finger.offer_sets}; Undo takes it back`,
-    });
+    Object.assign(this.take, {hidden: !finger.offer, disabled: readOnly});
     this.root.dataset.finger = finger.name;
     write(this.title, finger.label);
     write(this.notice, finger.notice);
