@@ -14,7 +14,6 @@
 
 """Opens recordings, checks them, reads them in pieces, and runs a chain over each."""
 
-import dataclasses
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -26,12 +25,13 @@ from slip_detector.chain.slip_chain import SlipChain, SlipResult
 from slip_detector.chain.watch import words_of
 from slip_detector.evaluation.figures import ReplayOutcome, decision_figures, figures_of_merit
 from slip_detector.evaluation.replay import Replay
-from slip_detector.parameters import EvaluationConfig, RecordingConfig
-from slip_detector.parameters.detector import (
+from slip_detector.parameters import (
     ChainConfig,
     DetectorConfig,
-    default_channel_names,
+    EvaluationConfig,
+    RecordingConfig,
 )
+from slip_detector.parameters.detector import default_channel_names
 from slip_detector.parameters.fields import refuse
 from slip_detector.parameters.files import as_yaml
 from slip_detector.parameters.fitting import fitting
@@ -39,13 +39,6 @@ from slip_detector.parameters.sets import changed
 from slip_detector.recordings import Recording, RecordingCounts, open_recording, rates_differ
 from slip_detector.recordings.decisions import write_decisions
 from slip_detector.recordings.labels import labels_name
-
-
-class UnsuitedError(ValueError):
-    """Why a recording does not suit the chain."""
-
-    #: The content of a parameter file that suits it.
-    advice = ''
 
 
 class OpenedRecording(NamedTuple):
@@ -128,7 +121,7 @@ class RecordingLoader(NamedTuple):
         ------
         ValueError
             When the recording cannot be read, does not suit the chain or has no labels; names
-            the file.
+            the file. One that does not suit it has as ``advice`` the parameters that do.
         """
         recording = open_recording(path, self.recording_config)
         config, names = self.chain_config, recording.channel_names
@@ -142,9 +135,8 @@ class RecordingLoader(NamedTuple):
                 refuse(f'{path}: has the channels {", ".join(names)}', text)
             recording.check_rate(config.sample_rate_hz)
         except ValueError as error:
-            unsuited = UnsuitedError(error)
-            unsuited.advice = self._advice(recording)
-            raise unsuited from None
+            vars(error)['advice'] = self._advice(recording)
+            raise
         if require_truth and not recording.is_labelled:
             raise ValueError(
                 f'{path}: has no {recording.label_name}; allowed: one to label the slips, or a '
@@ -159,12 +151,9 @@ class RecordingLoader(NamedTuple):
         """Return the content of a parameter file that suits a recording."""
         config, names = self.chain_config, recording.channel_names
         values = fitting(config, len(names), recording.sample_rate_hz, names)
-        wanted = changed(config, values).to_parameters()
-        if recording.input_type:
-            wanted |= {name: getattr(recording, name) for name in ('input_type', 'input_field')}
-        reading = dataclasses.replace(self.recording_config, recording_labels='')
-        detector = DetectorConfig.from_parameters(wanted)
-        document = detector.to_document(whole=False) | reading.to_document(whole=False)
+        its = {**changed(config, values).to_parameters(), **recording.input}
+        document = DetectorConfig.from_parameters(its).to_document(whole=False)
+        document |= self.recording_config.to_document(whole=False)
         said = 'save it as my_sensor.yaml, then add --config my_sensor.yaml'
         return as_yaml(document, [f'This fits {recording.path}: {said}']).rstrip()
 

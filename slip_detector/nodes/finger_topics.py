@@ -15,6 +15,7 @@
 
 """Receives the topics of one finger that a page shows."""
 
+import contextlib
 import functools
 import time
 from bisect import bisect_right
@@ -36,7 +37,9 @@ from slip_detector.nodes.messages import sensor_qos, state_qos
 from slip_detector.nodes.rclpy_internals import ROS_ERRORS, receiver
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.fields import names_that_affect
+from slip_detector.parameters.fitting import fitting
 from slip_detector.recordings.messages import Sample, joint_state_table
+from slip_detector.recordings.rates import rate_of
 from slip_detector.view.detectors import Diagnosis, Finger
 
 #: Parameters on which the subscriptions depend.
@@ -182,13 +185,18 @@ class FingerTopics(PolledTopics):
             self.finger.unfit = time.monotonic(), f'samples come, but {error}'
 
     def _note_input(self, sample: Sample, n: int, channels: int) -> None:
-        """Note from time to time what comes, if one node sends it."""
+        """Find out from time to time what has to be set so that the detector takes what comes."""
         self._messages.append((sample.stamp_ns or 0, n))
-        if time.monotonic() - self._noted_s > NOTED_S:
-            stamps_ns, counts = np.array(self._messages).T
-            if n and len(self.senders) < 2:
-                self.finger.note_input(stamps_ns, counts, channels, sample.names)
-            self._messages, self._noted_s = [], time.monotonic()
+        if time.monotonic() - self._noted_s < NOTED_S or not n:
+            return
+        stamps_ns, counts = np.array(self._messages).T
+        rate_hz = self._config.sample_rate_hz
+        with contextlib.suppress(ValueError):  # Stamps that do not rise.
+            rate_hz = rate_of(stamps_ns, 'stamps') * float(np.mean(counts))
+        values = fitting(self.finger.config, channels, rate_hz, sample.names)
+        # Of several senders nothing is known.
+        self.finger.to_fit = values if len(self.senders) < 2 else {}
+        self._messages, self._noted_s = [], time.monotonic()
 
     def _on_truth(self, message: Bool, info: dict[str, Any]) -> None:
         self._truth.append((info['source_timestamp'], message.data))

@@ -20,6 +20,7 @@ need more than one parameter are in ``__post_init__``. An error is a ``ValueErro
 with the parameter, its value and what is allowed.
 """
 
+import copy
 import dataclasses
 import difflib
 import logging
@@ -92,6 +93,21 @@ class ParameterSet:
             is_number = isinstance(value, (int, float))
             text = f'{value:g} {unit}'.rstrip() if is_number else shown(value)
             refuse(f'parameter {name} {what or f"is {text}"}', allowed_text)
+
+    def limits(self) -> dict[str, str]:
+        """Return what is allowed beside the other parameters, by the names of those so limited.
+
+        Examples
+        --------
+        >>> from slip_detector.parameters import ChainConfig
+        >>> ChainConfig().limits()['vote']
+        'at most 4, the enabled channels of the smallest group'
+        """
+        found: dict[str, str] = {}
+        again: Any = copy.copy(self)
+        vars(again)['require'] = lambda _, name, text, what='': found.setdefault(name, text)
+        again.__post_init__()
+        return found
 
     @classmethod
     def from_parameters(

@@ -15,22 +15,19 @@
 
 """The detectors as the live page knows them, independent of ROS: one for each finger."""
 
-import contextlib
 import functools
 import time
 from abc import ABC, abstractmethod
 from collections import defaultdict, deque
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial import KDTree
 
-from slip_detector.chain.samples import Bools, Floats, Ints, Stamps
+from slip_detector.chain.samples import Bools, Floats
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
-from slip_detector.parameters.fitting import fitting
-from slip_detector.recordings.rates import rate_of
 from slip_detector.view.track import LiveTrack, Spectrum, spectrum
 
 #: Missing heartbeats after which a detector counts as ended or hung.
@@ -149,31 +146,13 @@ class Finger:
         self.groups[:] = False
         self.onset_s = None
 
-    def note_input(
-        self, stamps_ns: Stamps, counts: Ints, channels: int, names: Sequence[str] = ()
-    ) -> None:
-        """Note what comes, whether it fits the detector or not.
-
-        Parameters
-        ----------
-        stamps_ns, counts : ndarray of int, shape (n,)
-            Stamps of the last messages, and their numbers of rows.
-        channels, names
-            Those of the last message.
-        """
-        rate_hz = self.config.sample_rate_hz
-        with contextlib.suppress(ValueError):  # Stamps that do not rise.
-            rate_hz = rate_of(stamps_ns, 'stamps') * float(np.mean(counts))
-        self.to_fit = fitting(self.config, channels, rate_hz, names)
-
     @property
     def offer(self) -> str:
         """What a button says that makes the detector take what comes; empty: it does."""
         values = {**vars(self.config), **self.to_fit}
-        group = ', one group' if 'groups.all' in values else ''
-        channels = f'{values["channels"]} channel{"s" * (values["channels"] > 1)}'
-        words = f'Take {channels} at {values["sample_rate_hz"]:g} Hz{group}'
-        return words if self.to_fit else ''
+        words = 'Take {channels} channels at {sample_rate_hz:g} Hz'.format(**values)
+        one_group = ', one group' if 'groups.all' in values else ''
+        return f'{words}{one_group}' if self.to_fit else ''
 
     def keep_rest(self) -> None:
         """Keep the spectra of the last seconds as those at rest.

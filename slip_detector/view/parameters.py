@@ -221,23 +221,26 @@ def described_panel(panel: ParameterPanel) -> list[dict[str, Any]]:
     headings = {f.name: word for word, of in under_headings(DetectorConfig).items() for f in of}
     rows: dict[str, list[dict[str, Any]]] = {word: [] for word in (*headings.values(), OF_ROS)}
     order = [*headings, *sorted({name.partition('.')[0] for name in panel.values} - {*headings})]
+    limits = panel.config.limits()
     for name in sorted(panel.values, key=lambda name: order.index(name.partition('.')[0])):
-        rows[headings.get(name.partition('.')[0], OF_ROS)].append(_row(panel, name))
+        rows[headings.get(name.partition('.')[0], OF_ROS)].append(_row(panel, name, limits))
     return [{'heading': word, 'parameters': each} for word, each in rows.items() if each]
 
 
-def _row(panel: ParameterPanel, name: str) -> dict[str, Any]:
-    field = _FIELDS.get(name.partition('.')[0])
+def _row(panel: ParameterPanel, name: str, limits: Mapping[str, str]) -> dict[str, Any]:
+    head = name.partition('.')[0]
+    field, limit = _FIELDS.get(head), limits.get(head, '')
     value, in_file = panel.values[name], (panel.file_values or {}).get(name)
     unit = field.metadata['unit'] if field else ''
     choices = field.metadata['choices'] if field else ()
+    always = allowed(field).removesuffix(f' {unit}') if field else ''
     return {
         'name': name,
         'text': text_of(value),
         'in_file': None if in_file is None else text_of(in_file),
         'unit': unit,
         'meaning': field.metadata['meaning'] if field else panel.meanings.get(name, ''),
-        'allowed': allowed(field).removesuffix(f' {unit}') if field else '',
+        'allowed': always if limit in always else f'{always}; now {limit}',
         'choices': ['true', 'false'] if isinstance(value, bool) else list(choices),
         'read_only': name in panel.read_only,
     }
