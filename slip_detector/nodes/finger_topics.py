@@ -37,7 +37,7 @@ from slip_detector.nodes.messages import sensor_qos, state_qos
 from slip_detector.nodes.rclpy_internals import ROS_ERRORS, receiver
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.fields import names_that_affect
-from slip_detector.parameters.fitting import fitting
+from slip_detector.parameters.fitting import fitting, rates_differ
 from slip_detector.recordings.messages import Sample, joint_state_table
 from slip_detector.recordings.rates import rate_of
 from slip_detector.view.detectors import Diagnosis, Finger
@@ -49,7 +49,7 @@ OF_TOPICS = names_that_affect(DetectorConfig, 'display')
 AT_MOST = 2000
 
 #: Seconds of messages by which it is noted what comes.
-NOTED_S = 3.0
+NOTED_S = 2.0
 
 #: Most changes of a state that wait, in a queue until they are taken, and then for their rows.
 STATES = 1000
@@ -118,9 +118,9 @@ class FingerTopics(PolledTopics):
         # What came since the last poll, with the time at which it was published.
         self._samples: list[tuple[int, Sample]] = []
         self._levels: list[tuple[int, bytes]] = []
-        # Stamps and numbers of rows of the messages since it was noted what comes, and when.
+        # Stamps and rows of the messages since it was noted what comes; when, and the rate then.
         self._messages: list[tuple[int, int]] = []
-        self._noted_s = time.monotonic()
+        self._noted_s, self._rate_hz = time.monotonic(), 0.0
         self._slip: States = deque(maxlen=STATES)
         self._truth: States = deque(maxlen=STATES)
         #: Nodes that publish the samples.
@@ -190,13 +190,13 @@ class FingerTopics(PolledTopics):
         if time.monotonic() - self._noted_s < NOTED_S or not n:
             return
         stamps_ns, counts = np.array(self._messages).T
-        rate_hz = self._config.sample_rate_hz
+        rate_hz, before_hz = self._config.sample_rate_hz, self._rate_hz
         with contextlib.suppress(ValueError):  # Stamps that do not rise.
             rate_hz = rate_of(stamps_ns, 'stamps') * float(np.mean(counts))
-        values = fitting(self.finger.config, channels, rate_hz, sample.names)
-        # Of several senders nothing is known.
-        self.finger.to_fit = values if len(self.senders) < 2 else {}
-        self._messages, self._noted_s = [], time.monotonic()
+        # A busy machine, or several senders, seem to have another rate each time.
+        if not rates_differ(rate_hz, before_hz) and len(self.senders) < 2:
+            self.finger.to_fit = fitting(self.finger.config, channels, rate_hz, sample.names)
+        self._messages, self._noted_s, self._rate_hz = [], time.monotonic(), rate_hz
 
     def _on_truth(self, message: Bool, info: dict[str, Any]) -> None:
         self._truth.append((info['source_timestamp'], message.data))

@@ -188,6 +188,7 @@ class Finger:
             'channels': config.names,
             'positions_m': drawn_positions(config).tolist(),
             'disabled': config.disabled_channels,
+            'activity_hz': config.low_band_hz[1:] if config.activity_cap_db else (),
             **{name: getattr(config, name) for name in DESCRIBED},
         }
 
