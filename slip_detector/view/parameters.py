@@ -221,7 +221,9 @@ def described_panel(panel: ParameterPanel) -> list[dict[str, Any]]:
     headings = {f.name: word for word, of in under_headings(DetectorConfig).items() for f in of}
     rows: dict[str, list[dict[str, Any]]] = {word: [] for word in (*headings.values(), OF_ROS)}
     order = [*headings, *sorted({name.partition('.')[0] for name in panel.values} - {*headings})]
-    limits = panel.config.limits()
+    limits: dict[str, str] = {}
+    with contextlib.suppress(ValueError):  # The detector may be of another version.
+        limits = panel.config.limits()
     for name in sorted(panel.values, key=lambda name: order.index(name.partition('.')[0])):
         rows[headings.get(name.partition('.')[0], OF_ROS)].append(_row(panel, name, limits))
     return [{'heading': word, 'parameters': each} for word, each in rows.items() if each]
