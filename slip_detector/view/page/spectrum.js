@@ -5,9 +5,8 @@ import {Slider, button, heightFor, rounded, steady} from './elements.js';
 const AXIS_WIDTH = 40, AXIS_DEPTH = 24, LABEL_SIZE = 18, RIGHT = 16, TOP = 8, HEIGHT = {least: 240, most: 560};
 const NOW = '#0072b2', REST_FILL = 'rgba(90, 102, 112, 0.3)', REST = '#66717a', PASS = '#e4f1e9', STOP = '#f3e3da', COMB = '#7b2d6b';
 // An upper edge above this share of half the sample rate means none: the band-pass is a high-pass.
-const OPEN_SHARE = 0.98;
-// An edge is not below this, nor below this share of half the sample rate: round-off would ruin the filter.
-const LEAST_HZ = 0.1, LEAST_SHARE = 2e-4;
+// Below LEAST_HZ, or that share of half the sample rate, round-off would ruin the filter.
+const OPEN_SHARE = 0.98, LEAST_HZ = 0.1, LEAST_SHARE = 2e-4;
 const STEPS = {ArrowLeft: -1, ArrowRight: 1, PageUp: 20, PageDown: -20};
 
 export class SpectrumPanel {
@@ -72,8 +71,7 @@ export class SpectrumPanel {
     this.draw();
   }
 
-  // The edges that can be dragged: name, label, value and limits of each, why it stops at these, and the
-  // parameters for a new value.
+  // The edges that can be dragged, each with its limits and why it stops there, and what it sets.
   edges() {
     const {passband_hz: [from, to], stopbands_hz: stops, mains_hz: mains, activity_hz: [active = 0]} = this.finger, {nyquist} = this;
     const edge = (name, short, value, [least, low], [most, high], values, rest = {}) => (
@@ -119,9 +117,8 @@ export class SpectrumPanel {
       return value < least || value > most ? Number(within.toPrecision(4)) : value;
     };
     const line = new Slider({
-      name, vertical: false,
+      name, vertical: false, valueOf: (x) => inside(this.plot.posToVal(x - this.plot.over.offsetLeft, 'x')),
       words: (hz) => (open && !hz ? `${short} all above` : `${short} ${hz} Hz${line.moving ? line.why : ''}`),
-      valueOf: (x) => inside(this.plot.posToVal(x - this.plot.over.offsetLeft, 'x')),
       step: (hz, steps) => inside(whole ? hz + steps : (hz || this.nyquist) * 1.02 ** steps),
       onMove: () => this.draw(), onSet: (hz) => this.onSet(edge().values(hz)),
     });
@@ -165,8 +162,7 @@ export class SpectrumPanel {
       series: [{}, {stroke: REST, fill: REST_FILL, fillTo: () => this.range[0], width: 1, dash: [5, 3], points: {show: false}}, {stroke: NOW, width: 1.6, points: {show: false}}],
       cursor: {y: false, points: {show: false}, drag: {x: false, y: false}, bind: {dblclick: () => null}},
       hooks: {
-        drawClear: [(plot) => this.paintBands(plot)],
-        setCursor: [(plot) => this.readOut(plot)],
+        drawClear: [(plot) => this.paintBands(plot)], setCursor: [(plot) => this.readOut(plot)],
       },
     };
   }
