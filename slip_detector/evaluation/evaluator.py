@@ -25,12 +25,7 @@ from slip_detector.chain.slip_chain import SlipChain, SlipResult
 from slip_detector.chain.watch import words_of
 from slip_detector.evaluation.figures import ReplayOutcome, decision_figures, figures_of_merit
 from slip_detector.evaluation.replay import Replay
-from slip_detector.parameters import (
-    ChainConfig,
-    DetectorConfig,
-    EvaluationConfig,
-    RecordingConfig,
-)
+from slip_detector.parameters import ChainConfig, DetectorConfig, EvaluationConfig, RecordingConfig
 from slip_detector.parameters.detector import default_channel_names
 from slip_detector.parameters.fields import refuse
 from slip_detector.parameters.files import as_yaml

@@ -352,14 +352,12 @@ class ChainConfig(ParameterSet):
         self.require(self.threshold < limit_db_s, 'threshold', text)
         enabled = channels - len(set(self.disabled_channels))
         text = f'at most {enabled}, the number of enabled channels'
-        if self.impact_v:
-            self.require(self.impact_channels <= enabled, 'impact_channels', text)
-        if self.contact_level_v:
-            self.require(self.contact_channels <= enabled, 'contact_channels', text)
-        if self.activity_cap_db:
-            low_hz, high_hz = self.passband_hz[0], self.activity_band_hz[1]
-            text = f'up to {low_hz:g} Hz, the low edge of passband_hz, with activity_cap_db'
-            self.require(high_hz <= low_hz, 'activity_band_hz', text)
+        self.require(not self.impact_v or self.impact_channels <= enabled, 'impact_channels', text)
+        touching = self.contact_channels if self.contact_level_v else 0
+        self.require(touching <= enabled, 'contact_channels', text)
+        low_hz, high_hz = self.passband_hz[0], self.activity_band_hz[1]
+        text = f'up to {low_hz:g} Hz, the low edge of passband_hz, with activity_cap_db'
+        self.require(not self.activity_cap_db or high_hz <= low_hz, 'activity_band_hz', text)
 
 
 class DetectorConfig(ChainConfig):

@@ -230,20 +230,19 @@ def described_panel(panel: ParameterPanel) -> list[dict[str, Any]]:
 
 
 def _row(panel: ParameterPanel, name: str, limits: Mapping[str, str]) -> dict[str, Any]:
-    head = name.partition('.')[0]
-    field, limit = _FIELDS.get(head), limits.get(head, '')
-    value, in_file = panel.values[name], (panel.file_values or {}).get(name)
-    unit = field.metadata['unit'] if field else ''
-    choices = field.metadata['choices'] if field else ()
-    always = allowed(field).removesuffix(f' {unit}') if field else ''
+    head, value = name.partition('.')[0], panel.values[name]
+    field, limit, in_file = _FIELDS.get(head), limits.get(head, ''), panel.file_values or {}
+    of_ros = {'unit': '', 'choices': (), 'meaning': panel.meanings.get(name, '')}
+    its = field.metadata if field else of_ros
+    always = allowed(field).removesuffix(f' {its["unit"]}') if field else ''
     return {
         'name': name,
         'text': text_of(value),
-        'in_file': None if in_file is None else text_of(in_file),
-        'unit': unit,
-        'meaning': field.metadata['meaning'] if field else panel.meanings.get(name, ''),
+        'in_file': text_of(in_file[name]) if name in in_file else None,
+        'unit': its['unit'],
+        'meaning': its['meaning'],
         'allowed': always if limit in always else f'{always}; now {limit}',
-        'choices': ['true', 'false'] if isinstance(value, bool) else list(choices),
+        'choices': ['true', 'false'] if isinstance(value, bool) else list(its['choices']),
         'read_only': name in panel.read_only,
     }
 
