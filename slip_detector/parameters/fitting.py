@@ -39,12 +39,14 @@ def rounded_rate_hz(rate_hz: float) -> float:
 
     Examples
     --------
-    >>> [rounded_rate_hz(hz) for hz in (199.6, 59.94, 312.4968, 1999.1)]
-    [200.0, 60.0, 312.5, 2000.0]
+    >>> [rounded_rate_hz(hz) for hz in (198.6, 121.4, 312.4968, 2018.1)]
+    [200.0, 121.5, 312.5, 2000.0]
     """
-    short_hz = float(f'{rate_hz:.2g}')
-    is_near = abs(short_hz - rate_hz) <= 5e-3 * rate_hz
-    return short_hz if is_near else float(f'{2 * rate_hz:.3g}') / 2
+    for digits, share in ((1, 0.015), (2, 0.005)):
+        near_hz = float(f'{rate_hz:.{digits}g}')
+        if abs(near_hz - rate_hz) <= share * rate_hz:
+            return near_hz
+    return float(f'{2 * rate_hz:.3g}') / 2
 
 
 def rates_differ(rate_hz: float, chain_rate_hz: float) -> bool:
