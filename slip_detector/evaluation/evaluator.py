@@ -25,9 +25,12 @@ from slip_detector.chain.slip_chain import SlipChain, SlipResult
 from slip_detector.chain.watch import words_of
 from slip_detector.evaluation.figures import ReplayOutcome, decision_figures, figures_of_merit
 from slip_detector.evaluation.replay import Replay
-from slip_detector.parameters import EvaluationConfig, RecordingConfig
-from slip_detector.parameters.detector import ChainConfig, default_channel_names
+from slip_detector.parameters import ChainConfig, DetectorConfig, EvaluationConfig, RecordingConfig
+from slip_detector.parameters.detector import default_channel_names
 from slip_detector.parameters.fields import refuse
+from slip_detector.parameters.files import as_yaml
+from slip_detector.parameters.fitting import fitting
+from slip_detector.parameters.sets import changed
 from slip_detector.recordings import Recording, RecordingCounts, open_recording, rates_differ
 from slip_detector.recordings.decisions import write_decisions
 from slip_detector.recordings.labels import labels_name
@@ -113,27 +116,41 @@ class RecordingLoader(NamedTuple):
         ------
         ValueError
             When the recording cannot be read, does not suit the chain or has no labels; names
-            the file.
+            the file. One that does not suit it has as ``advice`` the parameters that do.
         """
         recording = open_recording(path, self.recording_config)
         config, names = self.chain_config, recording.channel_names
-        if len(names) != config.channels:
-            text = f'{config.channels}, the parameter channels'
-            refuse(f'{path}: has {len(names)} channels', text)
-        unnamed = default_channel_names(len(names))
-        if config.channel_names and names not in (config.channel_names, unnamed):
-            text = f'{", ".join(config.channel_names)}, the parameter channel_names'
-            refuse(f'{path}: has the channels {", ".join(names)}', text)
+        try:
+            if len(names) != config.channels:
+                text = f'{config.channels}, the parameter channels'
+                refuse(f'{path}: has {len(names)} channels', text)
+            unnamed = default_channel_names(len(names))
+            if config.channel_names and names not in (config.channel_names, unnamed):
+                text = f'{", ".join(config.channel_names)}, the parameter channel_names'
+                refuse(f'{path}: has the channels {", ".join(names)}', text)
+            recording.check_rate(config.sample_rate_hz)
+        except ValueError as error:
+            vars(error)['advice'] = self._advice(recording)
+            raise
         if require_truth and not recording.is_labelled:
             raise ValueError(
                 f'{path}: has no {recording.label_name}; allowed: one to label the slips, or a '
                 f'file of labels beside it, {labels_name(path)} (--labels: elsewhere)'
             )
-        # A recording of another rate is resampled, or reading it raises an error.
         rate_hz = recording.sample_rate_hz
-        if rates_differ(rate_hz, config.sample_rate_hz):
+        if rates_differ(rate_hz, config.sample_rate_hz):  # It is resampled.
             rate_hz = config.sample_rate_hz
         return OpenedRecording(self._rows(recording), rate_hz, recording)
+
+    def _advice(self, recording: Recording) -> str:
+        """Return the content of a parameter file that suits a recording."""
+        config, names = self.chain_config, recording.channel_names
+        values = fitting(config, len(names), recording.sample_rate_hz, names)
+        its = {**changed(config, values).to_parameters(), **recording.input}
+        document = DetectorConfig.from_parameters(its).to_document(whole=False)
+        document |= self.recording_config.to_document(whole=False)
+        said = 'save it as my_sensor.yaml, then add --config my_sensor.yaml'
+        return as_yaml(document, [f'This fits {recording.path}: {said}']).rstrip()
 
     def _rows(self, recording: Recording) -> Iterator[Samples]:
         """Yield the pieces of a recording with their labels and the motion of the robot."""

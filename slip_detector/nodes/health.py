@@ -208,6 +208,8 @@ class Health:
 
     def _input(self, since: Counter[str], silent_s: float) -> DiagnosticStatus:
         wanted_hz, rate_hz, wrong = self.config.sample_rate_hz, self._rate_hz(since), ''
+        # Where samples are dropped, some come.
+        silent_s = 0.0 if any(since[kind] for kind in ERRORS) else silent_s
         all_well, off = f'{rate_hz:.1f} samples a second', abs(rate_hz / wanted_hz - 1.0)
         if self.senders:
             who = name_list(self.senders, LISTED)

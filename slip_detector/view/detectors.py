@@ -95,6 +95,8 @@ class Finger:
     sample_s: float = float('-inf')
     #: When samples came last that do not fit the detector, and what is wrong with them.
     unfit: tuple[float, str] = (float('-inf'), '')
+    #: The values to set so that the detector takes what comes.
+    to_fit: Values = field(default_factory=dict)
     heard_s: float = field(default_factory=time.monotonic)
     frame_id: str = ''
     diagnostics: tuple[Diagnosis, ...] = ()
@@ -129,7 +131,7 @@ class Finger:
         Another number of channels, or another rate, begins a new track and drops the spectra at
         rest.
         """
-        before, self.config = self.config, config
+        before, self.config, self.to_fit = self.config, config, {}
         if (config.channels, config.sample_rate_hz) != (before.channels, before.sample_rate_hz):
             self.track = LiveTrack(config, self.track.beginnings + 1)
             self.rest = None
@@ -143,6 +145,14 @@ class Finger:
         self.slip = self.valid = False
         self.groups[:] = False
         self.onset_s = None
+
+    @property
+    def offer(self) -> str:
+        """What a button says that makes the detector take what comes; empty: it does."""
+        values = {**vars(self.config), **self.to_fit}
+        words = 'Take {channels} channels at {sample_rate_hz:g} Hz'.format(**values)
+        one_group = ', one group' if 'groups.all' in values else ''
+        return f'{words}{one_group}' if self.to_fit else ''
 
     def keep_rest(self) -> None:
         """Keep the spectra of the last seconds as those at rest.
@@ -174,9 +184,11 @@ class Finger:
             'name': self.name,
             'label': self.label,
             'notice': '; '.join(notices),
+            'offer': self.offer,
             'channels': config.names,
             'positions_m': drawn_positions(config).tolist(),
             'disabled': config.disabled_channels,
+            'activity_hz': config.low_band_hz[1:] if config.activity_cap_db else (),
             **{name: getattr(config, name) for name in DESCRIBED},
         }
 
@@ -258,12 +270,9 @@ def to_decide_as(
     {'threshold': 0.25}
     """
     now, wanted = config.to_parameters(), found.to_parameters()
-    return {
-        name: wanted.get(name)
-        for name in {**now, **wanted}
-        if name.partition('.')[0] in OF_THE_CHAIN.difference(kept)
-        and now.get(name) != wanted.get(name)
-    }
+    ours = OF_THE_CHAIN.difference(kept)
+    names = [name for name in {**now, **wanted} if name.partition('.')[0] in ours]
+    return {name: wanted.get(name) for name in names if now.get(name) != wanted.get(name)}
 
 
 class Reading(NamedTuple):
