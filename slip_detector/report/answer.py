@@ -18,15 +18,16 @@ from collections.abc import Mapping
 from typing import Any
 
 from slip_detector.evaluation.chance import HALF
-from slip_detector.tuning.problem import IN_KINDS, better_than_chance, mean_area
+from slip_detector.evaluation.figures import ALREADY_ON
+from slip_detector.tuning.problem import ON_IN, better_than_chance, mean_area
 from slip_detector.tuning.verdict import worse_than
 
 Figures = Mapping[str, Any]
 
-#: Names of the shares of time ON without slip, and where that is.
+#: The shares of time ON without slip, and where that is.
 WHERE = {
     'false_time_percent': 'without slip',
-    **{f'{kind}_on_percent': words.removeprefix('in ') for kind, words in IN_KINDS.items()},
+    **{f'{kind}_on_percent': words.removeprefix('in ') for kind, words in ON_IN.items()},
 }
 
 
@@ -55,22 +56,43 @@ def answer(after: Figures, before: Figures | None = None) -> list[str]:
     ['No slips to find.']
     """
     if after['slips'] is None:
-        times = f'{after["onsets"]} time{"" if after["onsets"] == 1 else "s"}'
-        share = f'{_rounded(after["on_percent"] or 0.0)} % of the time'
-        return [f'ON {times}, {share}. Without labels nobody knows whether rightly.']
-    said = [_found(after, before)]
+        often, percent = after['onsets'], _rounded(after['on_percent'] or 0.0)
+        text = (
+            f'Turns ON {often} time{"" if often == 1 else "s"}, and is ON {percent} % of the time'
+        )
+        return [f'{text}. Without labels nobody knows whether rightly.']
+    said = [_found(after, before), _on_without_slip(after, before or {})]
     if after['settling_slips']:
-        said.append(f'Not counted: {after["settling_slips"]} that began before it was ready')
-    said.append(_on_without_slip(after, before or {}))
-    alarms, mostly_off = after['false_alarms_per_minute'], (after['false_time_percent'] or 0) < 50
-    if alarms is not None and (alarms >= 0.5 or (before is None and mostly_off)):
+        said.insert(1, f'Not counted: {after["settling_slips"]} that began before it was ready')
+    if after[f'missed_{ALREADY_ON}']:
+        said.insert(1, f'It was ON already before {after[f"missed_{ALREADY_ON}"]} of them')
+    alarms = after['false_alarms_per_minute']
+    # What is mostly ON has few alarms.
+    if alarms is not None and (alarms >= 0.5 or not before) and after['false_time_percent'] < 50.0:
         said.append(f'False alarms: {_rounded(alarms)} a minute')
-    sentences = ['. '.join(filter(None, said)) + '.']
-    if before is not None:
-        now, was = ({**one, 'auc': mean_area(one)} for one in (after, before))
-        worse = worse_than(now, was)
-        sentences += [f'Worse: {", ".join(worse)}.'] if worse else []
-    return sentences
+    now, was = ({**one, 'auc': mean_area(one)} for one in (after, before or after))
+    worse = ', '.join(worse_than(now, was))
+    return [f'{". ".join(filter(None, said))}.', *([f'Worse: {worse}.'] if worse else [])]
+
+
+def worst(recordings: Mapping[str, Figures]) -> list[str]:
+    """Return a line on the recording with the most missed slips and time ON without slip.
+
+    Examples
+    --------
+    >>> worst({})
+    []
+    """
+
+    def badness(figures: Figures) -> float:
+        missed = figures['missed'] / (figures['matched'] + figures['missed'] or 1)
+        return float(missed + (figures['false_time_percent'] or 0.0) / 100.0)
+
+    known = {name: badness(one) for name, one in recordings.items() if one['slips'] is not None}
+    name = max(known, key=lambda one: known[one], default='')
+    if len(recordings) < 2 or not known[name]:
+        return []
+    return [f'Worst: {name}: {answer(recordings[name])[0]}']
 
 
 def _found(after: Figures, before: Figures | None) -> str:
@@ -79,20 +101,17 @@ def _found(after: Figures, before: Figures | None) -> str:
     if not scored:
         return 'No slips to find'
     text = f'Finds {matched or "none"} of {scored} slip{"" if scored == 1 else "s"}'
-    if before is not None and before['matched'] != matched:
+    if before and before['matched'] != matched:
         by_chance = before['matched'] and not better_than_chance(before)
         text += f' (before: {before["matched"] or "none"}{" by chance" if by_chance else ""})'
     if matched and not better_than_chance(after):
         return f'{text}, no better than alarms at random'
     if matched and after['sooner_than_chance'] < HALF:
-        many = round(after['recall_by_chance'] * scored)
-        text += f', alarms at random some {many}'
-    delay, before_delay = _delay(after), _delay(before or after)
-    if delay:
-        text += f', {delay}'
-    if delay and before_delay not in ('', delay):
-        text += f' (before: {before_delay.removesuffix(" after they begin")})'
-    return text
+        text += f', alarms at random some {after["recall_by_chance"] * scored:.0f}'
+    delay, its_delay = _delay(after), _delay(before or after)
+    if delay and its_delay not in ('', delay):
+        delay += f' (before: {its_delay.removesuffix(" after they begin")})'
+    return f'{text}, {delay}' if delay else text
 
 
 def _delay(figures: Figures) -> str:
@@ -111,16 +130,16 @@ def _delay(figures: Figures) -> str:
 
 def _on_without_slip(after: Figures, before: Figures) -> str:
     """Return how much of the time without slip, and of each kind of recordings, is ON."""
-    known = [name for name in WHERE if after[name] is not None]
-    kinds = [name for name in known if name != 'false_time_percent']
+    _, *kinds = known = [name for name in WHERE if after[name] is not None] or ['']
     # All time without slip is ON more than each kind only where it is ON between the slips.
-    if 'rest_on_percent' in kinds and after['false_time_percent'] <= max(after[k] for k in kinds):
+    if 'rest_on_percent' in kinds and after[known[0]] <= max(after[name] for name in kinds):
         known = kinds
     texts = []
-    for name in known:
+    for name in filter(None, known):
         was, now = (_rounded(one.get(name)) for one in (before, after))
-        arrow = '' if was in ('', now) else f'{was} % → '
-        texts.append(f'{WHERE[name]} {arrow}{now}{"" if arrow and now == "0" else " %"}')
+        changed = was not in ('', now)
+        texts.append(f'{WHERE[name]} ' + (f'{was} % → {now}' if changed else now))
+        texts[-1] += '' if changed and now == '0' else ' %'
     return f'ON {", ".join(texts)}' if texts else ''
 
 

@@ -78,25 +78,20 @@ class Compared(NamedTuple):
 
 
 ON = 'false_time_costs_ms'
-#: What happens in each kind of recordings, in words.
-IN_KINDS = {
-    'rest': 'at rest', 'taps': 'in taps', 'press': 'in presses', 'roll': 'in rolls',
-    'idle': 'idle',
-}  # fmt: skip
+#: The kinds of recordings, in words that follow ON.
+ON_IN = dict(zip(KINDS, ('at rest', 'in taps', 'in presses', 'in rolls', 'idle'), strict=True))
 #: The figures that must not get worse, by name: first what a slip costs, then time ON by kind.
 COMPARED = {
     'recall': Compared('slips found {} %', 1.0, 1e-9, 0.05, 'missed_costs_ms'),
-    'coverage': Compared(
-        'ON for {} % of the time of slips', 1.0, 0.005, 0.1, 'missed_time_costs_ms', 100.0
-    ),
+    'coverage': Compared('ON for {} % of a slip', 1.0, 0.005, 0.1, 'missed_time_costs_ms', 100.0),
     'latency_median_all_ms': Compared('slips found later{}', -1.0, 1e-9, 50.0, ''),
     'false_alarms_per_minute': Compared(
-        'false alarms {} a minute', -1.0, 1e-9, 5.0, 'false_alarm_costs_ms'
+        '{} false alarms a minute', -1.0, 1e-9, 5.0, 'false_alarm_costs_ms'
     ),
     'false_time_percent': Compared('ON without slip {} %', -1.0, 1e-9, 5.0, ON),
     **{
-        f'{kind}_on_percent': Compared(f'ON {words} {{}} %', -1.0, 0.5, 5.0, ON)
-        for kind, words in IN_KINDS.items()
+        f'{kind}_on_percent': Compared(f'ON {ON_IN[kind]} {{}} %', -1.0, 0.5, 5.0, ON)
+        for kind in KINDS
     },
     'auc': Compared('slips stand out less: {} (1: fully)', 1.0, 1e-3, 0.02, 'auc_costs_ms'),
 }
@@ -136,6 +131,21 @@ def worse_by(figures: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, 
             by = np.where(less_percent > COMPARED['rest_on_percent'].step, 0.0, by)
         found[name] = by
     return found
+
+
+def worse_figures(
+    figures: Mapping[str, Any], other: Mapping[str, Any], limit: str = 'step'
+) -> list[str]:
+    """Return which of :data:`COMPARED` are worse, or not defined where the other's are.
+
+    See :func:`worse_by`. The latency of the slips found is not compared, as it falls where late
+    slips are missed. The limit is ``step`` or ``trade``.
+    """
+    return [
+        name
+        for name, by in worse_by(figures, other).items()
+        if figures[name] is None or by > getattr(COMPARED[name], limit)
+    ]
 
 
 def searched(chain: ChainConfig) -> dict[str, Any]:

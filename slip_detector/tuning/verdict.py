@@ -36,7 +36,7 @@ from slip_detector.tuning.problem import (
     Candidate,
     Problem,
     better_than_chance,
-    worse_by,
+    worse_figures,
 )
 from slip_detector.tuning.search import Calls, Study, candidates_at, search
 from slip_detector.tuning.teaching import learn
@@ -239,19 +239,11 @@ def default_trials(tracks: Sequence[Track]) -> int:
 
 
 def worse_than(
-    figures: Mapping[str, Any], other: Mapping[str, Any], trade: bool = False
+    figures: Mapping[str, Any], other: Mapping[str, Any], limit: str = 'step'
 ) -> list[str]:
-    """Return a text for each figure that is worse, or not defined where the other's is.
+    """Return in words what is worse; see :func:`.problem.worse_figures`.
 
-    See :func:`.problem.worse_by`. The latency of the slips found is not compared, as it falls
-    where late slips are missed.
-
-    Parameters
-    ----------
-    figures, other
-        See :data:`.problem.Figures`.
-    trade
-        Only figures that are worse by more than ``trade`` allows.
+    Latencies are given where ``latency_accuracy_ms`` says that the labels are exact.
 
     Examples
     --------
@@ -260,17 +252,14 @@ def worse_than(
     ['slips found 100 → 90 %']
     """
     texts = []
-    for name, by in worse_by(figures, other).items():
-        compared, values = COMPARED[name], (other[name], figures[name])
-        if None not in values and by <= (compared.trade if trade else compared.step):
-            continue
+    for name in worse_figures(figures, other, limit):
+        change = _change(
+            other[name], figures[name], 100.0 if name in ('recall', 'coverage') else 1.0
+        )
         if name.startswith('latency'):
-            # Latencies of labels that are not exact are not known to a millisecond.
-            exact = None not in values and figures.get('latency_accuracy_ms') == 0.0
-            texts.append(compared.words.format(f' ({_change(*values)} ms)' if exact else ''))
-        else:
-            percent = 100.0 if name in ('recall', 'coverage') else 1.0
-            texts.append(compared.words.format(_change(*values, percent)))
+            exact = figures[name] is not None and figures.get('latency_accuracy_ms') == 0.0
+            change = f' ({change} ms)' if exact else ''
+        texts.append(COMPARED[name].words.format(change))
     return texts
 
 
@@ -357,7 +346,7 @@ def _why_not(on_held: Problem, after: Candidate, before: Candidate) -> str:
         before, after = (on_held.as_it_is(one.chain) for one in (before, after))
     worse = worse_than(after.figures, before.figures)
     if on_held.config.trade and len(worse) == 1:
-        worse = worse_than(after.figures, before.figures, trade=True)
+        worse = worse_than(after.figures, before.figures, 'trade')
     missed, found = after.figures['missed'], after.figures['matched']
     if worse:
         return f'is worse: {", ".join(worse)}'
@@ -365,4 +354,4 @@ def _why_not(on_held: Problem, after: Candidate, before: Candidate) -> str:
         return f'finds none of {missed} slips'
     if not better_than_chance(after.figures):
         return 'is no better than alarms at random'
-    return '' if worse_than(before.figures, after.figures) else 'is no better'
+    return '' if worse_figures(before.figures, after.figures) else 'is no better'
