@@ -224,6 +224,10 @@ def main(argv: Sequence[str] | None = None) -> int:
             write_evaluation_report(page, sets)
         if page or out:
             report['written'] = [str(path) for path in (page, out) if path]
-        return json.dumps(report, indent=2) if options.json else evaluation_tables(report)
+        return (
+            json.dumps(report, indent=2)
+            if options.json
+            else evaluation_tables(report, options.verbose)
+        )
 
     return run(NAME, work) or (INTERRUPTED if left else 0)

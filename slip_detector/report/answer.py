@@ -19,7 +19,7 @@ from typing import Any
 
 from slip_detector.evaluation.chance import HALF
 from slip_detector.evaluation.figures import ALREADY_ON
-from slip_detector.tuning.problem import ON_IN, better_than_chance, mean_area
+from slip_detector.tuning.problem import ON_IN, better_than_chance
 from slip_detector.tuning.verdict import worse_than
 
 Figures = Mapping[str, Any]
@@ -30,11 +30,14 @@ WHERE = {
     **{f'{kind}_on_percent': words.removeprefix('in ') for kind, words in ON_IN.items()},
 }
 
+#: From this share of slips missed, or of time ON without slip, a recording is called the worst.
+BAD = 0.01
+
 
 def answer(after: Figures, before: Figures | None = None) -> list[str]:
     """Return in sentences how good figures are, and what got worse.
 
-    What finds slips no better than alarms at random would is not called good.
+    What finds slips no better than guessing, which is alarms at random, is not called good.
 
     Parameters
     ----------
@@ -56,7 +59,7 @@ def answer(after: Figures, before: Figures | None = None) -> list[str]:
     ['No slips to find.']
     """
     if after['slips'] is None:
-        often, percent = after['onsets'], _rounded(after['on_percent'] or 0.0)
+        often, percent = after['onsets'], rounded(after['on_percent'] or 0.0)
         text = (
             f'Turns ON {often} time{"" if often == 1 else "s"}, and is ON {percent} % of the time'
         )
@@ -69,9 +72,8 @@ def answer(after: Figures, before: Figures | None = None) -> list[str]:
     alarms = after['false_alarms_per_minute']
     # What is mostly ON has few alarms.
     if alarms is not None and (alarms >= 0.5 or not before) and after['false_time_percent'] < 50.0:
-        said.append(f'False alarms: {_rounded(alarms)} a minute')
-    now, was = ({**one, 'auc': mean_area(one)} for one in (after, before or after))
-    worse = ', '.join(worse_than(now, was))
+        said.append(f'False alarms: {rounded(alarms)} a minute')
+    worse = ', '.join(worse_than(after, before or after))
     return [f'{". ".join(filter(None, said))}.', *([f'Worse: {worse}.'] if worse else [])]
 
 
@@ -90,24 +92,36 @@ def worst(recordings: Mapping[str, Figures]) -> list[str]:
 
     known = {name: badness(one) for name, one in recordings.items() if one['slips'] is not None}
     name = max(known, key=lambda one: known[one], default='')
-    if len(recordings) < 2 or not known[name]:
-        return []
-    return [f'Worst: {name}: {answer(recordings[name])[0]}']
+    bad = len(recordings) > 1 and known.get(name, 0.0) >= BAD
+    return [f'Worst: {name}. {answer(recordings[name])[0]}'] if bad else []
+
+
+def rounded(value: float | None) -> str:
+    """Return a number as people say it; empty where it is not known.
+
+    Examples
+    --------
+    >>> rounded(18.7), rounded(0.034)
+    ('19', '0.03')
+    """
+    if value is None:
+        return ''
+    return f'{value:.0f}' if value >= 1.0 or not value else f'{value:.1g}'
 
 
 def _found(after: Figures, before: Figures | None) -> str:
-    """Return how many slips are found, and how soon, and whether alarms at random do as well."""
+    """Return how many slips are found, and how soon, and whether guessing does as well."""
     matched, scored = after['matched'], after['matched'] + after['missed']
     if not scored:
         return 'No slips to find'
     text = f'Finds {matched or "none"} of {scored} slip{"" if scored == 1 else "s"}'
     if before and before['matched'] != matched:
         by_chance = before['matched'] and not better_than_chance(before)
-        text += f' (before: {before["matched"] or "none"}{" by chance" if by_chance else ""})'
+        text += f' (before: {before["matched"] or "none"}{" by guessing" if by_chance else ""})'
     if matched and not better_than_chance(after):
-        return f'{text}, no better than alarms at random'
+        return f'{text}, no better than guessing'
     if matched and after['sooner_than_chance'] < HALF:
-        text += f', alarms at random some {after["recall_by_chance"] * scored:.0f}'
+        text += f', guessing would find some {after["recall_by_chance"] * scored:.0f}'
     delay, its_delay = _delay(after), _delay(before or after)
     if delay and its_delay not in ('', delay):
         delay += f' (before: {its_delay.removesuffix(" after they begin")})'
@@ -136,15 +150,8 @@ def _on_without_slip(after: Figures, before: Figures) -> str:
         known = kinds
     texts = []
     for name in filter(None, known):
-        was, now = (_rounded(one.get(name)) for one in (before, after))
+        was, now = (rounded(one.get(name)) for one in (before, after))
         changed = was not in ('', now)
         texts.append(f'{WHERE[name]} ' + (f'{was} % → {now}' if changed else now))
         texts[-1] += '' if changed and now == '0' else ' %'
     return f'ON {", ".join(texts)}' if texts else ''
-
-
-def _rounded(value: float | None) -> str:
-    """Return a number as people say it; empty where it is not known."""
-    if value is None:
-        return ''
-    return f'{value:.0f}' if value >= 1.0 or not value else f'{value:.1g}'

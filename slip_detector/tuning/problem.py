@@ -35,8 +35,7 @@ from slip_detector.tuning.space import SearchSpace
 from slip_detector.tuning.tracks import Track
 
 #: Figures by name, None where one is not defined: those of :meth:`.Events.at` and of
-#: :meth:`.ScoreCounts.aucs`; and ``auc``: the mean of the area against rest, in motion where that
-#: is known, and of the mean of those against the other kinds of recordings.
+#: :meth:`.ScoreCounts.aucs`.
 Figures = dict[str, Any]
 
 #: The cost of a threshold is averaged with those of this many neighbours on each side, which are
@@ -164,15 +163,6 @@ def searched(chain: ChainConfig) -> dict[str, Any]:
 def better_than_chance(figures: Mapping[str, Any]) -> bool:
     """Return whether a chain finds slips sooner than decisions that do not depend on slip."""
     return (figures['sooner_than_chance'] or 0.0) > 0.0
-
-
-def mean_area(figures: Mapping[str, Any]) -> float | None:
-    """Return the area ``auc``, see :data:`Figures`, of the areas of several kinds."""
-    others = [figures[f'auc_{kind}'] for kind in KINDS if kind != 'rest']
-    rest = figures['auc_moving'] if figures['auc_moving'] is not None else figures['auc_rest']
-    known = [one for one in others if one is not None]
-    parts = [np.mean(part) for part in ([] if rest is None else [rest], known) if part]
-    return float(np.mean(parts)) if parts else None
 
 
 class Candidate(NamedTuple):
@@ -336,8 +326,7 @@ class Problem:
     def _areas(self, chain: ChainConfig, statistic: Sequence[Floats]) -> Figures:
         """Return the areas under the ROC curve, see :data:`Figures`."""
         scoring = chain.threshold, self.evaluation, self._settling_rows(chain)
-        areas: Figures = sweep.count_scores(statistic, self.tracks, *scoring).aucs()
-        return {**areas, 'auc': mean_area(areas)}
+        return sweep.count_scores(statistic, self.tracks, *scoring).aucs()
 
     def left_out(self, chain: ChainConfig) -> tuple[float, Floats]:
         """Return what a chain costs where the threshold for a recording comes from the others.

@@ -353,5 +353,5 @@ def _why_not(on_held: Problem, after: Candidate, before: Candidate) -> str:
     if not found:
         return f'finds none of {missed} slips'
     if not better_than_chance(after.figures):
-        return 'is no better than alarms at random'
+        return 'is no better than guessing'
     return '' if worse_figures(before.figures, after.figures) else 'is no better'
