@@ -42,8 +42,8 @@ from slip_detector.parameters.files import read_yaml, write_yaml
 from slip_detector.parameters.sections import ALL, node_of, sections_of
 from slip_detector.recordings import with_subfolders
 from slip_detector.recordings.labels import KINDS
-from slip_detector.report.answer import answer, rounded
-from slip_detector.report.tables import compared, text_table
+from slip_detector.report.answer import answer, compared, rounded
+from slip_detector.report.tables import text_table
 from slip_detector.tuning.learning import learn_from_quiet
 from slip_detector.tuning.problem import Candidate, searched
 from slip_detector.tuning.tracks import Track, TrainingFiles
@@ -189,8 +189,8 @@ def _search(
     figures = [one.figures['all held out'] for one in variants]
     answers = answer(figures[1], figures[0])
     if verdict.kept:
-        kept = f'Nothing better was found: {verdict.kept}.'
-        answers = [kept, f'The given parameters stay. {answer(figures[0])[0]}']
+        answers[0] = f'The given parameters stay. {answer(figures[0])[0]}'
+        answers.insert(0, f'Nothing better was found: {verdict.kept}.')
     lines = [
         f'{study.follow()} trials, {len(study.trials)} of them usable, seed {options.seed}',
         f'Tuned on: {_names_of(problem.tracks)}',

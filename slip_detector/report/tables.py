@@ -21,8 +21,6 @@ from typing import Any
 from slip_detector.evaluation.figures import ALREADY_ON, STAGES
 from slip_detector.parameters.fields import name_list
 from slip_detector.recordings.labels import ENDING, KEY, KINDS
-from slip_detector.report.answer import answer, worst
-from slip_detector.tuning.problem import worse_figures
 
 #: The text of a figure that is not defined.
 UNDEFINED = '-'
@@ -32,7 +30,8 @@ UNITS = {'ms': 'ms', 'mm': 'mm', 's': 's', 'percent': '%', 'hz': 'Hz', 'v': 'V'}
 #: Headings of the figures whose names alone say too little.
 HEADINGS = {
     'matched': 'detected',
-    'recall_by_chance': 'recall by guessing',
+    'recall': 'share found',
+    'recall_by_chance': 'found by guessing',
     'precision_by_chance': 'precision by guessing',
     'sooner_than_chance': 'better than guessing',
     'settling_slips': 'while settling',
@@ -43,7 +42,13 @@ HEADINGS = {
     'false_time_s_per_hour': 'ON [s an hour]',
     'force_percent': 'mean grip [% of the limit]',
     'gaps': 'gaps bridged',
-    **{f'{kind}_on_percent': f'{kind} ON [%]' for kind in KINDS},
+    'auc': 'how far slips stand out',
+    'coverage': 'ON during slips',
+    'rest_on_percent': 'ON at rest [%]',
+    'taps_on_percent': 'ON in taps [%]',
+    'press_on_percent': 'ON in presses [%]',
+    'roll_on_percent': 'ON in rolls [%]',
+    'idle_on_percent': 'ON idle [%]',
 }
 
 #: The figures in each table of an evaluation, by its title; the first is titled by the set's name.
@@ -83,9 +88,6 @@ SHOWN = ('slips', 'latency', 'rest', 'missed slips, lost at', 'faults')
 EMPTY = {UNDEFINED, '0', '0.0'}
 
 LEGEND = f'{UNDEFINED}: not defined (no labels, no such rows or events, or no record of motion)'
-
-#: Title of a figure, the figure before and after, and 'better', 'worse' or ''.
-Row = tuple[str, str, str, str]
 
 #: The figures by which chains are compared, where they are defined.
 MAIN_FIGURES = (
@@ -196,8 +198,9 @@ def evaluation_tables(report: Mapping[str, Any], verbose: bool = False) -> str:
     Examples
     --------
     >>> from slip_detector.evaluation.evaluator import recording_figures
-    >>> print(evaluation_tables({'sets': {}, 'all': recording_figures([])}))
-    No slips to find.
+    >>> figures = recording_figures([])
+    >>> print(evaluation_tables({'answer': ['No slips.'], 'sets': {}, 'all': figures}))
+    No slips.
     """
     rows, names_of, notes = {}, dict[str, list[str]](), list[str]()
     several = len(report['sets']) > 1
@@ -205,17 +208,16 @@ def evaluation_tables(report: Mapping[str, Any], verbose: bool = False) -> str:
         for file, one in whole['recordings'].items():
             name = f'{folder}/{file}' if several else file
             rows[name] = one
-            faults = one['lost'], one['doubts'], *one['warnings']
-            for line in recording_notes('', faults, one['invalid_percent']):
+            its = one['lost'], one['doubts'], *one['warnings']
+            for line in recording_notes('', its, one['invalid_percent']):
                 names_of.setdefault(line, []).append(name)
             if not one['labelled']:
                 on_s = [f'{start:.3f} to {end:.3f}' for start, end in one['on_intervals_s']]
                 notes.append(
                     f'{name}: ON from {name_list(on_s, 12)} s' if on_s else f'{name}: never ON'
                 )
-    says = [*answer(report['all']), *worst(rows)]
     # Several have the same fault often.
-    says += [f'{name_list(names, 3)}{line}' for line, names in names_of.items()]
+    faults = [f'{name_list(names, 3)}{line}' for line, names in names_of.items()]
     sums = {f'all of {name}': one for name, one in report['sets'].items() if several}
     without_labels = ('decisions',) if report['all']['slips'] is None else ()
     titles = TABLES if verbose else (*SHOWN, *without_labels)
@@ -226,7 +228,9 @@ def evaluation_tables(report: Mapping[str, Any], verbose: bool = False) -> str:
     ends = {'not_evaluated': 'Stopped early, not evaluated', 'written': 'Written'}
     notes += [f'{what}: {", ".join(report[key])}' for key, what in ends.items() if key in report]
     tables = (text_table(block, indent=0) for block in blocks)
-    return '\n\n'.join(filter(None, ['\n'.join(says), *tables, '\n'.join(notes)]))
+    return '\n\n'.join(
+        filter(None, ['\n'.join([*report['answer'], *faults]), *tables, '\n'.join(notes)])
+    )
 
 
 def recording_notes(name: str, faults: Iterable[str], invalid: Mapping[str, float]) -> list[str]:
@@ -289,34 +293,6 @@ def main_figures(several: Iterable[Mapping[str, Any]]) -> list[str]:
     """
     several = list(several)
     return [name for name in MAIN_FIGURES if any(one.get(name) is not None for one in several)]
-
-
-def compared(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[Row]:
-    """Return two sets of figures side by side, each with its title and 'better' or 'worse'.
-
-    What is the same, or not known, in both is left out. What a search compares is better or worse
-    as it decides, see :func:`.problem.worse_figures`; the other figures are neither.
-
-    Parameters
-    ----------
-    before, after
-        Figures as :func:`slip_detector.evaluation.figures.figures_of_merit` returns them.
-
-    Examples
-    --------
-    >>> from slip_detector.evaluation.figures import figures_of_merit
-    >>> before = {**figures_of_merit([]), 'sooner_than_chance': 0.7, 'recall': 0.8}
-    >>> compared(before, {**before, 'recall': 0.95})
-    [('recall', '0.800', '0.950', 'better')]
-    """
-    worse, better = worse_figures(after, before), worse_figures(before, after)
-    rows = []
-    for name in main_figures([before, after]):
-        was, now = figure_text(name, before), figure_text(name, after)
-        if was != now:
-            change = 'worse' if name in worse else 'better' if name in better else ''
-            rows.append((heading(name), was, now, change))
-    return rows
 
 
 def demo_table(result: Mapping[str, Any]) -> str:
