@@ -111,7 +111,7 @@ def test_the_worst_recording_and_what_is_damaged_are_named():
         for one in every
     )  # fmt: skip
     assert bad_recordings({'a': good, 'b': cut, 'c': cut}) == ['b, c: cut off']
-    missing = {**good, 'matched': 0, 'missed': 1}
+    missing = {**good, 'matched': 0, 'missed': 1, 'latency_median_ms': None}
     worst, fault = bad_recordings({'a': good, 'b': missing, 'c': cut})
     assert worst.startswith('Worst: b. Finds none of 1 slip. ')
     assert fault == 'c: cut off'
