@@ -58,7 +58,7 @@ GUESSES = GOOD | {'sooner_than_chance': -0.1, 'false_time_percent': 45.0}
         ),
         (
             OFTEN_ON | {'latency_accuracy_ms': 350.0, 'latency_median_ms': 0.0}, None,
-            ['Finds 4 of 6 slips, within 0.35 s, the accuracy of the labels. '
+            ['Finds 4 of 6 slips, within 0.35 s, as far as the labels tell. '
              'ON at rest 19 %, taps 28 %, presses 22 %. False alarms: 0 a minute.'],
         ),
         (
