@@ -36,6 +36,8 @@ It uses no ROS: the chain runs over each recording from the first row, as in the
     :class:`slip_detector.evaluation.figures.TrueSlip` and ``Alarm``; None without labels.
 ``all``
     The figures and counts over all sets.
+``answer``
+    Sentences on what holds, and what is wrong with recordings.
 ``note``
     Where recordings have no labels: how to label them.
 ``not_evaluated``
@@ -143,7 +145,7 @@ def as_report(sets: Mapping[str, Mapping[str, EvaluatedRecording]]) -> dict[str,
     dict
         ``sets`` and ``all``; see the module's docstring.
     """
-    every = [one for files in sets.values() for one in files.items()]
+    every = [one for files in sets.values() for one in files.values()]
     report: dict[str, Any] = {
         'sets': {
             name: {
@@ -152,10 +154,11 @@ def as_report(sets: Mapping[str, Mapping[str, EvaluatedRecording]]) -> dict[str,
             }
             for name, files in sets.items()
         },
-        'all': evaluator.recording_figures([one for _, one in every]),
+        'all': evaluator.recording_figures(every),
     }
-    report['answer'] = [*answer(report['all']), *bad_recordings(by_name(report['sets']))]
-    for note in labels_note(file for file, one in every if not one.labelled):
+    named = by_name(report['sets'])
+    report['answer'] = [*answer(report['all']), *bad_recordings(named)]
+    for note in labels_note(name for name, one in named.items() if not one['labelled']):
         report['note'] = note
     return report
 
