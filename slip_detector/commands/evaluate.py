@@ -221,9 +221,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         report = as_report(sets)
         given = {Path(one).resolve() for one in options.recordings}
         folders = with_subfolders(options.recordings)
-        if inner := name_list([one for one in folders if Path(one).resolve() not in given]):
-            text = f'Left out, as only folders that are given are read: {inner}'
-            report['answer'].append(text)
+        inner = name_list([one for one in folders if Path(one).resolve() not in given])
+        report['answer'] += [f'Left out, as they are not given: {inner}'] if inner else []
         if left:
             report['not_evaluated'] = [str(path) for path in left]
         if page:
@@ -232,8 +231,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             write_evaluation_report(page, sets)
         if page or out:
             report['written'] = [str(path) for path in (page, out) if path]
-        if options.json:
-            return json.dumps(report, indent=2)
-        return evaluation_tables(report, options.verbose)
+        text = evaluation_tables(report, options.verbose)
+        return json.dumps(report, indent=2) if options.json else text
 
     return run(NAME, work) or (INTERRUPTED if left else 0)
