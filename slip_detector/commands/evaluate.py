@@ -219,9 +219,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         if left:
             report['not_evaluated'] = [str(path) for path in left]
         if page:
+            from slip_detector.report.answer import answer
             from slip_detector.report.page import write_evaluation_report
 
-            write_evaluation_report(page, sets)
+            notes = [*answer(report['all'])]
+            write_evaluation_report(page, sets, notes, options.config)
         if page or out:
             report['written'] = [str(path) for path in (page, out) if path]
         return json.dumps(report, indent=2) if options.json else evaluation_tables(report)

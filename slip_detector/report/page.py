@@ -22,9 +22,10 @@ ones, as slow signals compress better in this order.
 """
 
 import base64
+import datetime
 import json
 import zlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from importlib import resources
 from pathlib import Path
@@ -38,7 +39,9 @@ from slip_detector.evaluation import evaluator
 from slip_detector.evaluation.figures import ReplayOutcome, figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters import ChainConfig
+from slip_detector.parameters.fields import name_list
 from slip_detector.parameters.files import whole_file
+from slip_detector.recordings import by_number
 from slip_detector.report import tables
 from slip_detector.report.overview import EVENT_KINDS, Codes, Overview, Volts
 from slip_detector.report.pictures import latency_figure, svg
@@ -52,6 +55,16 @@ STYLES = ('uplot/uPlot.min.css', 'drawing.css', 'report.css')
 #: the file larger and would not be seen: a channel has some 40 pixels in the timeline.
 NO_SAMPLE, MOST_CODE = 0xFFFF, 2**14 - 1
 
+#: The figures that carry the answer, and those of each recording.
+CARRYING = (
+    'slips', 'matched', 'latency_median_ms', 'false_alarms', 'false_alarms_per_minute',
+    'false_time_percent',
+)  # fmt: skip
+OF_EACH = *CARRYING[:2], 'late', *CARRYING[2:], 'coverage', *tables.TABLES['decisions']
+
+#: More lines of notes, and more parameters that are not the defaults, are folded.
+MOST_LINES, MOST_PARAMETERS = 4, 4
+
 
 class Variant(NamedTuple):
     """One configuration of the chain, with its overviews and figures of all recordings.
@@ -64,13 +77,13 @@ class Variant(NamedTuple):
     overviews : sequence of Overview
         One for each recording, in the same order for all variants.
     figures : mapping
-        Figures of each recording, and of all together, by its name; None where one is not
+        Figures of all recordings together, then of each, by its name; None where one is not
         defined.
 
     Examples
     --------
     >>> given = Variant('given', ChainConfig(), [], {'all recordings': {'recall': 0.95}})
-    >>> given.figures['all recordings']['recall']
+    >>> given.whole['recall']
     0.95
     """
 
@@ -79,13 +92,19 @@ class Variant(NamedTuple):
     overviews: Sequence[Overview]
     figures: Mapping[str, Mapping[str, float | None]]
 
+    @property
+    def whole(self) -> Mapping[str, float | None]:
+        """The figures of all recordings together."""
+        return next(iter(self.figures.values()), {})
+
 
 def write_page(
     path: str | Path,
     title: str,
     variants: Sequence[Variant],
-    notes: Iterable[str] = (),
+    notes: Sequence[str] = (),
     outcomes: Sequence[ReplayOutcome] = (),
+    config: str | Path | None = None,
 ) -> None:
     """Write a report as an HTML file.
 
@@ -98,12 +117,14 @@ def write_page(
     title
         Heading of the page.
     variants
-        One configuration, or two to compare: first the given one, then the tuned one. Both show
-        the same recordings, at least one.
+        One configuration, or two to compare, the result last. Both show the same recordings, at
+        least one.
     notes
-        Lines below the title.
+        Lines below the title: first the :func:`.answer`, then what matters most.
     outcomes
         The outcomes whose latencies and ROC curve are drawn.
+    config
+        The file of the configuration; None: there is none.
 
     Raises
     ------
@@ -123,10 +144,9 @@ def write_page(
     ...     '<title>A second of rest</title>' in (Path(folder) / 'report.html').read_text('utf-8')
     True
     """
-    items = ''.join(f'<li>{escape(line)}</li>' for line in notes)
     page = Template(_read('report.html')).substitute(
         title=escape(title),
-        notes=f'<ul>{items}</ul>' if items else '',
+        summary=_summary(variants, notes, config),
         css='\n'.join(map(_read, STYLES)),
         licence=_read('uplot/LICENSE.txt'),
         js='\n'.join(map(_read, SCRIPTS)),
@@ -139,6 +159,29 @@ def write_page(
 
 def _read(name: str) -> str:
     return resources.files('slip_detector.report').joinpath(f'templates/{name}').read_text('utf-8')
+
+
+def _summary(variants: Sequence[Variant], notes: Sequence[str], config: str | Path | None) -> str:
+    result, tiles = variants[-1], ''
+    for name in tables.TABLES['decisions'] if result.whole.get('slips') is None else CARRYING:
+        *before, text = (tables.figure_text(name, one.whole) for one in variants)
+        was = ''.join(f' <small>{variants[0].name} {one}</small>' for one in before if one != text)
+        if text != tables.UNDEFINED:
+            tiles += f'<div><dt>{tables.heading(name)}</dt><dd>{text}{was}</dd></div>'
+    own, default = (one.to_parameters() for one in (result.config, type(result.config)()))
+    changed = [f'{name} {_value(own[name])}' for name in own if own[name] != default.get(name)]
+    parameters = name_list(changed, MOST_PARAMETERS) or "the package's defaults"
+    file = f' {Path(config).name}' if config else ''
+    minutes = sum(one.rows / one.sample_rate_hz for one in result.overviews) / 60.0
+    now = datetime.datetime.now(datetime.timezone.utc)
+    of = f'{len(result.overviews)} recordings, {minutes:.3g} min. {now:%Y-%m-%d %H:%M} UTC'
+    first, *others = (f'<p>{escape(note)}</p>' for note in notes or [''])
+    more = _details(f'{len(notes) - MOST_LINES} more notes', ''.join(others[MOST_LINES - 1 :]))
+    return '\n'.join([
+        first, f'<dl id="figures">{tiles}</dl>', *others[: MOST_LINES - 1],
+        f'<p class="hint">Configuration{escape(file)}: {escape(parameters)}. {of}</p>',
+        more if len(notes) > MOST_LINES else '',
+    ])  # fmt: skip
 
 
 def sections(variants: Sequence[Variant], outcomes: Sequence[ReplayOutcome] = ()) -> str:
@@ -157,10 +200,10 @@ def sections(variants: Sequence[Variant], outcomes: Sequence[ReplayOutcome] = ()
     ['<h2>Figures</h2>', '<h2>Parameters</h2>']
     """
     parts = {'Figures': _figures(variants)}
-    if outcomes:
+    if any(one.slips for one in outcomes):
         data = base64.b64encode(svg(latency_figure(outcomes)).encode()).decode()
         source = f'data:image/svg+xml;base64,{data}'
-        parts['Latency'] = f'<img alt="Latencies and ROC curve" src="{source}">'
+        parts['Plots'] = f'<img alt="Latencies and ROC curve" src="{source}">'
     parts['Parameters'] = _parameters(variants)
     return '\n'.join(
         f'<section>\n<h2>{title}</h2>\n{content}\n</section>' for title, content in parts.items()
@@ -169,27 +212,35 @@ def sections(variants: Sequence[Variant], outcomes: Sequence[ReplayOutcome] = ()
 
 def _figures(variants: Sequence[Variant]) -> str:
     titles = list(dict.fromkeys(title for variant in variants for title in variant.figures))
-    rows = [(title, one.name, one.figures.get(title, {})) for title in titles for one in variants]
-    names = list(dict.fromkeys(name for *_, figures in rows for name in figures))
+    several = len(variants) > 1
+    rows = {
+        f'{title}, {one.name}' if several else title: one.figures.get(title, {})
+        for title in titles
+        for one in variants
+    }
 
-    def table(names: Sequence[str]) -> str:
-        cells = [
-            [title, variant, *(tables.figure_text(name, figures) for name in names)]
-            for title, variant, figures in rows
-        ]
-        return _table('figures', ['recording', 'variant', *map(tables.heading, names)], cells)
+    def html(named: Mapping[str, Sequence[str]]) -> str:
+        blocks = tables.figure_tables(rows, named)
+        return ''.join(_table('figures', heads, cells) for heads, *cells in blocks)
 
-    main = table(tables.main_figures(figures for *_, figures in rows))
-    return f'{main}{_details("All figures", table(names))}<p class="legend">{tables.LEGEND}</p>'
+    parts = [html({'recording': OF_EACH}), _details('All figures', html(tables.TABLES))]
+    if several:
+        compared = tables.compared(*(one.whole for one in variants))
+        table = _table('compared', [titles[0], *(one.name for one in variants), ''], compared)
+        parts.insert(0, _details('What changed', table))
+    return f'{"".join(parts)}<p class="legend">{tables.LEGEND}</p>'
 
 
 def _parameters(variants: Sequence[Variant]) -> str:
-    sets = [variant.config.to_parameters() for variant in variants]
+    configs = {variant.name: variant.config for variant in variants}
+    if len(configs) == 1:
+        configs = {'default': type(variants[0].config)(), **configs}
+    sets = [config.to_parameters() for config in configs.values()]
     names = dict.fromkeys(name for one in sets for name in one)
     rows = [[name, *(_value(one.get(name, tables.UNDEFINED)) for one in sets)] for name in names]
-    heads = ['parameter', *(variant.name for variant in variants)]
+    heads = ['parameter', *configs]
     differing = [row for row in rows if len(set(row[1:])) > 1]
-    shown = _table('parameters', heads, differing) if differing else '<p>All equal.</p>'
+    shown = _table('parameters', heads, differing) if differing else f'<p>As {heads[1]}.</p>'
     return shown + _details('All parameters', _table('parameters', heads, rows))
 
 
@@ -293,7 +344,10 @@ def evaluate_for_report(
 
 
 def write_evaluation_report(
-    path: Path, sets: Mapping[str, Mapping[str, evaluator.EvaluatedRecording]]
+    path: Path,
+    sets: Mapping[str, Mapping[str, evaluator.EvaluatedRecording]],
+    notes: Sequence[str] = (),
+    config: str | Path | None = None,
 ) -> None:
     """Write the page of an evaluation.
 
@@ -303,27 +357,29 @@ def write_evaluation_report(
         The HTML file to write.
     sets
         The recordings by the names of set and file, from :func:`evaluate_for_report`.
+    notes, config
+        See :func:`write_page`.
 
     Raises
     ------
     ValueError
         When the file cannot be written; names it.
     """
-    overviews, figures, notes = [], {}, []
-    every = [one for files in sets.values() for one in files.values()]
-    for name, files in sets.items():
-        for file, one in files.items():
-            title = f'{name}/{file}' if len(sets) > 1 else file
-            one.observer.name = title
-            overviews.append(one.observer)
-            figures[title] = evaluator.recording_figures([one])
-            faults = one.counts.damage, one.counts.doubts, *one.warnings
-            notes += tables.recording_notes(title, faults, one.invalid_percent)
-    notes += tables.labels_note(one.name for one in overviews if not one.labelled)
-    figures['all recordings'] = evaluator.recording_figures(every)
+    every = {
+        f'{name}/{file}' if len(sets) > 1 else file: one
+        for name, files in sets.items()
+        for file, one in files.items()
+    }
+    figures = {'all recordings': evaluator.recording_figures(every.values())}
+    if len(every) == 1:
+        figures = {}
+    for title, one in every.items():
+        one.observer.name = title
+        figures[title] = evaluator.recording_figures([one])
+    overviews = [one.observer for one in every.values()]
     given = Variant('given', overviews[0].config, overviews, figures)
-    outcomes = [one.outcome for one in every if one.labelled]
-    write_page(path, f'Slips and alarms: {", ".join(sets)}', [given], notes, outcomes)
+    outcomes = [one.outcome for one in every.values() if one.labelled]
+    write_page(path, f'Slips and alarms: {", ".join(sets)}', [given], notes, outcomes, config)
 
 
 def replay_variant(name: str, replay: Replay, parts: Mapping[str, Sequence[Track]]) -> Variant:
@@ -341,7 +397,8 @@ def replay_variant(name: str, replay: Replay, parts: Mapping[str, Sequence[Track
     Returns
     -------
     Variant
-        With the figures of all of each part (``all held out``) and of each recording.
+        With the figures of all of each part (``all held out``) and of each recording, in the order
+        of names and numbers.
 
     Examples
     --------
@@ -354,13 +411,17 @@ def replay_variant(name: str, replay: Replay, parts: Mapping[str, Sequence[Track
     ['all held out', 'all tuned on', 'rest (held out)', 'rest (tuned on)']
     """
     chain, share = replay.chain.config, 1 / sum(map(len, parts.values()))
-    overviews, of_all, of_each = [], {}, {}
+    overviews, of_all, of_each = list[Overview](), {}, {}
     for what, tracks in parts.items():
         outcomes = []
         for track in tracks:
+            title = f'{track.name} ({what})'
             names, rate_hz = track.channel_names, track.sample_rate_hz
-            overviews.append(Overview(track.name, chain, names, share, rate_hz))
+            overviews.append(Overview(title, chain, names, share, rate_hz))
             outcomes.append(overviews[-1].replay(replay, track.rows()))
-            of_each[f'{track.name} ({what})'] = figures_of_merit(outcomes[-1:])
+            of_each[title] = figures_of_merit(outcomes[-1:])
         of_all[f'all {what}'] = figures_of_merit(outcomes)
-    return Variant(name, chain, overviews, {**of_all, **of_each})
+    overviews.sort(key=lambda one: by_number(one.name))
+    return Variant(
+        name, chain, overviews, {**of_all, **{one.name: of_each[one.name] for one in overviews}}
+    )

@@ -322,3 +322,25 @@ def demo_table(result: Mapping[str, Any]) -> str:
         'Delay from the start of the plate to the receipt of the first ON, and latency from\n'
         'sample to receipt of its decision [ms]\n'
     ) + text_table([(name, number_text(figure, '.2f')) for name, figure in figures.items()])
+
+
+EMPTY = {UNDEFINED, '0', '0.0'}
+
+
+def figure_tables(
+    rows: Mapping[str, Mapping[str, Any]], named: Mapping[str, Sequence[str]]
+) -> list[list[list[str]]]:
+    """TEMPORARY."""
+    tables = []
+    for title, figures in named.items():
+        cells = {name: [figure_text(one, of) for one in figures] for name, of in rows.items()}
+        said = [[text not in EMPTY for text in row] for row in cells.values()]
+        columns = [k for k, column in enumerate(zip(*said, strict=True)) if any(column)]
+        if not columns:
+            continue
+        heads = [heading(figures[k]).removeprefix(f'{title} ') for k in columns]
+        tables.append([[title, *heads]])
+        for (name, row), says in zip(cells.items(), said, strict=True):
+            if any(says):
+                tables[-1].append([name, *(row[k] for k in columns)])
+    return tables
