@@ -56,8 +56,10 @@ from slip_detector.commands import workers
 from slip_detector.commands.command_line import INTERRUPTED, Parser, run
 from slip_detector.evaluation import evaluator
 from slip_detector.evaluation.evaluator import EvaluatedRecording, RecordingLoader
-from slip_detector.recordings import recording_sets
-from slip_detector.report.tables import evaluation_tables, labels_note
+from slip_detector.parameters.fields import name_list
+from slip_detector.recordings import by_number, recording_sets, with_subfolders
+from slip_detector.report.answer import answer, bad_recordings
+from slip_detector.report.tables import by_name, evaluation_tables, labels_note
 
 NAME = 'slip_evaluate'
 
@@ -84,7 +86,8 @@ def evaluate(
     Returns
     -------
     sets : dict
-        The evaluated recordings by the names of set and file, in the order of the arguments.
+        The evaluated recordings by the names of set and file: sets in the order of the arguments,
+        files in that of their names and numbers.
     left : list of Path
         The recordings that were not evaluated; empty unless Ctrl-C was pressed.
 
@@ -106,7 +109,8 @@ def evaluate(
     >>> as_report(sets)['all']['rows'], left
     (100, [])
     """
-    sets = recording_sets(arguments)
+    given = recording_sets(arguments)
+    sets = {name: sorted(of, key=lambda file: by_number(file.name)) for name, of in given.items()}
     files = [file for several in sets.values() for file in several]
     function = partial(evaluator.evaluate_recording, loader)
     if for_report:
@@ -152,6 +156,7 @@ def as_report(sets: Mapping[str, Mapping[str, EvaluatedRecording]]) -> dict[str,
         },
         'all': evaluator.recording_figures([one for _, one in every]),
     }
+    report['answer'] = [*answer(report['all']), *bad_recordings(by_name(report['sets']))]
     for note in labels_note(file for file, one in every if not one.labelled):
         report['note'] = note
     return report
@@ -216,16 +221,22 @@ def main(argv: Sequence[str] | None = None) -> int:
         with workers.processes(options.jobs, options.cluster) as calls:
             sets, left[:] = evaluate(options.recordings, loader, calls, page is not None)
         report = as_report(sets)
+        given = {Path(one).resolve() for one in options.recordings}
+        folders = with_subfolders(options.recordings)
+        if inner := name_list([one for one in folders if Path(one).resolve() not in given]):
+            text = f'Left out, as only folders that are given are read: {inner}'
+            report['answer'].append(text)
         if left:
             report['not_evaluated'] = [str(path) for path in left]
         if page:
-            from slip_detector.report.answer import answer
             from slip_detector.report.page import write_evaluation_report
 
-            notes = [*answer(report['all'])]
+            notes = [*report['answer'], *([report['note']] if 'note' in report else [])]
             write_evaluation_report(page, sets, notes, options.config)
         if page or out:
             report['written'] = [str(path) for path in (page, out) if path]
-        return json.dumps(report, indent=2) if options.json else evaluation_tables(report)
+        if options.json:
+            return json.dumps(report, indent=2)
+        return evaluation_tables(report, options.verbose)
 
     return run(NAME, work) or (INTERRUPTED if left else 0)

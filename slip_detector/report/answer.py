@@ -18,22 +18,25 @@ from collections.abc import Mapping
 from typing import Any
 
 from slip_detector.evaluation.chance import HALF
-from slip_detector.tuning.problem import IN_KINDS, better_than_chance, mean_area
-from slip_detector.tuning.verdict import worse_than
+from slip_detector.evaluation.figures import ALREADY_ON
+from slip_detector.parameters.fields import name_list
+from slip_detector.recordings.labels import KINDS
+from slip_detector.report.tables import compared, heading, recording_notes
+from slip_detector.tuning.problem import better_than_chance
 
 Figures = Mapping[str, Any]
 
-#: Names of the shares of time ON without slip, and where that is.
-WHERE = {
-    'false_time_percent': 'without slip',
-    **{f'{kind}_on_percent': words.removeprefix('in ') for kind, words in IN_KINDS.items()},
-}
+#: The shares of time ON without slip.
+ON_PERCENT = ('false_time_percent', *(f'{kind}_on_percent' for kind in KINDS))
+
+#: From this share of the time on a recording that is ON without slip is called bad.
+BAD_PERCENT = 1.0
 
 
 def answer(after: Figures, before: Figures | None = None) -> list[str]:
     """Return in sentences how good figures are, and what got worse.
 
-    What finds slips no better than alarms at random would is not called good.
+    What finds slips no better than guessing, which is alarms at random, is not called good.
 
     Parameters
     ----------
@@ -46,7 +49,7 @@ def answer(after: Figures, before: Figures | None = None) -> list[str]:
     Returns
     -------
     list of str
-        What holds; and where something got worse, as :func:`.verdict.worse_than` compares, what.
+        What holds; and where something got worse, as :func:`compared` says, what.
 
     Examples
     --------
@@ -55,77 +58,104 @@ def answer(after: Figures, before: Figures | None = None) -> list[str]:
     ['No slips to find.']
     """
     if after['slips'] is None:
-        times = f'{after["onsets"]} time{"" if after["onsets"] == 1 else "s"}'
-        share = f'{_rounded(after["on_percent"] or 0.0)} % of the time'
-        return [f'ON {times}, {share}. Without labels nobody knows whether rightly.']
+        share = f'ON {rounded(after["on_percent"] or 0.0)} % of the time'
+        return [f'{share}: without labels nobody knows whether rightly.']
     said = [_found(after, before)]
     if after['settling_slips']:
         said.append(f'Not counted: {after["settling_slips"]} that began before it was ready')
-    said.append(_on_without_slip(after, before or {}))
-    alarms, mostly_off = after['false_alarms_per_minute'], (after['false_time_percent'] or 0) < 50
-    if alarms is not None and (alarms >= 0.5 or (before is None and mostly_off)):
-        said.append(f'False alarms: {_rounded(alarms)} a minute')
-    sentences = ['. '.join(filter(None, said)) + '.']
-    if before is not None:
-        now, was = ({**one, 'auc': mean_area(one)} for one in (after, before))
-        worse = worse_than(now, was)
-        sentences += [f'Worse: {", ".join(worse)}.'] if worse else []
-    return sentences
+    if after[f'missed_{ALREADY_ON}']:
+        said.append(f'It was ON already before {after[f"missed_{ALREADY_ON}"]} of them')
+    said += _on_without_slip(after, before or {})
+    alarms = after['false_alarms_per_minute']
+    # What is mostly ON has few alarms.
+    if alarms is not None and (alarms >= 0.5 or not before) and after['false_time_percent'] < 50.0:
+        said.append(f'False alarms: {rounded(alarms)} a minute')
+    worse = []
+    for title, was, now, change in compared(before or after, after):
+        if change == 'worse':
+            words, _, unit = title.rstrip(']').partition(' [')
+            worse.append(f'{words} {was} → {now} {unit}'.rstrip())
+    return [f'{". ".join(said)}.', *([f'Worse: {", ".join(worse)}.'] if worse else [])]
+
+
+def bad_recordings(recordings: Mapping[str, Figures]) -> list[str]:
+    """Return a line on the recording that misses most, or is ON most, and one on each fault.
+
+    Parameters
+    ----------
+    recordings
+        By their names, as in a report of ``slip_evaluate``.
+
+    Examples
+    --------
+    >>> bad_recordings({})
+    []
+    """
+
+    def badness(name: str) -> tuple[int, float]:
+        one = recordings[name]
+        return one['missed'] or 0, one['false_time_percent'] or 0.0
+
+    lines, names_of = list[str](), dict[str, list[str]]()
+    worst = max(recordings, key=badness, default='')
+    if len(recordings) > 1 and badness(worst) >= (0, BAD_PERCENT):
+        lines.append(f'Worst: {worst}. {answer(recordings[worst])[0]}')
+    for name, one in recordings.items():
+        faults = one['lost'], one['doubts'], *one['warnings']
+        for line in recording_notes('', faults, one['invalid_percent']):
+            names_of.setdefault(line, []).append(name)
+    return lines + [f'{name_list(names, 3)}{line}' for line, names in names_of.items()]
+
+
+def rounded(value: float | None) -> str:
+    """Return a number as people say it; empty where it is not known.
+
+    Examples
+    --------
+    >>> rounded(18.7), rounded(0.034)
+    ('19', '0.03')
+    """
+    if value is None:
+        return ''
+    return f'{value:.0f}' if value >= 1.0 or not value else f'{value:.1g}'
 
 
 def _found(after: Figures, before: Figures | None) -> str:
-    """Return how many slips are found, and how soon, and whether alarms at random do as well."""
+    """Return how many slips are found, and how soon, and whether guessing does as well."""
     matched, scored = after['matched'], after['matched'] + after['missed']
     if not scored:
         return 'No slips to find'
     text = f'Finds {matched or "none"} of {scored} slip{"" if scored == 1 else "s"}'
-    if before is not None and before['matched'] != matched:
+    if before and before['matched'] != matched:
         by_chance = before['matched'] and not better_than_chance(before)
-        text += f' (before: {before["matched"] or "none"}{" by chance" if by_chance else ""})'
+        text += f' (before: {before["matched"] or "none"}{" by guessing" if by_chance else ""})'
+    if matched and after['sooner_than_chance'] is None:
+        return f'{text}; without rest nobody knows whether by guessing'
     if matched and not better_than_chance(after):
-        return f'{text}, no better than alarms at random'
+        return f'{text}, no better than guessing'
     if matched and after['sooner_than_chance'] < HALF:
-        many = round(after['recall_by_chance'] * scored)
-        text += f', alarms at random some {many}'
-    delay, before_delay = _delay(after), _delay(before or after)
-    if delay:
-        text += f', {delay}'
-    if delay and before_delay not in ('', delay):
-        text += f' (before: {before_delay.removesuffix(" after they begin")})'
-    return text
-
-
-def _delay(figures: Figures) -> str:
-    """Return how soon slips are found, as exactly as their labels are; empty if not known."""
-    value_ms, accuracy_ms = figures['latency_median_ms'], figures['latency_accuracy_ms']
+        text += f', guessing would find some {after["recall_by_chance"] * scored:.0f}'
+    value_ms, accuracy_ms = after['latency_median_ms'], after['latency_accuracy_ms']
     if value_ms is None:
-        return ''
-    if value_ms < 0.0:
-        return f'ON already some {-value_ms:.0f} ms before they begin'
-    if not accuracy_ms:
-        return f'some {value_ms:.0f} ms after they begin'
-    if not value_ms:
-        return f'within {accuracy_ms / 1e3:.2g} s, the accuracy of the labels'
-    return f'{value_ms:.0f} to {value_ms + 2.0 * accuracy_ms:.0f} ms after they begin'
+        return text
+    if accuracy_ms and value_ms >= 0.0:
+        latest_ms = value_ms + (2.0 * accuracy_ms if value_ms else accuracy_ms)
+        return f'{text}, within {latest_ms / 1e3:.2g} s, the accuracy of the labels'
+    side = 'before' if value_ms < 0.0 else 'after'
+    return f'{text}, some {abs(value_ms):.0f} ms {side} they begin'
 
 
-def _on_without_slip(after: Figures, before: Figures) -> str:
+def _on_without_slip(after: Figures, before: Figures) -> list[str]:
     """Return how much of the time without slip, and of each kind of recordings, is ON."""
-    known = [name for name in WHERE if after[name] is not None]
-    kinds = [name for name in known if name != 'false_time_percent']
-    # All time without slip is ON more than each kind only where it is ON between the slips.
-    if 'rest_on_percent' in kinds and after['false_time_percent'] <= max(after[k] for k in kinds):
-        known = kinds
+    known = {name: after[name] for name in ON_PERCENT if after[name] is not None}
+    all_percent = known.pop('false_time_percent', None)
+    # All the time is ON more than each kind only where it is ON between the slips.
+    if after['rest_on_percent'] is None or all_percent > max(known.values()):
+        known = {'false_time_percent': all_percent, **known}
     texts = []
     for name in known:
-        was, now = (_rounded(one.get(name)) for one in (before, after))
-        arrow = '' if was in ('', now) else f'{was} % → '
-        texts.append(f'{WHERE[name]} {arrow}{now}{"" if arrow and now == "0" else " %"}')
-    return f'ON {", ".join(texts)}' if texts else ''
-
-
-def _rounded(value: float | None) -> str:
-    """Return a number as people say it; empty where it is not known."""
-    if value is None:
-        return ''
-    return f'{value:.0f}' if value >= 1.0 or not value else f'{value:.1g}'
+        where = heading(name).removeprefix('ON ').removeprefix('in ').removesuffix(' [%]')
+        was, now = (rounded(one.get(name)) for one in (before, after))
+        change = now if was in ('', now) else f'{was} % → {now}'
+        texts.append(f'{where} {change} %'.replace('→ 0 %', '→ 0'))
+    return [f'ON {", ".join(texts)}'] if all_percent is not None else []

@@ -129,9 +129,9 @@ def test_each_figure_that_is_worse_is_named_and_of_a_chain_as_good_as_chance_onl
     bad = compared(0.9, 0.8, None, 2.03, 1.5, 0.9, 0.5, press_on_percent=3.6)
     assert worse_than(bad, good) == [
         'slips found 100 → 90 %',
-        'ON for 90 → 80 % of the time of slips',
+        'ON for 90 → 80 % of a slip',
         'slips found later',
-        'false alarms 1 → 2 a minute',
+        '1 → 2 false alarms a minute',
         'ON without slip 0.5 → 1.5 %',
         'ON in presses 3 → 3.6 %',
         'slips stand out less: 0.99 → 0.9 (1: fully)',
