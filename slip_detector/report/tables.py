@@ -297,7 +297,7 @@ def compared(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[Row]:
     >>> from slip_detector.evaluation.figures import figures_of_merit
     >>> before = {**figures_of_merit([]), 'sooner_than_chance': 0.7, 'recall': 0.8}
     >>> compared(before, {**before, 'recall': 0.95})
-    [('recall', '0.800', '0.950', 'better')]
+    [('share found', '0.800', '0.950', 'better')]
     """
     worse, better = worse_figures(after, before), worse_figures(before, after)
     rows = []
