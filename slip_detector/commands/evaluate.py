@@ -109,8 +109,7 @@ def evaluate(
     >>> as_report(sets)['all']['rows'], left
     (100, [])
     """
-    given = recording_sets(arguments)
-    sets = {name: sorted(of, key=lambda file: by_number(file.name)) for name, of in given.items()}
+    sets = {name: sorted(of, key=by_number) for name, of in recording_sets(arguments).items()}
     files = [file for several in sets.values() for file in several]
     function = partial(evaluator.evaluate_recording, loader)
     if for_report:
@@ -231,8 +230,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if page:
             from slip_detector.report.page import write_evaluation_report
 
-            notes = [*report['answer'], *([report['note']] if 'note' in report else [])]
-            write_evaluation_report(page, sets, notes, options.config)
+            write_evaluation_report(page, sets, report, options.config)
         if page or out:
             report['written'] = [str(path) for path in (page, out) if path]
         if options.json:

@@ -205,7 +205,7 @@ def _search(
     }  # fmt: skip
     # The result is the last.
     last = variants[::-1] if verdict.kept else variants
-    page = 'Tuning of the slip detector', last, [*answers, *lines], (), options.out
+    page = 'Tuning of the slip detector', last, answers, lines, (), options.out
     return said, [*lines, 'On what was held out:', *table], lambda path: write_page(path, *page)
 
 

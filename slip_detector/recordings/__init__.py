@@ -114,11 +114,10 @@ def _is_inside(path: Path) -> bool:
 
 def _recordings_in(folder: Path) -> list[Path]:
     """Return the recordings in a folder, in the order of their names and numbers."""
-    found = sorted(filter(_is_inside, folder.iterdir()))
-    return sorted(found, key=lambda path: by_number(path.name))
+    return sorted(filter(_is_inside, folder.iterdir()), key=by_number)
 
 
-def by_number(name: str) -> str:
+def by_number(name: str | Path) -> tuple[str, str]:
     """Return the key by which names are sorted: numbers in them count by their value.
 
     Examples
@@ -126,7 +125,7 @@ def by_number(name: str) -> str:
     >>> sorted(['slip_10', 'slip_9', 'rest'], key=by_number)
     ['rest', 'slip_9', 'slip_10']
     """
-    return re.sub('[0-9]+', lambda number: number[0].zfill(20), name)
+    return re.sub('[0-9]+', lambda number: number[0].zfill(20), str(name)), str(name)
 
 
 def with_subfolders(arguments: Sequence[str]) -> list[str]:

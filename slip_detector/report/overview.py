@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from slip_detector.chain.samples import Bools, Floats, Ints, Samples
 from slip_detector.chain.slip_chain import SlipResult
-from slip_detector.evaluation.figures import ALREADY_ON, FALSE, ReplayOutcome
+from slip_detector.evaluation.figures import FALSE, ReplayOutcome
 from slip_detector.evaluation.matching import OnIntervals
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
@@ -36,15 +36,6 @@ Codes = NDArray[np.uint8]
 
 #: Kinds of events, the most important first.
 EVENT_KINDS = ('missed', 'false alarm', 'late', 'detected', 'onset')
-
-#: Why a slip was missed, by the stage at which it was lost.
-WHY_LOST = {
-    'filter': 'too weak in the pass-band',
-    'envelope': 'too short or too weak',
-    'decision': 'too short or too weak',
-    'vote': 'felt by too few channels',
-    ALREADY_ON: 'slip was ON before it',
-}
 
 #: Most cells of the overviews of all recordings in a report: bins times channels.
 MOST_CELLS = 3 * 2**19
@@ -98,7 +89,7 @@ def events_of(outcome: ReplayOutcome, labelled: bool = True) -> list[Event]:
     >>> quiet = Samples.evenly(np.full((380, 16), 4.3), 380.0, np.arange(380) >= 190)
     >>> outcome = Replay(ChainConfig()).run([quiet])
     >>> [(event.kind, event.start_s, event.note) for event in events_of(outcome)]
-    [('missed', 0.5, 'lost at: filter (too weak in the pass-band)')]
+    [('missed', 0.5, 'lost at: filter')]
     """
     if not labelled:
         return [Event('onset', start_s, end_s) for start_s, end_s in outcome.on_s]
@@ -108,7 +99,7 @@ def events_of(outcome: ReplayOutcome, labelled: bool = True) -> list[Event]:
         if slip.settling:
             continue
         kind = 'missed' if slip.latency_s is None else 'late' if slip.late else 'detected'
-        notes = [f'lost at: {slip.lost_at} ({WHY_LOST[slip.lost_at]})'] if slip.lost_at else []
+        notes = [f'lost at: {slip.lost_at}'] if slip.lost_at else []
         notes += [f'label exact to {1e3 * slip.accuracy_s:.0f} ms'] if slip.accuracy_s else []
         note, parts = ', '.join(notes).replace('_', ' '), slip.stages_s or {}
         events.append(Event(kind, slip.start_s, slip.end_s, slip.latency_s, parts, note))

@@ -22,10 +22,10 @@ ones, as slow signals compress better in this order.
 """
 
 import base64
-import datetime
 import json
+import time
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from importlib import resources
 from pathlib import Path
@@ -56,14 +56,8 @@ STYLES = ('uplot/uPlot.min.css', 'drawing.css', 'report.css')
 NO_SAMPLE, MOST_CODE = 0xFFFF, 2**14 - 1
 
 #: The figures that carry the answer, and those of each recording.
-CARRYING = (
-    'slips', 'matched', 'latency_median_ms', 'false_alarms', 'false_alarms_per_minute',
-    'false_time_percent',
-)  # fmt: skip
-OF_EACH = *CARRYING[:2], 'late', *CARRYING[2:], 'coverage', *tables.TABLES['decisions']
-
-#: More lines of notes, and more parameters that are not the defaults, are folded.
-MOST_LINES, MOST_PARAMETERS = 4, 4
+CARRYING = 'slips', 'matched', 'latency_median_ms', 'false_alarms', 'false_time_percent'
+OF_EACH = *CARRYING, 'false_alarms_per_minute', 'late', 'coverage'
 
 
 class Variant(NamedTuple):
@@ -83,25 +77,21 @@ class Variant(NamedTuple):
     Examples
     --------
     >>> given = Variant('given', ChainConfig(), [], {'all recordings': {'recall': 0.95}})
-    >>> given.whole['recall']
+    >>> given.figures['all recordings']['recall']
     0.95
     """
 
     name: str
     config: ChainConfig
     overviews: Sequence[Overview]
-    figures: Mapping[str, Mapping[str, float | None]]
-
-    @property
-    def whole(self) -> Mapping[str, float | None]:
-        """The figures of all recordings together."""
-        return next(iter(self.figures.values()), {})
+    figures: Mapping[str, Mapping[str, Any]]
 
 
 def write_page(
     path: str | Path,
     title: str,
     variants: Sequence[Variant],
+    said: Sequence[str] = (),
     notes: Sequence[str] = (),
     outcomes: Sequence[ReplayOutcome] = (),
     config: str | Path | None = None,
@@ -119,8 +109,10 @@ def write_page(
     variants
         One configuration, or two to compare, the result last. Both show the same recordings, at
         least one.
+    said
+        Sentences below the title: first the :func:`.answer`, then what matters most.
     notes
-        Lines below the title: first the :func:`.answer`, then what matters most.
+        What else the reader may want to know.
     outcomes
         The outcomes whose latencies and ROC curve are drawn.
     config
@@ -146,7 +138,11 @@ def write_page(
     """
     page = Template(_read('report.html')).substitute(
         title=escape(title),
-        summary=_summary(variants, notes, config),
+        said=_paragraphs(said),
+        tiles=_tiles(variants),
+        config=escape(f'{Path(config or "defaults").name}: {_changes(variants[-1].config)}'),
+        made=time.strftime('%Y-%m-%d %H:%M UTC', time.gmtime()),
+        notes=_paragraphs(notes),
         css='\n'.join(map(_read, STYLES)),
         licence=_read('uplot/LICENSE.txt'),
         js='\n'.join(map(_read, SCRIPTS)),
@@ -161,27 +157,23 @@ def _read(name: str) -> str:
     return resources.files('slip_detector.report').joinpath(f'templates/{name}').read_text('utf-8')
 
 
-def _summary(variants: Sequence[Variant], notes: Sequence[str], config: str | Path | None) -> str:
-    result, tiles = variants[-1], ''
-    for name in tables.TABLES['decisions'] if result.whole.get('slips') is None else CARRYING:
-        *before, text = (tables.figure_text(name, one.whole) for one in variants)
+def _paragraphs(lines: Iterable[str]) -> str:
+    return ''.join(f'<p>{escape(line)}</p>' for line in lines)
+
+
+def _tiles(variants: Sequence[Variant]) -> str:
+    tiles, wholes = '', [next(iter(one.figures.values()), {}) for one in variants]
+    for name in tables.TABLES['decisions'] if wholes[-1].get('slips') is None else CARRYING:
+        *before, text = (tables.figure_text(name, figures) for figures in wholes)
         was = ''.join(f' <small>{variants[0].name} {one}</small>' for one in before if one != text)
-        if text != tables.UNDEFINED:
-            tiles += f'<div><dt>{tables.heading(name)}</dt><dd>{text}{was}</dd></div>'
-    own, default = (one.to_parameters() for one in (result.config, type(result.config)()))
+        tiles += f'<div><dt>{tables.heading(name)}</dt><dd>{text}{was}</dd></div>'
+    return tiles
+
+
+def _changes(config: ChainConfig) -> str:
+    own, default = (one.to_parameters() for one in (config, type(config)()))
     changed = [f'{name} {_value(own[name])}' for name in own if own[name] != default.get(name)]
-    parameters = name_list(changed, MOST_PARAMETERS) or "the package's defaults"
-    file = f' {Path(config).name}' if config else ''
-    minutes = sum(one.rows / one.sample_rate_hz for one in result.overviews) / 60.0
-    now = datetime.datetime.now(datetime.timezone.utc)
-    of = f'{len(result.overviews)} recordings, {minutes:.3g} min. {now:%Y-%m-%d %H:%M} UTC'
-    first, *others = (f'<p>{escape(note)}</p>' for note in notes or [''])
-    more = _details(f'{len(notes) - MOST_LINES} more notes', ''.join(others[MOST_LINES - 1 :]))
-    return '\n'.join([
-        first, f'<dl id="figures">{tiles}</dl>', *others[: MOST_LINES - 1],
-        f'<p class="hint">Configuration{escape(file)}: {escape(parameters)}. {of}</p>',
-        more if len(notes) > MOST_LINES else '',
-    ])  # fmt: skip
+    return name_list(changed, 4) or 'nothing changed'
 
 
 def sections(variants: Sequence[Variant], outcomes: Sequence[ReplayOutcome] = ()) -> str:
@@ -211,36 +203,31 @@ def sections(variants: Sequence[Variant], outcomes: Sequence[ReplayOutcome] = ()
 
 
 def _figures(variants: Sequence[Variant]) -> str:
-    titles = list(dict.fromkeys(title for variant in variants for title in variant.figures))
-    several = len(variants) > 1
+    titles, names = list(variants[0].figures), [variant.name for variant in variants]
     rows = {
-        f'{title}, {one.name}' if several else title: one.figures.get(title, {})
+        f'{title}, {one.name}' if len(names) > 1 else title: one.figures[title]
         for title in titles
         for one in variants
     }
-
-    def html(named: Mapping[str, Sequence[str]]) -> str:
-        blocks = tables.figure_tables(rows, named)
-        return ''.join(_table('figures', heads, cells) for heads, *cells in blocks)
-
-    parts = [html({'recording': OF_EACH}), _details('All figures', html(tables.TABLES))]
-    if several:
-        compared = tables.compared(*(one.whole for one in variants))
-        table = _table('compared', [titles[0], *(one.name for one in variants), ''], compared)
-        parts.insert(0, _details('What changed', table))
-    return f'{"".join(parts)}<p class="legend">{tables.LEGEND}</p>'
+    blocks = tables.figure_tables(rows, {'recording': OF_EACH, **tables.TABLES})
+    main, *others = [_table('figures', *block[:1], block[1:]) for block in blocks] or ['']
+    if len(names) > 1:
+        changes = tables.compared(*(one.figures[titles[0]] for one in variants))
+        main = (
+            _details('What changed', _table('compared', [titles[0], *names, ''], changes)) + main
+        )
+    every = _details('All figures', ''.join(others))
+    return f'{main}{every}<p class="legend">{tables.LEGEND}</p>'
 
 
 def _parameters(variants: Sequence[Variant]) -> str:
-    configs = {variant.name: variant.config for variant in variants}
-    if len(configs) == 1:
-        configs = {'default': type(variants[0].config)(), **configs}
-    sets = [config.to_parameters() for config in configs.values()]
+    configs = [type(variants[0].config)(), *(variant.config for variant in variants)]
+    sets = [config.to_parameters() for config in configs]
     names = dict.fromkeys(name for one in sets for name in one)
     rows = [[name, *(_value(one.get(name, tables.UNDEFINED)) for one in sets)] for name in names]
-    heads = ['parameter', *configs]
+    heads = ['parameter', 'default', *(variant.name for variant in variants)]
     differing = [row for row in rows if len(set(row[1:])) > 1]
-    shown = _table('parameters', heads, differing) if differing else f'<p>As {heads[1]}.</p>'
+    shown = _table('parameters', heads, differing) if differing else '<p>The defaults.</p>'
     return shown + _details('All parameters', _table('parameters', heads, rows))
 
 
@@ -346,8 +333,8 @@ def evaluate_for_report(
 def write_evaluation_report(
     path: Path,
     sets: Mapping[str, Mapping[str, evaluator.EvaluatedRecording]],
-    notes: Sequence[str] = (),
-    config: str | Path | None = None,
+    report: Mapping[str, Any],
+    config: str | None = None,
 ) -> None:
     """Write the page of an evaluation.
 
@@ -357,29 +344,27 @@ def write_evaluation_report(
         The HTML file to write.
     sets
         The recordings by the names of set and file, from :func:`evaluate_for_report`.
-    notes, config
-        See :func:`write_page`.
+    report
+        Their report, see :func:`slip_detector.commands.evaluate.as_report`.
+    config
+        The file of the configuration; None: there is none.
 
     Raises
     ------
     ValueError
         When the file cannot be written; names it.
     """
-    every = {
-        f'{name}/{file}' if len(sets) > 1 else file: one
-        for name, files in sets.items()
-        for file, one in files.items()
-    }
-    figures = {'all recordings': evaluator.recording_figures(every.values())}
-    if len(every) == 1:
-        figures = {}
-    for title, one in every.items():
+    every = [one for files in sets.values() for one in files.values()]
+    figures = tables.by_name(report['sets'])
+    for title, one in zip(figures, every, strict=True):
         one.observer.name = title
-        figures[title] = evaluator.recording_figures([one])
-    overviews = [one.observer for one in every.values()]
-    given = Variant('given', overviews[0].config, overviews, figures)
-    outcomes = [one.outcome for one in every.values() if one.labelled]
-    write_page(path, f'Slips and alarms: {", ".join(sets)}', [given], notes, outcomes, config)
+    overviews = [one.observer for one in every]
+    whole = {'all recordings': report['all']} if len(every) > 1 else {}
+    given = Variant('given', overviews[0].config, overviews, {**whole, **figures})
+    outcomes = [one.outcome for one in every if one.labelled]
+    said = [*report['answer'], *([report['note']] if 'note' in report else [])]
+    title = f'Slips and alarms: {", ".join(sets)}'
+    write_page(path, title, [given], said, outcomes=outcomes, config=config)
 
 
 def replay_variant(name: str, replay: Replay, parts: Mapping[str, Sequence[Track]]) -> Variant:
@@ -411,17 +396,12 @@ def replay_variant(name: str, replay: Replay, parts: Mapping[str, Sequence[Track
     ['all held out', 'all tuned on', 'rest (held out)', 'rest (tuned on)']
     """
     chain, share = replay.chain.config, 1 / sum(map(len, parts.values()))
-    overviews, of_all, of_each = list[Overview](), {}, {}
-    for what, tracks in parts.items():
-        outcomes = []
-        for track in tracks:
-            title = f'{track.name} ({what})'
-            names, rate_hz = track.channel_names, track.sample_rate_hz
-            overviews.append(Overview(title, chain, names, share, rate_hz))
-            outcomes.append(overviews[-1].replay(replay, track.rows()))
-            of_each[title] = figures_of_merit(outcomes[-1:])
-        of_all[f'all {what}'] = figures_of_merit(outcomes)
-    overviews.sort(key=lambda one: by_number(one.name))
-    return Variant(
-        name, chain, overviews, {**of_all, **{one.name: of_each[one.name] for one in overviews}}
-    )
+    every = [(f'{track.name} ({what})', what, track) for what in parts for track in parts[what]]
+    overviews, of_each = list[Overview](), {}
+    outcomes: dict[str, list[ReplayOutcome]] = {what: [] for what in parts}
+    for title, what, track in sorted(every, key=lambda one: by_number(one[0])):
+        overviews.append(Overview(title, chain, track.channel_names, share, track.sample_rate_hz))
+        outcomes[what].append(overviews[-1].replay(replay, track.rows()))
+        of_each[title] = figures_of_merit(outcomes[what][-1:])
+    of_all = {f'all {what}': figures_of_merit(of) for what, of in outcomes.items()}
+    return Variant(name, chain, overviews, {**of_all, **of_each})
