@@ -84,7 +84,8 @@ def bad_recordings(recordings: Mapping[str, Figures]) -> list[str]:
     Parameters
     ----------
     recordings
-        By their names, as in a report of ``slip_evaluate``.
+        By their names, as in a report of ``slip_evaluate``; without their faults where those are
+        not known.
 
     Examples
     --------
@@ -101,8 +102,8 @@ def bad_recordings(recordings: Mapping[str, Figures]) -> list[str]:
     if len(recordings) > 1 and badness(worst) >= (0, BAD_PERCENT):
         lines.append(f'Worst: {worst}. {answer(recordings[worst])[0]}')
     for name, one in recordings.items():
-        faults = one['lost'], one['doubts'], *one['warnings']
-        for line in recording_notes('', faults, one['invalid_percent']):
+        faults = one.get('lost', ''), one.get('doubts', ''), *one.get('warnings', ())
+        for line in recording_notes('', faults, one.get('invalid_percent', {})):
             names_of.setdefault(line, []).append(name)
     return lines + [f'{name_list(names, 3)}{line}' for line, names in names_of.items()]
 

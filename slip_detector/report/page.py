@@ -136,11 +136,13 @@ def write_page(
     ...     '<title>A second of rest</title>' in (Path(folder) / 'report.html').read_text('utf-8')
     True
     """
+    rows = _parameter_rows(variants)
+    changed = [f'{name} {value}' for name, default, *_, value in rows if value != default]
     page = Template(_read('report.html')).substitute(
         title=escape(title),
         said=_paragraphs(said),
         tiles=_tiles(variants),
-        config=escape(f'{Path(config or "defaults").name}: {_changes(variants[-1].config)}'),
+        config=escape(f'{Path(config or "defaults").name}. {name_list(changed, 4)}'),
         made=time.strftime('%Y-%m-%d %H:%M UTC', time.gmtime()),
         notes=_paragraphs(notes),
         css='\n'.join(map(_read, STYLES)),
@@ -165,15 +167,9 @@ def _tiles(variants: Sequence[Variant]) -> str:
     tiles, wholes = '', [next(iter(one.figures.values()), {}) for one in variants]
     for name in tables.TABLES['decisions'] if wholes[-1].get('slips') is None else CARRYING:
         *before, text = (tables.figure_text(name, figures) for figures in wholes)
-        was = ''.join(f' <small>{variants[0].name} {one}</small>' for one in before if one != text)
-        tiles += f'<div><dt>{tables.heading(name)}</dt><dd>{text}{was}</dd></div>'
+        was = (f' <small>{variants[0].name} {one}</small>' for one in {*before} - {text, '-'})
+        tiles += f'<div><dt>{tables.heading(name)}</dt><dd>{text}{"".join(was)}</dd></div>'
     return tiles
-
-
-def _changes(config: ChainConfig) -> str:
-    own, default = (one.to_parameters() for one in (config, type(config)()))
-    changed = [f'{name} {_value(own[name])}' for name in own if own[name] != default.get(name)]
-    return name_list(changed, 4) or 'nothing changed'
 
 
 def sections(variants: Sequence[Variant], outcomes: Sequence[ReplayOutcome] = ()) -> str:
@@ -194,8 +190,7 @@ def sections(variants: Sequence[Variant], outcomes: Sequence[ReplayOutcome] = ()
     parts = {'Figures': _figures(variants)}
     if any(one.slips for one in outcomes):
         data = base64.b64encode(svg(latency_figure(outcomes)).encode()).decode()
-        source = f'data:image/svg+xml;base64,{data}'
-        parts['Plots'] = f'<img alt="Latencies and ROC curve" src="{source}">'
+        parts['Plots'] = f'<img alt="Latencies and ROC" src="data:image/svg+xml;base64,{data}">'
     parts['Parameters'] = _parameters(variants)
     return '\n'.join(
         f'<section>\n<h2>{title}</h2>\n{content}\n</section>' for title, content in parts.items()
@@ -210,25 +205,28 @@ def _figures(variants: Sequence[Variant]) -> str:
         for one in variants
     }
     blocks = tables.figure_tables(rows, {'recording': OF_EACH, **tables.TABLES})
-    main, *others = [_table('figures', *block[:1], block[1:]) for block in blocks] or ['']
+    main, *others = [_table('figures', block[0], block[1:]) for block in blocks] or ['']
     if len(names) > 1:
         changes = tables.compared(*(one.figures[titles[0]] for one in variants))
-        main = (
-            _details('What changed', _table('compared', [titles[0], *names, ''], changes)) + main
-        )
+        table = _table('compared', [titles[0], *names, ''], changes)
+        main = f'{_details("What changed", table)}{main}'
     every = _details('All figures', ''.join(others))
     return f'{main}{every}<p class="legend">{tables.LEGEND}</p>'
 
 
-def _parameters(variants: Sequence[Variant]) -> str:
+def _parameter_rows(variants: Sequence[Variant]) -> list[list[str]]:
+    """Return the name, the default and the values of each parameter."""
     configs = [type(variants[0].config)(), *(variant.config for variant in variants)]
     sets = [config.to_parameters() for config in configs]
     names = dict.fromkeys(name for one in sets for name in one)
-    rows = [[name, *(_value(one.get(name, tables.UNDEFINED)) for one in sets)] for name in names]
+    return [[name, *(_value(one.get(name, tables.UNDEFINED)) for one in sets)] for name in names]
+
+
+def _parameters(variants: Sequence[Variant]) -> str:
+    rows = _parameter_rows(variants)
     heads = ['parameter', 'default', *(variant.name for variant in variants)]
-    differing = [row for row in rows if len(set(row[1:])) > 1]
-    shown = _table('parameters', heads, differing) if differing else '<p>The defaults.</p>'
-    return shown + _details('All parameters', _table('parameters', heads, rows))
+    differing = _table('parameters', heads, [row for row in rows if len(set(row[1:])) > 1])
+    return differing + _details('All parameters', _table('parameters', heads, rows))
 
 
 def _table(name: str, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -363,8 +361,7 @@ def write_evaluation_report(
     given = Variant('given', overviews[0].config, overviews, {**whole, **figures})
     outcomes = [one.outcome for one in every if one.labelled]
     said = [*report['answer'], *([report['note']] if 'note' in report else [])]
-    title = f'Slips and alarms: {", ".join(sets)}'
-    write_page(path, title, [given], said, outcomes=outcomes, config=config)
+    write_page(path, f'Slips and alarms: {", ".join(sets)}', [given], said, (), outcomes, config)
 
 
 def replay_variant(name: str, replay: Replay, parts: Mapping[str, Sequence[Track]]) -> Variant:

@@ -152,10 +152,9 @@ def latency_figure(outcomes: Sequence[ReplayOutcome]) -> Figure:
     >>> rows = Samples.evenly(np.full((380, 16), 4.3), 380.0, np.arange(380) >= 190)
     >>> figure = latency_figure([Replay(ChainConfig()).run([rows])])
     >>> figure.axes[0].get_title()
-    '0 detected, 1 missed'
+    '0 detected, 1 missed (of those with exact labels)'
     """
-    scored = [slip for one in outcomes for slip in one.slips if not slip.settling]
-    slips = [slip for slip in scored if not slip.accuracy_s]
+    slips = [s for one in outcomes for s in one.slips if not (s.settling or s.accuracy_s)]
     figure = Figure(figsize=(10 if slips else 5, 4.2), layout='constrained')
     *latencies, roc = figure.subplots(1, 2 if slips else 1, squeeze=False)[0]
     for axis in (*latencies, roc):
@@ -165,8 +164,8 @@ def latency_figure(outcomes: Sequence[ReplayOutcome]) -> Figure:
         known_ms = [slip.latency_s * 1e3 for slip in slips if slip.latency_s is not None]
         axis.hist(known_ms, bins=min(40, max(10, len(known_ms) // 5)), color=COLORS[0])
         axis.set(xlabel='latency of the global signal [ms]', ylabel='slips')
-        by_hand = f', {len(scored) - len(slips)} labelled by hand' if scored != slips else ''
-        axis.set_title(f'{len(known_ms)} detected, {len(slips) - len(known_ms)} missed{by_hand}')
+        counts = f'{len(known_ms)} detected, {len(slips) - len(known_ms)} missed'
+        axis.set_title(f'{counts} (of those with exact labels)')
     scores = ScoreCounts.pooled([one.scores for one in outcomes])
     for name, kinds in (('all other rows', range(SLIP)), ('rows of motion', (MOTION,))):
         area = scores.auc(kinds)
