@@ -181,11 +181,8 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser = Parser(prog=NAME, description=__doc__.split('\n\n')[1])
     parser.add_argument('--json', action='store_true', help='print one JSON object')
     workers.add_options(parser, 'evaluate recordings in parallel', recordings='+')
-    parser.add_argument(
-        '--out', type=Path, metavar='FILE.mcap',
-        help='write the levels, decisions and onsets of one recording as a bag, on the names of '
-        "the detector's topics, for PlotJuggler or Foxglove",
-    )  # fmt: skip
+    text = "levels, decisions and onsets of one recording as a bag, on the detector's topics"
+    parser.add_argument('--out', type=Path, metavar='FILE.mcap', help=f'write {text}')
     return parser.parse_args(argv)
 
 

@@ -66,33 +66,24 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     add = parser.add_argument
     add('--out', type=Path, required=True, metavar='FILE', help='the parameter file to write')
     workers.add_options(parser, 'search')
-    add(
-        '--trials', type=whole_number(1), metavar='N', help='number of trials of the study, with '
-        'earlier runs (default: {} to {}, more where recordings are short)'.format(*TRIALS),
-    )  # fmt: skip
-    add(
-        '--storage', metavar='URL', help='where the study is kept and shared: the path of a '
-        'journal (.journal), sqlite:///FILE, postgresql://... (default: a journal beside --out)',
-    )  # fmt: skip
+    text = 'trials in all, with earlier runs (default: {} to {}, more where recordings are short)'
+    add('--trials', type=whole_number(1), metavar='N', help=text.format(*TRIALS))
+    text = 'where trials are kept and shared: a journal (.journal; default: one beside --out), '
+    add('--storage', metavar='URL', help=f'{text}sqlite:///FILE, postgresql://...')
     add('--seed', type=int, default=0, metavar='N', help='seed (default: %(default)s)')
-    add(
-        '--held-out', action='append', default=[], metavar='RECORDING', help='hold out this '
-        'recording, or a folder of them, and tune on all other RECORDINGs; repeatable',
-    )  # fmt: skip
-    add(
-        '--json', action='store_true',
-        help='print progress and result as one JSON object a line (docs/tuning.md)',
-    )  # fmt: skip
+    several: Any = {'action': 'append', 'default': [], 'metavar': 'RECORDING'}
+    text = 'a recording, or a folder of them, to hold out; all others are tuned on; repeatable'
+    add('--held-out', **several, help=text)
+    text = 'print progress and result as one JSON object a line (docs/tuning.md)'
+    add('--json', action='store_true', help=text)
     title = 'kinds of recordings without labels, in which nothing slides'
     add = parser.add_argument_group(title, 'see docs/recordings.md').add_argument
     for kind in KINDS:
         text = f'a recording of the kind {kind}, or a folder of them; repeatable'
-        add(f'--{kind}', action='append', default=[], metavar='RECORDING', help=text)
+        add(f'--{kind}', **several, help=text)
     add = parser.add_argument_group('learn from a recording, without a search').add_argument
-    add(
-        '--quiet', metavar='RECORDING', help='a recording without slip, in which mains hum is '
-        'sought and, where evidence decides, the noise floors are learnt',
-    )  # fmt: skip
+    text = 'a recording without slip, to learn mains and, where evidence decides, noise floors of'
+    add('--quiet', metavar='RECORDING', help=text)
     add('--false-alarms-per-hour', type=float, metavar='R', help='set the threshold too, for this')
     options = parser.parse_args(argv)
     rate = options.false_alarms_per_hour

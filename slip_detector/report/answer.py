@@ -141,7 +141,7 @@ def _found(after: Figures, before: Figures | None) -> str:
         return text
     if accuracy_ms and value_ms >= 0.0:
         latest_ms = value_ms + (2.0 * accuracy_ms if value_ms else accuracy_ms)
-        return f'{text}, within {latest_ms / 1e3:.2g} s, the accuracy of the labels'
+        return f'{text}, within {latest_ms / 1e3:.2g} s, as far as the labels tell'
     side = 'before' if value_ms < 0.0 else 'after'
     return f'{text}, some {abs(value_ms):.0f} ms {side} they begin'
 

@@ -203,7 +203,7 @@ def evaluation_tables(report: Mapping[str, Any], verbose: bool = False) -> str:
             notes.append(f'{name}: {f"ON from {name_list(on_s, 12)} s" if on_s else "never ON"}')
     for folder, whole in report['sets'].items() if len(report['sets']) > 1 else ():
         rows[f'all of {folder}'] = whole
-    rows['all recordings'] = report['all']
+    rows |= {'all recordings': report['all']} if len(rows) != 1 else {}
     blocks = figure_tables(
         rows, {title: TABLES[title] for title in (TABLES if verbose else SHOWN)}
     )
