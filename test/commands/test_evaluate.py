@@ -71,7 +71,7 @@ def test_decisions_that_mean_nothing_are_warned_of_in_line_json_and_report(capsy
     said = 'noise floor of ch1, ch2 at its upper limit, noise_floor_range_db above noise_floor: '
     assert main(words) == 0
     assert f'\na.npz: {said}' in capsys.readouterr().out
-    assert f'<li>a.npz: {said}' in page.read_text(encoding='utf-8')
+    assert f'<p>a.npz: {said}' in page.read_text(encoding='utf-8')
     assert main([*words, '--json']) == 0
     (one,) = json.loads(capsys.readouterr().out)['sets'].values()
     assert one['recordings']['a.npz']['warnings'][0].startswith(said)
