@@ -54,8 +54,7 @@ def test_a_page_fetches_nothing_and_is_the_same_bytes_again(tmp_path, variants):
     pages = [tmp_path / name for name in ('one.html', 'other.html')]
     for path in pages:
         report.write_page(path, 'A title', variants, ['A note.'])
-    one, other = (re.sub(r'[\d-]+ [\d:]+ UTC', '', path.read_text()) for path in pages)
-    assert one == other
+    assert len({re.sub(r'[\d-]+ [\d:]+ UTC', '', path.read_text()) for path in pages}) == 1
     page = read(pages[0])
     for tag, attributes in page.tags:
         assert tag not in ('link', 'iframe', 'object', 'embed')
@@ -170,10 +169,9 @@ def test_the_report_of_a_recording_without_labels_has_its_onsets_and_how_to_labe
     events = [tuple(event[:3]) for event in recording['variants'][0]['events']]
     assert events == [(onset, *on_s) for on_s in one.outcome.on_s]
     assert one.outcome.on_s
-    assert 'Plots' not in page.texts
-    assert any(text.startswith('a.npz: no labels; scores need slip_s: ') for text in page.texts)
     # Of one recording there is no row for all.
-    assert 'all recordings' not in page.texts
+    assert not {'Plots', 'all recordings'} & set(page.texts)
+    assert any(text.startswith('a.npz: no labels; scores need slip_s: ') for text in page.texts)
 
 
 def test_a_chain_of_a_search_is_replayed_on_all_recordings():
@@ -187,7 +185,6 @@ def test_a_chain_of_a_search_is_replayed_on_all_recordings():
         assert len(slips) == 2
     default = tuning_cases.CHAIN.names
     assert [one.channel_names for one in given.overviews] == [default, names]
-    assert [one.name for one in given.overviews] == ['seed 1 (tuned on)', 'seed 10 (held out)']
     figures = given.figures['all tuned on']
     assert figures == given.figures['seed 1 (tuned on)'] != given.figures['all held out']
     assert set(figures) == set(figures_of_merit([]))
@@ -199,5 +196,4 @@ def test_figures_and_differing_parameters_are_in_tables(variants):
     assert text.index('|missed|1|0|') < text.index('|recording|') < text.index('All figures')
     assert '|passband_hz|7 50|7 50|10 60|' in text
     assert text.index('|all|mean|') < text.index('All parameters') < text.index('|channels|')
-    alone = text_of(sections(variants[1:]))
-    assert '|parameter|default|tuned|passband_hz|7 50|10 60|' in alone
+    assert '|parameter|default|tuned|passband_hz|7 50|10 60|' in text_of(sections(variants[1:]))

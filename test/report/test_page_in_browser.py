@@ -127,8 +127,7 @@ def test_it_renders(opened):
     page = opened('both.html')
     assert page.title() == 'A title'
     assert view(page)[:2] == (0, 1)
-    heads = page.locator('section h2').all_inner_texts()
-    assert heads == ['Figures', 'Parameters']
+    assert page.locator('section h2').all_inner_texts() == ['Figures', 'Parameters']
     assert page.locator('#kinds').inner_text().count('(0)') == 3
     after = pixels(page)
     page.check('input[name=variant] >> nth=0')
