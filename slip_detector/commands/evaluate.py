@@ -36,6 +36,8 @@ It uses no ROS: the chain runs over each recording from the first row, as in the
     :class:`slip_detector.evaluation.figures.TrueSlip` and ``Alarm``; None without labels.
 ``all``
     The figures and counts over all sets.
+``answer``
+    Sentences on what holds, and what is wrong with recordings.
 ``note``
     Where recordings have no labels: how to label them.
 ``not_evaluated``
@@ -144,7 +146,7 @@ def as_report(sets: Mapping[str, Mapping[str, EvaluatedRecording]]) -> dict[str,
     dict
         ``sets`` and ``all``; see the module's docstring.
     """
-    every = [one for files in sets.values() for one in files.items()]
+    every = [one for files in sets.values() for one in files.values()]
     report: dict[str, Any] = {
         'sets': {
             name: {
@@ -153,10 +155,11 @@ def as_report(sets: Mapping[str, Mapping[str, EvaluatedRecording]]) -> dict[str,
             }
             for name, files in sets.items()
         },
-        'all': evaluator.recording_figures([one for _, one in every]),
+        'all': evaluator.recording_figures(every),
     }
-    report['answer'] = [*answer(report['all']), *bad_recordings(by_name(report['sets']))]
-    for note in labels_note(file for file, one in every if not one.labelled):
+    named = by_name(report['sets'])
+    report['answer'] = [*answer(report['all']), *bad_recordings(named)]
+    for note in labels_note(name for name, one in named.items() if not one['labelled']):
         report['note'] = note
     return report
 
@@ -219,9 +222,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         report = as_report(sets)
         given = {Path(one).resolve() for one in options.recordings}
         folders = with_subfolders(options.recordings)
-        if inner := name_list([one for one in folders if Path(one).resolve() not in given]):
-            text = f'Left out, as only folders that are given are read: {inner}'
-            report['answer'].append(text)
+        inner = name_list([one for one in folders if Path(one).resolve() not in given])
+        report['answer'] += [f'Left out, as they are not given: {inner}'] if inner else []
         if left:
             report['not_evaluated'] = [str(path) for path in left]
         if page:
@@ -230,8 +232,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             write_evaluation_report(page, sets, report, options.config)
         if page or out:
             report['written'] = [str(path) for path in (page, out) if path]
-        if options.json:
-            return json.dumps(report, indent=2)
-        return evaluation_tables(report, options.verbose)
+        text = evaluation_tables(report, options.verbose)
+        return json.dumps(report, indent=2) if options.json else text
 
     return run(NAME, work) or (INTERRUPTED if left else 0)

@@ -53,7 +53,7 @@ def test_folders_in_a_folder_with_recordings_are_said_to_be_left_out(capsys, tmp
     write(tmp_path / 'a.npz')
     write(tmp_path / 'in' / 'b.npz')
     assert main([str(tmp_path)]) == 0
-    left = f'Left out, as only folders that are given are read: {tmp_path / "in"}'
+    left = f'Left out, as they are not given: {tmp_path / "in"}'
     assert left in capsys.readouterr().out.splitlines()
     assert main([str(tmp_path), str(tmp_path / 'in')]) == 0
     assert 'Left out' not in capsys.readouterr().out
