@@ -136,13 +136,12 @@ def write_page(
     ...     '<title>A second of rest</title>' in (Path(folder) / 'report.html').read_text('utf-8')
     True
     """
-    rows = _parameter_rows(variants)
-    changed = [f'{name} {value}' for name, default, *_, value in rows if value != default]
+    changed = [f'{n} {v}' for n, default, *_, v in _parameter_rows(variants) if v != default]
     page = Template(_read('report.html')).substitute(
         title=escape(title),
         said=_paragraphs(said),
         tiles=_tiles(variants),
-        config=escape(f'{Path(config or "defaults").name}. {name_list(changed, 4)}'),
+        config=escape(name_list([Path(config or 'defaults').name, *changed], 5)),
         made=time.strftime('%Y-%m-%d %H:%M UTC', time.gmtime()),
         notes=_paragraphs(notes),
         css='\n'.join(map(_read, STYLES)),
