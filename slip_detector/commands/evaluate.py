@@ -59,7 +59,7 @@ from slip_detector.commands.command_line import INTERRUPTED, Parser, run
 from slip_detector.evaluation import evaluator
 from slip_detector.evaluation.evaluator import EvaluatedRecording, RecordingLoader
 from slip_detector.parameters.fields import name_list
-from slip_detector.recordings import recording_sets, with_subfolders
+from slip_detector.recordings import by_number, recording_sets, with_subfolders
 from slip_detector.report.answer import answer, bad_recordings
 from slip_detector.report.tables import by_name, evaluation_tables, labels_note
 
@@ -88,7 +88,8 @@ def evaluate(
     Returns
     -------
     sets : dict
-        The evaluated recordings by the names of set and file, in the order of the arguments.
+        The evaluated recordings by the names of set and file: sets in the order of the arguments,
+        files in that of their names and numbers.
     left : list of Path
         The recordings that were not evaluated; empty unless Ctrl-C was pressed.
 
@@ -110,7 +111,7 @@ def evaluate(
     >>> as_report(sets)['all']['rows'], left
     (100, [])
     """
-    sets = recording_sets(arguments)
+    sets = {name: sorted(of, key=by_number) for name, of in recording_sets(arguments).items()}
     files = [file for several in sets.values() for file in several]
     function = partial(evaluator.evaluate_recording, loader)
     if for_report:
@@ -228,7 +229,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if page:
             from slip_detector.report.page import write_evaluation_report
 
-            write_evaluation_report(page, sets)
+            write_evaluation_report(page, sets, report, options.config)
         if page or out:
             report['written'] = [str(path) for path in (page, out) if path]
         text = evaluation_tables(report, options.verbose)
