@@ -36,6 +36,8 @@ It uses no ROS: the chain runs over each recording from the first row, as in the
     :class:`slip_detector.evaluation.figures.TrueSlip` and ``Alarm``; None without labels.
 ``all``
     The figures and counts over all sets.
+``answer``
+    Sentences on what holds, and what is wrong with recordings.
 ``note``
     Where recordings have no labels: how to label them.
 ``not_evaluated``
@@ -56,8 +58,11 @@ from slip_detector.commands import workers
 from slip_detector.commands.command_line import INTERRUPTED, Parser, run
 from slip_detector.evaluation import evaluator
 from slip_detector.evaluation.evaluator import EvaluatedRecording, RecordingLoader
-from slip_detector.recordings import recording_sets
-from slip_detector.report.tables import evaluation_tables, labels_note
+from slip_detector.parameters.fields import name_list
+from slip_detector.recordings import by_number, recording_sets, with_subfolders
+from slip_detector.recordings.labels import ENDING, KEY
+from slip_detector.report.answer import answer, bad_recordings
+from slip_detector.report.tables import by_name, evaluation_tables
 
 NAME = 'slip_evaluate'
 
@@ -84,7 +89,8 @@ def evaluate(
     Returns
     -------
     sets : dict
-        The evaluated recordings by the names of set and file, in the order of the arguments.
+        The evaluated recordings by the names of set and file: sets in the order of the arguments,
+        files in that of their names and numbers.
     left : list of Path
         The recordings that were not evaluated; empty unless Ctrl-C was pressed.
 
@@ -106,7 +112,7 @@ def evaluate(
     >>> as_report(sets)['all']['rows'], left
     (100, [])
     """
-    sets = recording_sets(arguments)
+    sets = {name: sorted(of, key=by_number) for name, of in recording_sets(arguments).items()}
     files = [file for several in sets.values() for file in several]
     function = partial(evaluator.evaluate_recording, loader)
     if for_report:
@@ -141,7 +147,7 @@ def as_report(sets: Mapping[str, Mapping[str, EvaluatedRecording]]) -> dict[str,
     dict
         ``sets`` and ``all``; see the module's docstring.
     """
-    every = [one for files in sets.values() for one in files.items()]
+    every = [one for files in sets.values() for one in files.values()]
     report: dict[str, Any] = {
         'sets': {
             name: {
@@ -150,10 +156,14 @@ def as_report(sets: Mapping[str, Mapping[str, EvaluatedRecording]]) -> dict[str,
             }
             for name, files in sets.items()
         },
-        'all': evaluator.recording_figures([one for _, one in every]),
+        'all': evaluator.recording_figures(every),
     }
-    for note in labels_note(file for file, one in every if not one.labelled):
-        report['note'] = note
+    named = by_name(report['sets'])
+    report['answer'] = [*answer(report['all']), *bad_recordings(named)]
+    if unlabelled := name_list([name for name, one in named.items() if not one['labelled']]):
+        how = f'{KEY}: [[start, end]] in seconds in a file NAME{ENDING} beside the recording'
+        note = f'no labels; scores need {how}, by hand or by slip_view --bag'
+        report['note'] = f'{unlabelled}: {note}'
     return report
 
 
@@ -177,11 +187,8 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser = Parser(prog=NAME, description=__doc__.split('\n\n')[1])
     parser.add_argument('--json', action='store_true', help='print one JSON object')
     workers.add_options(parser, 'evaluate recordings in parallel', recordings='+')
-    parser.add_argument(
-        '--out', type=Path, metavar='FILE.mcap',
-        help='write the levels, decisions and onsets of one recording as a bag, on the names of '
-        "the detector's topics, for PlotJuggler or Foxglove",
-    )  # fmt: skip
+    text = "levels, decisions and onsets of one recording as a bag, on the detector's topics"
+    parser.add_argument('--out', type=Path, metavar='FILE.mcap', help=f'write {text}')
     return parser.parse_args(argv)
 
 
@@ -216,14 +223,19 @@ def main(argv: Sequence[str] | None = None) -> int:
         with workers.processes(options.jobs, options.cluster) as calls:
             sets, left[:] = evaluate(options.recordings, loader, calls, page is not None)
         report = as_report(sets)
+        given = {Path(one).resolve() for one in options.recordings}
+        folders = with_subfolders(options.recordings)
+        inner = name_list([one for one in folders if Path(one).resolve() not in given])
+        report['answer'] += [f'Left out, as they are not given: {inner}'] if inner else []
         if left:
             report['not_evaluated'] = [str(path) for path in left]
         if page:
             from slip_detector.report.page import write_evaluation_report
 
-            write_evaluation_report(page, sets)
+            write_evaluation_report(page, sets, report, options.config)
         if page or out:
             report['written'] = [str(path) for path in (page, out) if path]
-        return json.dumps(report, indent=2) if options.json else evaluation_tables(report)
+        text = evaluation_tables(report, options.verbose)
+        return json.dumps(report, indent=2) if options.json else text
 
     return run(NAME, work) or (INTERRUPTED if left else 0)

@@ -42,7 +42,8 @@ from slip_detector.parameters.files import read_yaml, write_yaml
 from slip_detector.parameters.sections import ALL, node_of, sections_of
 from slip_detector.recordings import with_subfolders
 from slip_detector.recordings.labels import KINDS
-from slip_detector.report.tables import compared, figure_text, heading, text_table
+from slip_detector.report.answer import answer, bad_recordings, rounded
+from slip_detector.report.tables import compared, text_table
 from slip_detector.tuning.learning import learn_from_quiet
 from slip_detector.tuning.problem import Candidate, searched
 from slip_detector.tuning.tracks import Track, TrainingFiles
@@ -55,9 +56,6 @@ OF_SEARCH = ('recordings', 'held_out', 'report', 'storage', 'jobs', 'cluster', '
 
 STOPPING = '\nstopping; results so far are kept (Ctrl-C again: end at once)\n'
 
-#: Figures of the best chain so far that are shown during a search.
-SHOWN = 'latency_median_all_ms', 'sooner_than_chance', 'false_time_percent'
-
 #: Number of lines on the progress of a search where no bar can be shown.
 LINES = 10
 
@@ -68,33 +66,24 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     add = parser.add_argument
     add('--out', type=Path, required=True, metavar='FILE', help='the parameter file to write')
     workers.add_options(parser, 'search')
-    add(
-        '--trials', type=whole_number(1), metavar='N', help='number of trials of the study, with '
-        'earlier runs (default: {} to {}, more where recordings are short)'.format(*TRIALS),
-    )  # fmt: skip
-    add(
-        '--storage', metavar='URL', help='where the study is kept and shared: the path of a '
-        'journal (.journal), sqlite:///FILE, postgresql://... (default: a journal beside --out)',
-    )  # fmt: skip
+    text = 'trials in all, with earlier runs (default: {} to {}, more where recordings are short)'
+    add('--trials', type=whole_number(1), metavar='N', help=text.format(*TRIALS))
+    text = 'where trials are kept and shared: a journal (.journal; default: one beside --out), '
+    add('--storage', metavar='URL', help=f'{text}sqlite:///FILE, postgresql://...')
     add('--seed', type=int, default=0, metavar='N', help='seed (default: %(default)s)')
-    add(
-        '--held-out', action='append', default=[], metavar='RECORDING', help='hold out this '
-        'recording, or a folder of them, and tune on all other RECORDINGs; repeatable',
-    )  # fmt: skip
-    add(
-        '--json', action='store_true',
-        help='print progress and result as one JSON object a line (docs/tuning.md)',
-    )  # fmt: skip
+    several: Any = {'action': 'append', 'default': [], 'metavar': 'RECORDING'}
+    text = 'a recording, or a folder of them, to hold out; all others are tuned on; repeatable'
+    add('--held-out', **several, help=text)
+    text = 'print progress and result as one JSON object a line (docs/tuning.md)'
+    add('--json', action='store_true', help=text)
     title = 'kinds of recordings without labels, in which nothing slides'
     add = parser.add_argument_group(title, 'see docs/recordings.md').add_argument
     for kind in KINDS:
         text = f'a recording of the kind {kind}, or a folder of them; repeatable'
-        add(f'--{kind}', action='append', default=[], metavar='RECORDING', help=text)
+        add(f'--{kind}', **several, help=text)
     add = parser.add_argument_group('learn from a recording, without a search').add_argument
-    add(
-        '--quiet', metavar='RECORDING', help='a recording without slip, in which mains hum is '
-        'sought and, where evidence decides, the noise floors are learnt',
-    )  # fmt: skip
+    text = 'a recording without slip, to learn mains and, where evidence decides, noise floors of'
+    add('--quiet', metavar='RECORDING', help=text)
     add('--false-alarms-per-hour', type=float, metavar='R', help='set the threshold too, for this')
     options = parser.parse_args(argv)
     rate = options.false_alarms_per_hour
@@ -124,32 +113,31 @@ def _reports(bar: Any, as_json: bool) -> dict[str, Callable[..., None]]:
         bar.set_description_str(said['step'])
 
     def progress(count: int, trials: int, best: Candidate | None) -> None:
-        bar.total = trials
-        tenths = [int(LINES * share) for share in (said['share'], count / trials)]
-        words = f'{count} of {trials} trials, {in_short(best)}'
+        bar.total, words = trials, f'{count} of {trials} trials{in_short(best)}'
         bar.update(count - bar.n)
-        say(step=words, share=count / trials)
-        if bar.disable and not as_json and tenths[0] < tenths[1]:
-            say([words])
+        due = int(LINES * count / trials) > int(LINES * said['share'])
+        shown = [words] if due and bar.disable and not as_json else []
+        say(shown, step=words, share=count / trials)
 
     say()
     return {'progress': progress, 'doubt': say, 'step': lambda words: say(step=words)}
 
 
 def in_short(found: Candidate | None) -> str:
-    """Return the figures of the best chain so far, if there is one, as a short text.
+    """Return in words what the best chain so far does, if there is one.
 
     Examples
     --------
     >>> from slip_detector.parameters import ChainConfig
-    >>> figures = {'latency_median_all_ms': 41.0, 'sooner_than_chance': 0.95}
-    >>> in_short(Candidate(ChainConfig(), cost_ms=91.0, figures=figures))[:60]
-    'result so far: costs 91.0 ms, latency median all [ms] 41.0, '
+    >>> figures = {'matched': 5, 'missed': 1, 'false_time_percent': 0.31}
+    >>> in_short(Candidate(ChainConfig(), cost_ms=91.0, figures=figures))
+    ', so far finds 5 of 6 slips, ON without slip 0.3 %'
     """
     if found is None:
-        return 'no result yet'
-    figures = [f'{heading(name)} {figure_text(name, found.figures)}' for name in SHOWN]
-    return f'result so far: costs {found.cost_ms:.1f} ms, {", ".join(figures)}'
+        return ''
+    matched, missed = found.figures['matched'], found.figures['missed']
+    percent = rounded(found.figures['false_time_percent'])
+    return f', so far finds {matched} of {matched + missed} slips, ON without slip {percent} %'
 
 
 def _names_of(tracks: Sequence[Track]) -> str:
@@ -186,26 +174,30 @@ def _search(
         replay_variant(name, Replay(chain, problem.evaluation), parts)
         for name, chain in (('given', given), ('not taken' if verdict.kept else 'tuned', found))
     ]
+    figures = [one.figures['all held out'] for one in variants]
+    answers = answer(figures[1], figures[0])
+    if verdict.kept:
+        tried = [f'What was tried: {" ".join(answers)}'] if verdict.tried else []
+        kept = f'Nothing better was found: {verdict.kept}.'
+        answers = [kept, f'The given parameters stay. {answer(figures[0])[0]}', *tried]
     lines = [
-        f'{study.follow()} trials, {len(study.trials)} of them gave a chain, seed {options.seed}',
+        f'{study.follow()} trials, {len(study.trials)} of them usable, seed {options.seed}',
         f'Tuned on: {_names_of(problem.tracks)}',
         f'Held out, and not tuned on: {_names_of(held)}',
         *notes,
     ]
-    if verdict.kept:
-        lines.append(f'The given parameters are kept: {verdict.kept}')
-    if not variants[0 if verdict.kept else 1].figures['all held out']['recall']:
-        slips = sum(len(track.slips) for track in held)
-        lines.insert(0, f'The result detects none of {slips} slips that are held out')
-    rows = compared(*(one.figures['all held out'] for one in variants))
+    rows = compared(*figures)
     table = text_table([['', *(one.name for one in variants)], *rows], '<>><').splitlines()
     before, after = given.to_parameters(), found.to_parameters()
     changes = {name: value for name, value in after.items() if value != before.get(name)}
     said = {
-        'step': '', 'share': 1.0, 'lines': notes, 'kept': verdict.kept,
+        'step': '', 'share': 1.0, 'lines': notes, 'answer': answers, 'kept': verdict.kept,
         'changes': {**searched(found), **changes}, 'table': rows,
     }  # fmt: skip
-    page = 'Tuning of the slip detector', variants, lines
+    last = variants[::-1] if verdict.kept else variants
+    # The figures of each recording are after those of each part.
+    told = answers + bad_recordings(dict([*last[1].figures.items()][len(parts) :]))
+    page = 'Tuning of the slip detector', last, told, lines, (), options.out
     return said, [*lines, 'On what was held out:', *table], lambda path: write_page(path, *page)
 
 
@@ -275,13 +267,15 @@ def main(argv: Sequence[str] | None = None) -> int:
         of, rate = (parameters.chain, parameters.loader), options.false_alarms_per_hour
         with interrupts_noted(STOPPING) as stop:
             if options.quiet is not None:
-                changes, lines = learn_from_quiet(options.quiet, *of, rate)
+                changes, answers = learn_from_quiet(options.quiet, *of, rate)
+                lines = list[str]()
             else:
                 result, lines, write_report = _search(options, parameters, where, stop)
-                changes = {} if result['kept'] else result['changes']
+                answers, changes = result['answer'], {} if result['kept'] else result['changes']
             now = datetime.datetime.now(datetime.timezone.utc)
             command = shlex.join([NAME, *(sys.argv[1:] if argv is None else argv)])
-            comments = [f'Written by {NAME} on {now:%Y-%m-%d %H:%M} UTC:', f'  {command}', *lines]
+            title = f'Written by {NAME} on {now:%Y-%m-%d %H:%M} UTC:'
+            comments = [title, f'  {command}', *answers, *lines]
             write_yaml(options.out, with_parameters(options.config, changes), comments)
             if options.report is not None:
                 try:
@@ -290,6 +284,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                     raise ValueError(f'{error}; {options.out} is written') from None
         if options.json:
             return json.dumps({**result, 'written': [*map(str, paths)]})
-        return '\n'.join([*lines, f'Written: {", ".join(map(str, paths))}'])
+        shown = [*(lines if options.verbose else ()), *answers]
+        return '\n'.join([*shown, f'Written: {", ".join(map(str, paths))}'])
 
     return run(NAME, work)

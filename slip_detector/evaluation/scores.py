@@ -136,11 +136,17 @@ class ScoreCounts(NamedTuple):
         Returns
         -------
         dict
-            ``auc_all``, and ``auc_<kind>`` for each of :data:`WITHOUT_SLIP`; None where one is not
-            defined.
+            ``auc_all``, and ``auc_<kind>`` for each of :data:`WITHOUT_SLIP`; and ``auc``: the mean
+            of that against rest, in motion where that is known, and of the mean of those against
+            the other kinds of recordings. None where one is not defined.
         """
-        against = {f'auc_{name}': self.auc([kind]) for kind, name in enumerate(WITHOUT_SLIP)}
-        return {'auc_all': self.auc(), **against}
+        areas = {f'auc_{name}': self.auc([kind]) for kind, name in enumerate(WITHOUT_SLIP)}
+        rest, moving, *kinds = areas.values()
+        parts = [rest if moving is None else moving], kinds
+        known = [[area for area in part if area is not None] for part in parts]
+        means = [np.mean(part) for part in known if part]
+        auc = float(np.mean(means)) if means else None
+        return {'auc_all': self.auc(), **areas, 'auc': auc}
 
     def roc(self, against: Iterable[int] = range(SLIP)) -> tuple[Floats, Floats, Floats]:
         """Return the ROC curve of slip against rows of other kinds.

@@ -15,38 +15,44 @@
 """Tables of plain text, as the commands print them, and the texts of figures."""
 
 import itertools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from slip_detector.evaluation.figures import ALREADY_ON, STAGES
 from slip_detector.parameters.fields import name_list
-from slip_detector.recordings.labels import ENDING, KEY, KINDS
+from slip_detector.recordings.labels import KINDS
+from slip_detector.tuning.problem import worse_figures
 
 #: The text of a figure that is not defined.
 UNDEFINED = '-'
 
 UNITS = {'ms': 'ms', 'mm': 'mm', 's': 's', 'percent': '%', 'hz': 'Hz', 'v': 'V'}
 
+#: The kinds of recordings, in words that follow ON.
+ON_IN = dict(zip(KINDS, ('at rest', 'in taps', 'in presses', 'in rolls', 'idle'), strict=True))
+
 #: Headings of the figures whose names alone say too little.
 HEADINGS = {
     'matched': 'detected',
+    'recall': 'share found',
+    'recall_by_chance': 'found by guessing',
+    'sooner_than_chance': 'better than guessing',
     'settling_slips': 'while settling',
     'settling_alarms': 'while settling',
     'on_s': 'ON [s]',
     'on_percent': 'ON [% of the time]',
     'false_time_percent': 'ON without slip [%]',
-    'false_time_s_per_hour': 'ON [s an hour]',
     'force_percent': 'mean grip [% of the limit]',
     'gaps': 'gaps bridged',
-    **{f'{kind}_on_percent': f'{kind} ON [%]' for kind in KINDS},
+    'auc': 'how far slips stand out',
+    'coverage': 'ON during slips',
+    **{f'{kind}_on_percent': f'ON {where} [%]' for kind, where in ON_IN.items()},
 }
 
-#: The figures in each table of an evaluation, by its title; the first is titled by the set's name.
+#: The figures in each table of an evaluation, by its title.
 TABLES: dict[str, Sequence[str]] = {
-    '': ('rows', 'slip_rows', 'moving_rows', 'settling_rows', 'auc_all', 'auc_moving', 'auc_rest'),
-    "as the paper's": (
-        'mean_delay_ms', 'sd_delay_ms', 'success_percent', 'false_positive_percent',
-    ),
+    'rows': ('rows', 'slip_rows', 'moving_rows', 'settling_rows', 'auc_all'),
+    "the paper's": ('mean_delay_ms', 'sd_delay_ms', 'success_percent', 'false_positive_percent'),
     'slips': (
         'slips', 'settling_slips', 'matched', 'late', 'missed', 'recall', 'recall_by_chance',
         'sooner_than_chance', 'coverage',
@@ -59,9 +65,9 @@ TABLES: dict[str, Sequence[str]] = {
         'alarms', 'settling_alarms', 'repeated_alarms', 'false_alarms', 'precision',
         'precision_by_chance',
     ),
-    'rest': ('rest_s', 'false_alarms_per_minute', 'false_time_percent', 'false_time_s_per_hour'),
+    'rest': ('rest_s', 'false_alarms_per_minute', 'false_time_percent'),
     'kinds': [
-        *(f'auc_{kind}' for kind in KINDS if kind != 'rest'),
+        'auc', 'auc_moving', *(f'auc_{kind}' for kind in KINDS),
         *(f'{kind}_{what}' for kind in KINDS for what in ('on_percent', 'alarms_per_minute')),
     ],
     'decisions': ('onsets', 'onsets_per_minute', 'on_s', 'on_percent', 'invalid_channels'),
@@ -71,25 +77,19 @@ TABLES: dict[str, Sequence[str]] = {
     'faults': ('bad_samples', 'gaps', 'bridged_rows', 'long_gaps', 'dropped'),
 }  # fmt: skip
 
-#: The tables that are left out where all their figures are 0 or not defined.
-OPTIONAL = tuple(TABLES)[-4:]
+#: The figures that are compared.
+COMPARABLE = [one for title in ('slips', 'latency', 'rest', 'kinds') for one in TABLES[title]]
+
+#: The tables that are shown without ``--verbose``.
+SHOWN = ('slips', 'latency', 'rest', 'missed slips, lost at', 'faults')
+
+#: Texts of figures that say nothing: rows and columns that have no other are left out.
+EMPTY = {UNDEFINED, '0', '0.0'}
 
 LEGEND = f'{UNDEFINED}: not defined (no labels, no such rows or events, or no record of motion)'
 
 #: Title of a figure, the figure before and after, and 'better', 'worse' or ''.
 Row = tuple[str, str, str, str]
-
-#: Figures of which larger is better; of all others, smaller is better.
-LARGER_IS_BETTER = ('recall', 'coverage', 'sooner_than_chance', 'precision')
-
-#: The figures by which chains are compared, where they are defined.
-MAIN_FIGURES = (
-    'slips', 'settling_slips', 'missed', 'late', 'recall', 'coverage', 'sooner_than_chance',
-    'precision',
-    'false_alarms', 'false_alarms_per_minute', 'false_time_percent', 'latency_median_all_ms',
-    'latency_median_ms', 'latency_p90_ms', 'latency_worst_ms', 'auc_all', 'auc_moving',
-    'auc_rest', *TABLES['kinds'], *TABLES['decisions'],
-)  # fmt: skip
 
 
 def text_table(rows: Sequence[Sequence[str]], alignment: str = '<>', indent: int = 2) -> str:
@@ -173,113 +173,91 @@ def heading(name: str) -> str:
     """
     if name in HEADINGS:
         return HEADINGS[name]
-    words = name.replace('auc', 'AUC').split('_')
+    words = name.replace('auc', 'AUC').replace('by_chance', 'by_guessing').split('_')
     unit = f' [{UNITS[words.pop()]}]' if words[-1] in UNITS and len(words) > 1 else ''
     return ' '.join(words) + unit
 
 
-def evaluation_tables(report: Mapping[str, Any]) -> str:
-    """Return a report of ``slip_evaluate`` as tables; the last line of each is the whole set.
+def evaluation_tables(report: Mapping[str, Any], verbose: bool = False) -> str:
+    """Return a report of ``slip_evaluate`` as text: its answer, tables, and lines about it.
 
     Parameters
     ----------
     report
         As :func:`slip_detector.commands.evaluate.as_report` returns it.
+    verbose
+        Whether all tables are shown; else the most important ones.
 
     Examples
     --------
     >>> from slip_detector.evaluation.evaluator import recording_figures
     >>> figures = recording_figures([])
-    >>> report = {'sets': {'trials': {**figures, 'recordings': {}}}, 'all': figures}
-    >>> evaluation_tables(report).splitlines()[1].split()
-    ['all', 'rows', '0', '0', '-', '0', '-', '-', '-']
+    >>> print(evaluation_tables({'answer': ['No slips.'], 'sets': {}, 'all': figures}))
+    No slips.
     """
-    blocks, notes = [], []
-    for name, whole in report['sets'].items():
-        recordings = whole['recordings']
-        blocks += _tables(name, {**recordings, 'all rows': whole})
-        if not any(whole[figure] for figure in TABLES['faults']):
-            notes.append(f'{name}: no bad samples, no gaps, no rows dropped')
-        for file, one in recordings.items():
-            faults = one['lost'], one['doubts'], *one['warnings']
-            notes += recording_notes(file, faults, one['invalid_percent'])
-            if not one['labelled']:
-                on_s = [f'{start:.3f} to {end:.3f}' for start, end in one['on_intervals_s']]
-                when = f'ON from {name_list(on_s, 12)} s' if on_s else 'never ON'
-                notes.append(f'{file}: {when}')
-    if len(report['sets']) > 1:
-        blocks += _tables('all sets', {**report['sets'], 'all rows': report['all']})
+    rows, notes = by_name(report['sets']), list[str]()
+    for name, one in rows.items():
+        if not one['labelled']:
+            on_s = [f'{start:.3f} to {end:.3f}' for start, end in one['on_intervals_s']]
+            notes.append(f'{name}: {f"ON from {name_list(on_s, 12)} s" if on_s else "never ON"}')
+    for folder, whole in report['sets'].items() if len(report['sets']) > 1 else ():
+        rows[f'all of {folder}'] = whole
+    rows |= {'all recordings': report['all']} if len(rows) != 1 else {}
+    blocks = figure_tables(
+        rows, {title: TABLES[title] for title in (TABLES if verbose else SHOWN)}
+    )
     if any(cell == UNDEFINED for block in blocks for row in block for cell in row):
         notes.append(LEGEND)
     notes += [report['note']] if 'note' in report else []
     ends = {'not_evaluated': 'Stopped early, not evaluated', 'written': 'Written'}
     notes += [f'{what}: {", ".join(report[key])}' for key, what in ends.items() if key in report]
-    return '\n\n'.join([*(text_table(block, indent=0) for block in blocks), '\n'.join(notes)])
+    tables = (text_table(block, indent=0) for block in blocks)
+    return '\n\n'.join(filter(None, ['\n'.join(report['answer']), *tables, '\n'.join(notes)]))
 
 
-def recording_notes(name: str, faults: Iterable[str], invalid: Mapping[str, float]) -> list[str]:
-    """Return lines on the faults of a recording and on its channels that are not always valid.
+def by_name(sets: Mapping[str, Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
+    """Return the recordings of a report by name, with the folder where there are several."""
+    return {
+        f'{folder}/{file}' if len(sets) > 1 else file: one
+        for folder, whole in sets.items()
+        for file, one in whole['recordings'].items()
+    }
+
+
+def figure_tables(
+    rows: Mapping[str, Mapping[str, Any]], named: Mapping[str, Sequence[str]]
+) -> list[list[list[str]]]:
+    """Return the cells of tables; rows, columns and tables that say nothing are left out.
+
+    Parameters
+    ----------
+    rows
+        Figures, by the name of the row.
+    named
+        The names of the figures of each table, by its title.
 
     Examples
     --------
-    >>> recording_notes('a.mcap', [''], {'ch3': 12.5, 'ch7': 100.0})
-    ['a.mcap: not valid: ch3 12.5 %, ch7 100 % of the time']
+    >>> rows = {'a': {'slips': 3, 'missed': 0}, 'b': {'slips': 0, 'missed': 0}}
+    >>> figure_tables(rows, {'slips': ['slips', 'missed'], 'missed': ['missed']})
+    [[['slips', 'slips'], ['a', '3']]]
     """
-    shares = [f'{channel} {percent:.3g} %' for channel, percent in invalid.items()]
-    channels = f'not valid: {name_list(shares)} of the time' if shares else ''
-    return [f'{name}: {text}' for text in (*faults, channels) if text]
-
-
-def labels_note(names: Iterable[str]) -> list[str]:
-    """Return a line that says how to label recordings that have no labels; none if all have.
-
-    Examples
-    --------
-    >>> labels_note([])
-    []
-    """
-    several = list(names)
-    need = f'need {KEY}: [[start, end]] in seconds in a file NAME{ENDING} beside the recording'
-    line = f'{name_list(several)}: no labels; scores {need}, by hand or by slip_view --bag'
-    return [line] if several else []
-
-
-def _tables(name: str, rows: Mapping[str, Mapping[str, Any]]) -> list[list[list[str]]]:
-    """Return the cells of each table, with its last row for all; the first columns align."""
-    width = max(map(len, [name, *rows, *TABLES]))
-    *_, whole = rows.values()
     tables = []
-    for title, every in TABLES.items():
-        # Without labels there are no scores.
-        may_lack = title == 'kinds' or whole['slips'] is None
-        figures = [one for one in every if not may_lack or whole.get(one) is not None]
-        if not figures or (title in OPTIONAL and not any(whole[figure] for figure in figures)):
-            continue
-        heads = (heading(figure).removeprefix(f'{title} ') for figure in figures)
-        tables.append([[(title or name).ljust(width), *heads]])
-        for row, values in rows.items():
-            cells = [figure_text(figure, values) for figure in figures]
-            tables[-1].append([row.ljust(width), *cells])
+    for title, figures in named.items():
+        heads = [heading(one).removeprefix(f'{title} ') for one in figures]
+        cells = [[name, *(figure_text(one, of) for one in figures)] for name, of in rows.items()]
+        shown = [row for row in cells if not EMPTY.issuperset(row[1:])]
+        columns = zip([title, *heads], *shown, strict=True)
+        kept = [column for column in columns if not EMPTY.issuperset(column[1:])]
+        tables += [list(map(list, zip(*kept, strict=True)))] if shown else []
     return tables
-
-
-def main_figures(several: Iterable[Mapping[str, Any]]) -> list[str]:
-    """Return the names of the main figures that at least one of several sets has.
-
-    Examples
-    --------
-    >>> main_figures([{'recall': None, 'slips': 0}, {'recall': None, 'auc_all': 0.9}])
-    ['slips', 'auc_all']
-    """
-    several = list(several)
-    return [name for name in MAIN_FIGURES if any(one.get(name) is not None for one in several)]
 
 
 def compared(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[Row]:
     """Return two sets of figures side by side, each with its title and 'better' or 'worse'.
 
-    Of what finds no slip nothing is better; and the latency of the slips found is neither where
-    more of them are missed, as it falls where late ones are.
+    What is the same, or not known, in both is left out. What a search compares is better or worse
+    as it decides, see :func:`.problem.worse_figures`; the other figures are neither.
 
     Parameters
     ----------
@@ -288,21 +266,18 @@ def compared(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[Row]:
 
     Examples
     --------
-    >>> compared({'recall': 0.8}, {'recall': 0.95})
-    [('recall', '0.800', '0.950', 'better')]
+    >>> from slip_detector.evaluation.figures import figures_of_merit
+    >>> before = {**figures_of_merit([]), 'sooner_than_chance': 0.7, 'recall': 0.8}
+    >>> compared(before, {**before, 'recall': 0.95})
+    [('share found', '0.800', '0.950', 'better')]
     """
-    rows, recalls = [], [one.get('recall') or 0.0 for one in (before, after)]
-    for name in main_figures([before, after]):
-        was, now, change = before[name], after[name], ''
-        known = was is not None and now is not None and was != now and 'slips' not in name
-        # A negative latency, ON before the slip, is neither better nor worse.
-        if known and not (name.startswith('latency') and min(was, now) < 0.0):
-            larger = name in LARGER_IS_BETTER or name.startswith('auc')
-            change = 'better' if (now > was) == larger else 'worse'
-        of_found = name.startswith('latency') and '_all' not in name
-        if change == 'better' and (not recalls[1] or (of_found and recalls[1] < recalls[0])):
-            change = ''
-        rows.append((heading(name), figure_text(name, before), figure_text(name, after), change))
+    worse, better = worse_figures(after, before), worse_figures(before, after)
+    rows = []
+    for name in COMPARABLE:
+        was, now = figure_text(name, before), figure_text(name, after)
+        if was != now:
+            change = 'worse' if name in worse else 'better' if name in better else ''
+            rows.append((heading(name), was, now, change))
     return rows
 
 

@@ -35,8 +35,7 @@ from slip_detector.tuning.space import SearchSpace
 from slip_detector.tuning.tracks import Track
 
 #: Figures by name, None where one is not defined: those of :meth:`.Events.at` and of
-#: :meth:`.ScoreCounts.aucs`; and ``auc``: the mean of the area against rest, in motion where that
-#: is known, and of the mean of those against the other kinds of recordings.
+#: :meth:`.ScoreCounts.aucs`.
 Figures = dict[str, Any]
 
 #: The cost of a threshold is averaged with those of this many neighbours on each side, which are
@@ -56,7 +55,6 @@ class Compared(NamedTuple):
 
     Attributes
     ----------
-    words, unit : str
     sign : float
         1 where more is better, -1 where less is.
     step : float
@@ -68,8 +66,6 @@ class Compared(NamedTuple):
     per : float
     """
 
-    words: str
-    unit: str
     sign: float
     step: float
     trade: float
@@ -80,21 +76,17 @@ class Compared(NamedTuple):
 ON = 'false_time_costs_ms'
 #: The figures that must not get worse, by name: first what a slip costs, then time ON by kind.
 COMPARED = {
-    'recall': Compared('recall', '', 1.0, 1e-9, 0.05, 'missed_costs_ms'),
-    'coverage': Compared('coverage', '', 1.0, 0.005, 0.1, 'missed_time_costs_ms', 100.0),
-    'latency_median_all_ms': Compared('median latency', ' ms', -1.0, 1e-9, 50.0, ''),
-    'false_alarms_per_minute': Compared(
-        'false alarms', ' in a minute of rest', -1.0, 1e-9, 5.0, 'false_alarm_costs_ms'
-    ),
-    'false_time_percent': Compared('time ON', ' %', -1.0, 1e-9, 5.0, ON),
-    **{
-        f'{kind}_on_percent': Compared(f'ON in {kind}', ' %', -1.0, 0.5, 5.0, ON) for kind in KINDS
-    },
-    'auc': Compared('area under the ROC curve', '', 1.0, 1e-3, 0.02, 'auc_costs_ms'),
+    'recall': Compared(1.0, 1e-9, 0.05, 'missed_costs_ms'),
+    'coverage': Compared(1.0, 0.005, 0.1, 'missed_time_costs_ms', 100.0),
+    'latency_median_all_ms': Compared(-1.0, 1e-9, 50.0, ''),
+    'false_alarms_per_minute': Compared(-1.0, 1e-9, 5.0, 'false_alarm_costs_ms'),
+    'false_time_percent': Compared(-1.0, 1e-9, 5.0, ON),
+    **{f'{kind}_on_percent': Compared(-1.0, 0.5, 5.0, ON) for kind in KINDS},
+    'auc': Compared(1.0, 1e-3, 0.02, 'auc_costs_ms'),
 }
 
 
-def worse_by(figures: Mapping[str, Any], other: Figures) -> dict[str, Floats]:
+def worse_by(figures: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Floats]:
     """Return by how much each of :data:`COMPARED` is worse than another chain's; 0 or less: not.
 
     A figure that the other chain lacks is left out; one that this chain alone lacks is NaN.
@@ -130,6 +122,34 @@ def worse_by(figures: Mapping[str, Any], other: Figures) -> dict[str, Floats]:
     return found
 
 
+def worse_figures(
+    figures: Mapping[str, Any], other: Mapping[str, Any], limit: str = 'step'
+) -> list[str]:
+    """Return which of :data:`COMPARED` are worse, or not defined where the other's are.
+
+    See :func:`worse_by`. The latency of the slips found is not compared, as it falls where late
+    slips are missed.
+
+    Parameters
+    ----------
+    figures, other
+        See :data:`Figures`.
+    limit
+        By more than what they are worse: ``step`` or ``trade`` of :class:`Compared`.
+
+    Examples
+    --------
+    >>> given = {**dict.fromkeys(COMPARED, 1.0), 'sooner_than_chance': 1.0}
+    >>> worse_figures({**given, 'recall': 0.9, 'auc': 0.9995}, given)
+    ['recall']
+    """
+    return [
+        name
+        for name, by in worse_by(figures, other).items()
+        if figures[name] is None or by > getattr(COMPARED[name], limit)
+    ]
+
+
 def searched(chain: ChainConfig) -> dict[str, Any]:
     """Return the parameters of a chain that a search changes, by name, as ROS has them.
 
@@ -143,7 +163,7 @@ def searched(chain: ChainConfig) -> dict[str, Any]:
     return {f.name: parameters[f.name] for f in fields if decision in f.metadata['searched_with']}
 
 
-def better_than_chance(figures: Figures) -> bool:
+def better_than_chance(figures: Mapping[str, Any]) -> bool:
     """Return whether a chain finds slips sooner than decisions that do not depend on slip."""
     return (figures['sooner_than_chance'] or 0.0) > 0.0
 
@@ -309,12 +329,7 @@ class Problem:
     def _areas(self, chain: ChainConfig, statistic: Sequence[Floats]) -> Figures:
         """Return the areas under the ROC curve, see :data:`Figures`."""
         scoring = chain.threshold, self.evaluation, self._settling_rows(chain)
-        areas: Figures = sweep.count_scores(statistic, self.tracks, *scoring).aucs()
-        others = [areas[f'auc_{kind}'] for kind in KINDS if kind != 'rest']
-        rest = areas['auc_moving'] if areas['auc_moving'] is not None else areas['auc_rest']
-        known = [one for one in others if one is not None]
-        parts = [np.mean(part) for part in ([] if rest is None else [rest], known) if part]
-        return {**areas, 'auc': float(np.mean(parts)) if parts else None}
+        return sweep.count_scores(statistic, self.tracks, *scoring).aucs()
 
     def left_out(self, chain: ChainConfig) -> tuple[float, Floats]:
         """Return what a chain costs where the threshold for a recording comes from the others.

@@ -34,10 +34,9 @@ from slip_detector.tuning.kinds import contradictions
 from slip_detector.tuning.problem import (
     COMPARED,
     Candidate,
-    Figures,
     Problem,
     better_than_chance,
-    worse_by,
+    worse_figures,
 )
 from slip_detector.tuning.search import Calls, Study, candidates_at, search
 from slip_detector.tuning.teaching import learn
@@ -91,8 +90,8 @@ class Verdict(NamedTuple):
         Why the running chain is kept; empty where it is not.
     tried : ChainConfig or None
         The best chain found, also where it is not taken; None where none was found.
-    traded : str
-        In what it is worse nevertheless, as ``trade`` is set; empty: in nothing.
+    traded : bool
+        Whether it is worse in one figure nevertheless, as ``trade`` is set.
 
     Examples
     --------
@@ -103,7 +102,7 @@ class Verdict(NamedTuple):
     chain: ChainConfig
     kept: str
     tried: ChainConfig | None = None
-    traded: str = ''
+    traded: bool = False
 
 
 class TuningResult(NamedTuple):
@@ -166,8 +165,9 @@ def tune(
         Called with the number of trials so far, the number of all, and the cheapest chain, before
         the first trial, and after each trial and each batch.
     doubt
-        Called before the search with a line on each recording that has faults, is left out or
-        contradicts its kind, see :func:`.kinds.contradictions`, and on what was learnt.
+        Called with lines on what is noticed: before the search on each recording that has faults,
+        is left out or contradicts its kind, see :func:`.kinds.contradictions`, and on what was
+        learnt; after it on what the result cannot tell.
     stop
         Returns whether to end the search with the result so far; first called when the recordings
         are read.
@@ -200,6 +200,7 @@ def tune(
     begin, learnt = learn(parameters.chain, training, step)
     notes += learnt
     doubt(notes)
+    noted = len(notes)
     stop()
     step('searching')
     problem = parameters.problem(training, begin)
@@ -224,49 +225,20 @@ def tune(
     rest_s = sum((one.kinds < SLIP).sum() / one.sample_rate_hz for one in held)
     if rest_s < LEAST_REST_S:
         notes.append(f'Only {rest_s:.3g} s of rest are held out: false alarms hardly show in it')
-    step('choosing by leaving recordings out')
+    step('choosing the best, recording by recording')
     with study.errors_in_one_line():
         best = choose(problem, study.trials)
     step('comparing on what was held out')
     verdict = judge(problem, held, best)
     if verdict.traded:
-        notes.append(f'Worse on what was held out, as trade allows: {verdict.traded}')
+        notes.append('Worse in one figure on what was held out, as trade allows')
+    doubt(notes[noted:])
     return TuningResult(problem, held, study, verdict, notes)
 
 
 def default_trials(tracks: Sequence[Track]) -> int:
     """Return how many trials a search has: more where recordings are short."""
     return int(np.clip(VALUES / sum(track.volts.size for track in tracks), *TRIALS))
-
-
-def worse_than(figures: Figures, other: Figures, trade: bool = False) -> list[str]:
-    """Return a text for each figure that is worse, or not defined where the other's is.
-
-    See :func:`.problem.worse_by`. The latency of the slips found is not compared, as it falls
-    where late slips are missed.
-
-    Parameters
-    ----------
-    figures, other
-        See :data:`.problem.Figures`.
-    trade
-        Only figures that are worse by more than ``trade`` allows.
-
-    Examples
-    --------
-    >>> given = {**dict.fromkeys(COMPARED, 1.0), 'sooner_than_chance': 1.0}
-    >>> worse_than({**given, 'recall': 0.9}, given)
-    ['recall 0.9 against 1']
-    """
-    texts = []
-    for name, by in worse_by(figures, other).items():
-        compared, figure = COMPARED[name], figures[name]
-        if figure is None:
-            texts.append(f'no {compared.words} defined against {other[name]:.4g}{compared.unit}')
-        elif by > (compared.trade if trade else compared.step):
-            values = f'{figure:.4g} against {other[name]:.4g}'
-            texts.append(f'{compared.words} {values}{compared.unit}')
-    return texts
 
 
 def choose(problem: Problem, trials: Sequence[Any]) -> Candidate | None:
@@ -317,18 +289,17 @@ def judge(problem: Problem, held: Sequence[Track], best: Candidate | None) -> Ve
     Examples
     --------
     >>> judge(Problem([]), [], best=None).kept
-    'no trial found a chain that detects slip'
+    'nothing that was tried finds slips'
     """
     running = problem.running or problem.given
     if best is None:
-        return Verdict(running, 'no trial found a chain that detects slip')
+        return Verdict(running, 'nothing that was tried finds slips')
     on_held = dataclasses.replace(problem, tracks=held, figures=None)
     before, after = (on_held.as_it_is(one) for one in (running, best.chain))
     if why := _why_not(on_held, after, before):
-        return Verdict(running, f'on the held-out recordings the best found is {why}', best.chain)
-    return Verdict(
-        best.chain, '', best.chain, ', '.join(worse_than(after.figures, before.figures))
-    )
+        return Verdict(running, f'on what was held out, the best that was tried {why}', best.chain)
+    traded = bool(worse_figures(after.figures, before.figures))
+    return Verdict(best.chain, '', best.chain, traded)
 
 
 def _why_not(on_held: Problem, after: Candidate, before: Candidate) -> str:
@@ -339,14 +310,14 @@ def _why_not(on_held: Problem, after: Candidate, before: Candidate) -> str:
         rows = max(settling_rows(one.chain) for one in (before, after))
         on_held = dataclasses.replace(on_held, settling_rows=rows)
         before, after = (on_held.as_it_is(one.chain) for one in (before, after))
-    worse = worse_than(after.figures, before.figures)
+    worse = worse_figures(after.figures, before.figures)
     if on_held.config.trade and len(worse) == 1:
-        worse = worse_than(after.figures, before.figures, trade=True)
+        worse = worse_figures(after.figures, before.figures, 'trade')
     missed, found = after.figures['missed'], after.figures['matched']
     if worse:
-        return f'worse: {", ".join(worse)}'
+        return 'is worse'
     if not found:
-        return f'no better: it detects none of {missed} slips'
+        return f'finds none of {missed} slips'
     if not better_than_chance(after.figures):
-        return 'no better than chance'
-    return '' if worse_than(before.figures, after.figures) else 'no better'
+        return 'is no better than guessing'
+    return '' if worse_figures(before.figures, after.figures) else 'is no better'
