@@ -15,12 +15,12 @@
 """Tables of plain text, as the commands print them, and the texts of figures."""
 
 import itertools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from slip_detector.evaluation.figures import ALREADY_ON, STAGES
 from slip_detector.parameters.fields import name_list
-from slip_detector.recordings.labels import ENDING, KEY, KINDS
+from slip_detector.recordings.labels import KINDS
 from slip_detector.tuning.problem import worse_figures
 
 #: The text of a figure that is not defined.
@@ -223,33 +223,6 @@ def by_name(sets: Mapping[str, Mapping[str, Any]]) -> dict[str, Mapping[str, Any
         for folder, whole in sets.items()
         for file, one in whole['recordings'].items()
     }
-
-
-def recording_notes(name: str, faults: Iterable[str], invalid: Mapping[str, float]) -> list[str]:
-    """Return lines on the faults of a recording and on its channels that are not always valid.
-
-    Examples
-    --------
-    >>> recording_notes('a.mcap', [''], {'ch3': 12.5, 'ch7': 100.0})
-    ['a.mcap: not valid: ch3 12.5 %, ch7 100 % of the time']
-    """
-    shares = [f'{channel} {percent:.3g} %' for channel, percent in invalid.items()]
-    channels = f'not valid: {name_list(shares)} of the time' if shares else ''
-    return [f'{name}: {text}' for text in (*faults, channels) if text]
-
-
-def labels_note(names: Iterable[str]) -> list[str]:
-    """Return a line that says how to label recordings that have no labels; none if all have.
-
-    Examples
-    --------
-    >>> labels_note([])
-    []
-    """
-    several = list(names)
-    need = f'need {KEY}: [[start, end]] in seconds in a file NAME{ENDING} beside the recording'
-    line = f'{name_list(several)}: no labels; scores {need}, by hand or by slip_view --bag'
-    return [line] if several else []
 
 
 def figure_tables(
