@@ -34,7 +34,6 @@ function readOut(seconds, lane) {
   element('readout').textContent = words.join(' \u00b7 ');
 }
 
-// The events of the kinds that are ticked.
 const ticked = () => everyEvent().filter(([, , [kind]]) => shown.has(kind));
 
 function fillList() {
