@@ -23,7 +23,8 @@ document.addEventListener('keydown', (event) => {
 });
 
 function readOut(seconds, lane) {
-  const {rate_hz: rate, lowest_v: lowest, step_v: step} = now(), words = [clock(seconds), ...(lane ? [lane.name] : [])];
+  const {rate_hz: rate, lowest_v: lowest, step_v: step} = now(), words = [clock(seconds)];
+  if (lane) words.push(lane.name);
   const c = lane?.channel, i = Math.floor(seconds * rate / drawn.rows), at = c * drawn.n + i;
   if (lane?.curve && i >= drawn.first && i < drawn.stop) {
     const [low, high] = [drawn.low[at], drawn.high[at]].map((code) => lowest[c] + step[c] * code);
@@ -33,7 +34,6 @@ function readOut(seconds, lane) {
   element('readout').textContent = words.join(' \u00b7 ');
 }
 
-// The events of the kinds that are ticked.
 const ticked = () => everyEvent().filter(([, , [kind]]) => shown.has(kind));
 
 function fillList() {
@@ -66,20 +66,19 @@ function fillList() {
 function markChosen() {
   const key = view.chosen && `${view.recording}-${eventsOf(view.recording).indexOf(view.chosen)}`;
   for (const row of document.querySelectorAll('#event-list tbody tr')) row.classList.toggle('chosen', row.dataset.event === key);
-  // scrollIntoView would scroll the page, too.
-  element('event-scroll').scrollTop = document.querySelector('#event-list tr.chosen')?.offsetTop - 50 || 0;
+  const chosen = document.querySelector('#event-list tr.chosen');
+  if (chosen) element('event-scroll').scrollTop = chosen.offsetTop - 50;
 }
 
 function go(v, r, i, scroll = true) {
   if (v !== view.variant) choose('variant', v);
   if (r !== view.recording) choose('recording', r);
-  const event = eventsOf(r)[i], [, start, end, latency] = event;
-  view.chosen = event;
+  const [, start, end, latency] = view.chosen = eventsOf(r)[i];
   // Leave room before and after the event, and for a late alarm.
   showSpan(start - 0.3, Math.max(Math.min(end, start + 2), start + (latency ?? 0)) + 0.4);
   markChosen();
-  const box = element('drawing').getBoundingClientRect();
-  if (scroll && (box.top < 0 || box.top > window.innerHeight - 150)) element('toolbar').scrollIntoView();
+  const {top} = element('drawing').getBoundingClientRect();
+  if (scroll && (top < 0 || top > innerHeight - 150)) element('toolbar').scrollIntoView();
 }
 
 function step(by) {
@@ -94,8 +93,7 @@ function fromHash() {
 }
 
 function choose(what, value) {
-  view[what] = value;
-  view.chosen = null;
+  Object.assign(view, {[what]: value, chosen: null});
   if (what === 'recording') {
     element('recording').value = value;
     [view.from, view.to] = [0, duration()];

@@ -21,7 +21,8 @@ const variantNow = () => now().variants[view.variant];
 const duration = () => now().rows / now().rate_hz;
 const eventsOf = (r) => header.recordings[r].variants[view.variant].events;
 // All events, each with the numbers of its recording and of itself.
-const everyEvent = () => header.recordings.flatMap((_, r) => eventsOf(r).map((event, i) => [r, i, event]));
+const everyEvent = () => header.recordings.flatMap(
+  (_, r) => eventsOf(r).map((event, i) => [r, i, event]));
 
 // ---- data
 
