@@ -1,7 +1,7 @@
 // The recording that slip_view --bag plays: its trace, the place in it, and its labels, each change of which is kept at once.
 
 import {holdable, write} from './elements.js';
-import {RecordingTrace} from './teach.js';
+import {RecordingTrace} from './recording_trace.js';
 
 // A shorter move of the pointer is a click, a shorter slip a mistake; the widest canvas of a browser.
 const DRAG_PX = 4, LEAST_S = 0.02, MOST_PX = 30_000;
