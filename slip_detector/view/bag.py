@@ -104,8 +104,7 @@ class PlayedBag:
         server.each_tick.append(self.tick)
         server.on_request('bag_trace', self._trace, latest_only=True)
         server.on_request('bag_snap', self._snap, changes=True, latest_only=True)
-        changes = {'play': self._play, 'label': self._label, 'undo_label': self._undo}
-        for kind, answer in changes.items():
+        for kind, answer in {'play': self._play, 'label': self._label, 'undo': self._undo}.items():
             server.on_request(f'bag_{kind}', answer, changes=True)
 
     def read(self) -> None:
@@ -198,7 +197,8 @@ class PlayedBag:
         rows = [piece._replace(**self._label_of(piece)) for piece in self._pieces]
         traced = trace_of(config, rows, self._rate_hz, BINS)
         read_s = traced['duration_s']
-        return {**traced, 'read_s': read_s, 'duration_s': max(read_s, self.duration_s)}
+        times = {'read_s': read_s, 'duration_s': max(read_s, self.duration_s)}
+        return {**traced, **times, 'slip_s': _pairs(self._ends)}
 
     def _rows(self, begin: int, stop: int) -> Samples:
         """Return some rows of what is read."""
@@ -243,7 +243,7 @@ class PlayedBag:
         self.speed, self.playing = speed or self.speed, playing
         if to_s is None and message.get('playing') and self._next == len(self._after_ns):
             to_s = 0.0
-        if to_s is not None:
+        if to_s is not None and self._pieces:
             self.move(to_s)
 
     async def _trace(self, message: Message) -> dict[str, Any]:

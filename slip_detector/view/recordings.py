@@ -56,6 +56,9 @@ NO_SLIP = 'has no slip'
 #: share of them that is below the level of rest.
 TRACE_BINS, REST_SHARE = 600, 0.05
 
+#: The median channel is averaged over so many seconds.
+SMOOTHED_S = 0.2
+
 
 class RecordingSummary(NamedTuple):
     """A recording made on the live page.
@@ -275,7 +278,10 @@ class _Signal(Overview):
         super().add(np.where(result.valid, result.envelope, np.nan), result, truth)
 
     def curves_db(self) -> tuple[Floats, Floats]:
-        """Return the loudest and the median channel of each bin in dB; NaN without a signal."""
+        """Return the loudest and the median channel of each bin in dB; NaN without a signal.
+
+        The median is smoothed: of a slide that is hardly louder than rest, it is above all else.
+        """
         with np.errstate(divide='ignore'):
             # The envelope is a power of the volts times the gain.
             each_db = 20.0 / self.config.exponent * np.log10(self.high.astype(np.float64))
@@ -287,7 +293,11 @@ class _Signal(Overview):
         # What is no number comes last.
         ordered = np.sort(np.where(np.isfinite(each_db), each_db, np.nan), axis=1)
         n, every = np.isfinite(ordered).sum(axis=1), np.arange(len(ordered))
-        return ordered[every, n - 1], ordered[every, (n - 1) // 2]
+        median_db, known = ordered[every, (n - 1) // 2], n > 0
+        window = np.ones(min(1 + round(SMOOTHED_S * self.sample_rate_hz / self.bin_rows), len(n)))
+        sums_db = np.convolve(np.where(known, median_db, 0.0), window, 'same')
+        smooth_db = sums_db / np.maximum(np.convolve(known, window, 'same'), 1.0)
+        return ordered[every, n - 1], np.where(known, smooth_db, np.nan)
 
 
 def _known(values: Floats) -> list[float | None]:

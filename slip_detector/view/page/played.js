@@ -95,7 +95,7 @@ export class Played extends RecordingTrace {
   }
 
   takeBack() {
-    return this.ask('undo_label', {});
+    return this.ask('undo', {});
   }
 
   describe() {

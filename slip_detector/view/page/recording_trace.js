@@ -3,7 +3,9 @@
 import {Slider, button, write} from './elements.js';
 
 // A step of an end by keys, the shortest stretch that is seen, and the least range of the signal.
-const STEP_S = 0.01, LEAST_S = 0.5, LEAST_DB = 6, MEDIAN = '#9db3c5', LOUDEST = '#2f4a61';
+const STEP_S = 0.01, LEAST_S = 0.5, LEAST_DB = 6;
+// The width and the colour of each curve.
+const CURVES = {loudest: [1, '#6a7986'], median: [2, '#0b5a8c']};
 const ZOOMS = {'+': 2, '=': 2, '-': 0.5, Home: 0};
 // Traces are asked for one after the other, as many wait at once when a page opens.
 let turn = Promise.resolve();
@@ -144,10 +146,11 @@ export class RecordingTrace {
     const stop = Math.min(trace.level.length, Math.ceil((scrollLeft + width) * pixel / bin) + 1);
     const color = (i) => shade(8 * (trace.level[i] - 1));
     paintRuns(context, below, STRIP, first, stop, color, (i) => xOf(i * bin));
-    const {rest_db: rest, loudest, median} = trace;
-    const most = Math.max(rangeOf(loudest.slice(first, stop))?.[1] ?? rest, rest + LEAST_DB);
-    for (const [values, strokeStyle] of [[median, MEDIAN], [loudest, LOUDEST]]) {
-      Object.assign(context, {strokeStyle}).beginPath();
+    const rest = trace.rest_db, [, loudest = rest] = rangeOf(trace.loudest.slice(first, stop)) ?? [];
+    const most = Math.max(loudest, rest + LEAST_DB);
+    for (const [curve, [lineWidth, strokeStyle]] of Object.entries(CURVES)) {
+      const values = trace[curve];
+      Object.assign(context, {lineWidth, strokeStyle}).beginPath();
       for (let i = first; i < stop; i++) {
         if (values[i] === null) continue;
         const y = below - 2 - Math.max(0, values[i] - rest) / (most - rest) * (below - 4);
