@@ -107,7 +107,7 @@ def test_a_trace_has_the_signal_in_db_where_the_filters_have_settled_and_a_chann
     config = DetectorConfig(channels=3, groups={'all': (1, 2, 3)}, exponent=1)
     after_ns = np.arange(3800) * 10**9 // 380
     after_ns[1900:] += 5 * 10**9  # A gap.
-    volts = np.outer(np.sin(2 * np.pi * 20.0 * after_ns * 1e-9), [0.01, 0.1, 1.0])
+    volts = np.outer(np.sin(2 * np.pi * 25.0 * after_ns * 1e-9), [0.01, 0.1, 1.0])
     volts[3040:3420] = np.nan
     pieces = [Samples(volts[:1900], after_ns[:1900], np.zeros(1900, bool))]
     rest = Samples(volts[1900:], after_ns[1900:], np.zeros(1900, bool), new_stretch=True)
