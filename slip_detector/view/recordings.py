@@ -29,7 +29,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from slip_detector.chain.samples import Samples
+from slip_detector.chain.filters import settling_rows
+from slip_detector.chain.samples import Bools, Floats, Samples
+from slip_detector.chain.slip_chain import SlipResult
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.matching import OnIntervals
@@ -50,8 +52,12 @@ _NAME = re.compile(rf'({"|".join(KINDS)})_([1-9][0-9]{{0,8}})')
 #: Note on a recording of kind ``slip`` that contains none.
 NO_SLIP = 'has no slip'
 
-#: Bins of a recording's trace: at most so many, and more than half of them, unless it is short.
-TRACE_BINS = 150
+#: Bins of a recording's trace: at most so many, and more than half of them, unless it is short;
+#: share of them that is below the level of rest.
+TRACE_BINS, REST_SHARE = 600, 0.05
+
+#: The median channel is averaged over so many seconds.
+SMOOTHED_S = 0.2
 
 
 class RecordingSummary(NamedTuple):
@@ -98,6 +104,8 @@ class RecordedFolder:
         self.folder = folder
         #: The recordings by their names, within a kind in the order of recording.
         self.recordings: dict[str, RecordingSummary] = {}
+        # Of each whose labels were moved, how exact each end is that they have had.
+        self._exact_s = dict[str, dict[float, float]]()
         #: Rate of the detector, and those of recordings by their stamps, as far as known.
         self.sample_rate_hz = math.nan
         self.rates_hz: dict[str, float] = {}
@@ -151,6 +159,7 @@ class RecordedFolder:
             shutil.rmtree(path)
             (path.parent / labels.labels_name(path)).unlink(missing_ok=True)
         del self.recordings[path.name]
+        self._exact_s.pop(path.name, None)
 
     def trace(self, name: object, config: DetectorConfig) -> dict[str, Any]:
         """Return what a chain makes of a recording, see :func:`trace_of`; may raise a ValueError.
@@ -158,14 +167,14 @@ class RecordedFolder:
         That is when no recording has this name, it cannot be read or is of other channels.
         """
         rows, rate_hz, _ = RecordingLoader(config).open(self.path_of(name), require_truth=False)
-        return trace_of(str(name), config, rows, rate_hz)
+        return trace_of(config, rows, rate_hz)
 
     def label(self, name: object, edges_s: object, by_s: float, *, snap: bool) -> dict[str, Any]:
         """Take the ends of a recording's labels as a page has moved them, in seconds.
 
-        Either nothing is changed and the ends are returned where the power changes, and in words
-        what was found; or they are written beside the recording. Ends that were moved are exact to
-        ``by_s``, the others as before.
+        With ``snap`` they are moved to where the power changes, and what was found is returned in
+        words. They are written beside the recording. Ends that were moved are exact to ``by_s``,
+        the others as before.
 
         Raises
         ------
@@ -178,19 +187,22 @@ class RecordedFolder:
         wanted.check_end(self.recordings[path.name].duration_s + labels.BY_EYE_S, path)
         recording = open_recording(path)
         track = track_of(path.name, recording.rows(), recording.sample_rate_hz)
-        if snap:
-            by_hand = wanted.edges_s, track.sample_rate_hz, labels.BY_HAND_S
-            slip_s, _, said = labels.snapped(track.samples, *by_hand)
-            return {'slip_s': slip_s.round(4).tolist(), 'said': said}
         # The page has seen the ends as rows.
         were_s = (np.ravel(track.slips) / track.sample_rate_hz).round(4).tolist()
         before_s = self.recordings[path.name].exact_s or [recording.accuracy_s] * len(were_s)
-        known = dict(zip(were_s, before_s, strict=False))
-        exact_s = [known.get(end_s, by_s) for end_s in wanted.edges_s.ravel().tolist()]
-        document = {labels.KEY: edges_s, labels.ACCURACY: max(exact_s, default=by_s)}
+        # Ends before earlier changes count, too: a page may take changes back.
+        known = self._exact_s.setdefault(path.name, {})
+        known.update(zip(were_s, before_s, strict=False))
+        ends_s, said = wanted.edges_s, ''
+        if snap:
+            by_hand = ends_s, track.sample_rate_hz, labels.BY_HAND_S
+            ends_s, _, said = labels.snapped(track.samples, *by_hand)
+        ends_s = ends_s.round(4)
+        exact_s = [known.setdefault(end_s, by_s) for end_s in ends_s.ravel().tolist()]
+        document = {labels.KEY: ends_s.tolist(), labels.ACCURACY: max(exact_s, default=by_s)}
         write_yaml(file, document, ['Moved by hand on the page of slip_view.'])
         self.recordings[path.name] = self._summary(path.name)._replace(exact_s=tuple(exact_s))
-        return {'slip_s': edges_s}
+        return {'said': said}
 
     def off_rate(self, name: str) -> str:
         """Return why a recording's rate is not that of the detector; empty if it is."""
@@ -230,27 +242,66 @@ class RecordedFolder:
 
 
 def trace_of(
-    name: str, config: ChainConfig, rows: Iterable[Samples], rate_hz: float, bins: int = TRACE_BINS
+    config: ChainConfig, rows: Iterable[Samples], rate_hz: float, bins: int = TRACE_BINS
 ) -> dict[str, Any]:
-    """Return what a chain makes of rows, for a small picture of them.
+    """Return what a chain makes of rows, for a picture of them.
 
     Returns
     -------
     dict
-        ``level`` from 0 to 2, 1 at the threshold, the mean of all channels in each bin; ``slip_s``
-        and ``on_s``, the intervals of label and decision; and figures.
+        For each bin ``loudest`` and ``median`` of all channels, the envelope in dB, 0 at 1 V, None
+        where no channel is valid, and ``level`` from 0 to 2, 1 at the threshold, the mean of all
+        channels; ``rest_db``, of which the median is rarely below; ``slip_s`` and ``on_s``, the
+        intervals of label and decision; and figures.
     """
-    overview = Overview(name, config, (), bins * config.channels / MOST_CELLS, rate_hz)
-    figures = figures_of_merit([overview.replay(Replay(config), rows)])
-    level = overview.codes.mean(axis=1) / THRESHOLD_CODE
+    signal = _Signal('', config, (), bins * config.channels / MOST_CELLS, rate_hz)
+    figures = figures_of_merit([signal.replay(Replay(config), rows)])
+    loudest_db, median_db = signal.curves_db()
+    known_db = median_db[np.isfinite(median_db)]
     return {
-        'duration_s': overview.rows / rate_hz,
-        'bin_s': overview.bin_rows / rate_hz,
-        'level': level.round(2).tolist(),
-        'slip_s': _seconds(overview.truth, rate_hz),
-        'on_s': _seconds(overview.slip, rate_hz),
+        'duration_s': signal.rows / rate_hz,
+        'bin_s': signal.bin_rows / rate_hz,
+        'loudest': _known(loudest_db),
+        'median': _known(median_db),
+        'rest_db': round(np.quantile(known_db, REST_SHARE), 1) if known_db.size else None,
+        'level': (signal.codes.mean(axis=1) / THRESHOLD_CODE).round(2).tolist(),
+        'slip_s': _seconds(signal.truth, rate_hz),
+        'on_s': _seconds(signal.slip, rate_hz),
         **{key: figures[key] for key in ('coverage', 'false_time_percent')},
     }
+
+
+class _Signal(Overview):
+    """An overview with the envelope in the place of the volts, once the chain has settled."""
+
+    def add(self, volts: Floats, result: SlipResult, truth: Bools) -> None:
+        super().add(np.where(result.valid, result.envelope, np.nan), result, truth)
+
+    def curves_db(self) -> tuple[Floats, Floats]:
+        """Return the loudest and the median channel of each bin in dB; NaN without a signal.
+
+        The median is smoothed: of a slide that is hardly louder than rest, it is above all else.
+        """
+        with np.errstate(divide='ignore'):
+            # The envelope is a power of the volts times the gain.
+            each_db = 20.0 / self.config.exponent * np.log10(self.high.astype(np.float64))
+        each_db -= 20.0 * np.log10(self.config.gain)
+        # At the beginning and after each gap the filters settle.
+        settling = np.ones(1 + -(-settling_rows(self.config) // self.bin_rows))
+        absent = np.append(True, np.isnan(self.high).all(axis=1))
+        each_db[np.convolve(absent, settling)[1 : len(absent)] > 0] = np.nan
+        # What is no number comes last.
+        ordered = np.sort(np.where(np.isfinite(each_db), each_db, np.nan), axis=1)
+        n, every = np.isfinite(ordered).sum(axis=1), np.arange(len(ordered))
+        median_db, known = ordered[every, (n - 1) // 2], n > 0
+        window = np.ones(min(1 + round(SMOOTHED_S * self.sample_rate_hz / self.bin_rows), len(n)))
+        sums_db = np.convolve(np.where(known, median_db, 0.0), window, 'same')
+        smooth_db = sums_db / np.maximum(np.convolve(known, window, 'same'), 1.0)
+        return ordered[every, n - 1], np.where(known, smooth_db, np.nan)
+
+
+def _known(values: Floats) -> list[float | None]:
+    return [value if math.isfinite(value) else None for value in values.round(1).tolist()]
 
 
 def _seconds(intervals: OnIntervals, rate_hz: float) -> list[list[float]]:
