@@ -43,6 +43,9 @@ STILL_S = 0.5
 #: another place. To the detector this is a long gap: it begins anew.
 JUMP_S = 1.0
 
+#: How many of the places at which it went on pages hear of, twice.
+PLACES = 8
+
 #: Bins of the trace: at most so many, and more than half of them, unless it is short.
 BINS = 16_000
 
@@ -108,6 +111,8 @@ class PlayedBag:
         self.speed, self.playing = 1.0, True
         # The place, the next row, what its stamp has more, and the time of the last call.
         self._at_s, self._next, self._later_ns, self._now_s = 0.0, 0, 0, -math.inf
+        # From which stamp on which place was played; None: none. In seconds.
+        self._places: list[tuple[float, float | None]] = []
         server.each_tick.append(self.tick)
         server.on_request('bag_trace', self._trace, latest_only=True)
         server.on_request('bag_snap', self._snap, changes=True, latest_only=True)
@@ -120,7 +125,9 @@ class PlayedBag:
         if finger is not None and finger.config != self._config:
             self._config = finger.config
             self._changes += 1
-        content = {'name': self.path.name, 'labels': str(self.file)}
+        if finger is not None:
+            finger.paused = not self.playing
+        content = {'name': self.path.name, 'labels': str(self.file), 'places': self._places}
         state = {'at_s': round(self._at_s, 3), 'speed': self.speed, 'playing': self.playing}
         changes = {'changes': self._changes, 'undoes': len(self._before)}
         self._server.broadcast('bag', {**content, **state, **changes})
@@ -152,7 +159,10 @@ class PlayedBag:
         self._at_s = min(to_s, self.duration_s)
         self._next = self._row_at(self._at_s, 'left')
         to_ns = int(self._after_ns[self._next])
-        self._later_ns = max(last_ns + round(JUMP_S * 1e9), time.time_ns()) - to_ns
+        later_s = (max(last_ns + round(JUMP_S * 1e9), time.time_ns()) - to_ns) * 1e-9
+        self._later_ns = math.ceil(later_s) * 1_000_000_000  # Whole seconds stay whole ones.
+        begins = (to_ns + self._later_ns) * 1e-9, to_ns * 1e-9
+        self._places = [*self._places[-PLACES:], (last_ns * 1e-9, None), begins]
 
     def trace(self, config: DetectorConfig) -> dict[str, Any]:
         """Return what a chain makes of the recording, see :func:`.trace_of`, and the labels."""

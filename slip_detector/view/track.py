@@ -32,6 +32,9 @@ MOST_BYTES = 64 * 2**20
 #: by less, that a message is late.
 SET_BACK_NS = 1_000_000_000
 
+#: A row is overdue after so many periods, which are the median of the last steps; and most steps.
+OVERDUE_PERIODS, MOST_STEPS = 3, 100
+
 #: Length of a short spectrum, in seconds, which resolves half a hertz, ...
 SEGMENT_S = 2.0
 
@@ -103,18 +106,32 @@ class Rows:
         """Return a view of a field of these rows, shape (n, columns); later rows overwrite it."""
         return self._fields[name][self._begin(since) : self._end]
 
+    def overdue_ns(self, until_ns: int) -> int:
+        """Return the longest step between two rows that is no gap, by those before this stamp."""
+        stop = int(np.searchsorted(self._stamps_ns[: self._end], until_ns))
+        steps_ns = np.diff(self._stamps_ns[max(0, stop - MOST_STEPS - 1) : stop])
+        return int(OVERDUE_PERIODS * np.median(steps_ns)) if len(steps_ns) else 0
+
     def columns(
-        self, name: str, first: int, count: int, width_ns: int, channels: NDArray[np.intp]
+        self,
+        name: str,
+        first: int,
+        count: int,
+        width_ns: int,
+        channels: NDArray[np.intp],
+        overdue_ns: int,
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return the lowest and the highest value of a field in each column of pixels.
 
         Column k, from ``first`` on, has the stamps from ``k * width_ns`` up to, but not including,
-        ``(k + 1) * width_ns``, so that its content does not change when the page scrolls.
+        ``(k + 1) * width_ns``, so that its content does not change when the page scrolls. A column
+        without a row has the last value, unless the step between the rows around it is longer than
+        ``overdue_ns``.
 
         Returns
         -------
         low, high : ndarray of float32, shape (channels, count)
-            NaN where there is no row, or where all values are NaN.
+            NaN in a gap, and where all values are NaN.
         """
         low = np.full((len(channels), count), np.nan, np.float32)
         high = low.copy()
@@ -128,6 +145,13 @@ class Rows:
             # fmin and fmax ignore NaN unless there is nothing else.
             low[:, filled] = np.fmin.reduceat(values, begins, axis=0).T
             high[:, filled] = np.fmax.reduceat(values, begins, axis=0).T
+        after = edges[:-1]
+        between = np.flatnonzero((np.diff(edges) == 0) & (after > 0) & (after < self._end))
+        steps_ns = self._stamps_ns[after[between]] - self._stamps_ns[after[between] - 1]
+        held = between[steps_ns <= overdue_ns]
+        with np.errstate(over='ignore', invalid='ignore'):
+            last = self._fields[name][np.ix_(after[held] - 1, channels)].astype(np.float32)
+        low[:, held] = high[:, held] = last.T
         return low, high
 
     def _begin(self, since: int) -> int:

@@ -7,8 +7,8 @@ import {Columns, Stretch} from './stretch.js';
 // Lines are told apart by lightness, too.
 const COLORS = ['#0072b2', '#9a4a00', '#00664b', '#7b2d6b', '#3a3a3a', '#4f7fb8', '#8a7400', '#a34a78'];
 const SMALL = '11px system-ui, \'DejaVu Sans\', sans-serif', SLIP_HEIGHT = 16, LEVEL_HEIGHT = {least: 110, most: 240};
-// Values up to so many sample periods apart are joined by a line.
-const JOINED_PERIODS = 3;
+// Pixels at the right for the scales of volts and levels.
+const SCALE_WIDTH = 54;
 
 export class Traces {
   // onView(changes): called to change what the server is asked for. onSet(values): called to set
@@ -19,8 +19,12 @@ export class Traces {
     this.readout = element('trace-readout');
     this.stretch = new Stretch();
     this.columns = null;
+    // By channel the range of its volts, and what its lane shows.
     this.ranges = new Map();
-    this.truth = false;
+    this.scales = new Map();
+    this.truth = this.same = this.held = false;
+    // Of a recording that is played: from which stamp on which place of it; null: none. In seconds.
+    this.places = null;
     this.chooser = new ChannelChooser(element('chooser'), () => this.layOut());
     this.line = new Slider({
       name: 'Threshold', vertical: true, words: (value) => `threshold ${rounded(value)}${this.unit}`,
@@ -30,6 +34,7 @@ export class Traces {
     });
     this.root.after(this.line.root);
     this.timeline = new Timeline(this.root, {
+      margin: SCALE_WIDTH,
       tickText: (seconds, digits) => this.tickText(seconds, digits),
       onInterval: (from, to, how) => {
         this.stretch.change(from, to, how);
@@ -38,6 +43,12 @@ export class Traces {
       onPoint: () => this.readOut(),
     });
     element('pause').addEventListener('click', () => this.pauseOrGoOn());
+    for (const [id, name] of [['same-scale', 'same'], ['hold-scale', 'held']]) {
+      element(id).addEventListener('click', ({currentTarget}) => {
+        currentTarget.ariaPressed = String(this[name] = !this[name]);
+        this.draw();
+      });
+    }
     new ResizeObserver(() => this.layOut()).observe(this.root);
   }
 
@@ -45,6 +56,7 @@ export class Traces {
     if (finger.name !== this.finger?.name || finger.channels.length !== this.finger.channels.length) {
       this.columns = this.stretch.columns = null;
       this.stretch.goOn();
+      this.scales.clear();
       this.truth = false;
     }
     this.finger = finger;
@@ -61,7 +73,7 @@ export class Traces {
 
   ask() {
     if (!this.finger) return;
-    const pixels = Math.max(10, Math.min(4000, this.root.clientWidth - NAMES_WIDTH - RIGHT_MARGIN));
+    const pixels = Math.max(10, Math.min(4000, this.root.clientWidth - NAMES_WIDTH - SCALE_WIDTH));
     const {live, window_s, to} = this.stretch;
     this.onView({
       channels: this.chooser.channels, window_s, pixels,
@@ -97,10 +109,10 @@ export class Traces {
     const height = Math.max(18, Math.min(120, Math.floor((free - levels - 2 * SLIP_HEIGHT - 30) / n)));
     const colors = channels.map((_, i) => COLORS[i % COLORS.length]);
     const band = (name, color) => ({name, height: SLIP_HEIGHT, paint: (pen, lane) => this.paintBits(pen, lane, name, color)});
-    this.scale = `lane-${n}`; // Of the first curve of levels.
     this.levels = {
       name: 'level', note: this.unit ? 'evidence, dB s' : 'of each channel', height: levels, curve: n, colors, below: 2,
-      paint: (pen, lane) => this.paintDecades(pen, lane),
+      paint: (pen) => this.paintDecades(pen),
+      paintScale: (pen, lane) => this.paintScale(pen, lane, this.levelTicks()),
     };
     this.timeline.setLanes([
       band('slip', ON),
@@ -108,7 +120,7 @@ export class Traces {
       ...channels.map((c, i) => ({
         name: this.finger.channels[c - 1], kind: 'channel', height, curve: 1, colors: [colors[i]],
         below: STRIP + 3, channel: i, paint: (pen, lane) => this.paintStrip(pen, lane),
-        paintAbove: (pen, lane) => this.paintVolts(pen, lane),
+        paintScale: (pen, lane) => this.paintScale(pen, lane, this.voltsTicks(lane)),
       })),
       this.levels,
     ]);
@@ -121,17 +133,16 @@ export class Traces {
     const {columns, chooser: {channels}} = this;
     if (!this.root.clientWidth || columns?.begun_s == null || String(columns.channels) !== String(channels)) return;
     if (this.laidOut !== this.truth) return this.layOut();
-    const joined = JOINED_PERIODS / this.finger.sample_rate_hz;
-    // How many columns may lie between two values that are joined.
-    this.joined = Math.ceil(joined / columns.width_s);
     const [from, to] = this.stretch.ends(), seen = this.seen = columns.between(from, to);
-    const curves = channels.map((c, i) => ({
-      rows: [], low: seen.low[i], high: seen.high[i], range: this.voltsRange(c, [seen.low[i], seen.high[i]].flat()),
-    }));
-    const range = this.levelRange(seen.level.flat()), logarithm = (level) => (level == null ? level : Math.max(range[0], Math.log10(level)));
-    for (const values of seen.level) curves.push({rows: values.map(logarithm), low: [], high: [], range});
+    this.fitVolts(channels, seen);
+    const curves = channels.map((c, i) => ({low: seen.low[i], high: seen.high[i], range: this.scales.get(c)}));
+    const range = this.levelRange(seen.level.flat());
+    for (const values of seen.level) {
+      const low = values.map((level) => (level == null ? level : Math.max(range[0], Math.log10(level))));
+      curves.push({low, high: low, range});
+    }
     this.timeline.draw({
-      from, to, curves, joined, paint: (pen) => this.paintBits(pen, {top: pen.top, height: pen.bottom}, 'truth', '#e8f2f9'),
+      from, to, curves, paint: (pen) => this.paintBits(pen, {top: pen.top, height: pen.bottom}, 'truth', '#e8f2f9'),
       // Without columns there is still an axis, with which the user can move elsewhere.
       x: seen.x.length ? seen.x : [from, to],
     });
@@ -140,12 +151,21 @@ export class Traces {
     Object.assign(this.root.dataset, {fromS: from, toS: to});
   }
 
-  voltsRange(channel, values) {
-    const before = this.ranges.get(channel), range = rangeOf(values);
-    if (!range) return before ?? [0, 1];
-    const [least, most] = range, flat = least === most ? 1e-6 * (1 + Math.abs(least)) : 0;
-    this.ranges.set(channel, steady(before, [least - flat, most + flat], 0.45, 0.1));
-    return this.ranges.get(channel);
+  // Fit the scale of each channel to its volts, unless scales are held. The same scale has as many volts
+  // from bottom to top for all, not the same ones, as channels rest at different volts.
+  fitVolts(channels, {low, high}) {
+    const sizes = channels.map((c, i) => {
+      const before = this.ranges.get(c), [least, most] = rangeOf(low[i].concat(high[i])) ?? before ?? [0, 1];
+      const flat = least === most ? 1e-6 * (1 + Math.abs(least)) : 0;
+      const range = steady(before, [least - flat, most + flat], 0.45, 0.1);
+      this.ranges.set(c, range);
+      return range[1] - range[0];
+    });
+    channels.forEach((c, i) => {
+      if (this.held && this.scales.has(c)) return;
+      const [least, most] = this.ranges.get(c), more = this.same ? (Math.max(...sizes) - sizes[i]) / 2 : 0;
+      this.scales.set(c, [least - more, most + more]);
+    });
   }
 
   // The powers of ten between which levels are shown. They include the threshold and all levels, but
@@ -160,12 +180,12 @@ export class Traces {
   }
 
   levelAt(y) {
-    const [least, most] = this.ranges.get('level');
-    return 10 ** Math.max(least, Math.min(most, this.timeline.plot.posToVal(y - AXIS_HEIGHT, this.scale)));
+    const [least, most] = this.ranges.get('level'), {top, height} = this.levels;
+    return 10 ** (most - Math.max(0, Math.min(1, (y - top) / height)) * (most - least));
   }
 
   levelY(level) {
-    return AXIS_HEIGHT + this.timeline.plot.valToPos(Math.log10(level), this.scale);
+    return Timeline.yOf(this.levels, this.ranges.get('level'), Math.log10(level));
   }
 
   paintBits(pen, {top, height}, name, color) {
@@ -175,52 +195,55 @@ export class Traces {
 
   // A strip under a channel's volts whose colour tells how near the level is to the threshold.
   paintStrip(pen, lane) {
-    const level = this.seen.level[lane.channel], {joined} = this, {threshold} = this.finger;
+    const level = this.seen.level[lane.channel], {threshold} = this.finger;
     const xOf = (i) => pen.xOf(this.seen.x[0] + i * this.columns.width_s);
-    let without = 0, color = null;
-    const colorAt = (i) => {
-      // Columns between two levels that are to be joined keep the colour.
-      if (level[i] == null) return ++without <= joined ? color : HATCHING;
-      without = 0;
-      color = shade(Math.log2(level[i] / threshold));
-      return color;
-    };
+    const colorAt = (i) => (level[i] == null ? HATCHING : shade(Math.log2(level[i] / threshold)));
     paintRuns(pen.context, lane.top + lane.height - STRIP - 1, STRIP, 0, level.length, colorAt, xOf);
   }
 
-  paintDecades({context, left, right}, lane) {
-    const [least, most] = this.ranges.get('level');
-    context.fillStyle = '#f7f8f9';
-    context.fillRect(left, lane.top, right - left, lane.height);
-    Object.assign(context, {font: SMALL, textBaseline: 'bottom', textAlign: 'left'});
-    for (let power = Math.ceil(least); power <= most; power++) {
-      const y = this.levelY(10 ** power);
-      context.fillStyle = '#d5dade';
-      context.fillRect(left, y, right - left, 1);
-      if (y < lane.top + 12) continue;
-      context.fillStyle = '#4a525a';
-      context.fillText(power < -3 || power > 3 ? `1e${power}` : String(10 ** power), left + 3, y);
-    }
+  paintDecades({context, left, right}) {
+    context.fillStyle = '#d5dade';
+    for (const [y] of this.levelTicks()) context.fillRect(left, y, right - left, 1);
   }
 
-  // Round volts at the left edge of a channel's lane; with an outline, as they stand above its curve.
-  paintVolts({context, left}, lane) {
-    const [least, most] = this.ranges.get(this.chooser.channels[lane.channel]) ?? [], top = lane.top + 1, bottom = lane.top + lane.height - lane.below;
+  // Where round values are, in rising order, each with its words.
+  levelTicks() {
+    const [least, most] = this.ranges.get('level'), ticks = [];
+    for (let power = Math.ceil(least); power <= most; power++) {
+      ticks.push([this.levelY(10 ** power), Math.abs(power) > 3 ? `1e${power}` : String(10 ** power)]);
+    }
+    return ticks;
+  }
+
+  voltsTicks(lane) {
+    const scale = this.scales.get(this.chooser.channels[lane.channel]), [least, most] = scale, ticks = [];
     const power = 10 ** Math.floor(Math.log10(most - least)), step = power * [0.5, 1, 2, 5].find((n) => n * power * 4 > most - least);
-    Object.assign(context, {font: SMALL, textBaseline: 'middle', textAlign: 'left', fillStyle: INK, strokeStyle: '#ffffffd0', lineWidth: 3});
-    for (let n = Math.ceil(least / step), last = Infinity; n * step <= most; n++) {
-      const y = bottom - (n * step - least) / (most - least) * (bottom - top);
+    const [factor, unit] = Math.max(-least, most) < 0.1 ? [1e3, 'mV'] : [1, 'V'];
+    const digits = Math.max(0, -Math.floor(Math.log10(step * factor)));
+    for (let n = Math.ceil(least / step); n * step <= most; n++) {
+      ticks.push([Timeline.yOf(lane, scale, n * step), `${(n * step * factor).toFixed(digits)} ${unit}`]);
+    }
+    return ticks;
+  }
+
+  // Round values at the right of a lane, where no curve is.
+  paintScale({context, right}, lane, ticks) {
+    Object.assign(context, {font: SMALL, textBaseline: 'middle', textAlign: 'left', fillStyle: INK});
+    let last = Infinity;
+    for (const [y, words] of ticks) {
       if (last - y < 12) continue;
       last = y;
-      const place = [`${(n * step).toFixed(Math.max(0, -Math.floor(Math.log10(step))))} V`, left + 7, Math.max(top + 5, Math.min(bottom - 4, y))];
-      context.fillRect(left, y, 5, 1);
-      context.strokeText(...place);
-      context.fillText(...place);
+      context.fillRect(right, y, 4, 1);
+      context.fillText(words, right + 7, Math.max(lane.top + 5, Math.min(lane.top + lane.height - 5, y)));
     }
   }
 
   tickText(seconds, digits = 3) {
     const total = seconds + (this.columns?.begun_s ?? 0);
+    if (this.places) {
+      const [begin, at] = this.places.findLast(([stamp]) => stamp < total + 1e-4) ?? [0, null];
+      return at === null ? '' : `${(at + total - begin).toFixed(digits)} s`;
+    }
     // The time of day if the stamps are dates; simulated time begins at zero.
     if (total < 1e9) return `${total.toFixed(digits)} s`;
     return timeText(Number(total.toFixed(digits)) - 60 * new Date(1000 * total).getTimezoneOffset(), digits);
@@ -233,19 +256,18 @@ export class Traces {
 
   wordsAt(seconds, lane) {
     const {x, low, high, level, ...bits} = this.seen, at = Math.floor((seconds - x[0]) / this.columns.width_s);
-    // The value of a column, or if it has none, of the last one before it that has.
-    const back = (values) => values.slice(Math.max(0, at - this.joined), at + 1).findLast((value) => value != null) ?? null;
+    const valueOf = (values) => values[at] ?? null;
     const levelWords = (i) => {
-      const value = back(level[i]);
+      const value = valueOf(level[i]);
       return value === null ? 'not valid' : `level ${rounded(value)}${this.unit}, ${rounded(value / this.finger.threshold)} of the threshold`;
     };
     const words = [this.tickText(seconds)];
     if (lane?.channel !== undefined) {
-      const [least, most] = [back(low[lane.channel]), back(high[lane.channel])];
+      const [least, most] = [valueOf(low[lane.channel]), valueOf(high[lane.channel])];
       words.push(lane.name, least === null ? 'no sample' : most > least ? `${volts(least)} to ${volts(most)}` : volts(least));
       words.push(levelWords(lane.channel));
     } else if (lane === this.levels) {
-      const found = this.chooser.channels.map((c, i) => [back(level[i]), i]).filter(([value]) => value !== null).sort(([a], [b]) => b - a);
+      const found = this.chooser.channels.map((c, i) => [valueOf(level[i]), i]).filter(([value]) => value !== null).sort(([a], [b]) => b - a);
       for (const [, i] of found.slice(0, 4)) words.push(`${this.finger.channels[this.chooser.channels[i] - 1]} ${levelWords(i)}`);
     } else if (lane) {
       words.push(`${lane.name} ${bits[lane.name][0][at] ? 'ON' : 'OFF'}`);
