@@ -28,8 +28,8 @@ from support.browsers import expect
 from support.finger_states import rest_rows
 from support.simulated_detectors import SimulatedDetectors
 
-#: Pixels of the names at the left and of the margin at the right, as in timeline.js.
-NAMES_WIDTH, RIGHT_MARGIN = 92, 16
+#: Pixels of the names at the left and of the scales at the right.
+NAMES_WIDTH, RIGHT_MARGIN = 92, 54
 
 
 def stretch(page):

@@ -33,8 +33,7 @@ class Timeline {
     this.names = build('div.lane-names');
     // What is pressed, and in it the line at the pointer and what is being selected.
     [this.cursor, this.selected] = [build('div.cursor', {hidden: true}), build('div.selected')];
-    this.over = build('div.over', this.cursor, this.selected);
-    this.over.style.right = `${margin}px`;
+    this.over = build('div.over', this.cursor, this.selected, {style: `right: ${margin}px`});
     this.canvas = build('canvas');
     root.append(this.canvas, this.names, this.over);
     this.listen();
@@ -118,34 +117,32 @@ class Timeline {
   // where there are none. range: the values at the bottom and the top of the lane. paint(pen): paints
   // what lies under all lanes.
   draw({from, to, x, curves, paint}) {
-    Object.assign(this, {from, to, x, curves, paintUnderAll: paint});
-    const {context, width} = fitted(this.canvas), right = width - this.margin, top = AXIS_HEIGHT;
+    Object.assign(this, {from, to, x, curves});
+    const {height} = this, {context, width} = fitted(this.canvas), right = width - this.margin, top = AXIS_HEIGHT;
     const xOf = (seconds) => NAMES_WIDTH + (seconds - from) / (to - from) * (right - NAMES_WIDTH);
-    const pen = {context, xOf, left: NAMES_WIDTH, right, top, bottom: this.height};
+    const pen = {context, xOf, left: NAMES_WIDTH, right, top, bottom: height};
+    const ticks = this.ticks((to - from) / (right - NAMES_WIDTH));
     context.save();
-    context.rect(NAMES_WIDTH, 0, right - NAMES_WIDTH, this.height);
+    context.rect(NAMES_WIDTH, top, right - NAMES_WIDTH, height);
     context.clip();
     context.fillStyle = '#fff';
-    context.fillRect(NAMES_WIDTH, 0, right - NAMES_WIDTH, this.height);
+    context.fillRect(NAMES_WIDTH, top, right - NAMES_WIDTH, height);
     paint(pen);
-    this.paintAxis(pen);
+    context.fillStyle = GRID;
+    for (const [seconds] of ticks) context.fillRect(Math.round(xOf(seconds)), top, 1, height);
     this.paintLanes(pen);
     context.restore();
     for (const lane of this.lanes) lane.paintScale?.(pen, lane);
+    Object.assign(context, {font: '12px system-ui, sans-serif', fillStyle: TEXT, textAlign: 'center', textBaseline: 'middle'});
+    for (const [seconds, words] of ticks) context.fillText(words, xOf(seconds), top / 2);
   }
 
-  paintAxis({context, xOf, left, right, top, bottom}) {
-    const {from, to} = this, least = TICK_SPACE * (to - from) / (right - left);
-    const step = TICKS_S.find((seconds) => seconds >= least) ?? TICKS_S.at(-1);
+  // The times of ticks, each with its words, given the seconds of a pixel.
+  ticks(pixel_s) {
+    const step = TICKS_S.find((seconds) => seconds >= TICK_SPACE * pixel_s) ?? TICKS_S.at(-1), found = [];
     const digits = step >= 1 ? 0 : Math.min(3, Math.ceil(-Math.log10(step) - 1e-9));
-    Object.assign(context, {font: '12px system-ui, sans-serif', textAlign: 'center', textBaseline: 'middle'});
-    for (let n = Math.ceil(from / step); n * step <= to; n++) {
-      const x = Math.round(xOf(n * step));
-      context.fillStyle = GRID;
-      context.fillRect(x, top, 1, bottom - top);
-      context.fillStyle = TEXT;
-      context.fillText(this.tickText(n * step, digits), x, top / 2);
-    }
+    for (let n = Math.ceil(this.from / step); n * step <= this.to; n++) found.push([n * step, this.tickText(n * step, digits)]);
+    return found;
   }
 
   // Where a value is in a lane with this range.
@@ -166,10 +163,8 @@ class Timeline {
   // A curve is one line: in each column from the lowest to the highest value, and on to the next column.
   paintCurve(context, left, lane, {low, high, range}, strokeStyle) {
     const bottom = lane.top + lane.height - lane.below - 1;
-    const yOf = (value) => {
-      const y = Math.round(Timeline.yOf(lane, range, value)) + 0.5;
-      return Math.max(lane.top, Math.min(bottom, y));
-    };
+    const inside = (y) => Math.max(lane.top, Math.min(bottom, Math.round(y))) + 0.5;
+    const yOf = (value) => inside(Timeline.yOf(lane, range, value));
     Object.assign(context, {strokeStyle, lineWidth: 1});
     context.beginPath();
     for (let i = 0; i < low.length; i++) {
@@ -204,7 +199,6 @@ class Timeline {
     const hold = (isMoving) => {
       moving = isMoving;
       for (const grip of grips.values()) grip.seconds = timeAt(grip.x);
-      over.classList.toggle('moving', moving);
     };
     const select = (left, width) => Object.assign(this.selected.style, {left: `${left}px`, width: `${width}px`});
     over.addEventListener('pointerdown', (event) => {
@@ -225,7 +219,6 @@ class Timeline {
       const span = second ? Math.abs(second.seconds - first.seconds) / apart * over.clientWidth : this.to - this.from;
       const from = first.seconds - first.x / over.clientWidth * span;
       this.onInterval(from, from + span, second ? 'zoom' : 'move');
-      over.classList.add('moving');
     });
     const release = (event) => {
       const x = xOf(event), ends = [selects, x].map(timeAt).sort((a, b) => a - b);

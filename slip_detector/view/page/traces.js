@@ -7,8 +7,10 @@ import {Columns, Stretch} from './stretch.js';
 // Lines are told apart by lightness, too.
 const COLORS = ['#0072b2', '#9a4a00', '#00664b', '#7b2d6b', '#3a3a3a', '#4f7fb8', '#8a7400', '#a34a78'];
 const SMALL = '11px system-ui, \'DejaVu Sans\', sans-serif', SLIP_HEIGHT = 16, LEVEL_HEIGHT = {least: 110, most: 240};
-// Pixels at the right for the scales of volts and levels.
-const SCALE_WIDTH = 54;
+// Pixels at the right for the scales of volts and levels; most channels that have a column for each pixel.
+const SCALE_WIDTH = 54, MOST_FINE = 8;
+
+const wordsOfPower = (power) => (Math.abs(power) > 3 ? `1e${power}` : String(10 ** power));
 
 export class Traces {
   // onView(changes): called to change what the server is asked for. onSet(values): called to set
@@ -19,10 +21,8 @@ export class Traces {
     this.readout = element('trace-readout');
     this.stretch = new Stretch();
     this.columns = null;
-    // By channel the range of its volts, and what its lane shows.
     this.ranges = new Map();
-    this.scales = new Map();
-    this.truth = this.same = this.held = false;
+    this.truth = false;
     // Of a recording that is played: from which stamp on which place of it; null: none. In seconds.
     this.places = null;
     this.chooser = new ChannelChooser(element('chooser'), () => this.layOut());
@@ -43,12 +43,7 @@ export class Traces {
       onPoint: () => this.readOut(),
     });
     element('pause').addEventListener('click', () => this.pauseOrGoOn());
-    for (const [id, name] of [['same-scale', 'same'], ['hold-scale', 'held']]) {
-      element(id).addEventListener('click', ({currentTarget}) => {
-        currentTarget.ariaPressed = String(this[name] = !this[name]);
-        this.draw();
-      });
-    }
+    for (const id of ['same-scale', 'hold-scale']) element(id).addEventListener('change', () => this.draw());
     new ResizeObserver(() => this.layOut()).observe(this.root);
   }
 
@@ -56,7 +51,7 @@ export class Traces {
     if (finger.name !== this.finger?.name || finger.channels.length !== this.finger.channels.length) {
       this.columns = this.stretch.columns = null;
       this.stretch.goOn();
-      this.scales.clear();
+      this.ranges.clear();
       this.truth = false;
     }
     this.finger = finger;
@@ -73,7 +68,9 @@ export class Traces {
 
   ask() {
     if (!this.finger) return;
-    const pixels = Math.max(10, Math.min(4000, this.root.clientWidth - NAMES_WIDTH - SCALE_WIDTH));
+    // Of many channels a column is two pixels wide, or a slow machine would not keep up.
+    const wide = this.chooser.channels.length > MOST_FINE ? 2 : 1, width = this.root.clientWidth - NAMES_WIDTH - SCALE_WIDTH;
+    const pixels = Math.max(10, Math.min(4000, Math.ceil(width / wide)));
     const {live, window_s, to} = this.stretch;
     this.onView({
       channels: this.chooser.channels, window_s, pixels,
@@ -108,11 +105,12 @@ export class Traces {
     const levels = Math.max(LEVEL_HEIGHT.least, Math.min(LEVEL_HEIGHT.most, Math.round(free * 0.35)));
     const height = Math.max(18, Math.min(120, Math.floor((free - levels - 2 * SLIP_HEIGHT - 30) / n)));
     const colors = channels.map((_, i) => COLORS[i % COLORS.length]);
-    const band = (name, color) => ({name, height: SLIP_HEIGHT, paint: (pen, lane) => this.paintBits(pen, lane, name, color)});
+    const band = (name, color) => ({
+      name, height: SLIP_HEIGHT, paint: (pen, {top}) => this.paintBits(pen, top, SLIP_HEIGHT - 1, name, color),
+    });
     this.levels = {
       name: 'level', note: this.unit ? 'evidence, dB s' : 'of each channel', height: levels, curve: n, colors, below: 2,
-      paint: (pen) => this.paintDecades(pen),
-      paintScale: (pen, lane) => this.paintScale(pen, lane, this.levelTicks()),
+      paintScale: (pen, lane) => this.paintScale(pen, lane, this.ranges.get('level'), 1, wordsOfPower),
     };
     this.timeline.setLanes([
       band('slip', ON),
@@ -120,7 +118,7 @@ export class Traces {
       ...channels.map((c, i) => ({
         name: this.finger.channels[c - 1], kind: 'channel', height, curve: 1, colors: [colors[i]],
         below: STRIP + 3, channel: i, paint: (pen, lane) => this.paintStrip(pen, lane),
-        paintScale: (pen, lane) => this.paintScale(pen, lane, this.voltsTicks(lane)),
+        paintScale: (pen, lane) => this.paintVolts(pen, lane),
       })),
       this.levels,
     ]);
@@ -135,14 +133,14 @@ export class Traces {
     if (this.laidOut !== this.truth) return this.layOut();
     const [from, to] = this.stretch.ends(), seen = this.seen = columns.between(from, to);
     this.fitVolts(channels, seen);
-    const curves = channels.map((c, i) => ({low: seen.low[i], high: seen.high[i], range: this.scales.get(c)}));
+    const curves = channels.map((c, i) => ({low: seen.low[i], high: seen.high[i], range: this.scaleOf(c)}));
     const range = this.levelRange(seen.level.flat());
     for (const values of seen.level) {
       const low = values.map((level) => (level == null ? level : Math.max(range[0], Math.log10(level))));
       curves.push({low, high: low, range});
     }
     this.timeline.draw({
-      from, to, curves, paint: (pen) => this.paintBits(pen, {top: pen.top, height: pen.bottom}, 'truth', '#e8f2f9'),
+      from, to, curves, paint: (pen) => this.paintBits(pen, pen.top, pen.bottom, 'truth', '#e8f2f9'),
       // Without columns there is still an axis, with which the user can move elsewhere.
       x: seen.x.length ? seen.x : [from, to],
     });
@@ -151,21 +149,24 @@ export class Traces {
     Object.assign(this.root.dataset, {fromS: from, toS: to});
   }
 
-  // Fit the scale of each channel to its volts, unless scales are held. The same scale has as many volts
-  // from bottom to top for all, not the same ones, as channels rest at different volts.
+  // Fit the scale of each channel to its volts, unless scales are held.
   fitVolts(channels, {low, high}) {
-    const sizes = channels.map((c, i) => {
-      const before = this.ranges.get(c), [least, most] = rangeOf(low[i].concat(high[i])) ?? before ?? [0, 1];
-      const flat = least === most ? 1e-6 * (1 + Math.abs(least)) : 0;
-      const range = steady(before, [least - flat, most + flat], 0.45, 0.1);
-      this.ranges.set(c, range);
-      return range[1] - range[0];
-    });
     channels.forEach((c, i) => {
-      if (this.held && this.scales.has(c)) return;
-      const [least, most] = this.ranges.get(c), more = this.same ? (Math.max(...sizes) - sizes[i]) / 2 : 0;
-      this.scales.set(c, [least - more, most + more]);
+      const before = this.ranges.get(c);
+      if (before && element('hold-scale').checked) return;
+      const [least, most] = rangeOf(low[i].concat(high[i])) ?? before ?? [0, 1];
+      const flat = least === most ? 1e-6 * (1 + Math.abs(least)) : 0;
+      this.ranges.set(c, steady(before, [least - flat, most + flat], 0.45, 0.1));
     });
+    this.widest = Math.max(...channels.map((c) => this.ranges.get(c)[1] - this.ranges.get(c)[0]));
+  }
+
+  // What a channel's lane shows. The same scale has as many volts from bottom to top for all, not the
+  // same ones, as channels rest at different volts.
+  scaleOf(channel) {
+    const [least, most] = this.ranges.get(channel);
+    const more = element('same-scale').checked ? (this.widest - (most - least)) / 2 : 0;
+    return [least - more, most + more];
   }
 
   // The powers of ten between which levels are shown. They include the threshold and all levels, but
@@ -180,62 +181,49 @@ export class Traces {
   }
 
   levelAt(y) {
-    const [least, most] = this.ranges.get('level'), {top, height} = this.levels;
-    return 10 ** (most - Math.max(0, Math.min(1, (y - top) / height)) * (most - least));
+    const [least, most] = this.ranges.get('level'), [bottom, top] = [least, most].map((power) => this.levelY(10 ** power));
+    return 10 ** (least + Math.max(0, Math.min(1, (bottom - y) / (bottom - top))) * (most - least));
   }
 
   levelY(level) {
     return Timeline.yOf(this.levels, this.ranges.get('level'), Math.log10(level));
   }
 
-  paintBits(pen, {top, height}, name, color) {
-    const [bits] = this.seen[name], xOf = (i) => pen.xOf(this.seen.x[0] + i * this.columns.width_s);
-    paintRuns(pen.context, top, height - 1, 0, bits.length, (i) => (bits[i] ? color : null), xOf);
+  // Paint what columns have, as colours of intervals.
+  paintColumns({context, xOf}, top, height, values, colorOf) {
+    const {seen: {x: [begin]}, columns: {width_s: width}} = this;
+    paintRuns(context, top, height, 0, values.length, (i) => colorOf(values[i]), (i) => xOf(begin + i * width));
+  }
+
+  paintBits(pen, top, height, name, color) {
+    this.paintColumns(pen, top, height, this.seen[name][0], (bit) => (bit ? color : null));
   }
 
   // A strip under a channel's volts whose colour tells how near the level is to the threshold.
-  paintStrip(pen, lane) {
-    const level = this.seen.level[lane.channel], {threshold} = this.finger;
-    const xOf = (i) => pen.xOf(this.seen.x[0] + i * this.columns.width_s);
-    const colorAt = (i) => (level[i] == null ? HATCHING : shade(Math.log2(level[i] / threshold)));
-    paintRuns(pen.context, lane.top + lane.height - STRIP - 1, STRIP, 0, level.length, colorAt, xOf);
-  }
-
-  paintDecades({context, left, right}) {
-    context.fillStyle = '#d5dade';
-    for (const [y] of this.levelTicks()) context.fillRect(left, y, right - left, 1);
-  }
-
-  // Where round values are, in rising order, each with its words.
-  levelTicks() {
-    const [least, most] = this.ranges.get('level'), ticks = [];
-    for (let power = Math.ceil(least); power <= most; power++) {
-      ticks.push([this.levelY(10 ** power), Math.abs(power) > 3 ? `1e${power}` : String(10 ** power)]);
-    }
-    return ticks;
-  }
-
-  voltsTicks(lane) {
-    const scale = this.scales.get(this.chooser.channels[lane.channel]), [least, most] = scale, ticks = [];
-    const power = 10 ** Math.floor(Math.log10(most - least)), step = power * [0.5, 1, 2, 5].find((n) => n * power * 4 > most - least);
-    const [factor, unit] = Math.max(-least, most) < 0.1 ? [1e3, 'mV'] : [1, 'V'];
-    const digits = Math.max(0, -Math.floor(Math.log10(step * factor)));
-    for (let n = Math.ceil(least / step); n * step <= most; n++) {
-      ticks.push([Timeline.yOf(lane, scale, n * step), `${(n * step * factor).toFixed(digits)} ${unit}`]);
-    }
-    return ticks;
+  paintStrip(pen, {top, height, channel}) {
+    const colorOf = (level) => (level == null ? HATCHING : shade(Math.log2(level / this.finger.threshold)));
+    this.paintColumns(pen, top + height - STRIP - 1, STRIP, this.seen.level[channel], colorOf);
   }
 
   // Round values at the right of a lane, where no curve is.
-  paintScale({context, right}, lane, ticks) {
+  paintScale({context, right}, lane, range, step, words) {
     Object.assign(context, {font: SMALL, textBaseline: 'middle', textAlign: 'left', fillStyle: INK});
-    let last = Infinity;
-    for (const [y, words] of ticks) {
+    for (let n = Math.ceil(range[0] / step), last = Infinity; n * step <= range[1]; n++) {
+      const y = Timeline.yOf(lane, range, n * step);
       if (last - y < 12) continue;
       last = y;
       context.fillRect(right, y, 4, 1);
-      context.fillText(words, right + 7, Math.max(lane.top + 5, Math.min(lane.top + lane.height - 5, y)));
+      context.fillText(words(n * step), right + 7, Math.max(lane.top + 5, Math.min(lane.top + lane.height - 5, y)));
     }
+  }
+
+  paintVolts(pen, lane) {
+    const scale = this.scaleOf(this.chooser.channels[lane.channel]), [least, most] = scale;
+    const power = 10 ** Math.floor(Math.log10(most - least));
+    const step = power * [0.5, 1, 2, 5].find((n) => n * power * 4 > most - least);
+    const [factor, unit] = Math.max(-least, most) < 0.1 ? [1e3, 'mV'] : [1, 'V'];
+    const digits = Math.max(0, -Math.floor(Math.log10(step * factor)));
+    this.paintScale(pen, lane, scale, step, (value) => `${(value * factor).toFixed(digits)} ${unit}`);
   }
 
   tickText(seconds, digits = 3) {
@@ -256,19 +244,18 @@ export class Traces {
 
   wordsAt(seconds, lane) {
     const {x, low, high, level, ...bits} = this.seen, at = Math.floor((seconds - x[0]) / this.columns.width_s);
-    const valueOf = (values) => values[at] ?? null;
     const levelWords = (i) => {
-      const value = valueOf(level[i]);
-      return value === null ? 'not valid' : `level ${rounded(value)}${this.unit}, ${rounded(value / this.finger.threshold)} of the threshold`;
+      const value = level[i][at];
+      return value == null ? 'not valid' : `level ${rounded(value)}${this.unit}, ${rounded(value / this.finger.threshold)} of the threshold`;
     };
     const words = [this.tickText(seconds)];
     if (lane?.channel !== undefined) {
-      const [least, most] = [valueOf(low[lane.channel]), valueOf(high[lane.channel])];
-      words.push(lane.name, least === null ? 'no sample' : most > least ? `${volts(least)} to ${volts(most)}` : volts(least));
-      words.push(levelWords(lane.channel));
+      const [least, most] = [low, high].map((values) => values[lane.channel][at]);
+      const read = least == null ? 'no sample' : most > least ? `${volts(least)} to ${volts(most)}` : volts(least);
+      words.push(lane.name, read, levelWords(lane.channel));
     } else if (lane === this.levels) {
-      const found = this.chooser.channels.map((c, i) => [valueOf(level[i]), i]).filter(([value]) => value !== null).sort(([a], [b]) => b - a);
-      for (const [, i] of found.slice(0, 4)) words.push(`${this.finger.channels[this.chooser.channels[i] - 1]} ${levelWords(i)}`);
+      const loudest = [...level.keys()].filter((i) => level[i][at] != null).sort((a, b) => level[b][at] - level[a][at]);
+      for (const i of loudest.slice(0, 4)) words.push(`${this.finger.channels[this.chooser.channels[i] - 1]} ${levelWords(i)}`);
     } else if (lane) {
       words.push(`${lane.name} ${bits[lane.name][0][at] ? 'ON' : 'OFF'}`);
     }
