@@ -36,15 +36,15 @@ from slip_detector.view.view_request import Message, number
 #: Allowed speeds, as multiples of real time.
 SPEEDS = 0.1, 10.0
 
+#: How many of the places at which it went on pages hear of.
+MOST_PLACES = 8
+
 #: After so many seconds without a call of :meth:`PlayedBag.due` it has stood still.
 STILL_S = 0.5
 
 #: Time, in seconds, by which the stamps jump at least where it goes on after it stood still, or at
 #: another place. To the detector this is a long gap: it begins anew.
 JUMP_S = 1.0
-
-#: How many of the places at which it went on pages hear of, twice.
-PLACES = 8
 
 #: Bins of the trace: at most so many, and more than half of them, unless it is short.
 BINS = 16_000
@@ -122,12 +122,13 @@ class PlayedBag:
     def tick(self) -> None:
         """Report to all pages what is played, and where it is."""
         finger = self._server.detectors.fingers.get(self._finger)
+        if finger is not None:
+            finger.paused = not self.playing
         if finger is not None and finger.config != self._config:
             self._config = finger.config
             self._changes += 1
-        if finger is not None:
-            finger.paused = not self.playing
-        content = {'name': self.path.name, 'labels': str(self.file), 'places': self._places}
+        self._server.broadcast('bag_places', {'places': self._places})
+        content = {'name': self.path.name, 'labels': str(self.file)}
         state = {'at_s': round(self._at_s, 3), 'speed': self.speed, 'playing': self.playing}
         changes = {'changes': self._changes, 'undoes': len(self._before)}
         self._server.broadcast('bag', {**content, **state, **changes})
@@ -162,7 +163,7 @@ class PlayedBag:
         later_s = (max(last_ns + round(JUMP_S * 1e9), time.time_ns()) - to_ns) * 1e-9
         self._later_ns = math.ceil(later_s) * 1_000_000_000  # Whole seconds stay whole ones.
         begins = (to_ns + self._later_ns) * 1e-9, to_ns * 1e-9
-        self._places = [*self._places[-PLACES:], (last_ns * 1e-9, None), begins]
+        self._places = [*self._places[2 - 2 * MOST_PLACES :], (last_ns * 1e-9, None), begins]
 
     def trace(self, config: DetectorConfig) -> dict[str, Any]:
         """Return what a chain makes of the recording, see :func:`.trace_of`, and the labels."""
@@ -201,6 +202,8 @@ class PlayedBag:
         playing = message.get('playing', self.playing)
         if not isinstance(playing, bool):
             raise ValueError(f'playing is {shown(playing)}, allowed: true, false')
+        if playing and not self.playing:
+            self._now_s = -math.inf  # Nothing was due while it stood still, however short.
         self.speed, self.playing = speed or self.speed, playing
         if to_s is None and message.get('playing') and self._next == len(self._after_ns):
             to_s = 0.0

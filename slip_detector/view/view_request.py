@@ -145,12 +145,8 @@ class ViewRequest:
     def frame(self, detectors: Detectors, past: LiveTrack | None = None, join: int = 1) -> bytes:
         """Return the next frame.
 
-        Parameters
-        ----------
-        past
-            What is drawn in place of the finger's track.
-        join
-            How many columns are made one, for a page to which little can be sent.
+        ``past`` is drawn in place of the finger's track. So many columns as ``join`` says are made
+        one, for a page to which little can be sent.
         """
         if join != self._join:
             self._join = join

@@ -72,9 +72,6 @@ connection.on('state', (words) => {
   showTitle();
 });
 
-connection.on('age', (words) => write('age', words));
-connection.on('bag', ({places}) => (traces.places = places));
-
 connection.on('fingers', ({fingers, gone: labels}) => {
   gone = labels;
   const names = fingers.map(({name}) => name);
@@ -125,6 +122,9 @@ connection.on('frame', ({header, arrays}) => {
   if (header.traces) traces.take(header.traces, arrays);
   if (header.spectrum) spectrum.take(header.spectrum, arrays);
 });
+
+connection.on('age', (words) => write('age', words));
+connection.on('bag_places', ({places}) => (traces.places = places));
 
 tabs(document.querySelector('#signals [role=tablist]'), (panel) => spectrum.open(panel === 'spectrum'));
 tabs(document.querySelector('#tools [role=tablist]'));
