@@ -143,10 +143,9 @@ class PlayedBag:
         """
         if not self.playing:
             return iter(())
-        passed_s, self._now_s = now_s - self._now_s, now_s
-        if passed_s > STILL_S:
+        if now_s - self._now_s > STILL_S:
             self.move(self._at_s)
-            passed_s = 0.0
+        passed_s, self._now_s = max(0.0, now_s - self._now_s), now_s
         self._at_s = min(self._at_s + passed_s * self.speed, self.duration_s)
         begin, self._next = self._next, self._row_at(self._at_s, 'right')
         self.playing = self._next < len(self._after_ns)
@@ -160,9 +159,11 @@ class PlayedBag:
         self._at_s = min(to_s, self.duration_s)
         self._next = self._row_at(self._at_s, 'left')
         to_ns = int(self._after_ns[self._next])
-        later_s = (max(last_ns + round(JUMP_S * 1e9), time.time_ns()) - to_ns) * 1e-9
-        self._later_ns = math.ceil(later_s) * 1_000_000_000  # Whole seconds stay whole ones.
+        # Whole seconds stay whole ones.
+        least_s = math.ceil((last_ns - to_ns) * 1e-9 + JUMP_S)
+        self._later_ns = max(least_s, (time.time_ns() - to_ns) // 10**9) * 10**9
         begins = (to_ns + self._later_ns) * 1e-9, to_ns * 1e-9
+        self._now_s = math.inf  # Until the next call nothing is due.
         self._places = [*self._places[2 - 2 * MOST_PLACES :], (last_ns * 1e-9, None), begins]
 
     def trace(self, config: DetectorConfig) -> dict[str, Any]:
@@ -202,11 +203,9 @@ class PlayedBag:
         playing = message.get('playing', self.playing)
         if not isinstance(playing, bool):
             raise ValueError(f'playing is {shown(playing)}, allowed: true, false')
-        if playing and not self.playing:
-            self._now_s = -math.inf  # Nothing was due while it stood still, however short.
+        if to_s is None and playing and not self.playing:
+            to_s = 0.0 if self._next == len(self._after_ns) else self._at_s
         self.speed, self.playing = speed or self.speed, playing
-        if to_s is None and message.get('playing') and self._next == len(self._after_ns):
-            to_s = 0.0
         if to_s is not None:
             self.move(to_s)
 
