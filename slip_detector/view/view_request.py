@@ -41,9 +41,9 @@ SPECTRUM_S = 0.2
 #: How many columns of pixels are made one at first, and at most.
 FIRST_JOIN, MOST_JOINED = 8, 32
 
-#: A frame that takes longer than this, in seconds, is slow. One that takes less than the second is
-#: quick: with twice the columns it would not be slow.
-SLOW_S, QUICK_S = 1.0, 0.4
+#: A frame that takes longer than this, in seconds, is slow. If one with the whole window takes less
+#: than the second, or others less than the third, it would not be slow with twice the columns.
+SLOW_S, QUICK_S, PROMPT_S = 1.0, 0.4, 0.1
 
 #: After so many seconds more columns are tried, and at most, after they were too many.
 RETRY_S, MOST_RETRY_S = 5.0, 300.0
@@ -88,7 +88,9 @@ class Pace:
             halvings = math.ceil(math.log2(took_s / SLOW_S))
             self.join = min(self.join << halvings, MOST_JOINED)
             self._waited_s, self._retry_s = 0.0, min(2 * self._retry_s, MOST_RETRY_S)
-        elif took_s < QUICK_S and (is_whole or self._waited_s > self._retry_s):
+        elif (is_whole and took_s < QUICK_S) or (
+            took_s < PROMPT_S and self._waited_s > self._retry_s
+        ):
             self.join = max(1, self.join // 2)
             self._waited_s = 0.0
 
