@@ -36,9 +36,6 @@ from slip_detector.view.view_request import Message, number
 #: Allowed speeds, as multiples of real time.
 SPEEDS = 0.1, 10.0
 
-#: How many of the places at which it went on pages hear of.
-MOST_PLACES = 8
-
 #: After so many seconds without a call of :meth:`PlayedBag.due` it has stood still.
 STILL_S = 0.5
 
@@ -162,9 +159,9 @@ class PlayedBag:
         # Whole seconds stay whole ones.
         least_s = math.ceil((last_ns - to_ns) * 1e-9 + JUMP_S)
         self._later_ns = max(least_s, (time.time_ns() - to_ns) // 10**9) * 10**9
-        begins = (to_ns + self._later_ns) * 1e-9, to_ns * 1e-9
         self._now_s = math.inf  # Until the next call nothing is due.
-        self._places = [*self._places[2 - 2 * MOST_PLACES :], (last_ns * 1e-9, None), begins]
+        begins = (to_ns + self._later_ns) * 1e-9, to_ns * 1e-9
+        self._places = [*self._places[-14:], (last_ns * 1e-9, None), begins]  # The last ones do.
 
     def trace(self, config: DetectorConfig) -> dict[str, Any]:
         """Return what a chain makes of the recording, see :func:`.trace_of`, and the labels."""

@@ -394,11 +394,10 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         content: list[str | bytes] = []
         # The page has to draw a frame before it gets the next one, and more news.
         if self.view is None or not self._draws:
-            content += self.news.values()
-            self.news = {}
-        if self.view is not None and not self._draws:
-            self._draws, self._sent_s = True, time.monotonic()
-            content.append(self.view.frame(self.server.detectors, self.past, self._pace.join))
+            content, self.news = [*self.news.values()], {}
+            if self.view is not None:
+                self._draws, self._sent_s = True, time.monotonic()
+                content.append(self.view.frame(self.server.detectors, self.past, self._pace.join))
         self._sending = asyncio.ensure_future(self._send(content))
 
     async def _send(self, content: Sequence[str | bytes]) -> None:

@@ -113,45 +113,41 @@ class Rows:
         return int(OVERDUE_PERIODS * np.median(steps_ns)) if len(steps_ns) else 0
 
     def columns(
-        self,
-        name: str,
-        first: int,
-        count: int,
-        width_ns: int,
-        channels: NDArray[np.intp],
-        overdue_ns: int,
+        self, name: str, edges_ns: Stamps, channels: NDArray[np.intp], overdue_ns: int
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return the lowest and the highest value of a field in each column of pixels.
 
-        Column k, from ``first`` on, has the stamps from ``k * width_ns`` up to, but not including,
-        ``(k + 1) * width_ns``, so that its content does not change when the page scrolls. A column
-        without a row has the last value, unless the step between the rows around it is longer than
-        ``overdue_ns``.
+        Parameters
+        ----------
+        name, channels
+            The field, and which of its columns.
+        edges_ns
+            Column k has the stamps from ``edges_ns[k]`` up to, but not including,
+            ``edges_ns[k + 1]``. Without a row it has the value before, ...
+        overdue_ns
+            ... unless the rows before and after it are farther apart than this.
 
         Returns
         -------
-        low, high : ndarray of float32, shape (channels, count)
+        low, high : ndarray of float32, shape (channels, len(edges_ns) - 1)
             NaN in a gap, and where all values are NaN.
         """
-        low = np.full((len(channels), count), np.nan, np.float32)
+        low = np.full((len(channels), len(edges_ns) - 1), np.nan, np.float32)
         high = low.copy()
-        edges_ns = (first + np.arange(count + 1, dtype=np.int64)) * width_ns
         edges = np.searchsorted(self._stamps_ns[: self._end], edges_ns)
         filled = np.flatnonzero(np.diff(edges))
+        after = edges[:-1]
+        between = np.flatnonzero((after == edges[1:]) & (after > 0) & (after < self._end))
+        steps_ns = self._stamps_ns[after[between]] - self._stamps_ns[after[between] - 1]
+        held = between[steps_ns <= overdue_ns]
+        with np.errstate(over='ignore', invalid='ignore'):  # as above
+            low[:, held] = high[:, held] = self._fields[name][after[held] - 1][:, channels].T
+            values = self._fields[name][edges[0] : edges[-1], channels].astype(np.float32)
         if len(filled) and len(channels):
-            with np.errstate(over='ignore', invalid='ignore'):  # as above
-                values = self._fields[name][edges[0] : edges[-1], channels].astype(np.float32)
             begins = edges[filled] - edges[0]
             # fmin and fmax ignore NaN unless there is nothing else.
             low[:, filled] = np.fmin.reduceat(values, begins, axis=0).T
             high[:, filled] = np.fmax.reduceat(values, begins, axis=0).T
-        after = edges[:-1]
-        between = np.flatnonzero((np.diff(edges) == 0) & (after > 0) & (after < self._end))
-        steps_ns = self._stamps_ns[after[between]] - self._stamps_ns[after[between] - 1]
-        held = between[steps_ns <= overdue_ns]
-        with np.errstate(over='ignore', invalid='ignore'):
-            last = self._fields[name][np.ix_(after[held] - 1, channels)].astype(np.float32)
-        low[:, held] = high[:, held] = last.T
         return low, high
 
     def _begin(self, since: int) -> int:

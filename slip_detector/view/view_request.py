@@ -42,11 +42,9 @@ SPECTRUM_S = 0.2
 FIRST_JOIN, MOST_JOINED = 8, 32
 
 #: A frame that takes longer than this, in seconds, is slow. If one with the whole window takes less
-#: than the second, or others less than the third, it would not be slow with twice the columns.
-SLOW_S, QUICK_S, PROMPT_S = 1.0, 0.4, 0.1
-
-#: After so many seconds more columns are tried, and at most, after they were too many.
-RETRY_S, MOST_RETRY_S = 5.0, 300.0
+#: than the second, one with twice the columns would not be slow; most likely neither if others
+#: take less than the third, for so many seconds.
+SLOW_S, QUICK_S, PROMPT_S, RETRY_S = 1.0, 0.4, 0.1, 30.0
 
 #: Allowed stamps: they and their sums fit 64 bits.
 STAMPS_NS = (-(2.0**62), 2.0**62)
@@ -79,19 +77,16 @@ class Pace:
     def __init__(self) -> None:
         #: How many columns of pixels are made one.
         self.join = FIRST_JOIN
-        self._waited_s, self._retry_s = 0.0, RETRY_S
+        self._waited_s = 0.0
 
     def drawn(self, took_s: float, is_whole: bool) -> None:
         """Note how long a frame took, and whether it had the whole window."""
-        self._waited_s += took_s
+        before, self._waited_s = self.join, self._waited_s + took_s
         if took_s > SLOW_S:
-            halvings = math.ceil(math.log2(took_s / SLOW_S))
-            self.join = min(self.join << halvings, MOST_JOINED)
-            self._waited_s, self._retry_s = 0.0, min(2 * self._retry_s, MOST_RETRY_S)
-        elif (is_whole and took_s < QUICK_S) or (
-            took_s < PROMPT_S and self._waited_s > self._retry_s
-        ):
-            self.join = max(1, self.join // 2)
+            self.join = min(before << math.ceil(math.log2(took_s / SLOW_S)), MOST_JOINED)
+        elif took_s < (QUICK_S if is_whole else PROMPT_S if self._waited_s > RETRY_S else 0.0):
+            self.join = max(1, before // 2)
+        if self.join != before:
             self._waited_s = 0.0
 
 
@@ -203,6 +198,7 @@ class ViewRequest:
             'until_ns': self.until_ns,
             'channels': (channels + 1).tolist(),
         }
+        only = np.zeros(1, np.intp)
         until_ns = self.until_ns if self.until_ns is not None else int(STAMPS_NS[1])
         # Samples may come in batches: then what is overdue is a message, and each has one level.
         overdue_ns = max(rows.overdue_ns(until_ns) for rows in (track.samples, track.levels))
@@ -220,13 +216,11 @@ class ViewRequest:
             first = min(max(self._next.get(part, oldest), oldest), stop)
             self._next[part] = stop
             header[stream] = {'first': first, 'count': stop - first}
-            columns = first, stop - first, width_ns
-            low, high = rows.columns(values, *columns, channels, overdue_ns)
+            edges_ns = np.arange(first, stop + 1) * width_ns
+            low, arrays[f'{values}/high'] = rows.columns(values, edges_ns, channels, overdue_ns)
             if values == 'volts':
                 arrays['volts/low'] = low
-            arrays[f'{values}/high'] = high
-            states = rows.columns(state, *columns, np.zeros(1, np.intp), overdue_ns)
-            arrays[state] = states[1][0] > 0.0
+            arrays[state] = rows.columns(state, edges_ns, only, overdue_ns)[1][0] > 0.0
         return header
 
     def _add_spectrum(self, finger: Finger, channel: int, arrays: Arrays) -> dict[str, Any]:
