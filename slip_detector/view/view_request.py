@@ -42,8 +42,8 @@ SPECTRUM_S = 0.2
 FIRST_JOIN, MOST_JOINED = 8, 32
 
 #: A frame that takes longer than this, in seconds, is slow. One with the whole window that takes
-#: less than the second would not be slow with twice the columns, most likely neither if others take
-#: less than the third, for so many seconds.
+#: less than the second would not be slow with twice the columns; most likely neither if others
+#: take less than the third, for so many seconds.
 SLOW_S, QUICK_S, PROMPT_S, RETRY_S = 1.0, 0.4, 0.1, 30.0
 
 #: Allowed stamps: they and their sums fit 64 bits.
