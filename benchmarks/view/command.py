@@ -75,6 +75,9 @@ def options() -> argparse.ArgumentParser:
         help=f'how long the page is open at last (default: {SECONDS:g}); 3600 for a soak',
     )  # fmt: skip
     parser.add_argument(
+        '--traces', type=int, default=4, help='how many channels have traces (default: 4)'
+    )
+    parser.add_argument(
         '--part', choices=('all', 'page', 'hostile'), default='all', help='only one of the two'
     )
     return parser
@@ -94,6 +97,5 @@ def measure(words: argparse.Namespace) -> dict[str, Any]:
     from benchmarks.view.session import run_view  # Only with ROS can it be imported.
 
     lasts_s = words.seconds or (QUICK_SECONDS if words.quick else SECONDS)
-    return parts | run_view(
-        lasts_s, *((QUICK_PAIRS, QUICK_TURN_SECONDS) if words.quick else (PAIRS, TURN_SECONDS))
-    )
+    turns = (QUICK_PAIRS, QUICK_TURN_SECONDS) if words.quick else (PAIRS, TURN_SECONDS)
+    return parts | run_view(lasts_s, *turns, words.traces)

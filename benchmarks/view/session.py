@@ -52,7 +52,7 @@ NOTE_FRAMES = """
 """
 
 
-def run_view(seconds: float, pairs: int, turn_seconds: float) -> dict[str, Any]:
+def run_view(seconds: float, pairs: int, turn_seconds: float, traces: int) -> dict[str, Any]:
     """Run everything; see :mod:`benchmarks.view.command` for the figures.
 
     As other load of the machine varies, pairs of turns without the page and with it alternate. The
@@ -76,8 +76,8 @@ def run_view(seconds: float, pairs: int, turn_seconds: float) -> dict[str, Any]:
             for _ in range(pairs):
                 watch.wait(min(SETTLE_S, SETTLE_SHARE * turn_seconds))
                 closed.append(watch.figures(turn_seconds))
-                here.append(measure_page(watch, url, nodes, turn_seconds))
-            here.append(measure_page(watch, url, nodes, seconds))
+                here.append(measure_page(watch, url, nodes, turn_seconds, traces))
+            here.append(measure_page(watch, url, nodes, seconds, traces))
     figures = {'closed': _of_all(closed), 'here': here[-1] | _of_all(here)}
     ratio = figures['here']['latency_median_ms'] / figures['closed']['latency_median_ms']
     figures['here'] |= {
@@ -101,11 +101,13 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def measure_page(watch: Watch, url: str, nodes: Collection[int], seconds: float) -> dict[str, Any]:
-    """Return the figures of a turn in which Chromium shows the page."""
+def measure_page(
+    watch: Watch, url: str, nodes: Collection[int], seconds: float, traces: int
+) -> dict[str, Any]:
+    """Return the figures of a turn in which Chromium shows the page with so many traces."""
     drawn_ms: list[float] = []
     heap_mib: list[float] = []
-    with chromium(url) as page:
+    with chromium(url, traces) as page:
 
         def note() -> None:
             drawn_ms.extend(page.evaluate('drawnMs.splice(0)'))
@@ -144,13 +146,16 @@ def _of_all(turns: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 @contextlib.contextmanager
-def chromium(url: str) -> Iterator[Any]:
+def chromium(url: str, traces: int) -> Iterator[Any]:
     """Open the page in Chromium, wait until it has all fingers, and close it at the end."""
     with browser() as running:
         page = running.new_page(viewport={'width': WIDTH, 'height': HEIGHT})
         page.add_init_script(NOTE_FRAMES)
         page.goto(url)
         page.locator('#fingers article').nth(FINGERS - 1).wait_for(timeout=PATIENCE_MS)
+        more = page.locator('#chooser [aria-pressed=false]')
+        for _ in range(page.locator('#chooser [aria-pressed=true]').count(), traces):
+            more.first.click()
         yield page
         page.close()
 

@@ -99,6 +99,8 @@ class PlayedBag:
         self.speed, self.playing = 1.0, True
         # The place, the next row, what its stamp has more, and the time of the last call.
         self._at_s, self._next, self._later_ns, self._now_s = 0.0, 0, 0, -math.inf
+        # From which stamp on which place was played; None: none. In seconds.
+        self._places: list[tuple[float, float | None]] = []
         server.each_tick.append(self.tick)
         server.on_request('bag_trace', self._trace, latest_only=True)
         server.on_request('bag_snap', self._snap, changes=True, latest_only=True)
@@ -143,6 +145,8 @@ class PlayedBag:
     def tick(self) -> None:
         """Report to all pages what is played, and where it is."""
         finger = self._server.detectors.fingers.get(self._finger)
+        if finger is not None:
+            finger.paused = not self.playing
         # While it is read, the trace is computed anew when four times as much is there.
         amount = len(self._after_ns).bit_length() // 2
         if (seen := (finger and finger.config, amount, self._whole)) != self._seen:
@@ -154,6 +158,7 @@ class PlayedBag:
         state |= {'at_s': round(self._at_s, 3), 'speed': self.speed, 'playing': self.playing}
         state |= {'reading': reading, 'duration_s': self.duration_s}
         state |= {'changes': self._changes, 'slip_s': _pairs(self._ends)}
+        self._server.broadcast('bag_places', {'places': self._places})
         self._server.broadcast('bag', state)
 
     def due(self, now_s: float) -> Iterator[tuple[int, Floats, bool]]:
@@ -166,10 +171,9 @@ class PlayedBag:
         """
         if not (self.playing and len(self._after_ns)):
             return iter(())
-        passed_s, self._now_s = now_s - self._now_s, now_s
-        if passed_s > STILL_S:
+        if now_s - self._now_s > STILL_S:
             self.move(self._at_s)
-            passed_s = 0.0
+        passed_s, self._now_s = max(0.0, now_s - self._now_s), now_s
         self._at_s = min(self._at_s + passed_s * self.speed, self.read_s)
         begin, self._next = self._next, self._row_at(self._at_s, 'right')
         self.playing = not self._whole or self._next < len(self._after_ns)
@@ -183,7 +187,12 @@ class PlayedBag:
         self._at_s = min(to_s, self.read_s)
         self._next = self._row_at(self._at_s, 'left')
         to_ns = int(self._after_ns[self._next])
-        self._later_ns = max(last_ns + round(JUMP_S * 1e9), time.time_ns()) - to_ns
+        # Whole seconds stay whole ones.
+        least_s = math.ceil((last_ns - to_ns) * 1e-9 + JUMP_S)
+        self._later_ns = max(least_s, (time.time_ns() - to_ns) // 10**9) * 10**9
+        self._now_s = math.inf  # Until the next call nothing is due.
+        begins = (to_ns + self._later_ns) * 1e-9, to_ns * 1e-9
+        self._places = [*self._places[-14:], (last_ns * 1e-9, None), begins]  # The last ones do.
 
     def trace(self, config: DetectorConfig) -> dict[str, Any]:
         """Return what a chain makes of the recording, see :func:`.trace_of`, and the labels."""
@@ -234,9 +243,9 @@ class PlayedBag:
         playing = message.get('playing', self.playing)
         if not isinstance(playing, bool):
             raise ValueError(f'playing is {shown(playing)}, allowed: true, false')
+        if to_s is None and playing and not self.playing:
+            to_s = 0.0 if self._whole and self._next == len(self._after_ns) else self._at_s
         self.speed, self.playing = speed or self.speed, playing
-        if to_s is None and message.get('playing') and self._next == len(self._after_ns):
-            to_s = 0.0
         if to_s is not None and len(self._after_ns):
             self.move(to_s)
 

@@ -104,6 +104,8 @@ class Finger:
     rest: Spectrum | None = None
     #: Why no volts are shown; empty if they are.
     no_volts: str = ''
+    #: Whether the recording that it plays stands still, so that no samples are due.
+    paused: bool = False
 
     def __post_init__(self) -> None:
         self.groups: Bools = np.zeros(len(self.config.groups), np.bool_)

@@ -35,7 +35,7 @@ from slip_detector.commands.command_line import one_line
 from slip_detector.view.access import Access, Connections
 from slip_detector.view.detectors import Detectors
 from slip_detector.view.track import LiveTrack
-from slip_detector.view.view_request import Message, ViewRequest
+from slip_detector.view.view_request import Message, Pace, ViewRequest
 
 #: Shortest time between two frames, in seconds.
 FRAME_S = 1 / 30
@@ -215,7 +215,9 @@ class Server:
         gone = {name: each.label for name, each in self.detectors.gone.items()}
         shown = {'fingers': [finger.description() for finger in fingers], 'gone': gone}
         self.broadcast('fingers', {**shown, 'read_only': self.access.read_only})
-        self.broadcast('diagnostics', {'fingers': {one.name: one.diagnostics for one in fingers}})
+        # That no samples come is no fault of a finger whose recording stands still.
+        lines = {one.name: () if one.paused else one.diagnostics for one in fingers}
+        self.broadcast('diagnostics', {'fingers': lines})
         for page in list(self.pages):
             try:
                 page.send_news()
@@ -306,6 +308,7 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         self.past: LiveTrack | None = None
         self.news: dict[str, str] = {}
         self._draws = False
+        self._pace, self._sent_s = Pace(), 0.0
         self._sending: asyncio.Future[None] | None = None
         #: When it last answered a ping, and had read all else.
         self._alive_s = time.monotonic()
@@ -343,6 +346,8 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         if not isinstance(content, dict):
             self.close(1003, 'no JSON object')
         elif content.get('type') == 'drawn':
+            if self.view is not None and self._draws:
+                self._pace.drawn(time.monotonic() - self._sent_s, self.view.is_whole)
             self._draws = False
         elif content.get('type') == 'view':
             self._change_view(content)
@@ -364,6 +369,7 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         except (ValueError, RecursionError) as error:
             self.close(1003, one_line(error)[:30])  # A reason has at most 123 bytes.
             return
+        self._sent_s = time.monotonic()  # A page that was hidden was not slow.
         # A pause may last longer than the track: keep what the page shows.
         paused = sum(page.past is not None for page in self.server.pages)
         if self.view is None or self.view.until_ns is None:
@@ -385,12 +391,13 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
             self._stream.close()
         if self._sending is not None and not self._sending.done():
             return
-        content: list[str | bytes] = [*self.news.values()]
-        self.news = {}
-        # The page has to draw a frame before it gets the next one.
-        if self.view is not None and not self._draws:
-            self._draws = True
-            content.append(self.view.frame(self.server.detectors, self.past))
+        content: list[str | bytes] = []
+        # The page has to draw a frame before it gets the next one, and more news.
+        if self.view is None or not self._draws:
+            content, self.news = [*self.news.values()], {}
+            if self.view is not None:
+                self._draws, self._sent_s = True, time.monotonic()
+                content.append(self.view.frame(self.server.detectors, self.past, self._pace.join))
         self._sending = asyncio.ensure_future(self._send(content))
 
     async def _send(self, content: Sequence[str | bytes]) -> None:

@@ -32,6 +32,9 @@ MOST_BYTES = 64 * 2**20
 #: by less, that a message is late.
 SET_BACK_NS = 1_000_000_000
 
+#: A row is overdue after so many periods, which are the median of the last steps; and most steps.
+OVERDUE_PERIODS, MOST_STEPS = 3, 100
+
 #: Length of a short spectrum, in seconds, which resolves half a hertz, ...
 SEGMENT_S = 2.0
 
@@ -103,27 +106,44 @@ class Rows:
         """Return a view of a field of these rows, shape (n, columns); later rows overwrite it."""
         return self._fields[name][self._begin(since) : self._end]
 
+    def overdue_ns(self, until_ns: int) -> int:
+        """Return the longest step between two rows that is no gap, by those before this stamp."""
+        stop = int(np.searchsorted(self._stamps_ns[: self._end], until_ns))
+        steps_ns = np.diff(self._stamps_ns[max(0, stop - MOST_STEPS - 1) : stop])
+        return int(OVERDUE_PERIODS * np.median(steps_ns)) if len(steps_ns) else 0
+
     def columns(
-        self, name: str, first: int, count: int, width_ns: int, channels: NDArray[np.intp]
+        self, name: str, edges_ns: Stamps, channels: NDArray[np.intp], overdue_ns: int
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Return the lowest and the highest value of a field in each column of pixels.
 
-        Column k, from ``first`` on, has the stamps from ``k * width_ns`` up to, but not including,
-        ``(k + 1) * width_ns``, so that its content does not change when the page scrolls.
+        Parameters
+        ----------
+        name, channels
+            The field, and which of its columns.
+        edges_ns
+            Column k has the stamps from ``edges_ns[k]`` up to, but not including,
+            ``edges_ns[k + 1]``. Without a row it has the value before, ...
+        overdue_ns
+            ... unless the rows before and after it are farther apart than this.
 
         Returns
         -------
-        low, high : ndarray of float32, shape (channels, count)
-            NaN where there is no row, or where all values are NaN.
+        low, high : ndarray of float32, shape (channels, len(edges_ns) - 1)
+            NaN in a gap, and where all values are NaN.
         """
-        low = np.full((len(channels), count), np.nan, np.float32)
+        low = np.full((len(channels), len(edges_ns) - 1), np.nan, np.float32)
         high = low.copy()
-        edges_ns = (first + np.arange(count + 1, dtype=np.int64)) * width_ns
         edges = np.searchsorted(self._stamps_ns[: self._end], edges_ns)
         filled = np.flatnonzero(np.diff(edges))
+        after = edges[:-1]
+        between = np.flatnonzero((after == edges[1:]) & (after > 0) & (after < self._end))
+        steps_ns = self._stamps_ns[after[between]] - self._stamps_ns[after[between] - 1]
+        held = between[steps_ns <= overdue_ns]
+        with np.errstate(over='ignore', invalid='ignore'):  # as above
+            low[:, held] = high[:, held] = self._fields[name][after[held] - 1][:, channels].T
+            values = self._fields[name][edges[0] : edges[-1], channels].astype(np.float32)
         if len(filled) and len(channels):
-            with np.errstate(over='ignore', invalid='ignore'):  # as above
-                values = self._fields[name][edges[0] : edges[-1], channels].astype(np.float32)
             begins = edges[filled] - edges[0]
             # fmin and fmax ignore NaN unless there is nothing else.
             low[:, filled] = np.fmin.reduceat(values, begins, axis=0).T

@@ -38,6 +38,14 @@ WINDOW_S, PIXELS = (0.02, 60.0), (10, 4000)
 #: Shortest time between two spectra, in seconds.
 SPECTRUM_S = 0.2
 
+#: How many columns of pixels are made one at first, and at most.
+FIRST_JOIN, MOST_JOINED = 8, 32
+
+#: A frame that takes longer than this, in seconds, is slow. One with the whole window that takes
+#: less than the second would not be slow with twice the columns; most likely neither if others
+#: take less than the third, for so many seconds.
+SLOW_S, QUICK_S, PROMPT_S, RETRY_S = 1.0, 0.4, 0.1, 30.0
+
 #: Allowed stamps: they and their sums fit 64 bits.
 STAMPS_NS = (-(2.0**62), 2.0**62)
 
@@ -55,11 +63,38 @@ Arrays = dict[str, Any]
 LENGTH = struct.Struct('<I')
 
 
+class Pace:
+    """How much a page is sent, by how long it takes to get frames and to draw them.
+
+    Examples
+    --------
+    >>> pace = Pace()
+    >>> pace.drawn(took_s=3.0, is_whole=True)
+    >>> pace.join
+    32
+    """
+
+    def __init__(self) -> None:
+        #: How many columns of pixels are made one.
+        self.join = FIRST_JOIN
+        self._waited_s = 0.0
+
+    def drawn(self, took_s: float, is_whole: bool) -> None:
+        """Note how long a frame took, and whether it had the whole window."""
+        before, self._waited_s = self.join, self._waited_s + took_s
+        if took_s > SLOW_S:
+            self.join = min(before << math.ceil(math.log2(took_s / SLOW_S)), MOST_JOINED)
+        elif took_s < (QUICK_S if is_whole else PROMPT_S if self._waited_s > RETRY_S else 0.0):
+            self.join = max(1, before // 2)
+        if self.join != before:
+            self._waited_s = 0.0
+
+
 class ViewRequest:
     """The fingers, the channels and the stretch of time that a page shows.
 
     Each frame has only the columns of the traces that were completed since the frame before; the
-    first frame has those of the whole window.
+    first frame, and the one after another ``join``, has those of the whole window.
 
     Parameters
     ----------
@@ -100,9 +135,19 @@ class ViewRequest:
         # the track, the next column.
         self._shown: dict[str, int] = {}
         self._next: dict[tuple[str, int], int] = {}
+        self._join = 1
+        #: Whether the last frame had the columns of the whole window.
+        self.is_whole = False
 
-    def frame(self, detectors: Detectors, past: LiveTrack | None = None) -> bytes:
-        """Return the next frame; ``past`` is drawn in place of the finger's track."""
+    def frame(self, detectors: Detectors, past: LiveTrack | None = None, join: int = 1) -> bytes:
+        """Return the next frame.
+
+        ``past`` is drawn in place of the finger's track. So many columns as ``join`` says are made
+        one, for a page to which little can be sent.
+        """
+        if join != self._join:
+            self._join = join
+            self._next.clear()
         arrays: Arrays = {}
         now_s = time.monotonic()
         shown = [detectors.fingers[name] for name in self.fingers if name in detectors.fingers]
@@ -138,18 +183,25 @@ class ViewRequest:
             'sample_age_s': _age_s(now_s, finger.sample_s),
             'unfit': finger.unfit[1] if now_s - finger.unfit[0] < UNFIT_SHOWN_S else '',
             'silent': silent,
+            'paused': finger.paused,
         }
 
     def _traces(self, finger: Finger, track: LiveTrack, arrays: Arrays) -> dict[str, Any]:
         """Add the columns of volts, levels, slip and truth completed since the last frame."""
         channels = self.channels[self.channels < track.channels]
+        width_ns = self._width_ns * self._join
+        self.is_whole = not self._next
         header: dict[str, Any] = {
             'name': finger.name,
             'beginning': track.beginnings,
-            'width_ns': self._width_ns,
+            'width_ns': width_ns,
             'until_ns': self.until_ns,
             'channels': (channels + 1).tolist(),
         }
+        only = np.zeros(1, np.intp)
+        until_ns = self.until_ns if self.until_ns is not None else int(STAMPS_NS[1])
+        # Samples may come in batches: then what is overdue is a message, and each has one level.
+        overdue_ns = max(rows.overdue_ns(until_ns) for rows in (track.samples, track.levels))
         for stream, rows, values, state in (
             ('samples', track.samples, 'volts', 'truth'),
             ('levels', track.levels, 'level', 'slip'),
@@ -158,18 +210,17 @@ class ViewRequest:
             if not len(stamps_ns):
                 header[stream] = {'first': 0, 'count': 0}
                 continue
-            stop = int(stamps_ns[-1]) // self._width_ns
-            if self.until_ns is not None:
-                stop = min(stop, self.until_ns // self._width_ns + 1)
-            oldest = max(int(stamps_ns[0]) // self._width_ns, stop - self._columns)
+            stop = min(int(stamps_ns[-1]) // width_ns, until_ns // width_ns + 1)
+            oldest = max(int(stamps_ns[0]) // width_ns, stop - max(1, self._columns // self._join))
             part = stream, track.beginnings
             first = min(max(self._next.get(part, oldest), oldest), stop)
             self._next[part] = stop
             header[stream] = {'first': first, 'count': stop - first}
-            columns = first, stop - first, self._width_ns
-            low, high = rows.columns(values, *columns, channels)
-            arrays[f'{values}/low'], arrays[f'{values}/high'] = low, high
-            arrays[state] = rows.columns(state, *columns, np.zeros(1, np.intp))[1][0] > 0.0
+            edges_ns = np.arange(first, stop + 1) * width_ns
+            low, arrays[f'{values}/high'] = rows.columns(values, edges_ns, channels, overdue_ns)
+            if values == 'volts':
+                arrays['volts/low'] = low
+            arrays[state] = rows.columns(state, edges_ns, only, overdue_ns)[1][0] > 0.0
         return header
 
     def _add_spectrum(self, finger: Finger, channel: int, arrays: Arrays) -> dict[str, Any]:

@@ -79,7 +79,7 @@ def test_a_scene_is_played_and_all_ends_with_a_signal(bench, tmp_path):
             false += state['valid'] and not state['slip']
             if traces['levels']['count']:
                 assert traces['name'] == names[0]
-                assert arrays['level/low'].shape == arrays['level/high'].shape
+                assert arrays['level/high'].shape == (1, traces['levels']['count'])
         # One page more, which is open when it ends.
         for number in (signal.SIGINT, signal.SIGTERM):
             process.signal(number)

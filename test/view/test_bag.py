@@ -94,6 +94,11 @@ def test_each_row_comes_once_at_its_pace_and_stamps_only_rise(shared, to_s, spee
     np.testing.assert_array_equal(volts, ROWS.volts[first : first + n])
     np.testing.assert_allclose(np.diff(stamps_ns), np.diff(ROWS.stamps_ns[first : first + n]))
     assert (stamps_ns[:1] - before_ns[-1:] >= JUMP_S * 1e9).all()
+    # The axis of the page has the place in the recording.
+    shared.server.tick()
+    begun_s, place_s = json.loads(shared.server.news['bag_places'])['places'][-1]
+    places_s = place_s + stamps_ns * 1e-9 - begun_s
+    np.testing.assert_allclose(places_s, ROWS.stamps_ns[first : first + n] * 1e-9, atol=1e-5)
     wanted = min(speed * step_s * round(0.6 / step_s) * 380.0, len(ROWS.volts) - first)
     assert n == pytest.approx(wanted, abs=2 + 380.0 * speed * step_s)
 
@@ -103,6 +108,8 @@ def test_it_stands_still_when_paused_unwatched_or_at_the_end_and_goes_on_with_a_
     unlabelled.ask('play', playing=False)
     assert len(unlabelled.play(3.0)[0]) == 0
     assert unlabelled.state['at_s'] == pytest.approx(1.0, abs=0.05)
+    (diagnostics,) = json.loads(unlabelled.server.news['diagnostics'])['fingers'].values()
+    assert diagnostics == []  # Nothing is wrong with a sensor that nobody plays.
     unlabelled.ask('play', playing=True)
     stamps_ns, volts = unlabelled.play(1.0)
     assert stamps_ns[0] - begun_ns[-1] >= JUMP_S * 1e9

@@ -22,14 +22,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.view.server import FRAME_S
 from support import page_parts as parts
 from support.browsers import expect
 from support.finger_states import rest_rows
 from support.simulated_detectors import SimulatedDetectors
 
-#: Pixels of the names at the left and of the margin at the right, as in timeline.js.
-NAMES_WIDTH, RIGHT_MARGIN = 92, 16
+#: Pixels of the names at the left and of the scales at the right.
+NAMES_WIDTH, RIGHT_MARGIN = 92, 54
 
 
 def stretch(page):
@@ -138,15 +139,43 @@ def test_traces_are_chosen_paused_read_and_the_threshold_is_moved(serve):
     expect(page.locator('#trace-span')).to_have_text('10 s')
 
 
-def reach_of_line(page):
-    """Return over which share of the first channel's lane its line, which is blue, reaches."""
+def seen_in(page, lane):
+    """Return the pixels right of a lane's name, as numbers: rows, columns, colours."""
     image = pytest.importorskip('PIL.Image')
-    plot = page.locator('#timeline').bounding_box()
-    lane = page.locator('.lane-name.channel').first.bounding_box()
+    plot, lane = page.locator('#timeline').bounding_box(), lane.bounding_box()
     left, width = plot['x'] + NAMES_WIDTH, plot['width'] - NAMES_WIDTH - RIGHT_MARGIN
     seen = page.screenshot(clip={**lane, 'x': left, 'width': width})
-    pixels = np.asarray(image.open(io.BytesIO(seen)).convert('RGB'), int)
+    return np.asarray(image.open(io.BytesIO(seen)).convert('RGB'), int)
+
+
+def reach_of_line(page):
+    """Return over which share of the first channel's lane its line, which is blue, reaches."""
+    pixels = seen_in(page, page.locator('.lane-name.channel').first)
     return (pixels[:, :, 2] - pixels[:, :, 0] > 100).any(axis=1).mean()
+
+
+def test_a_slip_is_one_bar_where_samples_are_far_apart_and_two_fingers_zoom(played):
+    config = DetectorConfig(
+        sample_rate_hz=60.0, passband_hz=(5.0, 20.0), stopbands_hz=(), threshold=1e-9
+    )
+    _, page = played({'index': rest_rows()}, config=config)
+    parts.until(page, 'data.toS > 44')
+    touch, box = page.context.new_cdp_session(page), page.locator('#timeline').bounding_box()
+
+    def put(kind, *xs):
+        points = [{'x': x, 'y': box['y'] + 60, 'id': i} for i, x in enumerate(xs)]
+        touch.send('Input.dispatchTouchEvent', {'type': kind, 'touchPoints': points})
+
+    middle = box['x'] + box['width'] / 2
+    put('touchStart', middle - 40)
+    put('touchStart', middle - 40, middle + 40)
+    for apart in (80, 160, 320):
+        put('touchMove', middle - apart, middle + apart)
+    put('touchEnd')
+    expect(page.locator('#trace-span')).to_have_text('1.25 s')
+    parts.until(page, 'data.toS - data.fromS < 2')
+    orange = (seen_in(page, page.locator('.lane-name').first)[6] == (213, 94, 0)).all(axis=1)
+    assert orange[:-3].all()
 
 
 def test_a_gap_and_values_that_are_no_numbers_leave_traces_their_height(serve):

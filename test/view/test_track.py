@@ -61,7 +61,8 @@ def test_a_column_has_the_lowest_and_the_highest_of_its_rows(steps, values, widt
     rows = Rows(100, volts=(np.float64, 1))
     rows.append(stamps_ns, volts=np.reshape(volts, (-1, 1)))
     first, count = cut, 40
-    low, high = rows.columns('volts', first, count, width_ns, np.array([0]))
+    edges_ns = np.arange(first, first + count + 1) * width_ns
+    low, high = rows.columns('volts', edges_ns, np.array([0]), 0)
     for k in range(count):
         inside = (stamps_ns >= (first + k) * width_ns) & (stamps_ns < (first + k + 1) * width_ns)
         there = [v for v in np.array(volts, np.float32)[inside] if not np.isnan(v)]

@@ -21,7 +21,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slip_detector.view.view_request import ViewRequest
+from slip_detector.chain.samples import Samples
+from slip_detector.view.view_request import MOST_JOINED, SLOW_S, Pace, ViewRequest
 from support.live_client import unpacked
 from support.simulated_detectors import SimulatedDetectors
 
@@ -79,6 +80,41 @@ def test_columns_are_the_same_however_frames_cut_them(cuts):
     whole = last['volts/high'][:, : together.shape[1]]
     assert np.array_equal(together[:, : whole.shape[1]], whole, equal_nan=True)
     assert last_traces['channels'] == [1, 3]
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.floats(10.0, 2000.0), st.integers(1, 50), st.integers(0, 99), st.floats(0.02, 60.0))
+def test_messages_that_come_on_time_leave_no_hole_and_a_gap_is_one(rate_hz, batch, seed, window_s):
+    detectors, late = detectors_after(0.0), np.random.default_rng(seed).uniform(0.0, 0.6, 40)
+    ends_s = 1000.0 + batch / rate_hz * (np.arange(40) + late + np.repeat([0.0, 8.0], 20))
+    rows_s = (ends_s[:, np.newaxis] - np.arange(batch)[::-1] / rate_hz).ravel()
+    ends_ns, rows_ns = (np.rint(1e9 * each).astype(np.int64) for each in (ends_s, rows_s))
+    track, ones = detectors.fingers[NAME].track, np.ones((40 * batch, 16))
+    track.add_samples(Samples(ones, rows_ns))
+    track.add_levels(ends_ns, ones[:40], ones[:40] > 0.0, ones[:40, 0] > 0.0)
+    traces, arrays = columns(requested(window_s=window_s), detectors)
+    streams = {'samples': ('volts/low', rows_ns), 'levels': ('level/high', ends_ns)}
+    for stream, (name, stamps_ns) in streams.items():
+        begins_ns = traces[stream]['first'] + np.arange(traces[stream]['count'])
+        begins_ns *= traces['width_ns']
+        before, after = stamps_ns[len(stamps_ns) // 2 - 1 :][:2]
+        in_gap = (begins_ns > before) & (begins_ns + traces['width_ns'] <= after)
+        assert np.array_equal(np.isnan(arrays[name][0]), in_gap)
+    assert np.array_equal(arrays['slip'] == 0.0, in_gap)
+
+
+@pytest.mark.parametrize('bytes_s', [12_500, 40_000, 10_000_000])
+def test_a_page_gets_what_its_connection_takes(bytes_s):
+    detectors, pace, took_s = detectors_after(30.0), Pace(), []
+    view = requested(channels=[*range(1, 17)], window_s=30.0)
+    for _ in range(300):
+        took_s.append(len(view.frame(detectors, None, pace.join)) / bytes_s + 0.01)
+        pace.drawn(took_s[-1], view.is_whole)
+        detectors.simulated[NAME].play(took_s[-1])
+    assert np.quantile(took_s, 0.95) < SLOW_S
+    assert max(took_s) < 3 * SLOW_S
+    assert (pace.join == 1) == (bytes_s == 10_000_000)
+    assert pace.join < MOST_JOINED
 
 
 def test_the_spectrum_comes_now_and_then_with_rest_behind_it():

@@ -91,8 +91,8 @@ function curve({rows, n, first, stop, ...bins}, channel) {
     // Repeated at its end, the last bin is drawn in its full length.
     return [...values, rows > 1 ? values.at(-1) ?? null : null];
   });
-  const none = low.map(() => null), range = signal === 'volts' ? rangeOf([...low, ...high]) : [least, most];
-  return rows > 1 ? {rows: none, low, high, range} : {rows: low, low: none, high: none, range};
+  const range = signal === 'volts' ? rangeOf([...low, ...high]) : [least, most];
+  return {low, high: rows > 1 ? high : low, range};
 }
 
 // ---- text
@@ -217,7 +217,7 @@ function draw(data) {
   }
   timeline.setLanes(lanes);
   timeline.draw({
-    from, to, curves, paint: paintUnderAll, steps: bins.rows > 3 * rowsOfPixel,
+    from, to, curves, paint: paintUnderAll,
     x: Array.from({length: bins.stop - bins.first + 1}, (_, i) => (bins.first + i) * bins.rows / rate),
   });
   Object.assign(root.dataset, {fromS: from, toS: to, recording: view.recording, variant: view.variant});

@@ -34,7 +34,7 @@ element('keep-rest').addEventListener('click', () => drawings.ask('keep_rest'));
 
 // The tab's title has the state of a finger that slips, else of one that is not at rest.
 function showTitle() {
-  const order = ['slip', 'lost', 'silent', 'noInput', 'notValid', 'rest'], rank = ({root}) => order.indexOf(root.dataset.state);
+  const order = ['slip', 'lost', 'silent', 'noInput', 'paused', 'notValid', 'rest'], rank = ({root}) => order.indexOf(root.dataset.state);
   const [first] = [...cards.values()].filter(({state}) => state).sort((a, b) => rank(a) - rank(b));
   const title = first ? `${first.badge.textContent} ${first.finger.label} \u00b7 slip_view` : 'slip_view';
   if (document.title !== title) document.title = title;
@@ -123,6 +123,9 @@ connection.on('frame', ({header, arrays}) => {
   if (header.traces) traces.take(header.traces, arrays);
   if (header.spectrum) spectrum.take(header.spectrum, arrays);
 });
+
+connection.on('age', (words) => write('age', words));
+connection.on('bag_places', ({places}) => (traces.places = places));
 
 tabs(document.querySelector('#signals [role=tablist]'), (panel) => spectrum.open(panel === 'spectrum'));
 tabs(document.querySelector('#tools [role=tablist]'));

@@ -9,6 +9,7 @@ const STATES = {
   lost: {mark: '\u2715', words: 'not connected'},
   silent: {mark: '\u2715', words: 'detector silent'},
   noInput: {mark: '\u2715', words: 'no input'},
+  paused: {mark: '\u2016', words: 'paused'},
   notValid: {mark: '?', words: 'not valid'},
   slip: {mark: '\u25b2', words: 'SLIP'},
   rest: {mark: '\u25cb', words: 'rest'},
@@ -98,9 +99,9 @@ export class FingerCard {
   }
 
   stateName() {
-    const {slip, valid, sample_age_s: age, silent} = this.state;
+    const {slip, valid, sample_age_s: age, silent, paused} = this.state;
     if (silent) return 'silent';
-    if (age === null || age > Math.max(this.finger.input_timeout_s, 0.25)) return 'noInput';
+    if (age === null || age > Math.max(this.finger.input_timeout_s, 0.25)) return paused ? 'paused' : 'noInput';
     if (!valid) return 'notValid';
     return slip ? 'slip' : 'rest';
   }
@@ -112,7 +113,7 @@ export class FingerCard {
       this.badge.replaceChildren(build('span.mark', mark, {ariaHidden: 'true'}), ` ${words}`);
     }
     const noSample = unfit || (age === null ? 'no sample has come yet' : `no sample for ${seconds(age)}`);
-    const veil = {lost: 'as it was last', silent, noInput: noSample}[name] ?? '';
+    const veil = {lost: 'as it was last', paused: 'as it was last', silent, noInput: noSample}[name] ?? '';
     write(this.veil, veil);
     this.veil.hidden = !veil;
     const dead = veil ? [] : this.finger.channels.filter((_, c) => !this.channels[c].valid && !this.channels[c].disabled);

@@ -3,6 +3,8 @@
 const AGAIN_MS = 1000;
 // Frames come many times a second: after so many checks without one, slip_view counts as hung.
 const CHECK_MS = 1000, MOST_CHECKS = 3;
+// From so many seconds on the page says how old what it shows is.
+const OLD_S = 2;
 const UNREACHABLE = 'slip_view cannot be reached';
 
 // Return a binary frame, as slip_detector/view/view_request.py makes it, as {header, arrays}: the arrays
@@ -28,8 +30,9 @@ export class Connection extends EventTarget {
     this.answers = new Map();
     this.requests = 0;
     this.view = {};
-    // Whether a frame waits to be drawn.
+    // Whether a frame waits to be drawn; when the next one was asked for, and the one that is shown.
     this.draws = false;
+    this.askedMs = this.shownMs = NaN;
     // A hidden page asks for nothing.
     document.addEventListener('visibilitychange', () => this.sendView());
     setInterval(() => this.checkForFrames(), CHECK_MS);
@@ -43,9 +46,13 @@ export class Connection extends EventTarget {
 
   // Count checks without a frame, if frames are due and none waits to be drawn.
   checkForFrames() {
-    const due = this.isOpen && !document.hidden && this.view.fingers?.length && !this.draws;
-    this.checks = due ? this.checks + 1 : 0;
+    const due = this.isOpen && !document.hidden && this.view.fingers?.length;
+    this.checks = due && !this.draws ? this.checks + 1 : 0;
     if (this.checks > MOST_CHECKS) this.say('slip_view does not answer');
+    if (!due) this.shownMs = NaN;
+    const seconds = Math.floor((performance.now() - this.shownMs) / 1000);
+    const detail = seconds >= OLD_S ? `, shown is ${seconds}\u00a0s old` : '';
+    this.dispatchEvent(new CustomEvent('age', {detail}));
   }
 
   get isOpen() {
@@ -53,7 +60,8 @@ export class Connection extends EventTarget {
   }
 
   // take(message): called with each message of this type. A 'frame' is {header, arrays}; it comes once for
-  // each frame, when the browser draws. A 'state' is why there is no connection; '': there is.
+  // each frame, when the browser draws. A 'state' is why there is no connection; '': there is. An 'age'
+  // says how old what is shown is, if it is old.
   on(type, take) {
     this.addEventListener(type, ({detail}) => take(detail));
   }
@@ -107,6 +115,7 @@ export class Connection extends EventTarget {
     if (!this.isOpen) return;
     // The next frame is made while this one is drawn.
     this.send({type: 'drawn'});
+    [this.shownMs, this.askedMs] = [this.askedMs, performance.now()];
     this.dispatchEvent(new CustomEvent('frame', {detail: readFrame(data)}));
   }
 
@@ -119,6 +128,7 @@ export class Connection extends EventTarget {
   }
 
   sendView() {
+    this.askedMs = performance.now();
     this.send({type: 'view', ...(document.hidden ? {} : this.view)});
   }
 

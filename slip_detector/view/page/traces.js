@@ -7,8 +7,10 @@ import {Columns, Stretch} from './stretch.js';
 // Lines are told apart by lightness, too.
 const COLORS = ['#0072b2', '#9a4a00', '#00664b', '#7b2d6b', '#3a3a3a', '#4f7fb8', '#8a7400', '#a34a78'];
 const SMALL = '11px system-ui, \'DejaVu Sans\', sans-serif', SLIP_HEIGHT = 16, LEVEL_HEIGHT = {least: 110, most: 240};
-// Values up to so many sample periods apart are joined by a line.
-const JOINED_PERIODS = 3;
+// Pixels at the right for the scales of volts and levels; most channels that have a column for each pixel.
+const SCALE_WIDTH = 54, MOST_FINE = 8;
+
+const wordsOfPower = (power) => (Math.abs(power) > 3 ? `1e${power}` : String(10 ** power));
 
 export class Traces {
   // onView(changes): called to change what the server is asked for. onSet(values): called to set
@@ -21,6 +23,8 @@ export class Traces {
     this.columns = null;
     this.ranges = new Map();
     this.truth = false;
+    // Of a recording that is played: from which stamp on which place of it; null: none. In seconds.
+    this.places = null;
     this.chooser = new ChannelChooser(element('chooser'), () => this.layOut());
     this.line = new Slider({
       name: 'Threshold', vertical: true, words: (value) => `threshold ${rounded(value)}${this.unit}`,
@@ -30,6 +34,7 @@ export class Traces {
     });
     this.root.after(this.line.root);
     this.timeline = new Timeline(this.root, {
+      margin: SCALE_WIDTH,
       tickText: (seconds, digits) => this.tickText(seconds, digits),
       onInterval: (from, to, how) => {
         this.stretch.change(from, to, how);
@@ -38,6 +43,7 @@ export class Traces {
       onPoint: () => this.readOut(),
     });
     element('pause').addEventListener('click', () => this.pauseOrGoOn());
+    for (const id of ['same-scale', 'hold-scale']) element(id).addEventListener('change', () => this.draw());
     new ResizeObserver(() => this.layOut()).observe(this.root);
   }
 
@@ -45,6 +51,7 @@ export class Traces {
     if (finger.name !== this.finger?.name || finger.channels.length !== this.finger.channels.length) {
       this.columns = this.stretch.columns = null;
       this.stretch.goOn();
+      this.ranges.clear();
       this.truth = false;
     }
     this.finger = finger;
@@ -61,7 +68,9 @@ export class Traces {
 
   ask() {
     if (!this.finger) return;
-    const pixels = Math.max(10, Math.min(4000, this.root.clientWidth - NAMES_WIDTH - RIGHT_MARGIN));
+    // Of many channels a column is two pixels wide, or a slow machine would not keep up.
+    const wide = this.chooser.channels.length > MOST_FINE ? 2 : 1, width = this.root.clientWidth - NAMES_WIDTH - SCALE_WIDTH;
+    const pixels = Math.max(10, Math.min(4000, Math.ceil(width / wide)));
     const {live, window_s, to} = this.stretch;
     this.onView({
       channels: this.chooser.channels, window_s, pixels,
@@ -96,11 +105,12 @@ export class Traces {
     const levels = Math.max(LEVEL_HEIGHT.least, Math.min(LEVEL_HEIGHT.most, Math.round(free * 0.35)));
     const height = Math.max(18, Math.min(120, Math.floor((free - levels - 2 * SLIP_HEIGHT - 30) / n)));
     const colors = channels.map((_, i) => COLORS[i % COLORS.length]);
-    const band = (name, color) => ({name, height: SLIP_HEIGHT, paint: (pen, lane) => this.paintBits(pen, lane, name, color)});
-    this.scale = `lane-${n}`; // Of the first curve of levels.
+    const band = (name, color) => ({
+      name, height: SLIP_HEIGHT, paint: (pen, {top}) => this.paintBits(pen, top, SLIP_HEIGHT - 1, name, color),
+    });
     this.levels = {
       name: 'level', note: this.unit ? 'evidence, dB s' : 'of each channel', height: levels, curve: n, colors, below: 2,
-      paint: (pen, lane) => this.paintDecades(pen, lane),
+      paintScale: (pen, lane) => this.paintScale(pen, lane, this.ranges.get('level'), 1, wordsOfPower),
     };
     this.timeline.setLanes([
       band('slip', ON),
@@ -108,7 +118,7 @@ export class Traces {
       ...channels.map((c, i) => ({
         name: this.finger.channels[c - 1], kind: 'channel', height, curve: 1, colors: [colors[i]],
         below: STRIP + 3, channel: i, paint: (pen, lane) => this.paintStrip(pen, lane),
-        paintAbove: (pen, lane) => this.paintVolts(pen, lane),
+        paintScale: (pen, lane) => this.paintVolts(pen, lane),
       })),
       this.levels,
     ]);
@@ -121,17 +131,16 @@ export class Traces {
     const {columns, chooser: {channels}} = this;
     if (!this.root.clientWidth || columns?.begun_s == null || String(columns.channels) !== String(channels)) return;
     if (this.laidOut !== this.truth) return this.layOut();
-    const joined = JOINED_PERIODS / this.finger.sample_rate_hz;
-    // How many columns may lie between two values that are joined.
-    this.joined = Math.ceil(joined / columns.width_s);
     const [from, to] = this.stretch.ends(), seen = this.seen = columns.between(from, to);
-    const curves = channels.map((c, i) => ({
-      rows: [], low: seen.low[i], high: seen.high[i], range: this.voltsRange(c, [seen.low[i], seen.high[i]].flat()),
-    }));
-    const range = this.levelRange(seen.level.flat()), logarithm = (level) => (level == null ? level : Math.max(range[0], Math.log10(level)));
-    for (const values of seen.level) curves.push({rows: values.map(logarithm), low: [], high: [], range});
+    this.fitVolts(channels, seen);
+    const curves = channels.map((c, i) => ({low: seen.low[i], high: seen.high[i], range: this.scaleOf(c)}));
+    const range = this.levelRange(seen.level.flat());
+    for (const values of seen.level) {
+      const low = values.map((level) => (level == null ? level : Math.max(range[0], Math.log10(level))));
+      curves.push({low, high: low, range});
+    }
     this.timeline.draw({
-      from, to, curves, joined, paint: (pen) => this.paintBits(pen, {top: pen.top, height: pen.bottom}, 'truth', '#e8f2f9'),
+      from, to, curves, paint: (pen) => this.paintBits(pen, pen.top, pen.bottom, 'truth', '#e8f2f9'),
       // Without columns there is still an axis, with which the user can move elsewhere.
       x: seen.x.length ? seen.x : [from, to],
     });
@@ -140,12 +149,24 @@ export class Traces {
     Object.assign(this.root.dataset, {fromS: from, toS: to});
   }
 
-  voltsRange(channel, values) {
-    const before = this.ranges.get(channel), range = rangeOf(values);
-    if (!range) return before ?? [0, 1];
-    const [least, most] = range, flat = least === most ? 1e-6 * (1 + Math.abs(least)) : 0;
-    this.ranges.set(channel, steady(before, [least - flat, most + flat], 0.45, 0.1));
-    return this.ranges.get(channel);
+  // Fit the scale of each channel to its volts, unless scales are held.
+  fitVolts(channels, {low, high}) {
+    channels.forEach((c, i) => {
+      const before = this.ranges.get(c);
+      if (before && element('hold-scale').checked) return;
+      const [least, most] = rangeOf(low[i].concat(high[i])) ?? before ?? [0, 1];
+      const flat = least === most ? 1e-6 * (1 + Math.abs(least)) : 0;
+      this.ranges.set(c, steady(before, [least - flat, most + flat], 0.45, 0.1));
+    });
+    this.widest = Math.max(...channels.map((c) => this.ranges.get(c)[1] - this.ranges.get(c)[0]));
+  }
+
+  // What a channel's lane shows. The same scale has as many volts from bottom to top for all, not the
+  // same ones, as channels rest at different volts.
+  scaleOf(channel) {
+    const [least, most] = this.ranges.get(channel);
+    const more = element('same-scale').checked ? (this.widest - (most - least)) / 2 : 0;
+    return [least - more, most + more];
   }
 
   // The powers of ten between which levels are shown. They include the threshold and all levels, but
@@ -160,67 +181,57 @@ export class Traces {
   }
 
   levelAt(y) {
-    const [least, most] = this.ranges.get('level');
-    return 10 ** Math.max(least, Math.min(most, this.timeline.plot.posToVal(y - AXIS_HEIGHT, this.scale)));
+    const [least, most] = this.ranges.get('level'), [bottom, top] = [least, most].map((power) => this.levelY(10 ** power));
+    return 10 ** (least + Math.max(0, Math.min(1, (bottom - y) / (bottom - top))) * (most - least));
   }
 
   levelY(level) {
-    return AXIS_HEIGHT + this.timeline.plot.valToPos(Math.log10(level), this.scale);
+    return Timeline.yOf(this.levels, this.ranges.get('level'), Math.log10(level));
   }
 
-  paintBits(pen, {top, height}, name, color) {
-    const [bits] = this.seen[name], xOf = (i) => pen.xOf(this.seen.x[0] + i * this.columns.width_s);
-    paintRuns(pen.context, top, height - 1, 0, bits.length, (i) => (bits[i] ? color : null), xOf);
+  // Paint what columns have, as colours of intervals.
+  paintColumns({context, xOf}, top, height, values, colorOf) {
+    const {seen: {x: [begin]}, columns: {width_s: width}} = this;
+    paintRuns(context, top, height, 0, values.length, (i) => colorOf(values[i]), (i) => xOf(begin + i * width));
+  }
+
+  paintBits(pen, top, height, name, color) {
+    this.paintColumns(pen, top, height, this.seen[name][0], (bit) => (bit ? color : null));
   }
 
   // A strip under a channel's volts whose colour tells how near the level is to the threshold.
-  paintStrip(pen, lane) {
-    const level = this.seen.level[lane.channel], {joined} = this, {threshold} = this.finger;
-    const xOf = (i) => pen.xOf(this.seen.x[0] + i * this.columns.width_s);
-    let without = 0, color = null;
-    const colorAt = (i) => {
-      // Columns between two levels that are to be joined keep the colour.
-      if (level[i] == null) return ++without <= joined ? color : HATCHING;
-      without = 0;
-      color = shade(Math.log2(level[i] / threshold));
-      return color;
-    };
-    paintRuns(pen.context, lane.top + lane.height - STRIP - 1, STRIP, 0, level.length, colorAt, xOf);
+  paintStrip(pen, {top, height, channel}) {
+    const colorOf = (level) => (level == null ? HATCHING : shade(Math.log2(level / this.finger.threshold)));
+    this.paintColumns(pen, top + height - STRIP - 1, STRIP, this.seen.level[channel], colorOf);
   }
 
-  paintDecades({context, left, right}, lane) {
-    const [least, most] = this.ranges.get('level');
-    context.fillStyle = '#f7f8f9';
-    context.fillRect(left, lane.top, right - left, lane.height);
-    Object.assign(context, {font: SMALL, textBaseline: 'bottom', textAlign: 'left'});
-    for (let power = Math.ceil(least); power <= most; power++) {
-      const y = this.levelY(10 ** power);
-      context.fillStyle = '#d5dade';
-      context.fillRect(left, y, right - left, 1);
-      if (y < lane.top + 12) continue;
-      context.fillStyle = '#4a525a';
-      context.fillText(power < -3 || power > 3 ? `1e${power}` : String(10 ** power), left + 3, y);
-    }
-  }
-
-  // Round volts at the left edge of a channel's lane; with an outline, as they stand above its curve.
-  paintVolts({context, left}, lane) {
-    const [least, most] = this.ranges.get(this.chooser.channels[lane.channel]) ?? [], top = lane.top + 1, bottom = lane.top + lane.height - lane.below;
-    const power = 10 ** Math.floor(Math.log10(most - least)), step = power * [0.5, 1, 2, 5].find((n) => n * power * 4 > most - least);
-    Object.assign(context, {font: SMALL, textBaseline: 'middle', textAlign: 'left', fillStyle: INK, strokeStyle: '#ffffffd0', lineWidth: 3});
-    for (let n = Math.ceil(least / step), last = Infinity; n * step <= most; n++) {
-      const y = bottom - (n * step - least) / (most - least) * (bottom - top);
+  // Round values at the right of a lane, where no curve is.
+  paintScale({context, right}, lane, range, step, words) {
+    Object.assign(context, {font: SMALL, textBaseline: 'middle', textAlign: 'left', fillStyle: INK});
+    for (let n = Math.ceil(range[0] / step), last = Infinity; n * step <= range[1]; n++) {
+      const y = Timeline.yOf(lane, range, n * step);
       if (last - y < 12) continue;
       last = y;
-      const place = [`${(n * step).toFixed(Math.max(0, -Math.floor(Math.log10(step))))} V`, left + 7, Math.max(top + 5, Math.min(bottom - 4, y))];
-      context.fillRect(left, y, 5, 1);
-      context.strokeText(...place);
-      context.fillText(...place);
+      context.fillRect(right, y, 4, 1);
+      context.fillText(words(n * step), right + 7, Math.max(lane.top + 5, Math.min(lane.top + lane.height - 5, y)));
     }
+  }
+
+  paintVolts(pen, lane) {
+    const scale = this.scaleOf(this.chooser.channels[lane.channel]), [least, most] = scale;
+    const power = 10 ** Math.floor(Math.log10(most - least));
+    const step = power * [0.5, 1, 2, 5].find((n) => n * power * 4 > most - least);
+    const [factor, unit] = Math.max(-least, most) < 0.1 ? [1e3, 'mV'] : [1, 'V'];
+    const digits = Math.max(0, -Math.floor(Math.log10(step * factor)));
+    this.paintScale(pen, lane, scale, step, (value) => `${(value * factor).toFixed(digits)} ${unit}`);
   }
 
   tickText(seconds, digits = 3) {
     const total = seconds + (this.columns?.begun_s ?? 0);
+    if (this.places) {
+      const [begin, at] = this.places.findLast(([stamp]) => stamp < total + 1e-4) ?? [0, null];
+      return at === null ? '' : `${(at + total - begin).toFixed(digits)} s`;
+    }
     // The time of day if the stamps are dates; simulated time begins at zero.
     if (total < 1e9) return `${total.toFixed(digits)} s`;
     return timeText(Number(total.toFixed(digits)) - 60 * new Date(1000 * total).getTimezoneOffset(), digits);
@@ -233,20 +244,18 @@ export class Traces {
 
   wordsAt(seconds, lane) {
     const {x, low, high, level, ...bits} = this.seen, at = Math.floor((seconds - x[0]) / this.columns.width_s);
-    // The value of a column, or if it has none, of the last one before it that has.
-    const back = (values) => values.slice(Math.max(0, at - this.joined), at + 1).findLast((value) => value != null) ?? null;
     const levelWords = (i) => {
-      const value = back(level[i]);
-      return value === null ? 'not valid' : `level ${rounded(value)}${this.unit}, ${rounded(value / this.finger.threshold)} of the threshold`;
+      const value = level[i][at];
+      return value == null ? 'not valid' : `level ${rounded(value)}${this.unit}, ${rounded(value / this.finger.threshold)} of the threshold`;
     };
     const words = [this.tickText(seconds)];
     if (lane?.channel !== undefined) {
-      const [least, most] = [back(low[lane.channel]), back(high[lane.channel])];
-      words.push(lane.name, least === null ? 'no sample' : most > least ? `${volts(least)} to ${volts(most)}` : volts(least));
-      words.push(levelWords(lane.channel));
+      const [least, most] = [low, high].map((values) => values[lane.channel][at]);
+      const read = least == null ? 'no sample' : most > least ? `${volts(least)} to ${volts(most)}` : volts(least);
+      words.push(lane.name, read, levelWords(lane.channel));
     } else if (lane === this.levels) {
-      const found = this.chooser.channels.map((c, i) => [back(level[i]), i]).filter(([value]) => value !== null).sort(([a], [b]) => b - a);
-      for (const [, i] of found.slice(0, 4)) words.push(`${this.finger.channels[this.chooser.channels[i] - 1]} ${levelWords(i)}`);
+      const loudest = [...level.keys()].filter((i) => level[i][at] != null).sort((a, b) => level[b][at] - level[a][at]);
+      for (const i of loudest.slice(0, 4)) words.push(`${this.finger.channels[this.chooser.channels[i] - 1]} ${levelWords(i)}`);
     } else if (lane) {
       words.push(`${lane.name} ${bits[lane.name][0][at] ? 'ON' : 'OFF'}`);
     }
