@@ -152,7 +152,7 @@ def as_report(sets: Mapping[str, Mapping[str, EvaluatedRecording]]) -> dict[str,
         },
         'all': evaluator.recording_figures([one for _, one in every]),
     }
-    for note in labels_note(file for file, one in every if not one.labelled):
+    for note in labels_note(f for f, one in every if not (one.labelled or one.mistaken)):
         report['note'] = note
     return report
 

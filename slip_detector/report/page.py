@@ -319,7 +319,8 @@ def write_evaluation_report(
             figures[title] = evaluator.recording_figures([one])
             faults = one.counts.damage, one.counts.doubts, *one.warnings
             notes += tables.recording_notes(title, faults, one.invalid_percent)
-    notes += tables.labels_note(one.name for one in overviews if not one.labelled)
+    unknown = (one for one in every if not (one.labelled or one.mistaken))
+    notes += tables.labels_note(one.observer.name for one in unknown)
     figures['all recordings'] = evaluator.recording_figures(every)
     given = Variant('given', overviews[0].config, overviews, figures)
     outcomes = [one.outcome for one in every if one.labelled]

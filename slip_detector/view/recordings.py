@@ -72,6 +72,8 @@ class RecordingSummary(NamedTuple):
     note: str = ''
     #: How exact each end of its labels is; empty where that was not set here.
     exact_s: tuple[float, ...] = ()
+    #: Whether a person has marked its labels as a mistake.
+    mistaken: bool = False
 
     @property
     def kind(self) -> str:
@@ -81,7 +83,8 @@ class RecordingSummary(NamedTuple):
     @property
     def usable(self) -> bool:
         """Whether a search can use it: one of kind ``slip`` must contain a slip."""
-        return self.duration_s > 0.0 and (self.kind != 'slip' or self.slips > 0)
+        counts = self.duration_s > 0.0 and not self.mistaken
+        return counts and (self.kind != 'slip' or self.slips > 0)
 
 
 class RecordedFolder:
@@ -151,6 +154,19 @@ class RecordedFolder:
             shutil.rmtree(path)
             (path.parent / labels.labels_name(path)).unlink(missing_ok=True)
         del self.recordings[path.name]
+
+    def mark(self, name: object, mistaken: bool) -> None:
+        """Mark a recording's labels as a mistake, or take that back.
+
+        Raises
+        ------
+        ValueError
+            When no recording has this name, or its file of labels cannot be changed.
+        """
+        path = self.path_of(name)
+        labels.mark_mistaken(path, mistaken)
+        exact_s = self.recordings[path.name].exact_s
+        self.recordings[path.name] = self._summary(path.name)._replace(exact_s=exact_s)
 
     def trace(self, name: object, config: DetectorConfig) -> dict[str, Any]:
         """Return what a chain makes of a recording, see :func:`trace_of`; may raise a ValueError.
@@ -222,11 +238,12 @@ class RecordedFolder:
             track = track_of(name, recording.rows(), recording.sample_rate_hz)
         except ValueError as error:
             return RecordingSummary(name, 0.0, 0, str(error))
-        slips = len(track.slips) if recording.has_truth else 0
-        note = NO_SLIP if name.startswith('slip_') and not slips else ''
+        slips = len(track.slips) if recording.is_labelled else 0
+        unlabelled = name.startswith('slip_') and not (slips or recording.mistaken)
+        note = NO_SLIP if unlabelled else ''
         if recording.counts.damage:
             note = f'was not ended: {recording.counts.damage}'
-        return RecordingSummary(name, track.duration_s, slips, note)
+        return RecordingSummary(name, track.duration_s, slips, note, (), recording.mistaken)
 
 
 def trace_of(

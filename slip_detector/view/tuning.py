@@ -20,6 +20,7 @@ import json
 import signal
 import subprocess
 import sys
+from pathlib import Path
 from subprocess import PIPE, STDOUT
 from typing import IO, Any, cast
 
@@ -34,7 +35,21 @@ SLIP_TUNE = 'import sys; from slip_detector.commands.command_line import tune; s
 COMMAND = 'nice', '-n', '10', sys.executable, '-c', SLIP_TUNE, '--json'
 
 #: What a page shows of a run as it is.
-DESCRIBED = 'finger', 'running', 'step', 'share', 'lines', 'table', 'kept'
+DESCRIBED = 'finger', 'running', 'step', 'share', 'lines', 'answer', 'table', 'kept'
+
+#: Of a search, in a folder beside the recordings: the parameters that ran, its result, its trials.
+FILES = 'running.yaml', 'tuned.yaml', 'tuned.yaml.study.journal'
+
+
+def was_interrupted(recorded: Path, config: DetectorConfig) -> bool:
+    """Return whether a search for a detector ended without a result, so that it can go on."""
+    running, tuned, journal = (recorded / 'tuning' / name for name in FILES)
+    try:
+        newest_ns = journal.stat().st_mtime_ns
+        done = tuned.exists() and tuned.stat().st_mtime_ns >= newest_ns
+        return not done and DetectorConfig.from_yaml(running) == config
+    except (OSError, ValueError):  # There was none, or it cannot be read.
+        return False
 
 
 class TuneRun:
@@ -59,7 +74,8 @@ class TuneRun:
         self.step = self.failed = self.kept = ''
         #: Share of the search that is done, 0 to 1.
         self.share = 0.0
-        #: The running and the tuned detector side by side.
+        #: The result in a sentence or two, and the running and the tuned detector side by side.
+        self.answer: list[str] = []
         self.table: list[Row] = []
         #: The tuned parameters, once they were compared.
         self.found: DetectorConfig | None = None
@@ -67,9 +83,9 @@ class TuneRun:
     async def run(self) -> None:
         """Note what the command prints until it ends; an error is noted in ``failed``."""
         try:
-            given = writable_folder(self._folder / 'tuning') / 'running.yaml'
+            given = writable_folder(self._folder / 'tuning') / FILES[0]
             write_yaml(given, self._config.to_document(), ['Written by slip_view: what runs.'])
-            files = self._folder, '--config', given, '--out', given.with_name('tuned.yaml')
+            files = self._folder, '--config', given, '--out', given.with_name(FILES[1])
             # Ctrl-C in the terminal is for slip_view.
             with subprocess.Popen(
                 [*COMMAND, *map(str, files)], stdout=PIPE, stderr=STDOUT, start_new_session=True
@@ -92,6 +108,7 @@ class TuneRun:
                 self.step, self.share, self.lines = said['step'], said['share'], said['lines']
                 if 'changes' in said:
                     self.kept, self.table = said['kept'], [(*row,) for row in said['table']]
+                    self.answer = said['answer']
                     found = {**self._config.to_parameters(), **said['changes']}
                     self.found = DetectorConfig.from_parameters(found)
             code = await asyncio.to_thread(process.wait)
