@@ -56,7 +56,8 @@ class Compared(NamedTuple):
 
     Attributes
     ----------
-    words, unit : str
+    words : str
+        What is worse, with the values of both in place of {}.
     sign : float
         1 where more is better, -1 where less is.
     step : float
@@ -69,7 +70,6 @@ class Compared(NamedTuple):
     """
 
     words: str
-    unit: str
     sign: float
     step: float
     trade: float
@@ -78,23 +78,26 @@ class Compared(NamedTuple):
 
 
 ON = 'false_time_costs_ms'
+#: The kinds of recordings, in words that follow ON.
+ON_IN = dict(zip(KINDS, ('at rest', 'in taps', 'in presses', 'in rolls', 'idle'), strict=True))
 #: The figures that must not get worse, by name: first what a slip costs, then time ON by kind.
 COMPARED = {
-    'recall': Compared('recall', '', 1.0, 1e-9, 0.05, 'missed_costs_ms'),
-    'coverage': Compared('coverage', '', 1.0, 0.005, 0.1, 'missed_time_costs_ms', 100.0),
-    'latency_median_all_ms': Compared('median latency', ' ms', -1.0, 1e-9, 50.0, ''),
+    'recall': Compared('slips found {} %', 1.0, 1e-9, 0.05, 'missed_costs_ms'),
+    'coverage': Compared('ON for {} % of a slip', 1.0, 0.005, 0.1, 'missed_time_costs_ms', 100.0),
+    'latency_median_all_ms': Compared('slips found later{}', -1.0, 1e-9, 50.0, ''),
     'false_alarms_per_minute': Compared(
-        'false alarms', ' in a minute of rest', -1.0, 1e-9, 5.0, 'false_alarm_costs_ms'
+        '{} false alarms a minute', -1.0, 1e-9, 5.0, 'false_alarm_costs_ms'
     ),
-    'false_time_percent': Compared('time ON', ' %', -1.0, 1e-9, 5.0, ON),
+    'false_time_percent': Compared('ON without slip {} %', -1.0, 1e-9, 5.0, ON),
     **{
-        f'{kind}_on_percent': Compared(f'ON in {kind}', ' %', -1.0, 0.5, 5.0, ON) for kind in KINDS
+        f'{kind}_on_percent': Compared(f'ON {ON_IN[kind]} {{}} %', -1.0, 0.5, 5.0, ON)
+        for kind in KINDS
     },
-    'auc': Compared('area under the ROC curve', '', 1.0, 1e-3, 0.02, 'auc_costs_ms'),
+    'auc': Compared('slips stand out less: {} (1: fully)', 1.0, 1e-3, 0.02, 'auc_costs_ms'),
 }
 
 
-def worse_by(figures: Mapping[str, Any], other: Figures) -> dict[str, Floats]:
+def worse_by(figures: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Floats]:
     """Return by how much each of :data:`COMPARED` is worse than another chain's; 0 or less: not.
 
     A figure that the other chain lacks is left out; one that this chain alone lacks is NaN.
@@ -130,6 +133,21 @@ def worse_by(figures: Mapping[str, Any], other: Figures) -> dict[str, Floats]:
     return found
 
 
+def worse_figures(
+    figures: Mapping[str, Any], other: Mapping[str, Any], limit: str = 'step'
+) -> list[str]:
+    """Return which of :data:`COMPARED` are worse, or not defined where the other's are.
+
+    See :func:`worse_by`. The latency of the slips found is not compared, as it falls where late
+    slips are missed. The limit is ``step`` or ``trade``.
+    """
+    return [
+        name
+        for name, by in worse_by(figures, other).items()
+        if figures[name] is None or by > getattr(COMPARED[name], limit)
+    ]
+
+
 def searched(chain: ChainConfig) -> dict[str, Any]:
     """Return the parameters of a chain that a search changes, by name, as ROS has them.
 
@@ -143,9 +161,18 @@ def searched(chain: ChainConfig) -> dict[str, Any]:
     return {f.name: parameters[f.name] for f in fields if decision in f.metadata['searched_with']}
 
 
-def better_than_chance(figures: Figures) -> bool:
+def better_than_chance(figures: Mapping[str, Any]) -> bool:
     """Return whether a chain finds slips sooner than decisions that do not depend on slip."""
     return (figures['sooner_than_chance'] or 0.0) > 0.0
+
+
+def mean_area(figures: Mapping[str, Any]) -> float | None:
+    """Return the area ``auc``, see :data:`Figures`, of the areas of several kinds."""
+    others = [figures[f'auc_{kind}'] for kind in KINDS if kind != 'rest']
+    rest = figures['auc_moving'] if figures['auc_moving'] is not None else figures['auc_rest']
+    known = [one for one in others if one is not None]
+    parts = [np.mean(part) for part in ([] if rest is None else [rest], known) if part]
+    return float(np.mean(parts)) if parts else None
 
 
 class Candidate(NamedTuple):
@@ -310,11 +337,7 @@ class Problem:
         """Return the areas under the ROC curve, see :data:`Figures`."""
         scoring = chain.threshold, self.evaluation, self._settling_rows(chain)
         areas: Figures = sweep.count_scores(statistic, self.tracks, *scoring).aucs()
-        others = [areas[f'auc_{kind}'] for kind in KINDS if kind != 'rest']
-        rest = areas['auc_moving'] if areas['auc_moving'] is not None else areas['auc_rest']
-        known = [one for one in others if one is not None]
-        parts = [np.mean(part) for part in ([] if rest is None else [rest], known) if part]
-        return {**areas, 'auc': float(np.mean(parts)) if parts else None}
+        return {**areas, 'auc': mean_area(areas)}
 
     def left_out(self, chain: ChainConfig) -> tuple[float, Floats]:
         """Return what a chain costs where the threshold for a recording comes from the others.

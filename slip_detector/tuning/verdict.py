@@ -19,7 +19,7 @@ import functools
 import importlib.util
 import math
 import pickle
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -34,10 +34,9 @@ from slip_detector.tuning.kinds import contradictions
 from slip_detector.tuning.problem import (
     COMPARED,
     Candidate,
-    Figures,
     Problem,
     better_than_chance,
-    worse_by,
+    worse_figures,
 )
 from slip_detector.tuning.search import Calls, Study, candidates_at, search
 from slip_detector.tuning.teaching import learn
@@ -239,34 +238,40 @@ def default_trials(tracks: Sequence[Track]) -> int:
     return int(np.clip(VALUES / sum(track.volts.size for track in tracks), *TRIALS))
 
 
-def worse_than(figures: Figures, other: Figures, trade: bool = False) -> list[str]:
-    """Return a text for each figure that is worse, or not defined where the other's is.
+def worse_than(
+    figures: Mapping[str, Any], other: Mapping[str, Any], limit: str = 'step'
+) -> list[str]:
+    """Return in words what is worse; see :func:`.problem.worse_figures`.
 
-    See :func:`.problem.worse_by`. The latency of the slips found is not compared, as it falls
-    where late slips are missed.
-
-    Parameters
-    ----------
-    figures, other
-        See :data:`.problem.Figures`.
-    trade
-        Only figures that are worse by more than ``trade`` allows.
+    Latencies are given where ``latency_accuracy_ms`` says that the labels are exact.
 
     Examples
     --------
     >>> given = {**dict.fromkeys(COMPARED, 1.0), 'sooner_than_chance': 1.0}
     >>> worse_than({**given, 'recall': 0.9}, given)
-    ['recall 0.9 against 1']
+    ['slips found 100 → 90 %']
     """
     texts = []
-    for name, by in worse_by(figures, other).items():
-        compared, figure = COMPARED[name], figures[name]
-        if figure is None:
-            texts.append(f'no {compared.words} defined against {other[name]:.4g}{compared.unit}')
-        elif by > (compared.trade if trade else compared.step):
-            values = f'{figure:.4g} against {other[name]:.4g}'
-            texts.append(f'{compared.words} {values}{compared.unit}')
+    for name in worse_figures(figures, other, limit):
+        change = _change(
+            other[name], figures[name], 100.0 if name in ('recall', 'coverage') else 1.0
+        )
+        if name.startswith('latency'):
+            exact = figures[name] is not None and figures.get('latency_accuracy_ms') == 0.0
+            change = f' ({change} ms)' if exact else ''
+        texts.append(COMPARED[name].words.format(change))
     return texts
+
+
+def _change(was: float, now: float | None, factor: float = 1.0) -> str:
+    """Return two numbers with an arrow between, with as few digits as tell them apart."""
+    if now is None:
+        return f'{factor * was:.3g} → not known'
+    for digits in range(2, 16):
+        pair = [f'{float(f"{factor * one:.{digits}g}"):.15g}' for one in (was, now)]
+        if pair[0] != pair[1]:
+            break
+    return ' → '.join(pair)
 
 
 def choose(problem: Problem, trials: Sequence[Any]) -> Candidate | None:
@@ -317,15 +322,15 @@ def judge(problem: Problem, held: Sequence[Track], best: Candidate | None) -> Ve
     Examples
     --------
     >>> judge(Problem([]), [], best=None).kept
-    'no trial found a chain that detects slip'
+    'nothing that was tried finds slips'
     """
     running = problem.running or problem.given
     if best is None:
-        return Verdict(running, 'no trial found a chain that detects slip')
+        return Verdict(running, 'nothing that was tried finds slips')
     on_held = dataclasses.replace(problem, tracks=held, figures=None)
     before, after = (on_held.as_it_is(one) for one in (running, best.chain))
     if why := _why_not(on_held, after, before):
-        return Verdict(running, f'on the held-out recordings the best found is {why}', best.chain)
+        return Verdict(running, f'on what was held out, the best that was tried {why}', best.chain)
     return Verdict(
         best.chain, '', best.chain, ', '.join(worse_than(after.figures, before.figures))
     )
@@ -341,12 +346,12 @@ def _why_not(on_held: Problem, after: Candidate, before: Candidate) -> str:
         before, after = (on_held.as_it_is(one.chain) for one in (before, after))
     worse = worse_than(after.figures, before.figures)
     if on_held.config.trade and len(worse) == 1:
-        worse = worse_than(after.figures, before.figures, trade=True)
+        worse = worse_than(after.figures, before.figures, 'trade')
     missed, found = after.figures['missed'], after.figures['matched']
     if worse:
-        return f'worse: {", ".join(worse)}'
+        return f'is worse: {", ".join(worse)}'
     if not found:
-        return f'no better: it detects none of {missed} slips'
+        return f'finds none of {missed} slips'
     if not better_than_chance(after.figures):
-        return 'no better than chance'
-    return '' if worse_than(before.figures, after.figures) else 'no better'
+        return 'is no better than alarms at random'
+    return '' if worse_figures(before.figures, after.figures) else 'is no better'

@@ -183,4 +183,6 @@ def test_what_detects_none_of_the_held_out_slips_says_so_first(case, capsys):
     run(*words, '--out', folder / 'out.yaml', '--trials', 12)
     said = capsys.readouterr().out
     assert said.startswith('The result detects none of 4 slips that are held out\n')
-    assert 'The given parameters are kept: on the held-out recordings the best found is ' in said
+    assert (
+        'The given parameters are kept: on what was held out, the best that was tried is ' in said
+    )
