@@ -38,7 +38,7 @@ from slip_detector.recordings.rates import MOST_FACTOR, RATE_TOLERANCE, rates_di
 PIECE_ROWS = 8192
 
 #: The fields of rows that say what they are, where nothing does.
-UNLABELLED = {'truth': None, 'certain': None, 'accuracy_s': 0.0, 'kind': ''}
+UNLABELLED: dict[str, Any] = {'truth': None, 'certain': None}
 
 #: Longest error on a file.
 MOST_CHARACTERS = 1500
@@ -197,8 +197,8 @@ class Recording(ABC):
                 self.counts.bad_samples += int(np.count_nonzero(~good))
                 after_ns = rows.stamps_ns - first_ns
                 label = label_at(after_ns, labels.edges_ns, labels.accuracy_s) if labels else {}
-                rows = rows._replace(accuracy_s=self.accuracy_s, kind=self.kind, **label)
-                yield rows._replace(**UNLABELLED) if self.mistaken else rows
+                known = {'accuracy_s': self.accuracy_s, 'kind': self.kind, **label}
+                yield rows._replace(**(UNLABELLED if self.mistaken else known))
         damage, seconds = self.counts.damage, (last_ns - first_ns) * 1e-9
         if damage:
             self.counts.damage = f'{damage}: {n} samples up to {seconds:.3f} s are read'

@@ -191,27 +191,20 @@ class Teaching:
         return {'finger': finger.name, 'kind': recorder.kind, **state}
 
     def _listed(self, finger: str, folder: RecordedFolder) -> Mapping[str, Any]:
-        held_out, writing = folder.held_out(), self._recorder and self._recorder.path
+        writing = self._recorder and self._recorder.path
         noticed = self._run.lines if self._run and self._run.finger == finger else []
         doubts = dict(line.split(': ', 1) for line in noticed if NOTHING_CHANGES in line)
-
-        def notes(one: RecordingSummary) -> tuple[str, ...]:
-            return one.note, folder.off_rate(one.name), '' if one.mistaken else doubts.get(one.name, '')
-
-        recordings = [
-            {
-                **one._asdict(),
-                'kind': one.kind,
-                'usable': one.usable and not folder.off_rate(name),
-                'note': '; '.join(filter(None, notes(one))),
-            }
-            for name, one in folder.recordings.items()
-            if folder.folder / name != writing
-        ]
+        recordings = []
+        for name, one in folder.recordings.items():
+            if folder.folder / name != writing:
+                off_rate, doubt = folder.off_rate(name), doubts.get(name, '')
+                note = '; '.join(filter(None, (one.note, off_rate, doubt)))
+                its = {'kind': one.kind, 'usable': one.usable and not off_rate, 'note': note}
+                recordings.append({**one._asdict(), **its})
         return {
             'folder': str(folder.folder),
             'recordings': recordings,
-            'held_out': held_out,
+            'held_out': folder.held_out(),
             'obeys': self._detectors.order(finger),
             'interrupted': self._interrupted.get(finger, False),
         }
@@ -291,16 +284,17 @@ class Teaching:
 
     def _to_change(self, message: Message) -> tuple[RecordedFolder, object]:
         """Return the folder and the name of a recording, which no search reads now."""
+        folder, recording = self.folder_of(message.get('finger')), message.get('recording')
         if self._run is not None and self._run.running:
             raise ValueError('recordings are being tuned on, allowed: to change one afterwards')
-        return self.folder_of(message.get('finger')), message.get('recording')
+        if self._run is not None:  # What it noticed may be right no more.
+            lines = self._run.lines
+            self._run.lines = [one for one in lines if not one.startswith(f'{recording}: ')]
+        return folder, recording
 
     async def _delete(self, message: Message) -> None:
         folder, recording = self._to_change(message)
         folder.delete(recording)
-        if self._run is not None:  # Another one may get its name.
-            lines = self._run.lines
-            self._run.lines = [one for one in lines if not one.startswith(f'{recording}: ')]
         self.words = f'{recording} is deleted'
 
     async def _mark(self, message: Message) -> None:

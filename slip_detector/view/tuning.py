@@ -108,7 +108,7 @@ class TuneRun:
                 self.step, self.share, self.lines = said['step'], said['share'], said['lines']
                 if 'changes' in said:
                     self.kept, self.table = said['kept'], [(*row,) for row in said['table']]
-                    self.answer = said['answer']
+                    self.answer = said.get('answer', [])
                     found = {**self._config.to_parameters(), **said['changes']}
                     self.found = DetectorConfig.from_parameters(found)
             code = await asyncio.to_thread(process.wait)
