@@ -158,11 +158,8 @@ def mark_mistaken(recording: Path, mistaken: bool) -> None:
     True
     """
     file = recording.parent / labels_name(recording)
-    document = read_yaml(file) if os.path.lexists(file) else {}
-    document.pop(MISTAKEN, None)
-    if mistaken or document:
-        document |= {MISTAKEN: True} if mistaken else {}
-        labels_from(file, dict(document))
+    document = {**(read_yaml(file) if os.path.lexists(file) else {}), MISTAKEN: mistaken}
+    if mistaken or len(document) > 1:
         write_yaml(file, document, ['Changed by slip_view: whether the labels are a mistake.'])
     else:
         with file_errors_of(file, 'deleted'):

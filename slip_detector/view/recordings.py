@@ -40,6 +40,7 @@ from slip_detector.recordings import labels, open_recording
 from slip_detector.recordings.rates import rates_differ
 from slip_detector.recordings.writing import BagWriter
 from slip_detector.report.overview import MOST_CELLS, THRESHOLD_CODE, Overview
+from slip_detector.tuning.kinds import NOTHING_CHANGES
 from slip_detector.tuning.tracks import hold_out, track_of
 from slip_detector.view.detectors import Finger
 
@@ -101,6 +102,8 @@ class RecordedFolder:
         self.folder = folder
         #: The recordings by their names, within a kind in the order of recording.
         self.recordings: dict[str, RecordingSummary] = {}
+        #: Whether a search on them ended without a result before the page's server began.
+        self.interrupted = False
         #: Rate of the detector, and those of recordings by their stamps, as far as known.
         self.sample_rate_hz = math.nan
         self.rates_hz: dict[str, float] = {}
@@ -165,8 +168,13 @@ class RecordedFolder:
         """
         path = self.path_of(name)
         labels.mark_mistaken(path, mistaken)
-        exact_s = self.recordings[path.name].exact_s
-        self.recordings[path.name] = self._summary(path.name)._replace(exact_s=exact_s)
+        self.recordings[path.name] = self._summary(path.name)
+
+    def note_doubts(self, lines: Iterable[str]) -> None:
+        """Note at recordings that a search has found nothing to change at their labels."""
+        for name, _, doubt in (line.partition(': ') for line in lines):
+            if name in self.recordings and doubt.startswith(NOTHING_CHANGES):
+                self.recordings[name] = self.recordings[name]._replace(note=doubt)
 
     def trace(self, name: object, config: DetectorConfig) -> dict[str, Any]:
         """Return what a chain makes of a recording, see :func:`trace_of`; may raise a ValueError.
@@ -239,8 +247,7 @@ class RecordedFolder:
         except ValueError as error:
             return RecordingSummary(name, 0.0, 0, str(error))
         slips = len(track.slips) if recording.is_labelled else 0
-        unlabelled = name.startswith('slip_') and not (slips or recording.mistaken)
-        note = NO_SLIP if unlabelled else ''
+        note = NO_SLIP if name.startswith('slip_') and not (slips or recording.mistaken) else ''
         if recording.counts.damage:
             note = f'was not ended: {recording.counts.damage}'
         return RecordingSummary(name, track.duration_s, slips, note, (), recording.mistaken)

@@ -25,7 +25,6 @@ from typing import Any
 import numpy as np
 
 from slip_detector.recordings import labels
-from slip_detector.tuning.kinds import NOTHING_CHANGES
 from slip_detector.view.detectors import Finger
 from slip_detector.view.recordings import RecordedFolder, Recorder, RecordingSummary
 from slip_detector.view.server import MOST_NAME, Server
@@ -68,8 +67,6 @@ class Teaching:
         self.words = ''
         self._run: TuneRun | None = None
         self._tuning: asyncio.Task[None] | None = None
-        #: By finger, whether a search ended before its result, with an earlier server.
-        self._interrupted: dict[str, bool] = {}
         server.each_tick.append(self.tick)
         server.at_end.append(self.close)
         server.on_request('recordings', self._recordings, latest_only=True)
@@ -181,10 +178,9 @@ class Teaching:
         if recorder is None:
             return None
         finger, ending = recorder.finger, self._ends_ns is not None
-        of = f' of {finger.label}' if len(self._detectors.fingers) > 1 else ''
-        words = f'{recorder.path.name}{of}: {recorder.duration_s:.1f} s'
-        words += ', SLIP' if recorder.slipping else ''
-        words += ', the rest after it: hold still' if ending else ''
+        words = f'{recorder.path.name} of {finger.label}: {recorder.duration_s:.1f} s'
+        after = ', the rest after it: hold still' if ending else ''
+        words += ', SLIP' if recorder.slipping else after
         if time.monotonic() - finger.sample_s > SILENT_S:
             words += '. No samples come: nothing is recorded until they do'
         state = {'slipping': recorder.slipping, 'ending': ending, 'words': words}
@@ -192,13 +188,11 @@ class Teaching:
 
     def _listed(self, finger: str, folder: RecordedFolder) -> Mapping[str, Any]:
         writing = self._recorder and self._recorder.path
-        noticed = self._run.lines if self._run and self._run.finger == finger else []
-        doubts = dict(line.split(': ', 1) for line in noticed if NOTHING_CHANGES in line)
         recordings = []
         for name, one in folder.recordings.items():
             if folder.folder / name != writing:
-                off_rate, doubt = folder.off_rate(name), doubts.get(name, '')
-                note = '; '.join(filter(None, (one.note, off_rate, doubt)))
+                off_rate = folder.off_rate(name)
+                note = '; '.join(filter(None, (one.note, off_rate)))
                 its = {'kind': one.kind, 'usable': one.usable and not off_rate, 'note': note}
                 recordings.append({**one._asdict(), **its})
         return {
@@ -206,7 +200,7 @@ class Teaching:
             'recordings': recordings,
             'held_out': folder.held_out(),
             'obeys': self._detectors.order(finger),
-            'interrupted': self._interrupted.get(finger, False),
+            'interrupted': folder.interrupted,
         }
 
     def _free(self, name: object) -> Finger:
@@ -257,8 +251,7 @@ class Teaching:
         finger = self._detectors.finger_of(message.get('finger'))
         folder = self.folder_of(finger.name)
         await folder.refresh(self._server.work)
-        if self._run is None or self._run.finger != finger.name:
-            self._interrupted[finger.name] = was_interrupted(folder.folder, finger.config)
+        folder.interrupted = self._run is None and was_interrupted(folder.folder, finger.config)
 
     async def _trace(self, message: Message) -> dict[str, Any]:
         """Return what the detector as it is would decide in a recording."""
@@ -282,34 +275,27 @@ class Teaching:
         }
         acts.get(str(what), lambda: self.start(finger, what))()
 
-    def _to_change(self, message: Message) -> tuple[RecordedFolder, object]:
-        """Return the folder and the name of a recording, which no search reads now."""
-        folder, recording = self.folder_of(message.get('finger')), message.get('recording')
+    def _to_change(self, message: Message) -> RecordedFolder:
+        """Return the folder of a finger, which no search reads now."""
         if self._run is not None and self._run.running:
             raise ValueError('recordings are being tuned on, allowed: to change one afterwards')
-        if self._run is not None:  # What it noticed may be right no more.
-            lines = self._run.lines
-            self._run.lines = [one for one in lines if not one.startswith(f'{recording}: ')]
-        return folder, recording
+        return self.folder_of(message.get('finger'))
 
     async def _delete(self, message: Message) -> None:
-        folder, recording = self._to_change(message)
-        folder.delete(recording)
-        self.words = f'{recording} is deleted'
+        self._to_change(message).delete(message.get('recording'))
+        self.words = f'{message["recording"]} is deleted'
 
     async def _mark(self, message: Message) -> None:
-        folder, recording = self._to_change(message)
-        mistaken = message.get('mistaken') is True
-        await self._server.work(folder.mark, recording, mistaken)
-        is_now = 'is marked as a mistake: it counts nowhere' if mistaken else 'counts again'
-        self.words = f'{recording} {is_now}'
+        name, mistaken = message.get('recording'), message.get('mistaken') is True
+        await self._server.work(self._to_change(message).mark, name, mistaken)
+        self.words = f'{name} {"is marked as a mistake" if mistaken else "counts again"}'
 
     async def _tune(self, message: Message) -> None:
         name = message.get('finger')
         folder, finger = self.folder_of(name), self._detectors.finger_of(name)
         if self._run is not None and self._run.running:
             raise ValueError('tuning runs already, allowed: one at a time')
-        self.words, self._interrupted[finger.name] = '', False
+        self.words, folder.interrupted = '', False
         self._run = TuneRun(folder, finger.name, finger.config)
         self._tuning = asyncio.create_task(self._run.run())
 

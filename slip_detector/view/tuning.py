@@ -37,17 +37,15 @@ COMMAND = 'nice', '-n', '10', sys.executable, '-c', SLIP_TUNE, '--json'
 #: What a page shows of a run as it is.
 DESCRIBED = 'finger', 'running', 'step', 'share', 'lines', 'answer', 'table', 'kept'
 
-#: Of a search, in a folder beside the recordings: the parameters that ran, its result, its trials.
-FILES = 'running.yaml', 'tuned.yaml', 'tuned.yaml.study.journal'
-
 
 def was_interrupted(recorded: Path, config: DetectorConfig) -> bool:
     """Return whether a search for a detector ended without a result, so that it can go on."""
-    running, tuned, journal = (recorded / 'tuning' / name for name in FILES)
+    folder = recorded / 'tuning'
     try:
-        newest_ns = journal.stat().st_mtime_ns
-        done = tuned.exists() and tuned.stat().st_mtime_ns >= newest_ns
-        return not done and DetectorConfig.from_yaml(running) == config
+        # The trials are written before the result.
+        newest = max(folder.glob('tuned.yaml*'), key=lambda path: path.stat().st_mtime_ns)
+        running = DetectorConfig.from_yaml(folder / 'running.yaml')
+        return newest.suffix == '.journal' and running == config
     except (OSError, ValueError):  # There was none, or it cannot be read.
         return False
 
@@ -64,7 +62,8 @@ class TuneRun:
     """
 
     def __init__(self, recorded: RecordedFolder, finger: str, config: DetectorConfig) -> None:
-        self.finger, self._config, self._folder = finger, config, recorded.folder
+        self.finger, self._config, self._recorded = finger, config, recorded
+        self._folder = recorded.folder / 'tuning'
         self._process: subprocess.Popen[bytes] | None = None
         #: Whether it has not ended, and was stopped.
         self.running, self.stopping = True, False
@@ -83,9 +82,9 @@ class TuneRun:
     async def run(self) -> None:
         """Note what the command prints until it ends; an error is noted in ``failed``."""
         try:
-            given = writable_folder(self._folder / 'tuning') / FILES[0]
+            given = writable_folder(self._folder) / 'running.yaml'
             write_yaml(given, self._config.to_document(), ['Written by slip_view: what runs.'])
-            files = self._folder, '--config', given, '--out', given.with_name(FILES[1])
+            files = given.parents[1], '--config', given, '--out', given.with_name('tuned.yaml')
             # Ctrl-C in the terminal is for slip_view.
             with subprocess.Popen(
                 [*COMMAND, *map(str, files)], stdout=PIPE, stderr=STDOUT, start_new_session=True
@@ -106,6 +105,7 @@ class TuneRun:
                     continue
                 said = json.loads(line)
                 self.step, self.share, self.lines = said['step'], said['share'], said['lines']
+                self._recorded.note_doubts(self.lines)
                 if 'changes' in said:
                     self.kept, self.table = said['kept'], [(*row,) for row in said['table']]
                     self.answer = said.get('answer', [])

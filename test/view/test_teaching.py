@@ -138,9 +138,9 @@ def test_one_thing_is_recorded_at_a_time_and_another_finger_does_not_end_it(taug
     taught.teaching.press(FINGER)
     assert 'It has 0.4 s of rest before: wait' in taught.teaching.words
     asyncio.run(taught.teaching.folder_of(FINGER).refresh())
-    assert taught.teaching.recording()['silent'] == ''
+    assert 'slip_1 of index: ' in taught.teaching.recording()['words']
     monkeypatch.setattr(teaching_module, 'SILENT_S', -1.0)
-    assert 'no samples come' in taught.teaching.recording()['silent']
+    assert 'No samples come' in taught.teaching.recording()['words']
     with pytest.raises(ValueError, match=r'slip_1.* is being recorded'):
         taught.teaching.press('/thumb/slip_detector')
     with pytest.raises(ValueError, match=r'slip_1.* is being recorded'):
@@ -238,7 +238,7 @@ async def test_a_finger_is_watched_while_it_is_recorded_at_most_until_the_server
     taught.play(2.0)
     assert taught.detectors.watched == {FINGER}
     shown = taught.latest('recording')['recording']
-    assert (shown['name'], shown['seconds'], shown['slipping']) == ('rest_1', 2.0, False)
+    assert (shown['words'], shown['slipping']) == ('rest_1: 2.0 s', False)
     assert await taught.ask('teach', do='stop') == ''
     taught.play(0.1)
     assert taught.detectors.watched == set()

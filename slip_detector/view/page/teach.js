@@ -28,10 +28,7 @@ export class Teach extends Tool {
     this.traces = new Map();
     this.listen();
     connection.on('parameters', ({fingers}) => this.loadTraces(fingers[this.finger]?.changes[0]?.[0] ?? ''));
-    connection.on('teaching', (message) => {
-      this.latest = message;
-      this.show();
-    });
+    connection.on('teaching', (latest) => Object.assign(this, {latest}).show());
     connection.on('recording', ({recording}) => {
       // The server may have ended the slip itself, when the disk is full, for example.
       if (this.recording?.slipping && !recording?.slipping) this.drop();
@@ -148,12 +145,14 @@ export class Teach extends Tool {
     element('recordings').replaceChildren(...recordings.flatMap((one) => {
       const {name, duration_s: seconds, usable, mistaken, note} = one, disabled = this.locked;
       const act = (word, asks) => button(word, asks, {ariaLabel: `${word} ${name}`, disabled});
-      const length = `${seconds.toFixed(1)} s`, sure = () => confirm(`Delete ${name}, ${length}, for good?`);
+      const length = `${seconds.toFixed(1)} s`;
+      const sure = () => confirm(`Delete ${name}, ${length}? It cannot be brought back.`);
       const remove = act('Delete', () => sure() && ask('delete_recording', {recording: name}));
       const marks = () => ask('mark_recording', {recording: name, mistaken: !mistaken});
       const mark = act(mistaken ? 'Count again' : 'Mistake', marks);
       const use = heldOut.includes(name) ? 'held out' : usable ? 'tuning' : 'not used';
-      const row = tableRow([name, length, mistaken ? 'mistake' : use, build('span.buttons', mark, remove)]);
+      const buttons = build('span.buttons', mark, remove);
+      const row = tableRow([name, length, mistaken ? 'mistake' : use, buttons]);
       if (note) row.firstChild.append(build('p.notice', note));
       const trace = this.traces.get(name);
       trace?.allow(!disabled);
@@ -191,8 +190,7 @@ export class Teach extends Tool {
       : this.readOnly ? 'Pages may only look: slip_view was started with --read-only.' : 'Nothing is recorded now.');
   }
 
-  // Tuning on the recordings: progress and result. slips: the number of recordings with slips;
-  // interrupted: whether a search of before can go on.
+  // slips: the number of recordings with slips; interrupted: whether an earlier search can go on.
   showTuning(slips, interrupted) {
     const {tuning} = this.latest, locked = this.locked || !(this.finger in this.labels);
     const mine = tuning?.finger === this.finger ? tuning : null, runs = Boolean(tuning?.running);
