@@ -9,7 +9,7 @@ import {RecordingTrace} from './recording_trace.js';
 const PRESSED_MS = 200;
 
 // How much to record of each kind.
-const LONG = [[60, 's'], [2, 'recordings']], WANTED = {rest: LONG, slip: [[20, 'slips']], taps: LONG, press: LONG};
+const LONG = [[60, 's'], [2, 'times']], WANTED = {rest: LONG, slip: [[20, 'slips']], taps: LONG, press: LONG};
 const KIND_OF = {r: 'rest', t: 'taps', s: 'press'};
 const LEAST_SLIPS = 2;
 const NOT_BETTER = 'Nothing better was found';
@@ -126,11 +126,11 @@ export class Teach extends Tool {
       const some = recordings.filter((one) => one.kind === kind && one.usable);
       // Rounded down: what is nearly enough is not enough.
       const tenths = Math.floor(10 * some.reduce((sum, one) => sum + one.duration_s, 0));
-      const has = {s: (tenths / 10).toFixed(1), recordings: some.length, slips: some.length};
+      const has = {s: (tenths / 10).toFixed(1), times: some.length, slips: some.length};
       const missing = wanted.filter(([n, unit]) => has[unit] < n);
       const words = missing.map(([n, unit]) => `${has[unit]} of ${n}\u00a0${unit}`);
       const place = this.buttons[kind].querySelector('.progress-words');
-      write(place, words.join(', ') || `\u2713 ${wanted[0].join('\u00a0')}`);
+      write(place, words.join('\n') || `\u2713 ${wanted[0].join('\u00a0')}`);
       element(`advice-${kind}`).hidden = !missing.length;
     }
     this.showTuning(recordings.filter(({slips}) => slips).length, interrupted);
@@ -218,7 +218,7 @@ export class Teach extends Tool {
     if (mine?.running) return mine.step;
     if (tuning?.running) return 'another finger is being tuned';
     if (mine?.kept) return `${NOT_BETTER}: ${mine.kept}. The detector stays as it is.`;
-    if (mine?.answer.length) return mine.changes ? 'Done. Apply sets the running detector; Save, below, writes what it runs with.' : `${NOT_BETTER}: the detector is as good as it was.`;
+    if (mine?.answer.length) return mine.changes ? 'Done. Save, below, writes what runs after Apply.' : `${NOT_BETTER}: the detector is as good as it was.`;
     if (interrupted) return 'A search was interrupted: Go on uses what it has found so far.';
     return slips < LEAST_SLIPS ? 'Tuning needs two slips at least; twenty are good.' : '';
   }
