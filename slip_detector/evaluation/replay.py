@@ -107,7 +107,7 @@ class Replay:
             Rate of the recording, which turns rows into times; the chain's rate if not given.
         observer
             Receives all rows and gaps in their order, as the overview of a report does, by
-            ``add(volts, result, truth)`` and ``gap(seconds)``. The result has the level.
+            ``add(volts, result, truth)`` and ``gap(seconds)``. The result has envelope and level.
 
         Raises
         ------
@@ -204,7 +204,7 @@ class _Run:
             self._replay.filters.take_filters(self._chain)
         result = self._chain.update(
             volts,
-            envelope=self._watching,
+            envelope=self._watching or self._observer is not None,
             level=self._observer is not None,
             floor=self._watching and self._config.decision == 'evidence',
             votes=(self._config.vote,),

@@ -15,6 +15,7 @@
 
 """Publishes the samples of a recording that pages play."""
 
+import threading
 import time
 from pathlib import Path
 
@@ -34,19 +35,28 @@ def publish_bag(node: Node, server: Server, path: Path, config: Path, finger: st
     """Publish the samples of a recording when they are due, while a page or a program listens.
 
     ``config`` is the parameter file of the detector in the namespace ``finger``. May raise a
-    ValueError, see :class:`.PlayedBag`.
+    ValueError, see :class:`.PlayedBag`; what :meth:`.PlayedBag.read` raises ends the server.
     """
     detector, driver = DetectorConfig.from_yaml(config), DriverConfig.from_yaml(config)
     bag = PlayedBag(server, path, detector, driver, f'{finger}/slip_detector')
-    writer = JointStateWriter(driver.frame_id, bag.channel_names)
     voltages = node.create_publisher(JointState, f'{finger}/voltages', sensor_qos())
     slip_truth = node.create_publisher(Bool, f'{finger}/slip_truth', state_qos())
+    failures: list[Exception] = []
     truth = False
+
+    def read() -> None:
+        try:
+            bag.read()
+        except Exception as error:
+            failures.append(error)
 
     def publish() -> None:
         nonlocal truth
+        if failures:
+            raise failures[0]
         if voltages.get_subscription_count() <= 1:  # That of the detector.
             return
+        writer = JointStateWriter(driver.frame_id, bag.channel_names)
         for stamp_ns, volts, slips in bag.due(time.monotonic()):
             if slips != truth:
                 slip_truth.publish(Bool(data=bool(slips)))
@@ -54,3 +64,5 @@ def publish_bag(node: Node, server: Server, path: Path, config: Path, finger: st
             truth = slips
 
     server.each_tick.append(publish)
+    # The page answers meanwhile; reading does not hold up the end of this process.
+    threading.Thread(target=read, name='reading', daemon=True).start()

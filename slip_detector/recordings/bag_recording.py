@@ -162,6 +162,7 @@ class BagRecording(Recording):
             raise ValueError(f'has no samples on {self._topic.name}{self._found_damage}')
         self.channel_names = decoder.names or default_channel_names(decoder.channels)
         self._per_message = int(np.median(first.counts))
+        self.n_rows = self._storage.counts[self._topic.name] * self._per_message
         message_hz = rate_of(first.stamps_ns, f'the stamps on {self._topic.name}')
         self.sample_rate_hz = checked_rate(message_hz * self._per_message)
 

@@ -77,6 +77,8 @@ class BagStorage:
         One line for each part that cannot be read, is left out or contradicts another.
     doubts : list of str
         Why damage may go unseen, or a part may not be wanted; empty if there is no reason.
+    counts : Counter
+        Number of messages of each topic, by its name.
     custom_data : dict
         What the one who recorded has noted in ``metadata.yaml``, by key.
 
@@ -101,6 +103,7 @@ class BagStorage:
             if path.name in listed and len(listed) > 1:
                 what = f'one of the {len(listed)} files of a bag, read as a whole by its folder'
                 self.doubts.append(f'{path.name}: {what}')
+        self.counts = Counter[str]()
         self._files_read: list[BagFile] = []
         topics, n, times_ns = dict[str, Topic](), 0, list[int]()
         for path_of_one in files:
@@ -121,6 +124,7 @@ class BagStorage:
             if nameless := sum(counts[key] for key in counts.keys() - file.topics.keys()):
                 self.damage.append(f'{path_of_one.name} has {nameless} messages of no topic')
             topics |= {one.name: one for key, one in file.topics.items() if counts[key]}
+            self.counts.update({one.name: counts[key] for key, one in file.topics.items()})
             self._files_read.append(file)
             n += counts.total()
         if n_listed not in (None, n) and not self.damage:

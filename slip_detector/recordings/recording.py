@@ -130,7 +130,7 @@ class Recording(ABC):
     valid_range_v : tuple of float
         Values outside of it count as bad samples, as do NaN and infinity.
     n_rows : int or None
-        Number of rows; None: not known before all are read.
+        Number of rows, of a bag by its messages; None: not known before all are read.
     """
 
     path: Path

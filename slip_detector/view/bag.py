@@ -15,6 +15,7 @@
 
 """A recording that is played on the live page as if it were live, and labelled by hand."""
 
+import bisect
 import math
 import time
 from collections.abc import Iterator
@@ -23,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from slip_detector.chain.samples import Floats, Samples
+from slip_detector.chain.samples import Floats, Samples, Stamps
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.parameters import DetectorConfig, DriverConfig
 from slip_detector.parameters.fields import shown
@@ -43,8 +44,9 @@ STILL_S = 0.5
 #: another place. To the detector this is a long gap: it begins anew.
 JUMP_S = 1.0
 
-#: Bins of the trace: at most so many, and more than half of them, unless it is short.
-BINS = 16_000
+#: Bins of the trace: at most so many, and more than half of them, unless it is short. In half an
+#: hour one is shorter than an end that is set by eye may be off.
+BINS = 32_000
 
 Ends = list[tuple[float, float]]
 
@@ -52,10 +54,11 @@ Ends = list[tuple[float, float]]
 class PlayedBag:
     """A recording that pages play, stop and move, and whose labels they change.
 
-    The recording itself stays as it is. Each change of a label is written at once to the file of
-    labels beside it, which is made if there is none. Each end has an accuracy of its own: of one
-    given by a key the lateness of hands at the speed that was played, of one set on the trace
-    0.1 s, or a pixel if that is longer; the file has the largest.
+    :meth:`read` reads it; meanwhile what is read can be seen and played. The recording itself
+    stays as it is. Each change of a label is written at once to the file of labels beside it,
+    which is made if there is none. Each end has an accuracy of its own: of one given by a key the
+    lateness of hands at the speed that was played, of one set on the trace 0.1 s, or a pixel if
+    that is longer; the file has the largest.
 
     Parameters
     ----------
@@ -71,39 +74,31 @@ class PlayedBag:
     Raises
     ------
     ValueError
-        When the recording cannot be read, does not suit the detector or is too large; names it.
+        When its labels cannot be read; names the file.
     """
 
     def __init__(
         self, server: Server, path: Path, config: DetectorConfig, driver: DriverConfig, finger: str
     ) -> None:
         self._server, self.path, self._finger = server, path, finger
-        opened = RecordingLoader(config, driver).open(path, require_truth=False)
-        recording, self._pieces, n_bytes = opened.recording, list[Samples](), 0
-        for piece in opened.rows:
-            self._pieces.append(piece)
-            n_bytes += piece.volts.nbytes
-            recording.check_size(n_bytes, 'what is played')
-        self.channel_names = config.channel_names or recording.channel_names
-        self._rate_hz, self._kind = opened.sample_rate_hz, recording.kind
-        self._rows = rows = self._pieces[0].then(*self._pieces[1:])
-        self._after_ns = after_ns = rows.stamps_ns - rows.stamps_ns[0]
-        if (np.diff(after_ns) < 0).any():
-            raise ValueError(f'{path}: its clock was set back, allowed: stamps that rise')
-        self.duration_s = float(after_ns[-1] * 1e-9)
+        self._loader = RecordingLoader(config, driver)
         file = labels.find_labels(driver.recording_labels, path)
         self.file = file or path.parent / labels.labels_name(path)
-        if file is not None:
-            ends_s = labels.read_labels(file).edges_s
-        else:
-            changes = np.flatnonzero(np.diff(np.asarray(rows.truth), prepend=False, append=False))
-            ends_s = np.append(after_ns * 1e-9, self.duration_s)[changes].round(4)
+        # What is read: the rows in pieces, the number of the first row of each, and when each row
+        # comes after the first one. Whether that is all, and how long it may be.
+        self._pieces, self._firsts = list[Samples](), list[int]()
+        self._after_ns: Stamps = np.array([], np.int64)
+        self._whole, self._expected_s, self._rate_hz, self._kind = False, 0.0, math.nan, ''
+        self.channel_names: tuple[str, ...] = ()
         # The ends of all labels, in seconds from the first sample, and how exact each is; those
-        # before each change; and the number of changes of labels and detector.
-        self._ends = [(end_s, recording.accuracy_s) for end_s in ends_s.ravel().tolist()]
-        self._before: list[Ends] = []
-        self._unlabelled = self._ends if file is None else None
-        self._changes = 0
+        # before each change; and the number of changes of labels, detector and what is read.
+        self._unlabelled: Ends | None = []
+        self._ends, self._before = self._unlabelled, list[Ends]()
+        if file is not None:
+            kept = labels.read_labels(file)
+            self._ends = [(end_s, kept.accuracy_s) for end_s in kept.edges_s.ravel().tolist()]
+            self._unlabelled = None
+        self._changes, self._seen = 0, (0, False)
         self._config: DetectorConfig | None = None
         self.speed, self.playing = 1.0, True
         # The place, the next row, what its stamp has more, and the time of the last call.
@@ -111,8 +106,55 @@ class PlayedBag:
         server.each_tick.append(self.tick)
         server.on_request('bag_trace', self._trace, latest_only=True)
         server.on_request('bag_snap', self._snap, changes=True, latest_only=True)
-        for kind, answer in {'play': self._play, 'label': self._label, 'undo': self._undo}.items():
+        changes = {'play': self._play, 'label': self._label, 'undo_label': self._undo}
+        for kind, answer in changes.items():
             server.on_request(f'bag_{kind}', answer, changes=True)
+
+    def read(self) -> None:
+        """Read the recording, beside the server's loop.
+
+        Raises
+        ------
+        ValueError
+            When it cannot be read, does not suit the detector or is too large; names it.
+        """
+        opened = self._loader.open(self.path, require_truth=False)
+        recording, n_bytes = opened.recording, 0
+        self.channel_names = self._loader.chain_config.channel_names or recording.channel_names
+        self._kind, self._rate_hz = recording.kind, opened.sample_rate_hz
+        self._expected_s = (recording.n_rows or 0) / recording.sample_rate_hz
+        for piece in opened.rows:
+            n_bytes += piece.volts.nbytes
+            recording.check_size(n_bytes, 'what is played')
+            self._pieces.append(piece)
+            after_ns = piece.stamps_ns - self._pieces[0].stamps_ns[0]
+            if (np.diff(after_ns, prepend=self._after_ns[-1:]) < 0).any():
+                raise ValueError(f'{self.path}: its clock was set back, allowed: stamps that rise')
+            self._firsts.append(len(self._after_ns))
+            self._after_ns = np.append(self._after_ns, after_ns)
+        if self._unlabelled is not None:
+            truth = np.concatenate([piece.truth for piece in self._pieces])
+            changes = np.flatnonzero(np.diff(truth, prepend=False, append=False))
+            ends_s = np.append(self._after_ns * 1e-9, self.read_s)[changes].round(4)
+            self._ends = [(end_s, recording.accuracy_s) for end_s in ends_s.tolist()]
+            self._unlabelled = self._ends
+        self._whole = True
+
+    @property
+    def read_s(self) -> float:
+        """How much of it is read, in seconds."""
+        return float(self._after_ns[-1] * 1e-9) if len(self._after_ns) else 0.0
+
+    @property
+    def duration_s(self) -> float:
+        """How long it is; an estimate until all is read."""
+        return self.read_s if self._whole else max(self.read_s, self._expected_s)
+
+    @property
+    def reading(self) -> str:
+        """How far it is read, in words; empty when all is."""
+        of = f'reading {self.read_s / 60:.0f} of {self.duration_s / 60:.0f} min'
+        return '' if self._whole else of if self._pieces else 'opening'
 
     def tick(self) -> None:
         """Report to all pages what is played, and where it is."""
@@ -120,10 +162,16 @@ class PlayedBag:
         if finger is not None and finger.config != self._config:
             self._config = finger.config
             self._changes += 1
-        content = {'name': self.path.name, 'labels': str(self.file)}
-        state = {'at_s': round(self._at_s, 3), 'speed': self.speed, 'playing': self.playing}
-        changes = {'changes': self._changes, 'undoes': len(self._before)}
-        self._server.broadcast('bag', {**content, **state, **changes})
+        # While it is read, the trace is computed anew when four times as much is there.
+        seen = len(self._after_ns), self._whole
+        if seen[0] > 4 * self._seen[0] or seen[1] > self._seen[1]:
+            self._seen = seen
+            self._changes += 1
+        state: dict[str, Any] = {'name': self.path.name, 'labels': str(self.file)}
+        state |= {'at_s': round(self._at_s, 3), 'speed': self.speed, 'playing': self.playing}
+        state |= {'reading': self.reading, 'duration_s': self.duration_s}
+        state |= {'changes': self._changes, 'undoes': len(self._before)}
+        self._server.broadcast('bag', state)
 
     def due(self, now_s: float) -> Iterator[tuple[int, Floats, bool]]:
         """Return the samples that are due: stamp as if live, volts, and the label.
@@ -133,32 +181,43 @@ class PlayedBag:
         now_s
             The time of :func:`time.monotonic`.
         """
-        if not self.playing:
+        after_ns, whole = self._after_ns, self._whole
+        if not self.playing or not len(after_ns):
             return iter(())
         passed_s, self._now_s = now_s - self._now_s, now_s
         if passed_s > STILL_S:
             self.move(self._at_s)
             passed_s = 0.0
-        self._at_s = min(self._at_s + passed_s * self.speed, self.duration_s)
+        self._at_s = min(self._at_s + passed_s * self.speed, 1e-9 * float(after_ns[-1]))
         begin, self._next = self._next, self._row_at(self._at_s, 'right')
-        self.playing = self._next < len(self._after_ns)
-        due = self._rows.take(slice(begin, self._next))
-        stamps_ns = self._after_ns[begin : self._next] + self._later_ns
+        self.playing = not whole or self._next < len(after_ns)
+        due = self._rows(begin, self._next)
+        stamps_ns = after_ns[begin : self._next] + self._later_ns
         return zip(stamps_ns.tolist(), due.volts, self._label_of(due)['truth'], strict=True)
 
     def move(self, to_s: float) -> None:
         """Go on at another place, in seconds from the first sample."""
         last_ns = int(self._after_ns[max(self._next - 1, 0)]) + self._later_ns
-        self._at_s = min(to_s, self.duration_s)
+        self._at_s = min(to_s, self.read_s)
         self._next = self._row_at(self._at_s, 'left')
         to_ns = int(self._after_ns[self._next])
         self._later_ns = max(last_ns + round(JUMP_S * 1e9), time.time_ns()) - to_ns
 
     def trace(self, config: DetectorConfig) -> dict[str, Any]:
         """Return what a chain makes of the recording, see :func:`.trace_of`, and the labels."""
-        rows = (piece._replace(**self._label_of(piece)) for piece in self._pieces)
-        traced = trace_of(self.path.name, config, rows, self._rate_hz, BINS)
-        return {**traced, 'slip_s': _pairs(self._ends)}
+        # Meanwhile more may be read.
+        rows = [piece._replace(**self._label_of(piece)) for piece in self._pieces]
+        traced = trace_of(config, rows, self._rate_hz, BINS)
+        read_s = traced['duration_s']
+        times = {'read_s': read_s, 'duration_s': max(read_s, self.duration_s)}
+        return {**traced, **times, 'slip_s': _pairs(self._ends)}
+
+    def _rows(self, begin: int, stop: int) -> Samples:
+        """Return some rows of what is read."""
+        first = max(bisect.bisect_right(self._firsts, begin) - 1, 0)
+        pieces = self._pieces[first : max(bisect.bisect_left(self._firsts, stop), first + 1)]
+        offset = self._firsts[first]
+        return pieces[0].then(*pieces[1:]).take(slice(begin - offset, stop - offset))
 
     def _row_at(self, at_s: float, side: Any) -> int:
         return int(np.searchsorted(self._after_ns, round(at_s * 1e9), side))
@@ -166,11 +225,13 @@ class PlayedBag:
     def _label_of(self, rows: Samples) -> dict[str, Any]:
         """Return the present labels of rows, see :func:`.label_at`."""
         ends_ns = np.rint([1e9 * end_s for end_s, _ in self._ends]).astype(np.int64)
-        after_ns = rows.stamps_ns - self._rows.stamps_ns[0]
+        after_ns = rows.stamps_ns - self._pieces[0].stamps_ns[0]
         return labels.label_at(after_ns, ends_ns, _worst_s(self._ends))
 
     def _keep(self, ends: Ends) -> None:
         """Write other labels, and take them once they are written."""
+        if not self._whole:  # Those in the recording itself are not known yet.
+            raise ValueError(f'{self.path.name} is being read, allowed: labels when all is read')
         document: dict[str, Any] = {labels.KEY: _pairs(ends), labels.ACCURACY: _worst_s(ends)}
         if self._kind and not ends:
             document = {labels.KIND: self._kind}
@@ -214,8 +275,8 @@ class PlayedBag:
 
     async def _snap(self, message: Message) -> dict[str, Any]:
         """Move the ends to where the power of the signal changes, if that is found."""
-        before = self._ends
-        by_hand = self._rows, np.array(_pairs(before)), self._rate_hz, labels.BY_HAND_S
+        before, rows = self._ends, self._rows(0, len(self._after_ns))
+        by_hand = rows, np.array(_pairs(before)), self._rate_hz, labels.BY_HAND_S
         moved_s, found, said = await self._server.work(labels.snapped, *by_hand)
         if not before or before is not self._ends:  # A page has changed them meanwhile.
             return {}

@@ -29,7 +29,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from slip_detector.chain.samples import Samples
+from slip_detector.chain.filters import settling_rows
+from slip_detector.chain.samples import Bools, Floats, Samples
+from slip_detector.chain.slip_chain import SlipResult
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.matching import OnIntervals
@@ -51,8 +53,9 @@ _NAME = re.compile(rf'({"|".join(KINDS)})_([1-9][0-9]{{0,8}})')
 #: Note on a recording of kind ``slip`` that contains none.
 NO_SLIP = 'has no slip'
 
-#: Bins of a recording's trace: at most so many, and more than half of them, unless it is short.
-TRACE_BINS = 150
+#: Bins of a recording's trace: at most so many, and more than half of them, unless it is short;
+#: share of them that is below the level of rest.
+TRACE_BINS, REST_SHARE = 600, 0.05
 
 
 class RecordingSummary(NamedTuple):
@@ -182,7 +185,7 @@ class RecordedFolder:
         That is when no recording has this name, it cannot be read or is of other channels.
         """
         rows, rate_hz, _ = RecordingLoader(config).open(self.path_of(name), require_truth=False)
-        return trace_of(str(name), config, rows, rate_hz)
+        return trace_of(config, rows, rate_hz)
 
     def label(self, name: object, edges_s: object, by_s: float, *, snap: bool) -> dict[str, Any]:
         """Take the ends of a recording's labels as a page has moved them, in seconds.
@@ -254,27 +257,63 @@ class RecordedFolder:
 
 
 def trace_of(
-    name: str, config: ChainConfig, rows: Iterable[Samples], rate_hz: float, bins: int = TRACE_BINS
+    config: ChainConfig, rows: Iterable[Samples], rate_hz: float, bins: int = TRACE_BINS
 ) -> dict[str, Any]:
-    """Return what a chain makes of rows, for a small picture of them.
+    """Return what a chain makes of rows, for a picture of them.
 
     Returns
     -------
     dict
-        ``level`` from 0 to 2, 1 at the threshold, the mean of all channels in each bin; ``slip_s``
-        and ``on_s``, the intervals of label and decision; and figures.
+        For each bin ``loudest`` and ``median`` of all channels, the envelope in dB, 0 at 1 V, None
+        where no channel is valid, and ``level`` from 0 to 2, 1 at the threshold, the mean of all
+        channels; ``rest_db``, of which the median is rarely below; ``slip_s`` and ``on_s``, the
+        intervals of label and decision; and figures.
     """
-    overview = Overview(name, config, (), bins * config.channels / MOST_CELLS, rate_hz)
-    figures = figures_of_merit([overview.replay(Replay(config), rows)])
-    level = overview.codes.mean(axis=1) / THRESHOLD_CODE
+    signal = _Signal('', config, (), bins * config.channels / MOST_CELLS, rate_hz)
+    figures = figures_of_merit([signal.replay(Replay(config), rows)])
+    loudest_db, median_db = signal.curves_db()
+    known_db = median_db[np.isfinite(median_db)]
     return {
-        'duration_s': overview.rows / rate_hz,
-        'bin_s': overview.bin_rows / rate_hz,
-        'level': level.round(2).tolist(),
-        'slip_s': _seconds(overview.truth, rate_hz),
-        'on_s': _seconds(overview.slip, rate_hz),
+        'duration_s': signal.rows / rate_hz,
+        'bin_s': signal.bin_rows / rate_hz,
+        'loudest': _known(loudest_db),
+        'median': _known(median_db),
+        'rest_db': round(np.quantile(known_db, REST_SHARE), 1) if known_db.size else None,
+        'level': (signal.codes.mean(axis=1) / THRESHOLD_CODE).round(2).tolist(),
+        'slip_s': _seconds(signal.truth, rate_hz),
+        'on_s': _seconds(signal.slip, rate_hz),
         **{key: figures[key] for key in ('coverage', 'false_time_percent')},
     }
+
+
+class _Signal(Overview):
+    """An overview with the envelope in the place of the volts, once the chain has settled."""
+
+    _settled = 0
+
+    def add(self, volts: Floats, result: SlipResult, truth: Bools) -> None:
+        self._settled = self._settled or self.rows + settling_rows(self.config)
+        good = result.valid & (self.rows + np.arange(len(volts)) >= self._settled)[:, np.newaxis]
+        super().add(np.where(good, result.envelope, np.nan), result, truth)
+
+    def gap(self, seconds: float) -> None:
+        super().gap(seconds)
+        self._settled = 0
+
+    def curves_db(self) -> tuple[Floats, Floats]:
+        """Return the loudest and the median channel of each bin in dB; NaN without a signal."""
+        with np.errstate(divide='ignore'):
+            # The envelope is a power of the volts times the gain.
+            each_db = 20.0 / self.config.exponent * np.log10(self.high.astype(np.float64))
+        each_db -= 20.0 * np.log10(self.config.gain)
+        # What is no number comes last.
+        ordered = np.sort(np.where(np.isfinite(each_db), each_db, np.nan), axis=1)
+        n, every = np.isfinite(ordered).sum(axis=1), np.arange(len(ordered))
+        return ordered[every, n - 1], ordered[every, (n - 1) // 2]
+
+
+def _known(values: Floats) -> list[float | None]:
+    return [value if math.isfinite(value) else None for value in values.round(1).tolist()]
 
 
 def _seconds(intervals: OnIntervals, rate_hz: float) -> list[list[float]]:
