@@ -57,6 +57,7 @@ from slip_detector.commands.command_line import INTERRUPTED, Parser, run
 from slip_detector.evaluation import evaluator
 from slip_detector.evaluation.evaluator import EvaluatedRecording, RecordingLoader
 from slip_detector.recordings import recording_sets
+from slip_detector.report.answer import answer, worst
 from slip_detector.report.tables import evaluation_tables, labels_note
 
 NAME = 'slip_evaluate'
@@ -152,6 +153,12 @@ def as_report(sets: Mapping[str, Mapping[str, EvaluatedRecording]]) -> dict[str,
         },
         'all': evaluator.recording_figures([one for _, one in every]),
     }
+    named = {
+        f'{name}/{file}' if len(sets) > 1 else file: one
+        for name, whole in report['sets'].items()
+        for file, one in whole['recordings'].items()
+    }
+    report['answer'] = [*answer(report['all']), *worst(named)]
     for note in labels_note(f for f, one in every if not (one.labelled or one.mistaken)):
         report['note'] = note
     return report
@@ -224,6 +231,10 @@ def main(argv: Sequence[str] | None = None) -> int:
             write_evaluation_report(page, sets)
         if page or out:
             report['written'] = [str(path) for path in (page, out) if path]
-        return json.dumps(report, indent=2) if options.json else evaluation_tables(report)
+        return (
+            json.dumps(report, indent=2)
+            if options.json
+            else evaluation_tables(report, options.verbose)
+        )
 
     return run(NAME, work) or (INTERRUPTED if left else 0)

@@ -42,7 +42,8 @@ from slip_detector.parameters.files import read_yaml, write_yaml
 from slip_detector.parameters.sections import ALL, node_of, sections_of
 from slip_detector.recordings import with_subfolders
 from slip_detector.recordings.labels import KINDS
-from slip_detector.report.tables import compared, figure_text, heading, text_table
+from slip_detector.report.answer import answer, compared, rounded
+from slip_detector.report.tables import text_table
 from slip_detector.tuning.learning import learn_from_quiet
 from slip_detector.tuning.problem import Candidate, searched
 from slip_detector.tuning.tracks import Track, TrainingFiles
@@ -54,9 +55,6 @@ NAME = 'slip_tune'
 OF_SEARCH = ('recordings', 'held_out', 'report', 'storage', 'jobs', 'cluster', 'json', *KINDS)
 
 STOPPING = '\nstopping; results so far are kept (Ctrl-C again: end at once)\n'
-
-#: Figures of the best chain so far that are shown during a search.
-SHOWN = 'latency_median_all_ms', 'sooner_than_chance', 'false_time_percent'
 
 #: Number of lines on the progress of a search where no bar can be shown.
 LINES = 10
@@ -111,8 +109,8 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     return options
 
 
-def _reports(bar: Any, as_json: bool) -> dict[str, Callable[..., None]]:
-    """Return functions that show each step, what is noticed, and the trials so far."""
+def _reports(bar: Any, as_json: bool) -> tuple[dict[str, Any], dict[str, Callable[..., None]]]:
+    """Return what was said, and functions that say each step, what is noticed, and trials."""
     said: dict[str, Any] = {'step': 'reading the recordings', 'share': 0.0, 'lines': []}
 
     def say(lines: Sequence[str] = (), **changes: Any) -> None:
@@ -126,30 +124,31 @@ def _reports(bar: Any, as_json: bool) -> dict[str, Callable[..., None]]:
     def progress(count: int, trials: int, best: Candidate | None) -> None:
         bar.total = trials
         tenths = [int(LINES * share) for share in (said['share'], count / trials)]
-        words = f'{count} of {trials} trials, {in_short(best)}'
+        words = f'{count} of {trials} trials{in_short(best)}'
         bar.update(count - bar.n)
         say(step=words, share=count / trials)
         if bar.disable and not as_json and tenths[0] < tenths[1]:
             say([words])
 
     say()
-    return {'progress': progress, 'doubt': say, 'step': lambda words: say(step=words)}
+    return said, {'progress': progress, 'doubt': say, 'step': lambda words: say(step=words)}
 
 
 def in_short(found: Candidate | None) -> str:
-    """Return the figures of the best chain so far, if there is one, as a short text.
+    """Return in words what the best chain so far does, if there is one.
 
     Examples
     --------
     >>> from slip_detector.parameters import ChainConfig
-    >>> figures = {'latency_median_all_ms': 41.0, 'sooner_than_chance': 0.95}
-    >>> in_short(Candidate(ChainConfig(), cost_ms=91.0, figures=figures))[:60]
-    'result so far: costs 91.0 ms, latency median all [ms] 41.0, '
+    >>> figures = {'matched': 5, 'missed': 1, 'false_time_percent': 0.31}
+    >>> in_short(Candidate(ChainConfig(), cost_ms=91.0, figures=figures))
+    ', so far finds 5 of 6 slips, ON without slip 0.3 %'
     """
     if found is None:
-        return 'no result yet'
-    figures = [f'{heading(name)} {figure_text(name, found.figures)}' for name in SHOWN]
-    return f'result so far: costs {found.cost_ms:.1f} ms, {", ".join(figures)}'
+        return ''
+    matched, missed = found.figures['matched'], found.figures['missed']
+    percent = rounded(found.figures['false_time_percent'])
+    return f', so far finds {matched} of {matched + missed} slips, ON without slip {percent} %'
 
 
 def _names_of(tracks: Sequence[Track]) -> str:
@@ -162,8 +161,8 @@ def _names_of(tracks: Sequence[Track]) -> str:
 
 def _search(
     options: argparse.Namespace, parameters: TuningParameters, where: str, stop: Callable[[], bool]
-) -> tuple[dict[str, Any], list[str], Callable[[Path], None]]:
-    """Search; return the result, lines about it, and a function that writes the report."""
+) -> tuple[dict[str, Any], list[str], list[str], Callable[[Path], None]]:
+    """Search; return the result, lines on it, news among them, and what writes the report."""
     for name in ('recordings', 'held_out', *KINDS):
         setattr(options, name, with_subfolders(getattr(options, name)))
     workers.make_paths_whole(options, 'recordings', 'held_out', *KINDS)
@@ -174,7 +173,8 @@ def _search(
         workers.processes(options.jobs, options.cluster) as calls,
         workers.progress_bar(options.trials, 'trial') as bar,
     ):
-        more: Any = {**_reports(bar, options.json), 'stop': stop, 'calls': calls}
+        noted, shows = _reports(bar, options.json)
+        more: Any = {**shows, 'stop': stop, 'calls': calls}
         result = tune(files, parameters, options.trials, seed=options.seed, storage=where, **more)
     # It takes a while to load.
     from slip_detector.report.page import replay_variant, write_page
@@ -186,27 +186,29 @@ def _search(
         replay_variant(name, Replay(chain, problem.evaluation), parts)
         for name, chain in (('given', given), ('not taken' if verdict.kept else 'tuned', found))
     ]
+    figures = [one.figures['all held out'] for one in variants]
+    answers = answer(figures[1], figures[0])
+    if verdict.kept:
+        answers[0] = f'The given parameters stay. {answer(figures[0])[0]}'
+        answers.insert(0, f'Nothing better was found: {verdict.kept}.')
     lines = [
-        f'{study.follow()} trials, {len(study.trials)} of them gave a chain, seed {options.seed}',
+        f'{study.follow()} trials, {len(study.trials)} of them usable, seed {options.seed}',
         f'Tuned on: {_names_of(problem.tracks)}',
         f'Held out, and not tuned on: {_names_of(held)}',
         *notes,
     ]
-    if verdict.kept:
-        lines.append(f'The given parameters are kept: {verdict.kept}')
-    if not variants[0 if verdict.kept else 1].figures['all held out']['recall']:
-        slips = sum(len(track.slips) for track in held)
-        lines.insert(0, f'The result detects none of {slips} slips that are held out')
-    rows = compared(*(one.figures['all held out'] for one in variants))
+    rows = compared(*figures)
     table = text_table([['', *(one.name for one in variants)], *rows], '<>><').splitlines()
     before, after = given.to_parameters(), found.to_parameters()
     changes = {name: value for name, value in after.items() if value != before.get(name)}
     said = {
-        'step': '', 'share': 1.0, 'lines': notes, 'kept': verdict.kept,
+        'step': '', 'share': 1.0, 'lines': notes, 'answer': answers, 'kept': verdict.kept,
         'changes': {**searched(found), **changes}, 'table': rows,
     }  # fmt: skip
     page = 'Tuning of the slip detector', variants, lines
-    return said, [*lines, 'On what was held out:', *table], lambda path: write_page(path, *page)
+    news = [note for note in notes if note not in noted['lines']]
+    lines = [*lines, 'On what was held out:', *table]
+    return said, lines, news, lambda path: write_page(path, *page)
 
 
 def with_parameters(given: str | Path | None, changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -275,13 +277,15 @@ def main(argv: Sequence[str] | None = None) -> int:
         of, rate = (parameters.chain, parameters.loader), options.false_alarms_per_hour
         with interrupts_noted(STOPPING) as stop:
             if options.quiet is not None:
-                changes, lines = learn_from_quiet(options.quiet, *of, rate)
+                changes, found = learn_from_quiet(options.quiet, *of, rate)
+                result, lines, news = dict[str, Any](answer=found), list[str](), list[str]()
             else:
-                result, lines, write_report = _search(options, parameters, where, stop)
+                result, lines, news, write_report = _search(options, parameters, where, stop)
                 changes = {} if result['kept'] else result['changes']
             now = datetime.datetime.now(datetime.timezone.utc)
             command = shlex.join([NAME, *(sys.argv[1:] if argv is None else argv)])
-            comments = [f'Written by {NAME} on {now:%Y-%m-%d %H:%M} UTC:', f'  {command}', *lines]
+            comments = [f'Written by {NAME} on {now:%Y-%m-%d %H:%M} UTC:', f'  {command}']
+            comments += [*result['answer'], *lines]
             write_yaml(options.out, with_parameters(options.config, changes), comments)
             if options.report is not None:
                 try:
@@ -290,6 +294,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                     raise ValueError(f'{error}; {options.out} is written') from None
         if options.json:
             return json.dumps({**result, 'written': [*map(str, paths)]})
-        return '\n'.join([*lines, f'Written: {", ".join(map(str, paths))}'])
+        shown = lines if options.verbose else news
+        return '\n'.join([*shown, *result['answer'], f'Written: {", ".join(map(str, paths))}'])
 
     return run(NAME, work)

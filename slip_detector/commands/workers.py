@@ -87,6 +87,7 @@ def add_options(parser: argparse.ArgumentParser, work: str, recordings: str = '*
         '--report', type=Path, metavar='FILE.html',
         help='write an HTML page with timelines that can be zoomed, latencies and ROC curve',
     )  # fmt: skip
+    parser.add_argument('--verbose', action='store_true', help='print all figures')
     where = parser.add_mutually_exclusive_group()
     where.add_argument(
         '--jobs', type=whole_number(1), metavar='N', help=f'processes that {work} (default: 1)'

@@ -136,11 +136,20 @@ class ScoreCounts(NamedTuple):
         Returns
         -------
         dict
-            ``auc_all``, and ``auc_<kind>`` for each of :data:`WITHOUT_SLIP`; None where one is not
-            defined.
+            ``auc_all``, and ``auc_<kind>`` for each of :data:`WITHOUT_SLIP`; and ``auc``: the mean
+            of that against rest, in motion where that is known, and of the mean of those against
+            the other kinds of recordings. None where one is not defined.
         """
-        against = {f'auc_{name}': self.auc([kind]) for kind, name in enumerate(WITHOUT_SLIP)}
-        return {'auc_all': self.auc(), **against}
+        against = {name: self.auc([kind]) for kind, name in enumerate(WITHOUT_SLIP)}
+        rest = against['rest'] if against['moving'] is None else against['moving']
+        others = [against[name] for name in KINDS if name != 'rest']
+        parts = [[one for one in part if one is not None] for part in ([rest], others)]
+        means = [np.mean(part) for part in parts if part]
+        return {
+            'auc': float(np.mean(means)) if means else None,
+            'auc_all': self.auc(),
+            **{f'auc_{name}': area for name, area in against.items()},
+        }
 
     def roc(self, against: Iterable[int] = range(SLIP)) -> tuple[Floats, Floats, Floats]:
         """Return the ROC curve of slip against rows of other kinds.

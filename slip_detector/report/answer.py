@@ -19,22 +19,26 @@ from typing import Any
 
 from slip_detector.evaluation.chance import HALF
 from slip_detector.evaluation.figures import ALREADY_ON
-from slip_detector.tuning.problem import ON_IN, better_than_chance, mean_area
-from slip_detector.tuning.verdict import worse_than
+from slip_detector.recordings.labels import KINDS
+from slip_detector.report.tables import figure_text, heading, main_figures
+from slip_detector.tuning.problem import better_than_chance, worse_figures
 
 Figures = Mapping[str, Any]
 
-#: The shares of time ON without slip, and where that is.
-WHERE = {
-    'false_time_percent': 'without slip',
-    **{f'{kind}_on_percent': words.removeprefix('in ') for kind, words in ON_IN.items()},
-}
+#: Title of a figure, the figure before and after, and 'better', 'worse' or ''.
+Row = tuple[str, str, str, str]
+
+#: The shares of time ON without slip.
+ON_PERCENT = ('false_time_percent', *(f'{kind}_on_percent' for kind in KINDS))
+
+#: From this share of slips missed, or of time ON without slip, a recording is called the worst.
+BAD = 0.01
 
 
 def answer(after: Figures, before: Figures | None = None) -> list[str]:
     """Return in sentences how good figures are, and what got worse.
 
-    What finds slips no better than alarms at random would is not called good.
+    What finds slips no better than guessing, which is alarms at random, is not called good.
 
     Parameters
     ----------
@@ -47,7 +51,7 @@ def answer(after: Figures, before: Figures | None = None) -> list[str]:
     Returns
     -------
     list of str
-        What holds; and where something got worse, as :func:`.verdict.worse_than` compares, what.
+        What holds; and where something got worse, as :func:`compared` says, what.
 
     Examples
     --------
@@ -56,7 +60,7 @@ def answer(after: Figures, before: Figures | None = None) -> list[str]:
     ['No slips to find.']
     """
     if after['slips'] is None:
-        often, percent = after['onsets'], _rounded(after['on_percent'] or 0.0)
+        often, percent = after['onsets'], rounded(after['on_percent'] or 0.0)
         text = (
             f'Turns ON {often} time{"" if often == 1 else "s"}, and is ON {percent} % of the time'
         )
@@ -69,10 +73,19 @@ def answer(after: Figures, before: Figures | None = None) -> list[str]:
     alarms = after['false_alarms_per_minute']
     # What is mostly ON has few alarms.
     if alarms is not None and (alarms >= 0.5 or not before) and after['false_time_percent'] < 50.0:
-        said.append(f'False alarms: {_rounded(alarms)} a minute')
-    now, was = ({**one, 'auc': mean_area(one)} for one in (after, before or after))
-    worse = ', '.join(worse_than(now, was))
-    return [f'{". ".join(filter(None, said))}.', *([f'Worse: {worse}.'] if worse else [])]
+        said.append(f'False alarms: {rounded(alarms)} a minute')
+    sentences = [f'{". ".join(filter(None, said))}.']
+    if worse := [
+        _changed(*row[:3]) for row in compared(before or after, after) if row[3] == 'worse'
+    ]:
+        sentences.append(f'Worse: {", ".join(worse)}.')
+    return sentences
+
+
+def _changed(title: str, was: str, now: str) -> str:
+    """Return a row of a comparison in words."""
+    words, _, unit = title.rstrip(']').partition(' [')
+    return f'{words} {was} → {now} {unit}'.rstrip()
 
 
 def worst(recordings: Mapping[str, Figures]) -> list[str]:
@@ -90,24 +103,36 @@ def worst(recordings: Mapping[str, Figures]) -> list[str]:
 
     known = {name: badness(one) for name, one in recordings.items() if one['slips'] is not None}
     name = max(known, key=lambda one: known[one], default='')
-    if len(recordings) < 2 or not known[name]:
-        return []
-    return [f'Worst: {name}: {answer(recordings[name])[0]}']
+    bad = len(recordings) > 1 and known.get(name, 0.0) >= BAD
+    return [f'Worst: {name}. {answer(recordings[name])[0]}'] if bad else []
+
+
+def rounded(value: float | None) -> str:
+    """Return a number as people say it; empty where it is not known.
+
+    Examples
+    --------
+    >>> rounded(18.7), rounded(0.034)
+    ('19', '0.03')
+    """
+    if value is None:
+        return ''
+    return f'{value:.0f}' if value >= 1.0 or not value else f'{value:.1g}'
 
 
 def _found(after: Figures, before: Figures | None) -> str:
-    """Return how many slips are found, and how soon, and whether alarms at random do as well."""
+    """Return how many slips are found, and how soon, and whether guessing does as well."""
     matched, scored = after['matched'], after['matched'] + after['missed']
     if not scored:
         return 'No slips to find'
     text = f'Finds {matched or "none"} of {scored} slip{"" if scored == 1 else "s"}'
     if before and before['matched'] != matched:
         by_chance = before['matched'] and not better_than_chance(before)
-        text += f' (before: {before["matched"] or "none"}{" by chance" if by_chance else ""})'
+        text += f' (before: {before["matched"] or "none"}{" by guessing" if by_chance else ""})'
     if matched and not better_than_chance(after):
-        return f'{text}, no better than alarms at random'
+        return f'{text}, no better than guessing'
     if matched and after['sooner_than_chance'] < HALF:
-        text += f', alarms at random some {after["recall_by_chance"] * scored:.0f}'
+        text += f', guessing would find some {after["recall_by_chance"] * scored:.0f}'
     delay, its_delay = _delay(after), _delay(before or after)
     if delay and its_delay not in ('', delay):
         delay += f' (before: {its_delay.removesuffix(" after they begin")})'
@@ -130,21 +155,43 @@ def _delay(figures: Figures) -> str:
 
 def _on_without_slip(after: Figures, before: Figures) -> str:
     """Return how much of the time without slip, and of each kind of recordings, is ON."""
-    _, *kinds = known = [name for name in WHERE if after[name] is not None] or ['']
+    _, *kinds = known = [name for name in ON_PERCENT if after[name] is not None] or ['']
     # All time without slip is ON more than each kind only where it is ON between the slips.
     if 'rest_on_percent' in kinds and after[known[0]] <= max(after[name] for name in kinds):
         known = kinds
     texts = []
     for name in filter(None, known):
-        was, now = (_rounded(one.get(name)) for one in (before, after))
+        where = heading(name).removeprefix('ON ').removeprefix('in ').removesuffix(' [%]')
+        was, now = (rounded(one.get(name)) for one in (before, after))
         changed = was not in ('', now)
-        texts.append(f'{WHERE[name]} ' + (f'{was} % → {now}' if changed else now))
-        texts[-1] += '' if changed and now == '0' else ' %'
+        percent = '' if changed and now == '0' else ' %'
+        texts.append(f'{where} {was} % → {now}{percent}' if changed else f'{where} {now} %')
     return f'ON {", ".join(texts)}' if texts else ''
 
 
-def _rounded(value: float | None) -> str:
-    """Return a number as people say it; empty where it is not known."""
-    if value is None:
-        return ''
-    return f'{value:.0f}' if value >= 1.0 or not value else f'{value:.1g}'
+def compared(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[Row]:
+    """Return two sets of figures side by side, each with its title and 'better' or 'worse'.
+
+    What is the same, or not known, in both is left out. What a search compares is better or worse
+    as it decides, see :func:`.problem.worse_figures`; the other figures are neither.
+
+    Parameters
+    ----------
+    before, after
+        Figures as :func:`slip_detector.evaluation.figures.figures_of_merit` returns them.
+
+    Examples
+    --------
+    >>> from slip_detector.evaluation.figures import figures_of_merit
+    >>> before = {**figures_of_merit([]), 'sooner_than_chance': 0.7, 'recall': 0.8}
+    >>> compared(before, {**before, 'recall': 0.95})
+    [('recall', '0.800', '0.950', 'better')]
+    """
+    worse, better = worse_figures(after, before), worse_figures(before, after)
+    rows = []
+    for name in main_figures([before, after]):
+        was, now = figure_text(name, before), figure_text(name, after)
+        if was != now:
+            change = 'worse' if name in worse else 'better' if name in better else ''
+            rows.append((heading(name), was, now, change))
+    return rows

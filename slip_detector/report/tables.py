@@ -30,6 +30,10 @@ UNITS = {'ms': 'ms', 'mm': 'mm', 's': 's', 'percent': '%', 'hz': 'Hz', 'v': 'V'}
 #: Headings of the figures whose names alone say too little.
 HEADINGS = {
     'matched': 'detected',
+    'recall': 'share found',
+    'recall_by_chance': 'found by guessing',
+    'precision_by_chance': 'precision by guessing',
+    'sooner_than_chance': 'better than guessing',
     'settling_slips': 'while settling',
     'settling_alarms': 'while settling',
     'on_s': 'ON [s]',
@@ -38,7 +42,13 @@ HEADINGS = {
     'false_time_s_per_hour': 'ON [s an hour]',
     'force_percent': 'mean grip [% of the limit]',
     'gaps': 'gaps bridged',
-    **{f'{kind}_on_percent': f'{kind} ON [%]' for kind in KINDS},
+    'auc': 'how far slips stand out',
+    'coverage': 'ON during slips',
+    'rest_on_percent': 'ON at rest [%]',
+    'taps_on_percent': 'ON in taps [%]',
+    'press_on_percent': 'ON in presses [%]',
+    'roll_on_percent': 'ON in rolls [%]',
+    'idle_on_percent': 'ON idle [%]',
 }
 
 #: The figures in each table of an evaluation, by its title; the first is titled by the set's name.
@@ -71,23 +81,20 @@ TABLES: dict[str, Sequence[str]] = {
     'faults': ('bad_samples', 'gaps', 'bridged_rows', 'long_gaps', 'dropped'),
 }  # fmt: skip
 
-#: The tables that are left out where all their figures are 0 or not defined.
-OPTIONAL = tuple(TABLES)[-4:]
+#: The tables that are shown without ``--verbose``; decisions only of recordings without labels.
+SHOWN = ('slips', 'latency', 'rest', 'missed slips, lost at', 'faults')
+
+#: Texts of figures that say nothing: rows and columns that have no other are left out.
+EMPTY = {UNDEFINED, '0', '0.0'}
 
 LEGEND = f'{UNDEFINED}: not defined (no labels, no such rows or events, or no record of motion)'
-
-#: Title of a figure, the figure before and after, and 'better', 'worse' or ''.
-Row = tuple[str, str, str, str]
-
-#: Figures of which larger is better; of all others, smaller is better.
-LARGER_IS_BETTER = ('recall', 'coverage', 'sooner_than_chance', 'precision')
 
 #: The figures by which chains are compared, where they are defined.
 MAIN_FIGURES = (
     'slips', 'settling_slips', 'missed', 'late', 'recall', 'coverage', 'sooner_than_chance',
     'precision',
     'false_alarms', 'false_alarms_per_minute', 'false_time_percent', 'latency_median_all_ms',
-    'latency_median_ms', 'latency_p90_ms', 'latency_worst_ms', 'auc_all', 'auc_moving',
+    'latency_median_ms', 'latency_p90_ms', 'latency_worst_ms', 'auc', 'auc_all', 'auc_moving',
     'auc_rest', *TABLES['kinds'], *TABLES['decisions'],
 )  # fmt: skip
 
@@ -178,43 +185,52 @@ def heading(name: str) -> str:
     return ' '.join(words) + unit
 
 
-def evaluation_tables(report: Mapping[str, Any]) -> str:
-    """Return a report of ``slip_evaluate`` as tables; the last line of each is the whole set.
+def evaluation_tables(report: Mapping[str, Any], verbose: bool = False) -> str:
+    """Return a report of ``slip_evaluate`` as text: its answer, tables, and lines about it.
 
     Parameters
     ----------
     report
         As :func:`slip_detector.commands.evaluate.as_report` returns it.
+    verbose
+        Whether all tables are shown; else the most important ones.
 
     Examples
     --------
     >>> from slip_detector.evaluation.evaluator import recording_figures
     >>> figures = recording_figures([])
-    >>> report = {'sets': {'trials': {**figures, 'recordings': {}}}, 'all': figures}
-    >>> evaluation_tables(report).splitlines()[1].split()
-    ['all', 'rows', '0', '0', '-', '0', '-', '-', '-']
+    >>> print(evaluation_tables({'answer': ['No slips.'], 'sets': {}, 'all': figures}))
+    No slips.
     """
-    blocks, notes = [], []
-    for name, whole in report['sets'].items():
-        recordings = whole['recordings']
-        blocks += _tables(name, {**recordings, 'all rows': whole})
-        if not any(whole[figure] for figure in TABLES['faults']):
-            notes.append(f'{name}: no bad samples, no gaps, no rows dropped')
-        for file, one in recordings.items():
-            faults = one['lost'], one['doubts'], *one['warnings']
-            notes += recording_notes(file, faults, one['invalid_percent'])
+    rows, names_of, notes = {}, dict[str, list[str]](), list[str]()
+    several = len(report['sets']) > 1
+    for folder, whole in report['sets'].items():
+        for file, one in whole['recordings'].items():
+            name = f'{folder}/{file}' if several else file
+            rows[name] = one
+            its = one['lost'], one['doubts'], *one['warnings']
+            for line in recording_notes('', its, one['invalid_percent']):
+                names_of.setdefault(line, []).append(name)
             if not one['labelled']:
                 on_s = [f'{start:.3f} to {end:.3f}' for start, end in one['on_intervals_s']]
-                when = f'ON from {name_list(on_s, 12)} s' if on_s else 'never ON'
-                notes.append(f'{file}: {when}')
-    if len(report['sets']) > 1:
-        blocks += _tables('all sets', {**report['sets'], 'all rows': report['all']})
+                notes.append(
+                    f'{name}: ON from {name_list(on_s, 12)} s' if on_s else f'{name}: never ON'
+                )
+    # Several have the same fault often.
+    faults = [f'{name_list(names, 3)}{line}' for line, names in names_of.items()]
+    sums = {f'all of {name}': one for name, one in report['sets'].items() if several}
+    without_labels = ('decisions',) if report['all']['slips'] is None else ()
+    titles = TABLES if verbose else (*SHOWN, *without_labels)
+    blocks = _tables({**rows, **sums, 'all recordings': report['all']}, titles)
     if any(cell == UNDEFINED for block in blocks for row in block for cell in row):
         notes.append(LEGEND)
     notes += [report['note']] if 'note' in report else []
     ends = {'not_evaluated': 'Stopped early, not evaluated', 'written': 'Written'}
     notes += [f'{what}: {", ".join(report[key])}' for key, what in ends.items() if key in report]
-    return '\n\n'.join([*(text_table(block, indent=0) for block in blocks), '\n'.join(notes)])
+    tables = (text_table(block, indent=0) for block in blocks)
+    return '\n\n'.join(
+        filter(None, ['\n'.join([*report['answer'], *faults]), *tables, '\n'.join(notes)])
+    )
 
 
 def recording_notes(name: str, faults: Iterable[str], invalid: Mapping[str, float]) -> list[str]:
@@ -244,22 +260,26 @@ def labels_note(names: Iterable[str]) -> list[str]:
     return [line] if several else []
 
 
-def _tables(name: str, rows: Mapping[str, Mapping[str, Any]]) -> list[list[list[str]]]:
-    """Return the cells of each table, with its last row for all; the first columns align."""
-    width = max(map(len, [name, *rows, *TABLES]))
-    *_, whole = rows.values()
+def _tables(rows: Mapping[str, Mapping[str, Any]], titles: Iterable[str]) -> list[list[list[str]]]:
+    """Return the cells of each table that says something; the first columns align."""
+    width = max(map(len, [*rows, *TABLES]))
     tables = []
-    for title, every in TABLES.items():
-        # Without labels there are no scores.
-        may_lack = title == 'kinds' or whole['slips'] is None
-        figures = [one for one in every if not may_lack or whole.get(one) is not None]
-        if not figures or (title in OPTIONAL and not any(whole[figure] for figure in figures)):
+    for title in titles:
+        cells = {
+            name: [figure_text(one, of) for one in TABLES[title]] for name, of in rows.items()
+        }
+        said = [[text not in EMPTY for text in row] for row in cells.values()]
+        columns = [k for k, column in enumerate(zip(*said, strict=True)) if any(column)]
+        if not columns:
             continue
-        heads = (heading(figure).removeprefix(f'{title} ') for figure in figures)
-        tables.append([[(title or name).ljust(width), *heads]])
-        for row, values in rows.items():
-            cells = [figure_text(figure, values) for figure in figures]
-            tables[-1].append([row.ljust(width), *cells])
+        heads = [heading(TABLES[title][k]).removeprefix(f'{title} ') for k in columns]
+        tables.append([[title.ljust(width), *heads]])
+        above = heads
+        for (name, row), says in zip(cells.items(), said, strict=True):
+            # A sum of one recording only repeats it.
+            if any(says) and not (name.startswith('all ') and row == above):
+                tables[-1].append([name.ljust(width), *(row[k] for k in columns)])
+                above = row
     return tables
 
 
@@ -273,37 +293,6 @@ def main_figures(several: Iterable[Mapping[str, Any]]) -> list[str]:
     """
     several = list(several)
     return [name for name in MAIN_FIGURES if any(one.get(name) is not None for one in several)]
-
-
-def compared(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[Row]:
-    """Return two sets of figures side by side, each with its title and 'better' or 'worse'.
-
-    Of what finds no slip nothing is better; and the latency of the slips found is neither where
-    more of them are missed, as it falls where late ones are.
-
-    Parameters
-    ----------
-    before, after
-        Figures as :func:`slip_detector.evaluation.figures.figures_of_merit` returns them.
-
-    Examples
-    --------
-    >>> compared({'recall': 0.8}, {'recall': 0.95})
-    [('recall', '0.800', '0.950', 'better')]
-    """
-    rows, recalls = [], [one.get('recall') or 0.0 for one in (before, after)]
-    for name in main_figures([before, after]):
-        was, now, change = before[name], after[name], ''
-        known = was is not None and now is not None and was != now and 'slips' not in name
-        # A negative latency, ON before the slip, is neither better nor worse.
-        if known and not (name.startswith('latency') and min(was, now) < 0.0):
-            larger = name in LARGER_IS_BETTER or name.startswith('auc')
-            change = 'better' if (now > was) == larger else 'worse'
-        of_found = name.startswith('latency') and '_all' not in name
-        if change == 'better' and (not recalls[1] or (of_found and recalls[1] < recalls[0])):
-            change = ''
-        rows.append((heading(name), figure_text(name, before), figure_text(name, after), change))
-    return rows
 
 
 def demo_table(result: Mapping[str, Any]) -> str:

@@ -19,7 +19,7 @@ import functools
 import importlib.util
 import math
 import pickle
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -90,8 +90,8 @@ class Verdict(NamedTuple):
         Why the running chain is kept; empty where it is not.
     tried : ChainConfig or None
         The best chain found, also where it is not taken; None where none was found.
-    traded : str
-        In what it is worse nevertheless, as ``trade`` is set; empty: in nothing.
+    traded : bool
+        Whether it is worse in one figure nevertheless, as ``trade`` is set.
 
     Examples
     --------
@@ -102,7 +102,7 @@ class Verdict(NamedTuple):
     chain: ChainConfig
     kept: str
     tried: ChainConfig | None = None
-    traded: str = ''
+    traded: bool = False
 
 
 class TuningResult(NamedTuple):
@@ -229,49 +229,13 @@ def tune(
     step('comparing on what was held out')
     verdict = judge(problem, held, best)
     if verdict.traded:
-        notes.append(f'Worse on what was held out, as trade allows: {verdict.traded}')
+        notes.append('Worse in one figure on what was held out, as trade allows')
     return TuningResult(problem, held, study, verdict, notes)
 
 
 def default_trials(tracks: Sequence[Track]) -> int:
     """Return how many trials a search has: more where recordings are short."""
     return int(np.clip(VALUES / sum(track.volts.size for track in tracks), *TRIALS))
-
-
-def worse_than(
-    figures: Mapping[str, Any], other: Mapping[str, Any], limit: str = 'step'
-) -> list[str]:
-    """Return in words what is worse; see :func:`.problem.worse_figures`.
-
-    Latencies are given where ``latency_accuracy_ms`` says that the labels are exact.
-
-    Examples
-    --------
-    >>> given = {**dict.fromkeys(COMPARED, 1.0), 'sooner_than_chance': 1.0}
-    >>> worse_than({**given, 'recall': 0.9}, given)
-    ['slips found 100 → 90 %']
-    """
-    texts = []
-    for name in worse_figures(figures, other, limit):
-        change = _change(
-            other[name], figures[name], 100.0 if name in ('recall', 'coverage') else 1.0
-        )
-        if name.startswith('latency'):
-            exact = figures[name] is not None and figures.get('latency_accuracy_ms') == 0.0
-            change = f' ({change} ms)' if exact else ''
-        texts.append(COMPARED[name].words.format(change))
-    return texts
-
-
-def _change(was: float, now: float | None, factor: float = 1.0) -> str:
-    """Return two numbers with an arrow between, with as few digits as tell them apart."""
-    if now is None:
-        return f'{factor * was:.3g} → not known'
-    for digits in range(2, 16):
-        pair = [f'{float(f"{factor * one:.{digits}g}"):.15g}' for one in (was, now)]
-        if pair[0] != pair[1]:
-            break
-    return ' → '.join(pair)
 
 
 def choose(problem: Problem, trials: Sequence[Any]) -> Candidate | None:
@@ -331,9 +295,8 @@ def judge(problem: Problem, held: Sequence[Track], best: Candidate | None) -> Ve
     before, after = (on_held.as_it_is(one) for one in (running, best.chain))
     if why := _why_not(on_held, after, before):
         return Verdict(running, f'on what was held out, the best that was tried {why}', best.chain)
-    return Verdict(
-        best.chain, '', best.chain, ', '.join(worse_than(after.figures, before.figures))
-    )
+    traded = bool(worse_figures(after.figures, before.figures))
+    return Verdict(best.chain, '', best.chain, traded)
 
 
 def _why_not(on_held: Problem, after: Candidate, before: Candidate) -> str:
@@ -344,14 +307,14 @@ def _why_not(on_held: Problem, after: Candidate, before: Candidate) -> str:
         rows = max(settling_rows(one.chain) for one in (before, after))
         on_held = dataclasses.replace(on_held, settling_rows=rows)
         before, after = (on_held.as_it_is(one.chain) for one in (before, after))
-    worse = worse_than(after.figures, before.figures)
+    worse = worse_figures(after.figures, before.figures)
     if on_held.config.trade and len(worse) == 1:
-        worse = worse_than(after.figures, before.figures, 'trade')
+        worse = worse_figures(after.figures, before.figures, 'trade')
     missed, found = after.figures['missed'], after.figures['matched']
     if worse:
-        return f'is worse: {", ".join(worse)}'
+        return 'is worse'
     if not found:
         return f'finds none of {missed} slips'
     if not better_than_chance(after.figures):
-        return 'is no better than alarms at random'
+        return 'is no better than guessing'
     return '' if worse_figures(before.figures, after.figures) else 'is no better'
