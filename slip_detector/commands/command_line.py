@@ -151,9 +151,10 @@ def run(name: str, work: Callable[[], str]) -> int:
     Returns
     -------
     int
-        The exit code: 0, or 1 after an error, which is one line on stderr. A full disk is an
-        error, but a reader that stops early, like ``head``, is not. A first interrupt while the
-        text is printed does not cut it off; a second one is a KeyboardInterrupt.
+        The exit code: 0, or 1 after an error, which is one line on stderr; its ``advice``, if it
+        has any, is printed. A full disk is an error, but a reader that stops early, like ``head``,
+        is not. A first interrupt while the text is printed does not cut it off; a second one is a
+        KeyboardInterrupt.
 
     Examples
     --------
@@ -161,13 +162,16 @@ def run(name: str, work: Callable[[], str]) -> int:
     3 slips, 3 detected
     0
     """
+    code = 0
     try:
         text = work()
     except BrokenPipeError:  # Nobody reads how far it is.
         text = ''
     except (ValueError, OSError) as error:  # OSError: a name that is too long, for example.
         sys.stderr.write(f'{name}: {one_line(error)}\n')
-        return 1
+        text, code = getattr(error, 'advice', ''), 1
+        if not text:
+            return code
     try:
         with interrupts_noted('\nstill printing (Ctrl-C again: end at once)\n') as stop:
             stop()
@@ -182,7 +186,7 @@ def run(name: str, work: Callable[[], str]) -> int:
         if not isinstance(error, BrokenPipeError):
             sys.stderr.write(f'{name}: the output cannot be written ({error.strerror})\n')
             return 1
-    return 0
+    return code
 
 
 def _start(command: str) -> int:

@@ -333,7 +333,7 @@ def _call(of_thread: threading.local, function: Callable[[Any], Any], argument: 
     of_thread.connection.send((function, argument))
     refused, result = of_thread.connection.recv()
     if refused:
-        raise ValueError(refused)
+        raise refused
     return result
 
 
@@ -344,9 +344,10 @@ def _make_calls(connection: Connection) -> None:
         while True:
             function, argument = connection.recv()
             try:
-                done = '', function(argument)
+                done: Any = None, function(argument)
             except (ValueError, OSError) as error:
-                done = str(error), None
+                # Of others it is not known whether they can be sent.
+                done = error if hasattr(error, 'advice') else ValueError(str(error)), None
             connection.send(done)
 
 

@@ -408,7 +408,7 @@ class Detector(LifecycleNode):
         if number != channels:
             allowed = f'{channels}{self._input.advice(number, channels)}'
             words = f'a message has {number} channels, allowed: {allowed}: dropped'
-            self._note('dropped, wrong number of channels', words)
+            self._note('dropped, wrong number of channels', words, len(rows))
             return False
         self._names = names if self._names is None else self._names
         if names == self._names or not self._input.has_names:
@@ -416,7 +416,7 @@ class Detector(LifecycleNode):
         found = name_list(names, NAMES) or 'without names'
         wanted = name_list(self._names, NAMES) or 'without names'
         words = f'the channels of a message are {found}, allowed: {wanted}: dropped'
-        self._note('dropped, wrong names', words)
+        self._note('dropped, wrong names', words, len(rows))
         return False
 
     def _mend(self, rows: Floats, missing: int) -> Floats:

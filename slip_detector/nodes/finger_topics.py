@@ -45,6 +45,9 @@ OF_TOPICS = names_that_affect(DetectorConfig, 'display')
 #: Most messages of a topic that are taken at a poll: more than a queue of samples holds.
 AT_MOST = 2000
 
+#: Seconds, and fewest messages, after which it is noted what comes.
+NOTED_S, FEWEST_MESSAGES = 2.0, 8
+
 #: Most changes of a state that wait, in a queue until they are taken, and then for their rows.
 STATES = 1000
 
@@ -112,6 +115,9 @@ class FingerTopics(PolledTopics):
         # What came since the last poll, with the time at which it was published.
         self._samples: list[tuple[int, Sample]] = []
         self._levels: list[tuple[int, bytes]] = []
+        # Stamps and numbers of rows of the messages since it was noted what comes, and when.
+        self._messages: list[tuple[int, int]] = []
+        self._noted_s = time.monotonic()
         self._slip: States = deque(maxlen=STATES)
         self._truth: States = deque(maxlen=STATES)
         #: Nodes that publish the samples.
@@ -166,6 +172,8 @@ class FingerTopics(PolledTopics):
         try:
             sample = source.read(raw, info)
             n, channels = sample.rows.shape
+            if n:
+                self._note_input(sample, n, channels)
             if n and channels != (wanted := self._config.channels):
                 raise ValueError(f'they have {channels} channels, the detector {wanted}')
             if n:
@@ -173,6 +181,17 @@ class FingerTopics(PolledTopics):
         except ValueError as error:
             # The detector counts and reports them, too.
             self.finger.unfit = time.monotonic(), f'samples come, but {error}'
+
+    def _note_input(self, sample: Sample, n: int, channels: int) -> None:
+        """Note from time to time what comes, if one node sends it."""
+        now_s = time.monotonic()
+        self._messages.append((sample.stamp_ns or 0, n))
+        if now_s - self._noted_s < NOTED_S or len(self._messages) < FEWEST_MESSAGES:
+            return
+        if len(self.senders) < 2:
+            stamps_ns, counts = np.array(self._messages).T
+            self.finger.note_input(stamps_ns, counts, channels, sample.names)
+        self._messages, self._noted_s = [], now_s
 
     def _on_truth(self, message: Bool, info: dict[str, Any]) -> None:
         self._truth.append((info['source_timestamp'], message.data))

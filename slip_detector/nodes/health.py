@@ -212,6 +212,8 @@ class Health:
         if self.senders:
             who = name_list(self.senders, LISTED)
             wrong = f'the input is published by {who}: only one of them may'
+        elif any(since[kind] for kind in ERRORS):
+            pass  # Samples come, and what is wrong with them is said below.
         elif math.isinf(silent_s):
             wrong = 'no samples yet: does the sensor run, on this topic, with this type?'
         elif silent_s > self.config.input_timeout_s:

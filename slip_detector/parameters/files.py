@@ -289,7 +289,12 @@ def write_yaml(path: Path, document: Mapping[str, Any], comments: Iterable[str] 
     ...     print(path.read_text().splitlines()[0])
     # Tuned.
     """
-    lines = ''.join(f'# {line}'.rstrip() + '\n' for line in comments)
-    text = yaml.dump(document, Dumper=_Dumper, sort_keys=False, default_flow_style=None)
     with whole_file(path) as new:
-        new.write_text(lines + text, encoding='utf-8')
+        new.write_text(as_yaml(document, comments), encoding='utf-8')
+
+
+def as_yaml(document: Mapping[str, Any], comments: Iterable[str] = ()) -> str:
+    """Return the text of a document with comments above it."""
+    lines = ''.join(f'# {line}'.rstrip() + '\n' for line in comments)
+    text: str = yaml.dump(document, Dumper=_Dumper, sort_keys=False, default_flow_style=None)
+    return lines + text

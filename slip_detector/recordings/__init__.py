@@ -22,11 +22,11 @@ from typing import Any
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.parameters.fields import refuse
 from slip_detector.parameters.files import check_plain
+from slip_detector.parameters.fitting import rates_differ
 from slip_detector.recordings.array_recordings import CsvRecording, NpzRecording
 from slip_detector.recordings.bag_recording import BagRecording
 from slip_detector.recordings.bag_storage import BAG_ENDINGS, METADATA
 from slip_detector.recordings.labels import find_labels, read_labels
-from slip_detector.recordings.rates import rates_differ
 from slip_detector.recordings.recording import Recording, RecordingCounts, named_errors
 from slip_detector.recordings.writing import write_recording
 

@@ -29,8 +29,9 @@ from slip_detector.chain.samples import Samples, Stamps
 from slip_detector.parameters.detector import default_channel_names
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.parameters.fields import name_list, refuse, shortened, shown
+from slip_detector.parameters.fitting import RATE_TOLERANCE
 from slip_detector.recordings.labels import Labels, as_truth
-from slip_detector.recordings.rates import RATE_TOLERANCE, checked_rate, rate_of
+from slip_detector.recordings.rates import checked_rate, rate_of
 from slip_detector.recordings.recording import PIECE_ROWS, Recording, named_errors
 
 #: Name of the array of stamps in an npz, as this package writes it.

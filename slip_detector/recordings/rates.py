@@ -23,10 +23,6 @@ from slip_detector.chain.stamps import BUNCHED, GAP_PERIODS
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.fields import allowed
 
-#: Largest difference between the rates of a recording and of the chain, as a share. With a larger
-#: one, bands and windows would differ noticeably from the configured ones.
-RATE_TOLERANCE = 0.02
-
 #: Rows of the lower rate that the low-pass takes on either side of a row.
 HALF_ROWS = 20
 
@@ -43,17 +39,6 @@ MOST_AT_ONCE, FEWEST_STEPS = 16, 32
 
 #: Difference from the usual step, as a share of it, up to which steps are alike.
 ALIKE = 0.25
-
-
-def rates_differ(rate_hz: float, chain_rate_hz: float) -> bool:
-    """Return whether a recording's rate is too far from the rate of the chain.
-
-    Examples
-    --------
-    >>> rates_differ(375.0, 380.0), rates_differ(300.0, 380.0)
-    (False, True)
-    """
-    return abs(rate_hz - chain_rate_hz) > RATE_TOLERANCE * chain_rate_hz
 
 
 def checked_rate(rate_hz: float) -> float:

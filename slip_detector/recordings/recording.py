@@ -31,8 +31,9 @@ from slip_detector.chain.samples import Samples
 from slip_detector.chain.stamps import StampGrid
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.parameters.fields import refuse
+from slip_detector.parameters.fitting import RATE_TOLERANCE, rates_differ
 from slip_detector.recordings.labels import Labels, label_at
-from slip_detector.recordings.rates import MOST_FACTOR, RATE_TOLERANCE, rates_differ, resampled
+from slip_detector.recordings.rates import MOST_FACTOR, resampled
 
 #: Number of rows that are read at a time: enough to be fast, and only some MB for 100 channels.
 PIECE_ROWS = 8192
@@ -125,6 +126,8 @@ class Recording(ABC):
         Whether a person has found that its labels are a mistake; then it counts as one without.
     namespace : str
         That of a bag's topic ``voltages``, for example ``/index``.
+    input_type, input_field : str
+        Type and field of a bag's messages, as the detector's parameters have them; else empty.
     counts : RecordingCounts
         Counts of the last reading.
     valid_range_v : tuple of float
@@ -138,7 +141,7 @@ class Recording(ABC):
     channel_names: tuple[str, ...]
     label_name: str
     n_rows: 'int | None' = None
-    namespace = ''
+    namespace = input_type = input_field = ''
     valid_range_v = (-sys.float_info.max, sys.float_info.max)
 
     def __init__(self, path: Path, labels: 'Labels | None', config: RecordingConfig) -> None:
@@ -171,6 +174,15 @@ class Recording(ABC):
         if n_bytes > 1e6 * self._limit_mb:
             text = f'{self._limit_mb:g} MB (recording_limit_mb)'
             refuse(f'{self.path}: {what} takes {n_bytes / 1e6:.0f} MB', text)
+
+    def check_rate(self, wanted_hz: float) -> None:
+        """Raise an error for a chain's rate that differs, unless it is resampled to that."""
+        rate_hz = self.sample_rate_hz
+        factor = max(rate_hz / wanted_hz, wanted_hz / rate_hz)
+        if rates_differ(rate_hz, wanted_hz) and not (self._resample and factor <= MOST_FACTOR):
+            what = f'has {rate_hz:g} Hz where the parameter sample_rate_hz is {wanted_hz:g} Hz'
+            text = f'--resample (recording_resample: true) up to a factor of {MOST_FACTOR}'
+            refuse(f'{self.path}: {what}', f'at most {RATE_TOLERANCE:.0%} apart, or {text}')
 
     def rows(self) -> Iterator[Samples]:
         """Yield all rows as they were recorded, with labels if there are any.
@@ -249,11 +261,7 @@ class Recording(ABC):
         """
         rate_hz, wanted_hz = self.sample_rate_hz, chain_rate_hz or self.sample_rate_hz
         apart = rates_differ(rate_hz, wanted_hz)
-        factor = max(rate_hz / wanted_hz, wanted_hz / rate_hz)
-        if apart and not (self._resample and factor <= MOST_FACTOR):
-            what = f'has {rate_hz:g} Hz where the parameter sample_rate_hz is {wanted_hz:g} Hz'
-            text = f'--resample (recording_resample: true) up to a factor of {MOST_FACTOR}'
-            refuse(f'{self.path}: {what}', f'at most {RATE_TOLERANCE:.0%} apart, or {text}')
+        self.check_rate(wanted_hz)
         pieces = self._stretches(rate_hz if apart else wanted_hz, max_gap_s)
         if apart:
             pieces = self._resampled(pieces, rate_hz, wanted_hz)

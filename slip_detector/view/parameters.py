@@ -92,6 +92,7 @@ class ParameterRequests:
             'set': self._typed,
             'undo': lambda panel, message: panel.to_undo(),
             'as_in_file': self._as_in_file,
+            'take_input': lambda _, message: server.detectors.finger_of(message['finger']).to_fit,
             'preset': lambda panel, message: to_preset(str(message.get('preset')), panel.config),
         }.items():
             server.on_request(kind, functools.partial(self._change, values_of), changes=True)

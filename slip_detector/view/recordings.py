@@ -38,8 +38,8 @@ from slip_detector.evaluation.matching import OnIntervals
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.files import file_errors_of, write_yaml
+from slip_detector.parameters.fitting import rates_differ
 from slip_detector.recordings import labels, open_recording
-from slip_detector.recordings.rates import rates_differ
 from slip_detector.recordings.writing import BagWriter
 from slip_detector.report.overview import MOST_CELLS, THRESHOLD_CODE, Overview
 from slip_detector.tuning.kinds import NOTHING_CHANGES

@@ -108,7 +108,7 @@ class TuneRun:
                 self._recorded.note_doubts(self.lines)
                 if 'changes' in said:
                     self.kept, self.table = said['kept'], [(*row,) for row in said['table']]
-                    self.answer = said.get('answer', [])
+                    self.answer = said['answer']
                     found = {**self._config.to_parameters(), **said['changes']}
                     self.found = DetectorConfig.from_parameters(found)
             code = await asyncio.to_thread(process.wait)

@@ -72,7 +72,7 @@ connection.on('state', (words) => {
   showTitle();
 });
 
-connection.on('fingers', ({fingers, gone: labels}) => {
+connection.on('fingers', ({fingers, gone: labels, read_only: readOnly}) => {
   gone = labels;
   const names = fingers.map(({name}) => name);
   for (const [name, card] of cards) {
@@ -84,13 +84,14 @@ connection.on('fingers', ({fingers, gone: labels}) => {
   fingers.forEach((finger, i) => {
     const card = cards.get(finger.name) ?? new FingerCard({
       onChoose: () => choose(finger.name),
+      onTake: () => drawings.ask('take_input', {finger: finger.name}),
       onChannel: (channel) => {
         choose(finger.name);
         traces.chooser.toggle(channel);
       },
     });
     cards.set(finger.name, card);
-    card.describe(finger);
+    card.describe(finger, readOnly);
     const place = element('fingers').children[i] ?? null;
     if (place !== card.root) element('fingers').insertBefore(card.root, place);
   });

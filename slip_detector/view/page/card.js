@@ -20,15 +20,18 @@ const MARGIN = 4;
 // Of diagnostics.
 const LEVELS = [['\u2713', 'all well'], ['\u25b2', 'warning'], ['\u2715', 'error'], ['\u2715', 'stale']];
 const VOTES = {all: 'all of them', mean: 'their geometric mean'};
-const PARTS = ['title', 'badge', 'dead', 'picture', 'canvas', 'veil', 'groups', 'onset', 'notice', 'diagnostics', 'inWords', 'list'];
+const PARTS = [
+  'title', 'badge', 'dead', 'take', 'picture', 'canvas', 'veil', 'groups', 'onset', 'notice', 'diagnostics', 'inWords', 'list',
+];
 
 export class FingerCard {
   // onChoose(): the user wants to see the finger's traces. onChannel(channel): the taxel of a channel,
-  // counted from 1, was clicked.
-  constructor({onChoose, onChannel}) {
+  // counted from 1, was clicked. onTake(): the detector is to take the samples as they come.
+  constructor({onChoose, onChannel, onTake}) {
     this.root = element('card').content.firstElementChild.cloneNode(true);
     for (const name of PARTS) this[name] = this.root.querySelector(`.${name}`);
     this.title.addEventListener('click', onChoose);
+    this.take.addEventListener('click', onTake);
     this.inWords.addEventListener('toggle', () => this.showChannels());
     this.marked = [];
     this.worded = -Infinity;
@@ -40,8 +43,12 @@ export class FingerCard {
   }
 
   // Show the server's description of the finger, which changes with the detector's parameters.
-  describe(finger) {
+  describe(finger, readOnly) {
     this.finger = finger;
+    write(this.take, finger.offer);
+    Object.assign(this.take, {
+      hidden: !finger.offer, disabled: readOnly, title: `Sets ${finger.offer_sets}; Undo takes it back`,
+    });
     this.root.dataset.finger = finger.name;
     write(this.title, finger.label);
     write(this.notice, finger.notice);
