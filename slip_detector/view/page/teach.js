@@ -12,7 +12,6 @@ const PRESSED_MS = 200;
 const LONG = [[60, 's'], [2, 'times']], WANTED = {rest: LONG, slip: [[20, 'slips']], taps: LONG, press: LONG};
 const KIND_OF = {r: 'rest', t: 'taps', s: 'press'};
 const LEAST_SLIPS = 2;
-const NOT_BETTER = 'Nothing better was found';
 
 export class Teach extends Tool {
   constructor(connection) {
@@ -48,9 +47,9 @@ export class Teach extends Tool {
     for (const kind of Object.values(KIND_OF)) this.buttons[kind].addEventListener('click', () => this.toggle(kind));
     for (const [id, type] of [['tune', 'tune'], ['stop-tuning', 'stop_tuning'], ['apply', 'apply_tuning']]) {
       element(id).addEventListener('click', () => {
-        const why = id === 'apply' && this.latest.tuning?.kept;
+        const why = id === 'apply' && this.latest.tuning?.kept && this.latest.tuning.answer[0];
         this.awaits ||= id === 'tune';
-        if (!why || confirm(`${NOT_BETTER}: ${why}. Apply it nevertheless?`)) this.ask(type, {}, element(id));
+        if (!why || confirm(`${why} Apply it nevertheless?`)) this.ask(type, {}, element(id));
       });
     }
     const slip = this.buttons.slip;
@@ -217,8 +216,7 @@ export class Teach extends Tool {
     if (mine?.stopping) return 'stopping; the best result so far is evaluated and kept';
     if (mine?.running) return mine.step;
     if (tuning?.running) return 'another finger is being tuned';
-    if (mine?.kept) return `${NOT_BETTER}: ${mine.kept}. The detector stays as it is.`;
-    if (mine?.answer.length) return mine.changes ? 'Done. Save, below, writes what runs after Apply.' : `${NOT_BETTER}: the detector is as good as it was.`;
+    if (mine?.answer.length) return mine.kept ? '' : 'Done. Save, below, writes what runs after Apply.';
     if (interrupted) return 'A search was interrupted: Go on uses what it has found so far.';
     return slips < LEAST_SLIPS ? 'Tuning needs two slips at least; twenty are good.' : '';
   }
