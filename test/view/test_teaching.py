@@ -19,6 +19,7 @@ import asyncio
 import contextlib
 import dataclasses
 import json
+import os
 import re
 import shutil
 
@@ -26,13 +27,14 @@ import numpy as np
 import pytest
 
 from slip_detector.parameters import DetectorConfig, DriverConfig
+from slip_detector.parameters.files import write_yaml
 from slip_detector.recordings import open_recording
 from slip_detector.recordings.labels import BY_EYE_S, BY_HAND_S
 from slip_detector.view import teaching as teaching_module
 from slip_detector.view.access import Access
 from slip_detector.view.bag import PlayedBag
 from slip_detector.view.parameters import ParameterRequests
-from slip_detector.view.recordings import NO_SLIP
+from slip_detector.view.recordings import NO_SLIP, RecordedFolder
 from slip_detector.view.server import READ_ONLY, Server
 from slip_detector.view.teaching import AFTER_S, BEFORE_S, GONE, Teaching
 from slip_detector.view.tuning import TuneRun
@@ -238,7 +240,7 @@ async def test_a_finger_is_watched_while_it_is_recorded_at_most_until_the_server
     taught.play(2.0)
     assert taught.detectors.watched == {FINGER}
     shown = taught.latest('recording')['recording']
-    assert (shown['words'], shown['slipping']) == ('rest_1: 2.0 s', False)
+    assert (shown['words'], shown['slipping']) == ('rest_1 of index: 2.0 s', False)
     assert await taught.ask('teach', do='stop') == ''
     taught.play(0.1)
     assert taught.detectors.watched == set()
@@ -277,8 +279,8 @@ async def test_tuning_runs_once_keeps_its_recordings_and_ends_with_the_server(tm
     async with tuned(tmp_path) as one:
         refusals = await asyncio.gather(one.ask('tune'), one.ask('tune'))
         assert sorted(refusals) == ['', 'tuning runs already, allowed: one at a time']
-        refusal = await one.ask('delete_recording', recording='slip_1')
-        assert 'are being tuned on' in refusal
+        for kind in ('delete_recording', 'mark_recording'):
+            assert 'are being tuned on' in await one.ask(kind, recording='slip_1')
         run = one.teaching._run
         while not run.step:
             await asyncio.sleep(0.02)
@@ -338,3 +340,47 @@ async def test_the_ends_of_a_label_are_seen_beside_the_decision_snapped_and_save
     assert 'outside' in (await ask('label', slip_s=[[0, 99]]))['refusal']
     assert (await ask('label', slip_s=[]))['refusal'] == ''
     assert not taught.listed()['slip_1']['usable']
+
+
+async def test_a_doubted_recording_is_marked_as_a_mistake_by_a_person_who_may_take_it_back(
+    tmp_path,
+):
+    async with tuned(tmp_path) as one:
+        await one.ask('recordings')
+        folder = one.teaching.folder_of(FINGER)
+        folder.note_doubts(['slip_2: nothing changes at its slips, at 2.0 s', 'rest_1: quiet'])
+        assert [name for name, its in one.listed().items() if its['note']] == ['slip_2']
+        for mistaken, held in ((True, []), (False, ['slip_2'])):
+            assert await one.ask('mark_recording', recording='slip_2', mistaken=mistaken) == ''
+            its = one.listed()['slip_2']
+            assert (its['mistaken'], its['usable'], its['note']) == (mistaken, not mistaken, '')
+            held_out = one.latest()['fingers'][FINGER]['held_out']
+            assert [name for name in held_out if name.startswith('slip')] == held
+            # As whoever looks at the folder next finds it.
+            fresh = RecordedFolder(folder.folder)
+            await fresh.refresh()
+            assert fresh.recordings['slip_2'] == folder.recordings['slip_2']
+
+
+async def test_a_search_that_ended_with_its_server_is_offered_again_until_it_is_begun(tmp_path):
+    async with tuned(tmp_path) as one:
+        tuning = one.teaching.folder_of(FINGER).folder / 'tuning'
+        tuning.mkdir()
+        journal, result, running = (
+            tuning / name for name in ('tuned.yaml.study.journal', 'tuned.yaml', 'running.yaml')
+        )
+        offered = []
+        for step in (
+            lambda: write_yaml(running, DetectorConfig().to_document()),
+            journal.touch,
+            result.touch,
+            lambda: os.utime(result, (0, 0)),
+            lambda: write_yaml(running, DetectorConfig(threshold=0.3).to_document()),
+            lambda: write_yaml(running, DetectorConfig().to_document()),
+            lambda: one.ask('tune'),
+        ):
+            if (asked := step()) is not None:
+                await asked
+            await one.ask('recordings')
+            offered.append(one.latest()['fingers'][FINGER]['interrupted'])
+        assert offered == [False, True, False, True, False, True, False]
