@@ -84,14 +84,23 @@ def test_a_recording_without_labels_has_decisions_and_leaves_the_scores_as_they_
     assert others - undefined == {*faults, 'invalid_channels'}
 
 
-def test_a_recording_that_is_marked_as_a_mistake_is_in_no_score_and_named(tmp_path):
-    path = write(tmp_path / 'a.npz')
+@pytest.mark.parametrize('by_hand', ['', '{slip_s: [[1, 2]], accuracy_s: 0.05}', 'kind: rest'])
+def test_labels_that_are_marked_as_a_mistake_are_in_no_score_until_the_mark_is_gone(
+    tmp_path, by_hand
+):
+    path, file = write(tmp_path / 'a.npz'), tmp_path / 'a.labels.yaml'
+    if by_hand:
+        file.write_text(by_hand)
+    before = recording_figures([evaluate_recording(loader(), path)])
     mark_mistaken(path, True)
     marked = evaluate_recording(loader(), path)
     assert recording_figures([marked])['slips'] is None
     assert marked.warnings == [f'{MARKED}, so in no figure']
     with pytest.raises(ValueError, match=f'^{path}: {MARKED}$'):
         loader().open(path)
+    mark_mistaken(path, False)
+    assert file.exists() == bool(by_hand)
+    assert recording_figures([evaluate_recording(loader(), path)]) == before
 
 
 def test_a_recording_of_another_rate_has_the_rows_and_rate_of_the_chain(tmp_path):

@@ -25,7 +25,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from scipy import signal
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Header, String
+from std_msgs.msg import Bool, Header, String
 
 from slip_detector.nodes.messages import event_qos, sensor_qos, stamp_ns, state_qos, time_message
 from slip_detector.parameters.detector import DetectorConfig
@@ -36,6 +36,9 @@ from support.page_parts import record_button, recording, tab, tool
 #: A search takes so long at most where other tests run beside it.
 SEARCH_MS = 300_000
 
+#: Seconds of a recording of rest, and of a slip with the rest before it.
+REST_S, SLIP_S = 12, 4
+
 
 def wait_until_it_has(page, name, seconds):
     at_least = '|'.join(map(str, range(seconds, 10 * seconds)))
@@ -43,68 +46,24 @@ def wait_until_it_has(page, name, seconds):
     expect(page.locator('.teach-now')).to_have_text(text)
 
 
-def recorded_for(page, key, name, seconds):
-    """Record with a key until so many seconds are in it."""
-    page.keyboard.press(key)
-    wait_until_it_has(page, name, seconds)
-    page.keyboard.press(key)
-    expect(recording(page, name)).to_be_visible()
-
-
-def slide(page, name, seconds):
-    """Record a slip of so many seconds, with the rest before it."""
+def slide(page, name):
     page.keyboard.down(' ')
-    wait_until_it_has(page, name, seconds)
+    wait_until_it_has(page, name, SLIP_S)
     page.keyboard.up(' ')
     expect(recording(page, name)).to_be_visible()
 
 
-def taught(page, rest_s, slips, slip_s, taps_s):
-    """Record rest, slips and taps, tune on them with a short search, and apply what it finds."""
-    recorded_for(page, 'r', 'rest_1', rest_s)
-    recorded_for(page, 'r', 'rest_2', rest_s)
-    for k in range(1, slips + 1):
-        slide(page, f'slip_{k}', slip_s)
-    recorded_for(page, 't', 'taps_1', taps_s)
-    tool(page, 'Tune').click()
-    searching = re.compile(r'([2-9]\d|[1-3]\d\d) of')
-    expect(page.locator('.tuning-step')).to_have_text(searching, timeout=SEARCH_MS)
-    page.locator('#stop-tuning').click()
-    answer = page.locator('#tuning-answer')
-    expect(answer).to_contain_text(re.compile('Finds [1-9]'), timeout=SEARCH_MS)
-    # Whoever has pressed Tune sees the answer, and what to press next.
-    for part in (answer, page.locator('#apply')):
-        expect(part).to_be_in_viewport(ratio=1)
-    page.locator('#apply').click()
-    expect(page.locator('.teach-words')).to_contain_text('the detector runs with')
-
-
-def test_rest_slip_taps_tune_apply_and_save_with_a_simulated_finger_that_obeys(
-    bench, browser, tmp_path
-):
-    folder = tmp_path / 'taught'
-    _, address = bench.start_view('--folder', str(folder), '--scene', 'obedient')
+def test_a_simulated_finger_does_what_is_recorded(bench, browser, tmp_path):
+    truth = bench.listen(Bool, '/scene/index/slip_truth', state_qos())
+    _, address = bench.start_view('--folder', str(tmp_path), '--scene', 'obedient')
     page = browser.new_page()
-    page.set_default_timeout(PATIENCE_MS)
     page.goto(address)
-    expect(record_button(page, 'Rest')).to_be_enabled(timeout=PATIENCE_MS)
+    expect(record_button(page, 'Slip')).to_be_enabled()
     expect(page.locator('#teach')).to_contain_text('simulated, and does what you press')
-    finger = page.locator('.finger')
-    expect(finger).to_have_attribute('data-state', re.compile('rest|slip'))
-    taught(page, rest_s=6, slips=4, slip_s=4, taps_s=10)
-    expect(finger).to_have_attribute('data-state', 'rest')
-    page.keyboard.down(' ')
-    expect(finger).to_have_attribute('data-state', 'slip')
-    page.keyboard.up(' ')
-    expect(finger).to_have_attribute('data-state', 'rest')
-    tab(page, 'Parameters').click()
-    tuned = DetectorConfig.from_yaml(folder / 'scene' / 'index' / 'tuning' / 'tuned.yaml')
-    threshold = page.locator('[data-name=threshold] input')
-    expect(threshold).to_have_value(text_of(tuned.threshold))
-    tool(page, 'Save').click()
-    expect(page.locator('.saved')).to_contain_text('config:=')
-    saved = folder / 'scene_index.yaml'
-    assert DetectorConfig.from_yaml(saved).to_parameters() == tuned.to_parameters()
+    for slips, act in ((False, None), (True, page.keyboard.down), (False, page.keyboard.up)):
+        if act:
+            act(' ')
+        bench.wait_for(lambda slips=slips: truth and truth[-1].data == slips, 'the order')
     page.close()
 
 
@@ -126,7 +85,7 @@ class Sensor:
         self.still = 2.5 + still_v + hum_v[:, np.newaxis]
         self.slide = signal.sosfilt(band, slide_v, axis=0)
         #: Number of rows so far; what is done, from which row on; rows in which slip went ON.
-        self.row, self.began, self.onsets = 0, [(0, 'rest')], []
+        self.row, self.done, self.onsets = 0, [(0, 'rest')], []
         self.node = node = Node('sensor', context=bench.context)
         self.voltages = node.create_publisher(JointState, 'voltages', sensor_qos())
         node.create_subscription(String, 'scene_order', self.obey, state_qos())
@@ -137,28 +96,19 @@ class Sensor:
         threading.Thread(target=self.executor.spin, daemon=True).start()
 
     def obey(self, order):
-        self.began.append((self.row, order.data))
+        self.done.append((self.row, order.data))
 
     def hear(self, onset):
         self.onsets.append((stamp_ns(onset.stamp) - self.BEGIN_NS) * 1e-9 * self.RATE_HZ)
 
     def send(self):
-        done = [what for _, what in self.began]
-        slide_v = 10 ** (self.LEVELS_DB[done.count('slip') % 2] / 20) * self.slide
-        for _ in range(self.AT_ONCE):
-            at, at_ns = self.row % self.ROWS, round(1e9 * self.row / self.RATE_HZ)
-            knock_v = 0.2 * (-1) ** at * (at % 300 < 4)
-            volts = self.still[at] + {'slip': slide_v[at], 'taps': knock_v}.get(done[-1], 0.0)
-            message = JointState(position=volts.tolist())
-            message.header.stamp = time_message(self.BEGIN_NS + at_ns)
-            self.voltages.publish(message)
-            self.row += 1
-
-    def onsets_while(self, what, since):
-        """Return the number of onsets in each time that something was done, after so many."""
-        times = [*itertools.pairwise([*self.began, (self.row, '')])][since:]
-        rows = [(first, last) for (first, its), (last, _) in times if its == what]
-        return [sum(first <= row < last for row in self.onsets) for first, last in rows]
+        done = [what for _, what in self.done]
+        level = 10 ** (self.LEVELS_DB[done.count('slip') % 2] / 20) * (done[-1] == 'slip')
+        for self.row in range(self.row + 1, self.row + 1 + self.AT_ONCE):
+            volts = self.still[self.row % self.ROWS] + level * self.slide[self.row % self.ROWS]
+            at_ns = self.BEGIN_NS + round(1e9 * self.row / self.RATE_HZ)
+            header = Header(stamp=time_message(at_ns))
+            self.voltages.publish(JointState(header=header, position=volts.tolist()))
 
 
 @pytest.fixture
@@ -180,11 +130,39 @@ def test_a_sensor_that_nobody_has_seen_is_taken_taught_tuned_and_its_slips_are_d
     page.get_by_role('button', name='Take 6 channels at 200 Hz, one group').click()
     finger = page.locator('.finger')
     expect(finger).to_have_attribute('data-state', re.compile('rest|slip'))
-    taught(page, rest_s=12, slips=6, slip_s=4, taps_s=14)
-    lessons = len(sensor.began)
+    for name in ('rest_1', 'rest_2'):
+        page.keyboard.press('r')
+        wait_until_it_has(page, name, REST_S)
+        page.keyboard.press('r')
+        expect(recording(page, name)).to_be_visible()
+    for k in range(1, 7):
+        slide(page, f'slip_{k}')
+    tool(page, 'Tune').click()
+    searching = re.compile(r'([2-9]\d|[1-3]\d\d) of')
+    expect(page.locator('.tuning-step')).to_have_text(searching, timeout=SEARCH_MS)
+    page.locator('#stop-tuning').click()
+    answer = page.locator('#tuning-answer')
+    expect(answer).to_contain_text(re.compile('Finds [1-9]'), timeout=SEARCH_MS)
+    # Whoever has pressed Tune sees the answer, and what to press next.
+    for part in (answer, page.locator('#apply')):
+        expect(part).to_be_in_viewport(ratio=1)
+    page.locator('#apply').click()
+    expect(page.locator('.teach-words')).to_contain_text('the detector runs with')
+    lessons = len(sensor.done)
     for k in range(7, 11):
-        slide(page, f'slip_{k}', 4)
+        slide(page, f'slip_{k}')
     expect(finger).to_have_attribute('data-state', 'rest')
-    assert 0 not in sensor.onsets_while('slip', lessons)
-    assert sum(sensor.onsets_while('rest', lessons)) <= 1
+    onsets = {'slip': [], 'rest': []}
+    for (first, what), (last, _) in itertools.pairwise([*sensor.done, (sensor.row, '')][lessons:]):
+        onsets[what].append(sum(first <= row < last for row in sensor.onsets))
+    assert 0 not in onsets['slip']
+    assert sum(onsets['rest']) <= 1
+    tab(page, 'Parameters').click()
+    tuned = DetectorConfig.from_yaml(tmp_path / 'slip_detector' / 'tuning' / 'tuned.yaml')
+    threshold = page.locator('[data-name=threshold] input')
+    expect(threshold).to_have_value(text_of(tuned.threshold))
+    tool(page, 'Save').click()
+    expect(page.locator('.saved')).to_contain_text('config:=')
+    saved = DetectorConfig.from_yaml(tmp_path / 'slip_detector.yaml')
+    assert saved.to_parameters() == tuned.to_parameters()
     page.close()

@@ -22,7 +22,7 @@ from hypothesis import strategies as st
 from slip_detector.chain.samples import Samples
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.recordings import open_recording
-from slip_detector.recordings.labels import BY_EYE_S, find_labels, mark_mistaken, snapped
+from slip_detector.recordings.labels import BY_EYE_S, find_labels, snapped
 from slip_detector.recordings.writing import BagWriter
 from support.config_cases import message_of
 
@@ -92,28 +92,6 @@ def test_a_recording_of_a_kind_needs_no_other_label_and_says_so(tmp_path):
     # What a person writes goes before what the bag says.
     (tmp_path / 'bag' / 'trial.labels.yaml').write_text('slip_s: [[1, 2]]')
     assert {piece.kind for piece in open_recording(bag.path.parent).pieces()} == {''}
-
-
-@pytest.mark.parametrize(
-    'by_hand', ['', '# Seen.\n{slip_s: [[1, 2]], accuracy_s: 0.05}', 'kind: rest']
-)
-def test_labels_that_are_marked_as_a_mistake_are_none_until_the_mark_is_taken_back(
-    recording, by_hand
-):
-    np.savez(recording, volts=np.ones((N_ROWS, 2)), sample_rate_hz=RATE_HZ, slip=np.ones(N_ROWS))
-    file = recording.with_name('trial.labels.yaml')
-    if by_hand:
-        file.write_text(by_hand)
-    before = open_recording(recording), truth(recording).sum()
-    mark_mistaken(recording, True)
-    marked = open_recording(recording)
-    assert (marked.is_labelled, marked.mistaken) == (False, True)
-    assert {(piece.truth, piece.kind) for piece in marked.pieces()} == {(None, '')}
-    mark_mistaken(recording, False)
-    assert file.exists() == bool(by_hand)
-    again = open_recording(recording)
-    assert (again.kind, again.accuracy_s) == (before[0].kind, before[0].accuracy_s)
-    assert (again.is_labelled, truth(recording).sum()) == (True, before[1])
 
 
 OUTSIDE = 'is outside the recording trial.npz, allowed: 0 to 10 s'
