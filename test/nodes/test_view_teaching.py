@@ -104,11 +104,12 @@ class Sensor:
     def send(self):
         done = [what for _, what in self.done]
         level = 10 ** (self.LEVELS_DB[done.count('slip') % 2] / 20) * (done[-1] == 'slip')
-        for self.row in range(self.row + 1, self.row + 1 + self.AT_ONCE):
-            volts = self.still[self.row % self.ROWS] + level * self.slide[self.row % self.ROWS]
-            at_ns = self.BEGIN_NS + round(1e9 * self.row / self.RATE_HZ)
+        for row in range(self.row, self.row + self.AT_ONCE):
+            volts = self.still[row % self.ROWS] + level * self.slide[row % self.ROWS]
+            at_ns = self.BEGIN_NS + round(1e9 * row / self.RATE_HZ)
             header = Header(stamp=time_message(at_ns))
             self.voltages.publish(JointState(header=header, position=volts.tolist()))
+        self.row += self.AT_ONCE
 
 
 @pytest.fixture
