@@ -285,11 +285,15 @@ async def test_tuning_runs_once_keeps_its_recordings_and_ends_with_the_server(tm
         assert one.latest()['tuning']['step'] == 'reading the recordings'
     assert run._process.returncode == -9
     assert not run.running
-    # A later server offers to go on with the trials that there are.
-    (tmp_path / 'index' / 'tuning' / 'tuned.yaml.study.journal').touch()
-    again = Taught(tmp_path)
-    await again.ask('recordings')
-    assert again.latest()['fingers'][FINGER]['interrupted']
+    # A later server offers to go on with trials for the same parameters that gave no result.
+    ran, other = DetectorConfig(), DetectorConfig(threshold=0.3)
+    trials, result = 'tuned.yaml.study.journal', 'tuned.yaml'
+    for newest, config, offered in ((trials, ran, True), (trials, other, 0), (result, ran, 0)):
+        (tmp_path / 'index' / 'tuning' / newest).touch()
+        again = Taught(tmp_path)
+        again.finger.config = config
+        await again.ask('recordings')
+        assert again.latest()['fingers'][FINGER]['interrupted'] == offered
 
 
 async def test_what_was_found_is_applied_as_one_change_and_the_rest_stays(tmp_path):

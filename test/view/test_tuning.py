@@ -23,11 +23,10 @@ import sys
 import pytest
 
 from slip_detector.parameters import DetectorConfig
-from slip_detector.parameters.files import writable_folder, write_yaml
 from slip_detector.report.tables import heading
 from slip_detector.view import tuning
 from slip_detector.view.recordings import RecordedFolder
-from slip_detector.view.tuning import COMMAND, TuneRun, was_interrupted
+from slip_detector.view.tuning import COMMAND, TuneRun
 from support.training import write_recordings
 
 DEADLINE_S = 120.0
@@ -68,18 +67,6 @@ async def test_what_is_not_taken_can_be_applied_nevertheless(tmp_path, monkeypat
     run = TuneRun(RecordedFolder(tmp_path), 'index', DetectorConfig())
     await run.run()
     assert (run.kept, run.to_apply(DetectorConfig())) == ('it is worse', {'threshold': 0.1})
-
-
-def test_a_search_has_to_go_on_where_its_trials_are_newer_than_a_result(tmp_path):
-    config = DetectorConfig()
-    folder = writable_folder(tmp_path / 'tuning')
-    write_yaml(folder / 'running.yaml', config.to_document())
-    assert not was_interrupted(tmp_path, config)
-    (folder / 'tuned.yaml.study.journal').touch()
-    assert was_interrupted(tmp_path, config)
-    assert not was_interrupted(tmp_path, DetectorConfig(threshold=0.3))
-    (folder / 'tuned.yaml').touch()
-    assert not was_interrupted(tmp_path, config)
 
 
 async def test_a_run_that_is_stopped_before_the_search_found_nothing(recorded):
