@@ -56,9 +56,10 @@ from slip_detector.commands import workers
 from slip_detector.commands.command_line import INTERRUPTED, Parser, run
 from slip_detector.evaluation import evaluator
 from slip_detector.evaluation.evaluator import EvaluatedRecording, RecordingLoader
-from slip_detector.recordings import recording_sets
-from slip_detector.report.answer import answer, worst
-from slip_detector.report.tables import evaluation_tables, labels_note
+from slip_detector.parameters.fields import name_list
+from slip_detector.recordings import recording_sets, with_subfolders
+from slip_detector.report.answer import answer, bad_recordings
+from slip_detector.report.tables import by_name, evaluation_tables, labels_note
 
 NAME = 'slip_evaluate'
 
@@ -153,12 +154,7 @@ def as_report(sets: Mapping[str, Mapping[str, EvaluatedRecording]]) -> dict[str,
         },
         'all': evaluator.recording_figures([one for _, one in every]),
     }
-    named = {
-        f'{name}/{file}' if len(sets) > 1 else file: one
-        for name, whole in report['sets'].items()
-        for file, one in whole['recordings'].items()
-    }
-    report['answer'] = [*answer(report['all']), *worst(named)]
+    report['answer'] = [*answer(report['all']), *bad_recordings(by_name(report['sets']))]
     for note in labels_note(f for f, one in every if not (one.labelled or one.mistaken)):
         report['note'] = note
     return report
@@ -184,11 +180,8 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     parser = Parser(prog=NAME, description=__doc__.split('\n\n')[1])
     parser.add_argument('--json', action='store_true', help='print one JSON object')
     workers.add_options(parser, 'evaluate recordings in parallel', recordings='+')
-    parser.add_argument(
-        '--out', type=Path, metavar='FILE.mcap',
-        help='write the levels, decisions and onsets of one recording as a bag, on the names of '
-        "the detector's topics, for PlotJuggler or Foxglove",
-    )  # fmt: skip
+    text = "levels, decisions and onsets of one recording as a bag, on the detector's topics"
+    parser.add_argument('--out', type=Path, metavar='FILE.mcap', help=f'write {text}')
     return parser.parse_args(argv)
 
 
@@ -223,6 +216,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         with workers.processes(options.jobs, options.cluster) as calls:
             sets, left[:] = evaluate(options.recordings, loader, calls, page is not None)
         report = as_report(sets)
+        given = {Path(one).resolve() for one in options.recordings}
+        folders = with_subfolders(options.recordings)
+        if inner := name_list([one for one in folders if Path(one).resolve() not in given]):
+            text = f'Left out, as only folders that are given are read: {inner}'
+            report['answer'].append(text)
         if left:
             report['not_evaluated'] = [str(path) for path in left]
         if page:
@@ -231,10 +229,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             write_evaluation_report(page, sets)
         if page or out:
             report['written'] = [str(path) for path in (page, out) if path]
-        return (
-            json.dumps(report, indent=2)
-            if options.json
-            else evaluation_tables(report, options.verbose)
-        )
+        if options.json:
+            return json.dumps(report, indent=2)
+        return evaluation_tables(report, options.verbose)
 
     return run(NAME, work) or (INTERRUPTED if left else 0)

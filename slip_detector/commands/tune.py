@@ -42,8 +42,8 @@ from slip_detector.parameters.files import read_yaml, write_yaml
 from slip_detector.parameters.sections import ALL, node_of, sections_of
 from slip_detector.recordings import with_subfolders
 from slip_detector.recordings.labels import KINDS
-from slip_detector.report.answer import answer, compared, rounded
-from slip_detector.report.tables import text_table
+from slip_detector.report.answer import answer, rounded
+from slip_detector.report.tables import compared, text_table
 from slip_detector.tuning.learning import learn_from_quiet
 from slip_detector.tuning.problem import Candidate, searched
 from slip_detector.tuning.tracks import Track, TrainingFiles
@@ -66,33 +66,24 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     add = parser.add_argument
     add('--out', type=Path, required=True, metavar='FILE', help='the parameter file to write')
     workers.add_options(parser, 'search')
-    add(
-        '--trials', type=whole_number(1), metavar='N', help='number of trials of the study, with '
-        'earlier runs (default: {} to {}, more where recordings are short)'.format(*TRIALS),
-    )  # fmt: skip
-    add(
-        '--storage', metavar='URL', help='where the study is kept and shared: the path of a '
-        'journal (.journal), sqlite:///FILE, postgresql://... (default: a journal beside --out)',
-    )  # fmt: skip
+    text = 'trials in all, with earlier runs (default: {} to {}, more where recordings are short)'
+    add('--trials', type=whole_number(1), metavar='N', help=text.format(*TRIALS))
+    text = 'where trials are kept and shared: a journal (.journal; default: one beside --out), '
+    add('--storage', metavar='URL', help=f'{text}sqlite:///FILE, postgresql://...')
     add('--seed', type=int, default=0, metavar='N', help='seed (default: %(default)s)')
-    add(
-        '--held-out', action='append', default=[], metavar='RECORDING', help='hold out this '
-        'recording, or a folder of them, and tune on all other RECORDINGs; repeatable',
-    )  # fmt: skip
-    add(
-        '--json', action='store_true',
-        help='print progress and result as one JSON object a line (docs/tuning.md)',
-    )  # fmt: skip
+    several: Any = {'action': 'append', 'default': [], 'metavar': 'RECORDING'}
+    text = 'a recording, or a folder of them, to hold out; all others are tuned on; repeatable'
+    add('--held-out', **several, help=text)
+    text = 'print progress and result as one JSON object a line (docs/tuning.md)'
+    add('--json', action='store_true', help=text)
     title = 'kinds of recordings without labels, in which nothing slides'
     add = parser.add_argument_group(title, 'see docs/recordings.md').add_argument
     for kind in KINDS:
         text = f'a recording of the kind {kind}, or a folder of them; repeatable'
-        add(f'--{kind}', action='append', default=[], metavar='RECORDING', help=text)
+        add(f'--{kind}', **several, help=text)
     add = parser.add_argument_group('learn from a recording, without a search').add_argument
-    add(
-        '--quiet', metavar='RECORDING', help='a recording without slip, in which mains hum is '
-        'sought and, where evidence decides, the noise floors are learnt',
-    )  # fmt: skip
+    text = 'a recording without slip, to learn mains and, where evidence decides, noise floors of'
+    add('--quiet', metavar='RECORDING', help=text)
     add('--false-alarms-per-hour', type=float, metavar='R', help='set the threshold too, for this')
     options = parser.parse_args(argv)
     rate = options.false_alarms_per_hour
@@ -109,8 +100,8 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     return options
 
 
-def _reports(bar: Any, as_json: bool) -> tuple[dict[str, Any], dict[str, Callable[..., None]]]:
-    """Return what was said, and functions that say each step, what is noticed, and trials."""
+def _reports(bar: Any, as_json: bool) -> dict[str, Callable[..., None]]:
+    """Return functions that show each step, what is noticed, and the trials so far."""
     said: dict[str, Any] = {'step': 'reading the recordings', 'share': 0.0, 'lines': []}
 
     def say(lines: Sequence[str] = (), **changes: Any) -> None:
@@ -122,16 +113,14 @@ def _reports(bar: Any, as_json: bool) -> tuple[dict[str, Any], dict[str, Callabl
         bar.set_description_str(said['step'])
 
     def progress(count: int, trials: int, best: Candidate | None) -> None:
-        bar.total = trials
-        tenths = [int(LINES * share) for share in (said['share'], count / trials)]
-        words = f'{count} of {trials} trials{in_short(best)}'
+        bar.total, words = trials, f'{count} of {trials} trials{in_short(best)}'
         bar.update(count - bar.n)
-        say(step=words, share=count / trials)
-        if bar.disable and not as_json and tenths[0] < tenths[1]:
-            say([words])
+        due = int(LINES * count / trials) > int(LINES * said['share'])
+        shown = [words] if due and bar.disable and not as_json else []
+        say(shown, step=words, share=count / trials)
 
     say()
-    return said, {'progress': progress, 'doubt': say, 'step': lambda words: say(step=words)}
+    return {'progress': progress, 'doubt': say, 'step': lambda words: say(step=words)}
 
 
 def in_short(found: Candidate | None) -> str:
@@ -161,8 +150,8 @@ def _names_of(tracks: Sequence[Track]) -> str:
 
 def _search(
     options: argparse.Namespace, parameters: TuningParameters, where: str, stop: Callable[[], bool]
-) -> tuple[dict[str, Any], list[str], list[str], Callable[[Path], None]]:
-    """Search; return the result, lines on it, news among them, and what writes the report."""
+) -> tuple[dict[str, Any], list[str], Callable[[Path], None]]:
+    """Search; return the result, lines about it, and a function that writes the report."""
     for name in ('recordings', 'held_out', *KINDS):
         setattr(options, name, with_subfolders(getattr(options, name)))
     workers.make_paths_whole(options, 'recordings', 'held_out', *KINDS)
@@ -173,8 +162,7 @@ def _search(
         workers.processes(options.jobs, options.cluster) as calls,
         workers.progress_bar(options.trials, 'trial') as bar,
     ):
-        noted, shows = _reports(bar, options.json)
-        more: Any = {**shows, 'stop': stop, 'calls': calls}
+        more: Any = {**_reports(bar, options.json), 'stop': stop, 'calls': calls}
         result = tune(files, parameters, options.trials, seed=options.seed, storage=where, **more)
     # It takes a while to load.
     from slip_detector.report.page import replay_variant, write_page
@@ -189,8 +177,9 @@ def _search(
     figures = [one.figures['all held out'] for one in variants]
     answers = answer(figures[1], figures[0])
     if verdict.kept:
-        answers[0] = f'The given parameters stay. {answer(figures[0])[0]}'
-        answers.insert(0, f'Nothing better was found: {verdict.kept}.')
+        tried = [f'What was tried: {" ".join(answers)}'] if verdict.tried else []
+        kept = f'Nothing better was found: {verdict.kept}.'
+        answers = [kept, f'The given parameters stay. {answer(figures[0])[0]}', *tried]
     lines = [
         f'{study.follow()} trials, {len(study.trials)} of them usable, seed {options.seed}',
         f'Tuned on: {_names_of(problem.tracks)}',
@@ -205,10 +194,8 @@ def _search(
         'step': '', 'share': 1.0, 'lines': notes, 'answer': answers, 'kept': verdict.kept,
         'changes': {**searched(found), **changes}, 'table': rows,
     }  # fmt: skip
-    page = 'Tuning of the slip detector', variants, lines
-    news = [note for note in notes if note not in noted['lines']]
-    lines = [*lines, 'On what was held out:', *table]
-    return said, lines, news, lambda path: write_page(path, *page)
+    page = 'Tuning of the slip detector', variants, [*answers, *lines]
+    return said, [*lines, 'On what was held out:', *table], lambda path: write_page(path, *page)
 
 
 def with_parameters(given: str | Path | None, changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -277,15 +264,15 @@ def main(argv: Sequence[str] | None = None) -> int:
         of, rate = (parameters.chain, parameters.loader), options.false_alarms_per_hour
         with interrupts_noted(STOPPING) as stop:
             if options.quiet is not None:
-                changes, found = learn_from_quiet(options.quiet, *of, rate)
-                result, lines, news = dict[str, Any](answer=found), list[str](), list[str]()
+                changes, answers = learn_from_quiet(options.quiet, *of, rate)
+                lines = list[str]()
             else:
-                result, lines, news, write_report = _search(options, parameters, where, stop)
-                changes = {} if result['kept'] else result['changes']
+                result, lines, write_report = _search(options, parameters, where, stop)
+                answers, changes = result['answer'], {} if result['kept'] else result['changes']
             now = datetime.datetime.now(datetime.timezone.utc)
             command = shlex.join([NAME, *(sys.argv[1:] if argv is None else argv)])
-            comments = [f'Written by {NAME} on {now:%Y-%m-%d %H:%M} UTC:', f'  {command}']
-            comments += [*result['answer'], *lines]
+            title = f'Written by {NAME} on {now:%Y-%m-%d %H:%M} UTC:'
+            comments = [title, f'  {command}', *answers, *lines]
             write_yaml(options.out, with_parameters(options.config, changes), comments)
             if options.report is not None:
                 try:
@@ -294,7 +281,7 @@ def main(argv: Sequence[str] | None = None) -> int:
                     raise ValueError(f'{error}; {options.out} is written') from None
         if options.json:
             return json.dumps({**result, 'written': [*map(str, paths)]})
-        shown = lines if options.verbose else news
-        return '\n'.join([*shown, *result['answer'], f'Written: {", ".join(map(str, paths))}'])
+        shown = [*(lines if options.verbose else ()), *answers]
+        return '\n'.join([*shown, f'Written: {", ".join(map(str, paths))}'])
 
     return run(NAME, work)

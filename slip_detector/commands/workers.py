@@ -73,30 +73,22 @@ def add_options(parser: argparse.ArgumentParser, work: str, recordings: str = '*
     >>> parser.parse_args(['--jobs', '4', '--topic', '/left/voltages']).jobs
     4
     """
-    parser.add_argument(
-        'recordings', nargs=recordings, metavar='RECORDING',
-        help=f'a recording ({", ".join(ENDINGS)} or the folder of a bag) or a folder of them',
-    )  # fmt: skip
+    text = f'a recording ({", ".join(ENDINGS)} or the folder of a bag) or a folder of them'
+    parser.add_argument('recordings', nargs=recordings, metavar='RECORDING', help=text)
     parser.add_argument(
         '--config', metavar='FILE', help='a ROS parameter file (its path, or its name in the '
         'package, as sensors/imu.yaml) with the sections slip_detector, '
         'slip_driver (where in a recording the samples and labels are), slip_evaluate (what '
         'counts as detected) and slip_tune (weights of a search); default: the default parameters',
     )  # fmt: skip
-    parser.add_argument(
-        '--report', type=Path, metavar='FILE.html',
-        help='write an HTML page with timelines that can be zoomed, latencies and ROC curve',
-    )  # fmt: skip
+    text = 'write an HTML page with timelines that can be zoomed, latencies and ROC curve'
+    parser.add_argument('--report', type=Path, metavar='FILE.html', help=text)
     parser.add_argument('--verbose', action='store_true', help='print all figures')
     where = parser.add_mutually_exclusive_group()
-    where.add_argument(
-        '--jobs', type=whole_number(1), metavar='N', help=f'processes that {work} (default: 1)'
-    )
-    where.add_argument(
-        '--cluster', metavar='ADDRESS',
-        help=f'scheduler of a Dask cluster whose workers {work}, such as tcp://HOST:8786; they '
-        'must see the recordings under the same paths',
-    )  # fmt: skip
+    text = f'processes that {work} (default: 1)'
+    where.add_argument('--jobs', type=whole_number(1), metavar='N', help=text)
+    text = f'scheduler (tcp://HOST:8786) of a Dask cluster that sees the same paths, to {work}'
+    where.add_argument('--cluster', metavar='ADDRESS', help=text)
     group = parser.add_argument_group('what to read of a recording')
     for field in dataclasses.fields(RecordingConfig):
         name = field.name.removeprefix('recording_')

@@ -140,16 +140,13 @@ class ScoreCounts(NamedTuple):
             of that against rest, in motion where that is known, and of the mean of those against
             the other kinds of recordings. None where one is not defined.
         """
-        against = {name: self.auc([kind]) for kind, name in enumerate(WITHOUT_SLIP)}
-        rest = against['rest'] if against['moving'] is None else against['moving']
-        others = [against[name] for name in KINDS if name != 'rest']
-        parts = [[one for one in part if one is not None] for part in ([rest], others)]
-        means = [np.mean(part) for part in parts if part]
-        return {
-            'auc': float(np.mean(means)) if means else None,
-            'auc_all': self.auc(),
-            **{f'auc_{name}': area for name, area in against.items()},
-        }
+        areas = {f'auc_{name}': self.auc([kind]) for kind, name in enumerate(WITHOUT_SLIP)}
+        rest, moving, *kinds = areas.values()
+        parts = [rest if moving is None else moving], kinds
+        known = [[area for area in part if area is not None] for part in parts]
+        means = [np.mean(part) for part in known if part]
+        auc = float(np.mean(means)) if means else None
+        return {'auc': auc, 'auc_all': self.auc(), **areas}
 
     def roc(self, against: Iterable[int] = range(SLIP)) -> tuple[Floats, Floats, Floats]:
         """Return the ROC curve of slip against rows of other kinds.

@@ -19,20 +19,18 @@ from typing import Any
 
 from slip_detector.evaluation.chance import HALF
 from slip_detector.evaluation.figures import ALREADY_ON
+from slip_detector.parameters.fields import name_list
 from slip_detector.recordings.labels import KINDS
-from slip_detector.report.tables import figure_text, heading, main_figures
-from slip_detector.tuning.problem import better_than_chance, worse_figures
+from slip_detector.report.tables import compared, heading, recording_notes
+from slip_detector.tuning.problem import better_than_chance
 
 Figures = Mapping[str, Any]
-
-#: Title of a figure, the figure before and after, and 'better', 'worse' or ''.
-Row = tuple[str, str, str, str]
 
 #: The shares of time ON without slip.
 ON_PERCENT = ('false_time_percent', *(f'{kind}_on_percent' for kind in KINDS))
 
-#: From this share of slips missed, or of time ON without slip, a recording is called the worst.
-BAD = 0.01
+#: From this share of the time on a recording that is ON without slip is called bad.
+BAD_PERCENT = 1.0
 
 
 def answer(after: Figures, before: Figures | None = None) -> list[str]:
@@ -60,51 +58,54 @@ def answer(after: Figures, before: Figures | None = None) -> list[str]:
     ['No slips to find.']
     """
     if after['slips'] is None:
-        often, percent = after['onsets'], rounded(after['on_percent'] or 0.0)
-        text = (
-            f'Turns ON {often} time{"" if often == 1 else "s"}, and is ON {percent} % of the time'
-        )
-        return [f'{text}. Without labels nobody knows whether rightly.']
-    said = [_found(after, before), _on_without_slip(after, before or {})]
+        share = f'ON {rounded(after["on_percent"] or 0.0)} % of the time'
+        return [f'{share}: without labels nobody knows whether rightly.']
+    said = [_found(after, before)]
     if after['settling_slips']:
-        said.insert(1, f'Not counted: {after["settling_slips"]} that began before it was ready')
+        said.append(f'Not counted: {after["settling_slips"]} that began before it was ready')
     if after[f'missed_{ALREADY_ON}']:
-        said.insert(1, f'It was ON already before {after[f"missed_{ALREADY_ON}"]} of them')
+        said.append(f'It was ON already before {after[f"missed_{ALREADY_ON}"]} of them')
+    said += _on_without_slip(after, before or {})
     alarms = after['false_alarms_per_minute']
     # What is mostly ON has few alarms.
     if alarms is not None and (alarms >= 0.5 or not before) and after['false_time_percent'] < 50.0:
         said.append(f'False alarms: {rounded(alarms)} a minute')
-    sentences = [f'{". ".join(filter(None, said))}.']
-    if worse := [
-        _changed(*row[:3]) for row in compared(before or after, after) if row[3] == 'worse'
-    ]:
-        sentences.append(f'Worse: {", ".join(worse)}.')
-    return sentences
+    worse = []
+    for title, was, now, change in compared(before or after, after):
+        if change == 'worse':
+            words, _, unit = title.rstrip(']').partition(' [')
+            worse.append(f'{words} {was} → {now} {unit}'.rstrip())
+    return [f'{". ".join(said)}.', *([f'Worse: {", ".join(worse)}.'] if worse else [])]
 
 
-def _changed(title: str, was: str, now: str) -> str:
-    """Return a row of a comparison in words."""
-    words, _, unit = title.rstrip(']').partition(' [')
-    return f'{words} {was} → {now} {unit}'.rstrip()
+def bad_recordings(recordings: Mapping[str, Figures]) -> list[str]:
+    """Return a line on the recording that misses most, or is ON most, and one on each fault.
 
-
-def worst(recordings: Mapping[str, Figures]) -> list[str]:
-    """Return a line on the recording with the most missed slips and time ON without slip.
+    Parameters
+    ----------
+    recordings
+        By their names, as in a report of ``slip_evaluate``; without their faults where those are
+        not known.
 
     Examples
     --------
-    >>> worst({})
+    >>> bad_recordings({})
     []
     """
 
-    def badness(figures: Figures) -> float:
-        missed = figures['missed'] / (figures['matched'] + figures['missed'] or 1)
-        return float(missed + (figures['false_time_percent'] or 0.0) / 100.0)
+    def badness(name: str) -> tuple[int, float]:
+        one = recordings[name]
+        return one['missed'] or 0, one['false_time_percent'] or 0.0
 
-    known = {name: badness(one) for name, one in recordings.items() if one['slips'] is not None}
-    name = max(known, key=lambda one: known[one], default='')
-    bad = len(recordings) > 1 and known.get(name, 0.0) >= BAD
-    return [f'Worst: {name}. {answer(recordings[name])[0]}'] if bad else []
+    lines, names_of = list[str](), dict[str, list[str]]()
+    worst = max(recordings, key=badness, default='')
+    if len(recordings) > 1 and badness(worst) >= (0, BAD_PERCENT):
+        lines.append(f'Worst: {worst}. {answer(recordings[worst])[0]}')
+    for name, one in recordings.items():
+        faults = one.get('lost', ''), one.get('doubts', ''), *one.get('warnings', ())
+        for line in recording_notes('', faults, one.get('invalid_percent', {})):
+            names_of.setdefault(line, []).append(name)
+    return lines + [f'{name_list(names, 3)}{line}' for line, names in names_of.items()]
 
 
 def rounded(value: float | None) -> str:
@@ -129,69 +130,33 @@ def _found(after: Figures, before: Figures | None) -> str:
     if before and before['matched'] != matched:
         by_chance = before['matched'] and not better_than_chance(before)
         text += f' (before: {before["matched"] or "none"}{" by guessing" if by_chance else ""})'
+    if matched and after['sooner_than_chance'] is None:
+        return f'{text}; without rest nobody knows whether by guessing'
     if matched and not better_than_chance(after):
         return f'{text}, no better than guessing'
     if matched and after['sooner_than_chance'] < HALF:
         text += f', guessing would find some {after["recall_by_chance"] * scored:.0f}'
-    delay, its_delay = _delay(after), _delay(before or after)
-    if delay and its_delay not in ('', delay):
-        delay += f' (before: {its_delay.removesuffix(" after they begin")})'
-    return f'{text}, {delay}' if delay else text
-
-
-def _delay(figures: Figures) -> str:
-    """Return how soon slips are found, as exactly as their labels are; empty if not known."""
-    value_ms, accuracy_ms = figures['latency_median_ms'], figures['latency_accuracy_ms']
+    value_ms, accuracy_ms = after['latency_median_ms'], after['latency_accuracy_ms']
     if value_ms is None:
-        return ''
-    if value_ms < 0.0:
-        return f'ON already some {-value_ms:.0f} ms before they begin'
-    if not accuracy_ms:
-        return f'some {value_ms:.0f} ms after they begin'
-    if not value_ms:
-        return f'within {accuracy_ms / 1e3:.2g} s, the accuracy of the labels'
-    return f'{value_ms:.0f} to {value_ms + 2.0 * accuracy_ms:.0f} ms after they begin'
+        return text
+    if accuracy_ms and value_ms >= 0.0:
+        latest_ms = value_ms + (2.0 * accuracy_ms if value_ms else accuracy_ms)
+        return f'{text}, within {latest_ms / 1e3:.2g} s, as far as the labels tell'
+    side = 'before' if value_ms < 0.0 else 'after'
+    return f'{text}, some {abs(value_ms):.0f} ms {side} they begin'
 
 
-def _on_without_slip(after: Figures, before: Figures) -> str:
+def _on_without_slip(after: Figures, before: Figures) -> list[str]:
     """Return how much of the time without slip, and of each kind of recordings, is ON."""
-    _, *kinds = known = [name for name in ON_PERCENT if after[name] is not None] or ['']
-    # All time without slip is ON more than each kind only where it is ON between the slips.
-    if 'rest_on_percent' in kinds and after[known[0]] <= max(after[name] for name in kinds):
-        known = kinds
+    known = {name: after[name] for name in ON_PERCENT if after[name] is not None}
+    all_percent = known.pop('false_time_percent', None)
+    # All the time is ON more than each kind only where it is ON between the slips.
+    if after['rest_on_percent'] is None or all_percent > max(known.values()):
+        known = {'false_time_percent': all_percent, **known}
     texts = []
-    for name in filter(None, known):
+    for name in known:
         where = heading(name).removeprefix('ON ').removeprefix('in ').removesuffix(' [%]')
         was, now = (rounded(one.get(name)) for one in (before, after))
-        changed = was not in ('', now)
-        percent = '' if changed and now == '0' else ' %'
-        texts.append(f'{where} {was} % → {now}{percent}' if changed else f'{where} {now} %')
-    return f'ON {", ".join(texts)}' if texts else ''
-
-
-def compared(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[Row]:
-    """Return two sets of figures side by side, each with its title and 'better' or 'worse'.
-
-    What is the same, or not known, in both is left out. What a search compares is better or worse
-    as it decides, see :func:`.problem.worse_figures`; the other figures are neither.
-
-    Parameters
-    ----------
-    before, after
-        Figures as :func:`slip_detector.evaluation.figures.figures_of_merit` returns them.
-
-    Examples
-    --------
-    >>> from slip_detector.evaluation.figures import figures_of_merit
-    >>> before = {**figures_of_merit([]), 'sooner_than_chance': 0.7, 'recall': 0.8}
-    >>> compared(before, {**before, 'recall': 0.95})
-    [('recall', '0.800', '0.950', 'better')]
-    """
-    worse, better = worse_figures(after, before), worse_figures(before, after)
-    rows = []
-    for name in main_figures([before, after]):
-        was, now = figure_text(name, before), figure_text(name, after)
-        if was != now:
-            change = 'worse' if name in worse else 'better' if name in better else ''
-            rows.append((heading(name), was, now, change))
-    return rows
+        change = now if was in ('', now) else f'{was} % → {now}'
+        texts.append(f'{where} {change} %'.replace('→ 0 %', '→ 0'))
+    return [f'ON {", ".join(texts)}'] if all_percent is not None else []

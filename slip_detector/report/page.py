@@ -179,8 +179,10 @@ def _figures(variants: Sequence[Variant]) -> str:
         ]
         return _table('figures', ['recording', 'variant', *map(tables.heading, names)], cells)
 
-    main = table(tables.main_figures(figures for *_, figures in rows))
-    return f'{main}{_details("All figures", table(names))}<p class="legend">{tables.LEGEND}</p>'
+    main = [*tables.COMPARABLE, *tables.TABLES['decisions']]
+    shown = [name for name in main if any(one.get(name) is not None for *_, one in rows)]
+    every = _details('All figures', table(names))
+    return f'{table(shown)}{every}<p class="legend">{tables.LEGEND}</p>'
 
 
 def _parameters(variants: Sequence[Variant]) -> str:

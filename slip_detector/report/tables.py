@@ -21,18 +21,21 @@ from typing import Any
 from slip_detector.evaluation.figures import ALREADY_ON, STAGES
 from slip_detector.parameters.fields import name_list
 from slip_detector.recordings.labels import ENDING, KEY, KINDS
+from slip_detector.tuning.problem import worse_figures
 
 #: The text of a figure that is not defined.
 UNDEFINED = '-'
 
 UNITS = {'ms': 'ms', 'mm': 'mm', 's': 's', 'percent': '%', 'hz': 'Hz', 'v': 'V'}
 
+#: The kinds of recordings, in words that follow ON.
+ON_IN = dict(zip(KINDS, ('at rest', 'in taps', 'in presses', 'in rolls', 'idle'), strict=True))
+
 #: Headings of the figures whose names alone say too little.
 HEADINGS = {
     'matched': 'detected',
     'recall': 'share found',
     'recall_by_chance': 'found by guessing',
-    'precision_by_chance': 'precision by guessing',
     'sooner_than_chance': 'better than guessing',
     'settling_slips': 'while settling',
     'settling_alarms': 'while settling',
@@ -44,19 +47,13 @@ HEADINGS = {
     'gaps': 'gaps bridged',
     'auc': 'how far slips stand out',
     'coverage': 'ON during slips',
-    'rest_on_percent': 'ON at rest [%]',
-    'taps_on_percent': 'ON in taps [%]',
-    'press_on_percent': 'ON in presses [%]',
-    'roll_on_percent': 'ON in rolls [%]',
-    'idle_on_percent': 'ON idle [%]',
+    **{f'{kind}_on_percent': f'ON {where} [%]' for kind, where in ON_IN.items()},
 }
 
-#: The figures in each table of an evaluation, by its title; the first is titled by the set's name.
+#: The figures in each table of an evaluation, by its title.
 TABLES: dict[str, Sequence[str]] = {
-    '': ('rows', 'slip_rows', 'moving_rows', 'settling_rows', 'auc_all', 'auc_moving', 'auc_rest'),
-    "as the paper's": (
-        'mean_delay_ms', 'sd_delay_ms', 'success_percent', 'false_positive_percent',
-    ),
+    'rows': ('rows', 'slip_rows', 'moving_rows', 'settling_rows', 'auc_all', 'auc_moving'),
+    "the paper's": ('mean_delay_ms', 'sd_delay_ms', 'success_percent', 'false_positive_percent'),
     'slips': (
         'slips', 'settling_slips', 'matched', 'late', 'missed', 'recall', 'recall_by_chance',
         'sooner_than_chance', 'coverage',
@@ -71,7 +68,7 @@ TABLES: dict[str, Sequence[str]] = {
     ),
     'rest': ('rest_s', 'false_alarms_per_minute', 'false_time_percent', 'false_time_s_per_hour'),
     'kinds': [
-        *(f'auc_{kind}' for kind in KINDS if kind != 'rest'),
+        'auc', *(f'auc_{kind}' for kind in KINDS),
         *(f'{kind}_{what}' for kind in KINDS for what in ('on_percent', 'alarms_per_minute')),
     ],
     'decisions': ('onsets', 'onsets_per_minute', 'on_s', 'on_percent', 'invalid_channels'),
@@ -81,7 +78,10 @@ TABLES: dict[str, Sequence[str]] = {
     'faults': ('bad_samples', 'gaps', 'bridged_rows', 'long_gaps', 'dropped'),
 }  # fmt: skip
 
-#: The tables that are shown without ``--verbose``; decisions only of recordings without labels.
+#: The figures that are compared.
+COMPARABLE = [one for title in ('rows', *[*TABLES][2:7]) for one in TABLES[title]]
+
+#: The tables that are shown without ``--verbose``.
 SHOWN = ('slips', 'latency', 'rest', 'missed slips, lost at', 'faults')
 
 #: Texts of figures that say nothing: rows and columns that have no other are left out.
@@ -89,14 +89,8 @@ EMPTY = {UNDEFINED, '0', '0.0'}
 
 LEGEND = f'{UNDEFINED}: not defined (no labels, no such rows or events, or no record of motion)'
 
-#: The figures by which chains are compared, where they are defined.
-MAIN_FIGURES = (
-    'slips', 'settling_slips', 'missed', 'late', 'recall', 'coverage', 'sooner_than_chance',
-    'precision',
-    'false_alarms', 'false_alarms_per_minute', 'false_time_percent', 'latency_median_all_ms',
-    'latency_median_ms', 'latency_p90_ms', 'latency_worst_ms', 'auc', 'auc_all', 'auc_moving',
-    'auc_rest', *TABLES['kinds'], *TABLES['decisions'],
-)  # fmt: skip
+#: Title of a figure, the figure before and after, and 'better', 'worse' or ''.
+Row = tuple[str, str, str, str]
 
 
 def text_table(rows: Sequence[Sequence[str]], alignment: str = '<>', indent: int = 2) -> str:
@@ -180,7 +174,7 @@ def heading(name: str) -> str:
     """
     if name in HEADINGS:
         return HEADINGS[name]
-    words = name.replace('auc', 'AUC').split('_')
+    words = name.replace('auc', 'AUC').replace('by_chance', 'by_guessing').split('_')
     unit = f' [{UNITS[words.pop()]}]' if words[-1] in UNITS and len(words) > 1 else ''
     return ' '.join(words) + unit
 
@@ -202,35 +196,33 @@ def evaluation_tables(report: Mapping[str, Any], verbose: bool = False) -> str:
     >>> print(evaluation_tables({'answer': ['No slips.'], 'sets': {}, 'all': figures}))
     No slips.
     """
-    rows, names_of, notes = {}, dict[str, list[str]](), list[str]()
-    several = len(report['sets']) > 1
-    for folder, whole in report['sets'].items():
-        for file, one in whole['recordings'].items():
-            name = f'{folder}/{file}' if several else file
-            rows[name] = one
-            its = one['lost'], one['doubts'], *one['warnings']
-            for line in recording_notes('', its, one['invalid_percent']):
-                names_of.setdefault(line, []).append(name)
-            if not one['labelled']:
-                on_s = [f'{start:.3f} to {end:.3f}' for start, end in one['on_intervals_s']]
-                notes.append(
-                    f'{name}: ON from {name_list(on_s, 12)} s' if on_s else f'{name}: never ON'
-                )
-    # Several have the same fault often.
-    faults = [f'{name_list(names, 3)}{line}' for line, names in names_of.items()]
-    sums = {f'all of {name}': one for name, one in report['sets'].items() if several}
-    without_labels = ('decisions',) if report['all']['slips'] is None else ()
-    titles = TABLES if verbose else (*SHOWN, *without_labels)
-    blocks = _tables({**rows, **sums, 'all recordings': report['all']}, titles)
+    rows, notes = by_name(report['sets']), list[str]()
+    for name, one in rows.items():
+        if not one['labelled']:
+            on_s = [f'{start:.3f} to {end:.3f}' for start, end in one['on_intervals_s']]
+            notes.append(f'{name}: {f"ON from {name_list(on_s, 12)} s" if on_s else "never ON"}')
+    for folder, whole in report['sets'].items() if len(report['sets']) > 1 else ():
+        rows[f'all of {folder}'] = whole
+    rows |= {'all recordings': report['all']} if len(rows) != 1 else {}
+    blocks = figure_tables(
+        rows, {title: TABLES[title] for title in (TABLES if verbose else SHOWN)}
+    )
     if any(cell == UNDEFINED for block in blocks for row in block for cell in row):
         notes.append(LEGEND)
     notes += [report['note']] if 'note' in report else []
     ends = {'not_evaluated': 'Stopped early, not evaluated', 'written': 'Written'}
     notes += [f'{what}: {", ".join(report[key])}' for key, what in ends.items() if key in report]
     tables = (text_table(block, indent=0) for block in blocks)
-    return '\n\n'.join(
-        filter(None, ['\n'.join([*report['answer'], *faults]), *tables, '\n'.join(notes)])
-    )
+    return '\n\n'.join(filter(None, ['\n'.join(report['answer']), *tables, '\n'.join(notes)]))
+
+
+def by_name(sets: Mapping[str, Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
+    """Return the recordings of a report by name, with the folder where there are several."""
+    return {
+        f'{folder}/{file}' if len(sets) > 1 else file: one
+        for folder, whole in sets.items()
+        for file, one in whole['recordings'].items()
+    }
 
 
 def recording_notes(name: str, faults: Iterable[str], invalid: Mapping[str, float]) -> list[str]:
@@ -260,39 +252,61 @@ def labels_note(names: Iterable[str]) -> list[str]:
     return [line] if several else []
 
 
-def _tables(rows: Mapping[str, Mapping[str, Any]], titles: Iterable[str]) -> list[list[list[str]]]:
-    """Return the cells of each table that says something; the first columns align."""
-    width = max(map(len, [*rows, *TABLES]))
-    tables = []
-    for title in titles:
-        cells = {
-            name: [figure_text(one, of) for one in TABLES[title]] for name, of in rows.items()
-        }
-        said = [[text not in EMPTY for text in row] for row in cells.values()]
-        columns = [k for k, column in enumerate(zip(*said, strict=True)) if any(column)]
-        if not columns:
-            continue
-        heads = [heading(TABLES[title][k]).removeprefix(f'{title} ') for k in columns]
-        tables.append([[title.ljust(width), *heads]])
-        above = heads
-        for (name, row), says in zip(cells.items(), said, strict=True):
-            # A sum of one recording only repeats it.
-            if any(says) and not (name.startswith('all ') and row == above):
-                tables[-1].append([name.ljust(width), *(row[k] for k in columns)])
-                above = row
-    return tables
+def figure_tables(
+    rows: Mapping[str, Mapping[str, Any]], named: Mapping[str, Sequence[str]]
+) -> list[list[list[str]]]:
+    """Return the cells of tables; rows, columns and tables that say nothing are left out.
 
-
-def main_figures(several: Iterable[Mapping[str, Any]]) -> list[str]:
-    """Return the names of the main figures that at least one of several sets has.
+    Parameters
+    ----------
+    rows
+        Figures, by the name of the row.
+    named
+        The names of the figures of each table, by its title.
 
     Examples
     --------
-    >>> main_figures([{'recall': None, 'slips': 0}, {'recall': None, 'auc_all': 0.9}])
-    ['slips', 'auc_all']
+    >>> rows = {'a': {'slips': 3, 'missed': 0}, 'b': {'slips': 0, 'missed': 0}}
+    >>> figure_tables(rows, {'slips': ['slips', 'missed'], 'missed': ['missed']})
+    [[['slips', 'slips'], ['a', '3']]]
     """
-    several = list(several)
-    return [name for name in MAIN_FIGURES if any(one.get(name) is not None for one in several)]
+    tables = []
+    for title, figures in named.items():
+        heads = [heading(one).removeprefix(f'{title} ') for one in figures]
+        cells = [[name, *(figure_text(one, of) for one in figures)] for name, of in rows.items()]
+        shown = [row for row in cells if not EMPTY.issuperset(row[1:])]
+        columns = zip([title, *heads], *shown, strict=True)
+        kept = [column for column in columns if not EMPTY.issuperset(column[1:])]
+        tables += [list(map(list, zip(*kept, strict=True)))] if shown else []
+    return tables
+
+
+def compared(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[Row]:
+    """Return two sets of figures side by side, each with its title and 'better' or 'worse'.
+
+    What is the same, or not known, in both is left out. What a search compares is better or worse
+    as it decides, see :func:`.problem.worse_figures`; the other figures are neither.
+
+    Parameters
+    ----------
+    before, after
+        Figures as :func:`slip_detector.evaluation.figures.figures_of_merit` returns them.
+
+    Examples
+    --------
+    >>> from slip_detector.evaluation.figures import figures_of_merit
+    >>> before = {**figures_of_merit([]), 'sooner_than_chance': 0.7, 'recall': 0.8}
+    >>> compared(before, {**before, 'recall': 0.95})
+    [('share found', '0.800', '0.950', 'better')]
+    """
+    worse, better = worse_figures(after, before), worse_figures(before, after)
+    rows = []
+    for name in COMPARABLE:
+        was, now = figure_text(name, before), figure_text(name, after)
+        if was != now:
+            change = 'worse' if name in worse else 'better' if name in better else ''
+            rows.append((heading(name), was, now, change))
+    return rows
 
 
 def demo_table(result: Mapping[str, Any]) -> str:

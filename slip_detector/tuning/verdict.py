@@ -165,8 +165,9 @@ def tune(
         Called with the number of trials so far, the number of all, and the cheapest chain, before
         the first trial, and after each trial and each batch.
     doubt
-        Called before the search with a line on each recording that has faults, is left out or
-        contradicts its kind, see :func:`.kinds.contradictions`, and on what was learnt.
+        Called with lines on what is noticed: before the search on each recording that has faults,
+        is left out or contradicts its kind, see :func:`.kinds.contradictions`, and on what was
+        learnt; after it on what the result cannot tell.
     stop
         Returns whether to end the search with the result so far; first called when the recordings
         are read.
@@ -199,6 +200,7 @@ def tune(
     begin, learnt = learn(parameters.chain, training, step)
     notes += learnt
     doubt(notes)
+    noted = len(notes)
     stop()
     step('searching')
     problem = parameters.problem(training, begin)
@@ -230,6 +232,7 @@ def tune(
     verdict = judge(problem, held, best)
     if verdict.traded:
         notes.append('Worse in one figure on what was held out, as trade allows')
+    doubt(notes[noted:])
     return TuningResult(problem, held, study, verdict, notes)
 
 

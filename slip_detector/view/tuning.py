@@ -26,7 +26,7 @@ from typing import IO, Any, cast
 
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.files import writable_folder, write_yaml
-from slip_detector.report.answer import Row
+from slip_detector.report.tables import Row
 from slip_detector.view.detectors import Values, to_decide_as
 from slip_detector.view.recordings import RecordedFolder
 

@@ -42,10 +42,21 @@ def test_json_has_the_figures_of_each_recording_of_each_set_and_of_all(capsys, t
         assert (figures['rows'], figures['slip_rows'], figures['slips']) == (600, 150, 1)
         assert (figures['auc_moving'], figures['moving_rows']) == (None, None)
     assert (report['all']['rows'], report['all']['slips']) == (1200, 2)
-    assert main([*map(str, paths)]) == 0
-    tables = capsys.readouterr().out
-    assert re.search(r'^x +rows +slip rows .*\na\.npz +600 +150 +- +164 ', tables, re.M)
-    assert re.search(r'^all sets .*\nx +600 .*\ny +600 .*\nall rows +1200 +300 ', tables, re.M)
+    assert main([*map(str, paths), '--verbose']) == 0
+    shown = capsys.readouterr().out
+    assert shown.startswith('\n'.join([*report['answer'], '\nrows ']))
+    assert re.search(r'^x/a.npz +600 .*\ny/a.npz +600 .*\nall of x +600 +150 ', shown, re.M)
+    assert re.search(r'^all recordings +1200 +300 ', shown, re.M)
+
+
+def test_folders_in_a_folder_with_recordings_are_said_to_be_left_out(capsys, tmp_path):
+    write(tmp_path / 'a.npz')
+    write(tmp_path / 'in' / 'b.npz')
+    assert main([str(tmp_path)]) == 0
+    left = f'Left out, as only folders that are given are read: {tmp_path / "in"}'
+    assert left in capsys.readouterr().out.splitlines()
+    assert main([str(tmp_path), str(tmp_path / 'in')]) == 0
+    assert 'Left out' not in capsys.readouterr().out
 
 
 def test_decisions_that_mean_nothing_are_warned_of_in_line_json_and_report(capsys, tmp_path):

@@ -38,14 +38,19 @@ def test_the_file_has_the_figures_and_all_that_was_not_searched(case, capsys):
     out = folder / 'out.yaml'
     (folder / 'more').mkdir()
     (folder / 'c.npz').rename(folder / 'more' / 'c.npz')
-    run(folder, *words[3:], '--out', out, '--report', folder / 'report.html', '--trials', 12)
+    told = '--out', out, '--report', folder / 'report.html', '--verbose', '--trials', 12
+    run(folder, *words[3:], *told)
     shown = capsys.readouterr()
     assert '/b.npz (4 slips in 0.2 min)' in shown.out
     assert '\n8 of 12 trials, ' in shown.err
-    assert '12 of 12 trials, result so far: costs' in shown.err
+    assert '12 of 12 trials, so far finds 8 of 8 slips, ON without slip ' in shown.err
+    *_, answer, written = shown.out.splitlines()
+    assert answer.startswith('Finds 4 of 4 slips')
+    assert written == f'Written: {out}, {folder / "report.html"}'
     text = out.read_text()
     comments = [line for line in text.splitlines() if line.startswith('#')]
     assert any('/a.npz, more/c.npz (8 slips in 0.4 min)' in line for line in comments)
+    assert comments[2] == f'# {answer}'
     assert any('false alarms per minute' in line for line in comments)
     config = DetectorConfig.from_yaml(out)
     assert config.heartbeat_hz == 20.0
@@ -55,7 +60,7 @@ def test_the_file_has_the_figures_and_all_that_was_not_searched(case, capsys):
     found = [trial for trial in trials if trial.value is not None]
     assert len(trials) == 12
     assert '<td>all held out</td><td>tuned</td>' in page
-    assert f'12 trials, {len(found)} of them gave a chain' in shown.out
+    assert f'12 trials, {len(found)} of them usable' in shown.out
 
 
 def test_changes_override_every_section_and_all_else_stays(tmp_path):
@@ -79,7 +84,7 @@ def test_another_question_has_a_study_of_its_own(case, capsys):
     out = folder / 'out.yaml'
     run(*words, '--out', out, '--trials', 4)
     capsys.readouterr()
-    run(*words, '--out', out, '--trials', 2, '--held-out', words[0])
+    run(*words, '--out', out, '--trials', 2, '--held-out', words[0], '--verbose')
     assert '2 trials, ' in capsys.readouterr().out
     assert len(optuna.get_all_study_names(journal(f'{out}.study.journal'))) == 2
 
@@ -176,13 +181,13 @@ def test_a_report_that_cannot_be_written_costs_only_the_report(case, monkeypatch
     assert DetectorConfig.from_yaml(out).channels == 4
 
 
-def test_what_detects_none_of_the_held_out_slips_says_so_first(case, capsys):
+def test_what_finds_none_of_the_held_out_slips_says_so_first(case, capsys):
     folder, words = case
     volts, _ = slips(6, slips=False)
     np.savez(folder / 'b.npz', volts=volts, label=slips(6)[1], sample_rate_hz=380.0)
     run(*words, '--out', folder / 'out.yaml', '--trials', 12)
-    said = capsys.readouterr().out
-    assert said.startswith('The result detects none of 4 slips that are held out\n')
-    assert (
-        'The given parameters are kept: on what was held out, the best that was tried is ' in said
-    )
+    *said, _ = capsys.readouterr().out.splitlines()
+    assert [line.partition(' slips.')[0] for line in said] == [
+        'Nothing better was found: on what was held out, the best that was tried finds none of 4',
+        'The given parameters stay. Finds none of 4', 'What was tried: Finds none of 4',
+    ]  # fmt: skip

@@ -52,10 +52,10 @@ def check_interrupted_search(case, *words, number=signal.SIGINT):
     )  # fmt: skip
     wait_for(lambda: store.exists() and store.read_bytes().count(b'"op_code":4') >= 4, process)
     os.killpg(process.pid, number)
-    shown, err = process.communicate(timeout=DEADLINE_S)
+    _, err = process.communicate(timeout=DEADLINE_S)
     assert process.returncode == 0, err
     assert 'Traceback' not in err, err
-    assert 'Stopped early.' in shown
+    assert 'Stopped early.' in err
     assert DetectorConfig.from_yaml(out).channels == 4
     assert len(trials_of(journal(store))) >= 3
     return mine, store
