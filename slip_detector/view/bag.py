@@ -83,31 +83,28 @@ class PlayedBag:
         self._server, self.path, self._finger = server, path, finger
         self._loader = RecordingLoader(config, driver)
         file = labels.find_labels(driver.recording_labels, path)
-        self.file = file or path.parent / labels.labels_name(path)
+        self.file, self._labelled = (
+            file or path.parent / labels.labels_name(path),
+            file is not None,
+        )
         # What is read: the rows in pieces, the number of the first row of each, and when each row
-        # comes after the first one. Whether that is all, and how long it may be.
+        # comes after the first one. Whether that is all, and how long it is or may be.
         self._pieces, self._firsts = list[Samples](), list[int]()
         self._after_ns: Stamps = np.array([], np.int64)
-        self._whole, self._expected_s, self._rate_hz, self._kind = False, 0.0, math.nan, ''
+        self._whole, self.read_s, self.duration_s = False, 0.0, 0.0
         self.channel_names: tuple[str, ...] = ()
         # The ends of all labels, in seconds from the first sample, and how exact each is; those
         # before each change; and the number of changes of labels, detector and what is read.
-        self._unlabelled: Ends | None = []
-        self._ends, self._before = self._unlabelled, list[Ends]()
-        if file is not None:
-            kept = labels.read_labels(file)
-            self._ends = [(end_s, kept.accuracy_s) for end_s in kept.edges_s.ravel().tolist()]
-            self._unlabelled = None
-        self._changes, self._seen = 0, (0, False)
-        self._config: DetectorConfig | None = None
+        self._ends, self._before = Ends(), list[Ends]()
+        self._unlabelled: Ends | None = None
+        self._changes, self._seen = 0, tuple[Any, ...]()
         self.speed, self.playing = 1.0, True
         # The place, the next row, what its stamp has more, and the time of the last call.
         self._at_s, self._next, self._later_ns, self._now_s = 0.0, 0, 0, -math.inf
         server.each_tick.append(self.tick)
         server.on_request('bag_trace', self._trace, latest_only=True)
         server.on_request('bag_snap', self._snap, changes=True, latest_only=True)
-        changes = {'play': self._play, 'label': self._label, 'undo_label': self._undo}
-        for kind, answer in changes.items():
+        for kind, answer in {'play': self._play, 'label': self._label, 'undo': self._undo}.items():
             server.on_request(f'bag_{kind}', answer, changes=True)
 
     def read(self) -> None:
@@ -121,8 +118,8 @@ class PlayedBag:
         opened = self._loader.open(self.path, require_truth=False)
         recording, n_bytes = opened.recording, 0
         self.channel_names = self._loader.chain_config.channel_names or recording.channel_names
-        self._kind, self._rate_hz = recording.kind, opened.sample_rate_hz
-        self._expected_s = (recording.n_rows or 0) / recording.sample_rate_hz
+        self._rate_hz, self._kind = opened.sample_rate_hz, recording.kind
+        self.duration_s = (recording.n_rows or 0) / recording.sample_rate_hz
         for piece in opened.rows:
             n_bytes += piece.volts.nbytes
             recording.check_size(n_bytes, 'what is played')
@@ -132,23 +129,18 @@ class PlayedBag:
                 raise ValueError(f'{self.path}: its clock was set back, allowed: stamps that rise')
             self._firsts.append(len(self._after_ns))
             self._after_ns = np.append(self._after_ns, after_ns)
-        if self._unlabelled is not None:
+            self.read_s = float(after_ns[-1] * 1e-9)
+            self.duration_s = max(self.duration_s, self.read_s)
+        self.duration_s = self.read_s
+        if self._labelled:
+            ends_s = labels.read_labels(self.file).edges_s
+        else:
             truth = np.concatenate([piece.truth for piece in self._pieces])
             changes = np.flatnonzero(np.diff(truth, prepend=False, append=False))
-            ends_s = np.append(self._after_ns * 1e-9, self.read_s)[changes].round(4)
-            self._ends = [(end_s, recording.accuracy_s) for end_s in ends_s.tolist()]
-            self._unlabelled = self._ends
+            ends_s = np.append(self._after_ns * 1e-9, self.duration_s)[changes].round(4)
+        self._ends = [(end_s, recording.accuracy_s) for end_s in ends_s.ravel().tolist()]
+        self._unlabelled = None if self._labelled else self._ends
         self._whole = True
-
-    @property
-    def read_s(self) -> float:
-        """How much of it is read, in seconds."""
-        return float(self._after_ns[-1] * 1e-9) if len(self._after_ns) else 0.0
-
-    @property
-    def duration_s(self) -> float:
-        """How long it is; an estimate until all is read."""
-        return self.read_s if self._whole else max(self.read_s, self._expected_s)
 
     @property
     def reading(self) -> str:
@@ -159,18 +151,15 @@ class PlayedBag:
     def tick(self) -> None:
         """Report to all pages what is played, and where it is."""
         finger = self._server.detectors.fingers.get(self._finger)
-        if finger is not None and finger.config != self._config:
-            self._config = finger.config
-            self._changes += 1
         # While it is read, the trace is computed anew when four times as much is there.
-        seen = len(self._after_ns), self._whole
-        if seen[0] > 4 * self._seen[0] or seen[1] > self._seen[1]:
+        amount = len(self._after_ns).bit_length() // 2
+        if (seen := (finger and finger.config, amount, self._whole)) != self._seen:
             self._seen = seen
             self._changes += 1
         state: dict[str, Any] = {'name': self.path.name, 'labels': str(self.file)}
         state |= {'at_s': round(self._at_s, 3), 'speed': self.speed, 'playing': self.playing}
         state |= {'reading': self.reading, 'duration_s': self.duration_s}
-        state |= {'changes': self._changes, 'undoes': len(self._before)}
+        state |= {'changes': self._changes, 'slip_s': _pairs(self._ends)}
         self._server.broadcast('bag', state)
 
     def due(self, now_s: float) -> Iterator[tuple[int, Floats, bool]]:
@@ -181,22 +170,21 @@ class PlayedBag:
         now_s
             The time of :func:`time.monotonic`.
         """
-        after_ns, whole = self._after_ns, self._whole
-        if not self.playing or not len(after_ns):
+        if not self.playing or not self._pieces:
             return iter(())
         passed_s, self._now_s = now_s - self._now_s, now_s
         if passed_s > STILL_S:
             self.move(self._at_s)
             passed_s = 0.0
-        self._at_s = min(self._at_s + passed_s * self.speed, 1e-9 * float(after_ns[-1]))
+        self._at_s = min(self._at_s + passed_s * self.speed, self.read_s)
         begin, self._next = self._next, self._row_at(self._at_s, 'right')
-        self.playing = not whole or self._next < len(after_ns)
+        self.playing = not self._whole or self._next < len(self._after_ns)
         due = self._rows(begin, self._next)
-        stamps_ns = after_ns[begin : self._next] + self._later_ns
+        stamps_ns = self._after_ns[begin : self._next] + self._later_ns
         return zip(stamps_ns.tolist(), due.volts, self._label_of(due)['truth'], strict=True)
 
     def move(self, to_s: float) -> None:
-        """Go on at another place, in seconds from the first sample."""
+        """Go on at another place that is read, in seconds from the first sample."""
         last_ns = int(self._after_ns[max(self._next - 1, 0)]) + self._later_ns
         self._at_s = min(to_s, self.read_s)
         self._next = self._row_at(self._at_s, 'left')
@@ -255,11 +243,13 @@ class PlayedBag:
         self.speed, self.playing = speed or self.speed, playing
         if to_s is None and message.get('playing') and self._next == len(self._after_ns):
             to_s = 0.0
-        if to_s is not None:
+        if to_s is not None and self._pieces:
             self.move(to_s)
 
     async def _trace(self, message: Message) -> dict[str, Any]:
         config = self._server.detectors.finger_of(self._finger).config
+        if not self._pieces:
+            raise ValueError(self.reading)
         return await self._server.work(self.trace, config)
 
     async def _label(self, message: Message) -> None:
@@ -270,7 +260,7 @@ class PlayedBag:
         by_s = min(max(labels.BY_EYE_S, late_s), labels.MOST_S)
         # A label that ended later would be refused where the recording is read.
         last_s = math.floor(1e4 * self.duration_s) / 1e4
-        known, ends_s = dict(self._ends), np.minimum(wanted.edges_s, last_s).ravel()
+        known, ends_s = dict(self._ends), np.minimum(wanted.edges_s.round(4), last_s).ravel()
         self._keep([(end_s, known.get(end_s, by_s)) for end_s in ends_s.tolist()])
 
     async def _snap(self, message: Message) -> dict[str, Any]:

@@ -57,6 +57,9 @@ NO_SLIP = 'has no slip'
 #: share of them that is below the level of rest.
 TRACE_BINS, REST_SHARE = 600, 0.05
 
+#: The median channel is averaged over so many seconds.
+SMOOTHED_S = 0.2
+
 
 class RecordingSummary(NamedTuple):
     """A recording made on the live page.
@@ -107,6 +110,8 @@ class RecordedFolder:
         self.recordings: dict[str, RecordingSummary] = {}
         #: Whether a search on them ended without a result before the page's server began.
         self.interrupted = False
+        # Of each whose labels were moved, how exact each end is that they have had.
+        self._exact_s = dict[str, dict[float, float]]()
         #: Rate of the detector, and those of recordings by their stamps, as far as known.
         self.sample_rate_hz = math.nan
         self.rates_hz: dict[str, float] = {}
@@ -160,6 +165,7 @@ class RecordedFolder:
             shutil.rmtree(path)
             (path.parent / labels.labels_name(path)).unlink(missing_ok=True)
         del self.recordings[path.name]
+        self._exact_s.pop(path.name, None)
 
     def mark(self, name: object, mistaken: bool) -> None:
         """Mark a recording's labels as a mistake, or take that back.
@@ -190,9 +196,9 @@ class RecordedFolder:
     def label(self, name: object, edges_s: object, by_s: float, *, snap: bool) -> dict[str, Any]:
         """Take the ends of a recording's labels as a page has moved them, in seconds.
 
-        Either nothing is changed and the ends are returned where the power changes, and in words
-        what was found; or they are written beside the recording. Ends that were moved are exact to
-        ``by_s``, the others as before.
+        With ``snap`` they are moved to where the power changes, and what was found is returned in
+        words. They are written beside the recording. Ends that were moved are exact to ``by_s``,
+        the others as before.
 
         Raises
         ------
@@ -205,19 +211,22 @@ class RecordedFolder:
         wanted.check_end(self.recordings[path.name].duration_s + labels.BY_EYE_S, path)
         recording = open_recording(path)
         track = track_of(path.name, recording.rows(), recording.sample_rate_hz)
-        if snap:
-            by_hand = wanted.edges_s, track.sample_rate_hz, labels.BY_HAND_S
-            slip_s, _, said = labels.snapped(track.samples, *by_hand)
-            return {'slip_s': slip_s.round(4).tolist(), 'said': said}
         # The page has seen the ends as rows.
         were_s = (np.ravel(track.slips) / track.sample_rate_hz).round(4).tolist()
         before_s = self.recordings[path.name].exact_s or [recording.accuracy_s] * len(were_s)
-        known = dict(zip(were_s, before_s, strict=False))
-        exact_s = [known.get(end_s, by_s) for end_s in wanted.edges_s.ravel().tolist()]
-        document = {labels.KEY: edges_s, labels.ACCURACY: max(exact_s, default=by_s)}
+        # Ends before earlier changes count, too: a page may take changes back.
+        known = self._exact_s.setdefault(path.name, {})
+        known.update(zip(were_s, before_s, strict=False))
+        ends_s, said = wanted.edges_s, ''
+        if snap:
+            by_hand = ends_s, track.sample_rate_hz, labels.BY_HAND_S
+            ends_s, _, said = labels.snapped(track.samples, *by_hand)
+        ends_s = ends_s.round(4)
+        exact_s = [known.setdefault(end_s, by_s) for end_s in ends_s.ravel().tolist()]
+        document = {labels.KEY: ends_s.tolist(), labels.ACCURACY: max(exact_s, default=by_s)}
         write_yaml(file, document, ['Moved by hand on the page of slip_view.'])
         self.recordings[path.name] = self._summary(path.name)._replace(exact_s=tuple(exact_s))
-        return {'slip_s': edges_s}
+        return {'said': said}
 
     def off_rate(self, name: str) -> str:
         """Return why a recording's rate is not that of the detector; empty if it is."""
@@ -289,27 +298,30 @@ def trace_of(
 class _Signal(Overview):
     """An overview with the envelope in the place of the volts, once the chain has settled."""
 
-    _settled = 0
-
     def add(self, volts: Floats, result: SlipResult, truth: Bools) -> None:
-        self._settled = self._settled or self.rows + settling_rows(self.config)
-        good = result.valid & (self.rows + np.arange(len(volts)) >= self._settled)[:, np.newaxis]
-        super().add(np.where(good, result.envelope, np.nan), result, truth)
-
-    def gap(self, seconds: float) -> None:
-        super().gap(seconds)
-        self._settled = 0
+        super().add(np.where(result.valid, result.envelope, np.nan), result, truth)
 
     def curves_db(self) -> tuple[Floats, Floats]:
-        """Return the loudest and the median channel of each bin in dB; NaN without a signal."""
+        """Return the loudest and the median channel of each bin in dB; NaN without a signal.
+
+        The median is smoothed: of a slide that is hardly louder than rest, it is above all else.
+        """
         with np.errstate(divide='ignore'):
             # The envelope is a power of the volts times the gain.
             each_db = 20.0 / self.config.exponent * np.log10(self.high.astype(np.float64))
         each_db -= 20.0 * np.log10(self.config.gain)
+        # At the beginning and after each gap the filters settle.
+        settling = np.ones(1 + -(-settling_rows(self.config) // self.bin_rows))
+        absent = np.append(True, np.isnan(self.high).all(axis=1))
+        each_db[np.convolve(absent, settling)[1 : len(absent)] > 0] = np.nan
         # What is no number comes last.
         ordered = np.sort(np.where(np.isfinite(each_db), each_db, np.nan), axis=1)
         n, every = np.isfinite(ordered).sum(axis=1), np.arange(len(ordered))
-        return ordered[every, n - 1], ordered[every, (n - 1) // 2]
+        median_db, known = ordered[every, (n - 1) // 2], n > 0
+        window = np.ones(min(1 + round(SMOOTHED_S * self.sample_rate_hz / self.bin_rows), len(n)))
+        sums_db = np.convolve(np.where(known, median_db, 0.0), window, 'same')
+        smooth_db = sums_db / np.maximum(np.convolve(known, window, 'same'), 1.0)
+        return ordered[every, n - 1], np.where(known, smooth_db, np.nan)
 
 
 def _known(values: Floats) -> list[float | None]:

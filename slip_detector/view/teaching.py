@@ -71,7 +71,7 @@ class Teaching:
         server.at_end.append(self.close)
         server.on_request('recordings', self._recordings, latest_only=True)
         server.on_request('trace', self._trace, latest_only=True)
-        server.on_request('snap', functools.partial(self._label, snap=True), latest_only=True)
+        server.on_request('snap', functools.partial(self._label, snap=True), changes=True)
         server.on_request('label', functools.partial(self._label, snap=False), changes=True)
         server.on_request('teach', self._teach, changes=True)
         server.on_request('delete_recording', self._delete, changes=True)

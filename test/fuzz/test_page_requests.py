@@ -48,7 +48,8 @@ def test_any_request_is_answered_in_one_line_and_logs_none(tmp_path, caplog):
     server = Server(SimulatedDetectors(real_time=False), Access())
     ParameterRequests(server, tmp_path)
     Teaching(server, tmp_path)
-    PlayedBag(server, tmp_path / 'index' / 'slip_1', DetectorConfig(), DriverConfig(), FINGER)
+    bag = tmp_path / 'index' / 'slip_1'
+    PlayedBag(server, bag, DetectorConfig(), DriverConfig(), FINGER).read()
 
     def check(case):
         kind, changes = case

@@ -57,7 +57,7 @@ def test_a_bag_is_played_labelled_by_key_and_pointer_and_evaluated(
     page.set_default_timeout(PATIENCE_MS)
     complaints = complaints_of(page, address)
     page.goto(address)
-    words, where = page.locator('#played p'), page.locator('#bag-where')
+    words, where = page.locator('#played .hint'), page.locator('#bag-where')
     expect(words).to_have_text(
         re.compile(r'Labels: 0, in .*old\.labels\.yaml\. ON for .* of the recording')
     )
@@ -99,8 +99,8 @@ def test_a_bag_is_played_labelled_by_key_and_pointer_and_evaluated(
     end.focus()
     page.keyboard.press('PageUp')
     page.keyboard.press('Enter')
-    expect(page.locator('#bag-undo')).to_be_enabled()
-    parts.button(page, 'Snap').click()
+    bench.wait_for(lambda: read_labels(file).accuracy_s < 0.3, 'the end to be kept')
+    parts.button(page, 'Snap recording').click()
     bench.wait_for(lambda: read_labels(file).accuracy_s == 0.1, 'the ends to be snapped')
     kept = read_labels(file)
     assert kept.edges_s == pytest.approx(slips_s, abs=0.05)
@@ -124,7 +124,7 @@ def test_a_bag_is_played_labelled_by_key_and_pointer_and_evaluated(
     assert read_labels(file).edges_s.tolist() == kept.edges_s.tolist()
     file.unlink()
     file.mkdir()
-    parts.button(page, 'Undo').click()
+    parts.button(page, 'Undo recording').click()
     expect(words).to_contain_text('Refused: ')
     page.close()
     assert complaints == []

@@ -16,6 +16,7 @@
 """A recording is played as if it were live, and its labels are kept beside it."""
 
 import asyncio
+import functools
 import json
 import shutil
 
@@ -38,6 +39,8 @@ from support.training import samples, slipping
 
 FINGER = '/index/slip_detector'
 
+approx = functools.partial(pytest.approx, abs=0.02)
+
 #: Of a plate that slides once: its rows, and when it begins and ends to slide.
 ROWS = samples(slipping(), 9.6, seed=3)
 SLIP_S = (ROWS.stamps_ns[np.flatnonzero(np.diff(ROWS.truth))] * 1e-9).tolist()
@@ -46,11 +49,13 @@ SLIP_S = (ROWS.stamps_ns[np.flatnonzero(np.diff(ROWS.truth))] * 1e-9).tolist()
 class Played:
     """A recording that a test plays as a server does."""
 
-    def __init__(self, path, rows=ROWS, driver=None):
+    def __init__(self, path, rows=ROWS, driver=None, read=True):
         write_recording(path, [rows], 380.0, DetectorConfig().names)
         server = self.server = Server(SimulatedDetectors(real_time=False), Access())
         driver = driver or DriverConfig()
         self.bag, self.now_s = PlayedBag(server, path, DetectorConfig(), driver, FINGER), 7.0
+        if read:
+            self.bag.read()
 
     def ask(self, kind, **content):
         return asyncio.run(self.server.answer({'type': f'bag_{kind}', **content}))
@@ -135,8 +140,8 @@ def test_a_label_is_kept_beside_the_recording_which_stays_as_it_is(tmp_path, nam
     assert played.ask('snap')['refusal'] == ''
     assert read_labels(file).accuracy_s == 0.1
     assert played.ask('trace')['slip_s'] == [pytest.approx(SLIP_S, abs=0.05)]
-    assert played.state['undoes'] == 4
     for _ in range(4):
+        assert file.exists()
         assert played.ask('undo')['refusal'] == ''
     assert not file.exists()
     assert [path.read_bytes() for path in files] == before
@@ -168,6 +173,37 @@ def test_labels_that_exist_are_shown_and_changed_in_their_file(tmp_path):
     # Without a file, those in the recording itself.
     within = Played(tmp_path / 'within.mcap')
     assert within.ask('trace')['slip_s'] == [pytest.approx(SLIP_S, abs=0.003)]
+
+
+def test_what_is_read_is_seen_and_played_and_labels_wait_for_the_rest(tmp_path):
+    played = Played(tmp_path / 'old.npz', read=False)
+    assert played.state['reading'] == 'opening'
+    assert played.ask('trace')['refusal'] == 'opening'
+    assert len(played.play(1.0)[0]) == 0
+    loader, half = played.bag._loader, len(ROWS.volts) // 2
+
+    def pieces():
+        yield ROWS.take(slice(half))
+        before = played.state
+        assert (before['reading'], before['duration_s']) == ('reading 0 of 0 min', approx(9.6))
+        trace = played.ask('trace')
+        assert (trace['read_s'], trace['duration_s']) == (approx(4.8), approx(9.6))
+        played.ask('play', to_s=8.0)
+        assert len(played.play(1.0)[0]) == 1  # It waits for more at the end of what is read.
+        assert 'is being read' in played.ask('label', slip_s=[[1.0, 2.0]])['refusal']
+        yield ROWS.take(slice(half, None))
+
+    class Halves(RecordingLoader):
+        def open(self, path, require_truth=True):
+            return loader.open(path, require_truth)._replace(rows=pieces())
+
+    played.bag._loader = Halves()
+    played.bag.read()
+    assert played.state['reading'] == ''
+    _, volts = played.play(1.0)
+    np.testing.assert_array_equal(volts, ROWS.volts[half : half + len(volts)])
+    assert len(volts) > 300
+    assert played.ask('label', slip_s=[[1.0, 2.0]])['refusal'] == ''
 
 
 def test_what_cannot_be_kept_is_said_and_changes_nothing(tmp_path, unlabelled):

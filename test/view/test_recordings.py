@@ -15,6 +15,7 @@
 """The recordings of a finger: how they grow, which there are, and which are held out."""
 
 import asyncio
+import json
 
 import numpy as np
 import pytest
@@ -30,6 +31,7 @@ from slip_detector.view.recordings import (
     RecordedFolder,
     Recorder,
     RecordingSummary,
+    trace_of,
 )
 
 
@@ -99,6 +101,30 @@ def test_every_third_of_each_kind_is_held_out_from_the_second_on():
         for number in range(1, n + 1):
             recorded.add(RecordingSummary(f'{kind}_{number}', 1.0, int(kind == 'slip')))
     assert recorded.held_out() == ['rest_2', 'slip_2', 'slip_5']
+
+
+def test_a_trace_has_the_signal_in_db_where_the_filters_have_settled_and_a_channel_is_valid():
+    config = DetectorConfig(channels=3, groups={'all': (1, 2, 3)}, exponent=1)
+    after_ns = np.arange(3800) * 10**9 // 380
+    after_ns[1900:] += 5 * 10**9  # A gap.
+    volts = np.outer(np.sin(2 * np.pi * 25.0 * after_ns * 1e-9), [0.01, 0.1, 1.0])
+    volts[3040:3420] = np.nan
+    pieces = [Samples(volts[:1900], after_ns[:1900], np.zeros(1900, bool))]
+    rest = Samples(volts[1900:], after_ns[1900:], np.zeros(1900, bool), new_stretch=True)
+    trace = trace_of(config, [*pieces, rest], 380.0)
+    json.dumps(trace, allow_nan=False)
+
+    def of(curve, from_s, to_s):
+        return trace[curve][int(from_s / trace['bin_s']) + 1 : int(to_s / trace['bin_s'])]
+
+    assert trace['duration_s'] == pytest.approx(15.0, abs=0.01)
+    for from_s, to_s in ((0.6, 5.0), (10.6, 13.0)):
+        assert of('loudest', from_s, to_s) == pytest.approx(-3.0, abs=0.5)
+        assert of('median', from_s, to_s) == pytest.approx(-23.0, abs=0.5)
+    for from_s, to_s in ((0.0, 0.3), (5.0, 10.3), (13.1, 14.0)):
+        assert set(of('loudest', from_s, to_s) + of('median', from_s, to_s)) == {None}
+    still = trace_of(config, [Samples.evenly(np.ones((760, 3)), 380.0, np.zeros(760))], 380.0)
+    assert (still['rest_db'], set(still['median'])) == (None, {None})
 
 
 CONFIG = DetectorConfig(channels=2, groups={'all': (1, 2)}, sample_rate_hz=380.0)

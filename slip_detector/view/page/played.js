@@ -1,18 +1,21 @@
-// The recording that slip_view --bag plays: its trace, the place in it, and its labels, each change of which is kept at once.
+// The recording that slip_view --bag plays: its trace, the place in it, and its labels.
 
 import {holdable, write} from './elements.js';
 import {RecordingTrace} from './recording_trace.js';
 
-// A shorter move of the pointer is a click, a shorter slip a mistake; the widest canvas of a browser.
-const DRAG_PX = 4, LEAST_S = 0.02, MOST_PX = 30_000;
+// A shorter move of the pointer is a click, a shorter slip a mistake.
+const DRAG_PX = 4, LEAST_S = 0.02;
 const part = (name) => element(`bag-${name}`);
 
 export class Played extends RecordingTrace {
   constructor(connection) {
     super('recording', (type, content) => connection.request(`bag_${type}`, content));
-    Object.assign(this, {edit: part('edit'), line: build('div.play-head'), band: build('div.new-label'), pairs: [], held: null, factor: 1, said: ''});
+    Object.assign(this, {line: build('div.play-head'), band: build('div.new-label'), held: null});
+    part('edit').append(...this.edit.children);
+    Object.assign(this, {root: element('played'), edit: part('edit')});
     this.picture.append(this.band, this.line);
-    element('played').append(this.frame = build('div.long-trace', this.picture), part('place'), this.words);
+    this.frame.tabIndex = 0;
+    this.root.append(this.frame, part('place'), this.words);
     connection.on('bag', (state) => this.show(state));
     connection.on('fingers', ({read_only: readOnly}) => this.allow(!readOnly));
     const on = (place, kinds, act) => kinds.split(' ').forEach((kind) => place.addEventListener(kind, act));
@@ -20,7 +23,6 @@ export class Played extends RecordingTrace {
     for (const [what, name] of [['place', 'to_s'], ['speed', 'speed']]) on(part(what), 'change', ({target}) => this.ask('play', {[name]: Number(target.value)}));
     for (const [what, by] of [['shorter', 2], ['longer', 0.5]]) on(part(what), 'click', () => this.zoom(by));
     on(part('remove'), 'click', () => this.ask('label', {slip_s: this.pairs.filter((pair) => pair !== this.here)}));
-    for (const what of ['snap', 'undo']) on(part(what), 'click', () => this.ask(what));
     holdable(part('hold'), {press: () => this.press(true), release: () => this.press(false), isHeld: () => this.held !== null});
     on(document, 'keydown keyup', ({type, key, repeat, ctrlKey, metaKey, altKey, target}) => {
       const meant = key.toLowerCase() === 'l' && !repeat && !ctrlKey && !metaKey && !altKey && !target.matches('input:not([type=range]), textarea');
@@ -39,7 +41,7 @@ export class Played extends RecordingTrace {
     if (this.drag) this.picture.setPointerCapture(pointerId);
     if (!drag || type !== 'pointerup') return;
     if (Math.abs(clientX - drag.x) < DRAG_PX) this.ask('play', {to_s: to});
-    else this.add(drag.from, to, this.trace.duration_s / width);
+    else this.add(drag.from, to, this.pixel_s);
   }
 
   // Whether the key is held: the slip is between the places that were shown then.
@@ -52,21 +54,24 @@ export class Played extends RecordingTrace {
   }
 
   show(state) {
-    const {trace, frame} = this, {at_s: at} = state, changed = state.changes !== this.state?.changes;
+    const {at_s: at, duration_s: end, reading} = state, {frame} = this;
+    const changed = state.changes !== this.state?.changes;
     this.state = state;
+    this.root.hidden = false;
     write('bag-play', state.playing ? 'Stop' : 'Play');
     part('speed').value = state.speed;
-    part('undo').disabled = !state.undoes;
-    part('remove').disabled = !(this.here = this.pairs.find(([from, to]) => from <= at && at < to));
-    if (changed) this.load();
-    if (!trace) return;
-    const x = at / trace.duration_s * frame.scrollWidth;
-    write('bag-where', `${at.toFixed(1)} of ${trace.duration_s.toFixed(1)}\u00a0s of ${state.name}`);
-    this.line.style.left = `${x}px`;
-    part('place').max = trace.duration_s;
+    write('bag-where', `${at.toFixed(1)} of ${end.toFixed(1)}\u00a0s of ${state.name}${reading && `: ${reading}`}`);
+    part('place').max = end;
     if (!part('place').matches(':active')) part('place').value = at;
+    if (changed) this.load();
+    if (!this.trace) return;
+    if (changed) this.label(state.slip_s);
+    this.here = this.pairs.find(([from, to]) => from <= at && at < to);
+    part('remove').disabled = !this.here;
+    this.line.style.left = `${100 * at / this.trace.duration_s}%`;
     if (this.held !== null) this.mark(this.held, at);
-    if (state.playing && (x < frame.scrollLeft || x > frame.scrollLeft + frame.clientWidth)) frame.scrollLeft = x - frame.clientWidth / 8;
+    const x = at / this.pixel_s - frame.scrollLeft;
+    if (state.playing && (x < 0 || x > frame.clientWidth)) frame.scrollLeft += x - frame.clientWidth / 8;
   }
 
   // Show what is to become a label; without ends: nothing.
@@ -75,35 +80,26 @@ export class Played extends RecordingTrace {
     Object.assign(this.band.style, {left: `${share * Math.min(from, to)}%`, width: `${share * Math.abs(to - from)}%`});
   }
 
-  zoom(by) {
-    const {frame} = this, middle = (frame.scrollLeft + frame.clientWidth / 2) / frame.scrollWidth;
-    this.factor = Math.max(1, Math.min(this.factor * by, MOST_PX / (frame.clientWidth * window.devicePixelRatio)));
-    this.picture.style.width = `${100 * this.factor}%`;
-    frame.scrollLeft = middle * frame.scrollWidth - frame.clientWidth / 2;
-  }
-
   // Add a slip, and make one of it and those that it meets. pixel_s: seconds of a pixel, if it was set by eye.
   add(from, to, pixel_s) {
     const meets = ([start, end]) => start <= Math.max(from, to) && end >= Math.min(from, to);
-    const ends = [from, to, ...this.pairs.filter(meets).flat()].map((s) => Number(s.toFixed(4)));
+    const ends = [from, to, ...this.pairs.filter(meets).flat()];
     if (this.allowed) this.ask('label', {slip_s: [...this.pairs.filter((pair) => !meets(pair)), [Math.min(...ends), Math.max(...ends)]], pixel_s});
   }
 
   // Ask for a change, which comes as news to all pages.
   async ask(type, content) {
     const {refusal, said} = await this.request(type, content);
-    this.said = said ?? '';
-    if (refusal || said) this.move(this.saved, refusal && `Refused: ${refusal}`);
+    this.said = refusal ? `Refused: ${refusal}` : said ?? '';
+    if (this.trace && this.said) this.label(this.state.slip_s);
   }
 
-  // Show the labels that are kept; or, after an end was moved, keep them.
-  move(slip, refused) {
-    this.slip = slip;
-    this.pairs = slip.flatMap((s, i) => (i % 2 ? [] : [[s, slip[i + 1]]]));
-    if (slip !== this.saved) return this.ask('label', {slip_s: this.pairs, pixel_s: this.trace.duration_s / this.canvas.clientWidth});
-    super.move(slip);
-    part('snap').disabled = !slip.length;
-    write(this.words, refused || `Labels: ${this.pairs.length}, in ${this.state.labels}. ${this.words.textContent}${this.said && `. ${this.said}`}`);
-    this.show(this.state);
+  takeBack() {
+    return this.ask('undo', {});
+  }
+
+  describe() {
+    super.describe();
+    write(this.words, `Labels: ${this.pairs.length}, in ${this.state.labels}. ${this.words.textContent}`);
   }
 }

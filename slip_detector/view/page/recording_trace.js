@@ -1,27 +1,34 @@
-// The picture of a recording, with its labels.
+// The picture of a recording: its signal, and its labels, each change of which is kept at once.
 
 import {Slider, button, write} from './elements.js';
 
-const STEP_S = 0.01, LEVEL = '#3d5a73';
+// A step of an end by keys, the shortest stretch that is seen, and the least range of the signal.
+const STEP_S = 0.01, LEAST_S = 0.5, LEAST_DB = 6;
+// The width and the colour of each curve.
+const CURVES = {loudest: [1, '#6a7986'], median: [2, '#0b5a8c']};
+const ZOOMS = {'+': 2, '=': 2, '-': 0.5, Home: 0};
 // Traces are asked for one after the other, as many wait at once when a page opens.
 let turn = Promise.resolve();
 const percent = (share) => `${Number((100 * share).toPrecision(2))} %`;
 
-// A recording as a small picture: the level, the intervals of its label, and of what the detector as it
-// is would decide. The ends of the label can be dragged, snapped to where the signal changes, and saved.
+// The loudest and the median channel in dB, over the intervals of the label; under them a strip of
+// the level, and one of what the detector as it is would decide. It can be zoomed and scrolled.
 export class RecordingTrace {
   // request(type, content): asks about this recording; resolves with the answer.
   constructor(name, request) {
-    Object.assign(this, {name, request});
-    this.canvas = build('canvas');
+    Object.assign(this, {name, request, factor: 1, said: '', pairs: [], ends: [], before: []});
+    this.canvas = build('canvas', {role: 'img', ariaLabel: `Signal of ${name}`});
     this.picture = build('div.trace', this.canvas);
+    this.frame = build('div.trace-frame', this.picture, {tabIndex: -1});
     this.words = build('p.hint');
-    this.snap = button('Snap', () => this.ask('snap'), {title: 'Move the ends to where the power of the signal changes, if that is found within 0.7 s'});
-    this.save = button('Save labels', () => this.ask('label'), {title: 'An end that was moved is right to 0.1 s, or a pixel; the others as before'});
-    this.reset = button('Reset', () => this.move(this.saved));
-    this.edit = build('span.buttons', this.snap, this.save, this.reset);
-    this.root = build('div.recording-trace', this.picture, this.words, this.edit);
-    this.ends = [];
+    const title = 'Move the ends to where the signal changes, if that is found within 0.7 s';
+    const snap = button('Snap', () => this.ask('snap'), {ariaLabel: `Snap ${name}`, title});
+    const undo = button('Undo', () => this.takeBack(), {ariaLabel: `Undo ${name}`});
+    this.edit = build('span.buttons', snap, undo);
+    this.root = build('div.recording-trace', this.frame, this.words, this.edit);
+    this.frame.addEventListener('scroll', () => this.draw());
+    this.frame.addEventListener('wheel', (event) => this.onWheel(event), {passive: false});
+    this.frame.addEventListener('keydown', (event) => this.onKey(event));
     new ResizeObserver(() => this.draw()).observe(this.picture);
   }
 
@@ -30,26 +37,33 @@ export class RecordingTrace {
     const trace = await (turn = turn.then(() => this.request('trace')));
     if (trace.refusal) return write(this.words, `Not shown: ${trace.refusal}`);
     this.trace = trace;
-    this.saved = trace.slip_s.flat();
-    // The same ends keep the focus.
-    if (this.ends.length !== this.saved.length) {
+    this.label(trace.slip_s);
+  }
+
+  // Show these intervals as the label; the same ends keep the focus.
+  label(pairs) {
+    this.pairs = pairs;
+    if (this.ends.length !== 2 * pairs.length) {
       for (const end of this.ends) end.close();
-      this.ends = this.saved.map((_, i) => this.handle(i));
+      this.ends = pairs.flat().map((_, i) => this.handle(i));
       this.picture.append(...this.ends.map(({root}) => root));
     }
-    this.move(this.saved);
     this.allow(this.allowed);
+    this.describe();
+    this.draw();
   }
 
   handle(i) {
-    const {duration_s: end} = this.trace;
-    // An end stays between its neighbours.
-    const inside = (s) => Math.min(Math.max(s, (this.slip[i - 1] ?? -STEP_S) + STEP_S), (this.slip[i + 1] ?? end + STEP_S) - STEP_S);
+    const inside = (s) => {
+      const ends = [-STEP_S, ...this.pairs.flat(), this.trace.duration_s + STEP_S];
+      return Math.min(Math.max(s, ends[i] + STEP_S), ends[i + 2] - STEP_S);
+    };
     return new Slider({
-      name: `${i % 2 ? 'End' : 'Start'} of the slip in ${this.name}`, words: (s) => `${s.toFixed(2)} s`,
-      valueOf: (x) => inside(x / this.canvas.clientWidth * end), step: (s, steps) => inside(s + steps * STEP_S),
+      name: `${i % 2 ? 'End' : 'Start'} of the slip in ${this.name}`,
+      words: (s) => `${s.toFixed(2)} s`,
+      valueOf: (x) => inside(x * this.pixel_s), step: (s, steps) => inside(s + steps * STEP_S),
       onMove: () => this.draw(),
-      onSet: (s) => this.move(this.slip.with(i, Number(s.toFixed(4)))),
+      onSet: (s) => this.keep(this.pairs.with(i >> 1, this.pairs[i >> 1].with(i % 2, s))),
     });
   }
 
@@ -59,35 +73,92 @@ export class RecordingTrace {
     this.edit.hidden = !allowed;
   }
 
-  async ask(type) {
-    const pairs = this.saved.flatMap((_, i) => (i % 2 ? [] : [this.slip.slice(i, i + 2)]));
-    const answer = await this.request(type, {slip_s: pairs, pixel_s: this.trace.duration_s / this.canvas.clientWidth});
-    if (!answer.refusal) await (type === 'snap' ? this.move(answer.slip_s.flat(), answer.said) : this.load());
+  // Seconds of a pixel.
+  get pixel_s() {
+    return this.trace.duration_s / this.picture.clientWidth;
   }
 
-  move(slip, snapped) {
-    this.slip = slip;
-    const moved = slip.map((s, i) => s - this.saved[i]), changed = moved.some((by) => Math.abs(by) > 1e-6);
-    this.save.disabled = this.reset.disabled = !changed;
-    const {coverage, false_time_percent: rest} = this.trace, without = this.ends.length ? 'rest' : this.name.split('_')[0];
-    const on = [coverage !== null && `${percent(coverage)} of the slip`, rest !== null && `${percent(rest / 100)} of the ${without}`].filter(Boolean);
-    const by = moved.map((s, i) => `${i % 2 ? 'end' : 'start'} ${s < 0 ? '\u2212' : '+'}${Math.abs(s).toFixed(2)} s`);
-    write(this.words, snapped ? `Not saved: ${snapped}` : changed ? `Moved, not saved: ${by.join(', ')}` : on.length ? `ON for ${on.join(', ')}` : 'Too short to say');
-    this.draw();
+  // Keep a label that was set by eye.
+  keep(pairs) {
+    return this.ask('label', {slip_s: pairs, pixel_s: this.pixel_s});
+  }
+
+  async ask(type, content = {slip_s: this.pairs}) {
+    const {pairs} = this, {refusal, said} = await this.request(type, content);
+    if (refusal) return;
+    this.before.push(pairs);
+    this.said = said ? `Saved: ${said}` : 'Saved';
+    await this.load();
+  }
+
+  async takeBack() {
+    const before = this.before.slice(0, -1);
+    if (this.before.length) await this.ask('label', {slip_s: this.before.at(-1)});
+    this.before = before;
+  }
+
+  // Say in how much of the slip, and of the rest, the detector is ON.
+  describe() {
+    const {coverage, false_time_percent: rest} = this.trace, on = [];
+    const without = this.pairs.length ? 'rest' : this.name.split('_')[0];
+    if (coverage !== null) on.push(`${percent(coverage)} of the slip`);
+    if (rest !== null) on.push(`${percent(rest / 100)} of the ${without}`);
+    const words = on.length ? `ON for ${on.join(', ')}` : 'Too short to say';
+    write(this.words, [words, this.said].filter(Boolean).join('. '));
+  }
+
+  // Show a stretch shorter by this factor, by 0 all; what is x pixels from the left stays there.
+  zoom(by, x = this.frame.clientWidth / 2) {
+    const {frame, picture, trace} = this, share = (frame.scrollLeft + x) / picture.clientWidth;
+    this.factor = Math.max(1, Math.min(this.factor * by, trace.duration_s / LEAST_S));
+    picture.style.width = `${100 * this.factor}%`;
+    frame.scrollLeft = share * picture.clientWidth - x;
+  }
+
+  // Over a small picture the wheel scrolls the page. Pinching a touchpad is a wheel with Ctrl.
+  onWheel(event) {
+    const {deltaX, deltaY, deltaMode, ctrlKey} = event;
+    if (Math.abs(deltaX) > Math.abs(deltaY)) return;
+    if (!ctrlKey && !this.root.matches('#played, :focus-within')) return;
+    event.preventDefault();
+    const by = Math.exp(-deltaY * (ctrlKey ? 0.01 : deltaMode ? 0.06 : 0.002));
+    this.zoom(by, event.clientX - this.frame.getBoundingClientRect().left);
+  }
+
+  onKey(event) {
+    if (!(event.key in ZOOMS) || event.ctrlKey || event.metaKey || event.altKey) return;
+    event.preventDefault();
+    this.zoom(ZOOMS[event.key]);
   }
 
   draw() {
-    const {trace, canvas} = this;
+    const {trace, canvas, frame: {scrollLeft}} = this;
     if (!trace || !canvas.clientWidth) return;
-    const {context, width, height} = fitted(canvas), room = {context, left: 0, right: width};
-    const xOf = (s) => s / trace.duration_s * width;
-    const shown = this.ends.map((end, i) => end.show(this.slip[i], 0, trace.duration_s));
-    this.ends.forEach((end, i) => end.place(xOf(shown[i])));
+    const {context, width, height} = fitted(canvas), {pixel_s: pixel} = this, {bin_s: bin} = trace;
+    const room = {context, left: 0, right: width}, below = height - 2 * STRIP - 1;
+    const xOf = (s) => s / pixel - scrollLeft, flat = this.pairs.flat();
+    const shown = this.ends.map((end, i) => end.show(flat[i], 0, trace.duration_s));
+    this.ends.forEach((end, i) => end.place(shown[i] / pixel));
     bars(room, xOf, shown, 0, height, TRUTH);
+    bars(room, xOf, [trace.read_s, trace.duration_s], 0, height, HATCHING);
     bars(room, xOf, trace.on_s.flat(), height - STRIP, STRIP, ON);
-    context.strokeStyle = LEVEL;
-    context.beginPath();
-    trace.level.forEach((level, i) => context.lineTo(xOf((i + 0.5) * trace.bin_s), (height - STRIP) * (1 - level / 2)));
-    context.stroke();
+    const first = Math.max(0, Math.floor(scrollLeft * pixel / bin) - 1);
+    const stop = Math.min(trace.level.length, Math.ceil((scrollLeft + width) * pixel / bin) + 1);
+    const color = (i) => shade(8 * (trace.level[i] - 1));
+    paintRuns(context, below, STRIP, first, stop, color, (i) => xOf(i * bin));
+    const rest = trace.rest_db, [, loudest = rest] = rangeOf(trace.loudest.slice(first, stop)) ?? [];
+    const most = Math.max(loudest, rest + LEAST_DB);
+    for (const [curve, [lineWidth, strokeStyle]] of Object.entries(CURVES)) {
+      const values = trace[curve];
+      Object.assign(context, {lineWidth, strokeStyle}).beginPath();
+      for (let i = first; i < stop; i++) {
+        if (values[i] === null) continue;
+        const y = below - 2 - Math.max(0, values[i] - rest) / (most - rest) * (below - 4);
+        context[values[i - 1] == null ? 'moveTo' : 'lineTo'](xOf((i + 0.5) * bin), y);
+      }
+      context.stroke();
+    }
+    Object.assign(context, {font: '11px system-ui, sans-serif', fillStyle: INK});
+    for (const [db, y] of [[most, 11], [rest, below - 3]]) context.fillText(`${Math.round(db)} dB`, 3, y);
   }
 }
