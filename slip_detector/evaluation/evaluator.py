@@ -14,7 +14,6 @@
 
 """Opens recordings, checks them, reads them in pieces, and runs a chain over each."""
 
-import dataclasses
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -26,40 +25,18 @@ from slip_detector.chain.slip_chain import SlipChain, SlipResult
 from slip_detector.chain.watch import words_of
 from slip_detector.evaluation.figures import ReplayOutcome, decision_figures, figures_of_merit
 from slip_detector.evaluation.replay import Replay
-from slip_detector.parameters import EvaluationConfig, RecordingConfig
-from slip_detector.parameters.detector import (
-    ChainConfig,
-    DetectorConfig,
-    default_channel_names,
-)
+from slip_detector.parameters import ChainConfig, DetectorConfig, EvaluationConfig, RecordingConfig
+from slip_detector.parameters.detector import default_channel_names
 from slip_detector.parameters.fields import refuse
 from slip_detector.parameters.files import as_yaml
 from slip_detector.parameters.fitting import fitting
-from slip_detector.parameters.sets import ParameterSet, changed
+from slip_detector.parameters.sets import changed
 from slip_detector.recordings import Recording, RecordingCounts, open_recording, rates_differ
 from slip_detector.recordings.decisions import write_decisions
 from slip_detector.recordings.labels import labels_name
 
 #: What is said of a recording whose labels a person has found to be wrong.
 MARKED = 'marked as a mistake in the file of labels'
-
-
-class UnsuitedError(ValueError):
-    """A recording does not suit the chain: why, and the content of a file of parameters that do.
-
-    Examples
-    --------
-    >>> str(UnsuitedError('rest.npz: has 2 channels', '# ...')), UnsuitedError('', '# ...').advice
-    ('rest.npz: has 2 channels', '# ...')
-    """
-
-    def __init__(self, why: str, advice: str) -> None:
-        super().__init__(why, advice)  # All of it, for another process.
-        self.advice = advice
-
-    def __str__(self) -> str:
-        """Return why."""
-        return str(self.args[0])
 
 
 class OpenedRecording(NamedTuple):
@@ -143,13 +120,22 @@ class RecordingLoader(NamedTuple):
         ------
         ValueError
             When the recording cannot be read, does not suit the chain or has no labels; names
-            the file.
+            the file. One that does not suit it has as ``advice`` the parameters that do.
         """
         recording = open_recording(path, self.recording_config)
+        config, names = self.chain_config, recording.channel_names
         try:
-            self._check(recording)
+            if len(names) != config.channels:
+                text = f'{config.channels}, the parameter channels'
+                refuse(f'{path}: has {len(names)} channels', text)
+            unnamed = default_channel_names(len(names))
+            if config.channel_names and names not in (config.channel_names, unnamed):
+                text = f'{", ".join(config.channel_names)}, the parameter channel_names'
+                refuse(f'{path}: has the channels {", ".join(names)}', text)
+            recording.check_rate(config.sample_rate_hz)
         except ValueError as error:
-            raise UnsuitedError(str(error), self._advice(recording)) from None
+            vars(error)['advice'] = self._advice(recording)
+            raise
         if require_truth and recording.mistaken:
             raise ValueError(f'{path}: {MARKED}')
         if require_truth and not recording.is_labelled:
@@ -157,32 +143,18 @@ class RecordingLoader(NamedTuple):
                 f'{path}: has no {recording.label_name}; allowed: one to label the slips, or a '
                 f'file of labels beside it, {labels_name(path)} (--labels: elsewhere)'
             )
-        rate_hz, wanted_hz = recording.sample_rate_hz, self.chain_config.sample_rate_hz
-        if rates_differ(rate_hz, wanted_hz):  # It is resampled.
-            rate_hz = wanted_hz
+        rate_hz = recording.sample_rate_hz
+        if rates_differ(rate_hz, config.sample_rate_hz):  # It is resampled.
+            rate_hz = config.sample_rate_hz
         return OpenedRecording(self._rows(recording), rate_hz, recording)
-
-    def _check(self, recording: Recording) -> None:
-        """Raise an error for a recording of other channels or another rate."""
-        config, names = self.chain_config, recording.channel_names
-        if len(names) != config.channels:
-            text = f'{config.channels}, the parameter channels'
-            refuse(f'{recording.path}: has {len(names)} channels', text)
-        unnamed = default_channel_names(len(names))
-        if config.channel_names and names not in (config.channel_names, unnamed):
-            text = f'{", ".join(config.channel_names)}, the parameter channel_names'
-            refuse(f'{recording.path}: has the channels {", ".join(names)}', text)
-        recording.check_rate(config.sample_rate_hz)
 
     def _advice(self, recording: Recording) -> str:
         """Return the content of a parameter file that suits a recording."""
         config, names = self.chain_config, recording.channel_names
         values = fitting(config, len(names), recording.sample_rate_hz, names)
-        found = changed(config, values).to_parameters()
-        its = {'input_type': recording.input_type, 'input_field': recording.input_field}
-        found |= {name: value for name, value in its.items() if value}
-        reading = dataclasses.replace(self.recording_config, recording_labels='')
-        document = _differing(DetectorConfig.from_parameters(found)) | _differing(reading)
+        its = {**changed(config, values).to_parameters(), **recording.input}
+        document = DetectorConfig.from_parameters(its).to_document(whole=False)
+        document |= self.recording_config.to_document(whole=False)
         said = 'save it as my_sensor.yaml, then add --config my_sensor.yaml'
         return as_yaml(document, [f'This fits {recording.path}: {said}']).rstrip()
 
@@ -218,14 +190,6 @@ class RecordingLoader(NamedTuple):
             refuse(f'{recording.path}: {what}', text)
         speed = np.linalg.norm(table.astype(np.float64), axis=1)
         return np.asarray(speed > self.config.moving_above)
-
-
-def _differing(config: ParameterSet) -> dict[str, Any]:
-    """Return the section of a parameter file with all that differs from the defaults, if any."""
-    ((section, content),) = config.to_document().items()
-    its, usual = content['ros__parameters'].items(), type(config)()
-    values = {n: value for n, value in its if getattr(config, n) != getattr(usual, n)}
-    return {section: {'ros__parameters': values}} if values else {}
 
 
 def write_decisions_of(loader: RecordingLoader, path: Path, out: Path) -> None:

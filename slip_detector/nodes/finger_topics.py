@@ -15,6 +15,7 @@
 
 """Receives the topics of one finger that a page shows."""
 
+import contextlib
 import functools
 import time
 from bisect import bisect_right
@@ -36,7 +37,9 @@ from slip_detector.nodes.messages import sensor_qos, state_qos
 from slip_detector.nodes.rclpy_internals import ROS_ERRORS, receiver
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.fields import names_that_affect
+from slip_detector.parameters.fitting import fitting, rates_differ
 from slip_detector.recordings.messages import Sample, joint_state_table
+from slip_detector.recordings.rates import rate_of
 from slip_detector.view.detectors import Diagnosis, Finger
 
 #: Parameters on which the subscriptions depend.
@@ -45,8 +48,8 @@ OF_TOPICS = names_that_affect(DetectorConfig, 'display')
 #: Most messages of a topic that are taken at a poll: more than a queue of samples holds.
 AT_MOST = 2000
 
-#: Seconds, and fewest messages, after which it is noted what comes.
-NOTED_S, FEWEST_MESSAGES = 2.0, 8
+#: Seconds of messages by which it is noted what comes.
+NOTED_S = 2.0
 
 #: Most changes of a state that wait, in a queue until they are taken, and then for their rows.
 STATES = 1000
@@ -115,9 +118,9 @@ class FingerTopics(PolledTopics):
         # What came since the last poll, with the time at which it was published.
         self._samples: list[tuple[int, Sample]] = []
         self._levels: list[tuple[int, bytes]] = []
-        # Stamps and numbers of rows of the messages since it was noted what comes, and when.
+        # Stamps and rows of the messages since it was noted what comes; when, and the rate then.
         self._messages: list[tuple[int, int]] = []
-        self._noted_s = time.monotonic()
+        self._noted_s, self._rate_hz = time.monotonic(), 0.0
         self._slip: States = deque(maxlen=STATES)
         self._truth: States = deque(maxlen=STATES)
         #: Nodes that publish the samples.
@@ -172,8 +175,7 @@ class FingerTopics(PolledTopics):
         try:
             sample = source.read(raw, info)
             n, channels = sample.rows.shape
-            if n:
-                self._note_input(sample, n, channels)
+            self._note_input(sample, n, channels)
             if n and channels != (wanted := self._config.channels):
                 raise ValueError(f'they have {channels} channels, the detector {wanted}')
             if n:
@@ -183,15 +185,18 @@ class FingerTopics(PolledTopics):
             self.finger.unfit = time.monotonic(), f'samples come, but {error}'
 
     def _note_input(self, sample: Sample, n: int, channels: int) -> None:
-        """Note from time to time what comes, if one node sends it."""
-        now_s = time.monotonic()
+        """Find out from time to time what has to be set so that the detector takes what comes."""
         self._messages.append((sample.stamp_ns or 0, n))
-        if now_s - self._noted_s < NOTED_S or len(self._messages) < FEWEST_MESSAGES:
+        if time.monotonic() - self._noted_s < NOTED_S or not n:
             return
-        if len(self.senders) < 2:
-            stamps_ns, counts = np.array(self._messages).T
-            self.finger.note_input(stamps_ns, counts, channels, sample.names)
-        self._messages, self._noted_s = [], now_s
+        stamps_ns, counts = np.array(self._messages).T
+        rate_hz, before_hz = self._config.sample_rate_hz, self._rate_hz
+        with contextlib.suppress(ValueError):  # Stamps that do not rise.
+            rate_hz = rate_of(stamps_ns, 'stamps') * float(np.mean(counts))
+        # A busy machine, or several senders, seem to have another rate each time.
+        if not rates_differ(rate_hz, before_hz) and len(self.senders) < 2:
+            self.finger.to_fit = fitting(self.finger.config, channels, rate_hz, sample.names)
+        self._messages, self._noted_s, self._rate_hz = [], time.monotonic(), rate_hz
 
     def _on_truth(self, message: Bool, info: dict[str, Any]) -> None:
         self._truth.append((info['source_timestamp'], message.data))

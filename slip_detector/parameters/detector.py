@@ -324,12 +324,13 @@ class ChainConfig(ParameterSet):
             rising = lowest_hz <= edges[0] and [*edges] == sorted({*edges})
             said = f'has {" and ".join(f"{edge:g}" for edge in edges)} Hz'
             self.require(rising and edges[-1] < nyquist_hz, name, text, said)
-        text = 'an even number (a band-pass has two edges of equal degree)'
-        self.require(not (high and self.passband_degree % 2), 'passband_degree', text)
-        self.require(self.stopband_degree % 2 == 0, 'stopband_degree', 'an even number')
+        if high:
+            text = 'an even number (a band-pass has two edges of equal degree)'
+            self.require(self.passband_degree % 2 == 0, 'passband_degree', text)
+        self.require(self.stopband_degree % 2 == 0, 'stopband_degree', 'even, 2 to 20')
         pairs, most = len(self.stopbands_hz), MOST_STOPBANDS
         self.require(pairs <= most, 'stopbands_hz', f'at most {most}', f'has {pairs} pairs')
-        text = f'0, or a frequency with whole periods in at most {LONGEST_COMB_S:g} s of rows'
+        text = f'0, or up to 1000 with whole periods in at most {LONGEST_COMB_S:g} s of rows'
         self.require(not self.mains_hz or self.mains_rows > 0, 'mains_hz', text)
         text = f'at least one sample ({1 / self.sample_rate_hz:.6g} s)'
         for name in ('envelope_window_s', 'decision_window_s'):
@@ -347,7 +348,7 @@ class ChainConfig(ParameterSet):
         offset_db, limit_db_s = self.evidence_offset_db, self.evidence_limit_db_s
         text = f'above evidence_offset_db ({offset_db:g} dB)'
         self.require(self.evidence_cap_db > offset_db, 'evidence_cap_db', text)
-        text = f'below evidence_limit_db_s ({limit_db_s:g} dB s)'
+        text = f'above 0, below evidence_limit_db_s ({limit_db_s:g} dB s)'
         self.require(self.threshold < limit_db_s, 'threshold', text)
         enabled = channels - len(set(self.disabled_channels))
         text = f'at most {enabled}, the number of enabled channels'

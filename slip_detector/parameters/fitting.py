@@ -42,11 +42,9 @@ def rounded_rate_hz(rate_hz: float) -> float:
     >>> [rounded_rate_hz(hz) for hz in (199.6, 59.94, 312.4968, 1999.1)]
     [200.0, 60.0, 312.5, 2000.0]
     """
-    for digits, share in ((1, 5e-3), (2, 5e-3), (3, 1e-3)):
-        near_hz = float(f'{rate_hz:.{digits}g}')
-        if abs(near_hz - rate_hz) <= share * rate_hz:
-            return near_hz
-    return float(f'{rate_hz:.4g}')
+    short_hz = float(f'{rate_hz:.2g}')
+    is_near = abs(short_hz - rate_hz) <= 5e-3 * rate_hz
+    return short_hz if is_near else float(f'{2 * rate_hz:.3g}') / 2
 
 
 def rates_differ(rate_hz: float, chain_rate_hz: float) -> bool:
@@ -96,31 +94,29 @@ def fitting(
     """
     now, before_hz = config.to_parameters(), config.sample_rate_hz
     rate_hz = rounded_rate_hz(rate_hz) if rates_differ(rate_hz, before_hz) else before_hz
-    kept = {**now, 'sample_rate_hz': rate_hz}
-    for name in ('envelope_window_s', 'decision_window_s'):
-        kept[name] = max(now[name], 1 / rate_hz)
+    windows = {name: max(now[name], 1 / rate_hz) for name in now if name.endswith('_window_s')}
+    kept = {**now, 'sample_rate_hz': rate_hz, **windows}
     if channels != config.channels:
         kept = {name: value for name, value in kept.items() if not name.startswith('groups.')}
-        kept |= {'channels': channels, 'groups.all': [*range(1, channels + 1)]}
         kept |= {name: [] for name in ('disabled_channels', 'taxel_positions_m') if name in now}
+        kept |= {'channels': channels, 'groups.all': [*range(1, channels + 1)]}
         vote = VOTE if config.vote == 'all' else config.vote
         kept['vote'] = vote if vote == 'mean' else min(int(vote), channels)
         if config.decision == 'evidence':
-            for name in ('impact_channels', 'contact_channels'):
-                kept[name] = min(now[name], channels)
+            kept |= {n: min(now[n], channels) for n in ('impact_channels', 'contact_channels')}
         if len(config.noise_floor) > 1:  # Learnt for each channel.
             kept |= {'noise_floor': [min(config.noise_floor)], 'noise_floor_learnt': False}
     from_hz = max(min(PASS_FROM_HZ, PASS_SHARE * rate_hz), LOWEST_EDGE * rate_hz)
-    above = {'passband_hz': [from_hz, 0.0], 'stopbands_hz': [], 'contact_level_v': 0.0}
-    above['activity_cap_db'] = 0.0
+    high_pass: dict[str, Any] = {'passband_hz': [from_hz, 0.0], 'stopbands_hz': []}
+    high_pass |= {'contact_level_v': 0.0, 'activity_cap_db': 0.0}
     unnamed = tuple(names) == default_channel_names(channels)
-    its = [] if unnamed else [*names] or now['channel_names']
-    # Of each, what fits is taken, else what fits always.
+    given = [] if unnamed else [*names] or now['channel_names']
+    # Of each, the first that fits is taken; the last one always does.
     for its_names, bands, mains_hz in itertools.product(
-        (its, []), ({}, above), (config.mains_hz, 0.0)
+        [given, []], [{}, high_pass], [config.mains_hz, 0.0]
     ):
-        values = {**kept, **bands, 'channel_names': its_names, 'mains_hz': mains_hz}
-        wanted = {**dict.fromkeys(now), **values}
+        wanted = kept | bands | {'channel_names': its_names, 'mains_hz': mains_hz}
+        wanted = {name: wanted.get(name) for name in {**now, **wanted}}
         differing = {name: value for name, value in wanted.items() if value != now.get(name)}
         with contextlib.suppress(ValueError):
             changed(config, differing)

@@ -20,6 +20,7 @@ need more than one parameter are in ``__post_init__``. An error is a ``ValueErro
 with the parameter, its value and what is allowed.
 """
 
+import copy
 import dataclasses
 import difflib
 import logging
@@ -92,6 +93,21 @@ class ParameterSet:
             is_number = isinstance(value, (int, float))
             text = f'{value:g} {unit}'.rstrip() if is_number else shown(value)
             refuse(f'parameter {name} {what or f"is {text}"}', allowed_text)
+
+    def limits(self) -> dict[str, str]:
+        """Return what is allowed beside the other parameters, by the names of those so limited.
+
+        Examples
+        --------
+        >>> from slip_detector.parameters import ChainConfig
+        >>> ChainConfig().limits()['vote']
+        'at most 4, the enabled channels of the smallest group'
+        """
+        found: dict[str, str] = {}
+        again: Any = copy.copy(self)
+        vars(again)['require'] = lambda _, name, text, what='': found.setdefault(name, text)
+        again.__post_init__()
+        return found
 
     @classmethod
     def from_parameters(
@@ -198,9 +214,14 @@ class ParameterSet:
         """Return names and values in the form that ROS uses: flat lists, ``groups.TP``."""
         return sections.flattened(self._as_in_yaml())
 
-    def to_document(self) -> dict[str, Any]:
-        """Return the content of a ROS parameter file that :meth:`from_yaml` and the node read."""
-        return {f'/**/{self.NODE}': {'ros__parameters': self._as_in_yaml()}}
+    def to_document(self, whole: bool = True) -> dict[str, Any]:
+        """Return the content of a ROS parameter file that :meth:`from_yaml` and the node read.
+
+        If it is not to be whole, it has only what differs from the defaults.
+        """
+        its, usual = self._as_in_yaml(), {} if whole else type(self)()._as_in_yaml()
+        its = {name: value for name, value in its.items() if whole or value != usual[name]}
+        return {f'/**/{self.NODE}': {'ros__parameters': its}} if its else {}
 
     def _as_in_yaml(self) -> dict[str, Any]:
         return {

@@ -148,8 +148,8 @@ class BagRecording(Recording):
         if _is_named(self._topic.name, TOPIC):
             self.namespace = f'/{self._topic.name.lstrip("/")}'.rpartition('/')[0]
         usual = 'position' if self._topic.msgtype == JOINT_STATE else 'data'
-        self._field = self.input_field = config.recording_field or usual
-        self.input_type = self._topic.msgtype
+        self._field = config.recording_field or usual
+        self.input = {'input_type': self._topic.msgtype, 'input_field': self._field}
         self._label_topic = label_topic = self._found_label_topic(config)
         #: Whether a Bool is the label: it has no stamp, and holds for rows received after it.
         self._has_states = label_topic is not None and label_topic.msgtype == BOOL

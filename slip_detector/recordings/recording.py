@@ -126,8 +126,8 @@ class Recording(ABC):
         Whether a person has found that its labels are a mistake; then it counts as one without.
     namespace : str
         That of a bag's topic ``voltages``, for example ``/index``.
-    input_type, input_field : str
-        Type and field of a bag's messages, as the detector's parameters have them; else empty.
+    input : dict
+        ``input_type`` and ``input_field`` of a detector that gets a bag's messages; else empty.
     counts : RecordingCounts
         Counts of the last reading.
     valid_range_v : tuple of float
@@ -141,12 +141,12 @@ class Recording(ABC):
     channel_names: tuple[str, ...]
     label_name: str
     n_rows: 'int | None' = None
-    namespace = input_type = input_field = ''
+    namespace = ''
     valid_range_v = (-sys.float_info.max, sys.float_info.max)
 
     def __init__(self, path: Path, labels: 'Labels | None', config: RecordingConfig) -> None:
         self.path, self._limit_mb = path, config.recording_limit_mb
-        self.counts = RecordingCounts()
+        self.counts, self.input = RecordingCounts(), dict[str, str]()
         self._labels, self._resample = labels, config.recording_resample
         self.has_truth, self.accuracy_s = labels is not None, labels.accuracy_s if labels else 0.0
         self.kind = labels.kind if labels else ''

@@ -15,22 +15,19 @@
 
 """The detectors as the live page knows them, independent of ROS: one for each finger."""
 
-import contextlib
 import functools
 import time
 from abc import ABC, abstractmethod
 from collections import defaultdict, deque
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial import KDTree
 
-from slip_detector.chain.samples import Bools, Floats, Ints, Stamps
+from slip_detector.chain.samples import Bools, Floats
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
-from slip_detector.parameters.fitting import fitting
-from slip_detector.recordings.rates import rate_of
 from slip_detector.view.track import LiveTrack, Spectrum, spectrum
 
 #: Missing heartbeats after which a detector counts as ended or hung.
@@ -44,9 +41,6 @@ MOST_CHANGES, LISTED_CHANGES = 1000, 8
 
 #: Authors of changes that no page asked for: another program, or a restart of the detector.
 OUTSIDE, RESTART = 'outside', 'restart'
-
-#: Time, in seconds, for which what came last counts as what comes.
-INPUT_S = 10.0
 
 #: Parameters by name, as ROS has them.
 Values = dict[str, Any]
@@ -101,8 +95,7 @@ class Finger:
     sample_s: float = float('-inf')
     #: When samples came last that do not fit the detector, and what is wrong with them.
     unfit: tuple[float, str] = (float('-inf'), '')
-    #: When it was last noted what comes, and the values to set so that the detector takes it.
-    input_s: float = float('-inf')
+    #: The values to set so that the detector takes what comes.
     to_fit: Values = field(default_factory=dict)
     heard_s: float = field(default_factory=time.monotonic)
     frame_id: str = ''
@@ -153,35 +146,13 @@ class Finger:
         self.groups[:] = False
         self.onset_s = None
 
-    def note_input(
-        self, stamps_ns: Stamps, counts: Ints, channels: int, names: Sequence[str] = ()
-    ) -> None:
-        """Note what comes, whether it fits the detector or not.
-
-        Parameters
-        ----------
-        stamps_ns, counts : ndarray of int, shape (n,)
-            Stamps of the last messages, and their numbers of rows.
-        channels, names
-            Those of the last message.
-        """
-        rate_hz, before_hz = self.config.sample_rate_hz, self.to_fit.get('sample_rate_hz', 0.0)
-        with contextlib.suppress(ValueError):  # Stamps that do not rise.
-            rate_hz = rate_of(stamps_ns, 'stamps') * float(np.mean(counts))
-            # What is offered does not waver between two numbers.
-            rate_hz = before_hz if abs(rate_hz - before_hz) < 5e-3 * rate_hz else rate_hz
-        self.to_fit = fitting(self.config, channels, rate_hz, names)
-        self.input_s = time.monotonic()
-
     @property
     def offer(self) -> str:
-        """What a button says that makes the detector take what comes; empty: it does, or none."""
-        values = {**self.config.to_parameters(), **self.to_fit}
-        if not self.to_fit or time.monotonic() - self.input_s > INPUT_S:
-            return ''
-        one_group = ', one group' if 'groups.all' in self.to_fit else ''
-        channels, rate_hz = values['channels'], values['sample_rate_hz']
-        return f'Take {channels} channel{"s" * (channels > 1)} at {rate_hz:g} Hz{one_group}'
+        """What a button says that makes the detector take what comes; empty: it does."""
+        values = {**vars(self.config), **self.to_fit}
+        words = 'Take {channels} channels at {sample_rate_hz:g} Hz'.format(**values)
+        one_group = ', one group' if 'groups.all' in values else ''
+        return f'{words}{one_group}' if self.to_fit else ''
 
     def keep_rest(self) -> None:
         """Keep the spectra of the last seconds as those at rest.
@@ -214,10 +185,10 @@ class Finger:
             'label': self.label,
             'notice': '; '.join(notices),
             'offer': self.offer,
-            'offer_sets': ', '.join(self.to_fit),
             'channels': config.names,
             'positions_m': drawn_positions(config).tolist(),
             'disabled': config.disabled_channels,
+            'activity_hz': config.low_band_hz[1:] if config.activity_cap_db else (),
             **{name: getattr(config, name) for name in DESCRIBED},
         }
 

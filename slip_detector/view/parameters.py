@@ -221,24 +221,28 @@ def described_panel(panel: ParameterPanel) -> list[dict[str, Any]]:
     headings = {f.name: word for word, of in under_headings(DetectorConfig).items() for f in of}
     rows: dict[str, list[dict[str, Any]]] = {word: [] for word in (*headings.values(), OF_ROS)}
     order = [*headings, *sorted({name.partition('.')[0] for name in panel.values} - {*headings})]
+    limits: dict[str, str] = {}
+    with contextlib.suppress(ValueError):  # The detector may be of another version.
+        limits = panel.config.limits()
     for name in sorted(panel.values, key=lambda name: order.index(name.partition('.')[0])):
-        rows[headings.get(name.partition('.')[0], OF_ROS)].append(_row(panel, name))
+        rows[headings.get(name.partition('.')[0], OF_ROS)].append(_row(panel, name, limits))
     return [{'heading': word, 'parameters': each} for word, each in rows.items() if each]
 
 
-def _row(panel: ParameterPanel, name: str) -> dict[str, Any]:
-    field = _FIELDS.get(name.partition('.')[0])
-    value, in_file = panel.values[name], (panel.file_values or {}).get(name)
-    unit = field.metadata['unit'] if field else ''
-    choices = field.metadata['choices'] if field else ()
+def _row(panel: ParameterPanel, name: str, limits: Mapping[str, str]) -> dict[str, Any]:
+    head, value = name.partition('.')[0], panel.values[name]
+    field, limit, in_file = _FIELDS.get(head), limits.get(head, ''), panel.file_values or {}
+    of_ros = {'unit': '', 'choices': (), 'meaning': panel.meanings.get(name, '')}
+    its = field.metadata if field else of_ros
+    always = allowed(field).removesuffix(f' {its["unit"]}') if field else ''
     return {
         'name': name,
         'text': text_of(value),
-        'in_file': None if in_file is None else text_of(in_file),
-        'unit': unit,
-        'meaning': field.metadata['meaning'] if field else panel.meanings.get(name, ''),
-        'allowed': allowed(field).removesuffix(f' {unit}') if field else '',
-        'choices': ['true', 'false'] if isinstance(value, bool) else list(choices),
+        'in_file': text_of(in_file[name]) if name in in_file else None,
+        'unit': its['unit'],
+        'meaning': its['meaning'],
+        'allowed': always if limit in always else f'{always}; now {limit}',
+        'choices': ['true', 'false'] if isinstance(value, bool) else list(its['choices']),
         'read_only': name in panel.read_only,
     }
 

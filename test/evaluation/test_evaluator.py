@@ -118,8 +118,12 @@ def test_other_channels_and_names_are_refused_and_a_recording_without_names_is_n
         (three, 'has 2 channels, allowed: 3, the parameter channels'),
         (named, 'has the channels a, c, allowed: a, b, the parameter channel_names'),
     ):
-        with pytest.raises(ValueError, match=f'^{path}: {said}$'):
+        with pytest.raises(ValueError, match=f'^{path}: {said}$') as refused:
             loader(chain).open(path)
+        # It has the content of a file with which it is opened.
+        advised = tmp_path / 'my_sensor.yaml'
+        advised.write_text(refused.value.advice)
+        assert whole(loader(ChainConfig.from_yaml(advised)).open(path)).volts.shape == (2, 2)
     assert len(whole(loader(named).open(write(tmp_path / 'a.npz'))).volts) == 800
 
 

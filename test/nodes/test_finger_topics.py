@@ -16,6 +16,7 @@
 
 import dataclasses
 import functools
+import itertools
 import time
 
 import numpy as np
@@ -24,9 +25,11 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float32MultiArray
 
+from slip_detector.nodes import finger_topics
 from slip_detector.nodes.finger_topics import FingerTopics
 from slip_detector.nodes.messages import sensor_qos, state_qos, time_message
 from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters.sets import changed
 from slip_detector.view.detectors import Finger
 from support.harness import batch_of
 
@@ -130,6 +133,22 @@ def test_a_type_that_is_not_installed_is_reported_and_the_decisions_are_shown(se
     sensor.until(heard, 'what is wrong')
     wrong = 'samples come, but they have 3 channels, the detector 2'
     assert finger.unfit == (pytest.approx(time.monotonic(), abs=5.0), wrong)
+
+
+def test_the_detector_is_offered_the_channels_names_and_rate_that_come(sensor, monkeypatch):
+    monkeypatch.setattr(finger_topics, 'NOTED_S', 0.1)
+    finger, numbers = sensor.finger, itertools.count()
+
+    def offered():
+        message = sensor.message(5_000_000 * next(numbers), [4.0, 5.0, 6.0])
+        message.name = ['a', 'b', 'c']
+        sensor.voltages.publish(message)
+        return finger.offer
+
+    sensor.until(offered, 'an offer')
+    assert finger.offer == 'Take 3 channels at 200 Hz, one group'
+    finger.update_config(changed(finger.config, finger.to_fit))
+    assert (finger.config.names, finger.offer) == (('a', 'b', 'c'), '')
 
 
 def test_a_batch_has_its_rows_a_period_apart(bench):

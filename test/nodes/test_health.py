@@ -148,6 +148,10 @@ def test_that_nothing_has_been_heard_is_no_error_at_first():
     assert [status.level for status in summed(health, valid=False)] == [WARN] * 3
     health._begun_s -= 3.0
     assert [status.level for status in summed(health, valid=False)] == [ERROR] * 3
+    # Of samples that are dropped it is not said that none come.
+    health.totals['dropped, wrong names'] += 2
+    words = '2 samples dropped: other channel names than before or configured'
+    assert summed(health, valid=False)[0].message == words
 
 
 def test_decisions_that_mean_nothing_are_warned_of():

@@ -60,8 +60,8 @@ REFUSED = [
     ({'stopbands_hz': ((1, 2), (7, 0.5))}, 'stopbands_hz has 7 and 0.5 Hz, allowed: rising'),
     ({'stopbands_hz': (0.5, 7) * 33}, 'stopbands_hz has 33 pairs, allowed: at most 32'),
     ({'passband_degree': 3}, 'passband_degree is 3, allowed: an even number (a band-pass has'),
-    ({'stopband_degree': 5}, 'stopband_degree is 5, allowed: an even number'),
-    ({'mains_hz': 3.9}, 'mains_hz is 3.9 Hz, allowed: 0, or a frequency with whole periods in at'),
+    ({'stopband_degree': 5}, 'stopband_degree is 5, allowed: even, 2 to 20'),
+    ({'mains_hz': 3.9}, 'mains_hz is 3.9 Hz, allowed: 0, or up to 1000 with whole periods in at'),
     ({'disabled_channels': (17,)}, 'disabled_channels is (17,), allowed: some of 1 to 16, not'),
     ({**TWO, 'disabled_channels': (1, 2)}, 'disabled_channels is (1, 2), allowed: some of 1 to 2'),
     ({**TWO, 'channel_names': ('a', 'b', 'c')}, 'channel_names has 3 names, allowed: 2, the'),
@@ -81,7 +81,10 @@ REFUSED = [
     ({**EVIDENCE, 'noise_floor': ()}, 'noise_floor has 0 numbers, allowed: one number, or 16'),
     ({**EVIDENCE, 'noise_floor': (1.0, 2.0)}, 'noise_floor has 2 numbers, allowed: one number'),
     ({**EVIDENCE, 'evidence_cap_db': 3.5}, 'evidence_cap_db is 3.5 dB, allowed: above'),
-    ({**EVIDENCE, 'threshold': 1.3}, 'threshold is 1.3, allowed: below evidence_limit_db_s (1.3'),
+    (
+        {**EVIDENCE, 'threshold': 1.3},
+        'threshold is 1.3, allowed: above 0, below evidence_limit_db_s (1.3',
+    ),
     (
         {**EVIDENCE, **TWO, 'disabled_channels': (1,), 'impact_v': 1.0},
         'impact_channels is 2, allowed: at most 1, the number of enabled channels',

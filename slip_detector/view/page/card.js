@@ -20,16 +20,14 @@ const MARGIN = 4;
 // Of diagnostics.
 const LEVELS = [['\u2713', 'all well'], ['\u25b2', 'warning'], ['\u2715', 'error'], ['\u2715', 'stale']];
 const VOTES = {all: 'all of them', mean: 'their geometric mean'};
-const PARTS = [
-  'title', 'badge', 'dead', 'take', 'picture', 'canvas', 'veil', 'groups', 'onset', 'notice', 'diagnostics', 'inWords', 'list',
-];
 
 export class FingerCard {
   // onChoose(): the user wants to see the finger's traces. onChannel(channel): the taxel of a channel,
   // counted from 1, was clicked. onTake(): the detector is to take the samples as they come.
   constructor({onChoose, onChannel, onTake}) {
     this.root = element('card').content.firstElementChild.cloneNode(true);
-    for (const name of PARTS) this[name] = this.root.querySelector(`.${name}`);
+    // The parts of the card by the names of their classes.
+    for (const part of this.root.querySelectorAll('[class]')) this[part.className] = part;
     this.title.addEventListener('click', onChoose);
     this.take.addEventListener('click', onTake);
     this.inWords.addEventListener('toggle', () => this.showChannels());
@@ -45,10 +43,7 @@ export class FingerCard {
   // Show the server's description of the finger, which changes with the detector's parameters.
   describe(finger, readOnly) {
     this.finger = finger;
-    write(this.take, finger.offer);
-    Object.assign(this.take, {
-      hidden: !finger.offer, disabled: readOnly, title: `Sets ${finger.offer_sets}; Undo takes it back`,
-    });
+    Object.assign(this.take, {textContent: finger.offer, hidden: !finger.offer, disabled: readOnly});
     this.root.dataset.finger = finger.name;
     write(this.title, finger.label);
     write(this.notice, finger.notice);
@@ -56,12 +51,8 @@ export class FingerCard {
     this.chips = Object.entries(finger.groups).map(([name, members]) => {
       const count = build('span.count'), chip = build('li.group', build('span.name', name), count);
       chip.title = `${name}: ${members.map((c) => finger.channels[c - 1]).join(', ')}; vote: ${VOTES[finger.vote] ?? `${finger.vote} of them`}`;
-      const mark = (marked) => {
-        this.marked = marked;
-        this.paint();
-      };
-      chip.addEventListener('pointerenter', () => mark(members));
-      chip.addEventListener('pointerleave', () => mark([]));
+      chip.addEventListener('pointerenter', () => this.paint(members));
+      chip.addEventListener('pointerleave', () => this.paint([]));
       return {chip, count, members};
     });
     this.groups.replaceChildren(...this.chips.map(({chip}) => chip));
@@ -134,9 +125,9 @@ export class FingerCard {
   }
 
   onsetWords() {
-    const {onset_age_s: age, slip, valid} = this.state, validity = valid ? 'valid' : 'not valid';
-    if (age === null) return `${validity}; no slip so far`;
-    return `${validity}; ${slip ? `slip since ${seconds(age)}` : `last slip began ${seconds(age)} ago`}`;
+    const {onset_age_s: age, slip, valid} = this.state;
+    const since = age === null ? 'no slip so far' : slip ? `slip since ${seconds(age)}` : `last slip began ${seconds(age)} ago`;
+    return `${valid ? 'valid' : 'not valid'}; ${since}`;
   }
 
   // lines: [level, name, message] of each diagnostic. What is wrong stands at the top, the worst first, instead of
@@ -156,7 +147,9 @@ export class FingerCard {
     this.title.ariaPressed = String(chosen);
   }
 
-  paint() {
+  // marked: the channels around which there is a frame, counted from 1.
+  paint(marked = this.marked) {
+    this.marked = marked;
     if (!this.state || !this.places) return;
     // While what is seen stays the same, nothing has to be painted.
     const colors = palette(), picture = JSON.stringify([colors.ground, this.channels.map(({level, ...seen}) => seen), this.marked]);
@@ -195,10 +188,8 @@ function channelWords(names) {
 }
 
 // Rounded so that a running number can be read.
-function seconds(age) {
-  if (age < 10) return `${age.toFixed(1)} s`;
-  return age < 120 ? `${age.toFixed(0)} s` : `${Math.floor(age / 60)} min`;
-}
+const seconds = (age) => (
+  age < 120 ? `${age.toFixed(age < 10 ? 1 : 0)} s` : `${Math.floor(age / 60)} min`);
 
 // The colours of the style sheet, light or dark, by name.
 function palette() {

@@ -264,13 +264,9 @@ export class Slider {
       this.move(this.step(this.chosen ?? this.value, STEPS[event.key]));
       clearTimeout(this.timer);
       this.timer = setTimeout(() => this.set(), KEYS_MS);
-    } else if (event.key === 'Enter') {
-      this.set();
-    } else if (event.key === 'Escape') {
-      this.leave();
-    } else {
-      return;
-    }
+    } else if (event.key === 'Enter') this.set();
+    else if (event.key === 'Escape') this.leave();
+    else return;
     event.preventDefault();
     event.stopPropagation();
   }

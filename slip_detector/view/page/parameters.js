@@ -128,10 +128,8 @@ export class Parameters extends Tool {
     const {name} = parameter;
     if (this.rows.has(name)) return this.rows.get(name);
     let section = [...this.sections.children].find(({dataset}) => dataset.heading === heading);
-    if (!section) {
-      section = this.sections.appendChild(build('details', build('summary', heading), build('div.rows')));
-      section.dataset.heading = heading;
-    }
+    section ??= this.sections.appendChild(build('details', build('summary', heading), build('div.rows')));
+    section.dataset.heading = heading;
     const row = new ParameterRow(parameter, (text) => this.edit(name, text));
     this.rows.set(name, row);
     section.querySelector('.rows').append(row.root);
@@ -224,8 +222,7 @@ class ParameterRow {
     this.root.classList.toggle('edited', edit !== undefined);
     this.root.classList.toggle('removed', removed);
     this.field.disabled = !usable || fixed || removed;
-    if (!this.remove) return;
-    this.remove.disabled = !usable;
-    this.remove.textContent = removed ? 'Keep' : 'Remove';
+    const words = removed ? 'Keep' : 'Remove';
+    if (this.remove) Object.assign(this.remove, {disabled: !usable, textContent: words});
   }
 }

@@ -2,11 +2,11 @@
 
 import {Slider, button, heightFor, rounded, steady} from './elements.js';
 
-const LABEL_WIDTH = 130, AXIS_WIDTH = 40, AXIS_DEPTH = 24, LABEL_SIZE = 18, RIGHT = 16, TOP = 8, HEIGHT = {least: 240, most: 560};
+const AXIS_WIDTH = 40, AXIS_DEPTH = 24, LABEL_SIZE = 18, RIGHT = 16, TOP = 8, HEIGHT = {least: 240, most: 560};
 const NOW = '#0072b2', REST_FILL = 'rgba(90, 102, 112, 0.3)', REST = '#66717a', PASS = '#e4f1e9', STOP = '#f3e3da', COMB = '#7b2d6b';
 // An upper edge above this share of half the sample rate means none: the band-pass is a high-pass.
-const OPEN_SHARE = 0.98;
-const LEAST_HZ = 0.1;
+// Below LEAST_HZ, or that share of half the sample rate, round-off would ruin the filter.
+const OPEN_SHARE = 0.98, LEAST_HZ = 0.1, LEAST_SHARE = 2e-4;
 const STEPS = {ArrowLeft: -1, ArrowRight: 1, PageUp: 20, PageDown: -20};
 
 export class SpectrumPanel {
@@ -71,19 +71,22 @@ export class SpectrumPanel {
     this.draw();
   }
 
-  // The edges that can be dragged: name, label, value and limits of each, and the parameters for a new value.
+  // The edges that can be dragged, each with its limits and why it stops there, and what it sets.
   edges() {
-    const {passband_hz: [from, to], stopbands_hz: stops, mains_hz: mains} = this.finger, {nyquist} = this;
-    const edge = (name, short, value, least, most, values, rest = {}) => ({name, short, value, least, most, values, ...rest});
+    const {passband_hz: [from, to], stopbands_hz: stops, mains_hz: mains, activity_hz: [active = 0]} = this.finger, {nyquist} = this;
+    const edge = (name, short, value, [least, low], [most, high], values, rest = {}) => (
+      {name, short, value, least, most, why: [low, high], values, ...rest});
     const moved = (i, stop) => ({stopbands_hz: stops.with(i, stop).flat()});
+    const lowest = [Math.max(LEAST_HZ, LEAST_SHARE * nyquist), 'lowest'], highest = [nyquist * 0.999, 'half the rate'];
+    const none = (hz) => [hz, 'no band left'], first = active > lowest[0] ? [active, 'activity is below'] : lowest;
     return [
-      edge('Pass-band, low edge', 'pass from', from, LEAST_HZ, (to || nyquist) * 0.95, (hz) => ({passband_hz: [hz, to]})),
-      edge('Pass-band, high edge', 'pass to', to, from * 1.05, nyquist, (hz) => ({passband_hz: [from, hz]}), {open: true}),
+      edge('Pass-band, low edge', 'pass from', from, first, none((to || nyquist) * 0.95), (hz) => ({passband_hz: [hz, to]})),
+      edge('Pass-band, high edge', 'pass to', to, none(from * 1.05), highest, (hz) => ({passband_hz: [from, hz]}), {open: true}),
       ...stops.flatMap(([low, high], i) => [
-        edge(`Stop-band ${i + 1}, low edge`, `stop ${i + 1} from`, low, LEAST_HZ, high * 0.95, (hz) => moved(i, [hz, high])),
-        edge(`Stop-band ${i + 1}, high edge`, `stop ${i + 1} to`, high, low * 1.05, nyquist * 0.999, (hz) => moved(i, [low, hz])),
+        edge(`Stop-band ${i + 1}, low edge`, `stop ${i + 1} from`, low, lowest, none(high * 0.95), (hz) => moved(i, [hz, high])),
+        edge(`Stop-band ${i + 1}, high edge`, `stop ${i + 1} to`, high, none(low * 1.05), highest, (hz) => moved(i, [low, hz])),
       ]),
-      ...(mains ? [edge('Mains', 'mains', mains, 1, nyquist, (hz) => ({mains_hz: hz}), {whole: true})] : []),
+      ...(mains ? [edge('Mains', 'mains', mains, [1, 'lowest'], highest, (hz) => ({mains_hz: hz}), {whole: true})] : []),
     ];
   }
 
@@ -107,13 +110,15 @@ export class SpectrumPanel {
   lineOf({name, short, open, whole}) {
     const edge = () => this.edges().find((each) => each.name === name);
     const inside = (hz) => {
-      const {least, most} = edge(), within = Math.min(Math.max(hz, least), most);
+      const {least, most, why: [low, high]} = edge(), within = Math.min(Math.max(hz, least), most);
+      line.why = hz < least ? `: ${low}` : hz > most ? `: ${high}` : '';
       if (open && hz >= this.nyquist * OPEN_SHARE) return 0;
-      return whole ? Math.round(within) : rounded(within);
+      const value = whole ? Math.round(within) : rounded(within);
+      return value < least || value > most ? Number(within.toPrecision(4)) : value;
     };
     const line = new Slider({
-      name, vertical: false, words: (hz) => (open && !hz ? `${short} all above` : `${short} ${hz} Hz`),
-      valueOf: (x) => inside(this.plot.posToVal(x - this.plot.over.offsetLeft, 'x')),
+      name, vertical: false, valueOf: (x) => inside(this.plot.posToVal(x - this.plot.over.offsetLeft, 'x')),
+      words: (hz) => (open && !hz ? `${short} all above` : `${short} ${hz} Hz${line.moving ? line.why : ''}`),
       step: (hz, steps) => inside(whole ? hz + steps : (hz || this.nyquist) * 1.02 ** steps),
       onMove: () => this.draw(), onSet: (hz) => this.onSet(edge().values(hz)),
     });
@@ -157,8 +162,7 @@ export class SpectrumPanel {
       series: [{}, {stroke: REST, fill: REST_FILL, fillTo: () => this.range[0], width: 1, dash: [5, 3], points: {show: false}}, {stroke: NOW, width: 1.6, points: {show: false}}],
       cursor: {y: false, points: {show: false}, drag: {x: false, y: false}, bind: {dblclick: () => null}},
       hooks: {
-        drawClear: [(plot) => this.paintBands(plot)],
-        setCursor: [(plot) => this.readOut(plot)],
+        drawClear: [(plot) => this.paintBands(plot)], setCursor: [(plot) => this.readOut(plot)],
       },
     };
   }
@@ -188,7 +192,8 @@ export class SpectrumPanel {
       const line = this.lines.get(name), shown = line.show(value, least, most);
       const pixel = this.plot.valToPos(shown || this.nyquist, 'x');
       line.place(over.offsetLeft + pixel);
-      line.root.classList.toggle('left', pixel > (name.includes('high') ? LABEL_WIDTH : over.clientWidth - LABEL_WIDTH));
+      const {offsetWidth: wide} = line.label;
+      line.root.classList.toggle('left', pixel > (name.includes('high') ? wide : over.clientWidth - wide));
     }
     this.describe();
   }
