@@ -63,7 +63,7 @@ class TuneRun:
 
     def __init__(self, recorded: RecordedFolder, finger: str, config: DetectorConfig) -> None:
         self.finger, self._config, self._recorded = finger, config, recorded
-        self._folder = recorded.folder / 'tuning'
+        self._folder = recorded.folder
         self._process: subprocess.Popen[bytes] | None = None
         #: Whether it has not ended, and was stopped.
         self.running, self.stopping = True, False
@@ -82,9 +82,9 @@ class TuneRun:
     async def run(self) -> None:
         """Note what the command prints until it ends; an error is noted in ``failed``."""
         try:
-            given = writable_folder(self._folder) / 'running.yaml'
+            given = writable_folder(self._folder / 'tuning') / 'running.yaml'
             write_yaml(given, self._config.to_document(), ['Written by slip_view: what runs.'])
-            files = given.parents[1], '--config', given, '--out', given.with_name('tuned.yaml')
+            files = self._folder, '--config', given, '--out', given.with_name('tuned.yaml')
             # Ctrl-C in the terminal is for slip_view.
             with subprocess.Popen(
                 [*COMMAND, *map(str, files)], stdout=PIPE, stderr=STDOUT, start_new_session=True
