@@ -31,11 +31,13 @@ It uses no ROS: the chain runs over each recording from the first row, as in the
     part of a damaged file could not be read), ``doubts`` (why damage may go unseen),
     ``warnings`` (why decisions may mean nothing),
     ``on_intervals_s`` (start and end of each time ON),
-    ``invalid_percent`` (of the channels that are not always valid), ``labelled``, and
+    ``invalid_percent`` (of the channels that are not always valid), ``labelled``, ``mistaken``, and
     ``slip_events`` and ``alarm_events``, see
     :class:`slip_detector.evaluation.figures.TrueSlip` and ``Alarm``; None without labels.
 ``all``
     The figures and counts over all sets.
+``answer``
+    Sentences on what holds, and what is wrong with recordings.
 ``note``
     Where recordings have no labels: how to label them.
 ``not_evaluated``
@@ -57,7 +59,7 @@ from slip_detector.commands.command_line import INTERRUPTED, Parser, run
 from slip_detector.evaluation import evaluator
 from slip_detector.evaluation.evaluator import EvaluatedRecording, RecordingLoader
 from slip_detector.parameters.fields import name_list
-from slip_detector.recordings import recording_sets, with_subfolders
+from slip_detector.recordings import by_number, recording_sets, with_subfolders
 from slip_detector.report.answer import answer, bad_recordings
 from slip_detector.report.tables import by_name, evaluation_tables, labels_note
 
@@ -86,7 +88,8 @@ def evaluate(
     Returns
     -------
     sets : dict
-        The evaluated recordings by the names of set and file, in the order of the arguments.
+        The evaluated recordings by the names of set and file: sets in the order of the arguments,
+        files in that of their names and numbers.
     left : list of Path
         The recordings that were not evaluated; empty unless Ctrl-C was pressed.
 
@@ -108,7 +111,7 @@ def evaluate(
     >>> as_report(sets)['all']['rows'], left
     (100, [])
     """
-    sets = recording_sets(arguments)
+    sets = {name: sorted(of, key=by_number) for name, of in recording_sets(arguments).items()}
     files = [file for several in sets.values() for file in several]
     function = partial(evaluator.evaluate_recording, loader)
     if for_report:
@@ -143,7 +146,7 @@ def as_report(sets: Mapping[str, Mapping[str, EvaluatedRecording]]) -> dict[str,
     dict
         ``sets`` and ``all``; see the module's docstring.
     """
-    every = [one for files in sets.values() for one in files.items()]
+    every = [one for files in sets.values() for one in files.values()]
     report: dict[str, Any] = {
         'sets': {
             name: {
@@ -152,10 +155,12 @@ def as_report(sets: Mapping[str, Mapping[str, EvaluatedRecording]]) -> dict[str,
             }
             for name, files in sets.items()
         },
-        'all': evaluator.recording_figures([one for _, one in every]),
+        'all': evaluator.recording_figures(every),
     }
-    report['answer'] = [*answer(report['all']), *bad_recordings(by_name(report['sets']))]
-    for note in labels_note(f for f, one in every if not (one.labelled or one.mistaken)):
+    named = by_name(report['sets'])
+    report['answer'] = [*answer(report['all']), *bad_recordings(named)]
+    bare = (name for name, one in named.items() if not (one['labelled'] or one['mistaken']))
+    for note in labels_note(bare):
         report['note'] = note
     return report
 
@@ -164,6 +169,7 @@ def _alone(one: EvaluatedRecording) -> dict[str, Any]:
     figures = {
         **evaluator.recording_figures([one]),
         'labelled': one.labelled,
+        'mistaken': one.mistaken,
         'lost': one.counts.damage,
         'doubts': one.counts.doubts,
         'warnings': one.warnings,
@@ -218,19 +224,17 @@ def main(argv: Sequence[str] | None = None) -> int:
         report = as_report(sets)
         given = {Path(one).resolve() for one in options.recordings}
         folders = with_subfolders(options.recordings)
-        if inner := name_list([one for one in folders if Path(one).resolve() not in given]):
-            text = f'Left out, as only folders that are given are read: {inner}'
-            report['answer'].append(text)
+        inner = name_list([one for one in folders if Path(one).resolve() not in given])
+        report['answer'] += [f'Left out, as they are not given: {inner}'] if inner else []
         if left:
             report['not_evaluated'] = [str(path) for path in left]
         if page:
             from slip_detector.report.page import write_evaluation_report
 
-            write_evaluation_report(page, sets)
+            write_evaluation_report(page, sets, report, options.config)
         if page or out:
             report['written'] = [str(path) for path in (page, out) if path]
-        if options.json:
-            return json.dumps(report, indent=2)
-        return evaluation_tables(report, options.verbose)
+        text = evaluation_tables(report, options.verbose)
+        return json.dumps(report, indent=2) if options.json else text
 
     return run(NAME, work) or (INTERRUPTED if left else 0)

@@ -42,7 +42,7 @@ from slip_detector.parameters.files import read_yaml, write_yaml
 from slip_detector.parameters.sections import ALL, node_of, sections_of
 from slip_detector.recordings import with_subfolders
 from slip_detector.recordings.labels import KINDS
-from slip_detector.report.answer import answer, rounded
+from slip_detector.report.answer import answer, bad_recordings, rounded
 from slip_detector.report.tables import compared, text_table
 from slip_detector.tuning.learning import learn_from_quiet
 from slip_detector.tuning.problem import Candidate, searched
@@ -194,7 +194,10 @@ def _search(
         'step': '', 'share': 1.0, 'lines': notes, 'answer': answers, 'kept': verdict.kept,
         'changes': {**searched(found), **changes}, 'table': rows,
     }  # fmt: skip
-    page = 'Tuning of the slip detector', variants, [*answers, *lines]
+    last = variants[::-1] if verdict.kept else variants
+    # The figures of each recording are after those of each part.
+    told = answers + bad_recordings(dict([*last[1].figures.items()][len(parts) :]))
+    page = 'Tuning of the slip detector', last, told, lines, (), options.out
     return said, [*lines, 'On what was held out:', *table], lambda path: write_page(path, *page)
 
 

@@ -146,7 +146,7 @@ class ScoreCounts(NamedTuple):
         known = [[area for area in part if area is not None] for part in parts]
         means = [np.mean(part) for part in known if part]
         auc = float(np.mean(means)) if means else None
-        return {'auc': auc, 'auc_all': self.auc(), **areas}
+        return {'auc_all': self.auc(), **areas, 'auc': auc}
 
     def roc(self, against: Iterable[int] = range(SLIP)) -> tuple[Floats, Floats, Floats]:
         """Return the ROC curve of slip against rows of other kinds.

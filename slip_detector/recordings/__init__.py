@@ -113,9 +113,19 @@ def _is_inside(path: Path) -> bool:
 
 
 def _recordings_in(folder: Path) -> list[Path]:
-    """Return the recordings in a folder; ``slip_10`` comes after ``slip_9``."""
-    found = sorted(filter(_is_inside, folder.iterdir()))
-    return sorted(found, key=lambda path: re.sub('[0-9]+', lambda m: m[0].zfill(20), path.name))
+    """Return the recordings in a folder, in the order of their names and numbers."""
+    return sorted(filter(_is_inside, folder.iterdir()), key=by_number)
+
+
+def by_number(name: str | Path) -> tuple[str, str]:
+    """Return the key by which names are sorted: numbers in them count by their value.
+
+    Examples
+    --------
+    >>> sorted(['slip_10', 'slip_9', 'rest'], key=by_number)
+    ['rest', 'slip_9', 'slip_10']
+    """
+    return re.sub('[0-9]+', lambda number: number[0].zfill(20), str(name)), str(name)
 
 
 def with_subfolders(arguments: Sequence[str]) -> list[str]:

@@ -17,7 +17,6 @@
 from collections.abc import Mapping
 from typing import Any
 
-from slip_detector.evaluation.chance import HALF
 from slip_detector.evaluation.figures import ALREADY_ON
 from slip_detector.parameters.fields import name_list
 from slip_detector.recordings.labels import KINDS
@@ -134,8 +133,9 @@ def _found(after: Figures, before: Figures | None) -> str:
         return f'{text}; without rest nobody knows whether by guessing'
     if matched and not better_than_chance(after):
         return f'{text}, no better than guessing'
-    if matched and after['sooner_than_chance'] < HALF:
-        text += f', guessing would find some {after["recall_by_chance"] * scored:.0f}'
+    guessed = round((after['recall_by_chance'] or 0.0) * scored)
+    if 2 * guessed >= matched > 0:
+        text += f' where guessing would find {guessed}'
     value_ms, accuracy_ms = after['latency_median_ms'], after['latency_accuracy_ms']
     if value_ms is None:
         return text

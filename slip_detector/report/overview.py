@@ -35,7 +35,7 @@ Volts = NDArray[np.float32]
 Codes = NDArray[np.uint8]
 
 #: Kinds of events, the most important first.
-EVENT_KINDS = ('false alarm', 'missed', 'late', 'detected', 'onset')
+EVENT_KINDS = ('missed', 'false alarm', 'late', 'detected', 'onset')
 
 #: Most cells of the overviews of all recordings in a report: bins times channels.
 MOST_CELLS = 3 * 2**19
@@ -99,8 +99,9 @@ def events_of(outcome: ReplayOutcome, labelled: bool = True) -> list[Event]:
         if slip.settling:
             continue
         kind = 'missed' if slip.latency_s is None else 'late' if slip.late else 'detected'
-        note = f'lost at: {slip.lost_at}'.replace('_', ' ') if slip.lost_at else ''
-        parts = slip.stages_s or {}
+        notes = [f'lost at: {slip.lost_at}'] if slip.lost_at else []
+        notes += [f'label exact to {1e3 * slip.accuracy_s:.0f} ms'] if slip.accuracy_s else []
+        note, parts = ', '.join(notes).replace('_', ' '), slip.stages_s or {}
         events.append(Event(kind, slip.start_s, slip.end_s, slip.latency_s, parts, note))
     return sorted(events, key=lambda event: event.start_s)
 

@@ -23,6 +23,7 @@ ones, as slow signals compress better in this order.
 
 import base64
 import json
+import time
 import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from html import escape
@@ -38,7 +39,9 @@ from slip_detector.evaluation import evaluator
 from slip_detector.evaluation.figures import ReplayOutcome, figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters import ChainConfig
+from slip_detector.parameters.fields import name_list
 from slip_detector.parameters.files import whole_file
+from slip_detector.recordings import by_number
 from slip_detector.report import tables
 from slip_detector.report.overview import EVENT_KINDS, Codes, Overview, Volts
 from slip_detector.report.pictures import latency_figure, svg
@@ -52,6 +55,10 @@ STYLES = ('uplot/uPlot.min.css', 'drawing.css', 'report.css')
 #: the file larger and would not be seen: a channel has some 40 pixels in the timeline.
 NO_SAMPLE, MOST_CODE = 0xFFFF, 2**14 - 1
 
+#: The figures that carry the answer, and those of each recording.
+CARRYING = 'slips', 'matched', 'latency_median_ms', 'false_alarms', 'false_time_percent'
+OF_EACH = *CARRYING, 'false_alarms_per_minute', 'late', 'coverage'
+
 
 class Variant(NamedTuple):
     """One configuration of the chain, with its overviews and figures of all recordings.
@@ -64,7 +71,7 @@ class Variant(NamedTuple):
     overviews : sequence of Overview
         One for each recording, in the same order for all variants.
     figures : mapping
-        Figures of each recording, and of all together, by its name; None where one is not
+        Figures of all recordings together, then of each, by its name; None where one is not
         defined.
 
     Examples
@@ -77,15 +84,17 @@ class Variant(NamedTuple):
     name: str
     config: ChainConfig
     overviews: Sequence[Overview]
-    figures: Mapping[str, Mapping[str, float | None]]
+    figures: Mapping[str, Mapping[str, Any]]
 
 
 def write_page(
     path: str | Path,
     title: str,
     variants: Sequence[Variant],
-    notes: Iterable[str] = (),
+    said: Sequence[str] = (),
+    notes: Sequence[str] = (),
     outcomes: Sequence[ReplayOutcome] = (),
+    config: str | Path | None = None,
 ) -> None:
     """Write a report as an HTML file.
 
@@ -98,12 +107,16 @@ def write_page(
     title
         Heading of the page.
     variants
-        One configuration, or two to compare: first the given one, then the tuned one. Both show
-        the same recordings, at least one.
+        One configuration, or two to compare, the result last. Both show the same recordings, at
+        least one.
+    said
+        Sentences below the title: first the :func:`.answer`, then what matters most.
     notes
-        Lines below the title.
+        What else the reader may want to know.
     outcomes
         The outcomes whose latencies and ROC curve are drawn.
+    config
+        The file of the configuration; None: there is none.
 
     Raises
     ------
@@ -123,10 +136,14 @@ def write_page(
     ...     '<title>A second of rest</title>' in (Path(folder) / 'report.html').read_text('utf-8')
     True
     """
-    items = ''.join(f'<li>{escape(line)}</li>' for line in notes)
+    changed = [f'{n} {v}' for n, default, *_, v in _parameter_rows(variants) if v != default]
     page = Template(_read('report.html')).substitute(
         title=escape(title),
-        notes=f'<ul>{items}</ul>' if items else '',
+        said=_paragraphs(said),
+        tiles=_tiles(variants),
+        config=escape(name_list([Path(config or 'defaults').name, *changed], 5)),
+        made=time.strftime('%Y-%m-%d %H:%M UTC', time.gmtime()),
+        notes=_paragraphs(notes),
         css='\n'.join(map(_read, STYLES)),
         licence=_read('uplot/LICENSE.txt'),
         js='\n'.join(map(_read, SCRIPTS)),
@@ -139,6 +156,19 @@ def write_page(
 
 def _read(name: str) -> str:
     return resources.files('slip_detector.report').joinpath(f'templates/{name}').read_text('utf-8')
+
+
+def _paragraphs(lines: Iterable[str]) -> str:
+    return ''.join(f'<p>{escape(line)}</p>' for line in lines)
+
+
+def _tiles(variants: Sequence[Variant]) -> str:
+    tiles, wholes = '', [next(iter(one.figures.values()), {}) for one in variants]
+    for name in tables.TABLES['decisions'] if wholes[-1].get('slips') is None else CARRYING:
+        *before, text = (tables.figure_text(name, figures) for figures in wholes)
+        was = (f' <small>{variants[0].name} {one}</small>' for one in {*before} - {text, '-'})
+        tiles += f'<div><dt>{tables.heading(name)}</dt><dd>{text}{"".join(was)}</dd></div>'
+    return tiles
 
 
 def sections(variants: Sequence[Variant], outcomes: Sequence[ReplayOutcome] = ()) -> str:
@@ -157,10 +187,9 @@ def sections(variants: Sequence[Variant], outcomes: Sequence[ReplayOutcome] = ()
     ['<h2>Figures</h2>', '<h2>Parameters</h2>']
     """
     parts = {'Figures': _figures(variants)}
-    if outcomes:
+    if any(one.slips for one in outcomes):
         data = base64.b64encode(svg(latency_figure(outcomes)).encode()).decode()
-        source = f'data:image/svg+xml;base64,{data}'
-        parts['Latency'] = f'<img alt="Latencies and ROC curve" src="{source}">'
+        parts['Plots'] = f'<img alt="Latencies and ROC" src="data:image/svg+xml;base64,{data}">'
     parts['Parameters'] = _parameters(variants)
     return '\n'.join(
         f'<section>\n<h2>{title}</h2>\n{content}\n</section>' for title, content in parts.items()
@@ -168,31 +197,35 @@ def sections(variants: Sequence[Variant], outcomes: Sequence[ReplayOutcome] = ()
 
 
 def _figures(variants: Sequence[Variant]) -> str:
-    titles = list(dict.fromkeys(title for variant in variants for title in variant.figures))
-    rows = [(title, one.name, one.figures.get(title, {})) for title in titles for one in variants]
-    names = list(dict.fromkeys(name for *_, figures in rows for name in figures))
+    titles, names = list(variants[0].figures), [variant.name for variant in variants]
+    rows = {
+        f'{title}, {one.name}' if len(names) > 1 else title: one.figures[title]
+        for title in titles
+        for one in variants
+    }
+    blocks = tables.figure_tables(rows, {'recording': OF_EACH, **tables.TABLES})
+    main, *others = [_table('figures', block[0], block[1:]) for block in blocks] or ['']
+    if len(names) > 1:
+        changes = tables.compared(*(one.figures[titles[0]] for one in variants))
+        table = _table('compared', [titles[0], *names, ''], changes)
+        main = f'{_details("What changed", table)}{main}'
+    every = _details('All figures', ''.join(others))
+    return f'{main}{every}<p class="legend">{tables.LEGEND}</p>'
 
-    def table(names: Sequence[str]) -> str:
-        cells = [
-            [title, variant, *(tables.figure_text(name, figures) for name in names)]
-            for title, variant, figures in rows
-        ]
-        return _table('figures', ['recording', 'variant', *map(tables.heading, names)], cells)
 
-    main = [*tables.COMPARABLE, *tables.TABLES['decisions']]
-    shown = [name for name in main if any(one.get(name) is not None for *_, one in rows)]
-    every = _details('All figures', table(names))
-    return f'{table(shown)}{every}<p class="legend">{tables.LEGEND}</p>'
+def _parameter_rows(variants: Sequence[Variant]) -> list[list[str]]:
+    """Return the name, the default and the values of each parameter."""
+    configs = [type(variants[0].config)(), *(variant.config for variant in variants)]
+    sets = [config.to_parameters() for config in configs]
+    names = dict.fromkeys(name for one in sets for name in one)
+    return [[name, *(_value(one.get(name, tables.UNDEFINED)) for one in sets)] for name in names]
 
 
 def _parameters(variants: Sequence[Variant]) -> str:
-    sets = [variant.config.to_parameters() for variant in variants]
-    names = dict.fromkeys(name for one in sets for name in one)
-    rows = [[name, *(_value(one.get(name, tables.UNDEFINED)) for one in sets)] for name in names]
-    heads = ['parameter', *(variant.name for variant in variants)]
-    differing = [row for row in rows if len(set(row[1:])) > 1]
-    shown = _table('parameters', heads, differing) if differing else '<p>All equal.</p>'
-    return shown + _details('All parameters', _table('parameters', heads, rows))
+    rows = _parameter_rows(variants)
+    heads = ['parameter', 'default', *(variant.name for variant in variants)]
+    differing = _table('parameters', heads, [row for row in rows if len(set(row[1:])) > 1])
+    return differing + _details('All parameters', _table('parameters', heads, rows))
 
 
 def _table(name: str, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
@@ -295,7 +328,10 @@ def evaluate_for_report(
 
 
 def write_evaluation_report(
-    path: Path, sets: Mapping[str, Mapping[str, evaluator.EvaluatedRecording]]
+    path: Path,
+    sets: Mapping[str, Mapping[str, evaluator.EvaluatedRecording]],
+    report: Mapping[str, Any],
+    config: str | None = None,
 ) -> None:
     """Write the page of an evaluation.
 
@@ -305,28 +341,26 @@ def write_evaluation_report(
         The HTML file to write.
     sets
         The recordings by the names of set and file, from :func:`evaluate_for_report`.
+    report
+        Their report, see :func:`slip_detector.commands.evaluate.as_report`.
+    config
+        The file of the configuration; None: there is none.
 
     Raises
     ------
     ValueError
         When the file cannot be written; names it.
     """
-    overviews, figures, notes = [], {}, []
     every = [one for files in sets.values() for one in files.values()]
-    for name, files in sets.items():
-        for file, one in files.items():
-            title = f'{name}/{file}' if len(sets) > 1 else file
-            one.observer.name = title
-            overviews.append(one.observer)
-            figures[title] = evaluator.recording_figures([one])
-            faults = one.counts.damage, one.counts.doubts, *one.warnings
-            notes += tables.recording_notes(title, faults, one.invalid_percent)
-    unknown = (one for one in every if not (one.labelled or one.mistaken))
-    notes += tables.labels_note(one.observer.name for one in unknown)
-    figures['all recordings'] = evaluator.recording_figures(every)
-    given = Variant('given', overviews[0].config, overviews, figures)
+    figures = tables.by_name(report['sets'])
+    for title, one in zip(figures, every, strict=True):
+        one.observer.name = title
+    overviews = [one.observer for one in every]
+    whole = {'all recordings': report['all']} if len(every) > 1 else {}
+    given = Variant('given', overviews[0].config, overviews, {**whole, **figures})
     outcomes = [one.outcome for one in every if one.labelled]
-    write_page(path, f'Slips and alarms: {", ".join(sets)}', [given], notes, outcomes)
+    said = [*report['answer'], *([report['note']] if 'note' in report else [])]
+    write_page(path, f'Slips and alarms: {", ".join(sets)}', [given], said, (), outcomes, config)
 
 
 def replay_variant(name: str, replay: Replay, parts: Mapping[str, Sequence[Track]]) -> Variant:
@@ -344,7 +378,8 @@ def replay_variant(name: str, replay: Replay, parts: Mapping[str, Sequence[Track
     Returns
     -------
     Variant
-        With the figures of all of each part (``all held out``) and of each recording.
+        With the figures of all of each part (``all held out``) and of each recording, in the order
+        of names and numbers.
 
     Examples
     --------
@@ -357,13 +392,12 @@ def replay_variant(name: str, replay: Replay, parts: Mapping[str, Sequence[Track
     ['all held out', 'all tuned on', 'rest (held out)', 'rest (tuned on)']
     """
     chain, share = replay.chain.config, 1 / sum(map(len, parts.values()))
-    overviews, of_all, of_each = [], {}, {}
-    for what, tracks in parts.items():
-        outcomes = []
-        for track in tracks:
-            names, rate_hz = track.channel_names, track.sample_rate_hz
-            overviews.append(Overview(track.name, chain, names, share, rate_hz))
-            outcomes.append(overviews[-1].replay(replay, track.rows()))
-            of_each[f'{track.name} ({what})'] = figures_of_merit(outcomes[-1:])
-        of_all[f'all {what}'] = figures_of_merit(outcomes)
+    every = [(f'{track.name} ({what})', what, track) for what in parts for track in parts[what]]
+    overviews, of_each = list[Overview](), {}
+    outcomes: dict[str, list[ReplayOutcome]] = {what: [] for what in parts}
+    for title, what, track in sorted(every, key=lambda one: by_number(one[0])):
+        overviews.append(Overview(title, chain, track.channel_names, share, track.sample_rate_hz))
+        outcomes[what].append(overviews[-1].replay(replay, track.rows()))
+        of_each[title] = figures_of_merit(outcomes[what][-1:])
+    of_all = {f'all {what}': figures_of_merit(of) for what, of in outcomes.items()}
     return Variant(name, chain, overviews, {**of_all, **of_each})

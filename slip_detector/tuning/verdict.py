@@ -226,7 +226,7 @@ def tune(
     rest_s = sum((one.kinds < SLIP).sum() / one.sample_rate_hz for one in held)
     if rest_s < LEAST_REST_S:
         notes.append(f'Only {rest_s:.3g} s of rest are held out: false alarms hardly show in it')
-    step('choosing by leaving recordings out')
+    step('choosing the best, recording by recording')
     with study.errors_in_one_line():
         best = choose(problem, study.trials)
     step('comparing on what was held out')

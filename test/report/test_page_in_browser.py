@@ -47,6 +47,9 @@ def folder(tmp_path_factory):
     report.write_page(
         folder / 'bare.html', 'A title', [report.Variant('given', scenes.GIVEN, [bare], {})]
     )
+    given = scenes.variants(('a', 'b', 'c'))[0]
+    given.overviews[0].events, given.overviews[1].events = (), scenes.EVENTS['given'][:2]
+    report.write_page(folder / 'first.html', 'A title', [given], ['Finds 1.', 'Worst: c.'])
     return folder
 
 
@@ -57,7 +60,7 @@ def opened(browser, folder):
 
     def open_(name, anchor='', width=1280):
         page = browser.new_page()
-        page.set_viewport_size({'width': width, 'height': 900})
+        page.set_viewport_size({'width': width, 'height': 768})
         opened.append((page, complaints_of(page, ('file://', 'data:'))))
         page.goto((folder / name).as_uri() + anchor)
         page.locator('html[data-ready-ms]').wait_for(state='attached')
@@ -123,9 +126,8 @@ def test_it_renders(opened):
     """The way of a user: look at the whole, at an event, before and after, at another signal."""
     page = opened('both.html')
     assert page.title() == 'A title'
-    assert view(page) == (0, 1, 0.0, 20.0)
-    heads = page.locator('section h2').all_inner_texts()
-    assert heads == ['Timeline', 'Figures', 'Parameters']
+    assert view(page)[:2] == (0, 1)
+    assert page.locator('section h2').all_inner_texts() == ['Figures', 'Parameters']
     assert page.locator('#kinds').inner_text().count('(0)') == 3
     after = pixels(page)
     page.check('input[name=variant] >> nth=0')
@@ -147,10 +149,36 @@ def test_it_renders(opened):
     page.select_option('#signal', 'level')
     pictures.append(pixels(page))
     assert len(set(pictures)) == 2
-    page.uncheck('#kinds input >> nth=0')
+    page.uncheck('#kinds input >> nth=1')
     page.check('#kinds input >> nth=3')
     links = set(page.locator('#event-list a').all_inner_texts())
     assert links == {'◆ late', '● detected', '✕ missed'}
+
+
+def test_the_first_screen_says_how_good_it_is_and_shows_the_first_miss(opened):
+    page = opened('first.html', width=1366)
+    recording, _, start, stop = view(page)
+    assert (recording, start < 9.0 < stop < 12.0) == (2, True)
+    for seen in ('text=Finds', 'text=Worst:', 'text=UTC', '.lane-name >> nth=6'):
+        box = page.locator(seen).bounding_box()
+        assert 0 <= box['y'] < 768 - box['height']
+
+
+def test_nothing_is_cut_on_paper_and_the_dark_is_for_screens(opened):
+    page = opened('both.html', width=1366)
+    page.emulate_media(color_scheme='dark')
+    expect(page.locator('body')).to_have_css('background-color', 'rgb(26, 26, 26)')
+    page.emulate_media(media='print')
+    expect(page.locator('body')).to_have_css('background-color', 'rgb(255, 255, 255)')
+    page.evaluate('for (const one of document.querySelectorAll("details")) one.open = true')
+    page.evaluate('window.dispatchEvent(new Event("beforeprint"))')
+    assert page.evaluate('timeline.plot.width') == 700
+    # A4 between margins of 10 mm.
+    page.set_viewport_size({'width': 718, 'height': 1000})
+    settle(page)
+    cut = 'one.getBoundingClientRect().right > 718 || one.scrollWidth > one.clientWidth + 1'
+    every = '[...document.querySelectorAll("body :not(select)")].filter((one) => one.clientWidth)'
+    assert page.evaluate(f'{every}.filter((one) => {cut}).map((one) => one.innerText)') == []
 
 
 def test_without_labels_there_are_onsets_and_nothing_that_looks_like_a_score(opened):
@@ -173,6 +201,7 @@ def test_many_channels_without_events_fit_into_the_window(opened):
 
 def test_wheel_mouse_keys_and_buttons_zoom_and_move(opened):
     page = opened('both.html')
+    page.click('#whole')
     page.mouse.move(*point(page, 0.25))
     page.mouse.wheel(0, -400)
     expect(page.locator('#timeline')).not_to_have_attribute('data-to-s', '20')

@@ -17,6 +17,7 @@
 import numpy as np
 
 from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.evaluation.evaluator import recording_figures
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report.overview import Event, Overview
 from slip_detector.report.page import Variant
@@ -81,7 +82,9 @@ def variants(names=('a.npz', 'b.npz')):
             overview(file, config, *volts_and_truth(seed=i), EVENTS[name])
             for i, file in enumerate(names)
         ]
-        figures = {'slips': 3, 'missed': missed, 'latency_median_ms': median_ms, 'vote_ms': 12.0}
-        rows = dict.fromkeys((*names, 'all recordings'), figures)
+        # As many figures as there may be.
+        figures = dict.fromkeys(recording_figures([]), 12.5) | {'latency_accuracy_ms': 0.0}
+        figures |= {'slips': 3, 'missed': missed, 'latency_median_ms': median_ms}
+        rows = dict.fromkeys(('all recordings', *names), figures)
         found.append(Variant(name, config, seen, rows))
     return found

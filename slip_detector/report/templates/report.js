@@ -23,8 +23,7 @@ document.addEventListener('keydown', (event) => {
 });
 
 function readOut(seconds, lane) {
-  const {rate_hz: rate, lowest_v: lowest, step_v: step} = now(), words = [clock(seconds)];
-  if (lane) words.push(lane.name);
+  const {rate_hz: rate, lowest_v: lowest, step_v: step} = now(), words = [clock(seconds), ...(lane ? [lane.name] : [])];
   const c = lane?.channel, i = Math.floor(seconds * rate / drawn.rows), at = c * drawn.n + i;
   if (lane?.curve && i >= drawn.first && i < drawn.stop) {
     const [low, high] = [drawn.low[at], drawn.high[at]].map((code) => lowest[c] + step[c] * code);
@@ -34,26 +33,21 @@ function readOut(seconds, lane) {
   element('readout').textContent = words.join(' \u00b7 ');
 }
 
-// The events of the kinds that are ticked, each with the numbers of its recording and of itself.
-function ticked() {
-  return header.recordings.flatMap((_, r) => (
-    eventsOf(r).map((event, i) => [r, i, event]).filter(([, , event]) => shown.has(event[0]))));
-}
+// The events of the kinds that are ticked.
+const ticked = () => everyEvent().filter(([, , [kind]]) => shown.has(kind));
 
 function fillList() {
   const unlabelled = header.recordings.some(({truth}) => !truth);
-  const all = header.recordings.flatMap((_, r) => eventsOf(r)), body = document.querySelector('#event-list tbody');
+  const all = everyEvent(), body = document.querySelector('#event-list tbody');
   KINDS.forEach(([name, mark], kind) => {
-    const count = all.filter((event) => event[0] === kind).length;
+    const count = all.filter(([, , event]) => event[0] === kind).length;
     const choice = element('kinds').children[kind];
     choice.lastChild.textContent = ` ${mark} ${name} (${count})`;
     choice.hidden = kind === ONSET ? !unlabelled : unlabelled && !count;
   });
   body.replaceChildren();
-  const row = (key, ...cells) => {
-    const made = body.appendChild(build('tr', ...cells));
-    if (key) made.dataset.event = key;
-  };
+  const row = (key, ...cells) => Object.assign(
+    body.appendChild(build('tr', ...cells)).dataset, key && {event: key});
   const across = (key, text, kind = 'td') => row(key, build(kind, text, {colSpan: 4}));
   const ms = (seconds) => (seconds === null ? '\u2013' : `${(1e3 * seconds).toFixed(0)}\u00a0ms`);
   let above = header.recordings.length > 1 ? null : 0;
@@ -72,10 +66,11 @@ function fillList() {
 function markChosen() {
   const key = view.chosen && `${view.recording}-${eventsOf(view.recording).indexOf(view.chosen)}`;
   for (const row of document.querySelectorAll('#event-list tbody tr')) row.classList.toggle('chosen', row.dataset.event === key);
-  document.querySelector('#event-list tr.chosen')?.scrollIntoView({block: 'nearest'});
+  // scrollIntoView would scroll the page, too.
+  element('event-scroll').scrollTop = document.querySelector('#event-list tr.chosen')?.offsetTop - 50 || 0;
 }
 
-function go(v, r, i) {
+function go(v, r, i, scroll = true) {
   if (v !== view.variant) choose('variant', v);
   if (r !== view.recording) choose('recording', r);
   const event = eventsOf(r)[i], [, start, end, latency] = event;
@@ -84,7 +79,7 @@ function go(v, r, i) {
   showSpan(start - 0.3, Math.max(Math.min(end, start + 2), start + (latency ?? 0)) + 0.4);
   markChosen();
   const box = element('drawing').getBoundingClientRect();
-  if (box.top < 0 || box.top > window.innerHeight - 150) element('toolbar').scrollIntoView();
+  if (scroll && (box.top < 0 || box.top > window.innerHeight - 150)) element('toolbar').scrollIntoView();
 }
 
 function step(by) {
@@ -122,12 +117,11 @@ function choice(properties, label, ticked) {
 
 function start() {
   element('recording').append(...header.recordings.map(({name}, r) => new Option(name, r)));
-  element('recording-choice').hidden = header.recordings.length < 2;
-  const all = header.recordings.flatMap((_, r) => eventsOf(r));
-  if (all.length && all.every(([kind]) => kind === DETECTED)) shown.add(DETECTED);
+  // What matters most is seen first: kinds are in this order.
+  const [first] = everyEvent().sort((a, b) => a[2][0] - b[2][0]);
+  if (first?.[2][0] === DETECTED) shown.add(DETECTED);
   element('variant-choice').append(...names.map((name, v) => choice(
     {type: 'radio', name: 'variant', value: v, checked: v === view.variant}, ` ${name}`, () => choose('variant', v))));
-  element('variant-choice').hidden = names.length < 2;
   element('kinds').append(...KINDS.map((_, kind) => choice(
     {type: 'checkbox', checked: shown.has(kind)}, build(`span.kind-${kind}`), (box) => {
       shown[box.checked ? 'add' : 'delete'](kind);
@@ -142,17 +136,21 @@ function start() {
     const key = target.closest('tr')?.dataset.event;
     if (key) go(view.variant, ...key.split('-').map(Number));
   });
-  on('signal', 'change', () => {
-    showScale();
-    redraw();
-  });
+  on('signal', 'change', redraw);
   window.addEventListener('hashchange', fromHash);
-  [view.from, view.to] = [0, Math.max(duration(), 10 / now().rate_hz)];
   fillList();
   showScale();
+  whole();
+  if (first) go(view.variant, first[0], first[1], false);
   fromHash();
-  redraw();
   new ResizeObserver(redraw).observe(element('drawing'));
+  // A canvas does not follow the width of paper.
+  for (const [event, width] of [['beforeprint', '700px'], ['afterprint', '']]) {
+    window.addEventListener(event, () => {
+      root.style.width = width;
+      draw(drawn.data);
+    });
+  }
 }
 
 start();

@@ -2,7 +2,7 @@
 // A report's timeline: its data, which page.py encodes, and what is drawn of them.
 
 const NO_SAMPLE = 0xffff;
-const KINDS = [['false alarm', '\u25bc', '#d55e00'], ['missed', '\u2715', '#a3347f'],
+const KINDS = [['missed', '\u2715', '#a3347f'], ['false alarm', '\u25bc', '#d55e00'],
   ['late', '\u25c6', '#e69f00'], ['detected', '\u25cf', '#009e73'], ['onset', '\u25bc', '#0072b2']];
 const DETECTED = 3, ONSET = 4;
 // The code of a level that equals the threshold, and the range of codes that a lane of levels shows.
@@ -20,6 +20,8 @@ const now = () => header.recordings[view.recording];
 const variantNow = () => now().variants[view.variant];
 const duration = () => now().rows / now().rate_hz;
 const eventsOf = (r) => header.recordings[r].variants[view.variant].events;
+// All events, each with the numbers of its recording and of itself.
+const everyEvent = () => header.recordings.flatMap((_, r) => eventsOf(r).map((event, i) => [r, i, event]));
 
 // ---- data
 
@@ -101,9 +103,8 @@ function clock(seconds, digits = 3) {
 
 // What is at a code of a level, in words.
 function wordsOf(code) {
-  const value = 2 ** ((code - THRESHOLD_CODE) / CODES_OF_OCTAVE);
-  const ratio = `${code === 1 ? '\u2264 ' : ''}${value.toPrecision(2)}`;
-  return `level / threshold ${code ? ratio : 'not valid'}`;
+  const ratio = (2 ** ((code - THRESHOLD_CODE) / CODES_OF_OCTAVE)).toPrecision(2);
+  return `level / threshold ${code ? (code === 1 ? '\u2264 ' : '') + ratio : 'not valid'}`;
 }
 
 // What channels show: volts or level.
@@ -112,11 +113,10 @@ const signalShown = () => element('signal').value;
 // Say how finely channels are drawn.
 function showScale() {
   const {bin_rows: bin, rate_hz: rate, channels} = now(), {groups} = variantNow();
-  const words = [bin === 1 ? 'Each row is drawn when zoomed in.'
-    : `Drawn from the lowest and highest of each ${(1e3 * bin / rate).toFixed(0)} ms.`];
   const disabled = channels.length - new Set(groups.flatMap(({members}) => members)).size;
-  if (disabled) words.push(`Disabled channels, ${disabled} of them, are left out.`);
-  element('resolution').textContent = words.join(' ');
+  const left = disabled ? ` Disabled channels, ${disabled} of them, are left out.` : '';
+  element('resolution').textContent = bin === 1 ? `Each row is drawn when zoomed in.${left}`
+    : `Drawn from the lowest and highest of each ${(1e3 * bin / rate).toFixed(0)} ms.${left}`;
 }
 
 // ---- lanes, from top to bottom
@@ -203,7 +203,7 @@ function draw(data) {
   const {rate_hz: rate, step_v: step} = now(), {from, to} = view;
   const width = Math.max(root.clientWidth - NAMES_WIDTH - RIGHT_MARGIN, 1);
   const rowsOfPixel = (to - from) * rate / width;
-  const bins = drawn = binsOf(data, from * rate, to * rate, rowsOfPixel);
+  const bins = drawn = {...binsOf(data, from * rate, to * rate, rowsOfPixel), data};
   const lanes = lanesOf(bins), channels = lanes.filter((lane) => lane.curve);
   const curves = channels.map((lane) => curve(bins, lane.channel));
   if (signalShown() === 'volts') {
