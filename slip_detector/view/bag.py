@@ -83,10 +83,8 @@ class PlayedBag:
         self._server, self.path, self._finger = server, path, finger
         self._loader = RecordingLoader(config, driver)
         file = labels.find_labels(driver.recording_labels, path)
-        self.file, self._labelled = (
-            file or path.parent / labels.labels_name(path),
-            file is not None,
-        )
+        self._labelled = file is not None
+        self.file = file or path.parent / labels.labels_name(path)
         # What is read: the rows in pieces, the number of the first row of each, and when each row
         # comes after the first one. Whether that is all, and how long it is or may be.
         self._pieces, self._firsts = list[Samples](), list[int]()
@@ -142,12 +140,6 @@ class PlayedBag:
         self._unlabelled = None if self._labelled else self._ends
         self._whole = True
 
-    @property
-    def reading(self) -> str:
-        """How far it is read, in words; empty when all is."""
-        of = f'reading {self.read_s / 60:.0f} of {self.duration_s / 60:.0f} min'
-        return '' if self._whole else of if self._pieces else 'opening'
-
     def tick(self) -> None:
         """Report to all pages what is played, and where it is."""
         finger = self._server.detectors.fingers.get(self._finger)
@@ -156,9 +148,11 @@ class PlayedBag:
         if (seen := (finger and finger.config, amount, self._whole)) != self._seen:
             self._seen = seen
             self._changes += 1
+        far = f'reading {self.read_s / 60:.0f} of {self.duration_s / 60:.0f} min'
+        reading = '' if self._whole else far if self._pieces else 'opening'
         state: dict[str, Any] = {'name': self.path.name, 'labels': str(self.file)}
         state |= {'at_s': round(self._at_s, 3), 'speed': self.speed, 'playing': self.playing}
-        state |= {'reading': self.reading, 'duration_s': self.duration_s}
+        state |= {'reading': reading, 'duration_s': self.duration_s}
         state |= {'changes': self._changes, 'slip_s': _pairs(self._ends)}
         self._server.broadcast('bag', state)
 
@@ -170,7 +164,7 @@ class PlayedBag:
         now_s
             The time of :func:`time.monotonic`.
         """
-        if not self.playing or not self._pieces:
+        if not (self.playing and len(self._after_ns)):
             return iter(())
         passed_s, self._now_s = now_s - self._now_s, now_s
         if passed_s > STILL_S:
@@ -243,13 +237,13 @@ class PlayedBag:
         self.speed, self.playing = speed or self.speed, playing
         if to_s is None and message.get('playing') and self._next == len(self._after_ns):
             to_s = 0.0
-        if to_s is not None and self._pieces:
+        if to_s is not None and len(self._after_ns):
             self.move(to_s)
 
     async def _trace(self, message: Message) -> dict[str, Any]:
         config = self._server.detectors.finger_of(self._finger).config
         if not self._pieces:
-            raise ValueError(self.reading)
+            raise ValueError('nothing of it is read yet, allowed: in a moment')
         return await self._server.work(self.trace, config)
 
     async def _label(self, message: Message) -> None:

@@ -63,7 +63,10 @@ export class RecordingTrace {
       words: (s) => `${s.toFixed(2)} s`,
       valueOf: (x) => inside(x * this.pixel_s), step: (s, steps) => inside(s + steps * STEP_S),
       onMove: () => this.draw(),
-      onSet: (s) => this.keep(this.pairs.with(i >> 1, this.pairs[i >> 1].with(i % 2, s))),
+      onSet: (s) => {
+        const moved = this.pairs.with(i >> 1, this.pairs[i >> 1].with(i % 2, s));
+        return this.ask('label', {slip_s: moved, pixel_s: this.pixel_s});
+      },
     });
   }
 
@@ -76,11 +79,6 @@ export class RecordingTrace {
   // Seconds of a pixel.
   get pixel_s() {
     return this.trace.duration_s / this.picture.clientWidth;
-  }
-
-  // Keep a label that was set by eye.
-  keep(pairs) {
-    return this.ask('label', {slip_s: pairs, pixel_s: this.pixel_s});
   }
 
   async ask(type, content = {slip_s: this.pairs}) {
@@ -117,12 +115,11 @@ export class RecordingTrace {
 
   // Over a small picture the wheel scrolls the page. Pinching a touchpad is a wheel with Ctrl.
   onWheel(event) {
-    const {deltaX, deltaY, deltaMode, ctrlKey} = event;
-    if (Math.abs(deltaX) > Math.abs(deltaY)) return;
-    if (!ctrlKey && !this.root.matches('#played, :focus-within')) return;
+    const {deltaX, deltaY, ctrlKey, clientX} = event, {left} = this.frame.getBoundingClientRect();
+    const meant = ctrlKey || this.root.matches('#played, :focus-within');
+    if (!meant || Math.abs(deltaX) > Math.abs(deltaY)) return;
     event.preventDefault();
-    const by = Math.exp(-deltaY * (ctrlKey ? 0.01 : deltaMode ? 0.06 : 0.002));
-    this.zoom(by, event.clientX - this.frame.getBoundingClientRect().left);
+    this.zoom(Math.exp(deltaY * (ctrlKey ? -0.01 : -0.002)), clientX - left);
   }
 
   onKey(event) {
@@ -136,8 +133,8 @@ export class RecordingTrace {
     if (!trace || !canvas.clientWidth) return;
     const {context, width, height} = fitted(canvas), {pixel_s: pixel} = this, {bin_s: bin} = trace;
     const room = {context, left: 0, right: width}, below = height - 2 * STRIP - 1;
-    const xOf = (s) => s / pixel - scrollLeft, flat = this.pairs.flat();
-    const shown = this.ends.map((end, i) => end.show(flat[i], 0, trace.duration_s));
+    const xOf = (s) => s / pixel - scrollLeft, ends = this.pairs.flat();
+    const shown = this.ends.map((end, i) => end.show(ends[i], 0, trace.duration_s));
     this.ends.forEach((end, i) => end.place(shown[i] / pixel));
     bars(room, xOf, shown, 0, height, TRUTH);
     bars(room, xOf, [trace.read_s, trace.duration_s], 0, height, HATCHING);
@@ -159,6 +156,8 @@ export class RecordingTrace {
       context.stroke();
     }
     Object.assign(context, {font: '11px system-ui, sans-serif', fillStyle: INK});
-    for (const [db, y] of [[most, 11], [rest, below - 3]]) context.fillText(`${Math.round(db)} dB`, 3, y);
+    // A small picture has no room for its scale.
+    const scale = height > 60 && rest !== null ? [[most, 11], [rest, below - 3]] : [];
+    for (const [db, y] of scale) context.fillText(`${Math.round(db)} dB`, 3, y);
   }
 }
