@@ -177,7 +177,8 @@ class FingerTopics(PolledTopics):
             n, channels = sample.rows.shape
             self._note_input(sample, n, channels)
             if n and channels != (wanted := self._config.channels):
-                raise ValueError(f'they have {channels} channels, the detector {wanted}')
+                advice = source.advice(channels, wanted)
+                raise ValueError(f'they have {channels} channels, the detector {wanted}{advice}')
             if n:
                 self._samples.append((info['source_timestamp'], sample))
         except ValueError as error:

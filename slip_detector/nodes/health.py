@@ -208,12 +208,12 @@ class Health:
 
     def _input(self, since: Counter[str], silent_s: float) -> DiagnosticStatus:
         wanted_hz, rate_hz, wrong = self.config.sample_rate_hz, self._rate_hz(since), ''
+        # Where samples are dropped, some come.
+        silent_s = 0.0 if any(since[kind] for kind in ERRORS) else silent_s
         all_well, off = f'{rate_hz:.1f} samples a second', abs(rate_hz / wanted_hz - 1.0)
         if self.senders:
             who = name_list(self.senders, LISTED)
             wrong = f'the input is published by {who}: only one of them may'
-        elif any(since[kind] for kind in ERRORS):
-            pass  # Samples come, and what is wrong with them is said below.
         elif math.isinf(silent_s):
             wrong = 'no samples yet: does the sensor run, on this topic, with this type?'
         elif silent_s > self.config.input_timeout_s:

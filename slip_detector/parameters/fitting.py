@@ -20,7 +20,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from slip_detector.parameters.detector import LOWEST_EDGE, ChainConfig, default_channel_names
-from slip_detector.parameters.sets import changed
+from slip_detector.parameters.sets import changed, replace_groups
 
 #: Largest difference between the rates of samples and of the chain, as a share. With a larger one,
 #: bands and windows would differ noticeably from the configured ones.
@@ -39,12 +39,14 @@ def rounded_rate_hz(rate_hz: float) -> float:
 
     Examples
     --------
-    >>> [rounded_rate_hz(hz) for hz in (199.6, 59.94, 312.4968, 1999.1)]
-    [200.0, 60.0, 312.5, 2000.0]
+    >>> [rounded_rate_hz(hz) for hz in (198.6, 121.4, 312.4968, 2018.1)]
+    [200.0, 121.5, 312.5, 2000.0]
     """
-    short_hz = float(f'{rate_hz:.2g}')
-    is_near = abs(short_hz - rate_hz) <= 5e-3 * rate_hz
-    return short_hz if is_near else float(f'{2 * rate_hz:.3g}') / 2
+    for digits, share in ((1, 0.015), (2, 0.005)):
+        near_hz = float(f'{rate_hz:.{digits}g}')
+        if abs(near_hz - rate_hz) <= share * rate_hz:
+            return near_hz
+    return float(f'{2 * rate_hz:.3g}') / 2
 
 
 def rates_differ(rate_hz: float, chain_rate_hz: float) -> bool:
@@ -81,31 +83,30 @@ def fitting(
     --------
     >>> for name, value in fitting(ChainConfig(), 3, 200.0).items():
     ...     print(name, value)
-    sample_rate_hz 200.0
-    channels 3
-    passband_hz [20.0, 0.0]
-    stopbands_hz []
-    vote 2
     groups.TP None
     groups.TD None
     groups.LR None
     groups.LU None
+    sample_rate_hz 200.0
+    channels 3
     groups.all [1, 2, 3]
+    vote 2
+    passband_hz [20.0, 0.0]
+    stopbands_hz []
     """
     now, before_hz = config.to_parameters(), config.sample_rate_hz
     rate_hz = rounded_rate_hz(rate_hz) if rates_differ(rate_hz, before_hz) else before_hz
-    windows = {name: max(now[name], 1 / rate_hz) for name in now if name.endswith('_window_s')}
-    kept = {**now, 'sample_rate_hz': rate_hz, **windows}
+    values: dict[str, Any] = {'sample_rate_hz': rate_hz}
+    values |= {name: max(now[name], 1 / rate_hz) for name in now if name.endswith('_window_s')}
     if channels != config.channels:
-        kept = {name: value for name, value in kept.items() if not name.startswith('groups.')}
-        kept |= {name: [] for name in ('disabled_channels', 'taxel_positions_m') if name in now}
-        kept |= {'channels': channels, 'groups.all': [*range(1, channels + 1)]}
+        values |= {'channels': channels, 'groups.all': [*range(1, channels + 1)]}
+        values |= {name: [] for name in ('disabled_channels', 'taxel_positions_m') if name in now}
         vote = VOTE if config.vote == 'all' else config.vote
-        kept['vote'] = vote if vote == 'mean' else min(int(vote), channels)
+        values['vote'] = vote if vote == 'mean' else min(int(vote), channels)
         if config.decision == 'evidence':
-            kept |= {n: min(now[n], channels) for n in ('impact_channels', 'contact_channels')}
+            values |= {n: min(now[n], channels) for n in ('impact_channels', 'contact_channels')}
         if len(config.noise_floor) > 1:  # Learnt for each channel.
-            kept |= {'noise_floor': [min(config.noise_floor)], 'noise_floor_learnt': False}
+            values |= {'noise_floor': [min(config.noise_floor)], 'noise_floor_learnt': False}
     from_hz = max(min(PASS_FROM_HZ, PASS_SHARE * rate_hz), LOWEST_EDGE * rate_hz)
     high_pass: dict[str, Any] = {'passband_hz': [from_hz, 0.0], 'stopbands_hz': []}
     high_pass |= {'contact_level_v': 0.0, 'activity_cap_db': 0.0}
@@ -115,8 +116,8 @@ def fitting(
     for its_names, bands, mains_hz in itertools.product(
         [given, []], [{}, high_pass], [config.mains_hz, 0.0]
     ):
-        wanted = kept | bands | {'channel_names': its_names, 'mains_hz': mains_hz}
-        wanted = {name: wanted.get(name) for name in {**now, **wanted}}
+        some = values | bands | {'channel_names': its_names, 'mains_hz': mains_hz}
+        wanted = replace_groups(config, some)
         differing = {name: value for name, value in wanted.items() if value != now.get(name)}
         with contextlib.suppress(ValueError):
             changed(config, differing)

@@ -81,10 +81,7 @@ REFUSED = [
     ({**EVIDENCE, 'noise_floor': ()}, 'noise_floor has 0 numbers, allowed: one number, or 16'),
     ({**EVIDENCE, 'noise_floor': (1.0, 2.0)}, 'noise_floor has 2 numbers, allowed: one number'),
     ({**EVIDENCE, 'evidence_cap_db': 3.5}, 'evidence_cap_db is 3.5 dB, allowed: above'),
-    (
-        {**EVIDENCE, 'threshold': 1.3},
-        'threshold is 1.3, allowed: above 0, below evidence_limit_db_s (1.3',
-    ),
+    ({**EVIDENCE, 'threshold': 1.3}, 'threshold is 1.3, allowed: above 0, below evidence_limit_'),
     (
         {**EVIDENCE, **TWO, 'disabled_channels': (1,), 'impact_v': 1.0},
         'impact_channels is 2, allowed: at most 1, the number of enabled channels',

@@ -279,7 +279,7 @@ def test_one_button_makes_the_detector_take_what_comes(played):
     served, page = played({'index': STATES['none']})
     finger = served.detectors.fingers[parts.NAME]
     served.call(setattr, finger, 'to_fit', fitting(finger.config, 6, 200.0))
-    parts.button(page, 'Take 6 channels at 200 Hz, one group').click()
+    parts.button(page, 'Take 6 channels at 200 Hz, one group: index').click()
     expect(parts.changes(page)).to_contain_text('channels from 16 to 6')
     config = parts.config_of(served)
     assert (config.channels, config.sample_rate_hz, len(config.groups)) == (6, 200.0, 1)
@@ -290,7 +290,7 @@ def test_with_read_only_nothing_can_be_changed_in_any_tab(serve, tmp_path):
     served, page = serve(SimulatedDetectors(), access=Access(read_only=True))
     before = parts.config_of(served)
     served.detectors.fingers[parts.NAME].to_fit = {'channels': 6}
-    expect(parts.button(page, 'Take 6 channels at 380 Hz')).to_be_disabled()
+    expect(parts.button(page, 'Take 6 channels at 380 Hz: index')).to_be_disabled()
     for word in ('Rest', 'Slip', 'Taps'):
         expect(parts.record_button(page, word)).to_be_disabled()
     for name in ('Tune', 'Delete slip_1', 'Save'):

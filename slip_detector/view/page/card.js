@@ -26,7 +26,6 @@ export class FingerCard {
   // counted from 1, was clicked. onTake(): the detector is to take the samples as they come.
   constructor({onChoose, onChannel, onTake}) {
     this.root = element('card').content.firstElementChild.cloneNode(true);
-    // The parts of the card by the names of their classes.
     for (const part of this.root.querySelectorAll('[class]')) this[part.className] = part;
     this.title.addEventListener('click', onChoose);
     this.take.addEventListener('click', onTake);
@@ -43,7 +42,9 @@ export class FingerCard {
   // Show the server's description of the finger, which changes with the detector's parameters.
   describe(finger, readOnly) {
     this.finger = finger;
-    Object.assign(this.take, {textContent: finger.offer, hidden: !finger.offer, disabled: readOnly});
+    Object.assign(this.take, {
+      textContent: finger.offer, hidden: !finger.offer, disabled: readOnly, ariaLabel: `${finger.offer}: ${finger.label}`,
+    });
     this.root.dataset.finger = finger.name;
     write(this.title, finger.label);
     write(this.notice, finger.notice);
@@ -130,8 +131,7 @@ export class FingerCard {
     return `${valid ? 'valid' : 'not valid'}; ${since}`;
   }
 
-  // lines: [level, name, message] of each diagnostic. What is wrong stands at the top, the worst first, instead of
-  // what is well. Of the decisions the badge tells, and sooner.
+  // lines: [level, name, message] of each. What is wrong stands at the top; of decisions the badge tells sooner.
   showDiagnostics(lines) {
     const wrong = lines.filter(([level]) => level).sort(([a], [b]) => b - a);
     const shown = wrong.length ? wrong : lines.filter(([, name]) => name !== 'decisions');
