@@ -31,8 +31,8 @@ It uses no ROS: the chain runs over each recording from the first row, as in the
     part of a damaged file could not be read), ``doubts`` (why damage may go unseen),
     ``warnings`` (why decisions may mean nothing),
     ``on_intervals_s`` (start and end of each time ON),
-    ``invalid_percent`` (of the channels that are not always valid), ``labelled``, ``mistaken``, and
-    ``slip_events`` and ``alarm_events``, see
+    ``invalid_percent`` (of the channels that are not always valid), ``labelled``,
+    ``mistaken`` (marked so in its labels), and ``slip_events`` and ``alarm_events``, see
     :class:`slip_detector.evaluation.figures.TrueSlip` and ``Alarm``; None without labels.
 ``all``
     The figures and counts over all sets.
