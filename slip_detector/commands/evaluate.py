@@ -60,8 +60,9 @@ from slip_detector.evaluation import evaluator
 from slip_detector.evaluation.evaluator import EvaluatedRecording, RecordingLoader
 from slip_detector.parameters.fields import name_list
 from slip_detector.recordings import by_number, recording_sets, with_subfolders
+from slip_detector.recordings.labels import ENDING, KEY
 from slip_detector.report.answer import answer, bad_recordings
-from slip_detector.report.tables import by_name, evaluation_tables, labels_note
+from slip_detector.report.tables import by_name, evaluation_tables
 
 NAME = 'slip_evaluate'
 
@@ -159,9 +160,11 @@ def as_report(sets: Mapping[str, Mapping[str, EvaluatedRecording]]) -> dict[str,
     }
     named = by_name(report['sets'])
     report['answer'] = [*answer(report['all']), *bad_recordings(named)]
-    bare = (name for name, one in named.items() if not (one['labelled'] or one['mistaken']))
-    for note in labels_note(bare):
-        report['note'] = note
+    bare = [name for name, one in named.items() if not (one['labelled'] or one['mistaken'])]
+    if unlabelled := name_list(bare):
+        how = f'{KEY}: [[start, end]] in seconds in a file NAME{ENDING} beside the recording'
+        note = f'no labels; scores need {how}, by hand or by slip_view --bag'
+        report['note'] = f'{unlabelled}: {note}'
     return report
 
 

@@ -20,7 +20,7 @@ from typing import Any
 from slip_detector.evaluation.figures import ALREADY_ON
 from slip_detector.parameters.fields import name_list
 from slip_detector.recordings.labels import KINDS
-from slip_detector.report.tables import compared, heading, recording_notes
+from slip_detector.report.tables import compared, heading
 from slip_detector.tuning.problem import better_than_chance
 
 Figures = Mapping[str, Any]
@@ -88,8 +88,9 @@ def bad_recordings(recordings: Mapping[str, Figures]) -> list[str]:
 
     Examples
     --------
-    >>> bad_recordings({})
-    []
+    >>> bad = {'missed': None, 'false_time_percent': None, 'invalid_percent': {'ch3': 12.5}}
+    >>> bad_recordings({'a.mcap': bad, 'b.mcap': bad})
+    ['a.mcap, b.mcap: not valid: ch3 12.5 % of the time']
     """
 
     def badness(name: str) -> tuple[int, float]:
@@ -101,10 +102,12 @@ def bad_recordings(recordings: Mapping[str, Figures]) -> list[str]:
     if len(recordings) > 1 and badness(worst) >= (0, BAD_PERCENT):
         lines.append(f'Worst: {worst}. {answer(recordings[worst])[0]}')
     for name, one in recordings.items():
-        faults = one.get('lost', ''), one.get('doubts', ''), *one.get('warnings', ())
-        for line in recording_notes('', faults, one.get('invalid_percent', {})):
-            names_of.setdefault(line, []).append(name)
-    return lines + [f'{name_list(names, 3)}{line}' for line, names in names_of.items()]
+        shares = [f'{of} {part:.3g} %' for of, part in one.get('invalid_percent', {}).items()]
+        invalid = f'not valid: {name_list(shares)} of the time' if shares else ''
+        faults = one.get('lost'), one.get('doubts'), *one.get('warnings', ()), invalid
+        for text in filter(None, faults):
+            names_of.setdefault(text, []).append(name)
+    return lines + [f'{name_list(names, 3)}: {text}' for text, names in names_of.items()]
 
 
 def rounded(value: float | None) -> str:

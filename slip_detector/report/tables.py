@@ -15,12 +15,12 @@
 """Tables of plain text, as the commands print them, and the texts of figures."""
 
 import itertools
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from slip_detector.evaluation.figures import ALREADY_ON, STAGES
 from slip_detector.parameters.fields import name_list
-from slip_detector.recordings.labels import ENDING, KEY, KINDS
+from slip_detector.recordings.labels import KINDS
 from slip_detector.tuning.problem import worse_figures
 
 #: The text of a figure that is not defined.
@@ -42,7 +42,6 @@ HEADINGS = {
     'on_s': 'ON [s]',
     'on_percent': 'ON [% of the time]',
     'false_time_percent': 'ON without slip [%]',
-    'false_time_s_per_hour': 'ON [s an hour]',
     'force_percent': 'mean grip [% of the limit]',
     'gaps': 'gaps bridged',
     'auc': 'how far slips stand out',
@@ -52,7 +51,7 @@ HEADINGS = {
 
 #: The figures in each table of an evaluation, by its title.
 TABLES: dict[str, Sequence[str]] = {
-    'rows': ('rows', 'slip_rows', 'moving_rows', 'settling_rows', 'auc_all', 'auc_moving'),
+    'rows': ('rows', 'slip_rows', 'moving_rows', 'settling_rows', 'auc_all'),
     "the paper's": ('mean_delay_ms', 'sd_delay_ms', 'success_percent', 'false_positive_percent'),
     'slips': (
         'slips', 'settling_slips', 'matched', 'late', 'missed', 'recall', 'recall_by_chance',
@@ -66,9 +65,9 @@ TABLES: dict[str, Sequence[str]] = {
         'alarms', 'settling_alarms', 'repeated_alarms', 'false_alarms', 'precision',
         'precision_by_chance',
     ),
-    'rest': ('rest_s', 'false_alarms_per_minute', 'false_time_percent', 'false_time_s_per_hour'),
+    'rest': ('rest_s', 'false_alarms_per_minute', 'false_time_percent'),
     'kinds': [
-        'auc', *(f'auc_{kind}' for kind in KINDS),
+        'auc', 'auc_moving', *(f'auc_{kind}' for kind in KINDS),
         *(f'{kind}_{what}' for kind in KINDS for what in ('on_percent', 'alarms_per_minute')),
     ],
     'decisions': ('onsets', 'onsets_per_minute', 'on_s', 'on_percent', 'invalid_channels'),
@@ -79,7 +78,7 @@ TABLES: dict[str, Sequence[str]] = {
 }  # fmt: skip
 
 #: The figures that are compared.
-COMPARABLE = [one for title in ('rows', *[*TABLES][2:7]) for one in TABLES[title]]
+COMPARABLE = [one for title in ('slips', 'latency', 'rest', 'kinds') for one in TABLES[title]]
 
 #: The tables that are shown without ``--verbose``.
 SHOWN = ('slips', 'latency', 'rest', 'missed slips, lost at', 'faults')
@@ -223,33 +222,6 @@ def by_name(sets: Mapping[str, Mapping[str, Any]]) -> dict[str, Mapping[str, Any
         for folder, whole in sets.items()
         for file, one in whole['recordings'].items()
     }
-
-
-def recording_notes(name: str, faults: Iterable[str], invalid: Mapping[str, float]) -> list[str]:
-    """Return lines on the faults of a recording and on its channels that are not always valid.
-
-    Examples
-    --------
-    >>> recording_notes('a.mcap', [''], {'ch3': 12.5, 'ch7': 100.0})
-    ['a.mcap: not valid: ch3 12.5 %, ch7 100 % of the time']
-    """
-    shares = [f'{channel} {percent:.3g} %' for channel, percent in invalid.items()]
-    channels = f'not valid: {name_list(shares)} of the time' if shares else ''
-    return [f'{name}: {text}' for text in (*faults, channels) if text]
-
-
-def labels_note(names: Iterable[str]) -> list[str]:
-    """Return a line that says how to label recordings that have no labels; none if all have.
-
-    Examples
-    --------
-    >>> labels_note([])
-    []
-    """
-    several = list(names)
-    need = f'need {KEY}: [[start, end]] in seconds in a file NAME{ENDING} beside the recording'
-    line = f'{name_list(several)}: no labels; scores {need}, by hand or by slip_view --bag'
-    return [line] if several else []
 
 
 def figure_tables(
