@@ -270,12 +270,9 @@ def to_decide_as(
     {'threshold': 0.25}
     """
     now, wanted = config.to_parameters(), found.to_parameters()
-    return {
-        name: wanted.get(name)
-        for name in {**now, **wanted}
-        if name.partition('.')[0] in OF_THE_CHAIN.difference(kept)
-        and now.get(name) != wanted.get(name)
-    }
+    ours = OF_THE_CHAIN.difference(kept)
+    names = [name for name in {**now, **wanted} if name.partition('.')[0] in ours]
+    return {name: wanted.get(name) for name in names if now.get(name) != wanted.get(name)}
 
 
 class Reading(NamedTuple):
