@@ -31,8 +31,8 @@ It uses no ROS: the chain runs over each recording from the first row, as in the
     part of a damaged file could not be read), ``doubts`` (why damage may go unseen),
     ``warnings`` (why decisions may mean nothing),
     ``on_intervals_s`` (start and end of each time ON),
-    ``invalid_percent`` (of the channels that are not always valid), ``labelled``, and
-    ``slip_events`` and ``alarm_events``, see
+    ``invalid_percent`` (of the channels that are not always valid), ``labelled``,
+    ``mistaken`` (marked so in its labels), and ``slip_events`` and ``alarm_events``, see
     :class:`slip_detector.evaluation.figures.TrueSlip` and ``Alarm``; None without labels.
 ``all``
     The figures and counts over all sets.
@@ -160,7 +160,8 @@ def as_report(sets: Mapping[str, Mapping[str, EvaluatedRecording]]) -> dict[str,
     }
     named = by_name(report['sets'])
     report['answer'] = [*answer(report['all']), *bad_recordings(named)]
-    if unlabelled := name_list([name for name, one in named.items() if not one['labelled']]):
+    bare = [name for name, one in named.items() if not (one['labelled'] or one['mistaken'])]
+    if unlabelled := name_list(bare):
         how = f'{KEY}: [[start, end]] in seconds in a file NAME{ENDING} beside the recording'
         note = f'no labels; scores need {how}, by hand or by slip_view --bag'
         report['note'] = f'{unlabelled}: {note}'
@@ -171,6 +172,7 @@ def _alone(one: EvaluatedRecording) -> dict[str, Any]:
     figures = {
         **evaluator.recording_figures([one]),
         'labelled': one.labelled,
+        'mistaken': one.mistaken,
         'lost': one.counts.damage,
         'doubts': one.counts.doubts,
         'warnings': one.warnings,

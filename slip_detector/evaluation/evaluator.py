@@ -35,6 +35,9 @@ from slip_detector.recordings import Recording, RecordingCounts, open_recording,
 from slip_detector.recordings.decisions import write_decisions
 from slip_detector.recordings.labels import labels_name
 
+#: What is said of a recording whose labels a person has found to be wrong.
+MARKED = 'marked as a mistake in the file of labels'
+
 
 class OpenedRecording(NamedTuple):
     """A recording that suits the chain.
@@ -71,7 +74,8 @@ class OpenedRecording(NamedTuple):
     def evaluated(self, outcome: ReplayOutcome, observer: Any = None) -> 'EvaluatedRecording':
         """Return the outcome of a replay of all rows with what is known of the recording."""
         of = self.recording
-        return EvaluatedRecording(outcome, of.counts, observer, of.channel_names, of.is_labelled)
+        known = of.channel_names, of.is_labelled, of.mistaken
+        return EvaluatedRecording(outcome, of.counts, observer, *known)
 
 
 class RecordingLoader(NamedTuple):
@@ -132,6 +136,8 @@ class RecordingLoader(NamedTuple):
         except ValueError as error:
             vars(error)['advice'] = self._advice(recording)
             raise
+        if require_truth and recording.mistaken:
+            raise ValueError(f'{path}: {MARKED}')
         if require_truth and not recording.is_labelled:
             raise ValueError(
                 f'{path}: has no {recording.label_name}; allowed: one to label the slips, or a '
@@ -212,6 +218,8 @@ class EvaluatedRecording(NamedTuple):
     channel_names : tuple of str
     labelled : bool
         Whether it is known where there is slip; else there are decisions, but no scores.
+    mistaken : bool
+        Whether it is not labelled because its labels are marked as a mistake.
 
     Examples
     --------
@@ -227,6 +235,7 @@ class EvaluatedRecording(NamedTuple):
     observer: Any = None
     channel_names: tuple[str, ...] = ()
     labelled: bool = True
+    mistaken: bool = False
 
     @property
     def invalid_percent(self) -> dict[str, float]:
@@ -237,7 +246,8 @@ class EvaluatedRecording(NamedTuple):
     @property
     def warnings(self) -> list[str]:
         """Why decisions on the recording may mean nothing, and what to do."""
-        return words_of(self.outcome.wrong, self.channel_names)
+        marked = [f'{MARKED}, so in no figure'] if self.mistaken else []
+        return [*marked, *words_of(self.outcome.wrong, self.channel_names)]
 
 
 def recording_figures(evaluations: Iterable[EvaluatedRecording]) -> dict[str, Any]:

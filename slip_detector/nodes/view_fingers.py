@@ -212,13 +212,16 @@ class RosDetectors(Detectors):
             self.panels[name].update(await remote.set(values), by)
         remote.changed.set()
 
-    def order(self, name: str, what: str) -> None:
-        """Tell a simulated finger what to do, where a scene listens."""
+    def order(self, name: str, what: str = '') -> bool:
+        """Tell a simulated finger what to do, where a scene listens; return whether one does."""
         topic = f'{name.rpartition("/")[0]}/scene_order'
-        if self._node.count_subscribers(topic):
-            if topic not in self._orders:
-                self._orders[topic] = self._node.create_publisher(String, topic, state_qos())
+        if not self._node.count_subscribers(topic):
+            return False
+        if topic not in self._orders:
+            self._orders[topic] = self._node.create_publisher(String, topic, state_qos())
+        if what:
             self._orders[topic].publish(String(data=what))
+        return True
 
     def close(self) -> None:
         """Release all resources."""

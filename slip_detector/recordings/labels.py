@@ -25,13 +25,14 @@ from numpy.typing import NDArray
 
 from slip_detector.chain.samples import Bools, Floats, Samples, Stamps
 from slip_detector.parameters.fields import name_list, refuse, shown
-from slip_detector.parameters.files import read_yaml
+from slip_detector.parameters.files import file_errors_of, read_yaml, write_yaml
 
 #: Ending of a file of labels beside its recording: ``trial.labels.yaml`` for ``trial.mcap``.
 ENDING = '.labels.yaml'
 
-#: Names in a file of labels: of the intervals, of how exact their ends are, and of the kind.
-KEY, ACCURACY, KIND = 'slip_s', 'accuracy_s', 'kind'
+#: Names in a file of labels: of the intervals, of how exact their ends are, of the kind, and of
+#: whether a person has found that all of this is wrong.
+KEY, ACCURACY, KIND, MISTAKEN = 'slip_s', 'accuracy_s', 'kind', 'mistaken'
 
 #: Kinds of recordings in which nothing slides: an object held still; knocks; pressed, squeezed and
 #: let go; rolled; a finger that touches nothing. Other recordings have none.
@@ -72,6 +73,8 @@ class Labels(NamedTuple):
         How far each of them may be from the true one; 0: exact.
     kind : str
         One of :data:`KINDS`; '': none of them.
+    mistaken : bool
+        Whether what was recorded is not what its labels, here or in the recording, say.
 
     Examples
     --------
@@ -84,6 +87,7 @@ class Labels(NamedTuple):
     edges_s: Floats
     accuracy_s: float = 0.0
     kind: str = ''
+    mistaken: bool = False
 
     @property
     def edges_ns(self) -> Stamps:
@@ -137,6 +141,31 @@ def find_labels(setting: str, recording: Path) -> 'Path | None':
     return path if setting or os.path.lexists(path) else None
 
 
+def mark_mistaken(recording: Path, mistaken: bool) -> None:
+    """Note beside a recording that its labels are a mistake, or take that back.
+
+    Raises
+    ------
+    ValueError
+        When its file of labels cannot be read or written; names it.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     mark_mistaken(Path(folder) / 'slip_1', True)
+    ...     read_labels(Path(folder) / 'slip_1.labels.yaml').mistaken
+    True
+    """
+    file = recording.parent / labels_name(recording)
+    document = {**(read_yaml(file) if os.path.lexists(file) else {}), MISTAKEN: mistaken}
+    if mistaken or len(document) > 1:
+        write_yaml(file, document, ['Changed by slip_view: whether the labels are a mistake.'])
+    else:
+        with file_errors_of(file, 'deleted'):
+            file.unlink(missing_ok=True)
+
+
 def read_labels(path: Path) -> Labels:
     """Read a file of labels.
 
@@ -145,7 +174,7 @@ def read_labels(path: Path) -> Labels:
     path
         A YAML file with a list ``slip_s`` of pairs of seconds from the first sample, and perhaps
         ``accuracy_s``, how far they may be from the true ones; or with a ``kind``, one of
-        :data:`KINDS`, that has no slip.
+        :data:`KINDS`, that has no slip. ``mistaken: true`` may stand beside these, or alone.
 
     Raises
     ------
@@ -172,13 +201,16 @@ def read_labels(path: Path) -> Labels:
 def labels_from(path: Path, document: dict[str, Any]) -> Labels:
     """Return the labels of a document that is, or will be, in a file; see :func:`read_labels`."""
     accuracy_s, kind = accuracy_and_kind(document, f'{path}: ')
+    mistaken = document.pop(MISTAKEN, False)
+    if not isinstance(mistaken, bool):
+        refuse(f'{path}: {MISTAKEN} is {shown(mistaken)}', 'true, false')
     try:
-        listed = document.pop(KEY, []) if kind else document.pop(KEY)
+        listed = document.pop(KEY, []) if kind or mistaken else document.pop(KEY)
         edges_s = np.array(listed, np.float64).reshape(-1, 2)
     except (KeyError, TypeError, ValueError, ArithmeticError):
         document = {'no': KEY}
     if document:
-        what = f'{KEY}: [[start, end]] and {ACCURACY}, all in seconds, or {KIND}'
+        what = f'{KEY}: [[start, end]] and {ACCURACY}, all in seconds, or {KIND}; and {MISTAKEN}'
         raise ValueError(f'{path}: has more or less than {what}')
     if kind and edges_s.size:
         raise ValueError(f'{path}: has slips, allowed: none in a recording of the kind {kind}')
@@ -189,7 +221,7 @@ def labels_from(path: Path, document: dict[str, Any]) -> Labels:
         start_s, end_s = edges_s[wrong][0]
         why = 'it begins before 0 s or the end of another, or ends before it begins'
         raise ValueError(f'{path}: the slip [{start_s:g}, {end_s:g}] s is not allowed: {why}')
-    return Labels(path, edges_s, accuracy_s, kind)
+    return Labels(path, edges_s, accuracy_s, kind, mistaken)
 
 
 def accuracy_and_kind(document: dict[str, Any], where: str = '') -> tuple[float, str]:

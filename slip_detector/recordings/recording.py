@@ -38,6 +38,9 @@ from slip_detector.recordings.rates import MOST_FACTOR, resampled
 #: Number of rows that are read at a time: enough to be fast, and only some MB for 100 channels.
 PIECE_ROWS = 8192
 
+#: The fields of rows that say what they are, where nothing does.
+UNLABELLED: dict[str, Any] = {'truth': None, 'certain': None}
+
 #: Longest error on a file.
 MOST_CHARACTERS = 1500
 
@@ -119,6 +122,8 @@ class Recording(ABC):
         How exact the label is; 0: exact.
     kind : str
         One of :data:`.labels.KINDS`, in which nothing slides; '': none of them.
+    mistaken : bool
+        Whether a person has found that its labels are a mistake; then it counts as one without.
     namespace : str
         That of a bag's topic ``voltages``, for example ``/index``.
     input : dict
@@ -145,11 +150,12 @@ class Recording(ABC):
         self._labels, self._resample = labels, config.recording_resample
         self.has_truth, self.accuracy_s = labels is not None, labels.accuracy_s if labels else 0.0
         self.kind = labels.kind if labels else ''
+        self.mistaken = labels is not None and labels.mistaken
 
     @property
     def is_labelled(self) -> bool:
         """Whether it is known where there is slip, or that there is none."""
-        return self.has_truth or bool(self.kind)
+        return not self.mistaken and (self.has_truth or bool(self.kind))
 
     @abstractmethod
     def read(self) -> Iterator[Samples]:
@@ -203,7 +209,8 @@ class Recording(ABC):
                 self.counts.bad_samples += int(np.count_nonzero(~good))
                 after_ns = rows.stamps_ns - first_ns
                 label = label_at(after_ns, labels.edges_ns, labels.accuracy_s) if labels else {}
-                yield rows._replace(accuracy_s=self.accuracy_s, kind=self.kind, **label)
+                known = {'accuracy_s': self.accuracy_s, 'kind': self.kind, **label}
+                yield rows._replace(**(UNLABELLED if self.mistaken else known))
         damage, seconds = self.counts.damage, (last_ns - first_ns) * 1e-9
         if damage:
             self.counts.damage = f'{damage}: {n} samples up to {seconds:.3f} s are read'

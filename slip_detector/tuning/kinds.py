@@ -50,6 +50,9 @@ LOUD_BLOCKS = 4
 #: Least difference of slips and rest, in dB, with which one can be told from the other.
 LEAST_DB = 6.0
 
+#: What is said of such slips.
+NOTHING_CHANGES = 'nothing changes at its slips'
+
 #: Nothing changes in a slip in which the level rises by less than this share of what is usual in
 #: others, and by less than so many dB.
 NO_CHANGE, NO_CHANGE_DB = 0.25, 3.0
@@ -165,7 +168,7 @@ def contradictions(chain: ChainConfig, tracks: Sequence[Track]) -> tuple[list[st
         still = [f'{at_s:.1f}' for at_s, _, rises_db in slips if rises_db < most_db]
         if still:
             at = ', '.join(still)
-            sentences.append(f'{track.name}: nothing changes at its slips, at {at} s')
+            sentences.append(f'{track.name}: {NOTHING_CHANGES}, at {at} s: was a key mistaken?')
             mistakes += [track] if len(still) == len(slips) else []
     return sentences, mistakes
 

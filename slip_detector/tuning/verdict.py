@@ -29,6 +29,7 @@ from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters import ChainConfig, EvaluationConfig, RecordingConfig, TuneConfig
 from slip_detector.parameters.fields import name_list
+from slip_detector.recordings.labels import ENDING, MISTAKEN
 from slip_detector.tuning.hand_labels import snap_labels
 from slip_detector.tuning.kinds import contradictions
 from slip_detector.tuning.problem import (
@@ -195,7 +196,7 @@ def tune(
     if wrong and any(track.slips for track in others):
         training = others
         left_out = name_list([track.name for track in wrong])
-        sentences.append(f'Not tuned on, as keys that were pressed by mistake: {left_out}')
+        sentences.append(f'Not tuned on: {left_out}. A mistake? {MISTAKEN}: true in its {ENDING}')
     notes += sentences
     begin, learnt = learn(parameters.chain, training, step)
     notes += learnt

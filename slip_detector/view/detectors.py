@@ -397,8 +397,9 @@ class Detectors(ABC):
     def poll(self) -> None:
         """Process what has arrived since the last call, without waiting."""
 
-    def order(self, name: str, what: str) -> None:  # noqa: B027
-        """Tell a simulated finger what to do, as it is recorded; a real one has hands for that."""
+    def order(self, name: str, what: str = '') -> bool:
+        """Tell a simulated finger what to do, '': nothing; return whether it is one that obeys."""
+        return False
 
     def finger_of(self, name: object) -> Finger:
         """Return a finger by the name that a page has sent; a ValueError if there is none."""

@@ -42,6 +42,7 @@ from slip_detector.parameters.fitting import rates_differ
 from slip_detector.recordings import labels, open_recording
 from slip_detector.recordings.writing import BagWriter
 from slip_detector.report.overview import MOST_CELLS, THRESHOLD_CODE, Overview
+from slip_detector.tuning.kinds import NOTHING_CHANGES
 from slip_detector.tuning.tracks import hold_out, track_of
 from slip_detector.view.detectors import Finger
 
@@ -78,6 +79,8 @@ class RecordingSummary(NamedTuple):
     note: str = ''
     #: How exact each end of its labels is; empty where that was not set here.
     exact_s: tuple[float, ...] = ()
+    #: Whether a person has marked its labels as a mistake.
+    mistaken: bool = False
 
     @property
     def kind(self) -> str:
@@ -87,7 +90,8 @@ class RecordingSummary(NamedTuple):
     @property
     def usable(self) -> bool:
         """Whether a search can use it: one of kind ``slip`` must contain a slip."""
-        return self.duration_s > 0.0 and (self.kind != 'slip' or self.slips > 0)
+        counts = self.duration_s > 0.0 and not self.mistaken
+        return counts and (self.kind != 'slip' or self.slips > 0)
 
 
 class RecordedFolder:
@@ -104,6 +108,8 @@ class RecordedFolder:
         self.folder = folder
         #: The recordings by their names, within a kind in the order of recording.
         self.recordings: dict[str, RecordingSummary] = {}
+        #: Whether a search on them ended without a result before the page's server began.
+        self.interrupted = False
         # Of each whose labels were moved, how exact each end is that they have had.
         self._exact_s = dict[str, dict[float, float]]()
         #: Rate of the detector, and those of recordings by their stamps, as far as known.
@@ -160,6 +166,24 @@ class RecordedFolder:
             (path.parent / labels.labels_name(path)).unlink(missing_ok=True)
         del self.recordings[path.name]
         self._exact_s.pop(path.name, None)
+
+    def mark(self, name: object, mistaken: bool) -> None:
+        """Mark a recording's labels as a mistake, or take that back.
+
+        Raises
+        ------
+        ValueError
+            When no recording has this name, or its file of labels cannot be changed.
+        """
+        path = self.path_of(name)
+        labels.mark_mistaken(path, mistaken)
+        self.recordings[path.name] = self._summary(path.name)
+
+    def note_doubts(self, lines: Iterable[str]) -> None:
+        """Note at recordings that a search has found nothing to change at their labels."""
+        for name, _, doubt in (line.partition(': ') for line in lines):
+            if name in self.recordings and doubt.startswith(NOTHING_CHANGES):
+                self.recordings[name] = self.recordings[name]._replace(note=doubt)
 
     def trace(self, name: object, config: DetectorConfig) -> dict[str, Any]:
         """Return what a chain makes of a recording, see :func:`trace_of`; may raise a ValueError.
@@ -234,11 +258,11 @@ class RecordedFolder:
             track = track_of(name, recording.rows(), recording.sample_rate_hz)
         except ValueError as error:
             return RecordingSummary(name, 0.0, 0, str(error))
-        slips = len(track.slips) if recording.has_truth else 0
-        note = NO_SLIP if name.startswith('slip_') and not slips else ''
+        slips = len(track.slips) if recording.is_labelled else 0
+        note = NO_SLIP if name.startswith('slip_') and not (slips or recording.mistaken) else ''
         if recording.counts.damage:
             note = f'was not ended: {recording.counts.damage}'
-        return RecordingSummary(name, track.duration_s, slips, note)
+        return RecordingSummary(name, track.duration_s, slips, note, (), recording.mistaken)
 
 
 def trace_of(

@@ -28,7 +28,7 @@ from slip_detector.recordings import labels
 from slip_detector.view.detectors import Finger
 from slip_detector.view.recordings import RecordedFolder, Recorder, RecordingSummary
 from slip_detector.view.server import MOST_NAME, Server
-from slip_detector.view.tuning import TuneRun
+from slip_detector.view.tuning import TuneRun, was_interrupted
 from slip_detector.view.view_request import Message, number
 
 #: Seconds of rest in the recording of a slip, before the key is pressed and after it is released.
@@ -75,6 +75,7 @@ class Teaching:
         server.on_request('label', functools.partial(self._label, snap=False), changes=True)
         server.on_request('teach', self._teach, changes=True)
         server.on_request('delete_recording', self._delete, changes=True)
+        server.on_request('mark_recording', self._mark, changes=True)
         server.on_request('tune', self._tune, changes=True)
         server.on_request('stop_tuning', self._stop_tuning, changes=True)
         server.on_request('apply_tuning', self._apply, changes=True)
@@ -93,7 +94,7 @@ class Teaching:
         recorder, tuning = self._recorder, self._run and self._run.described()
         self._server.wanted['recording'] = {recorder.finger.name} if recorder else set()
         self._server.broadcast('recording', {'recording': self.recording()})
-        fingers = {name: self._listed(folder) for name, folder in self._folders.items()}
+        fingers = {name: self._listed(name, folder) for name, folder in self._folders.items()}
         content = {'fingers': fingers, 'words': self.words, 'tuning': tuning}
         self._server.broadcast('teaching', content)
 
@@ -176,30 +177,31 @@ class Teaching:
         recorder = self._recorder
         if recorder is None:
             return None
-        silent = time.monotonic() - recorder.finger.sample_s > SILENT_S
-        return {
-            'finger': recorder.finger.name,
-            'kind': recorder.kind,
-            'name': recorder.path.name,
-            'seconds': round(recorder.duration_s, 1),
-            'slipping': recorder.slipping,
-            'ending': self._ends_ns is not None,
-            'silent': 'no samples come: nothing is recorded until they do' if silent else '',
-        }
+        finger, ending = recorder.finger, self._ends_ns is not None
+        words = f'{recorder.path.name} of {finger.label}: {recorder.duration_s:.1f} s'
+        after = ', the rest after it: hold still' if ending else ''
+        words += ', SLIP' if recorder.slipping else after
+        if time.monotonic() - finger.sample_s > SILENT_S:
+            words += '. No samples come: nothing is recorded until they do'
+        state = {'slipping': recorder.slipping, 'ending': ending, 'words': words}
+        return {'finger': finger.name, 'kind': recorder.kind, **state}
 
-    def _listed(self, folder: RecordedFolder) -> Mapping[str, Any]:
-        held_out, writing = folder.held_out(), self._recorder and self._recorder.path
-        recordings = [
-            {
-                **one._asdict(),
-                'kind': one.kind,
-                'usable': one.usable and not folder.off_rate(name),
-                'note': '; '.join(filter(None, (one.note, folder.off_rate(name)))),
-            }
-            for name, one in folder.recordings.items()
-            if folder.folder / name != writing
-        ]
-        return {'folder': str(folder.folder), 'recordings': recordings, 'held_out': held_out}
+    def _listed(self, finger: str, folder: RecordedFolder) -> Mapping[str, Any]:
+        writing = self._recorder and self._recorder.path
+        recordings = []
+        for name, one in folder.recordings.items():
+            if folder.folder / name != writing:
+                off_rate = folder.off_rate(name)
+                note = '; '.join(filter(None, (one.note, off_rate)))
+                its = {'kind': one.kind, 'usable': one.usable and not off_rate, 'note': note}
+                recordings.append({**one._asdict(), **its})
+        return {
+            'folder': str(folder.folder),
+            'recordings': recordings,
+            'held_out': folder.held_out(),
+            'obeys': self._detectors.order(finger),
+            'interrupted': folder.interrupted,
+        }
 
     def _free(self, name: object) -> Finger:
         """Return the finger to record; a slip that only waits for the rest after it is ended."""
@@ -246,7 +248,10 @@ class Teaching:
 
     async def _recordings(self, message: Message) -> None:
         """Update the list of a finger's recordings."""
-        await self.folder_of(message.get('finger')).refresh(self._server.work)
+        finger = self._detectors.finger_of(message.get('finger'))
+        folder = self.folder_of(finger.name)
+        await folder.refresh(self._server.work)
+        folder.interrupted = self._run is None and was_interrupted(folder.folder, finger.config)
 
     async def _trace(self, message: Message) -> dict[str, Any]:
         """Return what the detector as it is would decide in a recording."""
@@ -270,18 +275,27 @@ class Teaching:
         }
         acts.get(str(what), lambda: self.start(finger, what))()
 
-    async def _delete(self, message: Message) -> None:
+    def _to_change(self, message: Message) -> RecordedFolder:
+        """Return the folder of a finger, which no search reads now."""
         if self._run is not None and self._run.running:
-            raise ValueError('recordings are being tuned on, allowed: to delete one afterwards')
-        recording = message.get('recording')
-        self.folder_of(message.get('finger')).delete(recording)
-        self.words = f'{recording} is deleted'
+            raise ValueError('recordings are being tuned on, allowed: to change one afterwards')
+        return self.folder_of(message.get('finger'))
+
+    async def _delete(self, message: Message) -> None:
+        self._to_change(message).delete(message.get('recording'))
+        self.words = f'{message["recording"]} is deleted'
+
+    async def _mark(self, message: Message) -> None:
+        name, mistaken = message.get('recording'), message.get('mistaken') is True
+        await self._server.work(self._to_change(message).mark, name, mistaken)
+        self.words = f'{name} {"is marked as a mistake" if mistaken else "counts again"}'
 
     async def _tune(self, message: Message) -> None:
         name = message.get('finger')
         folder, finger = self.folder_of(name), self._detectors.finger_of(name)
         if self._run is not None and self._run.running:
             raise ValueError('tuning runs already, allowed: one at a time')
+        self.words, folder.interrupted = '', False
         self._run = TuneRun(folder, finger.name, finger.config)
         self._tuning = asyncio.create_task(self._run.run())
 

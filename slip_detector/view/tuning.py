@@ -20,6 +20,7 @@ import json
 import signal
 import subprocess
 import sys
+from pathlib import Path
 from subprocess import PIPE, STDOUT
 from typing import IO, Any, cast
 
@@ -34,7 +35,19 @@ SLIP_TUNE = 'import sys; from slip_detector.commands.command_line import tune; s
 COMMAND = 'nice', '-n', '10', sys.executable, '-c', SLIP_TUNE, '--json'
 
 #: What a page shows of a run as it is.
-DESCRIBED = 'finger', 'running', 'step', 'share', 'lines', 'table', 'kept'
+DESCRIBED = 'finger', 'running', 'step', 'share', 'lines', 'answer', 'table', 'kept'
+
+
+def was_interrupted(recorded: Path, config: DetectorConfig) -> bool:
+    """Return whether a search for a detector ended without a result, so that it can go on."""
+    folder = recorded / 'tuning'
+    try:
+        # The trials are written before the result.
+        newest = max(folder.glob('tuned.yaml*'), key=lambda path: path.stat().st_mtime_ns)
+        running = DetectorConfig.from_yaml(folder / 'running.yaml')
+        return newest.suffix == '.journal' and running == config
+    except (OSError, ValueError):  # There was none, or it cannot be read.
+        return False
 
 
 class TuneRun:
@@ -49,7 +62,8 @@ class TuneRun:
     """
 
     def __init__(self, recorded: RecordedFolder, finger: str, config: DetectorConfig) -> None:
-        self.finger, self._config, self._folder = finger, config, recorded.folder
+        self.finger, self._config, self._recorded = finger, config, recorded
+        self._folder = recorded.folder
         self._process: subprocess.Popen[bytes] | None = None
         #: Whether it has not ended, and was stopped.
         self.running, self.stopping = True, False
@@ -59,7 +73,8 @@ class TuneRun:
         self.step = self.failed = self.kept = ''
         #: Share of the search that is done, 0 to 1.
         self.share = 0.0
-        #: The running and the tuned detector side by side.
+        #: The result in a sentence or two, and the running and the tuned detector side by side.
+        self.answer: list[str] = []
         self.table: list[Row] = []
         #: The tuned parameters, once they were compared.
         self.found: DetectorConfig | None = None
@@ -90,8 +105,10 @@ class TuneRun:
                     continue
                 said = json.loads(line)
                 self.step, self.share, self.lines = said['step'], said['share'], said['lines']
+                self._recorded.note_doubts(self.lines)
                 if 'changes' in said:
                     self.kept, self.table = said['kept'], [(*row,) for row in said['table']]
+                    self.answer = said['answer']
                     found = {**self._config.to_parameters(), **said['changes']}
                     self.found = DetectorConfig.from_parameters(found)
             code = await asyncio.to_thread(process.wait)

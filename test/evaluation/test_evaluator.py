@@ -23,6 +23,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from slip_detector.evaluation.evaluator import (
+    MARKED,
     RecordingLoader,
     evaluate_recording,
     recording_figures,
@@ -30,6 +31,7 @@ from slip_detector.evaluation.evaluator import (
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.recordings.labels import mark_mistaken
 
 CHAIN = ChainConfig(channels=2, stopbands_hz=(), gain=1.0, threshold=0.1)
 RATE_HZ = CHAIN.sample_rate_hz
@@ -80,6 +82,25 @@ def test_a_recording_without_labels_has_decisions_and_leaves_the_scores_as_they_
     assert {both[name] == alone[name] for name in others} == {True}
     undefined = {name for name in others if of_bare[name] is None}
     assert others - undefined == {*faults, 'invalid_channels'}
+
+
+@pytest.mark.parametrize('by_hand', ['', '{slip_s: [[1, 2]], accuracy_s: 0.05}', 'kind: rest'])
+def test_labels_that_are_marked_as_a_mistake_are_in_no_score_until_the_mark_is_gone(
+    tmp_path, by_hand
+):
+    path, file = write(tmp_path / 'a.npz'), tmp_path / 'a.labels.yaml'
+    if by_hand:
+        file.write_text(by_hand)
+    before = recording_figures([evaluate_recording(loader(), path)])
+    mark_mistaken(path, True)
+    marked = evaluate_recording(loader(), path)
+    assert recording_figures([marked])['slips'] is None
+    assert marked.warnings == [f'{MARKED}, so in no figure']
+    with pytest.raises(ValueError, match=f'^{path}: {MARKED}$'):
+        loader().open(path)
+    mark_mistaken(path, False)
+    assert file.exists() == bool(by_hand)
+    assert recording_figures([evaluate_recording(loader(), path)]) == before
 
 
 def test_a_recording_of_another_rate_has_the_rows_and_rate_of_the_chain(tmp_path):

@@ -109,6 +109,7 @@ WRONG = ': has more or less than slip_s: [[start, end]] and accuracy_s, all in s
         ('slips:\n- [1, 2]', WRONG),
         ('slip_s: []\nunit: ms', WRONG),
         ('slip_s: 3', WRONG),
+        ('mistaken: 1', ': mistaken is 1, allowed: true, false'),
         ('kind: pressed', ": kind is 'pressed', allowed: rest, taps, press, roll, idle"),
         ('kind: [press]\nslip_s: []', ": kind is ['press'], allowed: rest, taps"),
         ('kind: press\nslip_s: [[1, 2]]', ': has slips, allowed: none in a recording of the kind'),

@@ -40,7 +40,7 @@ def tuned(served):
     """Let the tuning of the finger have found something."""
     run = TuneRun(RecordedFolder(None), parts.NAME, DetectorConfig())
     run.running, run.found = False, DetectorConfig(threshold=0.25)
-    run.table = [('recall', '0.8', '0.9', 'better')]
+    run.answer = ['Finds 9 of 10 slips (before: 8).']
     apply, _ = served.server.requests['apply_tuning']
     apply.__self__._run = run
 

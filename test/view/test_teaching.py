@@ -138,9 +138,9 @@ def test_one_thing_is_recorded_at_a_time_and_another_finger_does_not_end_it(taug
     taught.teaching.press(FINGER)
     assert 'It has 0.4 s of rest before: wait' in taught.teaching.words
     asyncio.run(taught.teaching.folder_of(FINGER).refresh())
-    assert taught.teaching.recording()['silent'] == ''
+    assert 'slip_1 of index: ' in taught.teaching.recording()['words']
     monkeypatch.setattr(teaching_module, 'SILENT_S', -1.0)
-    assert 'no samples come' in taught.teaching.recording()['silent']
+    assert 'No samples come' in taught.teaching.recording()['words']
     with pytest.raises(ValueError, match=r'slip_1.* is being recorded'):
         taught.teaching.press('/thumb/slip_detector')
     with pytest.raises(ValueError, match=r'slip_1.* is being recorded'):
@@ -238,7 +238,7 @@ async def test_a_finger_is_watched_while_it_is_recorded_at_most_until_the_server
     taught.play(2.0)
     assert taught.detectors.watched == {FINGER}
     shown = taught.latest('recording')['recording']
-    assert (shown['name'], shown['seconds'], shown['slipping']) == ('rest_1', 2.0, False)
+    assert (shown['words'], shown['slipping']) == ('rest_1 of index: 2.0 s', False)
     assert await taught.ask('teach', do='stop') == ''
     taught.play(0.1)
     assert taught.detectors.watched == set()
@@ -277,14 +277,23 @@ async def test_tuning_runs_once_keeps_its_recordings_and_ends_with_the_server(tm
     async with tuned(tmp_path) as one:
         refusals = await asyncio.gather(one.ask('tune'), one.ask('tune'))
         assert sorted(refusals) == ['', 'tuning runs already, allowed: one at a time']
-        refusal = await one.ask('delete_recording', recording='slip_1')
-        assert 'are being tuned on' in refusal
+        for kind in ('delete_recording', 'mark_recording'):
+            assert 'are being tuned on' in await one.ask(kind, recording='slip_1')
         run = one.teaching._run
         while not run.step:
             await asyncio.sleep(0.02)
         assert one.latest()['tuning']['step'] == 'reading the recordings'
     assert run._process.returncode == -9
     assert not run.running
+    # A later server offers to go on with trials for the same parameters that gave no result.
+    ran, other = DetectorConfig(), DetectorConfig(threshold=0.3)
+    trials, result = 'tuned.yaml.study.journal', 'tuned.yaml'
+    for newest, config, offered in ((trials, ran, True), (trials, other, 0), (result, ran, 0)):
+        (tmp_path / 'index' / 'tuning' / newest).touch()
+        again = Taught(tmp_path)
+        again.finger.config = config
+        await again.ask('recordings')
+        assert again.latest()['fingers'][FINGER]['interrupted'] == offered
 
 
 async def test_what_was_found_is_applied_as_one_change_and_the_rest_stays(tmp_path):
@@ -341,3 +350,17 @@ async def test_the_ends_of_a_label_are_seen_beside_the_decision_snapped_and_save
     assert 'outside' in (await ask('label', slip_s=[[0, 99]]))['refusal']
     assert (await ask('label', slip_s=[]))['refusal'] == ''
     assert not taught.listed()['slip_1']['usable']
+
+
+async def test_a_doubted_recording_is_marked_as_a_mistake_by_a_person_who_may_take_it_back(
+    tmp_path,
+):
+    async with tuned(tmp_path) as one:
+        await one.ask('recordings')
+        doubts = ['slip_2: nothing changes at its slips, at 2.0 s', 'rest_1: quiet']
+        one.teaching.folder_of(FINGER).note_doubts(doubts)
+        assert [name for name, its in one.listed().items() if its['note']] == ['slip_2']
+        for mistaken in (True, False):
+            assert await one.ask('mark_recording', recording='slip_2', mistaken=mistaken) == ''
+            its = one.listed()['slip_2']
+            assert (its['mistaken'], its['usable'], its['note']) == (mistaken, not mistaken, '')

@@ -53,6 +53,7 @@ async def test_a_stopped_search_keeps_what_it_found_judged_by_what_was_held_out(
     rows = {row[0]: row for row in run.table}
     assert rows[heading('false_time_percent')][3] == 'better'
     found = DetectorConfig.from_yaml(recorded / 'tuning' / 'tuned.yaml').to_parameters()
+    assert run.answer[0].startswith('Finds 2 of 2 slips')
     changes = run.to_apply(DetectorConfig())
     assert run.described()['changes'] == len(changes)
     assert {**DetectorConfig().to_parameters(), **changes} == found
@@ -60,6 +61,7 @@ async def test_a_stopped_search_keeps_what_it_found_judged_by_what_was_held_out(
 
 async def test_what_is_not_taken_can_be_applied_nevertheless(tmp_path, monkeypatch):
     said = {'step': '', 'share': 1.0, 'lines': [], 'kept': 'it is worse', 'table': []}
+    said |= {'answer': ['Nothing better was found: it is worse.']}
     code = f'print({json.dumps(said | {"changes": {"threshold": 0.1}})!r})'
     monkeypatch.setattr(tuning, 'COMMAND', (sys.executable, '-c', code))
     run = TuneRun(RecordedFolder(tmp_path), 'index', DetectorConfig())

@@ -8,11 +8,10 @@ import {RecordingTrace} from './recording_trace.js';
 // when the reports stop.
 const PRESSED_MS = 200;
 
-// What to record of each kind.
-const WANTED = {rest: {recordings: 2, seconds: 60}, slip: {recordings: 20, seconds: 0}, taps: {recordings: 2, seconds: 60}, press: {recordings: 2, seconds: 60}};
+// How much to record of each kind.
+const LONG = [[60, 's'], [2, 'times']], WANTED = {rest: LONG, slip: [[20, 'slips']], taps: LONG, press: LONG};
 const KIND_OF = {r: 'rest', t: 'taps', s: 'press'};
 const LEAST_SLIPS = 2;
-const NOT_BETTER = 'Nothing better was found';
 
 export class Teach extends Tool {
   constructor(connection) {
@@ -28,10 +27,7 @@ export class Teach extends Tool {
     this.traces = new Map();
     this.listen();
     connection.on('parameters', ({fingers}) => this.loadTraces(fingers[this.finger]?.changes[0]?.[0] ?? ''));
-    connection.on('teaching', (message) => {
-      this.latest = message;
-      this.show();
-    });
+    connection.on('teaching', (latest) => Object.assign(this, {latest}).show());
     connection.on('recording', ({recording}) => {
       // The server may have ended the slip itself, when the disk is full, for example.
       if (this.recording?.slipping && !recording?.slipping) this.drop();
@@ -44,19 +40,16 @@ export class Teach extends Tool {
     this.release();
     this.traces.clear();
     super.choose(finger);
-    this.refresh();
-  }
-
-  refresh() {
-    if (this.finger) this.connection.request('recordings', {finger: this.finger});
+    this.connection.request('recordings', {finger});
   }
 
   listen() {
     for (const kind of Object.values(KIND_OF)) this.buttons[kind].addEventListener('click', () => this.toggle(kind));
     for (const [id, type] of [['tune', 'tune'], ['stop-tuning', 'stop_tuning'], ['apply', 'apply_tuning']]) {
       element(id).addEventListener('click', () => {
-        const why = id === 'apply' && this.latest.tuning?.kept;
-        if (!why || confirm(`${NOT_BETTER}: ${why}. Apply it nevertheless?`)) this.ask(type, {}, element(id));
+        const why = id === 'apply' && this.latest.tuning?.kept && this.latest.tuning.answer[0];
+        this.awaits ||= id === 'tune';
+        if (!why || confirm(`${why} Apply it nevertheless?`)) this.ask(type, {}, element(id));
       });
     }
     const slip = this.buttons.slip;
@@ -93,16 +86,13 @@ export class Teach extends Tool {
   }
 
   toggle(kind) {
-    if (this.buttons[kind].disabled) return;
-    this.teach(this.recording?.kind === kind ? 'stop' : kind);
+    if (!this.buttons[kind].disabled) this.teach(this.recording?.kind === kind ? 'stop' : kind);
   }
 
   press() {
     if (this.pressed !== null || this.buttons.slip.disabled) return;
     this.pressed = setInterval(() => this.connection.request('teach', {do: 'still_pressed'}), PRESSED_MS);
-    this.teach('slip').then(({refusal}) => {
-      if (refusal) this.drop();
-    });
+    this.teach('slip').then(({refusal}) => refusal && this.drop());
   }
 
   release() {
@@ -121,48 +111,61 @@ export class Teach extends Tool {
   }
 
   show() {
-    const {recordings = [], held_out: heldOut, folder} = this.latest.fingers[this.finger] ?? {};
+    const {finger, latest, labels} = this, its = latest.fingers[finger] ?? {recordings: []};
     // After a restart, the server has not listed the recordings yet.
-    if (this.finger in this.labels && !(this.finger in this.latest.fingers)) this.refresh();
-    write('teach-words', this.latest.words);
-    write('recordings-folder', folder ? `In ${folder}. A third of each kind is held out, see below: the search does not see these, and is judged by them.` : '');
+    if (finger in labels && !its.folder) this.connection.request('recordings', {finger});
+    const {recordings, held_out: heldOut, folder, obeys, interrupted} = its;
+    write('teach-words', latest.words);
+    element('obeys').hidden = !obeys;
+    write('recordings-folder', folder ? `In ${folder}.` : '');
     const shown = JSON.stringify([recordings, heldOut, this.locked]);
     if (shown !== this.shown) this.showList(recordings, heldOut);
     this.shown = shown;
     for (const [kind, wanted] of Object.entries(WANTED)) {
       const some = recordings.filter((one) => one.kind === kind && one.usable);
-      const seconds = some.reduce((sum, {duration_s: s}) => sum + s, 0);
-      const done = some.length >= wanted.recordings && seconds >= wanted.seconds;
-      this.buttons[kind].querySelector('.progress-words').textContent = `${some.length} of ${wanted.recordings}`
-        + `${wanted.seconds ? `, ${Math.round(seconds)}\u00a0s` : ''}${done ? ' \u2713' : ''}`;
+      // Rounded down: what is nearly enough is not enough.
+      const tenths = Math.floor(10 * some.reduce((sum, one) => sum + one.duration_s, 0));
+      const has = {s: (tenths / 10).toFixed(1), times: some.length, slips: some.length};
+      const missing = wanted.filter(([n, unit]) => has[unit] < n);
+      const words = missing.map(([n, unit]) => `${has[unit]} of ${n}\u00a0${unit}`);
+      const place = this.buttons[kind].querySelector('.progress-words');
+      write(place, words.join('\n') || `\u2713 ${wanted[0].join('\u00a0')}`);
+      element(`advice-${kind}`).hidden = !missing.length;
     }
-    this.showTuning(recordings.filter(({slips}) => slips).length);
+    this.showTuning(recordings.filter(({slips}) => slips).length, interrupted);
     this.showRecording();
   }
 
   showList(recordings, heldOut) {
-    element('recordings-frame').hidden = !recordings.length;
-    element('recordings').replaceChildren(...recordings.flatMap(({name, duration_s: seconds, slips, usable, note}) => {
-      const remove = button('Delete', () => {
-        if (confirm(`Delete ${name}, ${seconds.toFixed(1)} s? It cannot be brought back.`)) this.ask('delete_recording', {recording: name}, element('recordings-frame'));
-      }, {ariaLabel: `Delete ${name}`, disabled: this.locked});
-      if (!this.traces.has(name)) this.traces.set(name, this.traceOf(name));
-      this.traces.get(name).allow(!this.locked);
-      const row = tableRow([name, `${seconds.toFixed(1)} s`, String(slips), heldOut.includes(name) ? 'held out' : usable ? 'tuning' : 'not used', remove]);
+    const ask = (type, content) => this.ask(type, content, element('recordings-frame'));
+    // What is marked as a mistake has no labels to be seen.
+    const seen = recordings.filter(({mistaken}) => !mistaken).map(({name}) => name);
+    this.traces = new Map(seen.map((name) => [name, this.traces.get(name) ?? this.traceOf(name)]));
+    element('recordings').replaceChildren(...recordings.flatMap((one) => {
+      const {name, duration_s: seconds, usable, mistaken, note} = one, disabled = this.locked;
+      const act = (word, asks) => button(word, asks, {ariaLabel: `${word} ${name}`, disabled});
+      const length = `${seconds.toFixed(1)} s`;
+      const sure = () => confirm(`Delete ${name}, ${length}? It cannot be brought back.`);
+      const remove = act('Delete', () => sure() && ask('delete_recording', {recording: name}));
+      const marks = () => ask('mark_recording', {recording: name, mistaken: !mistaken});
+      const mark = act(mistaken ? 'Count again' : 'Mistake', marks);
+      const use = heldOut.includes(name) ? 'held out' : usable ? 'tuning' : 'not used';
+      const buttons = build('span.buttons', mark, remove);
+      const row = tableRow([name, length, mistaken ? 'mistake' : use, buttons]);
       if (note) row.firstChild.append(build('p.notice', note));
-      return [row, build('tr', build('td', this.traces.get(name).root, {colSpan: 5}))];
+      const trace = this.traces.get(name);
+      trace?.allow(!disabled);
+      return trace ? [row, build('tr', build('td', trace.root, {colSpan: 4}))] : [row];
     }));
-    for (const name of this.traces.keys()) if (!recordings.some((one) => one.name === name)) this.traces.delete(name);
     this.loadTraces(this.decided);
   }
 
   traceOf(recording) {
-    const {finger} = this;
-    return new RecordingTrace(recording, (type, content) => {
-      const request = {finger, recording, ...content};
-      // What nobody has asked for is not refused in words that take the place of others.
-      return type === 'trace' ? this.connection.request(type, request) : this.ask(type, request, element('recordings-frame'));
-    });
+    const {finger, connection} = this;
+    // What nobody has asked for is not refused in words that take the place of others.
+    return new RecordingTrace(recording, (type, content) => (type === 'trace'
+      ? connection.request(type, {finger, recording})
+      : this.ask(type, {finger, recording, ...content}, element('recordings-frame'))));
   }
 
   // Load the pictures that are missing, or all if the detector decides otherwise now.
@@ -174,10 +177,6 @@ export class Teach extends Tool {
   showRecording() {
     const {recording} = this, mine = recording?.finger === this.finger;
     if (recording === undefined) return;
-    // A refusal is about what went on then.
-    const busy = JSON.stringify([recording?.name, this.latest.tuning?.running]);
-    if (busy !== this.busy) this.refuse('');
-    this.busy = busy;
     const usable = this.finger in this.labels && !this.locked;
     for (const [kind, button] of Object.entries(this.buttons)) {
       const its = mine && recording.kind === kind;
@@ -186,49 +185,39 @@ export class Teach extends Tool {
     }
     const {words: lost} = this.connection;
     element('teach-now').classList.toggle('runs', recording !== null && !lost);
-    write('teach-now', lost ? 'Not connected: what is recorded is not known.' : recording ? this.recordingWords(recording, mine)
+    write('teach-now', lost ? 'Not connected: what is recorded is not known.' : recording ? `\u25cf ${recording.words}`
       : this.readOnly ? 'Pages may only look: slip_view was started with --read-only.' : 'Nothing is recorded now.');
   }
 
-  recordingWords({name, finger, seconds, slipping, ending, silent}, mine) {
-    const where = mine ? '' : ` of ${this.labels[finger] ?? finger}`;
-    const what = slipping ? ', SLIP' : ending ? ', the rest after it: hold still' : '';
-    return `\u25cf ${name}${where}: ${seconds.toFixed(1)} s${what}${silent && `. ${silent}`}`;
-  }
-
-  // Tuning on the recordings: progress, the comparison on held-out recordings. slips: the number of
-  // recordings with slips.
-  showTuning(slips) {
+  // slips: the number of recordings with slips; interrupted: whether an earlier search can go on.
+  showTuning(slips, interrupted) {
     const {tuning} = this.latest, locked = this.locked || !(this.finger in this.labels);
-    const mine = tuning?.finger === this.finger ? tuning : null, runs = Boolean(tuning?.running), progress = element('tuning-progress');
+    const mine = tuning?.finger === this.finger ? tuning : null, runs = Boolean(tuning?.running);
+    const {answer = [], table = [], lines = []} = mine ?? {};
     element('tune').disabled = locked || runs || slips < LEAST_SLIPS;
+    write('tune', interrupted ? 'Go on' : 'Tune');
     element('stop-tuning').disabled = locked || !runs || tuning.stopping;
-    progress.hidden = !mine?.running;
-    if (mine?.running && mine.share) progress.value = mine.share;
-    else progress.removeAttribute('value');
-    write('tuning-step', this.stepWords(tuning, mine, slips));
+    Object.assign(element('tuning-progress'), {hidden: !mine?.running, value: mine?.share ?? 0});
+    write('tuning-step', this.stepWords(tuning, mine, slips, interrupted));
     write('tuning-failed', mine?.failed ? `Tuning failed: ${mine.failed}. What was recorded is kept.` : '');
-    element('tuning-failed').hidden = !mine?.failed;
-    element('tuning-lines').replaceChildren(...(mine?.lines ?? []).map((line) => build('li', line)));
-    const rows = mine?.table ?? [];
-    element('tuning-result').hidden = !rows.length;
-    element('compared').replaceChildren(...rows.map(([title, before, after, change]) => {
-      const row = tableRow([title, before, after, change && `${change === 'better' ? '\u25b2' : '\u25bd'} ${change}`]);
-      row.className = change;
-      return row;
-    }));
+    write('tuning-answer', answer[0] ?? '');
+    write('tuning-worse', answer.slice(1).join(' '));
     element('apply').disabled = locked || runs || !mine?.changes;
     write('apply', mine?.changes ? `Apply ${mine.changes} values${mine.kept ? ' nevertheless' : ''}` : 'Apply');
+    element('compared').replaceChildren(...table.map((cells) => (
+      Object.assign(tableRow(cells), {className: cells.at(-1)}))));
+    element('tuning-lines').replaceChildren(...lines.map((line) => build('li', line)));
+    // Who has pressed Tune sees the result wherever the page is scrolled to.
+    if (this.awaits && answer.length) element('tuning-result').scrollIntoView({block: 'nearest'});
+    this.awaits &&= !answer.length;
   }
 
-  stepWords(tuning, mine, slips) {
+  stepWords(tuning, mine, slips, interrupted) {
     if (mine?.stopping) return 'stopping; the best result so far is evaluated and kept';
     if (mine?.running) return mine.step;
     if (tuning?.running) return 'another finger is being tuned';
-    if (mine?.table.length) {
-      if (mine.kept) return `${NOT_BETTER}: ${mine.kept}. The detector stays as it is.`;
-      return mine.changes ? 'Done. Apply sets the running detector; Save, below, writes what it runs with.' : `${NOT_BETTER}: the detector is as good as it was.`;
-    }
+    if (mine?.answer.length) return mine.kept ? '' : 'Done. Save, below, writes what runs after Apply.';
+    if (interrupted) return 'A search was interrupted: Go on uses what it has found so far.';
     return slips < LEAST_SLIPS ? 'Tuning needs two slips at least; twenty are good.' : '';
   }
 }
