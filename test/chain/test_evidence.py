@@ -19,8 +19,9 @@ import dataclasses
 import numpy as np
 import pytest
 
+from slip_detector.chain.layout import FLOOR
 from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.chain.stages import FLOOR, LEAST_EXCESS_DB, root_decibels
+from slip_detector.chain.stages import LEAST_EXCESS_DB, root_decibels
 from slip_detector.compiled import compiled, load, store
 from support.chain_cases import bits, noise, quick_evidence
 
