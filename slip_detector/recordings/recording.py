@@ -20,7 +20,7 @@ import itertools
 import sys
 import textwrap
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -166,7 +166,7 @@ class Recording(ABC):
             text = f'{self._limit_mb:g} MB (recording_limit_mb)'
             refuse(f'{self.path}: {what} takes {n_bytes / 1e6:.0f} MB', text)
 
-    def rows(self) -> Iterator[Samples]:
+    def rows(self) -> Generator[Samples, None, None]:
         """Yield all rows as they were recorded, with labels if there are any.
 
         Yields
