@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain import stages, votes
-from slip_detector.chain.layout import FlagLayout, StateLayout, flag_layout, state_layout, tiles_of
+from slip_detector.chain.layout import flag_layout, state_layout, tiles_of
 from slip_detector.chain.samples import Floats, Ints
 from slip_detector.chain.stages import FIRST_ROW, NO_ROW, WORD_ROWS
 from slip_detector.chain.votes import NO_COMMON_MODE, VOTE_MEAN, vote_numbers
@@ -48,23 +48,6 @@ Words = NDArray[np.uint64]
 #: Rows whose samples are checked before the other stages begin, as that fetches them into caches.
 CHUNK_ROWS = 8 * WORD_ROWS
 
-#: The parameters as the kernel reads them: numbers, first those that are whole. Without mains,
-#: impacts, evidence, contact, activity or common excess that of ``mains_rows``, ``impact_v``,
-#: ``evidence``, ``contact_channels``, ``activity_cap_db`` or ``common_rank`` is 0.
-WHOLE = (
-    'channels', 'common_mode', 'full_wave', 'exponent', 'vote', 'envelope_rows', 'level_rows',
-    'mains_rows', 'evidence', 'impact_channels', 'impact_rows', 'hold_rows', 'contact_channels',
-    'contact_rows', 'common_rank', *StateLayout._fields, *FlagLayout._fields,
-)  # fmt: skip
-REAL = (
-    'flat_rows', 'threshold', 'noise_floor_range_db', 'floor_up_db', 'floor_down_db',
-    'evidence_cap_db', 'evidence_offset_db', 'evidence_limit_db_s', 'period_s', 'impact_v',
-    'contact_v2', 'activity_factor', 'activity_shift_db', 'activity_cap_db',
-)  # fmt: skip
-SETTINGS = np.dtype(
-    (np.record, [(name, np.int64) for name in WHOLE] + [(name, np.float64) for name in REAL])
-)
-
 
 class Plan(NamedTuple):
     """All inputs of the kernel except samples and state, and its working memory.
@@ -75,7 +58,8 @@ class Plan(NamedTuple):
 
     Attributes
     ----------
-    settings : ndarray of :data:`SETTINGS`, shape (1,)
+    settings : ndarray of records, shape (1,)
+        The parameters, as numbers.
     limits : ndarray, shape (t, 3, 16)
         Lowest and highest good sample, and least noise floor in dB, of each column.
     sections, low_sections : ndarray, shape (s, 6)
@@ -160,37 +144,54 @@ def plan_of(
 
 
 def _settings_of(config: ChainConfig, sections: Floats, low_sections: Floats) -> NDArray[np.void]:
+    """Return the parameters as the kernel reads them: numbers in a record.
+
+    Without mains, impacts, evidence, contact, activity or common excess that of ``mains_rows``,
+    ``impact_v``, ``evidence``, ``contact_channels``, ``activity_cap_db`` or ``common_rank`` is 0.
+    """
     evidence = config.decision == 'evidence'
     low = len(config.low_band_hz) > 0
     # The kernel leaves the gain of the low band and the mean of its window to what uses them.
     low_gain = low_sections[0, 0] / np.sqrt(config.samples(config.envelope_window_s)) if low else 1
     up_db, down_db = stages.floor_steps_db(config.noise_floor_rate_db_s, config.sample_rate_hz)
-    layout = state_layout(config, len(sections), len(low_sections))
-    settings = {name: getattr(config, name, None) for name in (*WHOLE, *REAL)} | {
-        **layout._asdict(),
-        **flag_layout(config)._asdict(),
-        'flat_rows': config.samples(config.flat_after_s) if config.flat_after_s else np.inf,
+    whole = {
+        'channels': config.channels,
         'common_mode': COMMON_MODES.index(config.common_mode),
         'full_wave': config.rectify == 'full',
+        'exponent': config.exponent,
         'vote': vote_numbers([config.vote])[0],
         'envelope_rows': config.samples(config.envelope_window_s),
         'level_rows': config.samples(config.decision_window_s),
+        'mains_rows': config.mains_rows,
         'evidence': evidence,
-        'floor_up_db': up_db,
-        'floor_down_db': down_db,
-        'period_s': 1.0 / config.sample_rate_hz,
-        'impact_v': config.impact_v if evidence else 0.0,
+        'impact_channels': config.impact_channels,
+        'impact_rows': config.impact_rows,
         'hold_rows': config.samples(config.impact_hold_s),
         'contact_channels': config.contact_channels if low and config.contact_level_v else 0,
         'contact_rows': config.samples(config.contact_hold_s),
         'common_rank': config.common_rank if evidence else 0,
+        **state_layout(config, len(sections), len(low_sections))._asdict(),
+        **flag_layout(config)._asdict(),
+    }
+    real = {
+        'flat_rows': config.samples(config.flat_after_s) if config.flat_after_s else np.inf,
+        'threshold': config.threshold,
+        'noise_floor_range_db': config.noise_floor_range_db,
+        'floor_up_db': up_db,
+        'floor_down_db': down_db,
+        'evidence_cap_db': config.evidence_cap_db,
+        'evidence_offset_db': config.evidence_offset_db,
+        'evidence_limit_db_s': config.evidence_limit_db_s,
+        'period_s': 1.0 / config.sample_rate_hz,
+        'impact_v': config.impact_v if evidence else 0.0,
         'contact_v2': (config.contact_level_v / low_gain) ** 2,
         'activity_factor': config.exponent * stages.OCTAVE_DB,
         'activity_shift_db': config.exponent * 20 * np.log10(config.gain * low_gain)
         - config.activity_range_db,
         'activity_cap_db': config.activity_cap_db if low else 0.0,
     }
-    return np.array([tuple(settings.values())], SETTINGS)
+    fields = [(name, np.int64) for name in whole] + [(name, np.float64) for name in real]
+    return np.array([(*whole.values(), *real.values())], np.dtype((np.record, fields)))
 
 
 def aligned(shape: tuple[int, ...]) -> Floats:
