@@ -135,17 +135,9 @@ def rows_of_contact(rows, settings, plan, words, tiles):
     Contact begins where enough valid channels are above the level of contact, and goes on where
     they are above the lower one: these rows touch, and contact is held for some rows more.
     """
-    count, valid, goes_on = settings.contact_channels, words[stages.VALID], words[stages.GOES_ON]
-    if tiles[0, layout.CONTACT_ROWS, 0] > 0.0:
-        # Most often enough channels are above the lower level in all rows: nothing to count.
-        whole = 0
-        for m in plan.members:
-            whole += 1 if goes_on[m] & valid[m] == ~NO_ROW else 0
-        if whole >= count:
-            tiles[0, layout.CONTACT_ROWS, 0] = settings.contact_rows - 1
-            return ~NO_ROW, ~NO_ROW
+    count, valid = settings.contact_channels, words[stages.VALID]
     begins = rows_of_count(count, plan.members, words[stages.TOUCHES], valid, plan.digits)
-    renews = rows_of_count(count, plan.members, goes_on, valid, plan.digits)
+    renews = rows_of_count(count, plan.members, words[stages.GOES_ON], valid, plan.digits)
     contact = _held(begins, renews, rows, settings.contact_rows, tiles, layout.CONTACT_ROWS)
     return contact, contact & (begins | renews)
 
