@@ -206,11 +206,6 @@ class SlipChain:
 
         Whether there is contact is not known then. It is held as after a touch: in a still grip
         nothing touches, and a slip that follows must not wait for it.
-
-        Examples
-        --------
-        >>> chain = SlipChain(ChainConfig(decision='evidence', noise_floor=1e-3))
-        >>> chain.restart()
         """
         floors = self.state[:, layout.FLOOR].copy()
         self.reset()
@@ -227,11 +222,6 @@ class SlipChain:
         rest : array_like, shape (n, c)
             Rows that show the level of both chains, if possible without slip. A channel that is
             not valid in them keeps its floor here.
-
-        Examples
-        --------
-        >>> config = ChainConfig(decision='evidence', noise_floor=1e-3)
-        >>> SlipChain(config).take_floors(SlipChain(config), np.zeros((5, 16)))
         """
         below_db = _rest_db(other.config, rest) - other.floor_and_level_db()[0]
         below_db *= self.config.exponent / other.config.exponent
@@ -366,10 +356,6 @@ def check_memory(config: ChainConfig, kept_s: float = 0.0) -> None:
     ------
     ValueError
         When they need more than :data:`SHARE` of the machine's memory.
-
-    Examples
-    --------
-    >>> check_memory(ChainConfig(), kept_s=5.0)
     """
     kept = config.channels * config.sample_rate_hz * kept_s
     needed = 8 * (float(tiles_of(config.channels) * LANES) * _layout_of(config).slots + kept)
@@ -386,10 +372,6 @@ def compile_chain() -> None:
 
     Without a cache this takes seconds. The compiled functions serve any configuration, and all
     later processes of the same user.
-
-    Examples
-    --------
-    >>> compile_chain()
     """
     SlipChain()
     grid = StampGrid(period_s=1.0, max_gap_s=1.0)

@@ -64,11 +64,6 @@ class RecordingCounts:
         One line on the part of a recording that could not be read; empty if all was read.
     doubts : str
         One line on why damage may have gone unseen; empty if it would have been seen.
-
-    Examples
-    --------
-    >>> RecordingCounts(rows=380, gaps=1, bridged_rows=3).bridged_rows
-    3
     """
 
     rows: int = 0
