@@ -36,7 +36,7 @@ from slip_detector.nodes.messages import sensor_qos, state_qos
 from slip_detector.nodes.rclpy_internals import ROS_ERRORS, receiver
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.fields import names_that_affect
-from slip_detector.recordings.messages import Sample, joint_state_table
+from slip_detector.recordings.messages import joint_state_table
 from slip_detector.view.detectors import Diagnosis, Finger
 
 #: Parameters on which the subscriptions depend.
@@ -110,7 +110,7 @@ class FingerTopics(PolledTopics):
         super().__init__(node)
         self.finger = finger
         # What came since the last poll, with the time at which it was published.
-        self._samples: list[tuple[int, Sample]] = []
+        self._samples: list[tuple[int, Samples]] = []
         self._levels: list[tuple[int, bytes]] = []
         self._slip: States = deque(maxlen=STATES)
         self._truth: States = deque(maxlen=STATES)
@@ -164,12 +164,12 @@ class FingerTopics(PolledTopics):
 
     def _on_voltages(self, source: Input, raw: bytes, info: dict[str, Any]) -> None:
         try:
-            sample = source.read(raw, info)
-            n, channels = sample.rows.shape
+            samples, _ = source.read(raw, info)
+            n, channels = samples.volts.shape
             if n and channels != (wanted := self._config.channels):
                 raise ValueError(f'they have {channels} channels, the detector {wanted}')
             if n:
-                self._samples.append((info['source_timestamp'], sample))
+                self._samples.append((info['source_timestamp'], samples))
         except ValueError as error:
             # The detector counts and reports them, too.
             self.finger.unfit = time.monotonic(), f'samples come, but {error}'
@@ -195,16 +195,12 @@ class FingerTopics(PolledTopics):
     def _append_samples(self) -> None:
         """Append the samples to the track."""
         received, self._samples = self._samples, []
-        counts = [len(sample.rows) for _, sample in received]
-        # The stamp of a batch is that of its last row.
-        behind = np.concatenate([np.arange(n)[::-1] for n in counts])
-        last_ns = np.repeat([sample.stamp_ns or 0 for _, sample in received], counts)
-        stamps_ns = last_ns - np.round(behind * 1e9 / self._config.sample_rate_hz).astype(np.int64)
-        rows = np.concatenate([sample.rows for _, sample in received])
+        first, *others = (samples for _, samples in received)
+        counts = [len(samples.volts) for _, samples in received]
         truth = np.repeat([state_at(self._truth, at_ns) for at_ns, _ in received], counts)
         self.finger.frame_id = received[-1][1].frame_id
         self.finger.sample_s = time.monotonic()
-        self.finger.track.add_samples(Samples(rows, stamps_ns, truth))
+        self.finger.track.add_samples(first.then(*others)._replace(truth=truth))
 
     def _append_levels(self) -> None:
         """Append the detector's levels and decisions to the track."""
