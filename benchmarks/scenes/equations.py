@@ -43,7 +43,7 @@ def bristle_force(w, z, load, law):
     level = load * (law.kinetic_coefficient + drop)
     sliding = w - sigma0 * abs(w) / level * z
     damping = sigma1 / (1.0 + sigma1 * abs(w) / level)
-    force = sigma0 * z + damping * sliding + law.viscous_n_s_m * w
+    force = sigma0 * z + damping * sliding
     most = law.static_coefficient * load / sigma0
     beyond = z - min(max(z, -most), most)
     return force, sliding - beyond / law.unloading_s
@@ -64,7 +64,7 @@ def _passing_velocity(v, x, z, load, skin, law):
     # From here on w is counted in its own direction: it is positive.
     sign = 1.0 if balance > 0.0 else -1.0
     low, high = 0.0, np.inf
-    w = abs(balance) / (c + law.viscous_n_s_m + law.bristle_damping_n_s_m)
+    w = abs(balance) / (c + law.bristle_damping_n_s_m)
     last, last_value = 0.0, abs(balance)
     for _ in range(MOST_ITERATIONS):
         force, _ = bristle_force(sign * w, z, load, law)

@@ -85,7 +85,7 @@ class Ode:
         self.scene, self._constants, self._drive = scene, scene.constants, scene.drive_numbers
         constants, skin, law = scene.constants, scene.constants.skin, scene.constants.friction
         n_channels, with_friction = len(constants.positions_m), bool(constants.patches.size)
-        if with_friction and skin.damping_n_s_m + law.viscous_n_s_m == 0.0:
+        if with_friction and skin.damping_n_s_m == 0.0:
             raise ValueError('no state says how fast skin without damping moves')
         self.with_object = constants.patches.size > n_channels
         self._cutoff_rad_s = 2.0 * np.pi * scene.parts['electronics'].bandwidth_hz

@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain import stages, votes
+from slip_detector.chain.layout import flag_layout, state_layout, tiles_of
 from slip_detector.chain.samples import Floats, Ints
 from slip_detector.chain.stages import FIRST_ROW, NO_ROW, WORD_ROWS
 from slip_detector.chain.votes import NO_COMMON_MODE, VOTE_MEAN, vote_numbers
@@ -47,26 +48,6 @@ Words = NDArray[np.uint64]
 #: Rows whose samples are checked before the other stages begin, as that fetches them into caches.
 CHUNK_ROWS = 8 * WORD_ROWS
 
-#: In place of the first column of a signal that is not wanted: below 0 for every tile.
-NOT_KEPT = -(2**62)
-
-#: The parameters as the kernel reads them: numbers, first those that are whole. Without mains,
-#: impacts, evidence, contact, activity or common excess that of ``mains_rows``, ``impact_v``,
-#: ``evidence``, ``contact_channels``, ``activity_cap_db`` or ``common_rank`` is 0.
-WHOLE = (
-    'channels', 'common_mode', 'full_wave', 'exponent', 'vote', 'envelope_rows', 'level_rows',
-    'mains_rows', 'evidence', 'impact_channels', 'impact_rows', 'hold_rows', 'contact_channels',
-    'contact_rows', 'common_rank',
-)  # fmt: skip
-REAL = (
-    'flat_rows', 'threshold', 'noise_floor_range_db', 'floor_up_db', 'floor_down_db',
-    'evidence_cap_db', 'evidence_offset_db', 'evidence_limit_db_s', 'period_s', 'impact_v',
-    'contact_v2', 'activity_factor', 'activity_shift_db', 'activity_cap_db',
-)  # fmt: skip
-SETTINGS = np.dtype(
-    (np.record, [(name, np.int64) for name in WHOLE] + [(name, np.float64) for name in REAL])
-)
-
 
 class Plan(NamedTuple):
     """All inputs of the kernel except samples and state, and its working memory.
@@ -77,7 +58,8 @@ class Plan(NamedTuple):
 
     Attributes
     ----------
-    settings : ndarray of :data:`SETTINGS`, shape (1,)
+    settings : ndarray of records, shape (1,)
+        The parameters, as numbers.
     limits : ndarray, shape (t, 3, 16)
         Lowest and highest good sample, and least noise floor in dB, of each column.
     sections, low_sections : ndarray, shape (s, 6)
@@ -123,21 +105,12 @@ class Plan(NamedTuple):
     statistics: Floats
 
 
-def tiles_of(config: ChainConfig) -> int:
-    """Return the number of tiles of sixteen columns that a configuration has."""
-    return -(-config.channels // LANES)
-
-
-def flags_width(config: ChainConfig) -> int:
-    """Return the number of columns of flags, at least those of a vector."""
-    return max(1 + 2 * len(config.groups) + 2 * config.channels, LANES)
-
-
 def plan_of(
     config: ChainConfig, sections: Floats, low_sections: Floats, wanted: Sequence[str | int]
 ) -> Plan:
     """Return the plan of a chain: its configuration, the filters' sections and wanted votes."""
-    tiles, disabled = tiles_of(config), {channel - 1 for channel in config.disabled_channels}
+    tiles = tiles_of(config.channels)
+    disabled = {channel - 1 for channel in config.disabled_channels}
     enabled = [channel for channel in range(config.channels) if channel not in disabled]
     # In an empty range no sample is good. The floors of columns without a channel have no effect.
     limits = np.tile([[np.inf], [-np.inf], [0.0]], tiles * LANES)
@@ -145,7 +118,7 @@ def plan_of(
     if config.decision == 'evidence':
         limits[stages.LEAST_DB, : config.channels] = 20.0 * np.log10(config.noise_floor)
     groups = [[c - 1 for c in group if c - 1 not in disabled] for group in config.groups.values()]
-    settings = _settings_of(config, low_sections)
+    settings = _settings_of(config, sections, low_sections)
     rank = settings['common_rank'][0]
     blocks = tiles if settings['contact_channels'][0] or rank else 1
     by_channel = bool(wanted or rank or config.vote == 'mean' or config.common_mode != 'none')
@@ -163,42 +136,62 @@ def plan_of(
         common_v=np.zeros(WORD_ROWS),
         common_db=np.zeros(WORD_ROWS),
         words=np.zeros((CHUNK_ROWS // WORD_ROWS, 5, tiles * LANES), np.uint64),
-        decisions=np.zeros(flags_width(config), np.uint64),
+        decisions=np.zeros(max(settings['flags'][0], LANES), np.uint64),
         digits=np.zeros(votes.DIGITS, np.uint64),
         by_channel=np.zeros((tiles * LANES * by_channel, WORD_ROWS)),
         statistics=np.zeros((max(len(wanted), 1), WORD_ROWS)),
     )
 
 
-def _settings_of(config: ChainConfig, low_sections: Floats) -> NDArray[np.void]:
+def _settings_of(config: ChainConfig, sections: Floats, low_sections: Floats) -> NDArray[np.void]:
+    """Return the parameters as the kernel reads them: numbers in a record.
+
+    Without mains, impacts, evidence, contact, activity or common excess that of ``mains_rows``,
+    ``impact_v``, ``evidence``, ``contact_channels``, ``activity_cap_db`` or ``common_rank`` is 0.
+    """
     evidence = config.decision == 'evidence'
     low = len(config.low_band_hz) > 0
     # The kernel leaves the gain of the low band and the mean of its window to what uses them.
     low_gain = low_sections[0, 0] / np.sqrt(config.samples(config.envelope_window_s)) if low else 1
     up_db, down_db = stages.floor_steps_db(config.noise_floor_rate_db_s, config.sample_rate_hz)
-    settings = {name: getattr(config, name, None) for name in (*WHOLE, *REAL)} | {
-        'flat_rows': config.samples(config.flat_after_s) if config.flat_after_s else np.inf,
+    whole = {
+        'channels': config.channels,
         'common_mode': COMMON_MODES.index(config.common_mode),
         'full_wave': config.rectify == 'full',
+        'exponent': config.exponent,
         'vote': vote_numbers([config.vote])[0],
         'envelope_rows': config.samples(config.envelope_window_s),
         'level_rows': config.samples(config.decision_window_s),
+        'mains_rows': config.mains_rows,
         'evidence': evidence,
-        'floor_up_db': up_db,
-        'floor_down_db': down_db,
-        'period_s': 1.0 / config.sample_rate_hz,
-        'impact_v': config.impact_v if evidence else 0.0,
+        'impact_channels': config.impact_channels,
+        'impact_rows': config.impact_rows,
         'hold_rows': config.samples(config.impact_hold_s),
         'contact_channels': config.contact_channels if low and config.contact_level_v else 0,
         'contact_rows': config.samples(config.contact_hold_s),
         'common_rank': config.common_rank if evidence else 0,
+        **state_layout(config, len(sections), len(low_sections))._asdict(),
+        **flag_layout(config)._asdict(),
+    }
+    real = {
+        'flat_rows': config.samples(config.flat_after_s) if config.flat_after_s else np.inf,
+        'threshold': config.threshold,
+        'noise_floor_range_db': config.noise_floor_range_db,
+        'floor_up_db': up_db,
+        'floor_down_db': down_db,
+        'evidence_cap_db': config.evidence_cap_db,
+        'evidence_offset_db': config.evidence_offset_db,
+        'evidence_limit_db_s': config.evidence_limit_db_s,
+        'period_s': 1.0 / config.sample_rate_hz,
+        'impact_v': config.impact_v if evidence else 0.0,
         'contact_v2': (config.contact_level_v / low_gain) ** 2,
         'activity_factor': config.exponent * stages.OCTAVE_DB,
         'activity_shift_db': config.exponent * 20 * np.log10(config.gain * low_gain)
         - config.activity_range_db,
         'activity_cap_db': config.activity_cap_db if low else 0.0,
     }
-    return np.array([tuple(settings.values())], SETTINGS)
+    fields = [(name, np.int64) for name in whole] + [(name, np.float64) for name in real]
+    return np.array([(*whole.values(), *real.values())], np.dtype((np.record, fields)))
 
 
 def aligned(shape: tuple[int, ...]) -> Floats:
@@ -228,60 +221,37 @@ def _write_flags(decisions, flags, start, rows):
 
 
 @compiled_within
-def _run_tile(
-    volts, start, rows, t, settings, part, tile, plan, words, held, contact, touch, signals, kept
-):
-    """Run a block of rows through one tile, up to the ON bits of its channels.
+def _find_envelopes(volts, start, rows, at, block, low, plan, tile, words, out):
+    """Run a block of rows through one tile, from samples to envelopes, of evidence the squares."""
+    settings = plan.settings[0]
+    limits = plan.limits[at // LANES]
+    stages.load_deviations(block, volts, start, rows, at, limits, tile, plan.common_v)
+    if plan.low_sections.shape[0] > 0:
+        stages.find_low_level(block, low, rows, plan.low_sections, settings, tile, words, at)
+    if settings.mains_rows > 0:
+        stages.subtract_mains(block, rows, settings, tile)
+    stages.run_filters(block, rows, plan.sections, tile)
+    stages.rectified_power(block, rows, settings.full_wave != 0, settings.exponent)
+    window, slot, root = settings.envelope_rows, settings.envelope_slot, settings.evidence == 0
+    stages.window_means(block, start, rows, at, window, tile, slot, root, stages.ENVELOPE, out)
 
-    Where something of all channels is needed, a block takes three parts: up to the envelopes, from
-    the contact of all channels on, and from their common excess on. Else it takes part 0 alone.
-    """
-    waits = settings.contact_channels > 0 or settings.common_rank > 0
-    b, limits, evidence = t if waits else 0, plan.limits[t], settings.evidence != 0
-    block, low, low_sections = plan.blocks[b], plan.low[b], plan.low_sections
-    at = t * LANES
-    columns = (at + kept[0], at + kept[1], at + kept[2], at + kept[3])
-    comb = stages.DELAYS + 2 * plan.sections.shape[0]
-    envelopes = comb + settings.mains_rows + 1
-    levels = envelopes + settings.envelope_rows + 3
-    if part == 0:
-        stages.load_deviations(block, volts, start, rows, at, limits, tile, plan.common_v)
-        if low_sections.shape[0] > 0:
-            stages.find_low_level(
-                block, low, rows, low_sections, settings, tile, levels, words, at
-            )
-        if settings.mains_rows > 0:
-            stages.subtract_mains(block, rows, settings.mains_rows, tile, comb)
-        stages.run_filters(block, rows, plan.sections, tile, stages.DELAYS)
-        stages.rectified_power(block, rows, settings.full_wave != 0, settings.exponent)
-        # Evidence takes the squares of the envelope and keeps that itself.
-        stages.window_means(
-            block, rows, settings.envelope_rows, tile, envelopes, not evidence, signals, start,
-            -1 if evidence else columns[0],
-        )  # fmt: skip
-    valid = load(words, (stages.VALID, at))
-    if evidence and (part == 1 or not waits):
-        stages.find_excess(
-            block, low, rows, limits, settings, tile, valid, contact, touch, signals, start,
-            columns,
-        )  # fmt: skip
-    if waits and part < 2:
-        return
-    if evidence:
-        stages.sum_evidence(
-            block, rows, settings, tile, held, contact, plan.common_db, signals, start, columns
-        )
+
+@compiled_within
+def _find_decisions(block, start, rows, at, plan, tile, words, held, contact, out):
+    """Run a block of rows through one tile, from envelopes or excess to the ON bits."""
+    settings = plan.settings[0]
+    if settings.evidence != 0:
+        stages.sum_evidence(block, start, rows, at, plan, tile, held, contact, out)
     else:
-        stages.window_means(
-            block, rows, settings.level_rows, tile, levels, False, signals, start, columns[1]
-        )
+        window, slot = settings.level_rows, settings.level_slot
+        stages.window_means(block, start, rows, at, window, tile, slot, False, stages.LEVEL, out)
     stages.rows_above(block, rows, settings.threshold, words, at)
     if settings.vote == VOTE_MEAN or plan.votes.size:
-        votes.gather_levels(block, rows, valid, at, plan.by_channel)
+        votes.gather_levels(block, rows, load(words, (stages.VALID, at)), at, plan.by_channel)
 
 
 @compiled_in_place
-def run(volts, flags, signals, tiles, plan, kept):
+def run(volts, flags, signals, tiles, plan, wanted):
     """Run all stages over all rows, from ``volts`` to ``flags`` and ``signals``.
 
     Parameters
@@ -289,8 +259,7 @@ def run(volts, flags, signals, tiles, plan, kept):
     volts
         Rows of volts, shape (n, columns), whole tiles of columns.
     flags
-        Output of decisions, shape (n, 1 + 2 g + 2 c): slip, groups, whether each group can vote,
-        channels, valid.
+        Output of decisions, shape (n, at least 16), see :class:`.FlagLayout`.
     signals
         Output of envelope, level, floor and excess, as far as they are wanted, each with as many
         columns as ``volts``; then the statistics of v votes (above 1: ON), one column each.
@@ -298,10 +267,20 @@ def run(volts, flags, signals, tiles, plan, kept):
         The state, shape (t, slots, 16).
     plan
         A :class:`Plan`.
-    kept
-        The first columns in ``signals`` of envelope, level, floor and excess, or ``NOT_KEPT``.
+    wanted
+        Which of envelope, level, floor and excess are.
     """
-    settings, column = plan.settings[0], signals.shape[1] - plan.votes.size
+    settings, width = plan.settings[0], volts.shape[1]
+    level_at = width * wanted[stages.ENVELOPE]
+    floor_at = level_at + width * wanted[stages.LEVEL]
+    excess_at = floor_at + width * wanted[stages.EFFECTIVE]
+    statistics_at = excess_at + width * wanted[stages.EXCESS]
+    out = stages.Kept(signals, wanted, (0, level_at, floor_at, excess_at))
+    gated, shared = settings.contact_channels > 0, settings.common_rank > 0
+    # Tiles that wait for the contact or the common excess of all channels take each stage
+    # together, in a block each; others take all stages one after the other, in the same block.
+    waits = gated or shared
+    together = plan.active.size if waits else 1
     held, contact, touch = NO_ROW, ~NO_ROW, ~NO_ROW
     for start in range(0, volts.shape[0], WORD_ROWS):
         rows, w = min(WORD_ROWS, volts.shape[0] - start), start % CHUNK_ROWS // WORD_ROWS
@@ -318,17 +297,26 @@ def run(volts, flags, signals, tiles, plan, kept):
             held = votes.rows_of_impact(rows, settings, plan, words[stages.STEPS], tiles)
         if settings.common_mode != NO_COMMON_MODE:
             votes.find_common_mode(volts, start, rows, settings, plan, valid, tiles)
-        gated, shared = settings.contact_channels > 0, settings.common_rank > 0
-        for part in range(3 if gated or shared else 1):
-            if part == 1 and gated:
+        for first in range(0, plan.active.size, together):
+            active = plan.active[first : first + together]
+            for t in active:
+                b, at = t if waits else 0, t * LANES
+                block, low = plan.blocks[b], plan.low[b]
+                _find_envelopes(volts, start, rows, at, block, low, plan, tiles[t], words, out)
+            if gated:
                 contact, touch = votes.rows_of_contact(rows, settings, plan, words, tiles)
-            if part == 2 and shared:
+            if settings.evidence != 0:
+                for t in active:
+                    b, at = t if waits else 0, t * LANES
+                    block, low = plan.blocks[b], plan.low[b]
+                    stages.find_excess(
+                        block, low, start, rows, at, plan, tiles[t], words, contact, touch, out
+                    )
+            if shared:
                 votes.find_common_excess(rows, settings, plan)
-            for t in plan.active:
-                _run_tile(
-                    volts, start, rows, t, settings, part, tiles[t], plan, words, held, contact,
-                    touch, signals, kept,
-                )  # fmt: skip
+            for t in active:
+                block, at = plan.blocks[t if waits else 0], t * LANES
+                _find_decisions(block, start, rows, at, plan, tiles[t], words, held, contact, out)
         votes.decide(rows, settings, plan, words[stages.ON], valid)
         _write_flags(plan.decisions, flags, start, rows)
         if plan.votes.size:
@@ -337,7 +325,7 @@ def run(volts, flags, signals, tiles, plan, kept):
             )
         for v in range(plan.votes.size):
             for k in range(rows):
-                signals[start + k, column + v] = plan.statistics[v, k] / settings.threshold
+                signals[start + k, statistics_at + v] = plan.statistics[v, k] / settings.threshold
 
 
 @cache
@@ -348,4 +336,4 @@ def compiled_run():
     """
     plan = plan_of(ChainConfig(), np.zeros((1, 6)), np.zeros((0, 6)), ())
     rows = np.zeros((0, LANES))
-    return compiled_for(run, rows, rows != 0.0, rows, np.zeros((1, 1, LANES)), plan, (0,) * 4)
+    return compiled_for(run, rows, rows != 0.0, rows, np.zeros((1, 1, LANES)), plan, (True,) * 4)

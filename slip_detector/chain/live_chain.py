@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain.filters import evidence_falls_s, settling_rows
+from slip_detector.chain.layout import CONTACT_ROWS, FLOOR, HOLD_ROWS
 from slip_detector.chain.slip_chain import SlipChain, SlipResult
-from slip_detector.chain.stages import CONTACT_ROWS, FLOOR, HOLD_ROWS
 from slip_detector.chain.watch import Found, Watch
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.fields import names_that_affect

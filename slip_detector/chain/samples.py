@@ -33,7 +33,7 @@ class Samples(NamedTuple):
     ----------
     volts : ndarray, shape (n, c)
     stamps_ns : ndarray of int, shape (n,)
-        Time at which each sample was taken.
+        Time at which each sample was taken; empty where that is not known.
     truth : ndarray of bool, shape (n,), or None
         The label: whether there is slip, if that is known.
     position_m : ndarray, shape (n,), or None
@@ -53,6 +53,10 @@ class Samples(NamedTuple):
         How exact the times of the label's changes are; 0: exact.
     kind : str
         The kind of a recording in which nothing slides, see :mod:`.recordings.labels`.
+    names : tuple of str
+        Names of the channels; empty if they are not known.
+    frame_id : str
+        Frame of the fingertip; empty if it is not known.
 
     Examples
     --------
@@ -74,6 +78,8 @@ class Samples(NamedTuple):
     new_stretch: bool = False
     accuracy_s: float = 0.0
     kind: str = ''
+    names: tuple[str, ...] = ()
+    frame_id: str = ''
 
     @classmethod
     def evenly(

@@ -20,10 +20,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slip_detector.chain import kernel, stages
+from slip_detector.chain import kernel, layout, stages
 from slip_detector.chain.filters import design, design_low
+from slip_detector.chain.layout import FlagLayout, flag_layout, state_layout, tiles_of
 from slip_detector.chain.samples import Bools, Floats
-from slip_detector.chain.stages import DELAYS, FLOOR
 from slip_detector.chain.stamps import StampGrid
 from slip_detector.compiled import LANES
 from slip_detector.parameters.detector import ChainConfig
@@ -41,11 +41,6 @@ SHARE = 0.25
 class SlipResult:
     """Decisions on the rows of one call: ``n`` rows of ``c`` channels in ``g`` groups.
 
-    Attributes
-    ----------
-    flags : ndarray of bool, shape (n, 1 + 2 g + 2 c)
-        All decisions side by side, in the order of the properties below.
-
     Examples
     --------
     >>> chain = SlipChain(ChainConfig(channels=2))
@@ -54,28 +49,33 @@ class SlipResult:
     ((5,), (5, 2), (5, 2))
     """
 
-    __slots__ = ('_kept', '_shape', '_signals', 'flags')
+    __slots__ = ('_flags', '_kept', '_layout', '_signals')
 
     def __init__(
-        self, flags: Bools, signals: Floats, shape: tuple[int, int, int], kept: tuple[int, ...]
+        self, flags: Bools, signals: Floats, layout: FlagLayout, kept: tuple[bool, ...]
     ) -> None:
-        # The shape: numbers of groups, channels and votes; the first columns of the signals.
-        self.flags, self._signals, self._shape, self._kept = flags, signals, shape, kept
+        # Both arrays have columns of whole tiles; ``kept`` says which of ``SIGNALS`` there are.
+        self._flags, self._signals, self._layout, self._kept = flags, signals, layout, kept
+
+    @property
+    def flags(self) -> Bools:
+        """All decisions side by side, as :func:`.flag_names` names them; shape (n, k)."""
+        return self._flags[:, : self._layout.flags]
 
     @property
     def slip(self) -> Bools:
         """Whether any group is ON; shape (n,)."""
-        return self.flags[:, 0]
+        return self._flags[:, 0]
 
     @property
     def groups(self) -> Bools:
         """Decision of each group, in the order of the configuration; shape (n, g)."""
-        return self.flags[:, 1 : 1 + self._shape[0]]
+        return self._flags[:, self._layout.groups_at : self._layout.can_vote_at]
 
     @property
     def can_vote(self) -> Bools:
         """Whether the group has as many valid channels as its vote needs; shape (n, g)."""
-        return self.flags[:, 1 + self._shape[0] : 1 + 2 * self._shape[0]]
+        return self._flags[:, self._layout.can_vote_at : self._layout.channels_at]
 
     @property
     def channels(self) -> Bools:
@@ -84,12 +84,12 @@ class SlipResult:
         It is ON while its level is above the threshold; with evidence it stays ON until the level
         falls to half the threshold.
         """
-        return self.flags[:, 1 + 2 * self._shape[0] :][:, : self._shape[1]]
+        return self._flags[:, self._layout.channels_at : self._layout.valid_at]
 
     @property
     def valid(self) -> Bools:
         """Whether the channel is enabled and not flat, and its sample is good; shape (n, c)."""
-        return self.flags[:, 1 + 2 * self._shape[0] + self._shape[1] :]
+        return self._flags[:, self._layout.valid_at : self._layout.flags]
 
     @property
     def envelope(self) -> Floats:
@@ -131,13 +131,19 @@ class SlipResult:
         statistic has the unit of the level and serves any other threshold: it exceeds that
         threshold exactly where a chain with that threshold has ``slip`` ON.
         """
-        return self._signals[:, self._signals.shape[1] - self._shape[2] :]
+        return self._signals[:, self._width * sum(self._kept) :]
+
+    @property
+    def _width(self) -> int:
+        """Number of columns of a signal."""
+        return LANES * tiles_of(self._layout.flags - self._layout.valid_at)
 
     def _columns(self, name: str) -> Floats:
-        first = self._kept[SIGNALS.index(name)]
-        if first < 0:
+        number = SIGNALS.index(name)
+        if not self._kept[number]:
             raise ValueError(f'{name} was not kept: call update with {name}=True')
-        return self._signals[:, first : first + self._shape[1]]
+        first = self._width * sum(self._kept[:number])
+        return self._signals[:, first:][:, : self._layout.flags - self._layout.valid_at]
 
 
 class SlipChain:
@@ -171,12 +177,11 @@ class SlipChain:
         self._sections, self._low_sections = design(config), design_low(config)
         check_memory(config)
         self._votes: tuple[str | int, ...] = ()
-        self._wanted: tuple[bool, ...] = ()
         self._plan = kernel.plan_of(config, self._sections, self._low_sections, ())
-        self._channels, self._groups = config.channels, len(config.groups)
-        self._columns = kernel.tiles_of(config) * LANES
-        self._width = 1 + 2 * self._groups + 2 * self._channels
-        self._padded_width = kernel.flags_width(config)
+        self._layout, self._flags = _layout_of(config), flag_layout(config)
+        self._row_shape = (config.channels,)
+        self._columns = tiles_of(config.channels) * LANES
+        self._padded_flags = max(self._flags.flags, LANES)
         # The kernel does not write the columns of tiles without an enabled channel.
         self._new_signals = np.zeros if config.disabled_channels else np.empty
         self.reset()
@@ -185,32 +190,27 @@ class SlipChain:
 
     def reset(self) -> None:
         """Forget all rows; the next row is treated as the first."""
-        self.state = kernel.aligned(_state_shape(self.config))
-        self.state[:, [stages.LAST, stages.FIRST]] = np.nan
-        comb = DELAYS + 2 * len(self._sections) + 1
+        own = self._layout
+        self.state = kernel.aligned((tiles_of(self.config.channels), own.slots, LANES))
+        self.state[:, [layout.LAST, layout.FIRST]] = np.nan
+        self.state[:, own.comb_slot + 1 : own.envelope_slot] = np.nan
         if self.config.mains_rows:
-            self.state[:, [stages.HELD, *range(comb, comb + self.config.mains_rows)]] = np.nan
-        if self.config.impact_rows:
-            self.state[:, -self.config.impact_rows :] = np.nan
+            self.state[:, layout.HELD] = np.nan
+        self.state[:, own.steps_slot + 1 :] = np.nan
         # NaN: a floor that is not learnt begins at the first envelope.
         learnt = self.config.decision == 'evidence' and self.config.noise_floor_learnt
-        self.state[:, FLOOR] = self._plan.limits[:, stages.LEAST_DB] if learnt else np.nan
+        self.state[:, layout.FLOOR] = self._plan.limits[:, stages.LEAST_DB] if learnt else np.nan
 
     def restart(self) -> None:
         """Begin again after a gap: forget all rows, but keep the noise floors.
 
         Whether there is contact is not known then. It is held as after a touch: in a still grip
         nothing touches, and a slip that follows must not wait for it.
-
-        Examples
-        --------
-        >>> chain = SlipChain(ChainConfig(decision='evidence', noise_floor=1e-3))
-        >>> chain.restart()
         """
-        floors = self.state[:, FLOOR].copy()
+        floors = self.state[:, layout.FLOOR].copy()
         self.reset()
-        self.state[:, FLOOR] = floors
-        self.state[0, stages.CONTACT_ROWS, 0] = self._plan.settings['contact_rows'][0]
+        self.state[:, layout.FLOOR] = floors
+        self.state[0, layout.CONTACT_ROWS, 0] = self._plan.settings['contact_rows'][0]
 
     def take_floors(self, other: 'SlipChain', rest: ArrayLike) -> None:
         """Begin with noise floors that are as far below the level at rest as another chain's.
@@ -222,20 +222,15 @@ class SlipChain:
         rest : array_like, shape (n, c)
             Rows that show the level of both chains, if possible without slip. A channel that is
             not valid in them keeps its floor here.
-
-        Examples
-        --------
-        >>> config = ChainConfig(decision='evidence', noise_floor=1e-3)
-        >>> SlipChain(config).take_floors(SlipChain(config), np.zeros((5, 16)))
         """
-        below_db = _rest_db(other.config, rest) - other.state[:, FLOOR].flatten()[: self._channels]
+        below_db = _rest_db(other.config, rest) - other.floor_and_level_db()[0]
         below_db *= self.config.exponent / other.config.exponent
         # Without another floor, one that is not learnt begins at the level.
         unknown_db = np.nan if self.config.noise_floor_learnt else 0.0
         below_db = np.where(np.isfinite(below_db), below_db, unknown_db)
         floors_db = _rest_db(self.config, rest) - below_db
         known = np.flatnonzero(np.isfinite(floors_db))
-        self.state[:, FLOOR].flat[known] = floors_db[known]
+        self.state[:, layout.FLOOR].flat[known] = floors_db[known]
 
     def floor_and_level_db(self) -> tuple[Floats, Floats]:
         """Return noise floors and levels after the last row, both of shape (c,), with evidence.
@@ -248,13 +243,13 @@ class SlipChain:
         >>> chain.floor_and_level_db()[0]
         array([nan, nan])
         """
-        window = DELAYS + 2 * len(self._sections) + 1 + self.config.mains_rows
+        window, channels = self._layout.envelope_slot, self.config.channels
         position = int(self.state[:, window, 0].max())  # 0 in a tile without enabled channels.
         power = self.state[:, window + 1] + self.state[:, window + 2 + position]
         with np.errstate(divide='ignore'):
             level_db = 10.0 * np.log10(power / self.config.samples(self.config.envelope_window_s))
-        floor_db = self.state[:, FLOOR]
-        return floor_db.flatten()[: self._channels], level_db.flatten()[: self._channels]
+        floor_db = self.state[:, layout.FLOOR]
+        return floor_db.flatten()[:channels], level_db.flatten()[:channels]
 
     def take_filters(self, other: 'SlipChain') -> None:
         """Take over the state of another chain's filters, with empty windows.
@@ -266,8 +261,7 @@ class SlipChain:
             windows, threshold, decision and vote may differ; this one decides by the mean.
         """
         self.reset()
-        end = DELAYS + 2 * len(self._sections) + 1 + self.config.mains_rows
-        kept = [*range(stages.HOLD_ROWS), *range(DELAYS, end)]
+        kept = [*range(layout.HOLD_ROWS), *range(layout.DELAYS, self._layout.envelope_slot)]
         self.state[:, kept] = other.state[:, kept]
 
     def update(
@@ -314,27 +308,23 @@ class SlipChain:
             self._plan = kernel.plan_of(self.config, self._sections, self._low_sections, votes)
             self._votes = tuple(votes)
         rows = np.ascontiguousarray(volts, np.float64)
-        channels, columns = self._channels, self._columns
-        if rows.ndim != 2 or rows.shape[1] != channels:
-            raise ValueError(f'volts has the shape {rows.shape}, allowed: (any, {channels})')
-        n, many = len(rows), len(votes)
-        if channels < columns:
+        columns = self._columns
+        if rows.shape[1:] != self._row_shape:
+            allowed = f'(any, {self.config.channels})'
+            raise ValueError(f'volts has the shape {rows.shape}, allowed: {allowed}')
+        n = len(rows)
+        if self.config.channels < columns:
             padded = np.zeros((n, columns))
-            padded[:, :channels] = rows
+            padded[:, : self.config.channels] = rows
             rows = padded
-        wanted = envelope, level, floor, excess
-        if wanted != self._wanted:
-            if (floor or excess) and self.config.decision != 'evidence':
-                raise ValueError('floor and excess are not kept, allowed: with decision: evidence')
-            *starts, end = (columns * np.cumsum([0, *wanted])).tolist()
-            places = zip(starts, wanted, strict=True)
-            self._kept = tuple(start if kept else kernel.NOT_KEPT for start, kept in places)
-            self._kept_columns, self._wanted = end, wanted
-        flags = np.empty((n, self._padded_width), BOOL_TYPE)
-        signals = self._new_signals((n, self._kept_columns + many))
-        kernel.compiled_run()(rows, flags, signals, self.state, self._plan, self._kept)
-        shape = self._groups, channels, many
-        return SlipResult(flags[:, : self._width], signals, shape, self._kept)
+        if (floor or excess) and self.config.decision != 'evidence':
+            raise ValueError('floor and excess are not kept, allowed: with decision: evidence')
+        flags = np.empty((n, self._padded_flags), BOOL_TYPE)
+        of_signals = columns * (envelope + level + floor + excess)
+        signals = self._new_signals((n, of_signals + len(votes)))
+        kept = envelope, level, floor, excess
+        kernel.compiled_run()(rows, flags, signals, self.state, self._plan, kept)
+        return SlipResult(flags, signals, self._flags, kept)
 
 
 def _rest_db(config: ChainConfig, rows: ArrayLike) -> Floats:
@@ -348,15 +338,8 @@ def _rest_db(config: ChainConfig, rows: ArrayLike) -> Floats:
         return 20.0 * np.log10(level)
 
 
-def _state_shape(config: ChainConfig) -> tuple[int, int, int]:
-    slots = DELAYS + 2 * len(design(config)) + config.mains_rows + 1
-    slots += config.samples(config.envelope_window_s) + 3
-    if config.decision == 'mean':
-        slots += config.samples(config.decision_window_s) + 3
-    if config.low_band_hz:
-        slots += 2 * len(design_low(config)) + config.samples(config.envelope_window_s) + 3
-    slots += config.impact_rows + (config.impact_rows > 0)
-    return kernel.tiles_of(config), slots, LANES
+def _layout_of(config: ChainConfig) -> layout.StateLayout:
+    return state_layout(config, len(design(config)), len(design_low(config)))
 
 
 def check_memory(config: ChainConfig, kept_s: float = 0.0) -> None:
@@ -373,13 +356,9 @@ def check_memory(config: ChainConfig, kept_s: float = 0.0) -> None:
     ------
     ValueError
         When they need more than :data:`SHARE` of the machine's memory.
-
-    Examples
-    --------
-    >>> check_memory(ChainConfig(), kept_s=5.0)
     """
     kept = config.channels * config.sample_rate_hz * kept_s
-    needed = 8 * (np.prod(_state_shape(config), dtype=float) + kept)
+    needed = 8 * (float(tiles_of(config.channels) * LANES) * _layout_of(config).slots + kept)
     allowed = SHARE * os.sysconf('SC_PAGE_SIZE') * os.sysconf('SC_PHYS_PAGES')
     if needed > allowed:
         raise ValueError(
@@ -393,10 +372,6 @@ def compile_chain() -> None:
 
     Without a cache this takes seconds. The compiled functions serve any configuration, and all
     later processes of the same user.
-
-    Examples
-    --------
-    >>> compile_chain()
     """
     SlipChain()
     grid = StampGrid(period_s=1.0, max_gap_s=1.0)

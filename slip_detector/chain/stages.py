@@ -25,9 +25,14 @@ the integral over time of the excess less an offset: it grows during slip and fa
 CUSUM). docs/method.md has the equations.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
+from slip_detector.chain import layout
+from slip_detector.chain.samples import Floats
 from slip_detector.compiled import (
+    LANES,
     absolute,
     compiled_in_place,
     compiled_within,
@@ -46,21 +51,15 @@ WORD_ROWS = 64
 
 NO_ROW, FIRST_ROW = np.uint64(0), np.uint64(1)
 
-# The first slots of a tile's state. Three of them have one number for all channels, in lane 0 of
-# the first tile: the common mode of the last row, and the remaining rows of the hold times of an
-# impact and of contact. Behind them are the delays of the filters, two slots for each section, the
-# comb and the windows; then delays and window of the low level, if it is needed; last, if impacts
-# are steps over several rows, the samples of these. Of comb, windows and samples the first slot
-# has, in lane 0, the position within the period.
-LAST, REPEATS, FIRST, HELD, COMMON_V, HOLD_ROWS, CONTACT_ROWS = range(7)
-AGE, FLOOR, EVIDENCE, HELD_EVIDENCE, DELAYS = range(7, 12)
-
 # Rows of a tile's limits: the lowest and highest good sample, and the least noise floor in dB.
 LOW, HIGH, LEAST_DB = range(3)
 
 # The words of each channel: the rows in which it is valid, steps as in an impact, is ON, and in
 # which its low level is above that of contact, and 2 dB less.
 VALID, STEPS, ON, TOUCHES, GOES_ON = range(5)
+
+# The signals, in their order; of the floors that is the effective one.
+ENVELOPE, LEVEL, EFFECTIVE, EXCESS = range(4)
 
 #: Share of the time at rest during which a channel's envelope is below its floor.
 QUANTILE = 0.1
@@ -80,9 +79,9 @@ def check_samples(volts, start, end, at, limits, settings, tile, words):
     that of ``impact_rows`` rows ago. ``at`` is the first column of the tile.
     """
     low, high = load(limits, (LOW, 0)), load(limits, (HIGH, 0))
-    last, repeats = load(tile, (LAST, 0)), load(tile, (REPEATS, 0))
+    last, repeats = load(tile, (layout.LAST, 0)), load(tile, (layout.REPEATS, 0))
     flat_rows, impact_v, delay = settings.flat_rows, settings.impact_v, settings.impact_rows
-    slot = tile.shape[0] - 1 - delay
+    slot = settings.steps_slot
     position = int(tile[slot, 0]) if delay > 0 else 0
     for begin in range(start, end, WORD_ROWS):
         able, stepped, row = spread(NO_ROW), spread(NO_ROW), spread(FIRST_ROW)
@@ -106,8 +105,8 @@ def check_samples(volts, start, end, at, limits, settings, tile, words):
         w = (begin - start) // WORD_ROWS
         store(able, words, (w, VALID, at))
         store(stepped, words, (w, STEPS, at))
-    store(last, tile, (LAST, 0))
-    store(repeats, tile, (REPEATS, 0))
+    store(last, tile, (layout.LAST, 0))
+    store(repeats, tile, (layout.REPEATS, 0))
     if delay > 0:
         tile[slot, 0] = position
 
@@ -121,24 +120,25 @@ def load_deviations(block, volts, start, rows, at, limits, tile, common_v):
     large constant. A bad sample is replaced by the input of the row before.
     """
     low, high = load(limits, (LOW, 0)), load(limits, (HIGH, 0))
-    first, held = load(tile, (FIRST, 0)), load(tile, (HELD, 0))
+    first, held = load(tile, (layout.FIRST, 0)), load(tile, (layout.HELD, 0))
     for k in range(rows):
         sample = load(volts, (start + k, at))
         good = (sample >= low) & (sample <= high)
         first = select(good, select(is_number(first), first, sample), first)
         held = select(good, (sample - first) - common_v[k], held)
         store(held, block, (k, 0))
-    store(first, tile, (FIRST, 0))
-    store(held, tile, (HELD, 0))
+    store(first, tile, (layout.FIRST, 0))
+    store(held, tile, (layout.HELD, 0))
 
 
 @compiled_in_place
-def subtract_mains(block, rows, comb_rows, tile, slot):
-    """Subtract from each row the row ``comb_rows`` earlier, which is whole mains periods earlier.
+def subtract_mains(block, rows, settings, tile):
+    """Subtract from each row the row ``mains_rows`` earlier, which is whole mains periods earlier.
 
-    The result is 0 for the first ``comb_rows`` rows from a channel's first good sample on: rows
-    before it are NaN. Earlier rows are kept behind ``slot``.
+    The result is 0 for the first ``mains_rows`` rows from a channel's first good sample on: rows
+    before it are NaN.
     """
+    slot = settings.comb_slot
     position = int(tile[slot, 0])
     for k in range(rows):
         position += 1
@@ -146,18 +146,18 @@ def subtract_mains(block, rows, comb_rows, tile, slot):
         difference = u - load(tile, (slot + position, 0))
         store(u, tile, (slot + position, 0))
         store(select(is_number(difference), difference, 0.0), block, (k, 0))
-        if position == comb_rows:
+        if position == settings.mains_rows:
             position = 0
     tile[slot, 0] = position
 
 
 @compiled_in_place
-def run_filters(block, rows, sections, tile, delays):
+def run_filters(block, rows, sections, tile):
     """Run rows through the second-order sections (transposed direct form II), in place."""
     for s in range(sections.shape[0]):
         b0, b1, b2 = sections[s, 0], sections[s, 1], sections[s, 2]
         a1, a2 = sections[s, 4], sections[s, 5]
-        slot = delays + 2 * s
+        slot = layout.DELAYS + 2 * s
         first, second = load(tile, (slot, 0)), load(tile, (slot + 1, 0))
         for k in range(rows):
             u = load(block, (k, 0))
@@ -202,15 +202,30 @@ def _window_sum(u, position, head, window, tile, tail):
     return position, head, total
 
 
+class Kept(NamedTuple):
+    """What a result has beside flags: which signals are wanted, and the column of each."""
+
+    signals: Floats
+    wanted: tuple[bool, ...]
+    columns: tuple[int, ...]
+
+
+@compiled_within
+def keep(values, number, out, row, at):
+    """Write a signal of a tile, whose first column is ``at``, if it is wanted."""
+    if out.wanted[number]:
+        store(values, out.signals, (row, out.columns[number] + at))
+
+
 @compiled_in_place
-def window_means(block, rows, window, tile, slot, take_root, signals, start, column):
+def window_means(block, start, rows, at, window, tile, slot, take_root, number, out):
     """Replace each value by the mean of the last ``window`` values, zeros before the first row.
 
     The state has the position within the stretch at ``slot``, then the head and the tails. With
     ``take_root`` the result is the root of the mean.
 
-    The means are also written to ``column`` of the signals, unless that is negative. Each is
-    written at once, so that it reaches memory while the next one is computed.
+    The means are also the signal of this number. Each is written at once, so that it reaches
+    memory while the next one is computed.
     """
     position, head, per = int(tile[slot, 0]), load(tile, (slot + 1, 0)), 1.0 / window
     for k in range(rows):
@@ -218,8 +233,7 @@ def window_means(block, rows, window, tile, slot, take_root, signals, start, col
         position, head, total = _window_sum(u, position, head, window, tile, slot + 2)
         mean = square_root(total * per) if take_root else total * per
         store(mean, block, (k, 0))
-        if column >= 0:
-            store(mean, signals, (start + k, column))
+        keep(mean, number, out, start + k, at)
     tile[slot, 0] = position
     store(head, tile, (slot + 1, 0))
 
@@ -290,14 +304,14 @@ def root_decibels(squares):
 
 
 @compiled_within
-def find_low_level(block, low, rows, sections, settings, tile, slot, words, column):
+def find_low_level(block, low, rows, sections, settings, tile, words, at):
     """Write the sum of squares within the low band, and the rows in which it tells contact.
 
     This is what filters, square and window do, in one pass, without the gain of the filters. Both
-    sections have zeros at 0 Hz and half the rate, 1 - z^-2. Behind ``slot`` are their delays, then
-    the window.
+    sections have zeros at 0 Hz and half the rate, 1 - z^-2.
     """
     a1, a2, c1, c2 = sections[0, 4], sections[0, 5], sections[1, 4], sections[1, 5]
+    slot = settings.low_slot
     f1, s1 = load(tile, (slot, 0)), load(tile, (slot + 1, 0))
     f2, s2 = load(tile, (slot + 2, 0)), load(tile, (slot + 3, 0))
     window, position = settings.envelope_rows, int(tile[slot + 4, 0])
@@ -330,28 +344,25 @@ def find_low_level(block, low, rows, sections, settings, tile, slot, words, colu
     store(s2, tile, (slot + 3, 0))
     tile[slot + 4, 0] = position
     store(head, tile, (slot + 5, 0))
-    store(begins, words, (TOUCHES, column))
-    store(goes_on, words, (GOES_ON, column))
+    store(begins, words, (TOUCHES, at))
+    store(goes_on, words, (GOES_ON, at))
 
 
 @compiled_within
-def find_excess(
-    block, low, rows, limits, settings, tile, valid, contact, touch, signals, start, columns
-):
+def find_excess(block, low, start, rows, at, plan, tile, words, contact, touch, out):
     """Replace squares of the envelope by its excess over the floor, in dB; NaN: does not count.
 
     An invalid channel keeps its floor. Floors move in the rows of the word ``touch`` only; one
     that is NaN begins with the envelope there. The floor that counts follows ``low``, in dB, from
     the floor itself up to a cap above it. If the common excess is looked for, ``low`` becomes what
     it is found from: the excess over the floor itself, at least 0; infinite: does not count.
-    ``columns`` of the signals are those of envelope, evidence, the floor that counts and excess,
-    negative if they are not wanted.
     """
+    settings, limits, valid = plan.settings[0], plan.limits[at // LANES], load(words, (VALID, at))
     settle_rows = float(settings.mains_rows + settings.envelope_rows)
     least_db, lift_db = load(limits, (LEAST_DB, 0)), settings.activity_cap_db
     most_db = least_db + settings.noise_floor_range_db
     up_db, down_db = spread(settings.floor_up_db), spread(-settings.floor_down_db)
-    age, floor, row = load(tile, (AGE, 0)), load(tile, (FLOOR, 0)), spread(FIRST_ROW)
+    age, floor, row = load(tile, (layout.AGE, 0)), load(tile, (layout.FLOOR, 0)), spread(FIRST_ROW)
     for k in range(rows):
         square = load(block, (k, 0))
         level = root_decibels(square)
@@ -374,18 +385,16 @@ def find_excess(
         if settings.common_rank > 0:
             bare = level - floor
             store(select(counts, select(bare > 0.0, bare, 0.0), np.inf), low, (k, 0))
-        if columns[0] >= 0:
-            store(square_root(square), signals, (start + k, columns[0]))
-        if columns[2] >= 0:
-            shown = select(is_number(floor), select(counts, effective, floor), least_db)
-            store(shown, signals, (start + k, columns[2]))
+        keep(square_root(square), ENVELOPE, out, start + k, at)
+        shown = select(is_number(floor), select(counts, effective, floor), least_db)
+        keep(shown, EFFECTIVE, out, start + k, at)
         row = row + row
-    store(age, tile, (AGE, 0))
-    store(floor, tile, (FLOOR, 0))
+    store(age, tile, (layout.AGE, 0))
+    store(floor, tile, (layout.FLOOR, 0))
 
 
 @compiled_within
-def sum_evidence(block, rows, settings, tile, held, contact, common_db, signals, start, columns):
+def sum_evidence(block, start, rows, at, plan, tile, held, contact, out):
     """Replace the excess by the number that makes a channel ON above the threshold.
 
     A channel that does not count keeps its evidence. A channel comes ON when its evidence exceeds
@@ -394,7 +403,8 @@ def sum_evidence(block, rows, settings, tile, held, contact, common_db, signals,
     evidence. The common excess is taken off all channels. Out of contact, and during the hold time
     of an impact, the excess of all channels is 0.
     """
-    evidence, number = load(tile, (EVIDENCE, 0)), load(tile, (HELD_EVIDENCE, 0))
+    evidence, number = load(tile, (layout.EVIDENCE, 0)), load(tile, (layout.HELD_EVIDENCE, 0))
+    settings, common_db = plan.settings[0], plan.common_db
     cap_db, limit_db_s = settings.evidence_cap_db, settings.evidence_limit_db_s
     looked_at = contact & ~held
     for k in range(rows):
@@ -413,12 +423,10 @@ def sum_evidence(block, rows, settings, tile, held, contact, common_db, signals,
         number = select(number < most, number, most)
         number = select(number > evidence, number, evidence)
         store(number, block, (k, 0))
-        if columns[1] >= 0:
-            store(evidence, signals, (start + k, columns[1]))
-        if columns[3] >= 0:
-            store(excess, signals, (start + k, columns[3]))
-    store(evidence, tile, (EVIDENCE, 0))
-    store(number, tile, (HELD_EVIDENCE, 0))
+        keep(evidence, LEVEL, out, start + k, at)
+        keep(excess, EXCESS, out, start + k, at)
+    store(evidence, tile, (layout.EVIDENCE, 0))
+    store(number, tile, (layout.HELD_EVIDENCE, 0))
 
 
 @compiled_in_place

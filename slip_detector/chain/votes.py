@@ -37,7 +37,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain import stages
+from slip_detector.chain import layout, stages
 from slip_detector.chain.stages import FIRST_ROW, NO_ROW, WORD_ROWS
 from slip_detector.compiled import (
     LANES,
@@ -125,7 +125,7 @@ def _held(begins, renews, rows, hold_rows, tiles, slot):
 def rows_of_impact(rows, settings, plan, steps, tiles):
     """Return the rows within the hold time of an impact, as a word."""
     impacts = rows_of_count(settings.impact_channels, plan.members, steps, steps, plan.digits)
-    return _held(impacts, NO_ROW, rows, settings.hold_rows, tiles, stages.HOLD_ROWS)
+    return _held(impacts, NO_ROW, rows, settings.hold_rows, tiles, layout.HOLD_ROWS)
 
 
 @compiled_in_place
@@ -135,18 +135,10 @@ def rows_of_contact(rows, settings, plan, words, tiles):
     Contact begins where enough valid channels are above the level of contact, and goes on where
     they are above the lower one: these rows touch, and contact is held for some rows more.
     """
-    count, valid, goes_on = settings.contact_channels, words[stages.VALID], words[stages.GOES_ON]
-    if tiles[0, stages.CONTACT_ROWS, 0] > 0.0:
-        # Most often enough channels are above the lower level in all rows: nothing to count.
-        whole = 0
-        for m in plan.members:
-            whole += 1 if goes_on[m] & valid[m] == ~NO_ROW else 0
-        if whole >= count:
-            tiles[0, stages.CONTACT_ROWS, 0] = settings.contact_rows - 1
-            return ~NO_ROW, ~NO_ROW
+    count, valid = settings.contact_channels, words[stages.VALID]
     begins = rows_of_count(count, plan.members, words[stages.TOUCHES], valid, plan.digits)
-    renews = rows_of_count(count, plan.members, goes_on, valid, plan.digits)
-    contact = _held(begins, renews, rows, settings.contact_rows, tiles, stages.CONTACT_ROWS)
+    renews = rows_of_count(count, plan.members, words[stages.GOES_ON], valid, plan.digits)
+    contact = _held(begins, renews, rows, settings.contact_rows, tiles, layout.CONTACT_ROWS)
     return contact, contact & (begins | renews)
 
 
@@ -155,7 +147,7 @@ def _all_valid(rows, members, tiles, valid):
     """Return whether all channels have started and are valid in all rows."""
     whole = ~NO_ROW >> np.uint64(WORD_ROWS - rows)
     for c in members:
-        if np.isnan(tiles[c // LANES, stages.FIRST, c % LANES]) or valid[c] != whole:
+        if np.isnan(tiles[c // LANES, layout.FIRST, c % LANES]) or valid[c] != whole:
             return False
     return True
 
@@ -164,7 +156,7 @@ def _all_valid(rows, members, tiles, valid):
 def _medians(volts, start, rows, members, tiles, deviations, common_v):
     """Write the medians of rows in which all channels are valid."""
     for c in members:
-        first = tiles[c // LANES, stages.FIRST, c % LANES]
+        first = tiles[c // LANES, layout.FIRST, c % LANES]
         for k in range(rows):
             deviations[c, k] = volts[start + k, c] - first
     below = members.size // 2
@@ -198,27 +190,27 @@ def find_common_mode(volts, start, rows, settings, plan, valid, tiles):
     exchange = kind == MEDIAN and members.size <= EXCHANGED_CHANNELS
     if exchange and _all_valid(rows, members, tiles, valid):
         _medians(volts, start, rows, members, tiles, deviations, common_v)
-        tiles[0, stages.COMMON_V, 0] = common_v[rows - 1]
+        tiles[0, layout.COMMON_V, 0] = common_v[rows - 1]
         return
     row, values = FIRST_ROW, deviations.reshape(-1)
     for k in range(rows):
         n = 0
         for c in range(valid.size):
-            first = tiles[c // LANES, stages.FIRST, c % LANES]
+            first = tiles[c // LANES, layout.FIRST, c % LANES]
             if valid[c] & row and not np.isnan(first):
                 values[n] = volts[start + k, c] - first
                 n += 1
         row = row << FIRST_ROW
-        common_v[k] = _of_row(kind, values[:n], tiles[0, stages.COMMON_V, 0])
-        tiles[0, stages.COMMON_V, 0] = common_v[k]
+        common_v[k] = _of_row(kind, values[:n], tiles[0, layout.COMMON_V, 0])
+        tiles[0, layout.COMMON_V, 0] = common_v[k]
         for t in plan.active:
-            sample, first = load(volts, (start + k, t * LANES)), load(tiles, (t, stages.FIRST, 0))
+            sample, first = load(volts, (start + k, t * LANES)), load(tiles, (t, layout.FIRST, 0))
             limits = plan.limits[t]
             low, high = load(limits, (stages.LOW, 0)), load(limits, (stages.HIGH, 0))
             good = (sample >= low) & (sample <= high)
             begun = select(is_number(first), first, sample - common_v[k])
             first = select(good, begun, first)
-            store(first, tiles, (t, stages.FIRST, 0))
+            store(first, tiles, (t, layout.FIRST, 0))
 
 
 @compiled_within
@@ -372,9 +364,8 @@ def find_statistics(levels, members, bounds, rows, votes, statistics):
 @compiled_within
 def decide(rows, settings, plan, on, valid):
     """Write the words of all flags: the votes of the groups (Table 1), their OR, the channels'."""
-    bounds, decisions, channels = plan.bounds, plan.decisions, settings.channels
-    groups, slip = bounds.size - 1, NO_ROW
-    for g in range(groups):
+    bounds, decisions, slip = plan.bounds, plan.decisions, NO_ROW
+    for g in range(bounds.size - 1):
         own = plan.members[bounds[g] : bounds[g + 1]]
         able, against, decision = NO_ROW, NO_ROW, NO_ROW
         if settings.vote > 0:
@@ -394,9 +385,10 @@ def decide(rows, settings, plan, on, valid):
             for k in range(rows):
                 decision |= row if plan.statistics[0, k] > settings.threshold else NO_ROW
                 row = row << FIRST_ROW
-        decisions[1 + g], decisions[1 + groups + g] = decision, able
+        decisions[settings.groups_at + g] = decision
+        decisions[settings.can_vote_at + g] = able
         slip |= decision
     decisions[0] = slip
-    for c in range(channels):
-        decisions[1 + 2 * groups + c] = on[c]
-        decisions[1 + 2 * groups + channels + c] = valid[c]
+    for c in range(settings.channels):
+        decisions[settings.channels_at + c] = on[c]
+        decisions[settings.valid_at + c] = valid[c]

@@ -23,9 +23,9 @@ from typing import Any
 
 import numpy as np
 
+from slip_detector.chain.layout import CONTACT_ROWS
 from slip_detector.chain.samples import Bools, Floats
 from slip_detector.chain.slip_chain import SlipChain, SlipResult
-from slip_detector.chain.stages import CONTACT_ROWS
 from slip_detector.parameters.fields import name_list
 
 #: What a look finds: the channels, counted from 0, by the kind of what is wrong.

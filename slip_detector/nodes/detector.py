@@ -28,7 +28,8 @@ from std_msgs.msg import Bool
 from slip_detector.chain.live_chain import HISTORY_S, INPUT_PARAMETERS, LiveChain
 from slip_detector.chain.samples import Floats
 from slip_detector.chain.slip_chain import check_memory
-from slip_detector.chain.stamps import DROPPED, StampGrid
+from slip_detector.chain.stamp_rules import DROPPED
+from slip_detector.chain.stamps import StampGrid
 from slip_detector.chain.watch import words_of
 from slip_detector.nodes.health import Diagnostics, Health
 from slip_detector.nodes.inputs import Input, Senders, publishing_nodes
@@ -338,7 +339,7 @@ class Detector(LifecycleNode):
         """Forget names, frame and stamps of earlier samples."""
         config = self._active
         self._stamp_grid = StampGrid(1 / config.sample_rate_hz, config.max_gap_s)
-        self._names = list(config.channel_names) or None
+        self._names = config.channel_names or None
         self._frame_id = ''
         self._last_row: Floats | None = None
         self._health.forget()
@@ -362,19 +363,21 @@ class Detector(LifecycleNode):
         if not waited:
             self._came_ns, self._sent_ns = began_ns, sent_ns
         try:
-            rows, at_ns, names, frame_id, number = source.read(raw, info, self._replayed)
+            samples, number = source.read(raw, info, self._replayed)
         except ValueError as error:
             self._note('dropped, no such field', f'{error}: dropped')
             return
+        rows, frame_id = samples.volts, samples.frame_id
         if not len(rows):  # An empty batch.
             self._stamp_grid.skip(number)
             return
-        if not self._fits(rows, names):
+        if not self._fits(rows, samples.names):
             return
-        if at_ns is None:
+        if not len(samples.stamps_ns):
             # Replayed samples without stamps are taken to have no gaps.
             at_ns = self.get_clock().now().nanoseconds
         else:
+            at_ns = int(samples.stamps_ns[-1])
             missing = self._stamp_grid.arrive(at_ns, len(rows), number)
             if missing == DROPPED:
                 words = 'the stamp of a message does not fit those before: dropped'
@@ -402,7 +405,7 @@ class Detector(LifecycleNode):
         spent_s = (time.monotonic_ns() - began_ns) * 1e-9
         self._health.note_rows(rows, result.valid, at_ns, age_s, spent_s)
 
-    def _fits(self, rows: Floats, names: list[str]) -> bool:
+    def _fits(self, rows: Floats, names: tuple[str, ...]) -> bool:
         """Return whether a message has the channels of those before; note what is wrong if not."""
         number, channels = rows.shape[1], self._active.channels
         if number != channels:

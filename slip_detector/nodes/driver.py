@@ -226,11 +226,13 @@ class Driver(Node):
                     break
                 repetition += 1
                 begin_ns, obeyed = end_ns, None
+                source.close()
                 source = open_source(config, repetition)
             if obeys:
                 self._wait_until(start_s + end_ns * 1e-9 / config.rate)
                 obeyed = self._obey(source, obeyed)
             samples = source.read(rows)
+        source.close()
         self._publish_batch()
         self.get_logger().info(f'played all {played} samples')
         # A subscriber loses samples that it has not received when their publisher ends.

@@ -38,7 +38,7 @@ from slip_detector.nodes.rclpy_internals import ROS_ERRORS, receiver
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.fields import names_that_affect
 from slip_detector.parameters.fitting import fitting, rates_differ
-from slip_detector.recordings.messages import Sample, joint_state_table
+from slip_detector.recordings.messages import joint_state_table
 from slip_detector.recordings.rates import rate_of
 from slip_detector.view.detectors import Diagnosis, Finger
 
@@ -116,7 +116,7 @@ class FingerTopics(PolledTopics):
         super().__init__(node)
         self.finger = finger
         # What came since the last poll, with the time at which it was published.
-        self._samples: list[tuple[int, Sample]] = []
+        self._samples: list[tuple[int, Samples]] = []
         self._levels: list[tuple[int, bytes]] = []
         # Stamps and rows of the messages since it was noted what comes; when, and the rate then.
         self._messages: list[tuple[int, int]] = []
@@ -173,21 +173,22 @@ class FingerTopics(PolledTopics):
 
     def _on_voltages(self, source: Input, raw: bytes, info: dict[str, Any]) -> None:
         try:
-            sample = source.read(raw, info)
-            n, channels = sample.rows.shape
-            self._note_input(sample, n, channels)
+            samples, _ = source.read(raw, info)
+            n, channels = samples.volts.shape
+            self._note_input(samples)
             if n and channels != (wanted := self._config.channels):
                 advice = source.advice(channels, wanted)
                 raise ValueError(f'they have {channels} channels, the detector {wanted}{advice}')
             if n:
-                self._samples.append((info['source_timestamp'], sample))
+                self._samples.append((info['source_timestamp'], samples))
         except ValueError as error:
             # The detector counts and reports them, too.
             self.finger.unfit = time.monotonic(), f'samples come, but {error}'
 
-    def _note_input(self, sample: Sample, n: int, channels: int) -> None:
+    def _note_input(self, samples: Samples) -> None:
         """Find out from time to time what has to be set so that the detector takes what comes."""
-        self._messages.append((sample.stamp_ns or 0, n))
+        n, channels = samples.volts.shape
+        self._messages.append((max(samples.stamps_ns.tolist()[-1:], default=0), n))
         if time.monotonic() - self._noted_s < NOTED_S or not n:
             return
         stamps_ns, counts = np.array(self._messages).T
@@ -196,7 +197,7 @@ class FingerTopics(PolledTopics):
             rate_hz = rate_of(stamps_ns, 'stamps') * float(np.mean(counts))
         # A busy machine, or several senders, seem to have another rate each time.
         if not rates_differ(rate_hz, before_hz) and len(self.senders) < 2:
-            self.finger.to_fit = fitting(self.finger.config, channels, rate_hz, sample.names)
+            self.finger.to_fit = fitting(self.finger.config, channels, rate_hz, samples.names)
         self._messages, self._noted_s, self._rate_hz = [], time.monotonic(), rate_hz
 
     def _on_truth(self, message: Bool, info: dict[str, Any]) -> None:
@@ -220,16 +221,12 @@ class FingerTopics(PolledTopics):
     def _append_samples(self) -> None:
         """Append the samples to the track."""
         received, self._samples = self._samples, []
-        counts = [len(sample.rows) for _, sample in received]
-        # The stamp of a batch is that of its last row.
-        behind = np.concatenate([np.arange(n)[::-1] for n in counts])
-        last_ns = np.repeat([sample.stamp_ns or 0 for _, sample in received], counts)
-        stamps_ns = last_ns - np.round(behind * 1e9 / self._config.sample_rate_hz).astype(np.int64)
-        rows = np.concatenate([sample.rows for _, sample in received])
+        first, *others = (samples for _, samples in received)
+        counts = [len(samples.volts) for _, samples in received]
         truth = np.repeat([state_at(self._truth, at_ns) for at_ns, _ in received], counts)
         self.finger.frame_id = received[-1][1].frame_id
         self.finger.sample_s = time.monotonic()
-        self.finger.track.add_samples(Samples(rows, stamps_ns, truth))
+        self.finger.track.add_samples(first.then(*others)._replace(truth=truth))
 
     def _append_levels(self) -> None:
         """Append the detector's levels and decisions to the track."""

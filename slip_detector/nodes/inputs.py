@@ -23,18 +23,23 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
+from slip_detector.chain.samples import Samples
 from slip_detector.nodes.messages import stamp_ns
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.fields import refuse
-from slip_detector.recordings.messages import FieldReader, JointStateReader, Sample
+from slip_detector.recordings.messages import FieldReader, JointStateReader
 
 #: Most messages of a publisher that may be lost in a row; after a larger step of the numbers it
 #: counts as another publisher.
 MOST_LOST = 1000
+
+#: What samples have whose time is not known.
+NO_STAMPS = np.empty(0, np.int64)
 
 _TYPE = re.compile(r'(?P<package>\w+)/(msg/)?(?P<name>\w+)')
 
@@ -75,17 +80,20 @@ class Input:
             refuse(f'parameter input_field is {config.input_field!r}', text)
         self._has_header = fields.get('header') == 'std_msgs/Header'
         self.has_names = fields.get('name') == 'sequence<string>'
-        self._type = config.input_type
+        self._type, self._period_ns = config.input_type, 1e9 / config.sample_rate_hz
         # The usual kind of input, one message for each sample, for which there is a faster reader.
         quick = self.message_class is JointState and config.input_field == 'position'
         self._reader = JointStateReader() if quick else None
 
-    def read(self, raw: bytes, info: dict[str, int | None], replayed: bool = False) -> Sample:
-        """Return the samples of a serialised message.
+    def read(
+        self, raw: bytes, info: dict[str, int | None], replayed: bool = False
+    ) -> tuple[Samples, int | None]:
+        """Return the samples of a serialised message, and its number if that tells of losses.
 
-        The stamp is that of the header. Without a header, or with the stamp 0, it is the time at
-        which the message was published, or None if time is replayed. As a busy machine publishes
-        late, lost messages are then noticed by the number of the message, not by its time.
+        The stamp of the last sample is that of the header; those before are a period apart.
+        Without a header, or with the stamp 0, it is the time at which the message was published;
+        if time is replayed, it is not known. As a busy machine publishes late, lost messages are
+        then noticed by the number of the message, not by its time.
 
         Parameters
         ----------
@@ -104,25 +112,27 @@ class Input:
             When the message cannot be read or does not have the field.
         """
         if self._reader is not None:
-            sample = self._reader.read(raw)
+            samples = self._reader.read(raw)
+            at_ns: int | None = int(samples.stamps_ns[0])
+            if at_ns:
+                return samples, None
         else:
             try:
                 message = deserialize_message(raw, self.message_class)
             except RuntimeError:  # Its text speaks of the middleware's code.
                 raise ValueError(f'a message is no {self._type}') from None
-            sample = Sample(
-                self._field(message),
-                stamp_ns(message.header.stamp) if self._has_header else None,
-                list(message.name) if self.has_names else [],
-                str(message.header.frame_id) if self._has_header else '',
-            )
-        if sample.stamp_ns:
-            return sample
-        if replayed:
-            return sample._replace(stamp_ns=None)
-        return sample._replace(
-            stamp_ns=info['source_timestamp'], number=info['publication_sequence_number']
-        )
+            header = message.header if self._has_header else None
+            at_ns = 0 if header is None else stamp_ns(header.stamp)
+            names = tuple(message.name) if self.has_names else ()
+            frame_id = '' if header is None else str(header.frame_id)
+            samples = Samples(self._field(message), NO_STAMPS, names=names, frame_id=frame_id)
+        number = None
+        if not at_ns and not replayed:
+            at_ns, number = info['source_timestamp'], info['publication_sequence_number']
+        if not at_ns:
+            return samples._replace(stamps_ns=NO_STAMPS), number
+        before_ns = np.rint(np.arange(len(samples.volts))[::-1] * self._period_ns)
+        return samples._replace(stamps_ns=at_ns - before_ns.astype(np.int64)), number
 
     def advice(self, numbers: int, channels: int) -> str:
         """Return what a message of so many numbers lacks, if it may be a batch of samples.

@@ -26,6 +26,7 @@ from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Header
 
+from slip_detector.chain.layout import flag_layout, flag_names
 from slip_detector.chain.samples import Bools
 from slip_detector.chain.slip_chain import SlipResult
 from slip_detector.nodes import messages
@@ -107,13 +108,11 @@ class Outputs:
         self._envelope = publisher(JointState, '~/envelope', messages.sensor_qos())
         self.envelope_subscribers = self._envelope.get_subscription_count
         states = dict(zip(self._columns, self._states, strict=True))
-        n, names = config.channels, config.names
         self._columns = [
-            ('slip', '', 0),
-            *((kind, name, 0) for kind in ('group', 'can_vote') for name in config.groups),
-            *((kind, name, n) for kind in ('channel', 'valid') for name in names),
-            ('slip_valid', '', 0),  # It follows from the others.
+            (kind, name, config.channels if kind in ('channel', 'valid') else 0)
+            for kind, name in flag_names(config)
         ]
+        self._columns.append(('slip_valid', '', 0))  # It follows from the others.
         self._states = bytes(states.get(column, False) for column in self._columns)
         published = {'group': config.publish_groups, 'channel': config.publish_channels}
         disabled = {('channel', config.names[channel - 1]) for channel in config.disabled_channels}
@@ -123,7 +122,8 @@ class Outputs:
             for column, (kind, name, _) in enumerate(self._columns)
             if published.get(kind) and (kind, name) not in disabled
         }
-        self._can_vote = slice(1 + len(config.groups), 1 + 2 * len(config.groups))
+        flags = flag_layout(config)
+        self._can_vote = slice(flags.can_vote_at, flags.channels_at)
         for column, each in self._listeners.items():
             each.publish(self._messages[self._states[column]])
         self.beat()

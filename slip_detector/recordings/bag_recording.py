@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from slip_detector.chain.samples import Floats, Ints, Samples, Stamps
-from slip_detector.chain.stamps import GAP_PERIODS
+from slip_detector.chain.stamp_rules import GAP_PERIODS
 from slip_detector.parameters.detector import default_channel_names
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.parameters.fields import name_list

@@ -28,7 +28,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path, PurePath
 from typing import Any
 
-from slip_detector.chain.stamps import SEVERAL
+from slip_detector.chain.stamp_rules import SEVERAL
 from slip_detector.parameters.fields import name_list, refuse, shortened, shown_name
 from slip_detector.parameters.files import read_yaml
 from slip_detector.recordings import mcap

@@ -32,7 +32,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from slip_detector.chain.samples import Floats, Stamps
+from slip_detector.chain.samples import Floats, Samples, Stamps
 from slip_detector.parameters.fields import name_list
 
 #: Labels of the two dimensions of a ``*MultiArray`` that carries several samples.
@@ -61,31 +61,6 @@ _STEP = re.compile(r'(?P<name>[A-Za-z]\w*)(\[(?P<element>:|\d{0,9})\])?', re.ASC
 _SYNTAX = 'names joined by dots, each perhaps with [], [2] or, one of them, [:]'
 
 
-class Sample(NamedTuple):
-    """The samples of one message.
-
-    Attributes
-    ----------
-    rows : ndarray, shape (n, channels)
-        Oldest first.
-    stamp_ns : int or None
-        Stamp of the last row; None: unknown.
-    names : list of str
-        Names of the channels; empty if the message has none.
-    frame_id : str
-        Frame of the fingertip; empty if the message has none.
-    number : int or None
-        Number of the message among those of its publisher; None if the message has a stamp of its
-        own, or the middleware does not number messages.
-    """
-
-    rows: Floats
-    stamp_ns: int | None
-    names: list[str]
-    frame_id: str
-    number: int | None = None
-
-
 class JointStateLayout(NamedTuple):
     """Where the parts of a serialised JointState are.
 
@@ -94,7 +69,7 @@ class JointStateLayout(NamedTuple):
     size : int
         Number of bytes.
     frame_id : str
-    names : list of str
+    names : tuple of str
     numbers : dict
         Bytes of position, velocity and effort.
     varying : list of slice
@@ -104,7 +79,7 @@ class JointStateLayout(NamedTuple):
 
     size: int
     frame_id: str
-    names: list[str]
+    names: tuple[str, ...]
     numbers: dict[str, slice]
     varying: list[slice]
 
@@ -137,7 +112,7 @@ def joint_state_layout(raw: bytes) -> JointStateLayout:
 
     try:
         frame_id = text()
-        names = [text() for _ in range(length())]
+        names = tuple(text() for _ in range(length()))
         numbers = {}
         for field in JOINT_FIELDS:
             n = length()
@@ -157,16 +132,17 @@ class JointStateReader:
     Examples
     --------
     >>> raw = JointStateWriter('tip', ['a', 'b']).written(5, np.array([4.1, 4.3]))
-    >>> JointStateReader().read(raw)
-    Sample(rows=array([[4.1, 4.3]]), stamp_ns=5, names=['a', 'b'], frame_id='tip', number=None)
+    >>> samples = JointStateReader().read(raw)
+    >>> samples.volts, samples.stamps_ns, samples.names
+    (array([[4.1, 4.3]]), array([5]), ('a', 'b'))
     """
 
     def __init__(self) -> None:
         self._layout: JointStateLayout | None = None
         self._position, self._texts = slice(0), b''
 
-    def read(self, raw: bytes) -> Sample:
-        """Return the sample of a message, with a stamp of 0 if it has none.
+    def read(self, raw: bytes) -> Samples:
+        """Return the one sample of a message, with a stamp of 0 if it has none.
 
         Raises
         ------
@@ -183,8 +159,8 @@ class JointStateReader:
         # A writable copy, aligned for float64.
         content = bytearray(raw[self._position])
         rows = np.ndarray((1, len(content) // DOUBLES.itemsize), DOUBLES, content)
-        stamp_ns = seconds * 1_000_000_000 + rest
-        return Sample(rows, stamp_ns, layout.names, layout.frame_id)
+        stamps_ns = np.array([seconds * 1_000_000_000 + rest])
+        return Samples(rows, stamps_ns, names=layout.names, frame_id=layout.frame_id)
 
 
 class JointStateTable(NamedTuple):
@@ -192,13 +168,13 @@ class JointStateTable(NamedTuple):
 
     Attributes
     ----------
-    names : list of str
+    names : tuple of str
     stamps_ns : ndarray of int, shape (n,)
     numbers : dict of ndarray, shape (n, joints)
         Position, velocity and effort.
     """
 
-    names: list[str]
+    names: tuple[str, ...]
     stamps_ns: Stamps
     numbers: dict[str, Floats]
 

@@ -19,7 +19,7 @@ import fractions
 import numpy as np
 
 from slip_detector.chain.samples import Bools, Floats, Samples, Stamps
-from slip_detector.chain.stamps import BUNCHED, GAP_PERIODS
+from slip_detector.chain.stamp_rules import BUNCHED, GAP_PERIODS
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.fields import allowed
 

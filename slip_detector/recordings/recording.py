@@ -20,7 +20,7 @@ import itertools
 import sys
 import textwrap
 from abc import ABC, abstractmethod
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -68,11 +68,6 @@ class RecordingCounts:
         One line on the part of a recording that could not be read; empty if all was read.
     doubts : str
         One line on why damage may have gone unseen; empty if it would have been seen.
-
-    Examples
-    --------
-    >>> RecordingCounts(rows=380, gaps=1, bridged_rows=3).bridged_rows
-    3
     """
 
     rows: int = 0
@@ -184,7 +179,7 @@ class Recording(ABC):
             text = f'--resample (recording_resample: true) up to a factor of {MOST_FACTOR}'
             refuse(f'{self.path}: {what}', f'at most {RATE_TOLERANCE:.0%} apart, or {text}')
 
-    def rows(self) -> Iterator[Samples]:
+    def rows(self) -> Generator[Samples, None, None]:
         """Yield all rows as they were recorded, with labels if there are any.
 
         Yields

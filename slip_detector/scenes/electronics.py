@@ -75,14 +75,11 @@ class Electronics(ParameterSet):
         (4.3, 4.35), 'Range of the voltages without contact.', (-100.0, 100.0, 'V')
     )
     normal_v_n: float = parameter(-10.0, 'Sensitivity to normal load.', (-1e6, 1e6, 'V/N'))
-    normal_along_share: float = parameter(
-        1.0, 'Share of normal_v_n that units along the finger (groups L) have.', (0.0, 1.0)
-    )
     shear_v_n: float = parameter(
         2.2, 'Sensitivity to shear load of units across it (groups T).', (-1e6, 1e6, 'V/N')
     )
     shear_along_share: float = parameter(
-        0.5, 'Share of shear_v_n that units along the finger have.', (0.0, 1.0)
+        0.5, 'Share of shear_v_n that units along the finger (groups L) have.', (0.0, 1.0)
     )
     spread: float = parameter(
         0.1, 'Standard deviation of the sensitivities, as a share of them.', (0.0, 1.0)
@@ -169,9 +166,8 @@ class Frontend:
         low_v, high_v = sorted(self._electronics.baseline_v)
         self.baseline_v: Floats = of_fingertip.uniform(low_v, high_v, PAPER_CHANNELS)
         varied = 1 + self._electronics.spread * of_fingertip.standard_normal((2, PAPER_CHANNELS))
-        normal_shares = np.where(ACROSS, 1.0, self._electronics.normal_along_share)
         shear_shares = np.where(ACROSS, 1.0, self._electronics.shear_along_share)
-        self.normal_v_n: Floats = self._electronics.normal_v_n * normal_shares * varied[0]
+        self.normal_v_n: Floats = self._electronics.normal_v_n * varied[0]
         self.shear_v_n: Floats = self._electronics.shear_v_n * shear_shares * varied[1]
         self._drift_steps, self._sample_noise = trials['electronics'].spawn(2)
         self._wandered_v = np.zeros(PAPER_CHANNELS)

@@ -19,8 +19,7 @@ The skin is a spring and a damper that shear along x.
 LuGre model (Canudas de Wit, Olsson, Astrom, Lischinsky 1995): bristles of deflection z under a
 surface that moves with the velocity w against the skin,
 
-    dz/dt = w - sigma0 |w| / g(w) z - r(z),      F = sigma0 z + sigma1(w) (w - sigma0 |w| / g(w) z)
-                                                     + sigma2 w,
+    dz/dt = w - sigma0 |w| / g(w) z - r(z), F = sigma0 z + sigma1(w) (w - sigma0 |w| / g(w) z),
     g(w) = N (mu_k + (mu_s - mu_k) exp(-(w / v_s)^2))
 
 with two additions; without the first the model would create energy, without the second it would
@@ -86,7 +85,6 @@ class Friction(CompiledSet):
     bristle_damping_n_s_m: float = parameter(
         0.1, 'Damping of the bristles, sigma 1.', (0.0, 1e6, 'N s/m')
     )
-    viscous_n_s_m: float = parameter(0.0, 'Viscous friction, sigma 2.', (0.0, 1e6, 'N s/m'))
     unloading_s: float = parameter(
         1e-4, 'Time in which bristles relax that the load cannot hold.', (1e-9, 1.0, 's')
     )
@@ -134,9 +132,8 @@ def _bristle_stage(w, z, load, step, law):
     sliding_slope = 1.0 - rate_slope * after - rate * after_slope
     damping = sigma1 / (1.0 + sigma1 * abs(w) * per_level)
     damping_slope = -damping * damping * rate_slope / sigma0
-    force = sigma0 * after + damping * sliding + law.viscous_n_s_m * w
+    force = sigma0 * after + damping * sliding
     slope = sigma0 * after_slope + damping_slope * sliding + damping * sliding_slope
-    slope += law.viscous_n_s_m
     return force, slope, after, after_slope
 
 
@@ -150,12 +147,11 @@ def _guess(available, impedance, w, z, load, step, law):
     per_level = 1.0 / (load * (kinetic + drop))
     damping = sigma1 / (1.0 + sigma1 * w * per_level)
     per = step * sigma0 * per_level
-    total = impedance + law.viscous_n_s_m
-    b = available * per - total - step * sigma0
+    b = available * per - impedance - step * sigma0
     b -= damping * (1.0 - sigma0 * z * per_level)
     c = max(available - sigma0 * z, 0.0)
-    root = np.sqrt(b * b + 4.0 * total * per * c)
-    return (b + root) / (2.0 * total * per) if b > 0.0 else 2.0 * c / (root - b)
+    root = np.sqrt(b * b + 4.0 * impedance * per * c)
+    return (b + root) / (2.0 * impedance * per) if b > 0.0 else 2.0 * c / (root - b)
 
 
 @compiled

@@ -18,7 +18,8 @@ The normal force, the motion of the plate and the load on an object have a close
 disturbances add to them.
 """
 
-from collections.abc import Mapping, Sequence
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -73,6 +74,13 @@ class Orders(ParameterSet):
         'Normal forces as it is pressed, in turn: each is reached in 0.3 s and held for 1 s.',
         (0.0, 1000.0, 'N'),
     )
+
+    def steps(self, what: str) -> Iterator[Step]:
+        """Return the steps of an order, without end when it is to be pressed."""
+        if what != 'press':
+            return iter([Step(duration_s=0.3, force_n=self.force_n)])
+        turns = [(Step(duration_s=0.3, force_n=n), Step(duration_s=1.0)) for n in self.pressed_n]
+        return itertools.cycle(itertools.chain.from_iterable(turns))
 
 
 #: What a fingertip with the part ``orders`` can be told, and for how long it then does so at most:

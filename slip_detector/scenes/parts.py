@@ -80,8 +80,7 @@ def spawned(trial: np.random.Generator) -> dict[str, np.random.Generator]:
 def read_parts(description: Mapping[str, Any]) -> dict[str, Any]:
     """Return the parts in the content of a scene file, and those that every scene has.
 
-    ``friction: none`` means no friction, ``friction: lugre`` that model with its defaults. An
-    error names an unknown part, or the part and the parameter of a value that is not allowed.
+    An error names an unknown part, or the part and the parameter of a value that is not allowed.
     """
     parts: dict[str, Any] = {name: PARTS[name]() for name in ALWAYS}
     for name, content in description.items():
@@ -89,19 +88,19 @@ def read_parts(description: Mapping[str, Any]) -> dict[str, Any]:
             continue
         if name not in PARTS:
             refuse(f'unknown part {shown_name(name)}', ', '.join((*NOT_PARTS, *PARTS)))
-        if name == 'friction' and content == 'none':
-            continue
-        values = {'model': content} if name == 'friction' and isinstance(content, str) else content
-        if not isinstance(values, Mapping | None):
-            refuse(f'{name} is {shown(values)}', 'names and values')
-        parts[name] = PARTS[name].from_parameters(values or {}, name)
+        if not isinstance(content, Mapping | None):
+            refuse(f'{name} is {shown(content)}', 'names and values')
+        parts[name] = PARTS[name].from_parameters(content or {}, name)
     return parts
 
 
 def check_parts(parts: Mapping[str, Any], steps: Sequence[Step], sample_rate_hz: float) -> None:
     """Raise an error for parts of a scene that contradict each other, or its steps."""
     aliases = 'texture' in parts and not parts['electronics'].bandwidth_hz
-    fastest_m_s = max(abs(step.velocity_m_s) for step in steps)
+    velocities_m_s = [step.velocity_m_s for step in steps]
+    if 'orders' in parts:
+        velocities_m_s.append(parts['orders'].velocity_m_s)
+    fastest_m_s = max(map(abs, velocities_m_s))
     if 'orders' in parts and 'object' in parts:
         refuse('orders: the object moves by itself', 'without the part object')
     if 'object' in parts:
@@ -139,13 +138,12 @@ def check_grip(parts: Mapping[str, Any], force_n: float, where: str = 'friction'
     friction, skin = parts['friction'], parts['skin']
     load_n = parts['contact'].largest_load_n(force_n)
     fall = friction.steepest_fall_n_s_m(load_n)
-    damping = skin.damping_n_s_m + friction.viscous_n_s_m
+    damping = skin.damping_n_s_m
     if fall > damping:
         refuse(
             f'{where}: the skin would chatter, as friction falls with velocity by up to '
-            f'{fall:.3g} N s/m under {load_n:.3g} N, damping_n_s_m and viscous_n_s_m rise by '
-            f'{damping:.3g} N s/m',
-            'more of these, a higher stribeck_velocity_m_s or less static_coefficient',
+            f'{fall:.3g} N s/m under {load_n:.3g} N, and its damping_n_s_m is {damping:.3g} N s/m',
+            'more damping, a higher stribeck_velocity_m_s or less static_coefficient',
         )
     bristle_damping = friction.bristle_damping_n_s_m
     if damping == 0.0 and bristle_damping > 0.0:
@@ -154,10 +152,13 @@ def check_grip(parts: Mapping[str, Any], force_n: float, where: str = 'friction'
 
 
 def _largest_force_n(parts: Mapping[str, Any], steps: Sequence[Step]) -> float:
-    """Return the largest normal force that steps and disturbances can cause."""
+    """Return the largest normal force that steps, orders and disturbances can cause."""
     ratio = parts['motion'].ringing_damping
     overshoot = math.exp(-math.pi * ratio / math.sqrt(1 - ratio**2)) if ratio < 1.0 else 0.0
-    most_n = (1.0 + overshoot) * max(step.force_n for step in steps)
+    forces_n = [step.force_n for step in steps]
+    if 'orders' in parts:
+        forces_n += [parts['orders'].force_n, *parts['orders'].pressed_n]
+    most_n = (1.0 + overshoot) * max(forces_n)
     if 'taps' in parts:
         most_n += max(parts['taps'].peak_force_n, 0.0)
     if 'tremor' in parts:

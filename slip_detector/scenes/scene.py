@@ -15,7 +15,7 @@
 """A scene: combines its parts and produces samples; and scene files by their names."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -102,7 +102,11 @@ class Scene:
         shapes = (len(self.constants.patches), 4), 3, PAPER_CHANNELS, (PAPER_CHANNELS, 3)
         self.state = State(*(np.zeros(shape) for shape in shapes))
         self._next = 0
-        self.read(0)  # Compile the functions now, so that the first read does not wait for it.
+        # Those that the last order asks for; each is appended when the one before has ended.
+        self._steps_to_come: Iterator[motion.Step] = iter(())
+        # Compile the functions now, so that the first read or order does not wait for it.
+        self.read(0)
+        motion.plate_at(0.0, self.drive_numbers.plate)
 
     def _scene_constants(
         self, longest_step_s: float, of_texture: np.random.Generator
@@ -176,19 +180,14 @@ class Scene:
             allowed = ', '.join(motion.ORDERS) if orders else 'with that part'
             refuse(f'order is {shown(what)}', allowed)
         now_s, numbers = self._next / self.sample_rate_hz, self.drive_numbers
-        force_n = float(numbers.force.command_n[-1])
-        steps = [motion.Step(duration_s=0.3, force_n=orders.force_n)]
-        if what == 'press':
-            cycle = [(step_s, n) for n in orders.pressed_n for step_s in (0.3, 1.0)]
-            turns = round(motion.ORDER_S / (1.3 * len(orders.pressed_n)))
-            steps = [motion.Step(duration_s=step_s, force_n=n) for step_s, n in cycle] * turns
+        self._steps_to_come = orders.steps(what)
         every_s, taps = orders.tapped_every_s, np.zeros(0)
         if what == 'taps':
             taps = now_s + np.arange(every_s, motion.ORDER_S, every_s)
         velocity_m_s = orders.velocity_m_s if what == 'slip' else 0.0
         self.length = self._next + round(motion.ORDER_S * self.sample_rate_hz)
         self.drive_numbers = numbers._replace(
-            force=motion.with_steps(numbers.force, now_s, force_n, steps),
+            force=motion.held_force(numbers.force, now_s, float(numbers.force.command_n[-1])),
             plate=motion.with_velocity(numbers.plate, now_s, velocity_m_s, self.parts['motion']),
             taps=numbers.taps._replace(times_s=taps),
         )
@@ -196,6 +195,13 @@ class Scene:
     def force_n(self, time_s: Floats) -> Floats:
         """Return the normal force at given times, with disturbances."""
         return np.asarray(motion.normal_force_at(time_s, self.drive_numbers), dtype=np.float64)
+
+    def _append_steps(self, until_s: float) -> None:
+        """Append the ordered steps that begin before a time to the normal force."""
+        force = self.drive_numbers.force
+        while force.starts_s[-1] < until_s and (step := next(self._steps_to_come, None)):
+            force = motion.with_steps(force, force.starts_s[-1], force.command_n[-1], [step])
+        self.drive_numbers = self.drive_numbers._replace(force=force)
 
     def clean(self, n: int) -> tuple[Floats, Floats, Floats, Floats]:
         """Advance by up to ``n`` samples and return the signals of the fingertip without noise.
@@ -211,6 +217,7 @@ class Scene:
         self._next = last = min(first + n, self.length)
         m = last - first
         constants = self.constants
+        self._append_steps(last / self.sample_rate_hz)
         clean_v, position_m, sliding = np.empty((m, PAPER_CHANNELS)), np.empty(m), np.empty(m)
         begin = first == 0
         # Step times are multiples since the scene's start: any cut into reads gives the same bits.

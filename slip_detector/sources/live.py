@@ -28,7 +28,8 @@ import serial
 from numpy.typing import ArrayLike
 
 from slip_detector.chain.samples import Samples, Stamps
-from slip_detector.chain.stamps import NONE, rising
+from slip_detector.chain.stamp_rules import NONE
+from slip_detector.chain.stamps import rising
 from slip_detector.parameters.detector import default_channel_names
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.fields import refuse

@@ -74,6 +74,10 @@ class RecordingSource(Source):
         now = samples.take(slice(n))
         return now._replace(stamps_ns=now.stamps_ns - self._first_ns)
 
+    def close(self) -> None:
+        """Close the file."""
+        self._pieces.close()
+
 
 class SceneSource(Source):
     """A scene; each sample has its time in it.

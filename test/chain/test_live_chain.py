@@ -24,7 +24,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from slip_detector.chain import live_chain, stages
+from slip_detector.chain import layout, live_chain
 from slip_detector.chain.filters import settling_rows
 from slip_detector.chain.live_chain import HISTORY_S, LiveChain
 from slip_detector.chain.slip_chain import SlipChain
@@ -407,11 +407,11 @@ def test_contact_and_activity_change_at_once_and_go_on_from_where_they_are(
 def test_contact_that_was_switched_off_begins_anew_and_what_needs_other_state_is_built():
     bed = Bed(dataclasses.replace(BOTH, contact_hold_s=60.0))
     bed.chain.update(noise(400), level=False)
-    assert state_of(bed)[0, stages.CONTACT_ROWS, 0] > 0
+    assert state_of(bed)[0, layout.CONTACT_ROWS, 0] > 0
     for level_v in (0.0, 1e6):
         assert bed.change(contact_level_v=level_v)
         assert bed.chain.swap()
-    assert state_of(bed)[0, stages.CONTACT_ROWS, 0] == 0
+    assert state_of(bed)[0, layout.CONTACT_ROWS, 0] == 0
     slots = state_of(bed).shape[1]
     none = {'contact_level_v': 0.0, 'activity_cap_db': 0.0}
     for values in ({'activity_band_hz': (9.0, 15.0)}, none):
@@ -428,10 +428,10 @@ def test_a_change_of_gain_scales_the_floors_and_one_channel_less_keeps_those_of_
         ({'disabled_channels': (3,), 'groups': {}}, 0.0),
         ({'disabled_channels': (), 'groups': {}}, 0.0),
     ):
-        before = state_of(bed)[0, stages.FLOOR, :4].copy()
+        before = state_of(bed)[0, layout.FLOOR, :4].copy()
         bed.change(**values)
         assert bed.swapped()
-        after = state_of(bed)[0, stages.FLOOR, :4]
+        after = state_of(bed)[0, layout.FLOOR, :4]
         assert after[[0, 1, 3]] == pytest.approx(before[[0, 1, 3]] + db, abs=1e-3)
     # One that is enabled again begins where it would settle.
     assert after[2] == pytest.approx(before[0], abs=6.0)
@@ -440,18 +440,18 @@ def test_a_change_of_gain_scales_the_floors_and_one_channel_less_keeps_those_of_
 def test_a_gap_keeps_the_floors_and_a_reset_does_not():
     bed = Bed(EVIDENCE)
     bed.chain.update(noise(400), level=False)
-    before = state_of(bed)[0, stages.FLOOR, :4].copy()
+    before = state_of(bed)[0, layout.FLOOR, :4].copy()
     assert np.isfinite(before).all()
     bed.chain.restart()
-    np.testing.assert_array_equal(state_of(bed)[0, stages.FLOOR, :4], before)
+    np.testing.assert_array_equal(state_of(bed)[0, layout.FLOOR, :4], before)
     assert not bed.chain._history
     # Nor does a chain that was built before the reset, and is swapped in after it.
     bed.change(gain=50.0)
     assert bed.wait_until(lambda: bed.chain._ready)
     bed.chain.reset()
-    assert np.isnan(state_of(bed)[0, stages.FLOOR, :4]).all()
+    assert np.isnan(state_of(bed)[0, layout.FLOOR, :4]).all()
     assert bed.chain.swap()
-    assert np.isnan(state_of(bed)[0, stages.FLOOR, :4]).all()
+    assert np.isnan(state_of(bed)[0, layout.FLOOR, :4]).all()
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.chain import slip_chain, stages
+from slip_detector.chain import layout, slip_chain
 from slip_detector.chain.slip_chain import SlipChain, check_memory
 from slip_detector.parameters.detector import ChainConfig
 from support.chain_cases import QUICK_EVIDENCE, bits, noise
@@ -142,7 +142,7 @@ def test_noise_floors_are_taken_over_by_channel(learnt):
     chain, its = SlipChain(config), SlipChain(other)
     taken = its.update(volts[::-1], floor=True).floor[-1]
     chain.take_floors(its, volts)
-    found = chain.state[:, stages.FLOOR].flatten()[:40]
+    found = chain.state[:, layout.FLOOR].flatten()[:40]
     enabled, known = np.arange(40) != 2, ~np.isin(np.arange(40), range(4, 20))
     scaled = taken - 20 * np.log10(5.0)
     np.testing.assert_allclose(found[known & enabled], scaled[known & enabled])

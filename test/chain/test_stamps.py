@@ -19,7 +19,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from slip_detector.chain.stamps import DROPPED, NEW_STRETCH, StampGrid
+from slip_detector.chain.stamp_rules import DROPPED, NEW_STRETCH
+from slip_detector.chain.stamps import StampGrid
 
 #: In place of the number of missing samples before a sample.
 NEXT = 0

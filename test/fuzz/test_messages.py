@@ -71,25 +71,25 @@ def check(case):
     source = Input(DetectorConfig(input_type=kind, input_field=FIELDS[kind]))
     for raw in messages:
         if kind != 'sensor_msgs/msg/JointState':
-            assert source.read(raw, INFO).rows.ndim == 2
+            assert source.read(raw, INFO)[0].volts.ndim == 2
             continue
         try:
             message = deserialize_message(raw, JointState)
         except (RuntimeError, UnicodeDecodeError):
             message = None
         try:
-            sample = source.read(raw, INFO)
+            samples, _ = source.read(raw, INFO)
         except ValueError:
             # rclpy reads those of machines with another order of bytes, too.
             assert message is None or not len(message.position) or not raw.startswith(b'\0\1')
             raise
         if message is None:
             # One like it was sound up to its positions, and nothing behind them is used.
-            assert sample.rows.shape[0] == 1
+            assert samples.volts.shape[0] == 1
             continue
-        np.testing.assert_array_equal(sample.rows, [message.position])
-        assert (sample.names, sample.frame_id) == (list(message.name), message.header.frame_id)
-        assert sample.stamp_ns == (stamp_ns(message.header.stamp) or INFO['source_timestamp'])
+        np.testing.assert_array_equal(samples.volts, [message.position])
+        assert (samples.names, samples.frame_id) == (tuple(message.name), message.header.frame_id)
+        assert samples.stamps_ns == (stamp_ns(message.header.stamp) or INFO['source_timestamp'])
 
 
 SIGNALLING_NAN = b'\x00\x00\x81\x7f'

@@ -35,20 +35,21 @@ def read(message, **parameters):
 def test_a_field_in_the_depth_of_a_stamped_message_is_read():
     message = WrenchStamped()
     message.header.stamp, message.wrench.force.z = time_message(9), 4.5
-    source, sample = read(
+    source, (samples, number) = read(
         message, input_type='geometry_msgs/msg/WrenchStamped', input_field='wrench.force.z'
     )
     assert not source.has_names
-    assert sample.rows.tolist() == [[4.5]]
-    assert sample[1:] == (9, [], '', None)
+    assert (samples.volts.tolist(), samples.stamps_ns.tolist()) == ([[4.5]], [9])
+    assert (samples.names, samples.frame_id, number) == ((), '', None)
 
 
 def test_a_batch_without_a_header_has_a_row_for_each_sample_and_the_time_of_publication():
     rows = np.arange(6, dtype=np.float32).reshape(3, 2)
-    _, sample = read(batch_of(rows), input_type='std_msgs/Float32MultiArray', input_field='data')
-    np.testing.assert_array_equal(sample.rows, rows)
-    assert sample.stamp_ns == PUBLISHED['source_timestamp']
-    assert sample.number == PUBLISHED['publication_sequence_number']
+    kind = {'input_type': 'std_msgs/Float32MultiArray', 'input_field': 'data'}
+    _, (samples, number) = read(batch_of(rows), sample_rate_hz=1e3, **kind)
+    np.testing.assert_array_equal(samples.volts, rows)
+    assert samples.stamps_ns.tolist() == [5 - 2_000_000, 5 - 1_000_000, 5]
+    assert number == PUBLISHED['publication_sequence_number']
 
 
 @pytest.mark.parametrize(

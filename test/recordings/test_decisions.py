@@ -24,6 +24,7 @@ pytest.importorskip('rosbags', reason='needs rosbags')
 
 from rosbags.highlevel import AnyReader
 
+from slip_detector.chain.layout import flag_layout
 from slip_detector.chain.samples import Samples
 from slip_detector.chain.slip_chain import SlipResult
 from slip_detector.parameters.detector import ChainConfig
@@ -66,7 +67,7 @@ def test_the_last_message_of_each_topic_is_the_decision_on_the_row(tmp_path_fact
     pieces = [
         (
             Samples(np.zeros((b - a, 3)), stamps_ns[a:b], new_stretch=is_gap and a > 0),
-            SlipResult(flags[a:b], levels[a:b], (2, 3, 0), (-1, 0, -1, -1)),
+            SlipResult(flags[a:b], levels[a:b], flag_layout(CONFIG), (False, True, False, False)),
         )
         for a, b in ((0, cut), (cut, n))
     ]

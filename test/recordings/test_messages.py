@@ -70,11 +70,11 @@ def test_messages_one_by_one_and_at_once_are_read_as_rclpy_reads_them(sent, orde
     reader = JointStateReader()
     for message, raw in zip(sent, raws, strict=True):
         sample = reader.read(raw)
-        np.testing.assert_array_equal(sample.rows, [message.position])
-        assert sample.rows.flags.writeable
-        assert sample.rows.flags.aligned
-        assert (sample.names, sample.frame_id) == (list(message.name), message.header.frame_id)
-        assert sample.stamp_ns == stamp_ns(message)
+        np.testing.assert_array_equal(sample.volts, [message.position])
+        assert sample.volts.flags.writeable
+        assert sample.volts.flags.aligned
+        assert (sample.names, sample.frame_id) == (tuple(message.name), message.header.frame_id)
+        assert sample.stamps_ns.tolist() == [stamp_ns(message)]
     alike = [message for message in sent if fixed_parts(message) == fixed_parts(sent[0])]
     assert (joint_state_table(raws) is not None) == (len(alike) == len(sent))
     for message in alike:
@@ -118,7 +118,7 @@ def test_padding_may_have_any_value():
     padded[padded.index(b'bc\0') + 3] ^= 0xFF
     reader = JointStateReader()
     for one in (raw, bytes(padded)):
-        assert reader.read(one).names == ['a', 'bc']
+        assert reader.read(one).names == ('a', 'bc')
 
 
 @pytest.mark.parametrize('zeros', [1, 2, 5, 9, 16])
@@ -127,7 +127,7 @@ def test_a_text_that_is_filled_up_with_zeros_does_not_move_the_numbers(zeros):
     raw = JointStateWriter('x' * zeros, ['a']).written(7, np.array([0.0]))
     filled = raw.replace(b'x' * zeros, bytes(zeros))
     sample = JointStateReader().read(filled)
-    assert (sample.frame_id, sample.names, sample.rows.tolist()) == ('', ['a'], [[0.0]])
+    assert (sample.frame_id, sample.names, sample.volts.tolist()) == ('', ('a',), [[0.0]])
 
 
 @given(st.binary(max_size=200), st.integers(0, 60))

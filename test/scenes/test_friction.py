@@ -42,7 +42,6 @@ LAWS = st.builds(
     stribeck_velocity_m_s=decades(1e-4, 1.0),
     bristle_stiffness_n_m=decades(1e3, 1e9),
     bristle_damping_n_s_m=st.just(0.0) | decades(1e-4, 1e3),
-    viscous_n_s_m=st.just(0.0) | decades(1e-4, 10.0),
     unloading_s=decades(1e-6, 1e-2),
 )
 LOADS_N = st.just(0.0) | decades(1e-9, 1.0)
@@ -89,9 +88,9 @@ def stage_balance(w, available, impedance, z, load_n, step_s, law):
         limited = z + step_s * w + part * math.copysign(most_m, after)
         after = limited / (1.0 + step_s * rate + part)
     damping = sigma1 / (1.0 + sigma1 * abs(w) / level_n(w, law, load_n))
-    force = sigma0 * after + damping * (w - rate * after) + law.viscous_n_s_m * w
+    force = sigma0 * after + damping * (w - rate * after)
     sizes = abs(available) + abs(impedance * w) + abs(sigma0 * after)
-    sizes += damping * (abs(w) + rate * abs(after)) + law.viscous_n_s_m * abs(w)
+    sizes += damping * (abs(w) + rate * abs(after))
     return available - impedance * w - force, sizes, force, after
 
 
@@ -114,7 +113,7 @@ def test_the_stage_finds_the_velocity_at_which_the_forces_balance(
     z = share * most_n(law, load_n) / law.bristle_stiffness_n_m
     available = pull * most_n(law, load_n)
     # What is refused before a scene runs is not asked of the stage.
-    assume(steepest_n_s_m(law, load_n) * math.sqrt(2.0 / math.e) < impedance + law.viscous_n_s_m)
+    assume(steepest_n_s_m(law, load_n) * math.sqrt(2.0 / math.e) < impedance)
     w, force, _, after = lugre_stage(available, impedance, w_last, z, load_n, step_s, law)
     left, sizes, wanted_force, wanted_after = stage_balance(
         w, available, impedance, z, load_n, step_s, law
@@ -157,7 +156,7 @@ SKINS = st.builds(
 @given(SKINS, LAWS, LOADS_N, VELOCITIES_M_S, DISPLACEMENTS_M, VELOCITIES_M_S, STEPS_S)
 def test_friction_is_the_force_that_moves_the_skin(skin, law, load_n, v, x, u, step_s):
     assume(load_n > 0.0 or abs(x) >= 1e-15 or abs(u) >= 1e-15)
-    assume(steepest_n_s_m(law, load_n) < skin.damping_n_s_m + law.viscous_n_s_m)
+    assume(steepest_n_s_m(law, load_n) < skin.damping_n_s_m)
     w, force, _, _ = skin_stage(v, x, u, 0.0, 0.0, load_n, step_s, skin, law)
     # c U + k X = F with U = v - w, all at the end of the step.
     after = v - w

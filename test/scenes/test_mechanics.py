@@ -37,7 +37,6 @@ LUGRE = {
     'stribeck_velocity_m_s': 10e-3,
     'bristle_stiffness_n_m': 1e5,
     'bristle_damping_n_s_m': 0.1,
-    'viscous_n_s_m': 0.0,
     'unloading_s': 1e-4,
 }
 SHEAR_ONLY = {

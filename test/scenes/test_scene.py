@@ -20,6 +20,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from slip_detector.scenes import Scene, find_scene, load_scene
+from slip_detector.scenes.motion import ORDERS
 
 ALL = 10**9
 
@@ -52,7 +53,7 @@ def test_truth_is_the_motion_of_the_platform():
 
 
 def test_what_is_not_named_is_not_built():
-    none = built(friction='none')
+    none = built()
     assert set(none.parts) == {'motion', 'contact', 'skin', 'electronics'}
     # Without skin and filter there is nothing to step through between two samples.
     assert none.constants.steps_per_sample == 1
@@ -94,12 +95,22 @@ def test_a_fingertip_that_obeys_rests_slips_and_is_tapped_and_pressed_from_the_n
         loaded('plate_400um').order('slip')
 
 
-@given(cuts=st.lists(st.integers(1, 200), min_size=1, max_size=4))
-def test_any_cut_between_two_orders_gives_the_same_bits(cuts):
+@given(cuts=st.lists(st.integers(1, 300), min_size=1, max_size=4), what=st.sampled_from(ORDERS))
+def test_any_cut_between_two_orders_gives_the_same_bits(cuts, what):
     def played(cuts):
         scene = loaded('obedient')
         scene.read(500)
-        scene.order('slip')
+        scene.order(what)
         return np.concatenate([scene.read(n).volts for n in cuts])
 
     np.testing.assert_array_equal(played(cuts), played([sum(cuts)]))
+
+
+def test_ordered_forces_and_velocities_are_checked_as_those_of_steps():
+    for orders, why in (
+        ({'pressed_n': [500.0]}, r'^friction: .* chatter'),
+        ({'force_n': 500.0}, 'chatter'),
+        ({'velocity_m_s': -0.5}, r'^texture: ridges pass'),
+    ):
+        with pytest.raises(ValueError, match=why):
+            built(friction={}, texture={}, orders=orders)

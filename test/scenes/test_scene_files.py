@@ -43,7 +43,7 @@ WRONG = [
     ('texture: {depth: 0.1}', 'texture: unknown parameter depth = 0.1; allowed: '),
     ('texture: [1]', 'texture is [1], allowed: names and values'),
     ('humm: {}', 'unknown part humm, allowed: steps, sample_rate_hz, step_s, mot'),
-    ('friction: coulomb', "friction: parameter model is 'coulomb', allowed: lugre"),
+    ('friction: {model: coulomb}', "friction: parameter model is 'coulomb', allowed: lugre"),
     (
         'friction: {kinetic_coefficient: 0.7}',
         'friction: parameter kinetic_coefficient is 0.7, all',

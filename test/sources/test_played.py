@@ -14,6 +14,9 @@
 
 """Recordings and scenes as sources."""
 
+import os
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -53,6 +56,21 @@ def test_a_recording_is_read_to_its_end_in_any_cut(whole, piece_rows, cuts):
     whole_cuts = [len(p.volts) == n for p, n in zip(pieces, cuts, strict=False)]
     assert all(whole_cuts) or sum(cuts) > N_ROWS
     assert len(pieces[-1].volts) == 0
+
+
+def test_a_recording_that_is_left_in_the_middle_is_closed(tmp_path, monkeypatch):
+    monkeypatch.setattr(array_recordings, 'PIECE_ROWS', 3)
+    path = tmp_path / 'a.csv'
+    path.write_text('time_s,a\n' + ''.join(f'{0.01 * k:.2f},1\n' for k in range(N_ROWS)))
+
+    def is_open():
+        return str(path) in map(os.path.realpath, Path('/proc/self/fd').iterdir())
+
+    source = RecordingSource(DriverConfig(recording=str(path)))
+    source.read(5)
+    assert is_open()
+    source.close()
+    assert not is_open()
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,100 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Where the parts of the chain's state are, and the flags of a row: each is counted only here."""
+
+from typing import NamedTuple
+
+from slip_detector.compiled import LANES
+from slip_detector.parameters.detector import ChainConfig
+
+# The first slots of a tile's state. Three of them have one number for all channels, in lane 0 of
+# the first tile: the common mode of the last row, and the remaining rows of the hold times of an
+# impact and of contact. The parts of :class:`StateLayout` begin at ``DELAYS``.
+LAST, REPEATS, FIRST, HELD, COMMON_V, HOLD_ROWS, CONTACT_ROWS = range(7)
+AGE, FLOOR, EVIDENCE, HELD_EVIDENCE, DELAYS = range(7, 12)
+
+
+class StateLayout(NamedTuple):
+    """The slots of a tile's state in which its parts begin, whose lengths depend on the chain.
+
+    Of comb, windows and steps the first slot has, in lane 0, the position within the period.
+
+    Attributes
+    ----------
+    comb_slot : int
+        Rows of a mains period, behind the delays of the filters: two slots for each section.
+    envelope_slot, level_slot : int
+        The windows of the envelope and of its mean: position, head, and the tails.
+    low_slot : int
+        Delays of the filters of the low level, then its window; nothing if it is not needed.
+    steps_slot : int
+        Samples of earlier rows; nothing if impacts are no steps over several rows.
+    slots : int
+        Number of all slots.
+    """
+
+    comb_slot: int
+    envelope_slot: int
+    level_slot: int
+    low_slot: int
+    steps_slot: int
+    slots: int
+
+
+def state_layout(config: ChainConfig, sections: int, low_sections: int) -> StateLayout:
+    """Return the layout of a tile's state for filters of so many sections."""
+    window = config.samples(config.envelope_window_s) + 3
+    mean_window = config.samples(config.decision_window_s) + 3 if config.decision == 'mean' else 0
+    comb = DELAYS + 2 * sections
+    envelope = comb + config.mains_rows + 1
+    level = envelope + window
+    low = level + mean_window
+    steps = low + (2 * low_sections + window if low_sections else 0)
+    slots = steps + (config.impact_rows + 1 if config.impact_rows else 0)
+    return StateLayout(comb, envelope, level, low, steps, slots)
+
+
+class FlagLayout(NamedTuple):
+    """The columns of flags: slip in column 0, and where the other kinds of flags begin."""
+
+    groups_at: int
+    can_vote_at: int
+    channels_at: int
+    valid_at: int
+    flags: int
+
+
+def flag_layout(config: ChainConfig) -> FlagLayout:
+    """Return the layout of a row of flags."""
+    g, c = len(config.groups), config.channels
+    return FlagLayout(1, 1 + g, 1 + 2 * g, 1 + 2 * g + c, 1 + 2 * g + 2 * c)
+
+
+def flag_names(config: ChainConfig) -> list[tuple[str, str]]:
+    """Return what each column of flags is: its kind, and the name of the group or channel.
+
+    Examples
+    --------
+    >>> flag_names(ChainConfig(channels=1, groups={'tip': [1]}))
+    [('slip', ''), ('group', 'tip'), ('can_vote', 'tip'), ('channel', 'ch1'), ('valid', 'ch1')]
+    """
+    of_groups = [(kind, name) for kind in ('group', 'can_vote') for name in config.groups]
+    of_channels = [(kind, name) for kind in ('channel', 'valid') for name in config.names]
+    return [('slip', ''), *of_groups, *of_channels]
+
+
+def tiles_of(channels: int) -> int:
+    """Return the number of tiles of sixteen columns for so many channels."""
+    return -(-channels // LANES)
