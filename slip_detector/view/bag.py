@@ -26,7 +26,7 @@ import numpy as np
 
 from slip_detector.chain.samples import Floats, Samples, Stamps
 from slip_detector.evaluation.evaluator import RecordingLoader
-from slip_detector.parameters import DetectorConfig, DriverConfig
+from slip_detector.parameters import ChainConfig, DetectorConfig, DriverConfig
 from slip_detector.parameters.fields import shown
 from slip_detector.parameters.files import file_errors_of, write_yaml
 from slip_detector.recordings import labels
@@ -194,7 +194,7 @@ class PlayedBag:
         begins = (to_ns + self._later_ns) * 1e-9, to_ns * 1e-9
         self._places = [*self._places[-14:], (last_ns * 1e-9, None), begins]  # The last ones do.
 
-    def trace(self, config: DetectorConfig) -> dict[str, Any]:
+    def trace(self, config: ChainConfig) -> dict[str, Any]:
         """Return what a chain makes of the recording, see :func:`.trace_of`, and the labels."""
         # Meanwhile more may be read.
         rows = [piece._replace(**self._label_of(piece)) for piece in self._pieces]
@@ -250,7 +250,8 @@ class PlayedBag:
             self.move(to_s)
 
     async def _trace(self, message: Message) -> dict[str, Any]:
-        config = self._server.detectors.finger_of(self._finger).config
+        finger = self._server.detectors.fingers.get(self._finger)
+        config = finger.config if finger else self._loader.chain_config
         if not self._pieces:
             raise ValueError('nothing of it is read yet, allowed: in a moment')
         return await self._server.work(self.trace, config)
