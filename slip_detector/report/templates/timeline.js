@@ -1,12 +1,10 @@
-// A timeline: lanes from top to bottom over one axis of time. It draws axis and curves, shows where the
-// pointer is, and lets the user zoom, move and select an interval; the page itself paints what is not a
-// curve, such as a decision that is ON or OFF.
+// A timeline: lanes from top to bottom over one axis of time. It draws axis and curves, shows where
+// the pointer is, and lets the user zoom, move and select an interval; the page itself paints what
+// is not a curve, such as a decision that is ON or OFF.
 //
 // Times are seconds. Positions are CSS pixels from the upper left corner of the timeline.
 
-const AXIS_HEIGHT = 22, NAMES_WIDTH = 92, RIGHT_MARGIN = 16;
-// Least pixels from tick to tick.
-const TICK_SPACE = 90;
+const AXIS_HEIGHT = 22, NAMES_WIDTH = 92, RIGHT_MARGIN = 16, TICK_SPACE = 90;
 const CURVE = '#3d5a73', GRID = '#dfe3e6', TEXT = '#23292e';
 
 // Seconds from tick to tick: 1, 2 and 5 times powers of ten below a second, then those of a clock.
@@ -84,11 +82,11 @@ class Timeline {
     event.preventDefault();
   }
 
-  // Set the lanes from top to bottom: {name, note, kind, height, curve, colors, below, paint, paintScale}.
-  // curve: the number of the lane's curves, true for one. colors: those of its curves, if they are
-  // not the usual one. below: pixels that stay free under the curves. paint(pen, lane): paints the
-  // rest, under the curves, paintScale(pen, lane) what is beside the lanes, with pen.context;
-  // pen.xOf(seconds), pen.right, lane.top and lane.height are in pixels.
+  // Set the lanes from top to bottom: {name, note, kind, height, curve, colors, below, paint,
+  // paintScale}. curve: the number of the lane's curves, true for one. colors: those of its curves,
+  // if they are not the usual one. below: pixels that stay free under the curves. paint(pen, lane):
+  // paints the rest, under the curves, paintScale(pen, lane) what is beside the lanes, with
+  // pen.context; pen.xOf(seconds), pen.right, lane.top and lane.height are in pixels.
   setLanes(lanes) {
     let top = AXIS_HEIGHT;
     for (const lane of lanes) {
@@ -113,12 +111,13 @@ class Timeline {
   }
 
   // Draw an interval of time. x: rising times. curves: those of all lanes, in order, as
-  // {low, high, range}. low, high: the lowest and the highest values from each time to the next, null
-  // where there are none. range: the values at the bottom and the top of the lane. paint(pen): paints
-  // what lies under all lanes.
+  // {low, high, range}. low, high: the lowest and the highest values from each time to the next,
+  // null where there are none. range: the values at the bottom and the top of the lane.
+  // paint(pen): paints what lies under all lanes.
   draw({from, to, x, curves, paint}) {
     Object.assign(this, {from, to, x, curves});
-    const {height} = this, {context, width} = fitted(this.canvas), right = width - this.margin, top = AXIS_HEIGHT;
+    const {context, width} = fitted(this.canvas), {height} = this;
+    const right = width - this.margin, top = AXIS_HEIGHT;
     const xOf = (seconds) => NAMES_WIDTH + (seconds - from) / (to - from) * (right - NAMES_WIDTH);
     const pen = {context, xOf, left: NAMES_WIDTH, right, top, bottom: height};
     const ticks = this.ticks((to - from) / (right - NAMES_WIDTH));
@@ -139,10 +138,10 @@ class Timeline {
 
   // The times of ticks, each with its words, given the seconds of a pixel.
   ticks(pixel_s) {
-    const step = TICKS_S.find((seconds) => seconds >= TICK_SPACE * pixel_s) ?? TICKS_S.at(-1), found = [];
+    const found = [], step = TICKS_S.find((s) => s >= TICK_SPACE * pixel_s) ?? TICKS_S.at(-1);
     const digits = step >= 1 ? 0 : Math.min(3, Math.ceil(-Math.log10(step) - 1e-9));
-    for (let n = Math.ceil(this.from / step); n * step <= this.to; n++) found.push([n * step, this.tickText(n * step, digits)]);
-    return found;
+    for (let n = Math.ceil(this.from / step); n * step <= this.to; n++) found.push(n * step);
+    return found.map((seconds) => [seconds, this.tickText(seconds, digits)]);
   }
 
   // Where a value is in a lane with this range.
@@ -160,7 +159,7 @@ class Timeline {
     }
   }
 
-  // A curve is one line: in each column from the lowest to the highest value, and on to the next column.
+  // A curve is one line: in each column from the lowest to the highest value, and on to the next.
   paintCurve(context, left, lane, {low, high, range}, strokeStyle) {
     const bottom = lane.top + lane.height - lane.below - 1;
     const inside = (y) => Math.max(lane.top, Math.min(bottom, Math.round(y))) + 0.5;
@@ -178,8 +177,8 @@ class Timeline {
     context.stroke();
   }
 
-  // Let the wheel zoom at the pointer, dragging move the interval, two fingers do both - what is under
-  // them stays there - and dragging with Shift select another.
+  // Let the wheel zoom at the pointer, dragging move the interval, two fingers do both, as what is
+  // under them stays there, and dragging with Shift select another.
   listen() {
     const {over} = this, grips = new Map();
     const xOf = (event) => event.clientX - over.getBoundingClientRect().left;

@@ -7,7 +7,7 @@ import {Columns, Stretch} from './stretch.js';
 // Lines are told apart by lightness, too.
 const COLORS = ['#0072b2', '#9a4a00', '#00664b', '#7b2d6b', '#3a3a3a', '#4f7fb8', '#8a7400', '#a34a78'];
 const SMALL = '11px system-ui, \'DejaVu Sans\', sans-serif', SLIP_HEIGHT = 16, LEVEL_HEIGHT = {least: 110, most: 240};
-// Pixels at the right for the scales of volts and levels; most channels that have a column for each pixel.
+// Pixels at the right for the scales; most channels that have a column for each pixel.
 const SCALE_WIDTH = 54, MOST_FINE = 8;
 
 const wordsOfPower = (power) => (Math.abs(power) > 3 ? `1e${power}` : String(10 ** power));
@@ -23,8 +23,6 @@ export class Traces {
     this.columns = null;
     this.ranges = new Map();
     this.truth = false;
-    // Of a recording that is played: from which stamp on which place of it; null: none. In seconds.
-    this.places = null;
     this.chooser = new ChannelChooser(element('chooser'), () => this.layOut());
     this.line = new Slider({
       name: 'Threshold', vertical: true, words: (value) => `threshold ${rounded(value)}${this.unit}`,
@@ -161,8 +159,8 @@ export class Traces {
     this.widest = Math.max(...channels.map((c) => this.ranges.get(c)[1] - this.ranges.get(c)[0]));
   }
 
-  // What a channel's lane shows. The same scale has as many volts from bottom to top for all, not the
-  // same ones, as channels rest at different volts.
+  // What a channel's lane shows. The same scale has as many volts from bottom to top for all, not
+  // the same ones, as channels rest at different volts.
   scaleOf(channel) {
     const [least, most] = this.ranges.get(channel);
     const more = element('same-scale').checked ? (this.widest - (most - least)) / 2 : 0;
@@ -228,6 +226,7 @@ export class Traces {
 
   tickText(seconds, digits = 3) {
     const total = seconds + (this.columns?.begun_s ?? 0);
+    // Of a recording that is played: from which stamp on which place, or null; in seconds.
     if (this.places) {
       const [begin, at] = this.places.findLast(([stamp]) => stamp < total + 1e-4) ?? [0, null];
       return at === null ? '' : `${(at + total - begin).toFixed(digits)} s`;
