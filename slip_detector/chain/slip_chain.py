@@ -261,7 +261,10 @@ class SlipChain:
             windows, threshold, decision and vote may differ; this one decides by the mean.
         """
         self.reset()
-        kept = [*range(layout.HOLD_ROWS), *range(layout.DELAYS, self._layout.envelope_slot)]
+        kept = [
+            *range(layout.HOLD_ROWS),
+            *range(self._layout.delay_slot, self._layout.envelope_slot),
+        ]
         self.state[:, kept] = other.state[:, kept]
 
     def update(
