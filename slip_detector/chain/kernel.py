@@ -230,7 +230,7 @@ def _find_envelopes(volts, start, rows, at, block, low, plan, tile, words, out):
         stages.find_low_level(block, low, rows, plan.low_sections, settings, tile, words, at)
     if settings.mains_rows > 0:
         stages.subtract_mains(block, rows, settings, tile)
-    stages.run_filters(block, rows, plan.sections, tile)
+    stages.run_filters(block, rows, plan.sections, tile, settings.delay_slot)
     stages.rectified_power(block, rows, settings.full_wave != 0, settings.exponent)
     window, slot, root = settings.envelope_rows, settings.envelope_slot, settings.evidence == 0
     stages.window_means(block, start, rows, at, window, tile, slot, root, stages.ENVELOPE, out)

@@ -14,6 +14,7 @@
 
 """Where the parts of the chain's state are, and the flags of a row: each is counted only here."""
 
+import itertools
 from typing import NamedTuple
 
 from slip_detector.compiled import LANES
@@ -21,9 +22,9 @@ from slip_detector.parameters.detector import ChainConfig
 
 # The first slots of a tile's state. Three of them have one number for all channels, in lane 0 of
 # the first tile: the common mode of the last row, and the remaining rows of the hold times of an
-# impact and of contact. The parts of :class:`StateLayout` begin at ``DELAYS``.
+# impact and of contact. The parts of :class:`StateLayout` begin behind these.
 LAST, REPEATS, FIRST, HELD, COMMON_V, HOLD_ROWS, CONTACT_ROWS = range(7)
-AGE, FLOOR, EVIDENCE, HELD_EVIDENCE, DELAYS = range(7, 12)
+AGE, FLOOR, EVIDENCE, HELD_EVIDENCE, NUMBERS = range(7, 12)
 
 
 class StateLayout(NamedTuple):
@@ -33,8 +34,10 @@ class StateLayout(NamedTuple):
 
     Attributes
     ----------
+    delay_slot : int
+        Delays of the filters, two slots for each section.
     comb_slot : int
-        Rows of a mains period, behind the delays of the filters: two slots for each section.
+        Rows of a mains period.
     envelope_slot, level_slot : int
         The windows of the envelope and of its mean: position, head, and the tails.
     low_slot : int
@@ -45,6 +48,7 @@ class StateLayout(NamedTuple):
         Number of all slots.
     """
 
+    delay_slot: int
     comb_slot: int
     envelope_slot: int
     level_slot: int
@@ -57,13 +61,10 @@ def state_layout(config: ChainConfig, sections: int, low_sections: int) -> State
     """Return the layout of a tile's state for filters of so many sections."""
     window = config.samples(config.envelope_window_s) + 3
     mean_window = config.samples(config.decision_window_s) + 3 if config.decision == 'mean' else 0
-    comb = DELAYS + 2 * sections
-    envelope = comb + config.mains_rows + 1
-    level = envelope + window
-    low = level + mean_window
-    steps = low + (2 * low_sections + window if low_sections else 0)
-    slots = steps + (config.impact_rows + 1 if config.impact_rows else 0)
-    return StateLayout(comb, envelope, level, low, steps, slots)
+    low = 2 * low_sections + window if low_sections else 0
+    steps = config.impact_rows + 1 if config.impact_rows else 0
+    lengths = 2 * sections, config.mains_rows + 1, window, mean_window, low, steps
+    return StateLayout(*itertools.accumulate(lengths, initial=NUMBERS))
 
 
 class FlagLayout(NamedTuple):
@@ -78,8 +79,9 @@ class FlagLayout(NamedTuple):
 
 def flag_layout(config: ChainConfig) -> FlagLayout:
     """Return the layout of a row of flags."""
-    g, c = len(config.groups), config.channels
-    return FlagLayout(1, 1 + g, 1 + 2 * g, 1 + 2 * g + c, 1 + 2 * g + 2 * c)
+    groups, channels = len(config.groups), config.channels
+    lengths = groups, groups, channels, channels
+    return FlagLayout(*itertools.accumulate(lengths, initial=1))
 
 
 def flag_names(config: ChainConfig) -> list[tuple[str, str]]:

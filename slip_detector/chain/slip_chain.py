@@ -261,7 +261,8 @@ class SlipChain:
             windows, threshold, decision and vote may differ; this one decides by the mean.
         """
         self.reset()
-        kept = [*range(layout.HOLD_ROWS), *range(layout.DELAYS, self._layout.envelope_slot)]
+        own = self._layout
+        kept = [*range(layout.HOLD_ROWS), *range(own.delay_slot, own.envelope_slot)]
         self.state[:, kept] = other.state[:, kept]
 
     def update(

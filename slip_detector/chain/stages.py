@@ -152,12 +152,12 @@ def subtract_mains(block, rows, settings, tile):
 
 
 @compiled_in_place
-def run_filters(block, rows, sections, tile):
+def run_filters(block, rows, sections, tile, delay_slot):
     """Run rows through the second-order sections (transposed direct form II), in place."""
     for s in range(sections.shape[0]):
         b0, b1, b2 = sections[s, 0], sections[s, 1], sections[s, 2]
         a1, a2 = sections[s, 4], sections[s, 5]
-        slot = layout.DELAYS + 2 * s
+        slot = delay_slot + 2 * s
         first, second = load(tile, (slot, 0)), load(tile, (slot + 1, 0))
         for k in range(rows):
             u = load(block, (k, 0))
