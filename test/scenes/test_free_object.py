@@ -144,7 +144,7 @@ def test_a_grip_from_outside_changes_nothing_that_was_before(grip_n, at):
     [
         (-1e-3, 'force_n is -0.001 N, allowed: 0 to 1000 N'),
         (1e4, 'force_n is 10000 N, allowed: 0 to 1000 N'),
-        (1000.0, 'a grip of 1000 N: the skin would chatter, .*, allowed: more of these'),
+        (1000.0, 'a grip of 1000 N: the skin would chatter, .*, allowed: more damping'),
     ],
 )
 def test_a_grip_out_of_range_or_under_which_the_skin_would_chatter_is_refused(force_n, said):
