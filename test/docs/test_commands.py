@@ -47,7 +47,7 @@ NOT_HERE = re.compile(
 
 #: What the programs of others are asked for; the package has tests that do the same.
 OF_OTHERS = re.compile(
-    r'ros2 (bag (record|reindex)|topic (echo|hz)|param (set|get|load)|lifecycle set)\b.*'
+    r'ros2 (bag (record|reindex)|topic (echo|hz|info)|param (set|get|load)|lifecycle set)\b.*'
     r'|ros2 launch foxglove_bridge\b.*'
     r'|ros2 launch|ros2 run( slip_detector| rviz2 .*| plotjuggler .*)|dask (scheduler|worker .*)'
     r'|colcon (build --packages-select slip_detector|test)|rosdep install .*|ament_copyright .*'
