@@ -82,7 +82,7 @@ def rows_in_contact(low, valid, config, hold_rows):
         return contact, touches
     touched = -np.inf
     for row in range(len(low)):
-        in_contact = row - touched <= hold_rows and row > 0 and contact[row - 1]
+        in_contact = row - touched < hold_rows
         wanted_v = config.contact_level_v * (10 ** (-2 / 20) if in_contact else 1)
         if np.count_nonzero(low[row, valid[row]] > wanted_v) >= config.contact_channels:
             touched = row
