@@ -282,12 +282,11 @@ class Problem:
         found = []
         of_votes = sweep.vote_statistics(chain, sweep.votes_of(chain), self.tracks)
         for vote, statistic in of_votes.items():
+            voted = dataclasses.replace(chain, vote=vote)
             limits = sweep.thresholds(chain, statistic, self.tracks)
-            if limits.size:
-                voted = dataclasses.replace(chain, vote=vote)
-                found.append(self._cheapest(voted, statistic, limits, NEIGHBOURS))
-        found.sort(key=lambda one: one.cost_ms)
-        return [one for one in found if one.cost_ms < math.inf]
+            found += [self._cheapest(voted, statistic, limits, NEIGHBOURS)] if limits.size else []
+        usable = [one for one in found if one.cost_ms < math.inf]
+        return sorted(usable, key=lambda one: one.cost_ms)
 
     def as_it_is(self, chain: ChainConfig) -> Candidate:
         """Return the cost of a chain with its own threshold and vote.
@@ -304,32 +303,22 @@ class Problem:
         self, chain: ChainConfig, statistic: Sequence[Floats], limits: Floats, neighbours: int
     ) -> Candidate:
         """Return a chain with the threshold that, with so many neighbours, costs least."""
-        swept = Events.pooled(self._events(chain, statistic, limits))
+        scoring = self._scoring(chain)
+        of_tracks = sweep.sweep_thresholds(statistic, self.tracks, limits, *scoring)
+        swept = Events.pooled(of_tracks)
         costs_ms = self._costs_ms(chain, limits, swept, neighbours)
         at = int(np.argmin(costs_ms))
         chain = dataclasses.replace(chain, threshold=float(limits[at]))
-        areas = self._areas(chain, statistic)
-        lacking = 1.0 - (areas['auc'] or 0.0)
-        if self.figures is not None:
-            before = self.figures['auc'] or 0.0
-            lacking += WORSE_COUNTS * max(before - (areas['auc'] or 0.0), 0.0)
+        areas = sweep.count_scores(statistic, self.tracks, chain.threshold, *scoring).aucs()
+        auc = areas['auc'] or 0.0
+        before = auc if self.figures is None else self.figures['auc'] or 0.0
+        lacking = 1.0 - auc + WORSE_COUNTS * max(before - auc, 0.0)
         cost_ms = float(costs_ms[at]) + self.config.auc_costs_ms * lacking
         return Candidate(chain, cost_ms, {**swept.at(at), **areas})
 
-    def _settling_rows(self, chain: ChainConfig) -> int:
-        return max(settling_rows(chain), self.settling_rows)
-
-    def _events(
-        self, chain: ChainConfig, statistic: Sequence[Floats], limits: Floats
-    ) -> list[Events]:
-        """Return the events of each recording at each threshold."""
-        rows = self._settling_rows(chain)
-        return sweep.sweep_thresholds(statistic, self.tracks, limits, self.evaluation, rows)
-
-    def _areas(self, chain: ChainConfig, statistic: Sequence[Floats]) -> Figures:
-        """Return the areas under the ROC curve, see :data:`Figures`."""
-        scoring = chain.threshold, self.evaluation, self._settling_rows(chain)
-        return sweep.count_scores(statistic, self.tracks, *scoring).aucs()
+    def _scoring(self, chain: ChainConfig) -> tuple[EvaluationConfig, int]:
+        """Return what counts as detected, and in how many rows a chain settles."""
+        return self.evaluation, max(settling_rows(chain), self.settling_rows)
 
     def left_out(self, chain: ChainConfig) -> tuple[float, Floats]:
         """Return what a chain costs where the threshold for a recording comes from the others.
@@ -349,7 +338,9 @@ class Problem:
         many = min(FOLDS, sum(bool(track.slips) for track in self.tracks))
         if many < 2 or not limits.size:
             return math.inf, np.zeros(many)
-        of_tracks = self._events(chain, statistic, limits)
+        scoring = self._scoring(chain)
+        of_tracks = sweep.sweep_thresholds(statistic, self.tracks, limits, *scoring)
+        areas = sweep.count_scores(statistic, self.tracks, chain.threshold, *scoring).aucs()
         folds = [Events.pooled(of_tracks[k] for k in order[fold::many]) for fold in range(many)]
         others = [[k for k in range(many) if k != fold] for fold in range(many)]
         alone = []
@@ -358,7 +349,7 @@ class Problem:
             costs_ms = self._costs_ms(chain, limits, pooled, NEIGHBOURS)
             alone.append(fold.at_one(int(np.argmin(costs_ms))))
         limit = np.array([chain.threshold])
-        lacking_ms = self.config.auc_costs_ms * (1.0 - (self._areas(chain, statistic)['auc'] or 0))
+        lacking_ms = self.config.auc_costs_ms * (1.0 - (areas['auc'] or 0.0))
         found = [
             self._costs_ms(chain, limit, Events.pooled(alone[k] for k in which), 0)[0] + lacking_ms
             for which in (range(many), *others)
