@@ -281,10 +281,9 @@ class Problem:
         """
         found = []
         of_votes = sweep.vote_statistics(chain, sweep.votes_of(chain), self.tracks)
-        for vote, statistic in of_votes.items():
-            voted = dataclasses.replace(chain, vote=vote)
-            limits = sweep.thresholds(chain, statistic, self.tracks)
-            found += [self._cheapest(voted, statistic, limits, NEIGHBOURS)] if limits.size else []
+        for vote, parts in of_votes.items():
+            voted, limits = dataclasses.replace(chain, vote=vote), sweep.thresholds(chain, parts)
+            found += [self._cheapest(voted, parts, limits, NEIGHBOURS)] if limits.size else []
         usable = [one for one in found if one.cost_ms < math.inf]
         return sorted(usable, key=lambda one: one.cost_ms)
 
@@ -296,20 +295,19 @@ class Problem:
         ValueError
             When the chain cannot be built.
         """
-        (statistic,) = sweep.vote_statistics(chain, [chain.vote], self.tracks).values()
-        return self._cheapest(chain, statistic, np.array([chain.threshold]), neighbours=0)
+        parts = sweep.vote_statistics(chain, [chain.vote], self.tracks)[chain.vote]
+        return self._cheapest(chain, parts, np.array([chain.threshold]), neighbours=0)
 
     def _cheapest(
-        self, chain: ChainConfig, statistic: Sequence[Floats], limits: Floats, neighbours: int
+        self, chain: ChainConfig, parts: Sequence[sweep.Part], limits: Floats, neighbours: int
     ) -> Candidate:
         """Return a chain with the threshold that, with so many neighbours, costs least."""
         scoring = self._scoring(chain)
-        of_tracks = sweep.sweep_thresholds(statistic, self.tracks, limits, *scoring)
-        swept = Events.pooled(of_tracks)
+        swept = Events.pooled(sweep.sweep_thresholds(parts, limits, *scoring))
         costs_ms = self._costs_ms(chain, limits, swept, neighbours)
         at = int(np.argmin(costs_ms))
         chain = dataclasses.replace(chain, threshold=float(limits[at]))
-        areas = sweep.count_scores(statistic, self.tracks, chain.threshold, *scoring).aucs()
+        areas = sweep.count_scores(parts, chain.threshold, *scoring).aucs()
         auc = areas['auc'] or 0.0
         before = auc if self.figures is None else self.figures['auc'] or 0.0
         lacking = 1.0 - auc + WORSE_COUNTS * max(before - auc, 0.0)
@@ -331,16 +329,16 @@ class Problem:
         costs_ms : ndarray, shape (folds,)
             Of all but one recording, or group of :data:`FOLDS`, for the error of the cost.
         """
-        (statistic,) = sweep.vote_statistics(chain, [chain.vote], self.tracks).values()
-        limits = sweep.thresholds(chain, statistic, self.tracks)
+        parts = sweep.vote_statistics(chain, [chain.vote], self.tracks)[chain.vote]
+        limits = sweep.thresholds(chain, parts)
         # Recordings with slips are spread over the groups.
         order = sorted(range(len(self.tracks)), key=lambda k: not self.tracks[k].slips)
         many = min(FOLDS, sum(bool(track.slips) for track in self.tracks))
         if many < 2 or not limits.size:
             return math.inf, np.zeros(many)
         scoring = self._scoring(chain)
-        of_tracks = sweep.sweep_thresholds(statistic, self.tracks, limits, *scoring)
-        areas = sweep.count_scores(statistic, self.tracks, chain.threshold, *scoring).aucs()
+        of_tracks = sweep.sweep_thresholds(parts, limits, *scoring)
+        areas = sweep.count_scores(parts, chain.threshold, *scoring).aucs()
         folds = [Events.pooled(of_tracks[k] for k in order[fold::many]) for fold in range(many)]
         others = [[k for k in range(many) if k != fold] for fold in range(many)]
         alone = []

@@ -234,8 +234,8 @@ def test_a_threshold_next_to_no_evidence_is_not_taken():
     objective = Problem(tracks)
     for found in objective.best(chain):
         assert found.figures['sooner_than_chance'] > 0.9
-        (statistic,) = vote_statistics(chain, [found.chain.vote], tracks).values()
-        assert found.chain.threshold >= thresholds(chain, statistic, tracks)[3]
+        (parts,) = vote_statistics(chain, [found.chain.vote], tracks).values()
+        assert found.chain.threshold >= thresholds(chain, parts)[3]
         # Three steps of 3 %, or 0.257 dB, for as long as a window.
         assert found.chain.threshold > 3 * 0.25 * chain.envelope_window_s
 
@@ -248,9 +248,9 @@ def test_the_threshold_for_a_recording_comes_from_the_others(monkeypatch):
         """Return the threshold for each recording, the first of which is as loud, and costs."""
         volts, truth = slips(1)
         tracks = [track_with(4.3 + gain * (volts - 4.3), truth), track(2), track(3), track(4)]
-        (statistic,) = vote_statistics(CHAIN, [CHAIN.vote], tracks).values()
+        (parts,) = vote_statistics(CHAIN, [CHAIN.vote], tracks).values()
         cost_ms, costs_ms = Problem(tracks).left_out(CHAIN)
-        return thresholds(CHAIN, statistic, tracks)[chosen[-4:]], cost_ms, costs_ms
+        return thresholds(CHAIN, parts)[chosen[-4:]], cost_ms, costs_ms
 
     before, cost_ms, _ = left_out(1.0)
     # Louder noise costs time ON where the threshold is not its own; without it nothing changes.
