@@ -59,8 +59,6 @@ class Compared(NamedTuple):
         1 where more is better, -1 where less is.
     step : float
         Up to this difference two are equal.
-    trade : float
-        By so much it may get worse where ``trade`` is set.
     cost : str
         The weight, see :class:`.TuneConfig`, of a difference of 1 / ``per``.
     per : float
@@ -68,7 +66,6 @@ class Compared(NamedTuple):
 
     sign: float
     step: float
-    trade: float
     cost: str
     per: float = 1.0
 
@@ -76,13 +73,13 @@ class Compared(NamedTuple):
 ON = 'false_time_costs_ms'
 #: The figures that must not get worse, by name: first what a slip costs, then time ON by kind.
 COMPARED = {
-    'recall': Compared(1.0, 1e-9, 0.05, 'missed_costs_ms'),
-    'coverage': Compared(1.0, 0.005, 0.1, 'missed_time_costs_ms', 100.0),
-    'latency_median_all_ms': Compared(-1.0, 1e-9, 50.0, ''),
-    'false_alarms_per_minute': Compared(-1.0, 1e-9, 5.0, 'false_alarm_costs_ms'),
-    'false_time_percent': Compared(-1.0, 1e-9, 5.0, ON),
-    **{f'{kind}_on_percent': Compared(-1.0, 0.5, 5.0, ON) for kind in KINDS},
-    'auc': Compared(1.0, 1e-3, 0.02, 'auc_costs_ms'),
+    'recall': Compared(1.0, 1e-9, 'missed_costs_ms'),
+    'coverage': Compared(1.0, 0.005, 'missed_time_costs_ms', 100.0),
+    'latency_median_all_ms': Compared(-1.0, 1e-9, ''),
+    'false_alarms_per_minute': Compared(-1.0, 1e-9, 'false_alarm_costs_ms'),
+    'false_time_percent': Compared(-1.0, 1e-9, ON),
+    **{f'{kind}_on_percent': Compared(-1.0, 0.5, ON) for kind in KINDS},
+    'auc': Compared(1.0, 1e-3, 'auc_costs_ms'),
 }
 
 
@@ -122,9 +119,7 @@ def worse_by(figures: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, 
     return found
 
 
-def worse_figures(
-    figures: Mapping[str, Any], other: Mapping[str, Any], limit: str = 'step'
-) -> list[str]:
+def worse_figures(figures: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
     """Return which of :data:`COMPARED` are worse, or not defined where the other's are.
 
     See :func:`worse_by`. The latency of the slips found is not compared, as it falls where late
@@ -134,8 +129,6 @@ def worse_figures(
     ----------
     figures, other
         See :data:`Figures`.
-    limit
-        By more than what they are worse: ``step`` or ``trade`` of :class:`Compared`.
 
     Examples
     --------
@@ -146,7 +139,7 @@ def worse_figures(
     return [
         name
         for name, by in worse_by(figures, other).items()
-        if figures[name] is None or by > getattr(COMPARED[name], limit)
+        if figures[name] is None or by > COMPARED[name].step
     ]
 
 
