@@ -352,9 +352,16 @@ class Problem:
     def _costs_ms(
         self, chain: ChainConfig, limits: Floats, swept: Events, neighbours: int
     ) -> Floats:
-        """Return the cost at each of T thresholds, with its neighbours; shape (T,)."""
+        """Return the mean cost of each of T thresholds and its neighbours; shape (T,).
+
+        Nothing is ON from the highest threshold on, so that its cost continues above. What is ON
+        below the lowest is not known, so thresholds that lack neighbours there have an infinite
+        cost.
+        """
         costs_ms = self._event_costs_ms(swept) + self._hidden_costs_ms(chain, limits)
-        return _with_neighbours(costs_ms, neighbours)
+        padded, width = np.pad(costs_ms, neighbours, mode='edge'), 2 * neighbours + 1
+        padded[:neighbours] = np.inf
+        return np.asarray(np.convolve(padded, np.full(width, 1.0 / width), 'valid'))
 
     def _event_costs_ms(self, swept: Events) -> Floats:
         """Return the cost of slips and alarms at each of T thresholds, shape (T,).
@@ -432,23 +439,7 @@ def _of_kinds(swept: Events, what: int) -> Floats:
     It is that of rest plus the mean of those of the other kinds of recordings: rest counts as much
     as all others together, and each of these as another, however long it is.
     """
-    shares = [
-        (name in ('', 'rest'), of[what] / of[0])
-        for name, of in zip(LASTING, swept.lasting, strict=True)
-        if name != 'slip' and of[0].all()
-    ]
-    parts = [[share for rest, share in shares if rest is wanted] for wanted in (True, False)]
-    rest, others = (np.mean(part, axis=0) if part else 0.0 for part in parts)
-    return np.asarray(rest + others)
-
-
-def _with_neighbours(costs: Floats, neighbours: int) -> Floats:
-    """Return the mean of each cost and of the costs of the neighbouring thresholds; shape (T,).
-
-    Nothing is ON from the highest threshold on, so that its cost continues above. What is ON below
-    the lowest is not known, so thresholds that lack neighbours there have an infinite cost.
-    """
-    width = 2 * neighbours + 1
-    padded = np.pad(costs, neighbours, mode='edge')
-    padded[:neighbours] = np.inf
-    return np.asarray(np.convolve(padded, np.full(width, 1.0 / width), 'valid'))
+    first = LASTING.index('rest') + 1
+    parts = swept.lasting[1:first], swept.lasting[first:]  # the rest and the other kinds
+    shares = ([of[what] / of[0] for of in part if of[0].all()] for part in parts)
+    return np.asarray(sum(np.mean(part, axis=0) for part in shares if part))

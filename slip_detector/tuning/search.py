@@ -203,8 +203,6 @@ class Study:
         self._copy = optuna.create_study(sampler=sampler)
         self._asked, self._all = list[Any](), list[Any]()
         self._costs_ms: dict[Any, float] = {}
-        #: The trial that costs least; None: there is none.
-        self.cheapest: Any = None
         with self.errors_in_one_line():
             self._shared = optuna.create_study(
                 storage=storage and _opened(storage), study_name=name, load_if_exists=True
@@ -235,10 +233,8 @@ class Study:
         while self._asked:
             self._copy.tell(self._asked.pop(), state=TrialState.FAIL)
         for trial in trials[len(self._all) :]:
-            costs = _key(trial.params), math.inf if trial.value is None else trial.value
-            self._costs_ms.setdefault(*costs)
-            if costs[1] < (self.cheapest.value if self.cheapest else math.inf):
-                self.cheapest = trial
+            cost_ms = math.inf if trial.value is None else trial.value
+            self._costs_ms.setdefault(_key(trial.params), cost_ms)
         self._all = trials
         return len(trials)
 
@@ -264,6 +260,11 @@ class Study:
         )
         with self.errors_in_one_line():
             self._shared.add_trial(trial)
+
+    @property
+    def cheapest(self) -> Any:
+        """The trial that costs least; None: there is none."""
+        return min(self.trials, key=lambda trial: trial.value, default=None)
 
     @property
     def trials(self) -> list[Any]:
