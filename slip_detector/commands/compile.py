@@ -73,5 +73,5 @@ def _use_evaluation_and_tuning() -> None:
     Replay(config).run([samples])
     track = track_of('compiled', [samples], config.sample_rate_hz)
     limits, rows = np.array([0.5, 1.0]), settling_rows(config)
-    for statistic in vote_statistics(config, ['all', 'mean', 2], [track]).values():
-        sweep_thresholds(statistic, [track], limits, EvaluationConfig(), rows)
+    for parts in vote_statistics(config, ['all', 'mean', 2], [track]).values():
+        sweep_thresholds(parts, limits, EvaluationConfig(), rows)

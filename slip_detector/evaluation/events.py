@@ -85,8 +85,7 @@ class Events:
 
     def at_one(self, threshold: int) -> 'Events':
         """Return those at one threshold."""
-        one = np.array([threshold])
-        lasting, latencies_ms = self.lasting[:, :, one], self.latencies_ms[:, one]
+        lasting, latencies_ms = self.lasting[..., [threshold]], self.latencies_ms[:, [threshold]]
         return dataclasses.replace(self, latencies_ms=latencies_ms, lasting=lasting)
 
     @property
@@ -142,10 +141,9 @@ class Events:
         ``latency_worst_ms`` of the slips found, defined where ``sooner_than_chance`` is above 0.
         """
         # Alone, as NumPy rounds the mean of one column in another way than that of several.
-        latencies_ms, lasting = self.latencies_ms[:, [threshold]], self.lasting[..., [threshold]]
-        every = dataclasses.replace(self, latencies_ms=latencies_ms, lasting=lasting).figures
+        alone = self.at_one(threshold)
+        every, found_ms = alone.figures, alone.latencies_ms[~np.isnan(alone.latencies_ms)]
         figures = {name: None if np.isnan(one) else one.item() for name, one in every.items()}
-        found_ms = latencies_ms[~np.isnan(latencies_ms)]
         defined = found_ms.size and (figures['sooner_than_chance'] or 0.0) > 0.0
         for name, percent in OF_FOUND.items():
             figures[name] = float(np.percentile(found_ms, percent)) if defined else None

@@ -79,4 +79,4 @@ class TuneConfig(ParameterSet):
     auc_costs_ms: float = parameter(
         100.0, 'Cost of an area of 0 under the ROC curve of all rows; 1: none.', (0.0, 1e6, 'ms')
     )
-    trade: bool = parameter(False, 'Whether one figure may get worse if the total cost falls.')
+    trade: bool = parameter(False, 'Refused where true: a result is worse in no figure.')

@@ -75,10 +75,9 @@ def slip_bands(
     rows = min(rows, MOST_ROWS)
     count = int(np.log(HIGHEST * rows) / np.log(RATIO))
     edges_hz: Floats = HIGHEST * rate_hz / RATIO ** np.arange(count, -1.0, -1.0)
-    spectra = [_levels_db(track, chain, rows, edges_hz) for track in tracks if track.slips]
-    quiet = [_levels_db(one, chain, rows, edges_hz) for one in at_rest(tracks) if not one.slips]
-    slides = np.concatenate([sliding for sliding, _ in spectra])
-    rest = np.concatenate([resting for _, resting in spectra + quiet])
+    used = {*at_rest(tracks), *(track for track in tracks if track.slips)}
+    levels = [_levels_db(track, chain, rows, edges_hz) for track in tracks if track in used]
+    slides, rest = map(np.concatenate, zip(*levels, strict=True))
     if not len(slides) or not len(rest):
         return [], 'there is too little rest to measure where slides stand out'
     areas = np.array([_area(slides[:, b], rest[:, b]) for b in range(count)])

@@ -30,7 +30,7 @@ from slip_detector.parameters import ChainConfig, EvaluationConfig
 from slip_detector.parameters.fields import refuse
 from slip_detector.recordings.rates import forward_filled
 from slip_detector.tuning.sweep import sweep_thresholds, thresholds, vote_statistics
-from slip_detector.tuning.tracks import Track, at_rest, edges_of, enabled, faults_of, load_track
+from slip_detector.tuning.tracks import Track, at_rest, edges_of, enabled, faults_of, load_tracks
 
 #: Confidence of the bounds of a rate.
 CONFIDENCE = 0.95
@@ -110,7 +110,10 @@ def learn_from_quiet(
     if per_hour is None and chain.decision != 'evidence':
         text = 'evidence, whose noise floors --quiet learns, or --false-alarms-per-hour, which '
         refuse('parameter decision is mean', f'{text}sets the threshold')
-    track = load_track(path, loader)
+    tracks = load_tracks([path], loader, labelled=False)
+    if len(tracks) != 1:
+        refuse(f'{path}: has {len(tracks)} recordings', 'one')
+    (track,) = tracks
     learnt, lines = learn_noise(chain, [track], track)
     lines = [*faults_of([track]), *lines]
     if per_hour is not None:
@@ -170,13 +173,13 @@ def quiet_threshold(track: Track, chain: ChainConfig, per_hour: float) -> tuple[
     # Only a threshold needs it, and it takes longer to load than all else.
     from scipy import special
 
-    (statistic,) = vote_statistics(chain, [chain.vote], [track])[chain.vote]
-    limits = thresholds(chain, [statistic], [track])
+    parts = vote_statistics(chain, [chain.vote], [track])[chain.vote]
+    limits, statistic = thresholds(chain, parts), parts[0][0]
     if chain.decision == 'evidence' and not statistic.any():
         limits = np.array([chain.threshold])
     # Each rise counts as an alarm, from the first row on, as it does in the detector's output.
     config = EvaluationConfig(off_before_s=0.0)
-    alarms = sweep_thresholds([statistic], [track], limits, config, settling_rows=0)[0].rest[2]
+    alarms = sweep_thresholds(parts, limits, config, settling_rows=0)[0].rest[2]
     blocks = range(0, statistic.size, round(max(BLOCK_S * track.sample_rate_hz, 1.0)))
     peaks = np.maximum.reduceat(statistic, blocks)
     loud = np.array([np.count_nonzero(peaks > limit) for limit in limits])

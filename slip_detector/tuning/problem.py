@@ -59,8 +59,6 @@ class Compared(NamedTuple):
         1 where more is better, -1 where less is.
     step : float
         Up to this difference two are equal.
-    trade : float
-        By so much it may get worse where ``trade`` is set.
     cost : str
         The weight, see :class:`.TuneConfig`, of a difference of 1 / ``per``.
     per : float
@@ -68,7 +66,6 @@ class Compared(NamedTuple):
 
     sign: float
     step: float
-    trade: float
     cost: str
     per: float = 1.0
 
@@ -76,13 +73,13 @@ class Compared(NamedTuple):
 ON = 'false_time_costs_ms'
 #: The figures that must not get worse, by name: first what a slip costs, then time ON by kind.
 COMPARED = {
-    'recall': Compared(1.0, 1e-9, 0.05, 'missed_costs_ms'),
-    'coverage': Compared(1.0, 0.005, 0.1, 'missed_time_costs_ms', 100.0),
-    'latency_median_all_ms': Compared(-1.0, 1e-9, 50.0, ''),
-    'false_alarms_per_minute': Compared(-1.0, 1e-9, 5.0, 'false_alarm_costs_ms'),
-    'false_time_percent': Compared(-1.0, 1e-9, 5.0, ON),
-    **{f'{kind}_on_percent': Compared(-1.0, 0.5, 5.0, ON) for kind in KINDS},
-    'auc': Compared(1.0, 1e-3, 0.02, 'auc_costs_ms'),
+    'recall': Compared(1.0, 1e-9, 'missed_costs_ms'),
+    'coverage': Compared(1.0, 0.005, 'missed_time_costs_ms', 100.0),
+    'latency_median_all_ms': Compared(-1.0, 1e-9, ''),
+    'false_alarms_per_minute': Compared(-1.0, 1e-9, 'false_alarm_costs_ms'),
+    'false_time_percent': Compared(-1.0, 1e-9, ON),
+    **{f'{kind}_on_percent': Compared(-1.0, 0.5, ON) for kind in KINDS},
+    'auc': Compared(1.0, 1e-3, 'auc_costs_ms'),
 }
 
 
@@ -122,9 +119,7 @@ def worse_by(figures: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, 
     return found
 
 
-def worse_figures(
-    figures: Mapping[str, Any], other: Mapping[str, Any], limit: str = 'step'
-) -> list[str]:
+def worse_figures(figures: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
     """Return which of :data:`COMPARED` are worse, or not defined where the other's are.
 
     See :func:`worse_by`. The latency of the slips found is not compared, as it falls where late
@@ -134,8 +129,6 @@ def worse_figures(
     ----------
     figures, other
         See :data:`Figures`.
-    limit
-        By more than what they are worse: ``step`` or ``trade`` of :class:`Compared`.
 
     Examples
     --------
@@ -146,7 +139,7 @@ def worse_figures(
     return [
         name
         for name, by in worse_by(figures, other).items()
-        if figures[name] is None or by > getattr(COMPARED[name], limit)
+        if figures[name] is None or by > COMPARED[name].step
     ]
 
 
@@ -281,13 +274,11 @@ class Problem:
         """
         found = []
         of_votes = sweep.vote_statistics(chain, sweep.votes_of(chain), self.tracks)
-        for vote, statistic in of_votes.items():
-            limits = sweep.thresholds(chain, statistic, self.tracks)
-            if limits.size:
-                voted = dataclasses.replace(chain, vote=vote)
-                found.append(self._cheapest(voted, statistic, limits, NEIGHBOURS))
-        found.sort(key=lambda one: one.cost_ms)
-        return [one for one in found if one.cost_ms < math.inf]
+        for vote, parts in of_votes.items():
+            voted, limits = dataclasses.replace(chain, vote=vote), sweep.thresholds(chain, parts)
+            found += [self._cheapest(voted, parts, limits, NEIGHBOURS)] if limits.size else []
+        usable = [one for one in found if one.cost_ms < math.inf]
+        return sorted(usable, key=lambda one: one.cost_ms)
 
     def as_it_is(self, chain: ChainConfig) -> Candidate:
         """Return the cost of a chain with its own threshold and vote.
@@ -297,39 +288,28 @@ class Problem:
         ValueError
             When the chain cannot be built.
         """
-        (statistic,) = sweep.vote_statistics(chain, [chain.vote], self.tracks).values()
-        return self._cheapest(chain, statistic, np.array([chain.threshold]), neighbours=0)
+        parts = sweep.vote_statistics(chain, [chain.vote], self.tracks)[chain.vote]
+        return self._cheapest(chain, parts, np.array([chain.threshold]), neighbours=0)
 
     def _cheapest(
-        self, chain: ChainConfig, statistic: Sequence[Floats], limits: Floats, neighbours: int
+        self, chain: ChainConfig, parts: Sequence[sweep.Part], limits: Floats, neighbours: int
     ) -> Candidate:
         """Return a chain with the threshold that, with so many neighbours, costs least."""
-        swept = Events.pooled(self._events(chain, statistic, limits))
+        scoring = self._scoring(chain)
+        swept = Events.pooled(sweep.sweep_thresholds(parts, limits, *scoring))
         costs_ms = self._costs_ms(chain, limits, swept, neighbours)
         at = int(np.argmin(costs_ms))
         chain = dataclasses.replace(chain, threshold=float(limits[at]))
-        areas = self._areas(chain, statistic)
-        lacking = 1.0 - (areas['auc'] or 0.0)
-        if self.figures is not None:
-            before = self.figures['auc'] or 0.0
-            lacking += WORSE_COUNTS * max(before - (areas['auc'] or 0.0), 0.0)
+        areas = sweep.count_scores(parts, chain.threshold, *scoring).aucs()
+        auc = areas['auc'] or 0.0
+        before = auc if self.figures is None else self.figures['auc'] or 0.0
+        lacking = 1.0 - auc + WORSE_COUNTS * max(before - auc, 0.0)
         cost_ms = float(costs_ms[at]) + self.config.auc_costs_ms * lacking
         return Candidate(chain, cost_ms, {**swept.at(at), **areas})
 
-    def _settling_rows(self, chain: ChainConfig) -> int:
-        return max(settling_rows(chain), self.settling_rows)
-
-    def _events(
-        self, chain: ChainConfig, statistic: Sequence[Floats], limits: Floats
-    ) -> list[Events]:
-        """Return the events of each recording at each threshold."""
-        rows = self._settling_rows(chain)
-        return sweep.sweep_thresholds(statistic, self.tracks, limits, self.evaluation, rows)
-
-    def _areas(self, chain: ChainConfig, statistic: Sequence[Floats]) -> Figures:
-        """Return the areas under the ROC curve, see :data:`Figures`."""
-        scoring = chain.threshold, self.evaluation, self._settling_rows(chain)
-        return sweep.count_scores(statistic, self.tracks, *scoring).aucs()
+    def _scoring(self, chain: ChainConfig) -> tuple[EvaluationConfig, int]:
+        """Return what counts as detected, and in how many rows a chain settles."""
+        return self.evaluation, max(settling_rows(chain), self.settling_rows)
 
     def left_out(self, chain: ChainConfig) -> tuple[float, Floats]:
         """Return what a chain costs where the threshold for a recording comes from the others.
@@ -342,14 +322,16 @@ class Problem:
         costs_ms : ndarray, shape (folds,)
             Of all but one recording, or group of :data:`FOLDS`, for the error of the cost.
         """
-        (statistic,) = sweep.vote_statistics(chain, [chain.vote], self.tracks).values()
-        limits = sweep.thresholds(chain, statistic, self.tracks)
+        parts = sweep.vote_statistics(chain, [chain.vote], self.tracks)[chain.vote]
+        limits = sweep.thresholds(chain, parts)
         # Recordings with slips are spread over the groups.
         order = sorted(range(len(self.tracks)), key=lambda k: not self.tracks[k].slips)
         many = min(FOLDS, sum(bool(track.slips) for track in self.tracks))
         if many < 2 or not limits.size:
             return math.inf, np.zeros(many)
-        of_tracks = self._events(chain, statistic, limits)
+        scoring = self._scoring(chain)
+        of_tracks = sweep.sweep_thresholds(parts, limits, *scoring)
+        areas = sweep.count_scores(parts, chain.threshold, *scoring).aucs()
         folds = [Events.pooled(of_tracks[k] for k in order[fold::many]) for fold in range(many)]
         others = [[k for k in range(many) if k != fold] for fold in range(many)]
         alone = []
@@ -358,7 +340,7 @@ class Problem:
             costs_ms = self._costs_ms(chain, limits, pooled, NEIGHBOURS)
             alone.append(fold.at_one(int(np.argmin(costs_ms))))
         limit = np.array([chain.threshold])
-        lacking_ms = self.config.auc_costs_ms * (1.0 - (self._areas(chain, statistic)['auc'] or 0))
+        lacking_ms = self.config.auc_costs_ms * (1.0 - (areas['auc'] or 0.0))
         found = [
             self._costs_ms(chain, limit, Events.pooled(alone[k] for k in which), 0)[0] + lacking_ms
             for which in (range(many), *others)
@@ -370,9 +352,16 @@ class Problem:
     def _costs_ms(
         self, chain: ChainConfig, limits: Floats, swept: Events, neighbours: int
     ) -> Floats:
-        """Return the cost at each of T thresholds, with its neighbours; shape (T,)."""
+        """Return the mean cost of each of T thresholds and its neighbours; shape (T,).
+
+        Nothing is ON from the highest threshold on, so that its cost continues above. What is ON
+        below the lowest is not known, so thresholds that lack neighbours there have an infinite
+        cost.
+        """
         costs_ms = self._event_costs_ms(swept) + self._hidden_costs_ms(chain, limits)
-        return _with_neighbours(costs_ms, neighbours)
+        padded, width = np.pad(costs_ms, neighbours, mode='edge'), 2 * neighbours + 1
+        padded[:neighbours] = np.inf
+        return np.asarray(np.convolve(padded, np.full(width, 1.0 / width), 'valid'))
 
     def _event_costs_ms(self, swept: Events) -> Floats:
         """Return the cost of slips and alarms at each of T thresholds, shape (T,).
@@ -450,23 +439,7 @@ def _of_kinds(swept: Events, what: int) -> Floats:
     It is that of rest plus the mean of those of the other kinds of recordings: rest counts as much
     as all others together, and each of these as another, however long it is.
     """
-    shares = [
-        (name in ('', 'rest'), of[what] / of[0])
-        for name, of in zip(LASTING, swept.lasting, strict=True)
-        if name != 'slip' and of[0].all()
-    ]
-    parts = [[share for rest, share in shares if rest is wanted] for wanted in (True, False)]
-    rest, others = (np.mean(part, axis=0) if part else 0.0 for part in parts)
-    return np.asarray(rest + others)
-
-
-def _with_neighbours(costs: Floats, neighbours: int) -> Floats:
-    """Return the mean of each cost and of the costs of the neighbouring thresholds; shape (T,).
-
-    Nothing is ON from the highest threshold on, so that its cost continues above. What is ON below
-    the lowest is not known, so thresholds that lack neighbours there have an infinite cost.
-    """
-    width = 2 * neighbours + 1
-    padded = np.pad(costs, neighbours, mode='edge')
-    padded[:neighbours] = np.inf
-    return np.asarray(np.convolve(padded, np.full(width, 1.0 / width), 'valid'))
+    first = LASTING.index('rest') + 1
+    parts = swept.lasting[1:first], swept.lasting[first:]  # the rest and the other kinds
+    shares = ([of[what] / of[0] for of in part if of[0].all()] for part in parts)
+    return np.asarray(sum(np.mean(part, axis=0) for part in shares if part))

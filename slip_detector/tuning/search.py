@@ -106,7 +106,8 @@ def search(
         """Try points that were not tried yet; return whether the search goes on."""
         fresh: list[Point] = []
         for point in points:
-            fresh += [] if point in fresh or study.cost_ms(point) is not None else [point]
+            tried = point in fresh or not math.isnan(study.cost_ms(point, math.nan))
+            fresh += [] if tried else [point]
         for first in range(0, len(fresh), BATCH):
             count = study.follow()
             batch, found = fresh[first : first + BATCH][: max(trials - count, 0)], {}
@@ -123,19 +124,19 @@ def search(
 
     starts = problem.space.starts()
     going = attempt(starts)
-    best = min(starts, key=study.cost_of)
+    best = min(starts, key=study.cost_ms)
     bands, *stages = problem.space.stages() if going else [[]]
     # The bands on the given chain; on the best of these each stage alone; then one after another,
     # each on the best so far, more than once, as one stage changes what another can do.
     points = [best, *({**starts[1], **change} for change in bands)]
     going = going and attempt(points)
-    best = min(points, key=study.cost_of)
+    best = min(points, key=study.cost_ms)
     for stage in stages:
         going = going and attempt([{**best, **change} for change in stage])
     for stage in ROUNDS * [*stages, bands]:
         points = [best, *({**best, **change} for change in stage)]
         going = going and attempt(points)
-        best = min(points, key=study.cost_of)
+        best = min(points, key=study.cost_ms)
     while going:
         going = attempt([study.ask() for _ in range(min(BATCH, trials - study.follow()))])
 
@@ -202,8 +203,6 @@ class Study:
         self._copy = optuna.create_study(sampler=sampler)
         self._asked, self._all = list[Any](), list[Any]()
         self._costs_ms: dict[Any, float] = {}
-        #: The trial that costs least; None: there is none.
-        self.cheapest: Any = None
         with self.errors_in_one_line():
             self._shared = optuna.create_study(
                 storage=storage and _opened(storage), study_name=name, load_if_exists=True
@@ -234,20 +233,14 @@ class Study:
         while self._asked:
             self._copy.tell(self._asked.pop(), state=TrialState.FAIL)
         for trial in trials[len(self._all) :]:
-            costs = _key(trial.params), math.inf if trial.value is None else trial.value
-            self._costs_ms.setdefault(*costs)
-            if costs[1] < (self.cheapest.value if self.cheapest else math.inf):
-                self.cheapest = trial
+            cost_ms = math.inf if trial.value is None else trial.value
+            self._costs_ms.setdefault(_key(trial.params), cost_ms)
         self._all = trials
         return len(trials)
 
-    def cost_ms(self, point: Point) -> float | None:
-        """Return what the cheapest chain at a point costs; infinite without one; None: untried."""
-        return self._costs_ms.get(_key(point))
-
-    def cost_of(self, point: Point) -> float:
-        """Return :meth:`cost_ms`, infinite where it was not tried."""
-        return self._costs_ms.get(_key(point), math.inf)
+    def cost_ms(self, point: Point, untried: float = math.inf) -> float:
+        """Return what the cheapest chain at a point costs; infinite where there is none."""
+        return self._costs_ms.get(_key(point), untried)
 
     def ask(self) -> Point:
         """Return the next point to try."""
@@ -267,6 +260,11 @@ class Study:
         )
         with self.errors_in_one_line():
             self._shared.add_trial(trial)
+
+    @property
+    def cheapest(self) -> Any:
+        """The trial that costs least; None: there is none."""
+        return min(self.trials, key=lambda trial: trial.value, default=None)
 
     @property
     def trials(self) -> list[Any]:

@@ -22,6 +22,7 @@ values for the noise floors, a point has the way in which they are learnt from t
 import contextlib
 import dataclasses
 import functools
+import itertools
 import math
 from collections.abc import Iterable, Sequence
 from typing import Any
@@ -74,16 +75,19 @@ EVIDENCES = (
     {'decision': 'evidence', 'evidence_offset_db': 1.0, 'evidence_limit_db_s': 2.0},
 )
 LEARNT_IMPACT = {'impact': 'learnt', 'impact_channels': 2}
-TOGETHER = {
-    'floors': 'followed',
-    'floor_range_db': 15.0,
-    'contact': 'learnt',
-    'contact_channels': 4,
-    'activity': 'searched',
-    'activity_range_db': 15.0,
-    'common_rank': 1,
-    **LEARNT_IMPACT,
-}
+FLOOR_RANGE, ACTIVITY = {'floor_range_db': 15.0}, {'activity': 'searched'}
+TOGETHER = (
+    LEARNT_IMPACT
+    | ACTIVITY
+    | FLOOR_RANGE
+    | {
+        'floors': 'followed',
+        'contact': 'learnt',
+        'contact_channels': 4,
+        'activity_range_db': 15.0,
+        'common_rank': 1,
+    }
+)
 
 
 @functools.cache
@@ -293,7 +297,6 @@ class SearchSpace:
         the decision ``mean`` they do not.
         """
         given = self._given
-        low_hz, high_hz = chain.passband_hz
         followed = chain.decision == 'evidence' and not chain.noise_floor_learnt
         floors = 'followed' if followed else 'learnt'
         if given.decision == 'evidence' and chain.noise_floor == given.noise_floor:
@@ -303,8 +306,7 @@ class SearchSpace:
             return 'none' if not value else 'given' if is_given else other
 
         values: dict[str, Any] = {
-            'passband_low_hz': low_hz,
-            'passband_octaves': math.log2(high_hz / low_hz) if high_hz else WIDEST,
+            **_band(chain.passband_hz),
             'stopbands': 'given' if chain.stopbands_hz == given.stopbands_hz else 'none',
             'floors': floors,
             'floor_scale': 1.0,
@@ -364,39 +366,23 @@ class SearchSpace:
         """
         allowed = self.distributions
         bands, _ = slip_bands(self._given, self._tracks)
-        of_bands = [
-            {**_band(band, window_s), **decision}
-            for band in bands
-            for window_s in WINDOWS_S
-            for decision in (MEAN, *EVIDENCES, *({**one, **TOGETHER} for one in EVIDENCES))
-        ]
-        floors = {'floor_range_db': 15.0}
+        decisions = (MEAN, *EVIDENCES, *({**one, **TOGETHER} for one in EVIDENCES))
+        of_bands = itertools.product(bands, WINDOWS_S, decisions)
+        impacts = {'impact_s': IMPACTS_S[::2], 'impact_scale': IMPACT_SCALES}
         stages = [
-            of_bands,
             [
-                *_each('floor_scale', (0.7, 1.0), floors='learnt', **floors),
-                *_each('floor_scale', (0.7, 1.0), floors='followed', **floors),
+                {**_band(band), 'stopbands': 'none', 'envelope_window_s': window_s, **decision}
+                for band, window_s, decision in of_bands
             ],
-            _each('mains_hz', allowed['mains_hz'].choices),
-            [
-                {'impact': 'none'},
-                *(
-                    change
-                    for time_s in IMPACTS_S[::2]
-                    for change in _each(
-                        'impact_scale', IMPACT_SCALES, impact_s=time_s, **LEARNT_IMPACT
-                    )
-                ),
-            ],
-            [{'contact': 'none'}, *_each('contact_channels', (1, 2, 4, 6), contact='learnt')],
-            [
-                {'activity': 'none'},
-                *_each('activity_range_db', ACTIVITY_RANGES_DB, activity='searched'),
-            ],
-            _each('common_rank', range(MOST_RANK + 1)),
-            _each('evidence_offset_db', (1.0, 2.0, 3.5, 5.0, 7.0)),
-            _each('evidence_limit_db_s', (0.3, 0.6, 1.3, 2.6)),
-            _each('common_mode', allowed['common_mode'].choices),
+            _each(FLOOR_RANGE, floors=('learnt', 'followed'), floor_scale=(0.7, 1.0)),
+            _each({}, mains_hz=allowed['mains_hz'].choices),
+            [{'impact': 'none'}, *_each(LEARNT_IMPACT, **impacts)],
+            [{'contact': 'none'}, *_each({'contact': 'learnt'}, contact_channels=(1, 2, 4, 6))],
+            [{'activity': 'none'}, *_each(ACTIVITY, activity_range_db=ACTIVITY_RANGES_DB)],
+            _each({}, common_rank=range(MOST_RANK + 1)),
+            _each({}, evidence_offset_db=(1.0, 2.0, 3.5, 5.0, 7.0)),
+            _each({}, evidence_limit_db_s=(0.3, 0.6, 1.3, 2.6)),
+            _each({}, common_mode=allowed['common_mode'].choices),
         ]
         return [
             [
@@ -407,17 +393,17 @@ class SearchSpace:
         ]
 
 
-def _each(name: str, values: Iterable[Any], **others: Any) -> list[dict[str, Any]]:
-    """Return a change of a point for each value of a parameter."""
-    return [{name: value, **others} for value in values]
+def _each(others: dict[str, Any], **values: Iterable[Any]) -> list[dict[str, Any]]:
+    """Return a change of a point for each combination of values, with others that stay."""
+    every = itertools.product(*values.values())
+    return [others | dict(zip(values, each, strict=True)) for each in every]
 
 
-def _band(band_hz: tuple[float, float], window_s: float) -> dict[str, Any]:
-    """Return the part of a point that has a band and a window."""
+def _band(band_hz: tuple[float, float]) -> dict[str, Any]:
+    """Return the part of a point that has a pass-band."""
     low_hz, high_hz = band_hz
     octaves = math.log2(high_hz / low_hz) if high_hz else WIDEST
-    band = {'passband_low_hz': low_hz, 'passband_octaves': octaves, 'stopbands': 'none'}
-    return {**band, 'envelope_window_s': window_s}
+    return {'passband_low_hz': low_hz, 'passband_octaves': octaves}
 
 
 def _ways(is_given: object, *others: str) -> tuple[str, ...]:

@@ -36,6 +36,9 @@ from slip_detector.tuning.tracks import Track
 
 Vote = str | int
 
+#: The decision statistic of one vote for a track, shape (n,), and the track.
+Part = tuple[Floats, Track]
+
 #: Number of rows that the chain is given at a time, so that its results stay in the cache.
 ROWS_PER_CALL = 2048
 
@@ -76,7 +79,7 @@ def votes_of(config: ChainConfig) -> tuple[Vote, ...]:
     return tuple(votes) if config.vote in votes else (*votes, config.vote)
 
 
-def thresholds(chain: ChainConfig, statistic: Sequence[Floats], tracks: Sequence[Track]) -> Floats:
+def thresholds(chain: ChainConfig, parts: Sequence[Part]) -> Floats:
     """Return the thresholds of a vote to try, in rising order, evenly spaced in amplitude.
 
     They range from the median of the rows without slip to the value at which nothing is ON, or to
@@ -88,9 +91,7 @@ def thresholds(chain: ChainConfig, statistic: Sequence[Floats], tracks: Sequence
     ----------
     chain
         The chain that has made the statistic; its threshold and vote do not matter.
-    statistic
-        The decision statistic of each track, shapes (n,).
-    tracks
+    parts
         At least one.
 
     Returns
@@ -103,14 +104,13 @@ def thresholds(chain: ChainConfig, statistic: Sequence[Floats], tracks: Sequence
     >>> from slip_detector.chain.samples import Samples
     >>> from slip_detector.tuning.tracks import track_of
     >>> rows = Samples.evenly(np.zeros((20, 1)), 380.0, np.zeros(20, bool))
-    >>> tracks = [track_of('rest', [rows], sample_rate_hz=100.0)]
-    >>> thresholds(ChainConfig(exponent=1), [np.linspace(0.95, 1.0, 20)], tracks)
+    >>> track = track_of('rest', [rows], sample_rate_hz=100.0)
+    >>> thresholds(ChainConfig(exponent=1), [(np.linspace(0.95, 1.0, 20), track)])
     array([0.9709, 1.    ])
     """
-    top = max(float(part.max()) for part in statistic)
+    top = max(float(statistic.max()) for statistic, _ in parts)
     if not 0.0 < top < math.inf:
         return np.zeros(0)
-    parts = zip(statistic, tracks, strict=True)
     quiet = np.concatenate([part[::STRIDE][one.kinds[::STRIDE] < SLIP] for part, one in parts])
     rest = float(np.median(quiet)) if quiet.size else 0.0
     exponent, least_step, limit = chain.exponent, 0.0, math.inf
@@ -142,8 +142,8 @@ def rounded(value: float) -> float:
 
 def vote_statistics(
     config: ChainConfig, votes: Sequence[Vote], tracks: Sequence[Track]
-) -> dict[Vote, list[Floats]]:
-    """Run a chain once over tracks; return the decision statistic by vote and track, shape (n,).
+) -> dict[Vote, list[Part]]:
+    """Run a chain once over tracks; return the decision statistic of each, by vote.
 
     It has the unit of the level. A chain with that vote is ON exactly where it is above the
     threshold.
@@ -168,14 +168,14 @@ def vote_statistics(
     >>> from slip_detector.tuning.tracks import track_of
     >>> rows = Samples.evenly(np.full((5, 16), 4.3), 380.0, np.zeros(5, bool))
     >>> tracks = [track_of('rest', [rows], sample_rate_hz=380.0)]
-    >>> vote_statistics(ChainConfig(), ['all'], tracks)
-    {'all': [array([0., 0., 0., 0., 0.])]}
+    >>> vote_statistics(ChainConfig(), ['all'], tracks)['all'][0][0]
+    array([0., 0., 0., 0., 0.])
     """
     # The threshold is a power of two that evidence can reach, which is multiplied back without
     # rounding. The chain's own decision is not used, so it has the fastest vote.
     unit = 2.0 ** (math.floor(math.log2(config.evidence_limit_db_s)) - 1)
     chain = SlipChain(dataclasses.replace(config, vote='all', threshold=unit))
-    of_tracks = []
+    found: dict[Vote, list[Part]] = {vote: [] for vote in votes}
     for track in tracks:
         out = np.empty((len(votes), len(track.volts)))
         for begin, end, _ in track.stretches:
@@ -185,8 +185,9 @@ def vote_statistics(
                 volts = track.volts[rows]
                 result = chain.update(volts, envelope=False, level=False, votes=tuple(votes))
                 np.multiply(result.vote_statistic.T, unit, out=out[:, rows])
-        of_tracks.append(out)
-    return {vote: [out[v] for out in of_tracks] for v, vote in enumerate(votes)}
+        for vote, statistic in zip(votes, out, strict=True):
+            found[vote].append((statistic, track))
+    return found
 
 
 @compiled
@@ -221,20 +222,14 @@ def _sweep(
 
 
 def sweep_thresholds(
-    statistic: Sequence[Floats],
-    tracks: Sequence[Track],
-    limits: Floats,
-    config: EvaluationConfig,
-    settling_rows: int,
+    parts: Sequence[Part], limits: Floats, config: EvaluationConfig, settling_rows: int
 ) -> list[Events]:
     """Return the events of each track at each threshold, as :class:`.ScoredRows` at one.
 
     Parameters
     ----------
-    statistic
-        The decision statistic of one vote for each track, shapes (n,).
-    tracks
-        The tracks.
+    parts
+        The decision statistics of one vote.
     limits
         Thresholds in rising order.
     config
@@ -250,12 +245,12 @@ def sweep_thresholds(
     >>> track = track_of('trial', [Samples.evenly(np.zeros((5, 1)), 100.0, slip)], 100.0)
     >>> statistic, limits = np.array([0.0, 0.2, 0.2, 0.6, 0.9]), np.array([0.1, 0.5, 1.0])
     >>> config = EvaluationConfig(off_before_s=0.0)
-    >>> (events,) = sweep_thresholds([statistic], [track], limits, config, settling_rows=0)
+    >>> (events,) = sweep_thresholds([(statistic, track)], limits, config, settling_rows=0)
     >>> events.latencies_ms, events.figures['false_time_percent']
     (array([[nan, 10., nan]]), array([50.,  0.,  0.]))
     """
     found = []
-    for part, track in zip(statistic, tracks, strict=True):
+    for statistic, track in parts:
         stretches = [stretch.interval for stretch in track.stretches]
         times = track.sample_rate_hz, track.samples.accuracy_s
         rows = matching.ScoredRows(track.slips, stretches, settling_rows, config, *times)
@@ -267,7 +262,7 @@ def sweep_thresholds(
         intervals = np.concatenate([rest, slip])
         for (begin, end, first_row), settled in zip(track.stretches, rows.settled, strict=True):
             _sweep(
-                part[begin:end], limits, first_row, int(settled), rows.off_rows, rows.lows,
+                statistic[begin:end], limits, first_row, int(settled), rows.off_rows, rows.lows,
                 rows.highs, intervals, rises, false_alarms, rows_below,
             )  # fmt: skip
         # A row is ON at threshold k where more than k thresholds are below its value.
@@ -277,17 +272,13 @@ def sweep_thresholds(
 
 
 def count_scores(
-    statistic: Sequence[Floats],
-    tracks: Sequence[Track],
-    threshold: float,
-    config: EvaluationConfig,
-    settling_rows: int,
+    parts: Sequence[Part], threshold: float, config: EvaluationConfig, settling_rows: int
 ) -> ScoreCounts:
     """Count the scores of tracks by kind, as an evaluation of a chain with that threshold does.
 
     Parameters
     ----------
-    statistic, tracks, config, settling_rows
+    parts, config, settling_rows
         See :func:`sweep_thresholds`.
     threshold
         The chain's.
@@ -299,14 +290,14 @@ def count_scores(
     >>> slip = np.array([True, False, True, True])
     >>> track = track_of('trial', [Samples.evenly(np.zeros((4, 1)), 100.0, slip)], 100.0)
     >>> config = EvaluationConfig(off_before_s=0.0)
-    >>> count_scores([np.array([0.0, 0.1, 0.2, 0.3])], [track], 0.5, config, 1).auc()
+    >>> count_scores([(np.array([0.0, 0.1, 0.2, 0.3]), track)], 0.5, config, 1).auc()
     1.0
     """
-    for part, track in zip(statistic, tracks, strict=True):
+    for statistic, track in parts:
         kinds = track.kinds.copy()
         unscored = matching.unscored_rows(settling_rows, config, track.sample_rate_hz)
         for begin, end, _ in track.stretches:
             kinds[begin : min(begin + unscored, end)] = UNCERTAIN
         # The chain divides in the same way, so the scores equal an evaluation's to the bit.
-        _TALLY.add(part / threshold, kinds)
+        _TALLY.add(statistic / threshold, kinds)
     return _TALLY.collect()

@@ -321,14 +321,6 @@ def load_tracks(
     return tracks
 
 
-def load_track(path: str, loader: RecordingLoader) -> Track:
-    """Read the one recording of a path, without labels."""
-    tracks = load_tracks([path], loader, labelled=False)
-    if len(tracks) != 1:
-        raise ValueError(f'{path}: has {len(tracks)} recordings, allowed: one')
-    return tracks[0]
-
-
 def faults_of(tracks: Iterable[Track]) -> list[str]:
     """Return a line for each recording with faults."""
     return [f'{track.name}: {track.faults}' for track in tracks if track.faults]

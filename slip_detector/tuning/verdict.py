@@ -28,7 +28,7 @@ from slip_detector.chain.filters import settling_rows
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters import ChainConfig, EvaluationConfig, RecordingConfig, TuneConfig
-from slip_detector.parameters.fields import name_list
+from slip_detector.parameters.fields import name_list, refuse
 from slip_detector.recordings.labels import ENDING, MISTAKEN
 from slip_detector.tuning.hand_labels import snap_labels
 from slip_detector.tuning.kinds import contradictions
@@ -91,8 +91,6 @@ class Verdict(NamedTuple):
         Why the running chain is kept; empty where it is not.
     tried : ChainConfig or None
         The best chain found, also where it is not taken; None where none was found.
-    traded : bool
-        Whether it is worse in one figure nevertheless, as ``trade`` is set.
 
     Examples
     --------
@@ -103,7 +101,6 @@ class Verdict(NamedTuple):
     chain: ChainConfig
     kept: str
     tried: ChainConfig | None = None
-    traded: bool = False
 
 
 class TuningResult(NamedTuple):
@@ -121,8 +118,8 @@ class TuningResult(NamedTuple):
         The best chain found, or the given one.
     notes : list of str
         A line for each recording that has faults, is left out, contradicts its kind or has labels
-        that were moved; what was learnt; one where the search was stopped, where little rest is
-        held out, and where the result is worse in one figure.
+        that were moved; what was learnt; one where the search was stopped, and where little rest
+        is held out.
     """
 
     problem: Problem
@@ -187,6 +184,8 @@ def tune(
     """
     if importlib.util.find_spec('optuna') is None:
         raise ValueError("needs optuna, which is not installed: pip install 'slip_detector[tune]'")
+    if parameters.tune.trade:
+        refuse('parameter trade is true', 'false; other weights ask for another compromise')
     training, held, notes = files.load()
     tracks, moved = snap_labels(training + held)
     training, held, notes = tracks[: len(training)], tracks[len(training) :], notes + moved
@@ -205,7 +204,8 @@ def tune(
     stop()
     step('searching')
     problem = parameters.problem(training, begin)
-    many = trials or default_trials(training)
+    values = sum(track.volts.size for track in training)
+    many = trials or int(np.clip(VALUES / values, *TRIALS))
     name = problem.study_name()
     study = Study(problem.space.distributions, seed, storage, name)
     # It has a few kilobytes, without any rows.
@@ -231,15 +231,8 @@ def tune(
         best = choose(problem, study.trials)
     step('comparing on what was held out')
     verdict = judge(problem, held, best)
-    if verdict.traded:
-        notes.append('Worse in one figure on what was held out, as trade allows')
     doubt(notes[noted:])
     return TuningResult(problem, held, study, verdict, notes)
-
-
-def default_trials(tracks: Sequence[Track]) -> int:
-    """Return how many trials a search has: more where recordings are short."""
-    return int(np.clip(VALUES / sum(track.volts.size for track in tracks), *TRIALS))
 
 
 def choose(problem: Problem, trials: Sequence[Any]) -> Candidate | None:
@@ -275,8 +268,7 @@ def judge(problem: Problem, held: Sequence[Track], best: Candidate | None) -> Ve
     """Choose between the running chain and the one found, by the held-out recordings.
 
     The one found has to be better than chance there and better in at least one of
-    :data:`.problem.COMPARED`, and worse in none, or where ``trade`` is set in one, by no more than
-    is allowed.
+    :data:`.problem.COMPARED`, and worse in none.
 
     Parameters
     ----------
@@ -299,8 +291,7 @@ def judge(problem: Problem, held: Sequence[Track], best: Candidate | None) -> Ve
     before, after = (on_held.as_it_is(one) for one in (running, best.chain))
     if why := _why_not(on_held, after, before):
         return Verdict(running, f'on what was held out, the best that was tried {why}', best.chain)
-    traded = bool(worse_figures(after.figures, before.figures))
-    return Verdict(best.chain, '', best.chain, traded)
+    return Verdict(best.chain, '', best.chain)
 
 
 def _why_not(on_held: Problem, after: Candidate, before: Candidate) -> str:
@@ -311,11 +302,8 @@ def _why_not(on_held: Problem, after: Candidate, before: Candidate) -> str:
         rows = max(settling_rows(one.chain) for one in (before, after))
         on_held = dataclasses.replace(on_held, settling_rows=rows)
         before, after = (on_held.as_it_is(one.chain) for one in (before, after))
-    worse = worse_figures(after.figures, before.figures)
-    if on_held.config.trade and len(worse) == 1:
-        worse = worse_figures(after.figures, before.figures, 'trade')
     missed, found = after.figures['missed'], after.figures['matched']
-    if worse:
+    if worse_figures(after.figures, before.figures):
         return 'is worse'
     if not found:
         return f'finds none of {missed} slips'

@@ -40,10 +40,10 @@ def test_each_threshold_and_vote_gives_what_a_chain_with_them_gives(
 ):
     tracks = [track_of('a', pieces, RATE_HZ) for pieces in several]
     for vote, mine in vote_statistics(config, votes_of(config), tracks).items():
-        limits = thresholds(config, mine, tracks)
+        limits = thresholds(config, mine)
         if not limits.size:
             continue
-        swept = sweep_thresholds(mine, tracks, limits, evaluation, settling_rows(config))
+        swept = sweep_thresholds(mine, limits, evaluation, settling_rows(config))
         sweep = Events.pooled(swept)
         for k in {0, limits.size - 1, random.randrange(limits.size)}:
             chain = dataclasses.replace(config, vote=vote, threshold=float(limits[k]))
@@ -74,7 +74,7 @@ def test_the_votes_are_all_counts_of_small_groups_and_shares_of_large_ones(group
 def test_thresholds_rise_in_even_steps_of_amplitude_up_to_where_nothing_is_on(values, exponent):
     statistic = np.array(values)
     chain = ChainConfig(exponent=exponent)
-    limits = thresholds(chain, [statistic], [track_with(np.zeros((len(values), 1)))])
+    limits = thresholds(chain, [(statistic, track_with(np.zeros((len(values), 1))))])
     assert limits[-1] >= statistic.max() > 0.999 * limits[-1]
     np.testing.assert_allclose(limits[1:] / limits[:-1], 1.03**exponent, rtol=3e-3)
     assert (
@@ -97,13 +97,13 @@ QUIET = track_with(np.zeros((20, 1)))
     ids=['silent', 'endless', 'evidence at its limit'],
 )
 def test_of_a_statistic_that_no_threshold_divides_there_is_none(chain, statistic):
-    assert thresholds(chain, [statistic], [QUIET]).size == 0
+    assert thresholds(chain, [(statistic, QUIET)]).size == 0
 
 
 def test_thresholds_of_evidence_are_as_far_apart_as_louder_noise_moves_it_below_its_limit():
-    limits = thresholds(EVIDENCE, [np.linspace(0.0, 1.3, 20)], [QUIET])
+    limits = thresholds(EVIDENCE, [(np.linspace(0.0, 1.3, 20), QUIET)])
     assert 0.95 * 1.3 < limits[-1] < 1.3
-    limits = thresholds(EVIDENCE, [np.linspace(0.0, 1.0, 20)], [QUIET])
+    limits = thresholds(EVIDENCE, [(np.linspace(0.0, 1.0, 20), QUIET)])
     # 3 % of amplitude are 0.257 dB, and a window lasts for 20 ms.
     steps = np.diff(limits[limits < 0.1])
     np.testing.assert_allclose(steps, 0.257 * 0.02, rtol=0.05)
