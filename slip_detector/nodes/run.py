@@ -147,6 +147,20 @@ def _spin(executable: str, takedowns: Takedowns) -> None:
         executor.spin_once(LOOK_NS * 1e-9)
 
 
+def declarations(
+    arguments: dict[str, tuple[str, str]], choices: dict[str, list[str]]
+) -> list[Any]:
+    """Return the declarations of launch arguments: by name, the default value and what it is."""
+    from launch.actions import DeclareLaunchArgument
+
+    return [
+        DeclareLaunchArgument(
+            name, default_value=value, description=text, choices=choices.get(name)
+        )
+        for name, (value, text) in arguments.items()
+    ]
+
+
 def node_settings(context: Any) -> dict[str, Any]:
     """Return what the launch arguments that all launch files share make of each node.
 
