@@ -20,20 +20,18 @@ ros2 launch slip_detector grasp.launch.py seed:=7
 from launch import LaunchDescription
 from launch.actions import IncludeLaunchDescription, OpaqueFunction, SetLaunchConfiguration
 from launch.launch_description_sources import PythonLaunchDescriptionSource
-from launch.substitutions import PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
-from launch_ros.substitutions import FindPackageShare
 
 from slip_detector.nodes.run import declarations, node_settings, sim_time
-from slip_detector.parameters.files import find_parameter_file, read_yaml
+from slip_detector.parameters.files import find_parameter_file, read_yaml, shared_folder
 from slip_detector.parameters.grasp import commands_of_a_scene
 from slip_detector.scenes.scene import find_scene
 
 # By name, the default value and what it is; the included launch file has the others.
 ARGUMENTS = {
     'config': (
-        'grasp.yaml',
+        str(shared_folder() / 'config' / 'grasp.yaml'),
         'Parameter file of all nodes: a path, or the name of one of the package.',
     ),
     'source': (
@@ -88,8 +86,7 @@ def nodes(context):
 
 
 def generate_launch_description():
-    share = FindPackageShare('slip_detector')
-    view = PathJoinSubstitution([share, 'launch', 'view.launch.py'])
+    view = str(shared_folder() / 'launch' / 'view.launch.py')
     return LaunchDescription(
         [
             *declarations(ARGUMENTS, CHOICES),

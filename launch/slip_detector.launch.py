@@ -23,13 +23,11 @@ driver uses the first file.
 from launch import LaunchDescription
 from launch.actions import IncludeLaunchDescription, OpaqueFunction, SetLaunchConfiguration
 from launch.launch_description_sources import PythonLaunchDescriptionSource
-from launch.substitutions import PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
-from launch_ros.substitutions import FindPackageShare
 
 from slip_detector.nodes.run import declarations, node_settings, sim_time, source_settings
-from slip_detector.parameters.files import find_parameter_file, read_yaml
+from slip_detector.parameters.files import find_parameter_file, read_yaml, shared_folder
 from slip_detector.parameters.sections import sections_of
 
 # By name, the default value and what it is; the included launch file has the others.
@@ -118,8 +116,7 @@ def nodes(context):
 
 
 def generate_launch_description():
-    share = FindPackageShare('slip_detector')
-    view = PathJoinSubstitution([share, 'launch', 'view.launch.py'])
+    view = str(shared_folder() / 'launch' / 'view.launch.py')
     return LaunchDescription(
         [
             *declarations(ARGUMENTS, CHOICES),

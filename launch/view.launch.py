@@ -29,12 +29,6 @@ from slip_detector.nodes.run import declarations, node_settings, sim_time
 
 # As users of other launch files write them.
 TRUE_OR_FALSE = ['true', 'True', 'TRUE', '1', 'false', 'False', 'FALSE', '0']
-LEVELS = [
-    write(level)
-    for level in ('debug', 'info', 'warn', 'error', 'fatal')
-    for write in (str.lower, str.title, str.upper)
-]
-
 # By name, the default value and what it is.
 ARGUMENTS = {
     'namespace': ('', 'Namespace of all nodes.'),
@@ -54,7 +48,10 @@ ARGUMENTS = {
         'false',
         'true: time comes from /clock; false: as in the parameter file.',
     ),
-    'log_level': ('info', 'Least severity of what the nodes log.'),
+    'log_level': (
+        'info',
+        'Least severity of what the nodes log: debug, info, warn, error, fatal.',
+    ),
     'use_respawn': (
         'false',
         'Whether a node that dies is started again after 2 s. Not the grasp controller: it would '
@@ -62,7 +59,7 @@ ARGUMENTS = {
     ),
 }
 CHOICES = dict.fromkeys(('view', 'use_sim_time', 'use_respawn'), TRUE_OR_FALSE)
-CHOICES |= {'transport': ['', 'udp'], 'log_level': LEVELS}
+CHOICES['transport'] = ['', 'udp']
 
 
 def page(context):
