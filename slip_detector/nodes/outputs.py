@@ -120,11 +120,10 @@ class Outputs:
         for column, each in self._listeners.items():
             each.publish(self._messages[self._states[column]])
         self.beat()
-        # Other publishers of slip, slip_valid and slip_state have said what holds.
-        ended = [each for (topic, _), each in before.items() if topic.startswith('slip/')]
-        for each in ended:
-            each.publish(self._messages[False])
-        self.received(ended)
+        for (topic, _), each in before.items():
+            if topic.startswith('slip/'):  # The others have said what holds.
+                each.publish(self._messages[False])
+        self.received(before.values())
         for each in before.values():
             self._node.destroy_publisher(each)
 
