@@ -18,35 +18,46 @@ ros2 launch slip_detector grasp.launch.py seed:=7
 """
 
 from launch import LaunchDescription
-from launch.actions import (
-    DeclareLaunchArgument,
-    IncludeLaunchDescription,
-    OpaqueFunction,
-    SetLaunchConfiguration,
-)
+from launch.actions import IncludeLaunchDescription, OpaqueFunction, SetLaunchConfiguration
 from launch.launch_description_sources import PythonLaunchDescriptionSource
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
-from launch_ros.substitutions import FindPackageShare
 
-from slip_detector.nodes.run import node_settings, sim_time
-from slip_detector.parameters.files import find_parameter_file, read_yaml
+from slip_detector.nodes.run import declarations, node_settings, sim_time
+from slip_detector.parameters.files import find_parameter_file, read_yaml, shared_folder
 from slip_detector.parameters.grasp import commands_of_a_scene
 from slip_detector.scenes.scene import find_scene
+
+# By name, the default value and what it is; the included launch file has the others.
+ARGUMENTS = {
+    'config': (
+        str(shared_folder() / 'config' / 'grasp.yaml'),
+        'Parameter file of all nodes: a path, or the name of one of the package.',
+    ),
+    'source': (
+        'scene',
+        'scene: a driver plays an object in a grip; none: no driver, your sensor publishes and '
+        'your gripper follows grip_force.',
+    ),
+    'scene': (
+        '',
+        'Scene with an object, its name or path; empty: as in the parameter file.',
+    ),
+    'seed': ('', 'Seed of its noise.'),
+}
+CHOICES = {'source': ['scene', 'none']}
 
 
 def set_configs(context):
     """Set ``configs``, the path of the parameter file, which has to be there."""
-    path = find_parameter_file(LaunchConfiguration('config').perform(context))
+    path = find_parameter_file(context.launch_configurations['config'])
     return [SetLaunchConfiguration('configs', str(path))]
 
 
 def nodes(context):
     """Start the nodes; an argument that is given replaces the value in the parameter file."""
     config, source, scene, seed = (
-        LaunchConfiguration(name).perform(context)
-        for name in ('configs', 'source', 'scene', 'seed')
+        context.launch_configurations[name] for name in ('configs', 'source', 'scene', 'seed')
     )
     # The driver waits for the other two: no sample is missed, and no object falls meanwhile.
     given = {'source': 'scene', 'wait_for_subscribers': 1, 'wait_for_grip': True}
@@ -75,34 +86,10 @@ def nodes(context):
 
 
 def generate_launch_description():
-    share = FindPackageShare('slip_detector')
-    own_config = PathJoinSubstitution([share, 'config', 'grasp.yaml'])
-    view = PathJoinSubstitution([share, 'launch', 'view.launch.py'])
+    view = str(shared_folder() / 'launch' / 'view.launch.py')
     return LaunchDescription(
         [
-            DeclareLaunchArgument(
-                'namespace', default_value='', description='Namespace of all nodes.'
-            ),
-            DeclareLaunchArgument(
-                'config',
-                default_value=own_config,
-                description='Parameter file of all nodes: a path, or the name of one of the '
-                'package.',
-            ),
-            DeclareLaunchArgument(
-                'source',
-                default_value='scene',
-                choices=['scene', 'none'],
-                description='scene: a driver plays an object in a grip; none: no driver, your '
-                'sensor publishes and your gripper follows grip_force.',
-            ),
-            DeclareLaunchArgument(
-                'scene',
-                default_value='',
-                description='Scene with an object, its name or path; empty: as in the parameter '
-                'file.',
-            ),
-            DeclareLaunchArgument('seed', default_value='', description='Seed of its noise.'),
+            *declarations(ARGUMENTS, CHOICES),
             # First, so that no node starts if an argument of the page is refused.
             OpaqueFunction(function=set_configs),
             IncludeLaunchDescription(PythonLaunchDescriptionSource(view)),

@@ -22,13 +22,12 @@ All drivers share one process, and all detectors another, which halves the proce
 from launch import LaunchDescription
 from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription
 from launch.launch_description_sources import PythonLaunchDescriptionSource
-from launch.substitutions import PathJoinSubstitution
-from launch_ros.substitutions import FindPackageShare
+
+from slip_detector.parameters.files import shared_folder
 
 
 def generate_launch_description():
-    share = FindPackageShare('slip_detector')
-    any_fingers = PathJoinSubstitution([share, 'launch', 'slip_detector.launch.py'])
+    any_fingers = str(shared_folder() / 'launch' / 'slip_detector.launch.py')
     return LaunchDescription(
         [
             DeclareLaunchArgument(

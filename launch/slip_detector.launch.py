@@ -21,21 +21,46 @@ driver uses the first file.
 """
 
 from launch import LaunchDescription
-from launch.actions import (
-    DeclareLaunchArgument,
-    IncludeLaunchDescription,
-    OpaqueFunction,
-    SetLaunchConfiguration,
-)
+from launch.actions import IncludeLaunchDescription, OpaqueFunction, SetLaunchConfiguration
 from launch.launch_description_sources import PythonLaunchDescriptionSource
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
-from launch_ros.substitutions import FindPackageShare
 
-from slip_detector.nodes.run import node_settings, sim_time, source_settings
-from slip_detector.parameters.files import find_parameter_file
-from slip_detector.parameters.sections import our_sections
+from slip_detector.nodes.run import declarations, node_settings, sim_time, source_settings
+from slip_detector.parameters.files import find_parameter_file, read_yaml, shared_folder
+from slip_detector.parameters.sections import sections_of
+
+# By name, the default value and what it is; the included launch file has the others.
+ARGUMENTS = {
+    'fingers': (
+        '',
+        'Names of fingers, with commas between: a pair of nodes for each, in a namespace of its '
+        'name within the other; empty: one pair.',
+    ),
+    'config': (
+        '',
+        'Parameter file of all nodes: a path, or the name of one of the package. Several, with '
+        'commas between: a detector for each, in a namespace of its name. Empty: '
+        'slip_detector.yaml, and a simulated scene unless source is given.',
+    ),
+    'source': (
+        '',
+        'What the drivers play or listen to; none: no driver, your sensors publish; empty: as in '
+        'the parameter file.',
+    ),
+    'recording': ('', 'Path, for source:=recording.'),
+    'name': (
+        '',
+        "Name of the detector's node, and of its section in the parameter file; empty: "
+        'slip_detector.',
+    ),
+    'voltages': (
+        '',
+        'Topic of the samples, such as that of a sensor with a driver of its own, for one '
+        'parameter file only; empty: voltages.',
+    ),
+}
+CHOICES = {'source': ['', 'scene', 'recording', 'serial', 'udp', 'none']}
 
 
 def set_configs(context):
@@ -44,11 +69,10 @@ def set_configs(context):
     Without that the nodes would silently run on their defaults. A recording beside another source
     would not be played.
     """
-    names = LaunchConfiguration('config').perform(context) or 'slip_detector.yaml'
+    given = context.launch_configurations
+    names = given['config'] or 'slip_detector.yaml'
     paths = [str(find_parameter_file(name.strip())) for name in names.split(',')]
-    source, recording = (
-        LaunchConfiguration(name).perform(context) for name in ('source', 'recording')
-    )
+    source, recording = given['source'], given['recording']
     if recording and source not in ('', 'recording'):
         raise ValueError(f'recording is {recording!r}, allowed: none beside source:={source}')
     return [SetLaunchConfiguration('configs', ','.join(paths))]
@@ -56,36 +80,35 @@ def set_configs(context):
 
 def nodes(context):
     """Start the nodes; an argument that is given replaces the value in the parameter file."""
+    given = context.launch_configurations
     config, source, recording, voltages, name = (
-        LaunchConfiguration(name).perform(context)
-        for name in ('config', 'source', 'recording', 'voltages', 'name')
+        given[name] for name in ('config', 'source', 'recording', 'voltages', 'name')
     )
-    configs = LaunchConfiguration('configs').perform(context).split(',')
+    configs = given['configs'].split(',')
     # Without a parameter file, a recording or a source the demonstration is played.
     source = source or ('' if config or recording else 'scene')
-    fingers = LaunchConfiguration('fingers').perform(context)
-    arguments = ['--fingers', fingers] if fingers else []
+    arguments = ['--fingers', given['fingers']] if given['fingers'] else []
     several = len(configs) > 1
     settings, clock = node_settings(context), sim_time(context)
     settings['remappings'] = remappings = [('voltages', voltages)] if voltages else []
-    in_file = {key: value for _, its in our_sections(configs[0]) for key, value in its.items()}
+    sections = sections_of(read_yaml(configs[0]), configs[0])
+    in_file = {key: value for _, its in sections for key, value in its.items()}
     of_driver, of_detector, played = source_settings(source, recording, in_file)
-    given = [of_detector, *clock]
     detector = Node(
         executable='slip_detector',
         arguments=[*arguments, '--configs', ','.join(configs)] if several else arguments,
-        parameters=given if several else [*configs, *given],
+        parameters=[*([] if several else configs), of_detector, *clock],
         # With `name` launch gives the parameters to that of no finger.
         **settings | {'remappings': [*remappings, *([('__node', name)] if name else [])]},
     )
     # The driver waits for all detectors, so that none misses samples while it starts.
-    given = {'wait_for_subscribers': len(configs), **of_driver}
+    of_driver['wait_for_subscribers'] = len(configs)
     if recording:
-        given['recording'] = ParameterValue(recording, value_type=str)
+        of_driver['recording'] = ParameterValue(recording, value_type=str)
     driver = Node(
         executable='slip_driver',
         arguments=arguments,
-        parameters=[configs[0], given, *clock],
+        parameters=[configs[0], of_driver, *clock],
         # What has been played is not played again.
         **settings | {'respawn': settings['respawn'] and not played},
     )
@@ -93,49 +116,10 @@ def nodes(context):
 
 
 def generate_launch_description():
-    share = FindPackageShare('slip_detector')
-    view = PathJoinSubstitution([share, 'launch', 'view.launch.py'])
+    view = str(shared_folder() / 'launch' / 'view.launch.py')
     return LaunchDescription(
         [
-            DeclareLaunchArgument(
-                'namespace', default_value='', description='Namespace of all nodes.'
-            ),
-            DeclareLaunchArgument(
-                'fingers',
-                default_value='',
-                description='Names of fingers, with commas between: a pair of nodes for each, in '
-                'a namespace of its name within the other; empty: one pair.',
-            ),
-            DeclareLaunchArgument(
-                'config',
-                default_value='',
-                description='Parameter file of all nodes: a path, or the name of one of the '
-                'package. Several, with commas between: a detector for each, in a namespace of '
-                'its name. Empty: slip_detector.yaml, and a simulated scene unless source is '
-                'given.',
-            ),
-            DeclareLaunchArgument(
-                'source',
-                default_value='',
-                choices=['', 'scene', 'recording', 'serial', 'udp', 'none'],
-                description='What the drivers play or listen to; none: no driver, your sensors '
-                'publish; empty: as in the parameter file.',
-            ),
-            DeclareLaunchArgument(
-                'recording', default_value='', description='Path, for source:=recording.'
-            ),
-            DeclareLaunchArgument(
-                'name',
-                default_value='',
-                description="Name of the detector's node, and of its section in the parameter "
-                'file; empty: slip_detector.',
-            ),
-            DeclareLaunchArgument(
-                'voltages',
-                default_value='',
-                description='Topic of the samples, such as that of a sensor with a driver of its '
-                'own, for one parameter file only; empty: voltages.',
-            ),
+            *declarations(ARGUMENTS, CHOICES),
             # First, so that no node starts if an argument of the page is refused.
             OpaqueFunction(function=set_configs),
             IncludeLaunchDescription(PythonLaunchDescriptionSource(view)),

@@ -20,28 +20,54 @@ ros2 launch slip_detector view.launch.py view:=true
 import shlex
 
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.actions import OpaqueFunction
 from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from slip_detector.nodes.run import node_settings, sim_time
+from slip_detector.nodes.run import declarations, node_settings, sim_time
 
 # As users of other launch files write them.
 TRUE_OR_FALSE = ['true', 'True', 'TRUE', '1', 'false', 'False', 'FALSE', '0']
-LEVELS = [
-    write(level)
-    for level in ('debug', 'info', 'warn', 'error', 'fatal')
-    for write in (str.lower, str.title, str.upper)
-]
+# By name, the default value and what it is.
+ARGUMENTS = {
+    'namespace': ('', 'Namespace of all nodes.'),
+    'configs': (
+        '',
+        "Paths of the detectors' parameter files, with commas between, for the live page; where "
+        'there is an argument config, it sets them.',
+    ),
+    'view': ('false', 'Whether slip_view serves a live page of all fingers.'),
+    'view_options': ('', 'Options of slip_view, such as --host 0.0.0.0 or --read-only.'),
+    'transport': (
+        '',
+        'udp: the nodes use no shared memory, so that Fast DDS does not hold them up when others '
+        'join; empty: what the middleware uses.',
+    ),
+    'use_sim_time': (
+        'false',
+        'true: time comes from /clock; false: as in the parameter file.',
+    ),
+    'log_level': (
+        'info',
+        'Least severity of what the nodes log: debug, info, warn, error, fatal.',
+    ),
+    'use_respawn': (
+        'false',
+        'Whether a node that dies is started again after 2 s. Not the grasp controller: it would '
+        'begin with an open grip.',
+    ),
+}
+CHOICES = dict.fromkeys(('view', 'use_sim_time', 'use_respawn'), TRUE_OR_FALSE)
+CHOICES['transport'] = ['', 'udp']
 
 
 def page(context):
     """Start the node that serves the page."""
-    options = shlex.split(LaunchConfiguration('view_options').perform(context))
+    options = shlex.split(context.launch_configurations['view_options'])
     node = Node(
         executable='slip_view',
-        arguments=['--config', LaunchConfiguration('configs'), *options],
+        arguments=['--config', context.launch_configurations['configs'], *options],
         parameters=sim_time(context),
         output='screen',  # It prints the address of the page.
         **node_settings(context),
@@ -52,52 +78,7 @@ def page(context):
 def generate_launch_description():
     return LaunchDescription(
         [
-            DeclareLaunchArgument(
-                'namespace', default_value='', description='Namespace of all nodes.'
-            ),
-            DeclareLaunchArgument(
-                'configs',
-                default_value='',
-                description="Paths of the detectors' parameter files, with commas between, for "
-                'the live page; where there is an argument config, it sets them.',
-            ),
-            DeclareLaunchArgument(
-                'view',
-                default_value='false',
-                choices=TRUE_OR_FALSE,
-                description='Whether slip_view serves a live page of all fingers.',
-            ),
-            DeclareLaunchArgument(
-                'view_options',
-                default_value='',
-                description='Options of slip_view, such as --host 0.0.0.0 or --read-only.',
-            ),
-            DeclareLaunchArgument(
-                'transport',
-                default_value='',
-                choices=['', 'udp'],
-                description='udp: the nodes use no shared memory, so that Fast DDS does not hold '
-                'them up when others join; empty: what the middleware uses.',
-            ),
-            DeclareLaunchArgument(
-                'use_sim_time',
-                default_value='false',
-                choices=TRUE_OR_FALSE,
-                description='true: time comes from /clock; false: as in the parameter file.',
-            ),
-            DeclareLaunchArgument(
-                'log_level',
-                default_value='info',
-                choices=LEVELS,
-                description='Least severity of what the nodes log.',
-            ),
-            DeclareLaunchArgument(
-                'use_respawn',
-                default_value='false',
-                choices=TRUE_OR_FALSE,
-                description='Whether a node that dies is started again after 2 s. Not the grasp '
-                'controller: it would begin with an open grip.',
-            ),
+            *declarations(ARGUMENTS, CHOICES),
             OpaqueFunction(function=page, condition=IfCondition(LaunchConfiguration('view'))),
         ]
     )

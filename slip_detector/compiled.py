@@ -113,12 +113,6 @@ if COMPILED:
             super().__init__(function)
             self._cache_file = self  # What loads and saves.
 
-        def save_overload(self, sig, data):
-            try:
-                super().save_overload(sig, data)
-            except (OSError, ValueError):
-                _say_not_kept(f'{self.cache_path} cannot be written')
-
         def _path(self, key):
             stamped = repr((key, self._impl.locator.get_source_stamp()))
             digest = hashlib.sha256(stamped.encode()).hexdigest()[:16]
@@ -132,8 +126,11 @@ if COMPILED:
                 return None
 
         def save(self, key, data):
-            with whole_file(self._path(key)) as new:
-                new.write_bytes(zlib.compress(dumps(data), level=1))
+            try:
+                with whole_file(self._path(key)) as new:
+                    new.write_bytes(zlib.compress(dumps(data), level=1))
+            except ValueError:
+                _say_not_kept(f'{self.cache_path} cannot be written')
 
 
 @functools.cache

@@ -260,15 +260,15 @@ def grasp_figures(trials: Sequence[GraspTrial], limit_n: float) -> dict[str, Any
     """
     slides_mm = [trial.slide_mm for trial in trials]
     known = [slide_mm for slide_mm in slides_mm if slide_mm is not None]
-    all_known = len(known) == len(trials)
+    dropped = len(trials) - len(known)
     shares = [100.0 * trial.mean_n(trial.force_n) / limit_n for trial in trials]
     needed = [100.0 * trial.mean_n(trial.needed_n) / limit_n for trial in trials]
     return {
         'trials': len(trials),
-        'dropped': sum(trial.dropped for trial in trials),
+        'dropped': dropped,
         'slide_mm': slides_mm,
-        'mean_slide_mm': float(np.mean(known)) if all_known else None,
-        'worst_slide_mm': max(known) if all_known else None,
+        'mean_slide_mm': None if dropped else float(np.mean(known)),
+        'worst_slide_mm': None if dropped else max(known),
         'force_percent': float(np.mean(shares)),
         'most_force_percent': max(shares),
         'needed_percent': float(np.mean(needed)),

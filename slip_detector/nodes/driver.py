@@ -20,7 +20,7 @@ import threading
 import time
 from array import array
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 
 import numpy as np
@@ -30,7 +30,6 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float32MultiArray, MultiArrayDimension, String
 
 from slip_detector.chain.samples import Floats, Samples
-from slip_detector.nodes.ending import ASKED
 from slip_detector.nodes.health import ERROR, WARN, Diagnostics, status
 from slip_detector.nodes.messages import STEADY, sensor_qos, state_qos
 from slip_detector.nodes.parameters import declare
@@ -69,15 +68,6 @@ LINGER_S = 0.2
 STOP_S = 0.3
 
 
-def _opened(config: DriverConfig, now_ns: Callable[[], int]) -> Source:
-    """Open the source, which may take long; an ExternalShutdownException after a signal."""
-    opening = ThreadPoolExecutor(1).submit(open_source, config, now_ns=now_ns)
-    while not wait([opening], POLL_S).done:
-        if ASKED.is_set():
-            raise ExternalShutdownException
-    return opening.result()
-
-
 class Driver(Node):
     """Publishes each sample when it is due, however late the samples before it were.
 
@@ -99,8 +89,8 @@ class Driver(Node):
     def __init__(self, cli_args: list[str] | None = None) -> None:
         super().__init__('slip_driver', cli_args=cli_args)
         self.config = config = declare(self, DriverConfig)
-        clock = self.get_clock()  # A thread that opens the source is not to keep the node.
-        self.source = source = _opened(config, lambda: clock.now().nanoseconds)
+        clock = self.get_clock()
+        self.source = source = open_source(config, now_ns=lambda: clock.now().nanoseconds)
         message_type = JointState if config.samples_per_message == 1 else Float32MultiArray
         self._voltages = self.create_publisher(message_type, 'voltages', sensor_qos())
         self._writer = JointStateWriter(config.frame_id, source.channel_names)

@@ -63,9 +63,6 @@ class GraspController(Node):
     def __init__(self, cli_args: list[str] | None = None) -> None:
         super().__init__('grasp_controller', cli_args=cli_args)
         self.config = config = declare(self, GraspConfig)
-        taken = {self.resolve_topic_name(topic) for topic in ('slip', 'slip_valid')}
-        own = self.resolve_topic_name(config.command_topic) not in taken
-        config.require(own, 'command_topic', 'a topic of its own, not one of the detector')
         self._law = GraspLaw(config)
         # By topic, its last state, and the number of checks for silence since its last message.
         self._states = {'slip': False, 'slip_valid': False}

@@ -63,20 +63,13 @@ class GripperAction:
         The node that sends them.
     config
         Its parameters.
-
-    Raises
-    ------
-    ValueError
-        When control_msgs is not installed.
     """
 
     def __init__(self, node: Node, config: GraspConfig) -> None:
+        # Not all have the package: a grip of numbers needs none of it.
+        from control_msgs.action import GripperCommand, ParallelGripperCommand
+
         self._node, self._config = node, config
-        try:
-            from control_msgs.action import GripperCommand, ParallelGripperCommand
-        except ImportError:
-            words = f'{config.command_type!r}, allowed: only where control_msgs is installed'
-            raise ValueError(f'parameter command_type is {words}') from None
         simple = config.command_type == GRIPPER_COMMAND
         self._type: Any = GripperCommand if simple else ParallelGripperCommand
         self._client = ActionClient(node, self._type, config.command_topic)

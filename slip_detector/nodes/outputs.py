@@ -40,10 +40,6 @@ DEADLINE_BEATS = 2.0
 #: end the detectors of a process do so one after the other.
 RECEIVED_S = 0.3
 
-#: What a column of :attr:`.SlipResult.flags` is: kind, name, and number of channels. Channels are
-#: the same only where there are as many.
-Column = tuple[str, str, int]
-
 
 class Outputs:
     """The publishers of the present configuration, and the latest decisions.
@@ -63,7 +59,8 @@ class Outputs:
         self._node = node
         # By topic and deadline.
         self._publishers: dict[tuple[str, int], Publisher] = {}
-        self._columns: list[Column] = []
+        # Kind and name of each column of flags, and slip_valid, which follows from them.
+        self._columns: list[tuple[str, str]] = []
         self._states = b''  # A byte for each column.
         self.onsets = 0
         # Stamps of the latest sample, or 0, and of the last onset.
@@ -85,7 +82,7 @@ class Outputs:
     def configure(self, config: DetectorConfig) -> None:
         """Take another configuration.
 
-        Decisions on the same groups, and on channels if there are as many, are carried over.
+        Decisions on groups and channels of the same names are carried over.
         Publishers that stay the same are kept; the others are destroyed once all have published
         the present state, which on a topic that ends is OFF.
         """
@@ -108,18 +105,14 @@ class Outputs:
         self._envelope = publisher(JointState, '~/envelope', messages.sensor_qos())
         self.envelope_subscribers = self._envelope.get_subscription_count
         states = dict(zip(self._columns, self._states, strict=True))
-        self._columns = [
-            (kind, name, config.channels if kind in ('channel', 'valid') else 0)
-            for kind, name in flag_names(config)
-        ]
-        self._columns.append(('slip_valid', '', 0))  # It follows from the others.
+        self._columns = [*flag_names(config), ('slip_valid', '')]
         self._states = bytes(states.get(column, False) for column in self._columns)
         published = {'group': config.publish_groups, 'channel': config.publish_channels}
         disabled = {('channel', config.names[channel - 1]) for channel in config.disabled_channels}
         # By column, the publisher of its changes; without slip, column 0.
         self._listeners = {
             column: publisher(Bool, f'slip/{kind}/{name}', messages.state_qos())
-            for column, (kind, name, _) in enumerate(self._columns)
+            for column, (kind, name) in enumerate(self._columns)
             if published.get(kind) and (kind, name) not in disabled
         }
         flags = flag_layout(config)
@@ -127,11 +120,10 @@ class Outputs:
         for column, each in self._listeners.items():
             each.publish(self._messages[self._states[column]])
         self.beat()
-        # Other publishers of slip, slip_valid and slip_state have said what holds.
-        ended = [each for (topic, _), each in before.items() if topic.startswith('slip/')]
-        for each in ended:
-            each.publish(self._messages[False])
-        self.received(ended)
+        for (topic, _), each in before.items():
+            if topic.startswith('slip/'):  # The others have said what holds.
+                each.publish(self._messages[False])
+        self.received(before.values())
         for each in before.values():
             self._node.destroy_publisher(each)
 

@@ -14,6 +14,7 @@
 
 """Nodes as processes, and a recorder of what they publish, for the demonstrations."""
 
+import contextlib
 import functools
 import subprocess
 import sys
@@ -40,7 +41,7 @@ POLL_S = 0.05
 DRAIN_S = 0.5
 
 
-class NodeProcesses:
+class NodeProcesses(contextlib.ExitStack):
     """Runs nodes, each in a process of its own; on leaving the context all of them are ended.
 
     ``receive`` is called during waits: it receives messages and returns soon. Nodes that are not
@@ -48,18 +49,10 @@ class NodeProcesses:
     """
 
     def __init__(self, namespace: str, receive: Callable[[], None], verbose: bool = False) -> None:
+        super().__init__()
         self._receive, log_level = receive, 'info' if verbose else 'warn'
         self._options = ['-r', f'__ns:=/{namespace}', '--log-level', log_level]
         self._processes: list[tuple[str, subprocess.Popen[bytes]]] = []
-
-    def __enter__(self) -> 'NodeProcesses':
-        return self
-
-    def __exit__(self, *raised: object) -> None:
-        for _, process in reversed(self._processes):  # A node before what it listens to.
-            process.terminate()
-        for _, process in self._processes:
-            process.wait()
 
     def start(
         self, executable: str, config: Path, *arguments: str, **parameters: object
@@ -73,6 +66,9 @@ class NodeProcesses:
         # Ctrl-C reaches only this process, which ends them.
         process = subprocess.Popen([*command, '--', *arguments], start_new_session=True)
         self._processes.append((executable, process))
+        # On leaving, a node ends before what it listens to.
+        self.enter_context(process)
+        self.callback(process.terminate)
         return process
 
     def check(self) -> None:

@@ -19,6 +19,7 @@ import functools
 import gc
 import itertools
 import os
+import pkgutil
 import re
 import sys
 import time
@@ -60,7 +61,12 @@ GET_ROS = "source the setup.bash of a distribution, or pip install 'slip_detecto
 #: What is called at the end of an executable, in this order.
 Takedowns = list[Callable[[], object]]
 
-EXECUTABLES = ('slip_driver', 'slip_detector', 'grasp_controller')
+#: By executable, the class of its nodes, which takes ROS arguments.
+NODE_CLASSES = {
+    'slip_driver': 'slip_detector.nodes.driver:Driver',
+    'slip_detector': 'slip_detector.nodes.detector:Detector',
+    'grasp_controller': 'slip_detector.nodes.grasp_controller:GraspController',
+}
 
 
 def main(executable: str) -> None:
@@ -121,7 +127,11 @@ def _spin(executable: str, takedowns: Takedowns) -> None:
     from slip_detector.nodes.rclpy_internals import LOOK_NS, SampleExecutor, survive_requests
 
     arguments_of_each = _arguments_of_each(executable)
-    node_class = _node_class(executable)
+    node_class = pkgutil.resolve_name(NODE_CLASSES[executable])
+    if executable == 'slip_detector':
+        from slip_detector.chain.slip_chain import compile_chain
+
+        compile_chain()  # Before the first node, as a signal then ends the process at once.
     init_ros()
     nodes = []
     for arguments in arguments_of_each:
@@ -145,6 +155,20 @@ def _spin(executable: str, takedowns: Takedowns) -> None:
     takedowns.insert(0, executor.shutdown)
     while not ASKED.is_set():
         executor.spin_once(LOOK_NS * 1e-9)
+
+
+def declarations(
+    arguments: dict[str, tuple[Any, str]], choices: dict[str, list[str]]
+) -> list[Any]:
+    """Return the declarations of launch arguments: by name, the default value and what it is."""
+    from launch.actions import DeclareLaunchArgument
+
+    return [
+        DeclareLaunchArgument(
+            name, default_value=value, description=text, choices=choices.get(name)
+        )
+        for name, (value, text) in arguments.items()
+    ]
 
 
 def node_settings(context: Any) -> dict[str, Any]:
@@ -316,25 +340,8 @@ def _check_files() -> None:
             list(sections_of(read_yaml(path), path))
 
 
-def _node_class(executable: str) -> Callable[[list[str]], Any]:
-    """Return the class of an executable's nodes, which takes ROS arguments."""
-    if executable == 'grasp_controller':
-        from slip_detector.nodes.grasp_controller import GraspController
-
-        return GraspController
-    if executable == 'slip_driver':
-        from slip_detector.nodes.driver import Driver
-
-        return Driver
-    from slip_detector.chain.slip_chain import compile_chain
-    from slip_detector.nodes.detector import Detector
-
-    compile_chain()  # Before the first node, as a signal then ends the process at once.
-    return Detector
-
-
 # The entry points.
-driver, detector, grasp_controller = (functools.partial(main, name) for name in EXECUTABLES)
+driver, detector, grasp_controller = (functools.partial(main, name) for name in NODE_CLASSES)
 
 if __name__ == '__main__':
     main(sys.argv.pop(1))

@@ -201,14 +201,8 @@ class ParameterSet:
             a value that is not allowed; names the file.
         """
         values, own, _ = sections.parameters_for(path, cls.NODE, node)
-        whole, mine = sections.SECTIONS.get(cls.NODE, cls), cls.__dataclass_fields__
-        if issubclass(whole, cls):
-            every = whole.from_parameters(values, str(path), own)
-            return cls(**{name: getattr(every, name) for name in mine})
-        # A user's set, which has others beside those of the package.
-        others = whole.__dataclass_fields__.keys() - mine
-        its = {name: value for name, value in values.items() if name not in others}
-        return cls.from_parameters(its, str(path), own)
+        every = sections.SECTIONS.get(cls.NODE, cls).from_parameters(values, str(path), own)
+        return cls(**{name: getattr(every, name) for name in cls.__dataclass_fields__})
 
     def to_parameters(self) -> dict[str, Any]:
         """Return names and values in the form that ROS uses: flat lists, ``groups.TP``."""

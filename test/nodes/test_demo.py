@@ -92,7 +92,7 @@ def test_the_end_of_a_node_is_waited_for_and_leaving_ends_the_others(nodes, tmp_
     process = nodes.start('slip_driver', FILE, source='scene', wait_for_subscribers=1)
     assert process.poll() is None
     assert os.getpgid(process.pid) != os.getpgid(0)  # Ctrl-C of the terminal is not for it.
-    nodes.__exit__()
+    nodes.close()
     assert process.poll() is not None
 
 

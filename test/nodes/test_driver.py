@@ -14,19 +14,14 @@
 
 """The driver node as a process of its own, and both nodes together."""
 
-import time
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from rclpy.executors import ExternalShutdownException
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from slip_detector.chain.samples import Samples
-from slip_detector.nodes import driver
 from slip_detector.nodes.driver import ALIGNED_S, aligned
 from slip_detector.nodes.messages import stamp_ns
 from slip_detector.parameters.driver import DriverConfig
@@ -146,10 +141,3 @@ def test_drivers_begin_together_and_none_idles_until_a_rare_message_is_due(now_s
     # Another that starts a little before begins at the same moment, or just as much before.
     periods = (begins_s - aligned(now_s - 0.03, period_s)) / min(period_s, ALIGNED_S)
     assert periods == pytest.approx(round(periods), abs=1e-3)
-
-
-def test_a_source_that_takes_long_to_open_does_not_hold_up_the_end(monkeypatch):
-    monkeypatch.setattr(driver, 'open_source', lambda config, now_ns: time.sleep(2.0))
-    monkeypatch.setattr(driver, 'ASKED', SimpleNamespace(is_set=lambda: True))
-    with pytest.raises(ExternalShutdownException):
-        driver._opened(DriverConfig(), time.time_ns)

@@ -160,8 +160,3 @@ def test_two_controllers_of_one_gripper_both_say_so(bench):
     said = '/grip_force is published by /grasp_controller, /other/grasp_controller: only one'
     for process in (first, second):
         bench.wait_for(lambda process=process: said in process.log(), 'the error')
-
-
-def test_commands_on_a_topic_of_the_detector_are_refused(bench):
-    words = ["command_topic is 'slip'", 'not one of the detector']
-    bench.check_refused('grasp_controller', {'command_topic': 'slip'}, words)

@@ -24,7 +24,7 @@ from std_msgs.msg import Bool
 
 from slip_detector.compiled import COMPILED
 from slip_detector.nodes.messages import state_qos
-from slip_detector.nodes.run import EXECUTABLES, _arguments_of_each, transport_environment
+from slip_detector.nodes.run import NODE_CLASSES, _arguments_of_each, transport_environment
 from support.harness import ROOT, compile_nodes
 from support.python_runs import run_python
 
@@ -44,7 +44,7 @@ def _compiled():
     compile_nodes()
 
 
-@pytest.mark.parametrize('executable', EXECUTABLES)
+@pytest.mark.parametrize('executable', NODE_CLASSES)
 def test_a_node_that_ends_says_goodbye(bench, executable):
     process = bench.start(executable, parameters=STARTED_WITH.get(executable))
     bench.wait_for(lambda: executable in bench.node.get_node_names(), 'the node')

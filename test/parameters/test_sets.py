@@ -120,14 +120,10 @@ def test_sets_of_users_are_read_beside_those_of_the_package(tmp_path):
     text = 'slip_detector: {ros__parameters: {gain: 2.0, tip: 3, heartbeat_hz: 5.0}}\n'
     path.write_text(f'{text}finger: {{ros__parameters: {{tip: 4}}}}\n')
 
-    class Tip(ChainConfig):
-        tip: int = parameter(1, 'Number of the fingertip.', (0, 9))
-
     class Finger(ParameterSet):
         NODE = 'finger'
         tip: int = parameter(1, 'Number of the fingertip.', (0, 9))
 
-    assert Tip.from_yaml(path) == Tip(gain=2.0, tip=3)
     assert Finger.from_yaml(path) == Finger(tip=4)
     assert 'unknown parameter tip = 3' in message_of(ChainConfig.from_yaml, path)
 
