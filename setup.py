@@ -66,12 +66,9 @@ setup(
         'ros': ros_wheels('jazzy'),
         'ros-kilted': ros_wheels('kilted'),
         'tune': ['optuna>=4.0'],
-        # slip_evaluate and slip_tune on several machines.
-        'cluster': ['distributed'],
         'test': [
             'axe-core-python',
             'colcon-common-extensions',
-            'distributed',
             'hypothesis',
             'mpmath>=1.2',
             'mypy',

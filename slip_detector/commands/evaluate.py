@@ -221,8 +221,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             if len(files) > 1:
                 raise ValueError(f'--out is for one recording, these are {len(files)}')
             evaluator.write_decisions_of(loader, files[0], out)
-        workers.make_paths_whole(options, 'recordings')
-        with workers.processes(options.jobs, options.cluster) as calls:
+        with workers.processes(options.jobs) as calls:
             sets, left[:] = evaluate(options.recordings, loader, calls, page is not None)
         report = as_report(sets)
         given = {Path(one).resolve() for one in options.recordings}

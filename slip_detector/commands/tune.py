@@ -52,7 +52,7 @@ from slip_detector.tuning.verdict import TRIALS, TuningParameters, tune
 NAME = 'slip_tune'
 
 #: Options that only a search has.
-OF_SEARCH = ('recordings', 'held_out', 'report', 'storage', 'jobs', 'cluster', 'json', *KINDS)
+OF_SEARCH = ('recordings', 'held_out', 'report', 'storage', 'jobs', 'json', *KINDS)
 
 STOPPING = '\nstopping; results so far are kept (Ctrl-C again: end at once)\n'
 
@@ -154,12 +154,11 @@ def _search(
     """Search; return the result, lines about it, and a function that writes the report."""
     for name in ('recordings', 'held_out', *KINDS):
         setattr(options, name, with_subfolders(getattr(options, name)))
-    workers.make_paths_whole(options, 'recordings', 'held_out', *KINDS)
     of_kinds = [(kind, path) for kind in KINDS for path in getattr(options, kind)]
     read = options.recordings, parameters.loader, options.held_out
     files = TrainingFiles(*read, of_kinds=of_kinds)
     with (
-        workers.processes(options.jobs, options.cluster) as calls,
+        workers.processes(options.jobs) as calls,
         workers.progress_bar(options.trials, 'trial') as bar,
     ):
         more: Any = {**_reports(bar, options.json), 'stop': stop, 'calls': calls}

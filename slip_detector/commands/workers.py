@@ -15,18 +15,16 @@
 """What the commands share that read recordings: options, files, the bar, several processes."""
 
 import argparse
-import asyncio
 import contextlib
 import dataclasses
 import functools
-import logging
 import multiprocessing
 import os
 import signal
 import tempfile
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor, as_completed
+from concurrent.futures import BrokenExecutor, ThreadPoolExecutor, as_completed
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -38,13 +36,6 @@ from slip_detector.commands.command_line import whole_number
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.parameters.files import file_errors_of, find_parameter_file
 from slip_detector.recordings import ENDINGS, is_recording
-
-#: Longest time, in seconds, in which a scheduler may answer.
-ANSWER_S = 5.0
-
-#: Logs of Dask, which put a traceback there for a call that is cancelled or a connection that
-#: closes. This process says what went wrong itself.
-LOGS = ('distributed', 'distributed.client', 'tornado.application')
 
 #: The parameters of :class:`RecordingConfig` that are options, without ``recording_``.
 READING = ('topic', 'field', 'labels', 'resample')
@@ -84,11 +75,8 @@ def add_options(parser: argparse.ArgumentParser, work: str, recordings: str = '*
     text = 'write an HTML page with timelines that can be zoomed, latencies and ROC curve'
     parser.add_argument('--report', type=Path, metavar='FILE.html', help=text)
     parser.add_argument('--verbose', action='store_true', help='print all figures')
-    where = parser.add_mutually_exclusive_group()
     text = f'processes that {work} (default: 1)'
-    where.add_argument('--jobs', type=whole_number(1), metavar='N', help=text)
-    text = f'scheduler (tcp://HOST:8786) of a Dask cluster that sees the same paths, to {work}'
-    where.add_argument('--cluster', metavar='ADDRESS', help=text)
+    parser.add_argument('--jobs', type=whole_number(1), metavar='N', help=text)
     group = parser.add_argument_group('what to read of a recording')
     for field in dataclasses.fields(RecordingConfig):
         name = field.name.removeprefix('recording_')
@@ -109,7 +97,7 @@ def sets_of_parameters(options: argparse.Namespace, *kinds: Any) -> list[Any]:
     Examples
     --------
     >>> options = argparse.Namespace(
-    ...     config=None, cluster=None, topic='/a', field=None, labels=None, resample=None)
+    ...     config=None, topic='/a', field=None, labels=None, resample=None)
     >>> sets_of_parameters(options, RecordingConfig)[0].recording_topic
     '/a'
     """
@@ -122,32 +110,8 @@ def sets_of_parameters(options: argparse.Namespace, *kinds: Any) -> list[Any]:
         one = kind.from_yaml(options.config) if options.config else kind()
         if kind is RecordingConfig:
             one = dataclasses.replace(one, **changes)
-            if options.cluster and one.recording_labels:
-                labels = os.path.abspath(one.recording_labels)
-                one = dataclasses.replace(one, recording_labels=labels)
         sets.append(one)
     return sets
-
-
-def make_paths_whole(options: argparse.Namespace, *names: str) -> None:
-    """Make paths absolute if they are for a cluster, whose workers run in other folders.
-
-    Parameters
-    ----------
-    options
-        The options of the command, which are changed.
-    names
-        Those that are lists of paths.
-
-    Examples
-    --------
-    >>> options = argparse.Namespace(cluster='tcp://127.0.0.1:8786', recordings=['/a', 'b.npz'])
-    >>> make_paths_whole(options, 'recordings')
-    >>> [os.path.isabs(path) for path in options.recordings]
-    [True, True]
-    """
-    for name in names if options.cluster else ():
-        setattr(options, name, [os.path.abspath(path) for path in getattr(options, name)])
 
 
 def check_writable(path: Path) -> None:
@@ -220,8 +184,8 @@ def progress_bar(total: int | None, unit: str) -> 'tqdm[Any]':
 
 
 @contextlib.contextmanager
-def processes(jobs: int | None = None, cluster: str | None = None) -> Iterator[Calls | None]:
-    """Within this context, let several processes or a Dask cluster make calls.
+def processes(jobs: int | None = None) -> Iterator[Calls | None]:
+    """Within this context, let several processes make calls.
 
     Function, arguments and results must be picklable. At the end calls that still run are given
     up.
@@ -229,16 +193,12 @@ def processes(jobs: int | None = None, cluster: str | None = None) -> Iterator[C
     Parameters
     ----------
     jobs
-        Number of processes on this machine; with one there are no calls, as this process can do
-        the work.
-    cluster
-        Address of the scheduler of a Dask cluster, which is used instead of such processes. There
-        another worker repeats the calls of one that dies.
+        Number of processes; with one there are no calls, as this process can do the work.
 
     Raises
     ------
     ValueError
-        When the cluster cannot be reached, a process dies or the cluster is lost.
+        When a process dies.
 
     Examples
     --------
@@ -246,65 +206,33 @@ def processes(jobs: int | None = None, cluster: str | None = None) -> Iterator[C
     ...     sorted(calls(abs, [3, -4]))
     [(0, 3), (1, 4)]
     """
-    if cluster is not None:
-        try:
-            from distributed import Client
-
-            for name in LOGS:
-                logging.getLogger(name).setLevel(logging.CRITICAL)
-            asyncio.run(asyncio.wait_for(_check_scheduler(cluster), ANSWER_S))
-            client = Client(cluster, timeout=ANSWER_S)
-        except ImportError:
-            needs = '--cluster needs distributed, which is not installed: '
-            raise ValueError(f"{needs}pip install 'slip_detector[cluster]'") from None
-        except Exception as error:  # Another program may answer anything, or nothing.
-            why = str(error) or f'no answer of a scheduler within {ANSWER_S:g} s'
-            raise ValueError(f'cluster {cluster}: cannot be reached ({why})') from None
-        with client:  # When it closes, the scheduler drops its calls.
-            executor = client.get_executor(pure=False)
-            # Dask has errors of its own: a call killed its workers, or one lacks this package.
-            yield functools.partial(_results, executor, f'cluster {cluster}: was lost')
-    elif jobs is not None and jobs > 1:
-        died = f'a worker process died, allowed: fewer --jobs than {jobs} where memory is short'
-        of_thread, started = threading.local(), list[Any]()
-        start: Any = functools.partial(_start_process, of_thread, started)
-        # The first process would start it, which takes its protection from signals away.
-        resource_tracker.ensure_running()
-        with ThreadPoolExecutor(jobs, initializer=start) as threads:
-            try:
-                yield lambda function, every: _results(
-                    threads, died, functools.partial(_call, of_thread, function), every
-                )
-            finally:
-                threads.shutdown(wait=False, cancel_futures=True)
-                for process in started:
-                    process.kill()
-                    process.join()
-    else:
+    if jobs is None or jobs == 1:
         yield None
+        return
+    of_thread, started = threading.local(), list[Any]()
+    start: Any = functools.partial(_start_process, of_thread, started)
+    # The first process would start it, which takes its protection from signals away.
+    resource_tracker.ensure_running()
+    with ThreadPoolExecutor(jobs, initializer=start) as threads:
 
+        def results(function: Callable[[Any], Any], every: Sequence[Any]) -> Iterator[Any]:
+            call = functools.partial(_call, of_thread, function)
+            calls = {threads.submit(call, one): k for k, one in enumerate(every)}
+            try:
+                for done in as_completed(calls):
+                    yield calls[done], done.result()
+            except (EOFError, OSError, BrokenExecutor) as error:
+                died = f'allowed: fewer --jobs than {jobs} where memory is short'
+                why = str(error) or type(error).__name__
+                raise ValueError(f'a worker process died, {died} ({why})') from None
 
-async def _check_scheduler(address: str) -> None:
-    """Raise an error unless a scheduler answers; a Client may wait for ever."""
-    from distributed.core import rpc
-
-    async with rpc(address) as there:
-        kind = (await there.identity())['type']
-        if kind != 'Scheduler':
-            raise ValueError(f'it is a {kind}')
-
-
-def _results(
-    executor: Executor, failed: str, function: Callable[[Any], Any], arguments: Sequence[Any]
-) -> Iterator[tuple[int, Any]]:
-    calls = {executor.submit(function, one): k for k, one in enumerate(arguments)}
-    try:
-        for call in as_completed(calls):
-            yield calls[call], call.result()
-    except ValueError:
-        raise
-    except Exception as error:
-        raise ValueError(f'{failed} ({error or type(error).__name__})') from None
+        try:
+            yield results
+        finally:
+            threads.shutdown(wait=False, cancel_futures=True)
+            for process in started:
+                process.kill()
+                process.join()
 
 
 def _start_process(of_thread: threading.local, started: list[Any]) -> None:

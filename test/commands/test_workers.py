@@ -17,9 +17,7 @@
 import argparse
 import os
 import signal
-import socket
 import sys
-from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -85,45 +83,15 @@ def test_a_result_that_is_being_written_does_not_hold_up_the_end():
     assert done.returncode == 0
 
 
-def test_a_cluster_that_is_not_there_is_named_and_without_distributed_what_to_install(monkeypatch):
-    pytest.importorskip('distributed', reason='needs distributed')
-    for said in ('^cluster nix: cannot be reached', r'^--cluster needs .*\[cluster\]'):
-        with pytest.raises(ValueError, match=said), workers.processes(cluster='nix'):
-            pass
-        monkeypatch.setitem(sys.modules, 'distributed', None)
-
-
-@pytest.mark.parametrize('answer', [b'', b'HTTP/1.1 400 Bad Request\r\n\r\n', bytes(64)])
-@pytest.mark.timeout(30)
-def test_what_is_no_scheduler_is_one_line_within_seconds(answer, monkeypatch, capfd):
-    pytest.importorskip('distributed', reason='needs distributed')
-    monkeypatch.setattr('slip_detector.commands.workers.ANSWER_S', 1.0)
-    with socket.create_server(('127.0.0.1', 0)) as server, ThreadPoolExecutor(1) as thread:
-        taken = thread.submit(server.accept)
-        taken.add_done_callback(lambda taken: taken.result()[0].sendall(answer))
-        there = 'tcp://127.0.0.1:{1}'.format(*server.getsockname())
-        said = f'^cluster {there}: cannot be reached [^\n]+$'
-        with pytest.raises(ValueError, match=said), workers.processes(cluster=there):
-            pass
-        taken.result()[0].close()
-    assert capfd.readouterr().err == ''
-
-
-def options_of(*words):
-    parser = argparse.ArgumentParser()
-    workers.add_options(parser, 'work')
-    return parser.parse_args(words)
-
-
-def test_options_replace_parameters_of_recordings_and_a_cluster_gets_whole_paths(
-    tmp_path, monkeypatch
-):
+def test_options_replace_parameters_of_recordings(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     given = RecordingConfig(recording_topic='/mine', recording_labels='by_hand')
     write_yaml(tmp_path / 'c.yaml', given.to_document())
 
     def recording_config(*words):
-        options = options_of('--config', 'c.yaml', *words)
+        parser = argparse.ArgumentParser()
+        workers.add_options(parser, 'work')
+        options = parser.parse_args(['--config', 'c.yaml', *words])
         return workers.sets_of_parameters(options, RecordingConfig)[0]
 
     assert recording_config() == given
@@ -131,12 +99,6 @@ def test_options_replace_parameters_of_recordings_and_a_cluster_gets_whole_paths
     found = recording_config(*words).to_parameters()
     read = [found[f'recording_{name}'] for name in workers.READING]
     assert read == ['/biotac', 'pac', 'l.yaml', True]
-    there = ['--cluster', 'tcp://127.0.0.1:8786']
-    assert recording_config(*there).recording_labels == str(tmp_path / 'by_hand')
-    for where, whole in ((there, str(tmp_path / 'a.npz')), (['--jobs', '2'], 'a.npz')):
-        options = options_of('a.npz', '/b', *where)
-        workers.make_paths_whole(options, 'recordings')
-        assert options.recordings == [whole, '/b']
 
 
 def test_what_cannot_be_written_is_refused_and_nothing_is_changed(tmp_path, monkeypatch):

@@ -49,7 +49,7 @@ NOT_HERE = re.compile(
 OF_OTHERS = re.compile(
     r'ros2 (bag (record|reindex)|topic (echo|hz|info)|param (set|get|load)|lifecycle set)\b.*'
     r'|ros2 launch foxglove_bridge\b.*'
-    r'|ros2 launch|ros2 run( slip_detector| rviz2 .*| plotjuggler .*)|dask (scheduler|worker .*)'
+    r'|ros2 launch|ros2 run( slip_detector| rviz2 .*| plotjuggler .*)'
     r'|colcon (build --packages-select slip_detector|test)|rosdep install .*|ament_copyright .*'
     r'|for i in \$\(seq [0-9]+\); do (timeout -s KILL 4 )?ros2 topic echo .*'
     r'|chromium-headless-shell .*|\. (\.venv/bin/activate|install/setup\.sh)'

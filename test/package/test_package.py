@@ -37,7 +37,7 @@ OF_UBUNTU = {'matplotlib', 'numba', 'numpy', 'scipy', 'serial', 'tornado', 'tqdm
 
 #: What only PyPI has (see rosdep_keys.txt): what needs it says how to install it. And llvmlite,
 #: which comes with Numba.
-WITHOUT_KEY = {'distributed', 'llvmlite', 'optuna', 'rosbags'}
+WITHOUT_KEY = {'llvmlite', 'optuna', 'rosbags'}
 
 
 def imported(paths):
