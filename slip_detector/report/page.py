@@ -14,9 +14,9 @@
 
 """A report as one HTML file that needs no network.
 
-The scripts in ``templates`` draw its timeline with uPlot. For each recording they read a header,
-which is JSON, and one string of bytes, compressed and in base64: of the bins the lowest volts, the
-highest volts and, for each variant, the codes of its levels. All are written channel after
+The scripts in ``templates`` draw its timeline with uPlot. They read one JSON, which
+has for each recording a string of bytes, compressed and in base64: of the bins the lowest volts,
+the highest volts and, for each variant, the codes of its levels. All are written channel after
 channel. Volts are 16-bit codes over the range of the channel, all low bytes and then all high
 ones, as slow signals compress better in this order.
 """
@@ -251,23 +251,18 @@ def _value(value: Any) -> str:
 
 
 def _data(variants: Sequence[Variant]) -> str:
-    """Return what the scripts read: a header as JSON, and the data of each recording."""
+    """Return what the scripts read, as JSON."""
     recordings = zip(*(variant.overviews for variant in variants), strict=True)
-    packed = [pack_recording(overviews) for overviews in recordings]
-    header = {
+    data = {
         'variants': [variant.name for variant in variants],
-        'recordings': [header for header, _ in packed],
+        'recordings': [packed_recording(overviews) for overviews in recordings],
     }
     # Only '<' can end a script element; JSON may write it as an escape.
-    text = json.dumps(header, separators=(',', ':'), allow_nan=False).replace('<', '\\u003c')
-    blocks = [f'<script type="application/json" id="header">{text}</script>']
-    for r, (_, data) in enumerate(packed):
-        blocks.append(f'<script type="text/plain" id="data-{r}">{data}</script>')
-    return '\n'.join(blocks)
+    return json.dumps(data, separators=(',', ':'), allow_nan=False).replace('<', '\\u003c')
 
 
-def pack_recording(variants: Sequence[Overview]) -> tuple[dict[str, Any], str]:
-    """Return the header and the data of one recording, given its overview for each variant."""
+def packed_recording(variants: Sequence[Overview]) -> dict[str, Any]:
+    """Return what the scripts read of one recording, given its overview for each variant."""
     first = variants[0]
     lowest = np.fmin.reduce(first.low, initial=np.inf).astype(np.float64)
     highest = np.fmax.reduce(first.high, initial=-np.inf).astype(np.float64)
@@ -283,7 +278,7 @@ def pack_recording(variants: Sequence[Overview]) -> tuple[dict[str, Any], str]:
     # In bins of one row both are the same.
     data = [packed(extreme) for extreme in (first.low, first.high)[: min(first.bin_rows, 2)]]
     data += [_bytes(overview.codes) for overview in variants]
-    header = {
+    return {
         'name': first.name,
         'rate_hz': first.sample_rate_hz,
         'rows': first.rows,
@@ -294,8 +289,8 @@ def pack_recording(variants: Sequence[Overview]) -> tuple[dict[str, Any], str]:
         'step_v': step.tolist(),
         'truth': first.truth.edges if first.labelled else None,
         'variants': [_variant(overview) for overview in variants],
+        'data': base64.b64encode(zlib.compress(b''.join(data))).decode(),
     }
-    return header, base64.b64encode(zlib.compress(b''.join(data))).decode()
 
 
 def _bytes(values: Codes | NDArray[np.uint16]) -> bytes:

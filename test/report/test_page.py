@@ -98,8 +98,8 @@ def test_the_data_are_the_overviews(monkeypatch, most_cells):
         scenes.overview('a', config, volts, truth, scenes.EVENTS['given'])
         for config in (scenes.GIVEN, scenes.TUNED)
     ]
-    header, data = report.pack_recording(overviews)
-    bytes_ = np.frombuffer(zlib.decompress(base64.b64decode(data)), np.uint8)
+    header = report.packed_recording(overviews)
+    bytes_ = np.frombuffer(zlib.decompress(base64.b64decode(header['data'])), np.uint8)
     lowest, step = np.array(header['lowest_v']), np.array(header['step_v'])
 
     def following(rows):

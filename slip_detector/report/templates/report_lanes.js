@@ -27,7 +27,7 @@ const everyEvent = () => header.recordings.flatMap(
 // ---- data
 
 function load(r) {
-  recordings[r] ??= inflate(element(`data-${r}`).textContent).then((bytes) => decode(header.recordings[r], bytes));
+  recordings[r] ??= inflate(header.recordings[r].data).then((bytes) => decode(header.recordings[r], bytes));
   return recordings[r];
 }
 
