@@ -54,20 +54,11 @@ def compile_all() -> str:
     if not COMPILED:
         return 'Nothing to compile: Numba is not installed, and everything runs interpreted.'
     compile_chain()
-    _use_scenes()
-    _use_evaluation_and_tuning()
-    return f'Compiled in {time.monotonic() - SAID_S[0]:.0f} s.' if SAID_S else 'Compiled already.'
-
-
-def _use_scenes() -> None:
     for path in sorted((shared_folder() / 'config' / 'scenes').glob('*.yaml')):
         source = open_source(DriverConfig(source='scene', scene=str(path)))
         source.read(1)
         if source.takes_orders:
             source.obey('slip')
-
-
-def _use_evaluation_and_tuning() -> None:
     config = ChainConfig()
     samples = open_source(DriverConfig(source='scene')).read(WHOLE)
     Replay(config).run([samples])
@@ -75,3 +66,4 @@ def _use_evaluation_and_tuning() -> None:
     limits, rows = np.array([0.5, 1.0]), settling_rows(config)
     for parts in vote_statistics(config, ['all', 'mean', 2], [track]).values():
         sweep_thresholds(parts, limits, EvaluationConfig(), rows)
+    return f'Compiled in {time.monotonic() - SAID_S[0]:.0f} s.' if SAID_S else 'Compiled already.'

@@ -101,17 +101,13 @@ def sets_of_parameters(options: argparse.Namespace, *kinds: Any) -> list[Any]:
     >>> sets_of_parameters(options, RecordingConfig)[0].recording_topic
     '/a'
     """
-    given = {f'recording_{name}': getattr(options, name) for name in READING}
-    changes = {name: value for name, value in given.items() if value is not None}
+    given = {name: getattr(options, name) for name in READING}
+    changes = {f'recording_{name}': value for name, value in given.items() if value is not None}
     if options.config:  # From here on it is the path.
         options.config = str(find_parameter_file(options.config))
-    sets = []
-    for kind in kinds:
-        one = kind.from_yaml(options.config) if options.config else kind()
-        if kind is RecordingConfig:
-            one = dataclasses.replace(one, **changes)
-        sets.append(one)
-    return sets
+    sets = {kind: kind.from_yaml(options.config) if options.config else kind() for kind in kinds}
+    sets[RecordingConfig] = dataclasses.replace(sets[RecordingConfig], **changes)
+    return [*sets.values()]
 
 
 def check_writable(path: Path) -> None:

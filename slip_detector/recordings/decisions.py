@@ -100,8 +100,7 @@ def _messages(config: ChainConfig, topics: list[str], pieces: Decided) -> Iterat
         for column in changed:
             yield topics[column], at_ns, BOOLS[int(state[column])]
         if {0, 1} & {*changed}:
-            position = np.array([*state[:2], onset_ns * 1e-9])
-            yield 'slip_state', at_ns, both.written(at_ns, position)
+            yield 'slip_state', at_ns, both.written(at_ns, np.r_[state[:2], onset_ns * 1e-9])
         before = state
 
     for samples, result in pieces:

@@ -58,8 +58,6 @@ def test_nothing_is_left_to_be_compiled_when_other_commands_run(tmp_path, capsys
 
 
 def test_it_says_whether_it_has_compiled_anything(monkeypatch, capsys):
-    monkeypatch.setattr(command, '_use_scenes', lambda: None)
-    monkeypatch.setattr(command, '_use_evaluation_and_tuning', lambda: None)
     for compiled, said_s, said in (
         (True, [5.0], 'Compiled in '),
         (True, [], 'Compiled already.\n'),
