@@ -46,7 +46,6 @@ It uses no ROS: the chain runs over each recording from the first row, as in the
     With ``--report`` and ``--out``: the files.
 """
 
-import argparse
 import dataclasses
 import json
 from collections.abc import Mapping, Sequence
@@ -184,16 +183,6 @@ def _alone(one: EvaluatedRecording) -> dict[str, Any]:
     return figures if one.labelled else {**figures, 'slip_events': None, 'alarm_events': None}
 
 
-def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
-    """Read and check the arguments."""
-    parser = Parser(prog=NAME, description=__doc__.split('\n\n')[1])
-    parser.add_argument('--json', action='store_true', help='print one JSON object')
-    workers.add_options(parser, 'evaluate recordings in parallel', recordings='+')
-    text = "levels, decisions and onsets of one recording as a bag, on the detector's topics"
-    parser.add_argument('--out', type=Path, metavar='FILE.mcap', help=f'write {text}')
-    return parser.parse_args(argv)
-
-
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point of ``slip_evaluate``.
 
@@ -208,12 +197,16 @@ def main(argv: Sequence[str] | None = None) -> int:
         Exit code, see :func:`slip_detector.commands.command_line.run`; 130 also where Ctrl-C left
         recordings that were not evaluated.
     """
-    options = _arguments(argv)
+    parser = Parser(prog=NAME, description=__doc__.split('\n\n')[1])
+    parser.add_argument('--json', action='store_true', help='print one JSON object')
+    workers.add_options(parser, 'evaluate recordings in parallel', recordings='+')
+    text = "levels, decisions and onsets of one recording as a bag, on the detector's topics"
+    parser.add_argument('--out', type=Path, metavar='FILE.mcap', help=f'write {text}')
+    options = parser.parse_args(argv)
     page, out, left = options.report, options.out, list[Path]()
 
     def work() -> str:
-        parameters = workers.sets_of_parameters(options, *map(type, RecordingLoader()))
-        loader = RecordingLoader(*parameters)
+        loader = workers.with_options(options, RecordingLoader())
         # An error is reported before an hour of recordings is read.
         workers.check_apart({'--report': page}, options.config, options.labels)
         if out is not None:

@@ -155,8 +155,7 @@ def _search(
     for name in ('recordings', 'held_out', *KINDS):
         setattr(options, name, with_subfolders(getattr(options, name)))
     of_kinds = [(kind, path) for kind in KINDS for path in getattr(options, kind)]
-    read = options.recordings, parameters.loader, options.held_out
-    files = TrainingFiles(*read, of_kinds=of_kinds)
+    files = TrainingFiles(options.recordings, parameters.loader, options.held_out, of_kinds)
     with (
         workers.processes(options.jobs) as calls,
         workers.progress_bar(options.trials, 'trial') as bar,
@@ -256,8 +255,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = _arguments(argv)
 
     def work() -> str:
-        sets = workers.sets_of_parameters(options, *map(type, TuningParameters()))
-        parameters = TuningParameters(*sets)
+        parameters = workers.with_options(options, TuningParameters())
         written = {'--out': options.out, '--report': options.report}
         where = options.storage or f'{options.out}.study.journal'
         workers.check_apart(written, options.labels, where)

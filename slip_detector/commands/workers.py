@@ -86,8 +86,8 @@ def add_options(parser: argparse.ArgumentParser, work: str, recordings: str = '*
             group.add_argument(f'--{name}', action=action, default=None, help=meaning)
 
 
-def sets_of_parameters(options: argparse.Namespace, *kinds: Any) -> list[Any]:
-    """Return sets of parameters of some kinds from ``--config``, with the values of the options.
+def with_options(options: argparse.Namespace, sets: Any) -> Any:
+    """Return a named tuple of sets of parameters, from ``--config`` and the other options.
 
     Raises
     ------
@@ -96,18 +96,21 @@ def sets_of_parameters(options: argparse.Namespace, *kinds: Any) -> list[Any]:
 
     Examples
     --------
+    >>> from slip_detector.evaluation.evaluator import RecordingLoader
     >>> options = argparse.Namespace(
     ...     config=None, topic='/a', field=None, labels=None, resample=None)
-    >>> sets_of_parameters(options, RecordingConfig)[0].recording_topic
+    >>> with_options(options, RecordingLoader()).recording_config.recording_topic
     '/a'
     """
     given = {name: getattr(options, name) for name in READING}
     changes = {f'recording_{name}': value for name, value in given.items() if value is not None}
     if options.config:  # From here on it is the path.
         options.config = str(find_parameter_file(options.config))
-    sets = {kind: kind.from_yaml(options.config) if options.config else kind() for kind in kinds}
-    sets[RecordingConfig] = dataclasses.replace(sets[RecordingConfig], **changes)
-    return [*sets.values()]
+        sets = sets._make(type(one).from_yaml(options.config) for one in sets)
+    return sets._make(
+        dataclasses.replace(one, **changes) if isinstance(one, RecordingConfig) else one
+        for one in sets
+    )
 
 
 def check_writable(path: Path) -> None:
@@ -125,10 +128,9 @@ def check_writable(path: Path) -> None:
     ValueError: no such folder/tuned.yaml: cannot be written (No such file or directory)
     """
     with file_errors_of(path):
-        if path.exists() and not path.is_file():  # Writing would replace a device by a file.
-            raise OSError(0, 'is no file')
-        if path.exists() and not os.access(path, os.W_OK):  # It would be replaced all the same.
-            raise OSError(0, 'is write-protected')
+        # Either would be replaced by a file.
+        if path.exists() and not (path.is_file() and os.access(path, os.W_OK)):
+            raise OSError(0, 'is write-protected' if path.is_file() else 'is no file')
         # whole_file needs to write beside it.
         with tempfile.TemporaryFile(dir=os.path.dirname(os.path.realpath(path))):
             pass

@@ -22,6 +22,7 @@ import sys
 import pytest
 
 from slip_detector.commands import workers
+from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.parameters.files import write_yaml
 from support.config_cases import message_of
@@ -92,7 +93,7 @@ def test_options_replace_parameters_of_recordings(tmp_path, monkeypatch):
         parser = argparse.ArgumentParser()
         workers.add_options(parser, 'work')
         options = parser.parse_args(['--config', 'c.yaml', *words])
-        return workers.sets_of_parameters(options, RecordingConfig)[0]
+        return workers.with_options(options, RecordingLoader()).recording_config
 
     assert recording_config() == given
     words = ['--topic', '/biotac', '--field', 'pac', '--labels', 'l.yaml', '--resample']
