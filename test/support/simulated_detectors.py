@@ -88,9 +88,8 @@ class SimulatedFinger:
         finger.sample_s = finger.heard_s = time.monotonic()
 
     def change(self, config):
-        self.finger.config = config
         self.chain.change(config)
-        self.finger.groups = np.zeros(len(config.groups), bool)
+        self.finger.update_config(config)
 
 
 class SimulatedDetectors(Detectors):
