@@ -41,6 +41,7 @@ def stretch(page):
 
 def play(served, page, seconds):
     """Play so much of the scene and wait until it is drawn; its stamps begin at 1000 s."""
+    parts.until(page, 'data.toS > 0')  # Times are those since the first minute that is drawn.
     served.call(served.detectors.simulated[parts.NAME].play, seconds)
     parts.until(page, f'data.toS > {40 + seconds}')
 
