@@ -122,7 +122,7 @@ def test_drawings_follow_the_dark_mode_of_the_system(played):
         parts.tab(page, tab).click()
         for scheme in ('light', 'dark'):
             page.emulate_media(color_scheme=scheme)
-            for part in map(page.locator, ('body', '.canvas', f'#{tab.lower()}')):
+            for part in map(page.locator, ('body', '.taxels', f'#{tab.lower()}')):
                 # The drawings change with the next frame.
                 while not (light(part) > 200 if scheme == 'light' else light(part) < 70):
                     page.wait_for_timeout(50)
