@@ -72,7 +72,9 @@ export class FingerCard {
     this.channels = Array.from(level, (ratio, c) => ({
       level: ratio, on: Boolean(on[c]), valid: !Number.isNaN(ratio), disabled: this.finger.disabled.includes(c + 1),
     }));
-    this.channels.forEach((channel, c) => showTaxel(this.taxels.children[c], channel));
+    // In every other frame, or a slow machine would not keep up.
+    this.skips = !this.skips;
+    if (!this.skips) this.channels.forEach((channel, c) => showTaxel(this.taxels.children[c], channel));
     this.showState(this.stateName());
     this.chips.forEach(({chip, count, members}, g) => {
       const valid = members.filter((c) => this.channels[c - 1]?.valid);
@@ -80,7 +82,9 @@ export class FingerCard {
       chip.classList.toggle('on', Boolean(groups[g]));
       write(count, `${votes}/${valid.length}${groups[g] ? ' ON' : ''}`);
     });
-    write(this.onset, this.onsetWords());
+    const {onset_age_s: age, slip, valid} = state;
+    const since = age === null ? 'no slip so far' : slip ? `slip since ${seconds(age)}` : `last slip began ${seconds(age)} ago`;
+    write(this.onset, `${valid ? 'valid' : 'not valid'}; ${since}`);
     if (performance.now() - this.worded > WORDS_MS) this.showChannels();
   }
 
@@ -121,12 +125,6 @@ export class FingerCard {
     if (this.taxels.ariaLabel !== label) this.taxels.ariaLabel = label;
   }
 
-  onsetWords() {
-    const {onset_age_s: age, slip, valid} = this.state;
-    const since = age === null ? 'no slip so far' : slip ? `slip since ${seconds(age)}` : `last slip began ${seconds(age)} ago`;
-    return `${valid ? 'valid' : 'not valid'}; ${since}`;
-  }
-
   // lines: [level, name, message] of each. What is wrong stands at the top; of decisions the badge tells sooner.
   showDiagnostics(lines) {
     const wrong = lines.filter(([level]) => level).sort(([a], [b]) => b - a);
@@ -165,9 +163,10 @@ const seconds = (age) => (
 // steps that can hardly be seen. What stays the same is not painted again.
 function showTaxel(taxel, {level, on, valid, disabled}) {
   const share = Math.max(0, Math.min(1, 1 + Math.log2(level) / LEVEL_OCTAVES));
-  const shows = disabled ? 'disabled' : !valid ? 'invalid' : on ? 'on' : 'level', fill = `${Math.round(32 * share) / 0.32}%`;
+  const shows = disabled ? 'disabled' : !valid ? 'invalid' : on ? 'on' : 'level';
+  const fill = shows === 'level' ? `100% ${Math.round(32 * share) / 0.32}%` : '';
   if (taxel.dataset.shows !== shows) taxel.dataset.shows = shows;
-  if (taxel.style.getPropertyValue('--fill') !== fill) taxel.style.setProperty('--fill', fill);
+  if (taxel.style.backgroundSize !== fill) taxel.style.backgroundSize = fill;
 }
 
 // Place taxels in units of the least distance of two. positions: [x, y, z] in metres of each channel, no two
@@ -183,10 +182,8 @@ function placeTaxels(taxels, positions) {
   // As taxels are drawn as squares, the distance of two is the larger of those along the axes.
   const distances = points.flatMap(([x, y], i) => points.slice(0, i).map(
     ([other, above]) => Math.max(Math.abs(x - other), Math.abs(y - above)) || Infinity));
-  const pitch = distances.reduce((least, distance) => Math.min(least, distance), Infinity);
-  const unit = Number.isFinite(pitch) ? pitch : 1;
-  const set = ({style}, values) => Object.entries(values).forEach(([name, value]) => style.setProperty(name, value));
+  const unit = distances.reduce((least, distance) => Math.min(least, distance), Infinity);
   // The outermost taxels have half a unit to the edge.
-  set(taxels, {'--wide': across.size / unit + 1, '--high': along.size / unit + 1});
-  points.forEach(([x, y], c) => set(taxels.children[c], {'--x': x / unit, '--y': -y / unit}));
+  taxels.style.cssText = `--wide: ${across.size / unit + 1}; --high: ${along.size / unit + 1}`;
+  points.forEach(([x, y], c) => (taxels.children[c].style.cssText = `--x: ${x / unit}; --y: ${-y / unit}`));
 }

@@ -1,5 +1,4 @@
-// Makes the elements of the page, tabs and announcements. Texts from the robot go into text nodes, never
-// into HTML.
+// Makes the elements of the page, tabs and announcements.
 
 // A button; properties: those that differ from the usual ones.
 export function button(words, act, properties = {}) {
@@ -176,7 +175,10 @@ export class Slider {
     this.drop();
     const on = (kind, act) => this.root.addEventListener(kind, act);
     on('pointerdown', (event) => this.grip(event));
-    on('pointermove', (event) => this.gripped && this.move(this.valueAt(event)));
+    on('pointermove', ({clientX, clientY}) => {
+      const box = this.root.parentElement.getBoundingClientRect();
+      if (this.gripped) this.move(this.valueOf(vertical ? clientY - box.top : clientX - box.left));
+    });
     on('pointerup', () => this.gripped && this.set());
     on('pointercancel', () => this.leave());
     on('keydown', (event) => this.onKey(event));
@@ -203,11 +205,6 @@ export class Slider {
 
   place(pixel) {
     this.root.style[this.vertical ? 'top' : 'left'] = `${pixel}px`;
-  }
-
-  valueAt({clientX, clientY}) {
-    const box = this.root.parentElement.getBoundingClientRect();
-    return this.valueOf(this.vertical ? clientY - box.top : clientX - box.left);
   }
 
   move(value) {
