@@ -282,7 +282,7 @@ def test_the_spectrum_is_read_kept_as_rest_and_its_bands_are_dragged(serve):
     mains = parts.mains(page)
     mains.select_option('mains 60 Hz')
     expect(parts.changes(page)).to_contain_text('mains_hz from 0 to 60')
-    # No whole periods of 61 Hz: the detector says so, and the choice goes back. When the parameters
+    # No whole periods of 61 Hz: the detector says so, the choice goes back. When the parameters
     # change, or their finger goes, the refusal says nothing any more.
     mains.evaluate('(mains) => mains.append(new Option("mains 61 Hz", 61))')
     refusal, detectors = page.locator('#refusal'), served.detectors

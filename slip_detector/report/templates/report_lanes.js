@@ -116,7 +116,8 @@ function lanesOf(bins) {
   const {channels, truth, variants} = now(), {groups} = variantNow();
   const n = groups.flatMap(({members}) => members).length;
   const height = Math.max(18, Math.min(60, Math.floor((window.innerHeight - 330) / Math.max(n, 1))));
-  const intervals = (rows, color) => (pen, lane) => bars(pen, xOfRow(pen), rows, lane.top, lane.height - 1, color);
+  const intervals = (rows, color) => (pen, lane) => (
+    bars(pen.context, xOfRow(pen), rows, lane.top, lane.height - 1, color));
   const channel = (c) => ({
     name: channels[c], height, channel: c, kind: 'channel', curve: true, below: STRIP + 3, paint: paintStrip(bins),
   });
@@ -158,7 +159,7 @@ const paintStrip = ({rows, n, first, stop, codes}) => (pen, lane) => {
 
 function paintUnderAll(pen) {
   const {context, xOf, top, bottom} = pen;
-  bars(pen, xOfRow(pen), now().truth ?? [], top, bottom - top, '#e8f2f9');
+  bars(context, xOfRow(pen), now().truth ?? [], top, bottom - top, '#e8f2f9');
   if (!view.chosen) return;
   const [, start, end, latency] = view.chosen, {top: upper, height} = timeline.lanes[0];
   context.fillStyle = '#fff3c4';

@@ -30,10 +30,11 @@ export class FingerCard {
     this.take.addEventListener('click', onTake);
     this.inWords.addEventListener('toggle', () => this.showChannels());
     this.worded = -Infinity;
-    this.taxels.addEventListener('click', ({target: {dataset}}) => dataset.channel && onChannel(Number(dataset.channel)));
-    this.taxels.addEventListener('pointermove', ({target}) => {
-      if (target.dataset.channel && this.channels) target.title = this.wordsOf(Number(target.dataset.channel));
+    const at = (kind, act) => this.taxels.addEventListener(kind, ({target}) => {
+      if (target !== this.taxels) act(Number(target.dataset.channel), target);
     });
+    at('click', onChannel);
+    at('pointermove', (channel, taxel) => this.channels && (taxel.title = this.wordsOf(channel)));
   }
 
   // Show the server's description of the finger, which changes with the detector's parameters.
@@ -46,22 +47,21 @@ export class FingerCard {
     write(this.title, finger.label);
     write(this.notice, finger.notice);
     this.notice.hidden = !finger.notice;
-    this.chips = Object.entries(finger.groups).map(([name, members]) => {
-      const count = build('span.count'), chip = build('li.group', build('span.name', name), count);
-      chip.title = `${name}: ${members.map((c) => finger.channels[c - 1]).join(', ')}; vote: ${VOTES[finger.vote] ?? `${finger.vote} of them`}`;
-      for (const kind of ['pointerenter', 'pointerleave']) {
-        chip.addEventListener(kind, () => {
-          for (const c of members) this.taxels.children[c - 1].classList.toggle('marked', kind === 'pointerenter');
-        });
-      }
-      return {chip, count, members};
-    });
-    this.groups.replaceChildren(...this.chips.map(({chip}) => chip));
-    this.taxels.replaceChildren(...finger.channels.map((_, c) => {
+    const taxels = finger.channels.map((_, c) => {
       const taxel = build('i.taxel');
       taxel.dataset.channel = c + 1;
       return taxel;
-    }));
+    });
+    this.chips = Object.entries(finger.groups).map(([name, members]) => {
+      const count = build('span.count'), chip = build('li.group', build('span.name', name), count);
+      chip.title = `${name}: ${members.map((c) => finger.channels[c - 1]).join(', ')}; vote: ${VOTES[finger.vote] ?? `${finger.vote} of them`}`;
+      const mark = (on) => members.forEach((c) => taxels[c - 1].classList.toggle('marked', on));
+      chip.addEventListener('pointerenter', () => mark(true));
+      chip.addEventListener('pointerleave', () => mark(false));
+      return {chip, count, members};
+    });
+    this.groups.replaceChildren(...this.chips.map(({chip}) => chip));
+    this.taxels.replaceChildren(...taxels);
     this.state = null;
     placeTaxels(this.taxels, finger.positions_m);
   }
@@ -70,11 +70,12 @@ export class FingerCard {
   show(state, {level, on, groups}) {
     this.state = state;
     this.channels = Array.from(level, (ratio, c) => ({
-      level: ratio, on: Boolean(on[c]), valid: !Number.isNaN(ratio), disabled: this.finger.disabled.includes(c + 1),
+      level: ratio, on: Boolean(on[c]), valid: !Number.isNaN(ratio),
+      disabled: this.finger.disabled.includes(c + 1),
     }));
     // In every other frame, or a slow machine would not keep up.
     this.skips = !this.skips;
-    if (!this.skips) this.channels.forEach((channel, c) => showTaxel(this.taxels.children[c], channel));
+    if (!this.skips) this.channels.forEach((seen, c) => showTaxel(this.taxels.children[c], seen));
     this.showState(this.stateName());
     this.chips.forEach(({chip, count, members}, g) => {
       const valid = members.filter((c) => this.channels[c - 1]?.valid);
@@ -83,7 +84,8 @@ export class FingerCard {
       write(count, `${votes}/${valid.length}${groups[g] ? ' ON' : ''}`);
     });
     const {onset_age_s: age, slip, valid} = state;
-    const since = age === null ? 'no slip so far' : slip ? `slip since ${seconds(age)}` : `last slip began ${seconds(age)} ago`;
+    const since = age === null ? 'no slip so far'
+      : slip ? `slip since ${seconds(age)}` : `last slip began ${seconds(age)} ago`;
     write(this.onset, `${valid ? 'valid' : 'not valid'}; ${since}`);
     if (performance.now() - this.worded > WORDS_MS) this.showChannels();
   }
@@ -159,8 +161,8 @@ function channelWords(names) {
 const seconds = (age) => (
   age < 120 ? `${age.toFixed(age < 10 ? 1 : 0)} s` : `${Math.floor(age / 60)} min`);
 
-// Show a channel in its taxel. Its level is 0 at 1/32 of the threshold or less, 1 at the threshold, in
-// steps that can hardly be seen. What stays the same is not painted again.
+// Show a channel in its taxel: levels from 1/32 of the threshold, in steps that are hardly seen.
+// What stays the same is not painted again.
 function showTaxel(taxel, {level, on, valid, disabled}) {
   const share = Math.max(0, Math.min(1, 1 + Math.log2(level) / LEVEL_OCTAVES));
   const shows = disabled ? 'disabled' : !valid ? 'invalid' : on ? 'on' : 'level';
@@ -169,21 +171,23 @@ function showTaxel(taxel, {level, on, valid, disabled}) {
   if (taxel.style.backgroundSize !== fill) taxel.style.backgroundSize = fill;
 }
 
-// Place taxels in units of the least distance of two. positions: [x, y, z] in metres of each channel, no two
-// the same. The two axes along which the finger is largest are shown.
+// Place taxels in units of the least distance of two. positions: of each channel [x, y, z] in
+// metres, no two the same. The two axes along which the finger is largest are shown.
 function placeTaxels(taxels, positions) {
   const extents = [0, 1, 2].map((axis) => {
-    const values = positions.map((position) => position[axis]), least = Math.min(...values), most = Math.max(...values);
+    const [least, most] = rangeOf(positions.map((position) => position[axis]));
     return {axis, middle: (least + most) / 2, size: most - least};
   });
   const thinnest = extents.reduce((found, extent) => (extent.size <= found.size ? extent : found));
   const [across, along] = extents.filter((extent) => extent !== thinnest);
-  const points = positions.map((position) => [across, along].map(({axis, middle}) => position[axis] - middle));
+  const points = positions.map((at) => [across, along].map(({axis, middle}) => at[axis] - middle));
   // As taxels are drawn as squares, the distance of two is the larger of those along the axes.
   const distances = points.flatMap(([x, y], i) => points.slice(0, i).map(
     ([other, above]) => Math.max(Math.abs(x - other), Math.abs(y - above)) || Infinity));
   const unit = distances.reduce((least, distance) => Math.min(least, distance), Infinity);
   // The outermost taxels have half a unit to the edge.
   taxels.style.cssText = `--wide: ${across.size / unit + 1}; --high: ${along.size / unit + 1}`;
-  points.forEach(([x, y], c) => (taxels.children[c].style.cssText = `--x: ${x / unit}; --y: ${-y / unit}`));
+  points.forEach(([x, y], c) => {
+    taxels.children[c].style.cssText = `--x: ${x / unit}; --y: ${-y / unit}`;
+  });
 }

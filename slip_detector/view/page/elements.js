@@ -35,10 +35,7 @@ export const tableRow = ([heading, ...cells]) => build('tr', build('th', heading
 // A part with controls: the fingers by their labels, requests, and the line that shows why one was refused.
 export class Tool {
   constructor(connection, line) {
-    Object.assign(this, {connection, line});
-    this.finger = null;
-    this.labels = {};
-    this.readOnly = false;
+    Object.assign(this, {connection, line, finger: null, labels: {}, readOnly: false});
     connection.on('fingers', ({fingers, read_only: readOnly}) => {
       this.labels = Object.fromEntries(fingers.map(({name, label}) => [name, label]));
       this.readOnly = readOnly;
@@ -134,9 +131,7 @@ const GATHERED_MS = 1500;
 
 export class News {
   constructor(region) {
-    this.region = region;
-    this.announced = new Map();
-    this.present = new Map();
+    Object.assign(this, {region, announced: new Map(), present: new Map()});
     setInterval(() => this.say(), GATHERED_MS);
   }
 

@@ -54,7 +54,6 @@ export class SpectrumPanel {
   allowChanges(allowed) {
     this.allowed = allowed;
     this.mains.disabled = element('keep-rest').disabled = !allowed;
-    for (const line of this.lines.values()) line.allow(allowed);
     if (this.finger) this.updateBands();
   }
 
@@ -85,7 +84,8 @@ export class SpectrumPanel {
     const none = (hz) => [hz, 'no band left'], first = active > lowest[0] ? [active, 'activity is below'] : lowest;
     return [
       edge('Pass-band, low edge', 'pass from', from, first, none((to || nyquist) * 0.95), (hz) => ({passband_hz: [hz, to]})),
-      edge('Pass-band, high edge', 'pass to', to, none(from * 1.05), highest, (hz) => ({passband_hz: [from, hz]}), true),
+      edge('Pass-band, high edge', 'pass to', to, none(from * 1.05), highest,
+        (hz) => ({passband_hz: [from, hz]}), true),
       ...stops.flatMap(([low, high], i) => [
         edge(`Stop-band ${i + 1}, low edge`, `stop ${i + 1} from`, low, lowest, none(high * 0.95), (hz) => moved(i, [hz, high])),
         edge(`Stop-band ${i + 1}, high edge`, `stop ${i + 1} to`, high, none(low * 1.05), highest, (hz) => moved(i, [low, hz])),
@@ -100,6 +100,7 @@ export class SpectrumPanel {
       this.lines = new Map(edges.map((edge) => [edge.name, this.lineOf(edge)]));
       edges.forEach(({name}, row) => this.lines.get(name).root.style.setProperty('--row', row));
     }
+    for (const line of this.lines.values()) line.allow(this.allowed);
     const {stopbands_hz: stops, mains_hz: mains} = this.finger;
     element('removers').replaceChildren(...stops.map(([low, high], i) => button(
       `Remove stop-band ${i + 1}: ${low} to ${high} Hz`, () => this.onSet({stopbands_hz: stops.toSpliced(i, 1).flat()}), {disabled: !this.allowed})));
@@ -125,7 +126,6 @@ export class SpectrumPanel {
       onMove: () => this.draw(), onSet: (hz) => this.onSet(edge().values(hz)),
     });
     line.root.classList.add(name.split(/[ ,]/)[0].toLowerCase());
-    line.allow(this.allowed);
     this.frame.append(line.root);
     return line;
   }

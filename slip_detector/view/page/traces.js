@@ -20,9 +20,7 @@ export class Traces {
     this.root = element('timeline');
     this.readout = element('trace-readout');
     this.stretch = new Stretch();
-    this.columns = null;
     this.ranges = new Map();
-    this.truth = false;
     this.chooser = new ChannelChooser(element('chooser'), () => this.layOut());
     this.line = new Slider({
       name: 'Threshold', vertical: true, words: (value) => `threshold ${rounded(value)}${this.unit}`,
