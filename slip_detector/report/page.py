@@ -14,9 +14,9 @@
 
 """A report as one HTML file that needs no network.
 
-The scripts in ``templates`` draw its timeline with uPlot. They read one JSON, which
-has for each recording a string of bytes, compressed and in base64: of the bins the lowest volts,
-the highest volts and, for each variant, the codes of its levels. All are written channel after
+The scripts in ``templates`` draw its timeline. They read one JSON, which has for each recording a
+string of bytes, compressed and in base64: of the bins the lowest volts, the highest volts and, for
+each variant, the codes of its levels. All are written channel after
 channel. Volts are 16-bit codes over the range of the channel, all low bytes and then all high
 ones, as slow signals compress better in this order.
 """
@@ -48,8 +48,8 @@ from slip_detector.report.pictures import latency_figure, svg
 from slip_detector.tuning.tracks import Track
 
 #: Scripts of a page; each comes after those that it needs.
-SCRIPTS = ('uplot/uPlot.iife.min.js', 'drawing.js', 'timeline.js', 'report_lanes.js', 'report.js')
-STYLES = ('uplot/uPlot.min.css', 'drawing.css', 'report.css')
+SCRIPTS = ('drawing.js', 'timeline.js', 'report_lanes.js', 'report.js')
+STYLES = ('drawing.css', 'report.css')
 
 #: Code of a bin without samples, and the highest code of a channel's range. Finer steps would make
 #: the file larger and would not be seen: a channel has some 40 pixels in the timeline.
@@ -145,7 +145,6 @@ def write_page(
         made=time.strftime('%Y-%m-%d %H:%M UTC', time.gmtime()),
         notes=_paragraphs(notes),
         css='\n'.join(map(_read, STYLES)),
-        licence=_read('uplot/LICENSE.txt'),
         js='\n'.join(map(_read, SCRIPTS)),
         data=_data(variants),
         sections=sections(variants, outcomes),

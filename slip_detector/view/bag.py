@@ -146,7 +146,7 @@ class PlayedBag:
         """Report to all pages what is played, and where it is."""
         finger = self._server.detectors.fingers.get(self._finger)
         if finger is not None:
-            # Nothing is due either before the first rows are read, or at the end of those that are.
+            # Nothing is due before the first rows are read, or at the end of those that are.
             finger.paused = not self.playing or self._next == len(self._after_ns)
         # While it is read, the trace is computed anew when four times as much is there.
         amount = len(self._after_ns).bit_length() // 2

@@ -48,7 +48,7 @@ Values = dict[str, Any]
 #: Parameters that every page needs.
 DESCRIBED = (
     'groups', 'vote', 'decision', 'threshold', 'sample_rate_hz', 'input_timeout_s', 'passband_hz',
-    'stopbands_hz', 'mains_hz',
+    'stopbands_hz', 'mains_hz', 'evidence_limit_db_s',
 )  # fmt: skip
 
 #: Parameters of the decision.

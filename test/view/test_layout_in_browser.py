@@ -122,7 +122,7 @@ def test_drawings_follow_the_dark_mode_of_the_system(played):
         parts.tab(page, tab).click()
         for scheme in ('light', 'dark'):
             page.emulate_media(color_scheme=scheme)
-            for part in map(page.locator, ('body', '.canvas', f'#{tab.lower()}')):
+            for part in map(page.locator, ('body', '.taxels', f'#{tab.lower()}')):
                 # The drawings change with the next frame.
                 while not (light(part) > 200 if scheme == 'light' else light(part) < 70):
                     page.wait_for_timeout(50)
@@ -157,9 +157,8 @@ def test_on_a_phone_traces_come_early_and_nothing_overlaps(played):
     expect(slip.get_by_text('hold the button', exact=True)).to_be_visible()
     expect(page.locator('kbd:visible')).to_have_count(0)
     parts.tab(page, 'Spectrum').click()
-    parts.mains(page).select_option('mains 50 Hz')
     labels = page.locator('#spectrum-frame .label')
-    expect(labels).to_have_count(7)
+    expect(labels).to_have_count(6)
     boxes, (left, _, right, _) = [*map(box, labels.all())], box(page.locator('#spectrum'))
     assert not any(overlap(one, other) for one, other in combinations(boxes, 2))
     assert all(left <= each[0] and each[2] <= right for each in boxes)

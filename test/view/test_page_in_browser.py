@@ -194,7 +194,7 @@ def test_changes_are_announced_politely_a_short_slip_too(played):
 def test_a_chosen_finger_stays_chosen_while_it_is_gone(played):
     served, page = played({'index': rest_rows(), 'thumb': rest_rows(seed=1)})
     expect(parts.card(page, 'thumb')).to_contain_text('rest')
-    box = parts.card(page, 'thumb').locator('canvas').bounding_box()
+    box = parts.card(page, 'thumb').locator('.taxels').bounding_box()
     # ch1 is the first of the grid: at the upper left of the picture's middle.
     page.mouse.click(
         box['x'] + box['width'] / 2 - 1.5 * box['height'] / 4, box['y'] + box['height'] / 8

@@ -68,11 +68,11 @@ hatch.stroke(new Path2D('M0 4 L4 0'));
 const HATCHING = hatch.createPattern(hatch.canvas, 'repeat');
 
 // Fill intervals of time. times: their starts and stops, alternately.
-function bars({context, left, right}, xOf, times, top, height, color) {
+function bars(context, xOf, times, top, height, color) {
   context.fillStyle = color;
   for (let i = 0; i < times.length; i += 2) {
-    const from = xOf(times[i]), to = Math.max(xOf(times[i + 1]), from + 1);
-    if (to > left && from < right) context.fillRect(from, top, to - from, height);
+    const from = xOf(times[i]);
+    context.fillRect(from, top, Math.max(xOf(times[i + 1]) - from, 1), height);
   }
 }
 

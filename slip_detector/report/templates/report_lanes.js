@@ -24,18 +24,11 @@ const eventsOf = (r) => header.recordings[r].variants[view.variant].events;
 const everyEvent = () => header.recordings.flatMap(
   (_, r) => eventsOf(r).map((event, i) => [r, i, event]));
 
-// ---- data
-
-function load(r) {
-  recordings[r] ??= inflate(header.recordings[r].data).then((bytes) => decode(header.recordings[r], bytes));
-  return recordings[r];
-}
-
-async function inflate(base64) {
-  const text = atob(base64.trim()), bytes = new Uint8Array(text.length);
+async function load(r) {
+  const text = atob(header.recordings[r].data.trim()), bytes = new Uint8Array(text.length);
   for (let i = 0; i < bytes.length; i++) bytes[i] = text.charCodeAt(i);
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream('deflate'));
-  return new Uint8Array(await new Response(stream).arrayBuffer());
+  return decode(header.recordings[r], new Uint8Array(await new Response(stream).arrayBuffer()));
 }
 
 function decode({channels: {length: channels}, bins, bin_rows: binRows, variants}, bytes) {
@@ -95,8 +88,6 @@ function curve({rows, n, first, stop, ...bins}, channel) {
   return {low, high: rows > 1 ? high : low, range};
 }
 
-// ---- text
-
 function clock(seconds, digits = 3) {
   if (duration() < 120) return `${seconds.toFixed(digits)} s`;
   return timeText(Number(seconds.toFixed(digits)), digits).slice(duration() < 3600 ? 3 : 0);
@@ -120,13 +111,13 @@ function showScale() {
     : `Drawn from the lowest and highest of each ${(1e3 * bin / rate).toFixed(0)} ms.${left}`;
 }
 
-// ---- lanes, from top to bottom
-
+// The lanes from top to bottom.
 function lanesOf(bins) {
   const {channels, truth, variants} = now(), {groups} = variantNow();
   const n = groups.flatMap(({members}) => members).length;
   const height = Math.max(18, Math.min(60, Math.floor((window.innerHeight - 330) / Math.max(n, 1))));
-  const intervals = (rows, color) => (pen, lane) => bars(pen, xOfRow(pen), rows, lane.top, lane.height - 1, color);
+  const intervals = (rows, color) => (pen, lane) => (
+    bars(pen.context, xOfRow(pen), rows, lane.top, lane.height - 1, color));
   const channel = (c) => ({
     name: channels[c], height, channel: c, kind: 'channel', curve: true, below: STRIP + 3, paint: paintStrip(bins),
   });
@@ -147,7 +138,6 @@ function paintEvents({context, xOf}, lane) {
   Object.assign(context, {textAlign: 'center', textBaseline: 'middle'});
   // The most important kinds are drawn last, on top of the others.
   for (const [kind, start] of [...eventsOf(view.recording)].sort((a, b) => b[0] - a[0])) {
-    if (start < view.from - 1 || start > view.to + 1) continue;
     context.fillStyle = KINDS[kind][2];
     context.font = `${kind === DETECTED ? 9 : 13}px system-ui, sans-serif`;
     context.fillText(KINDS[kind][1], xOf(start), lane.top + lane.height / 2);
@@ -169,7 +159,7 @@ const paintStrip = ({rows, n, first, stop, codes}) => (pen, lane) => {
 
 function paintUnderAll(pen) {
   const {context, xOf, top, bottom} = pen;
-  bars(pen, xOfRow(pen), now().truth ?? [], top, bottom - top, '#e8f2f9');
+  bars(context, xOfRow(pen), now().truth ?? [], top, bottom - top, '#e8f2f9');
   if (!view.chosen) return;
   const [, start, end, latency] = view.chosen, {top: upper, height} = timeline.lanes[0];
   context.fillStyle = '#fff3c4';
@@ -180,8 +170,6 @@ function paintUnderAll(pen) {
   for (let y = 0; latency !== null && y < bottom; y += 7) context.fillRect(xOf(start + latency), y, 1, 4);
 }
 
-// ---- drawing
-
 function redraw() {
   if (pending) return;
   pending = true;
@@ -190,7 +178,7 @@ function redraw() {
     pending = false;
     const r = view.recording;
     try {
-      const data = await load(r);
+      const data = await (recordings[r] ??= load(r));
       if (r === view.recording) draw(data);
     } catch (error) {
       const text = `${header.recordings[r].name} cannot be drawn: ${error.message}`;

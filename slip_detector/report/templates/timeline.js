@@ -115,7 +115,7 @@ class Timeline {
   // null where there are none. range: the values at the bottom and the top of the lane.
   // paint(pen): paints what lies under all lanes.
   draw({from, to, x, curves, paint}) {
-    Object.assign(this, {from, to, x, curves});
+    Object.assign(this, {from, to, curves});
     const {context, width} = fitted(this.canvas), {height} = this;
     const right = width - this.margin, top = AXIS_HEIGHT;
     const xOf = (seconds) => NAMES_WIDTH + (seconds - from) / (to - from) * (right - NAMES_WIDTH);
@@ -129,7 +129,13 @@ class Timeline {
     paint(pen);
     context.fillStyle = GRID;
     for (const [seconds] of ticks) context.fillRect(Math.round(xOf(seconds)), top, 1, height);
-    this.paintLanes(pen);
+    const columns = x.map((seconds) => Math.round(xOf(seconds)) + 0.5), rest = curves.values();
+    for (const lane of this.lanes) {
+      lane.paint?.(pen, lane);
+      for (let i = 0; i < Number(lane.curve ?? 0); i++) {
+        this.paintCurve(context, columns, lane, rest.next().value, lane.colors?.[i] ?? CURVE);
+      }
+    }
     context.restore();
     for (const lane of this.lanes) lane.paintScale?.(pen, lane);
     Object.assign(context, {font: '12px system-ui, sans-serif', fillStyle: TEXT, textAlign: 'center', textBaseline: 'middle'});
@@ -147,16 +153,6 @@ class Timeline {
   // Where a value is in a lane with this range.
   static yOf({top, height, below}, [least, most], value) {
     return top + 1 + (most - value) / (most - least) * (height - below - 2);
-  }
-
-  paintLanes(pen) {
-    const left = this.x.map((seconds) => Math.round(pen.xOf(seconds)) + 0.5), curves = this.curves.values();
-    for (const lane of this.lanes) {
-      lane.paint?.(pen, lane);
-      for (let i = 0; i < Number(lane.curve ?? 0); i++) {
-        this.paintCurve(pen.context, left, lane, curves.next().value, lane.colors?.[i] ?? CURVE);
-      }
-    }
   }
 
   // A curve is one line: in each column from the lowest to the highest value, and on to the next.
@@ -189,9 +185,8 @@ class Timeline {
     };
     over.addEventListener('wheel', (event) => {
       event.preventDefault();
-      const unit = event.deltaMode === 1 ? 30 : 1;
-      if (Math.abs(event.deltaX) > Math.abs(event.deltaY)) this.move(event.deltaX * unit / 1000);
-      else this.zoom(Math.exp(event.deltaY * unit * 0.002), under(event)[0]);
+      if (Math.abs(event.deltaX) > Math.abs(event.deltaY)) this.move(event.deltaX / 1000);
+      else this.zoom(Math.exp(event.deltaY * 0.002), under(event)[0]);
     }, {passive: false});
     let moving = false, selects = null;
     // Other fingers than before hold what is under them now.

@@ -1,5 +1,5 @@
 // The card of one finger: its picture, in which each taxel stands at its place with its level as a fill,
-// its groups, and its state in words.
+// its groups, and its state in words. The style sheet says how taxels look.
 
 import {write} from './elements.js';
 
@@ -16,8 +16,6 @@ const STATES = {
 };
 // Shortest time between two updates of the channels in words.
 const WORDS_MS = 1000;
-// Pixels that stay free around the picture.
-const MARGIN = 4;
 // Of diagnostics.
 const LEVELS = [['\u2713', 'all well'], ['\u25b2', 'warning'], ['\u2715', 'error'], ['\u2715', 'stale']];
 const VOTES = {all: 'all of them', mean: 'their geometric mean'};
@@ -31,13 +29,12 @@ export class FingerCard {
     this.title.addEventListener('click', onChoose);
     this.take.addEventListener('click', onTake);
     this.inWords.addEventListener('toggle', () => this.showChannels());
-    this.marked = [];
     this.worded = -Infinity;
-    const at = (kind, act) => this.canvas.addEventListener(kind, (event) => act(this.channelAt(event)));
-    at('click', (channel) => channel && onChannel(channel));
-    at('pointermove', (channel) => (this.canvas.title = channel && this.channels ? this.wordsOf(channel) : ''));
-    // The size of the picture is known only once the page is laid out.
-    new ResizeObserver(() => this.layOut()).observe(this.picture);
+    const at = (kind, act) => this.taxels.addEventListener(kind, ({target}) => {
+      if (target !== this.taxels) act(Number(target.dataset.channel), target);
+    });
+    at('click', onChannel);
+    at('pointermove', (channel, taxel) => this.channels && (taxel.title = this.wordsOf(channel)));
   }
 
   // Show the server's description of the finger, which changes with the detector's parameters.
@@ -50,33 +47,35 @@ export class FingerCard {
     write(this.title, finger.label);
     write(this.notice, finger.notice);
     this.notice.hidden = !finger.notice;
+    const taxels = finger.channels.map((_, c) => {
+      const taxel = build('i.taxel');
+      taxel.dataset.channel = c + 1;
+      return taxel;
+    });
     this.chips = Object.entries(finger.groups).map(([name, members]) => {
       const count = build('span.count'), chip = build('li.group', build('span.name', name), count);
       chip.title = `${name}: ${members.map((c) => finger.channels[c - 1]).join(', ')}; vote: ${VOTES[finger.vote] ?? `${finger.vote} of them`}`;
-      chip.addEventListener('pointerenter', () => this.paint(members));
-      chip.addEventListener('pointerleave', () => this.paint([]));
+      const mark = (on) => members.forEach((c) => taxels[c - 1].classList.toggle('marked', on));
+      chip.addEventListener('pointerenter', () => mark(true));
+      chip.addEventListener('pointerleave', () => mark(false));
       return {chip, count, members};
     });
     this.groups.replaceChildren(...this.chips.map(({chip}) => chip));
+    this.taxels.replaceChildren(...taxels);
     this.state = null;
-    this.layOut();
-  }
-
-  layOut() {
-    const {clientWidth: width, clientHeight: height} = this.picture;
-    if (!this.finger || !width || !height) return;
-    this.context = fitted(this.canvas).context;
-    this.painted = null;
-    this.places = placesOf(this.finger.positions_m, width, height);
-    this.paint();
+    placeTaxels(this.taxels, finger.positions_m);
   }
 
   // The finger's state in a frame, and its arrays there.
   show(state, {level, on, groups}) {
     this.state = state;
     this.channels = Array.from(level, (ratio, c) => ({
-      level: ratio, fill: fillOf(ratio), on: Boolean(on[c]), valid: !Number.isNaN(ratio), disabled: this.finger.disabled.includes(c + 1),
+      level: ratio, on: Boolean(on[c]), valid: !Number.isNaN(ratio),
+      disabled: this.finger.disabled.includes(c + 1),
     }));
+    // In every other frame, or a slow machine would not keep up.
+    this.skips = !this.skips;
+    if (!this.skips) this.channels.forEach((seen, c) => showTaxel(this.taxels.children[c], seen));
     this.showState(this.stateName());
     this.chips.forEach(({chip, count, members}, g) => {
       const valid = members.filter((c) => this.channels[c - 1]?.valid);
@@ -84,9 +83,11 @@ export class FingerCard {
       chip.classList.toggle('on', Boolean(groups[g]));
       write(count, `${votes}/${valid.length}${groups[g] ? ' ON' : ''}`);
     });
-    write(this.onset, this.onsetWords());
+    const {onset_age_s: age, slip, valid} = state;
+    const since = age === null ? 'no slip so far'
+      : slip ? `slip since ${seconds(age)}` : `last slip began ${seconds(age)} ago`;
+    write(this.onset, `${valid ? 'valid' : 'not valid'}; ${since}`);
     if (performance.now() - this.worded > WORDS_MS) this.showChannels();
-    this.paint();
   }
 
   // For users who cannot see the picture.
@@ -123,13 +124,7 @@ export class FingerCard {
     write(this.dead, deadWords ? `\u2715 ${deadWords}` : veil ? '' : '\u2713 all channels valid');
     this.words = [words, veil, deadWords].filter(Boolean).join(', ');
     const label = `${this.finger.label}: ${this.words}`;
-    if (this.canvas.ariaLabel !== label) this.canvas.ariaLabel = label;
-  }
-
-  onsetWords() {
-    const {onset_age_s: age, slip, valid} = this.state;
-    const since = age === null ? 'no slip so far' : slip ? `slip since ${seconds(age)}` : `last slip began ${seconds(age)} ago`;
-    return `${valid ? 'valid' : 'not valid'}; ${since}`;
+    if (this.taxels.ariaLabel !== label) this.taxels.ariaLabel = label;
   }
 
   // lines: [level, name, message] of each. What is wrong stands at the top; of decisions the badge tells sooner.
@@ -146,32 +141,6 @@ export class FingerCard {
   mark(chosen) {
     this.root.classList.toggle('chosen', chosen);
     this.title.ariaPressed = String(chosen);
-  }
-
-  // marked: the channels around which there is a frame, counted from 1.
-  paint(marked = this.marked) {
-    this.marked = marked;
-    if (!this.state || !this.places) return;
-    // While what is seen stays the same, nothing has to be painted.
-    const colors = palette(), picture = JSON.stringify([colors.ground, this.channels.map(({level, ...seen}) => seen), this.marked]);
-    if (picture === this.painted) return;
-    this.painted = picture;
-    const {context, places} = this;
-    context.clearRect(0, 0, this.canvas.width, this.canvas.height);
-    places.forEach((place, c) => paintTaxel(context, colors, place, this.channels[c], c + 1));
-    Object.assign(context, {strokeStyle: colors.focus, lineWidth: 2});
-    context.setLineDash([3, 2]);
-    for (const channel of this.marked) {
-      const {x, y, side} = places[channel - 1], reach = side / 2 + 3;
-      context.strokeRect(x - reach, y - reach, 2 * reach, 2 * reach);
-    }
-    context.setLineDash([]);
-  }
-
-  channelAt({offsetX, offsetY}) {
-    const c = (this.places ?? []).findIndex(({x, y, side}) => (
-      Math.abs(offsetX - x) <= side / 2 && Math.abs(offsetY - y) <= side / 2));
-    return c + 1;
   }
 
   wordsOf(channel) {
@@ -192,66 +161,33 @@ function channelWords(names) {
 const seconds = (age) => (
   age < 120 ? `${age.toFixed(age < 10 ? 1 : 0)} s` : `${Math.floor(age / 60)} min`);
 
-// The colours of the style sheet, light or dark, by name.
-function palette() {
-  const style = getComputedStyle(document.documentElement);
-  const names = ['ground', 'loud', 'soft', 'edge', 'fault', 'focus', 'quiet', 'level', 'off'];
-  return Object.fromEntries(names.map((name) => [name, style.getPropertyValue(`--${name}`)]));
+// Show a channel in its taxel: levels from 1/32 of the threshold, in steps that are hardly seen.
+// What stays the same is not painted again.
+function showTaxel(taxel, {level, on, valid, disabled}) {
+  const share = Math.max(0, Math.min(1, 1 + Math.log2(level) / LEVEL_OCTAVES));
+  const shows = disabled ? 'disabled' : !valid ? 'invalid' : on ? 'on' : 'level';
+  const fill = shows === 'level' ? `100% ${Math.round(32 * share) / 0.32}%` : '';
+  if (taxel.dataset.shows !== shows) taxel.dataset.shows = shows;
+  if (taxel.style.backgroundSize !== fill) taxel.style.backgroundSize = fill;
 }
 
-// Where taxels are drawn, in pixels: for each channel {x, y, side}, x and y of its middle.
-// positions: [x, y, z] in metres of each channel, no two the same. The two axes along which the finger
-// is largest are shown.
-function placesOf(positions, width, height) {
+// Place taxels in units of the least distance of two. positions: of each channel [x, y, z] in
+// metres, no two the same. The two axes along which the finger is largest are shown.
+function placeTaxels(taxels, positions) {
   const extents = [0, 1, 2].map((axis) => {
-    const along = positions.map((position) => position[axis]), least = Math.min(...along);
-    return {axis, least, size: Math.max(...along) - least};
+    const [least, most] = rangeOf(positions.map((position) => position[axis]));
+    return {axis, middle: (least + most) / 2, size: most - least};
   });
   const thinnest = extents.reduce((found, extent) => (extent.size <= found.size ? extent : found));
   const [across, along] = extents.filter((extent) => extent !== thinnest);
-  const points = positions.map((position) => [across, along].map(({axis, least}) => position[axis] - least));
+  const points = positions.map((at) => [across, along].map(({axis, middle}) => at[axis] - middle));
   // As taxels are drawn as squares, the distance of two is the larger of those along the axes.
-  const pitch = points.reduce((smallest, [x, y], i) => points.slice(0, i).reduce(
-    (found, [other, above]) => Math.min(found, Math.max(Math.abs(x - other), Math.abs(y - above)) || found), smallest), Infinity);
-  // The outermost taxels have half a pitch to the edge.
-  const spacing = Number.isFinite(pitch) ? pitch : 1;
-  const scale = Math.min((width - 2 * MARGIN) / (across.size + spacing), (height - 2 * MARGIN) / (along.size + spacing));
-  const side = Math.min(0.96 * scale * spacing - 1, 56);
-  return points.map(([x, y]) => ({
-    x: width / 2 + scale * (x - across.size / 2), y: height / 2 - scale * (y - along.size / 2), side,
-  }));
-}
-
-// How high a level stands in its taxel: 0 at 1/32 of the threshold or less, 1 at the threshold; in steps
-// that can hardly be seen.
-const fillOf = (level) => Math.round(64 * Math.max(0, Math.min(1, 1 + Math.log2(level) / LEVEL_OCTAVES))) / 64;
-
-function paintTaxel(context, colors, {x, y, side}, {fill, on, valid, disabled}, number) {
-  const left = x - side / 2, top = y - side / 2, shape = new Path2D();
-  shape.roundRect(left, top, side, side, side / 5);
-  for (const style of disabled ? [colors.off] : !valid ? [colors.ground, HATCHING] : [on ? ON : colors.quiet]) {
-    context.fillStyle = style;
-    context.fill(shape);
-  }
-  if (!disabled && valid && !on) {
-    context.save();
-    context.clip(shape);
-    context.fillStyle = colors.level;
-    context.fillRect(left, top + side * (1 - fill), side, side * fill);
-    context.restore();
-  }
-  if (!disabled) {
-    Object.assign(context, {strokeStyle: on ? colors.loud : colors.edge, lineWidth: on ? Math.min(3, Math.max(1.5, side / 8)) : 1});
-    context.stroke(shape);
-  }
-  if (side < 17) return;
-  const letters = (words, weight, size, color, outlined) => {
-    Object.assign(context, {font: `${weight} ${size}px system-ui, 'DejaVu Sans', sans-serif`, fillStyle: color});
-    if (outlined) context.strokeText(words, x, y);
-    context.fillText(words, x, y);
-  };
-  Object.assign(context, {textAlign: 'center', textBaseline: 'middle', strokeStyle: colors.ground, lineWidth: 3, lineJoin: 'round'});
-  if (!disabled && !valid) letters('\u2715', 700, side, colors.fault, false);
-  // Letters with an outline are legible on any fill; on the colour of ON they need none.
-  letters(number, on ? 700 : 500, Math.min(13, side / 2), disabled ? colors.soft : on ? '#000' : colors.loud, !on);
+  const distances = points.flatMap(([x, y], i) => points.slice(0, i).map(
+    ([other, above]) => Math.max(Math.abs(x - other), Math.abs(y - above)) || Infinity));
+  const unit = distances.reduce((least, distance) => Math.min(least, distance), Infinity);
+  // The outermost taxels have half a unit to the edge.
+  taxels.style.cssText = `--wide: ${across.size / unit + 1}; --high: ${along.size / unit + 1}`;
+  points.forEach(([x, y], c) => {
+    taxels.children[c].style.cssText = `--x: ${x / unit}; --y: ${-y / unit}`;
+  });
 }

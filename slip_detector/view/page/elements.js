@@ -1,5 +1,4 @@
-// Makes the elements of the page, tabs and announcements. Texts from the robot go into text nodes, never
-// into HTML.
+// Makes the elements of the page, tabs and announcements.
 
 // A button; properties: those that differ from the usual ones.
 export function button(words, act, properties = {}) {
@@ -36,10 +35,7 @@ export const tableRow = ([heading, ...cells]) => build('tr', build('th', heading
 // A part with controls: the fingers by their labels, requests, and the line that shows why one was refused.
 export class Tool {
   constructor(connection, line) {
-    Object.assign(this, {connection, line});
-    this.finger = null;
-    this.labels = {};
-    this.readOnly = false;
+    Object.assign(this, {connection, line, finger: null, labels: {}, readOnly: false});
     connection.on('fingers', ({fingers, read_only: readOnly}) => {
       this.labels = Object.fromEntries(fingers.map(({name, label}) => [name, label]));
       this.readOnly = readOnly;
@@ -135,9 +131,7 @@ const GATHERED_MS = 1500;
 
 export class News {
   constructor(region) {
-    this.region = region;
-    this.announced = new Map();
-    this.present = new Map();
+    Object.assign(this, {region, announced: new Map(), present: new Map()});
     setInterval(() => this.say(), GATHERED_MS);
   }
 
@@ -176,7 +170,10 @@ export class Slider {
     this.drop();
     const on = (kind, act) => this.root.addEventListener(kind, act);
     on('pointerdown', (event) => this.grip(event));
-    on('pointermove', (event) => this.gripped && this.move(this.valueAt(event)));
+    on('pointermove', ({clientX, clientY}) => {
+      const box = this.root.parentElement.getBoundingClientRect();
+      if (this.gripped) this.move(this.valueOf(vertical ? clientY - box.top : clientX - box.left));
+    });
     on('pointerup', () => this.gripped && this.set());
     on('pointercancel', () => this.leave());
     on('keydown', (event) => this.onKey(event));
@@ -203,11 +200,6 @@ export class Slider {
 
   place(pixel) {
     this.root.style[this.vertical ? 'top' : 'left'] = `${pixel}px`;
-  }
-
-  valueAt({clientX, clientY}) {
-    const box = this.root.parentElement.getBoundingClientRect();
-    return this.valueOf(this.vertical ? clientY - box.top : clientX - box.left);
   }
 
   move(value) {

@@ -132,13 +132,13 @@ export class RecordingTrace {
     const {trace, canvas, frame: {scrollLeft}} = this;
     if (!trace || !canvas.clientWidth) return;
     const {context, width, height} = fitted(canvas), {pixel_s: pixel} = this, {bin_s: bin} = trace;
-    const room = {context, left: 0, right: width}, below = height - 2 * STRIP - 1;
     const xOf = (s) => s / pixel - scrollLeft, ends = this.pairs.flat();
+    const below = height - 2 * STRIP - 1;
     const shown = this.ends.map((end, i) => end.show(ends[i], 0, trace.duration_s));
     this.ends.forEach((end, i) => end.place(shown[i] / pixel));
-    bars(room, xOf, shown, 0, height, TRUTH);
-    bars(room, xOf, [trace.read_s, trace.duration_s], 0, height, HATCHING);
-    bars(room, xOf, trace.on_s.flat(), height - STRIP, STRIP, ON);
+    bars(context, xOf, shown, 0, height, TRUTH);
+    bars(context, xOf, [trace.read_s, trace.duration_s], 0, height, HATCHING);
+    bars(context, xOf, trace.on_s.flat(), height - STRIP, STRIP, ON);
     const first = Math.max(0, Math.floor(scrollLeft * pixel / bin) - 1);
     const stop = Math.min(trace.level.length, Math.ceil((scrollLeft + width) * pixel / bin) + 1);
     const color = (i) => shade(8 * (trace.level[i] - 1));

@@ -23,7 +23,10 @@ export class SpectrumPanel {
     this.frame = element('spectrum-frame');
     this.readout = element('spectrum-readout');
     this.choice.addEventListener('change', () => this.choose(Number(this.choice.value)));
-    this.mains.addEventListener('change', () => this.onSet({mains_hz: Number(this.mains.value)}));
+    this.mains.addEventListener('change', async () => {
+      const {refusal} = await this.onSet({mains_hz: Number(this.mains.value)});
+      if (refusal) this.updateBands();
+    });
     element('add-stopband').addEventListener('click', () => this.onSet({stopbands_hz: [...this.finger.stopbands_hz, this.room()].flat()}));
     this.root.addEventListener('keydown', (event) => this.onKey(event));
     for (const kind of ['blur', 'pointermove']) this.root.addEventListener(kind, () => this.key(null));
@@ -51,7 +54,6 @@ export class SpectrumPanel {
   allowChanges(allowed) {
     this.allowed = allowed;
     this.mains.disabled = element('keep-rest').disabled = !allowed;
-    for (const line of this.lines.values()) line.allow(allowed);
     if (this.finger) this.updateBands();
   }
 
@@ -73,20 +75,21 @@ export class SpectrumPanel {
 
   // The edges that can be dragged, each with its limits and why it stops there, and what it sets.
   edges() {
-    const {passband_hz: [from, to], stopbands_hz: stops, mains_hz: mains, activity_hz: [active = 0]} = this.finger, {nyquist} = this;
-    const edge = (name, short, value, [least, low], [most, high], values, rest = {}) => (
-      {name, short, value, least, most, why: [low, high], values, ...rest});
+    const {passband_hz: [from, to], stopbands_hz: stops, activity_hz: [active = 0]} = this.finger;
+    const {nyquist} = this;
+    const edge = (name, short, value, [least, low], [most, high], values, open) => (
+      {name, short, value, least, most, why: [low, high], values, open});
     const moved = (i, stop) => ({stopbands_hz: stops.with(i, stop).flat()});
     const lowest = [Math.max(LEAST_HZ, LEAST_SHARE * nyquist), 'lowest'], highest = [nyquist * 0.999, 'half the rate'];
     const none = (hz) => [hz, 'no band left'], first = active > lowest[0] ? [active, 'activity is below'] : lowest;
     return [
       edge('Pass-band, low edge', 'pass from', from, first, none((to || nyquist) * 0.95), (hz) => ({passband_hz: [hz, to]})),
-      edge('Pass-band, high edge', 'pass to', to, none(from * 1.05), highest, (hz) => ({passband_hz: [from, hz]}), {open: true}),
+      edge('Pass-band, high edge', 'pass to', to, none(from * 1.05), highest,
+        (hz) => ({passband_hz: [from, hz]}), true),
       ...stops.flatMap(([low, high], i) => [
         edge(`Stop-band ${i + 1}, low edge`, `stop ${i + 1} from`, low, lowest, none(high * 0.95), (hz) => moved(i, [hz, high])),
         edge(`Stop-band ${i + 1}, high edge`, `stop ${i + 1} to`, high, none(low * 1.05), highest, (hz) => moved(i, [low, hz])),
       ]),
-      ...(mains ? [edge('Mains', 'mains', mains, [1, 'lowest'], highest, (hz) => ({mains_hz: hz}), {whole: true})] : []),
     ];
   }
 
@@ -97,6 +100,7 @@ export class SpectrumPanel {
       this.lines = new Map(edges.map((edge) => [edge.name, this.lineOf(edge)]));
       edges.forEach(({name}, row) => this.lines.get(name).root.style.setProperty('--row', row));
     }
+    for (const line of this.lines.values()) line.allow(this.allowed);
     const {stopbands_hz: stops, mains_hz: mains} = this.finger;
     element('removers').replaceChildren(...stops.map(([low, high], i) => button(
       `Remove stop-band ${i + 1}: ${low} to ${high} Hz`, () => this.onSet({stopbands_hz: stops.toSpliced(i, 1).flat()}), {disabled: !this.allowed})));
@@ -105,25 +109,23 @@ export class SpectrumPanel {
     this.mains.value = mains;
   }
 
-  // The line at an edge. open: at the end of the axis it means that there is no edge. whole: values are
-  // whole numbers.
-  lineOf({name, short, open, whole}) {
+  // The line at an edge. open: at the end of the axis it means that there is no edge.
+  lineOf({name, short, open}) {
     const edge = () => this.edges().find((each) => each.name === name);
     const inside = (hz) => {
       const {least, most, why: [low, high]} = edge(), within = Math.min(Math.max(hz, least), most);
       line.why = hz < least ? `: ${low}` : hz > most ? `: ${high}` : '';
       if (open && hz >= this.nyquist * OPEN_SHARE) return 0;
-      const value = whole ? Math.round(within) : rounded(within);
+      const value = rounded(within);
       return value < least || value > most ? Number(within.toPrecision(4)) : value;
     };
     const line = new Slider({
       name, vertical: false, valueOf: (x) => inside(this.plot.posToVal(x - this.plot.over.offsetLeft, 'x')),
       words: (hz) => (open && !hz ? `${short} all above` : `${short} ${hz} Hz${line.moving ? line.why : ''}`),
-      step: (hz, steps) => inside(whole ? hz + steps : (hz || this.nyquist) * 1.02 ** steps),
+      step: (hz, steps) => inside((hz || this.nyquist) * 1.02 ** steps),
       onMove: () => this.draw(), onSet: (hz) => this.onSet(edge().values(hz)),
     });
     line.root.classList.add(name.split(/[ ,]/)[0].toLowerCase());
-    line.allow(this.allowed);
     this.frame.append(line.root);
     return line;
   }
@@ -186,8 +188,6 @@ export class SpectrumPanel {
       this.plot.setScale('y', {min: this.range[0], max: this.range[1]});
     });
     const {over} = this.plot;
-    this.frame.style.setProperty('--plot-top', `${over.offsetTop}px`);
-    this.frame.style.setProperty('--plot-height', `${over.clientHeight}px`);
     for (const {name, value, least, most} of this.edges()) {
       const line = this.lines.get(name), shown = line.show(value, least, most);
       const pixel = this.plot.valToPos(shown || this.nyquist, 'x');
@@ -217,7 +217,7 @@ export class SpectrumPanel {
       fill(low, high, HATCHING);
       context.globalAlpha = 1;
     });
-    const hum = this.finger.mains_hz && others.at(-1);
+    const {mains_hz: hum} = this.finger;
     Object.assign(context, {strokeStyle: COMB, lineWidth: ratio});
     context.setLineDash([2 * ratio, 3 * ratio]);
     context.beginPath();

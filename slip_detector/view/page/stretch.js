@@ -66,7 +66,6 @@ const WINDOW_S = {least: 0.5, most: 60, first: 10}, LEAST_S = 0.02;
 
 export class Stretch {
   constructor() {
-    this.columns = null;
     this.goOn(WINDOW_S.first);
   }
 

@@ -25,7 +25,6 @@ export class Teach extends Tool {
     this.buttons = Object.fromEntries(Object.keys(WANTED).map((kind) => [kind, element(`record-${kind}`)]));
     // By name the pictures of the recordings of the finger.
     this.traces = new Map();
-    this.listen();
     connection.on('parameters', ({fingers}) => this.loadTraces(fingers[this.finger]?.changes[0]?.[0] ?? ''));
     connection.on('teaching', (latest) => Object.assign(this, {latest}).show());
     connection.on('recording', ({recording}) => {
@@ -34,16 +33,6 @@ export class Teach extends Tool {
       this.recording = recording;
       this.showRecording();
     });
-  }
-
-  choose(finger) {
-    this.release();
-    this.traces.clear();
-    super.choose(finger);
-    this.connection.request('recordings', {finger});
-  }
-
-  listen() {
     for (const kind of Object.values(KIND_OF)) this.buttons[kind].addEventListener('click', () => this.toggle(kind));
     for (const [id, type] of [['tune', 'tune'], ['stop-tuning', 'stop_tuning'], ['apply', 'apply_tuning']]) {
       element(id).addEventListener('click', () => {
@@ -65,6 +54,13 @@ export class Teach extends Tool {
       if (event.target === slip) event.preventDefault();
       this.release();
     });
+  }
+
+  choose(finger) {
+    this.release();
+    this.traces.clear();
+    super.choose(finger);
+    this.connection.request('recordings', {finger});
   }
 
   onKey(event) {

@@ -20,13 +20,12 @@ export class Traces {
     this.root = element('timeline');
     this.readout = element('trace-readout');
     this.stretch = new Stretch();
-    this.columns = null;
     this.ranges = new Map();
-    this.truth = false;
     this.chooser = new ChannelChooser(element('chooser'), () => this.layOut());
     this.line = new Slider({
       name: 'Threshold', vertical: true, words: (value) => `threshold ${rounded(value)}${this.unit}`,
-      valueOf: (y) => rounded(this.levelAt(y)), step: (value, steps) => rounded(value * 1.05 ** steps),
+      valueOf: (y) => this.allowed(this.levelAt(y)),
+      step: (value, steps) => this.allowed(value * 1.05 ** steps),
       onMove: () => this.draw(),
       onSet: (threshold) => onSet({threshold}),
     });
@@ -183,6 +182,12 @@ export class Traces {
     return 10 ** (least + Math.max(0, Math.min(1, (bottom - y) / (bottom - top))) * (most - least));
   }
 
+  // The threshold of evidence is below its limit.
+  allowed(threshold) {
+    const {evidence_limit_db_s: limit} = this.finger;
+    return rounded(this.unit ? Math.min(threshold, 0.99 * limit) : threshold);
+  }
+
   levelY(level) {
     return Timeline.yOf(this.levels, this.ranges.get('level'), Math.log10(level));
   }
@@ -308,9 +313,7 @@ class ChannelChooser {
   choose(channels) {
     this.kept.set(this.name, channels.slice(0, MOST_CHANNELS).sort((a, b) => a - b));
     for (const one of this.root.querySelectorAll('[data-channel]')) {
-      const chosen = this.channels.includes(Number(one.dataset.channel));
-      one.ariaPressed = String(chosen);
-      one.disabled = !chosen && this.channels.length === MOST_CHANNELS;
+      one.ariaPressed = String(this.channels.includes(Number(one.dataset.channel)));
     }
     this.onChoose();
   }
