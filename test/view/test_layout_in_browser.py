@@ -107,6 +107,11 @@ def test_one_finger_fills_the_screen(played, size):
     assert right - left > 0.55 * width
     assert box(tools)[2] > width - 40
     assert box(tools)[0] - box(words)[2] < 40
+    stops = 1  # Of Tab, up to Tune.
+    while page.evaluate('document.activeElement.id') != 'record-press':
+        page.keyboard.press('Tab')
+        stops += 1
+        assert stops <= 20
     # The signals stay in sight beside a long form.
     parts.tab(page, 'Parameters').click()
     page.mouse.wheel(0, 600)
@@ -156,7 +161,12 @@ def test_on_a_phone_traces_come_early_and_nothing_overlaps(played):
     slip = parts.record_button(page, 'Slip')
     expect(slip.get_by_text('hold the button', exact=True)).to_be_visible()
     expect(page.locator('kbd:visible')).to_have_count(0)
-    parts.tab(page, 'Spectrum').click()
+    size = 'b => b.width >= 40 && b.height >= 40'
+    small = f'all => all.filter((e) => ![e.getBoundingClientRect()].every({size})).map((e) => e.id)'
+    pressed = page.locator(':is(button, select, summary, [role=slider], label:has(input)):visible')
+    for name in ('Traces', 'Parameters', 'Spectrum'):
+        parts.tab(page, name).click()
+        assert pressed.evaluate_all(small) == []
     labels = page.locator('#spectrum-frame .label')
     expect(labels).to_have_count(6)
     boxes, (left, _, right, _) = [*map(box, labels.all())], box(page.locator('#spectrum'))

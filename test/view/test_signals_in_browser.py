@@ -30,7 +30,7 @@ from support.finger_states import rest_rows
 from support.simulated_detectors import SimulatedDetectors
 
 #: Pixels of the names at the left and of the scales at the right.
-NAMES_WIDTH, RIGHT_MARGIN = 92, 54
+NAMES_WIDTH, RIGHT_MARGIN = 92, 60
 
 
 def stretch(page):
@@ -108,9 +108,9 @@ def test_traces_are_chosen_paused_read_and_the_threshold_is_moved(serve):
     page.keyboard.press('p')
     expect(parts.button(page, 'Go on')).to_be_visible()
     paused = stretch(page)
-    # Other lanes have another plot, which takes no keys before it is there.
-    expect(page.locator('#timeline canvas').first).to_be_visible()
     parts.press(page.locator('#timeline'), '+', 'ArrowLeft')
+    # The chosen channels are drawn once they have come.
+    parts.until(page, f'data.toS - data.fromS < {0.9 * (paused[1] - paused[0])}')
     from_s, to_s = stretch(page)
     assert to_s - from_s == pytest.approx((paused[1] - paused[0]) / 2)
     (connection,) = served.server.pages

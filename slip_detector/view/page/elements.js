@@ -101,16 +101,26 @@ export function tabs(list, onChoose = () => {}) {
   list.addEventListener('click', ({target}) => {
     if (all.includes(target)) choose(target);
   });
-  list.addEventListener('keydown', (event) => {
-    const at = all.indexOf(event.target);
+  oneTabStop(list, choose);
+  choose(all[0]);
+}
+
+// Make the buttons of a group one tab stop: arrows, Home and End go from one to another.
+// onMove(button): called with the one that has the focus then.
+export function oneTabStop(group, onMove = () => {}) {
+  const buttons = () => [...group.querySelectorAll('button')];
+  group.addEventListener('keydown', (event) => {
+    const all = buttons(), at = all.indexOf(event.target);
     const next = {ArrowRight: at + 1, ArrowLeft: at - 1, Home: 0, End: -1}[event.key];
     if (next === undefined) return;
     event.preventDefault();
-    const tab = all.at(next % all.length);
-    tab.focus();
-    choose(tab);
+    const to = all.at(next % all.length);
+    to.focus();
+    onMove(to);
   });
-  choose(all[0]);
+  group.addEventListener('focusin', ({target}) => {
+    for (const one of buttons()) one.tabIndex = one === target ? 0 : -1;
+  });
 }
 
 // The height that a part of the signals may have so that the page, unscrolled, shows all of it with so much below it.

@@ -1,14 +1,14 @@
 // Volts and levels of the chosen channels over the last seconds, live or paused. Times are in seconds
 // since a whole minute before the first column.
 
-import {Slider, button, heightFor, rounded, steady} from './elements.js';
+import {Slider, button, heightFor, oneTabStop, rounded, steady} from './elements.js';
 import {Columns, Stretch} from './stretch.js';
 
 // Lines are told apart by lightness, too.
 const COLORS = ['#0072b2', '#9a4a00', '#00664b', '#7b2d6b', '#3a3a3a', '#4f7fb8', '#8a7400', '#a34a78'];
 const SMALL = '11px system-ui, \'DejaVu Sans\', sans-serif', SLIP_HEIGHT = 16, LEVEL_HEIGHT = {least: 110, most: 240};
 // Pixels at the right for the scales; most channels that have a column for each pixel.
-const SCALE_WIDTH = 54, MOST_FINE = 8;
+const SCALE_WIDTH = 60, MOST_FINE = 8;
 
 const wordsOfPower = (power) => (Math.abs(power) > 3 ? `1e${power}` : String(10 ** power));
 
@@ -277,6 +277,7 @@ class ChannelChooser {
     Object.assign(this, {root, onChoose});
     // By finger, its channels that were chosen last, counted from 1, in order.
     this.kept = new Map();
+    oneTabStop(root);
   }
 
   get channels() {
@@ -299,6 +300,9 @@ class ChannelChooser {
         return one;
       }));
     }));
+    this.root.querySelectorAll('button').forEach((one, i) => {
+      one.tabIndex = i ? -1 : 0;
+    });
     const kept = this.channels;
     this.choose(kept.length && kept.at(-1) <= channels.length ? kept : (Object.values(groups)[0] ?? [1]).slice(0, 4));
   }
