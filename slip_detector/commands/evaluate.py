@@ -161,9 +161,9 @@ def as_report(sets: Mapping[str, Mapping[str, EvaluatedRecording]]) -> dict[str,
     named = by_name(report['sets'])
     report['answer'] = [*answer(report['all']), *bad_recordings(named)]
     if unlabelled := name_list([name for name, one in named.items() if not one['labelled']]):
-        need = f'need {KEY}: [[start, end]] in seconds in a file NAME{ENDING} beside the recording'
-        line = f'no labels; scores {need}, by hand or by slip_view --bag'
-        report['note'] = f'{unlabelled}: {line}'
+        how = f'{KEY}: [[start, end]] in seconds in a file NAME{ENDING} beside the recording'
+        note = f'no labels; scores need {how}, by hand or by slip_view --bag'
+        report['note'] = f'{unlabelled}: {note}'
     return report
 
 
