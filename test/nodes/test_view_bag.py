@@ -62,6 +62,9 @@ def test_a_bag_is_played_labelled_by_key_and_pointer_and_evaluated(
         re.compile(r'Labels: 0, in .*old\.labels\.yaml\. ON for .* of the recording')
     )
 
+    # What is read is drawn before the detector has started.
+    expect(page.locator('.finger')).to_be_visible()
+
     def wait_for(seconds):
         """Wait for a place, and return it as it is shown."""
         while (shown := float(where.inner_text().split()[0])) < seconds:
