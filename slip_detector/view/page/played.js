@@ -60,7 +60,8 @@ export class Played extends RecordingTrace {
     this.root.hidden = false;
     write('bag-play', state.playing ? 'Stop' : 'Play');
     part('speed').value = state.speed;
-    write('bag-where', `${at.toFixed(1)} of ${end.toFixed(1)}\u00a0s of ${state.name}${reading && `: ${reading}`}`);
+    const place = `${at.toFixed(1)} of ${end.toFixed(1)}\u00a0s of ${state.name}`;
+    write('bag-where', reading ? `${place}: ${reading}` : place);
     part('place').max = end;
     if (!part('place').matches(':active')) part('place').value = at;
     if (changed) this.load();
@@ -70,8 +71,8 @@ export class Played extends RecordingTrace {
     part('remove').disabled = !this.here;
     this.line.style.left = `${100 * at / this.trace.duration_s}%`;
     if (this.held !== null) this.mark(this.held, at);
-    const x = at / this.pixel_s - frame.scrollLeft;
-    if (state.playing && (x < 0 || x > frame.clientWidth)) frame.scrollLeft += x - frame.clientWidth / 8;
+    const x = at / this.pixel_s - frame.scrollLeft, seen = x >= 0 && x <= frame.clientWidth;
+    if (state.playing && !seen) frame.scrollLeft += x - frame.clientWidth / 8;
   }
 
   // Show what is to become a label; without ends: nothing.
@@ -100,6 +101,7 @@ export class Played extends RecordingTrace {
 
   describe() {
     super.describe();
-    write(this.words, `Labels: ${this.pairs.length}, in ${this.state.labels}. ${this.words.textContent}`);
+    const {words, pairs, state: {labels}} = this;
+    write(words, `Labels: ${pairs.length}, in ${labels}. ${words.textContent}`);
   }
 }

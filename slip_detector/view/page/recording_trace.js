@@ -143,8 +143,8 @@ export class RecordingTrace {
     const stop = Math.min(trace.level.length, Math.ceil((scrollLeft + width) * pixel / bin) + 1);
     const color = (i) => shade(8 * (trace.level[i] - 1));
     paintRuns(context, below, STRIP, first, stop, color, (i) => xOf(i * bin));
-    const rest = trace.rest_db, [, loudest = rest] = rangeOf(trace.loudest.slice(first, stop)) ?? [];
-    const most = Math.max(loudest, rest + LEAST_DB);
+    const rest = trace.rest_db, range = rangeOf(trace.loudest.slice(first, stop));
+    const most = Math.max(range?.[1] ?? rest, rest + LEAST_DB);
     for (const [curve, [lineWidth, strokeStyle]] of Object.entries(CURVES)) {
       const values = trace[curve];
       Object.assign(context, {lineWidth, strokeStyle}).beginPath();
