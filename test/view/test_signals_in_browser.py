@@ -41,6 +41,7 @@ def stretch(page):
 
 def play(served, page, seconds):
     """Play so much of the scene and wait until it is drawn; its stamps begin at 1000 s."""
+    parts.until(page, 'data.toS > 0')
     served.call(served.detectors.simulated[parts.NAME].play, seconds)
     parts.until(page, f'data.toS > {40 + seconds}')
 
@@ -107,9 +108,8 @@ def test_traces_are_chosen_paused_read_and_the_threshold_is_moved(serve):
     page.keyboard.press('p')
     expect(parts.button(page, 'Go on')).to_be_visible()
     paused = stretch(page)
-    # Other lanes have another plot, which takes no keys before it is there.
-    expect(page.locator('#timeline canvas').first).to_be_visible()
     parts.press(page.locator('#timeline'), '+', 'ArrowLeft')
+    parts.until(page, 'data.toS - data.fromS < 6')  # Other lanes are drawn when their data come.
     from_s, to_s = stretch(page)
     assert to_s - from_s == pytest.approx((paused[1] - paused[0]) / 2)
     (connection,) = served.server.pages
