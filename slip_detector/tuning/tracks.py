@@ -30,7 +30,7 @@ from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.evaluation.matching import OnIntervals, RowInterval
 from slip_detector.evaluation.scores import kinds_of
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.fields import refuse
+from slip_detector.parameters.fields import name_list, refuse
 from slip_detector.recordings import RecordingCounts, recording_sets
 
 #: Share of the time of a single recording that is tuned on; the rest is held out.
@@ -260,7 +260,7 @@ def load_tracks(
     labelled: bool = True,
     left_out: Sequence[str] = (),
     kind: str = '',
-    unusable: list[str] | None = None,
+    unusable: dict[str, list[str]] | None = None,
 ) -> list[Track]:
     """Read recordings into memory.
 
@@ -277,8 +277,8 @@ def load_tracks(
     kind
         The kind of all of them; '': what each says itself.
     unusable
-        Recordings that cannot be read or do not suit the chain are left out, and why is added to
-        this. None: such a recording is an error.
+        By why, recordings that cannot be read or do not suit the chain: they are left out, and
+        added to this. None: such a recording is an error.
 
     Raises
     ------
@@ -312,7 +312,8 @@ def load_tracks(
             except ValueError as error:
                 if unusable is None or not file.exists():
                     raise
-                unusable.append(f'Left out: {error}')
+                why = str(error).removeprefix(f'{file}: ')
+                unusable.setdefault(why, []).append(str(file))
                 continue
             if track.kind and track.slips:
                 refuse(f'{file}: has slips', f'none in a recording of the kind {track.kind}')
@@ -373,13 +374,14 @@ class TrainingFiles(NamedTuple):
         ValueError
             When there are no recordings, or too few slips; names them and what is left out.
         """
-        left_out: list[str] = []
-        load = functools.partial(load_tracks, loader=self.loader, unusable=left_out)
+        unusable: dict[str, list[str]] = {}
+        load = functools.partial(load_tracks, loader=self.loader, unusable=unusable)
         named = [*self.left_out, *(path for _, path in self.of_kinds)]
         training = load(self.paths, left_out=named)
         for kind, path in self.of_kinds:
             training += load([path], labelled=False, kind=kind)
         held = load(self.left_out)
+        left_out = [f'Left out: {name_list(of, 3)}: {why}' for why, of in unusable.items()]
         notes = left_out + faults_of(training + held)
         if not self.left_out:
             training, held = held_out(training)
