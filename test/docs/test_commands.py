@@ -102,7 +102,7 @@ def runs_here(words):
 def launch_arguments(name):
     """Return what a launch file declares, and those that it includes."""
     text = (ROOT / 'launch' / name).read_text(encoding='utf-8')
-    declared = set(re.findall(r"DeclareLaunchArgument\(\s*'(\w+)'", text))
+    declared = set(re.findall(r"(?:DeclareLaunchArgument\(\s*|^    )'(\w+)'[:,]", text, re.M))
     return declared.union(*map(launch_arguments, re.findall(r"'(\w+\.launch\.py)'", text)))
 
 
