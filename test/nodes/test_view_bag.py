@@ -123,6 +123,7 @@ def test_a_bag_is_played_labelled_by_key_and_pointer_and_evaluated(
     page.mouse.up()
     expect(words).to_contain_text('Labels: 3')
     page.mouse.click(*pixel(1.5))
+    expect(where).to_have_text(re.compile(r'^1\.[3-7] of'))
     parts.button(page, 'Delete label').click()
     expect(words).to_contain_text('Labels: 2')
     assert read_labels(file).edges_s.tolist() == kept.edges_s.tolist()

@@ -22,7 +22,7 @@ export class Played extends RecordingTrace {
     on(part('play'), 'click', () => this.ask('play', {playing: !this.state.playing}));
     for (const [what, name] of [['place', 'to_s'], ['speed', 'speed']]) on(part(what), 'change', ({target}) => this.ask('play', {[name]: Number(target.value)}));
     for (const [what, by] of [['shorter', 2], ['longer', 0.5]]) on(part(what), 'click', () => this.zoom(by));
-    on(part('remove'), 'click', () => this.ask('label', {slip_s: this.pairs.filter((pair) => pair !== this.here)}));
+    on(part('remove'), 'click', () => this.ask('label', {slip_s: this.pairs.filter((pair) => !this.isHere(pair))}));
     holdable(part('hold'), {press: () => this.press(true), release: () => this.press(false), isHeld: () => this.held !== null});
     on(document, 'keydown keyup', ({type, key, repeat, ctrlKey, metaKey, altKey, target}) => {
       const meant = key.toLowerCase() === 'l' && !repeat && !ctrlKey && !metaKey && !altKey && !target.matches('input:not([type=range]), textarea');
@@ -67,12 +67,15 @@ export class Played extends RecordingTrace {
     if (changed) this.load();
     if (!this.trace) return;
     if (changed) this.label(state.slip_s);
-    this.here = this.pairs.find(([from, to]) => from <= at && at < to);
-    part('remove').disabled = !this.here;
+    part('remove').disabled = !this.pairs.some((pair) => this.isHere(pair));
     this.line.style.left = `${100 * at / this.trace.duration_s}%`;
     if (this.held !== null) this.mark(this.held, at);
     const x = at / this.pixel_s - frame.scrollLeft, seen = x >= 0 && x <= frame.clientWidth;
     if (state.playing && !seen) frame.scrollLeft += x - frame.clientWidth / 8;
+  }
+
+  isHere([from, to]) {
+    return from <= this.state.at_s && this.state.at_s < to;
   }
 
   // Show what is to become a label; without ends: nothing.
