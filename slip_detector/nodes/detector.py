@@ -133,10 +133,11 @@ class Detector(LifecycleNode):
         self._chain.reset()
         self._forget_input()
         self._diagnostics = Diagnostics(self)
-        # Whether a sample has come since the last check, when that was, and the last one by which
-        # a sample had come. The timeout begins with the first check.
-        self._heard = True
-        self._checked_ns = self._heard_ns = time.monotonic_ns()
+        # Whether a sample has come since the last check, and for how long none had before. The
+        # timeout begins with the first check.
+        self._heard, self._silent_ns, self._now_ns = True, 0, 0
+        # By the machine's clock: the last check, and when the clock of the timeout last moved.
+        self._checked_ns = self._moved_ns = time.monotonic_ns()
         # When the last message came, and was sent by another clock; by that clock, when those were
         # sent that wait since this node was held up.
         self._came_ns, self._sent_ns, self._waiting_ns = 0, 0, range(0)
@@ -260,18 +261,22 @@ class Detector(LifecycleNode):
     def _check_silence(self) -> None:
         """Withdraw the decisions if samples have stopped arriving, or this node was held up."""
         timeout_ns = round(1e9 * self._active.input_timeout_s)
-        now_ns = time.monotonic_ns()
-        if now_ns - self._checked_ns > timeout_ns:
+        steady_ns = time.monotonic_ns()
+        if steady_ns - self._checked_ns > timeout_ns:
             # What came before is too old, and so is some of what was sent since then.
             self._heard = False
-            away_ns = now_ns - self._came_ns
+            away_ns = steady_ns - self._came_ns
             self._waiting_ns = range(self._sent_ns + 1, self._sent_ns + away_ns)
-        self._checked_ns = now_ns
+        # The timeout follows the replayed clock while that moves, else the machine's.
         self._replayed = self.get_clock().ros_time_is_active
-        if self._heard:
-            self._heard_ns = now_ns
+        now_ns = self.get_clock().now().nanoseconds if self._replayed else steady_ns
+        step_ns, self._now_ns, self._checked_ns = now_ns - self._now_ns, now_ns, steady_ns
+        if self._heard or step_ns:
+            self._moved_ns = steady_ns
+        # The clock may be set back.
+        self._silent_ns = 0 if self._heard else self._silent_ns + max(step_ns, 0)
         self._heard = False
-        if now_ns - self._heard_ns >= LOST_AFTER * timeout_ns:
+        if max(self._silent_ns, steady_ns - self._moved_ns) >= LOST_AFTER * timeout_ns:
             if self._outputs.valid:
                 self._note('silent', 'no input any more')
             self._outputs.withdraw()

@@ -259,6 +259,17 @@ def test_deactivated_it_says_nothing_and_leaves_no_state_that_is_not_true(node):
     assert node.said()['slip'] == node.said()['slip_valid'] is True
 
 
+def test_the_timeout_follows_a_replayed_clock_however_slow_it_is(node):
+    node.begin()
+    node.behind_s = 0.0
+    for _ in range(1000):
+        node.behind_s += 0.999 * PERIOD_S
+        node.let_pass(PERIOD_S)
+        assert node.said()['slip_valid']
+    node.play(CONFIG.input_timeout_s, LOST['silence'])
+    assert not any(node.said().values())
+
+
 def test_a_recording_that_starts_again_goes_on(node):
     node.begin()
     node.behind_s = 0.0
