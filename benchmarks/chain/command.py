@@ -26,7 +26,6 @@ from benchmarks.pictures import draw_work_precision
 #: What is wanted, by part and figure.
 WANTED = {
     'blocks.speedup': Bound(low=10.0),
-    'blocks.cpp_ratio': Bound(high=0.7),
     'blocks.kept_ratio': Bound(high=1.5),
     'blocks.whole_kept_ratio': Bound(high=1.5),
     'blocks.median_ratio': Bound(high=2.0),

@@ -12,15 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The rivals of the chain: in SciPy and NumPy, in C++, in float32 and with polynomials."""
+"""The rivals of the chain: in SciPy and NumPy, in float32 and with polynomials."""
 
-import ctypes
-import os
-import shlex
-import subprocess
-import tempfile
 import warnings
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -30,8 +24,6 @@ from scipy import signal
 from slip_detector.chain.filters import design
 from slip_detector.chain.samples import Bools, Floats
 from slip_detector.parameters.detector import ChainConfig
-
-SOURCE = Path(__file__).with_name('cpp_chain.cpp')
 
 
 class NumpyChain:
@@ -66,65 +58,6 @@ class NumpyChain:
         # Rounding errors may make the difference of two sums negative.
         means = np.maximum((sums[window:] - sums[:-window]) / window, 0.0)
         return means, joined[-window:].copy()
-
-
-class CppChain:
-    """The default chain in C++, in which the compiler knows all lengths.
-
-    Raises
-    ------
-    RuntimeError
-        When there is no compiler (``$CXX``, else g++), or it fails.
-    """
-
-    def __init__(self, config: ChainConfig) -> None:
-        self._sections = np.ascontiguousarray(design(config))
-        groups = list(config.groups.values())
-        self._members = np.array([c - 1 for members in groups for c in members], np.int64)
-        self._bounds = np.cumsum([0, *map(len, groups)], dtype=np.int64)
-        self._width = 1 + 2 * len(groups) + 2 * config.channels
-        self._numbers = [
-            *config.valid_range_v, config.samples(config.flat_after_s), config.threshold
-        ]  # fmt: skip
-        macros = {
-            'CHANNELS': config.channels,
-            'SECTIONS': len(self._sections),
-            'ENVELOPE_ROWS': config.samples(config.envelope_window_s),
-            'LEVEL_ROWS': config.samples(config.decision_window_s),
-            'GROUPS': len(groups),
-        }
-        # Where Numba is not to use AVX-512, neither is the C++ compiler.
-        without = '-avx512f' in os.environ.get('NUMBA_CPU_FEATURES', '')
-        command = [*shlex.split(os.environ.get('CXX', 'g++')), '-O3', '-march=native']
-        self.command = [*command, '-mno-avx512f'] if without else command
-        with tempfile.TemporaryDirectory() as folder:
-            library = Path(folder) / 'cpp_chain.so'
-            defined = [f'-D{name}={value}' for name, value in macros.items()]
-            try:
-                subprocess.run(
-                    [*self.command, '-std=c++17', '-shared', '-fPIC', *defined, str(SOURCE), '-o',
-                     str(library)],
-                    check=True, capture_output=True, timeout=120.0,
-                )  # fmt: skip
-                self._run = ctypes.CDLL(str(library)).run
-            except (OSError, subprocess.SubprocessError) as error:
-                raise RuntimeError(f'{shlex.join(self.command)} failed: {error}') from None
-        pointer, number = ctypes.c_void_p, ctypes.c_double
-        self._run.argtypes = [
-            pointer, ctypes.c_int64, pointer, pointer, number, number, number, number, pointer,
-            pointer,
-        ]  # fmt: skip
-        self._run.restype = None
-
-    def update(self, rows: Floats) -> Bools:
-        """Take the next rows; return their decisions in the form of ``SlipResult.flags``."""
-        volts = np.ascontiguousarray(rows, np.float64)
-        flags = np.empty((len(volts), self._width), np.bool_)
-        self._run(
-            volts.ctypes.data, len(volts), flags.ctypes.data, self._sections.ctypes.data,
-            *self._numbers, self._members.ctypes.data, self._bounds.ctypes.data,
-        )  # fmt: skip
-        return flags
 
 
 def scipy_levels(config: ChainConfig, samples: Floats, form: str, dtype: Any) -> NDArray[Any]:

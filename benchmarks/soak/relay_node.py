@@ -12,10 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A node that only relays: the least that a node can do with the detector's input and output.
-
-It is a process of its own and imports only the quality of service from the package.
-"""
+"""A node that only relays: the least that a node can do with the detector's input and output."""
 
 import contextlib
 
@@ -27,22 +24,23 @@ from std_msgs.msg import Bool
 
 from slip_detector.nodes.messages import sensor_qos, state_qos
 
+#: Ten messages a second at 380 Hz, as the detector's heartbeat.
+SAMPLES_A_MESSAGE = 38
+
 
 class Relay(Node):
-    """Subscribes and publishes as the detector does, with no chain between the two."""
+    """Takes each sample, and publishes as often as the detector repeats its decision."""
 
     def __init__(self) -> None:
         super().__init__('slip_relay')
-        self._on = False
-        self._slip = self.create_publisher(Bool, 'slip', state_qos())
-        self._slip.publish(Bool(data=False))
+        self._samples = 0
+        self._slip = self.create_publisher(Bool, 'relay/slip', state_qos())
         self.create_subscription(JointState, 'voltages', self._on_voltages, sensor_qos())
 
     def _on_voltages(self, message: JointState) -> None:
-        on = message.effort[0] > 0.0
-        if on != self._on:
-            self._on = on
-            self._slip.publish(Bool(data=on))
+        self._samples += 1
+        if self._samples % SAMPLES_A_MESSAGE == 0:
+            self._slip.publish(Bool(data=message.position[0] > 0.0))
 
 
 def main() -> None:
