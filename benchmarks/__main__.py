@@ -40,7 +40,7 @@ COMMANDS = {
     'chain': 'run time and numerical error of the chain',
     'scenes': 'error of the simulated fingertip against run time',
     'extremes': 'stiff and extreme cases of the simulated fingertip',
-    'tune': 'recordings read, evaluated, searched and reported; what tuning brings',
+    'tune': 'recordings read, evaluated and searched; what tuning brings',
     'paper': "the paper's protocol, its figures beside ours",
     'grasp': 'how far objects slide in a simulated grasp',
     'lessons': 'what teaching by late and careless hands brings',

@@ -20,14 +20,13 @@ time of each counts, because it was disturbed least.
 """
 
 import argparse
-import contextlib
-import gc
 import importlib
 import json
 import os
 import platform
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import timeit
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -246,24 +245,9 @@ def least_times_s(
     >>> ''.join(words), len(times_s)
     ('ababab', 2)
     """
-    for side in sides:
-        side()
-    least_s = [float('inf')] * len(sides)
-    with garbage_collection_off():
-        for _ in range(rounds):
-            for i, side in enumerate(sides):
-                start_s = clock()
-                side()
-                least_s[i] = min(least_s[i], clock() - start_s)
-    return least_s
-
-
-@contextlib.contextmanager
-def garbage_collection_off() -> Iterator[None]:
-    """Switch the garbage collector off within a block; it would slow down only one side."""
-    gc.collect()
-    gc.disable()
-    try:
-        yield
-    finally:
-        gc.enable()
+    # A Timer switches the garbage collector off, which would slow down only one side.
+    timers = [timeit.Timer(side, timer=clock) for side in sides]
+    for timer in timers:
+        timer.timeit(1)
+    least_s = np.min([[timer.timeit(1) for timer in timers] for _ in range(rounds)], axis=0)
+    return [float(side_s) for side_s in least_s]

@@ -14,6 +14,7 @@
 
 """Streams of stamps with jitter, losses and a clock that is off: how many rows they become."""
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -48,21 +49,18 @@ def stream(clock: tuple[float, float], jitter: float, lost: float, seed: int) ->
 def measure_clocks(streams: int) -> list[dict[str, Any]]:
     """Return for each clock, jitter and share of losses how many rows too many are made up."""
     rows = []
-    for clock in CLOCKS:
-        for jitter in JITTERS:
-            for lost in LOST:
-                excess = []
-                for seed in range(streams):
-                    stamps_ns = stream(clock, jitter, lost, seed)
-                    mended = StampGrid(1.0 / RATE_HZ, MAX_GAP_S).mend(stamps_ns)
-                    excess.append(len(mended.places) - ROWS)
-                rows.append(
-                    {
-                        'clock': ' to '.join(f'{share:g}' for share in dict.fromkeys(clock)),
-                        'jitter_periods': jitter,
-                        'lost_share': lost,
-                        'rows_off_mean': float(np.abs(excess).mean()),
-                        'rows_off_most': int(max(excess, key=abs)),
-                    }
-                )
+    for clock, jitter, lost in itertools.product(CLOCKS, JITTERS, LOST):
+        excess = [
+            len(StampGrid(1.0 / RATE_HZ, MAX_GAP_S).mend(stream(clock, jitter, lost, seed)).places)
+            - ROWS
+            for seed in range(streams)
+        ]
+        row = {
+            'clock': ' to '.join(f'{share:g}' for share in dict.fromkeys(clock)),
+            'jitter_periods': jitter,
+            'lost_share': lost,
+            'rows_off_mean': float(np.abs(excess).mean()),
+            'rows_off_most': int(max(excess, key=abs)),
+        }
+        rows.append(row)
     return rows

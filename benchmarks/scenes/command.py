@@ -28,31 +28,24 @@ Keys of ``python -m benchmarks scenes --json``:
     ``position_error_m`` of an object, ``run_time_per_s`` (for a simulated second), and ``said``:
     why a method gave up, without figures. ``shipped_live`` is the run of the live stepper with the
     step of the shipped scene.
-``pace``
-    For the plate: ``rows`` of a read, and ``slowest_share``, the time of the slowest read as a
-    share of the time that its rows span.
 ``plate``
     ``speed`` of the plate (times real time).
 """
 
 import argparse
-import math
-import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from benchmarks.measurement import Bound, garbage_collection_off, shared_options
+from benchmarks.measurement import Bound, shared_options
 from benchmarks.pictures import draw_work_precision
 from benchmarks.scenes.reference import Ode, Solution, build_scene, solve_live
 from slip_detector.parameters.files import read_yaml, shared_folder
 from slip_detector.scenes import find_scene
 
-WANTED = {'plate.speed': Bound(low=50.0), 'pace.slowest_share': Bound(high=1.0, strict=True)}
+WANTED = {'plate.speed': Bound(low=50.0)}
 
-#: The scene for which speed and pace are wanted.
+#: The scene for which speed is wanted.
 PLATE = 'plate_400um'
 
 #: The reference and its check, and the processor time that each is given.
@@ -61,9 +54,6 @@ REFERENCE_RTOL, REFERENCE_BUDGET_S = 1e-10, 120.0
 
 #: Processor time that a method is given for a scene.
 BUDGET_S = 4.0
-
-#: Number of rows that a live driver reads at once, at most.
-PACE_ROWS = 32
 
 
 def options() -> argparse.ArgumentParser:
@@ -92,7 +82,6 @@ def measure(words: argparse.Namespace) -> dict[str, Any]:
     return {
         'precision': precision,
         'plate': {'speed': 1 / live[PLATE]['run_time_per_s']} if PLATE in live else {},
-        'pace': _pace(1 if words.quick else 5),
     }
 
 
@@ -157,12 +146,10 @@ def _live_run(
     """Run the live stepper with a number of steps for a sample."""
     step_s = (1.0 + 1e-6) / (ode.scene.sample_rate_hz * steps)
     n = len(reference.clean_v)
-    least_s = math.inf
-    for _ in range(rounds + 1):
-        scene = build_scene(description, step_s=step_s)
-        with garbage_collection_off():
-            found = solve_live(scene, n)
-        least_s = min(least_s, found.run_time_s)
+    scene = build_scene(description, step_s=step_s)
+    found = solve_live(scene, n)
+    more = (solve_live(build_scene(description, step_s=step_s), n) for _ in range(rounds))
+    least_s = min(one.run_time_s for one in more)
     return {
         'method': 'live',
         'setting': f'{scene.constants.steps_per_sample} steps a sample',
@@ -170,18 +157,3 @@ def _live_run(
         **_errors(reference, found, ode.with_object),
         'run_time_per_s': least_s * scene.sample_rate_hz / n,
     }
-
-
-def _pace(rounds: int) -> dict[str, Any]:
-    """Measure how long reads of a few rows take, as a share of the time that the rows span."""
-    taken_s = []
-    for _ in range(rounds):
-        scene = build_scene(read_yaml(find_scene(PLATE)))
-        with garbage_collection_off():
-            times = [time.perf_counter()]
-            while len(scene.read(PACE_ROWS).volts) == PACE_ROWS:
-                times.append(time.perf_counter())
-        taken_s.append(np.diff(times))
-    # A disturbance by other programs is in one round only, so the minimum is free of it.
-    shares = np.min(taken_s, axis=0) * scene.sample_rate_hz / PACE_ROWS
-    return {'rows': PACE_ROWS, 'slowest_share': float(shares.max())}

@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recordings read, evaluated, searched and reported; what tuning brings."""
+"""Recordings read, evaluated and searched; what tuning brings."""

@@ -12,11 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recordings read, evaluated, searched and reported, and what tuning brings.
+"""Recordings read, evaluated and searched, and what tuning brings.
 
 Keys of ``python -m benchmarks tune --json``; with ``--part`` only the named ones are there:
 
-``evaluate``, ``read``, ``search``, ``report``
+``evaluate``, ``read``, ``search``
     The figures of :mod:`benchmarks.tune.hour`.
 ``families``
     The figures of :mod:`benchmarks.tune.families`.
@@ -37,8 +37,6 @@ WANTED = {
     'evaluate.ratio': Bound(high=4.0),
     'read.times_real_time': Bound(low=200.0),
     'search.ratio': Bound(high=0.5),
-    'report.bytes': Bound(high=10e6, strict=True),
-    'report.ready_ms': Bound(high=3000.0),
     'families.better': Bound(low=5.0),
     'onset.mean_delay_ms': Bound(high=15.0),
     'onset.detected_percent': Bound(low=100.0),
@@ -54,7 +52,7 @@ def options() -> argparse.ArgumentParser:
     parser = shared_options(
         'tune',
         'Measure what evaluating and reading an hour costs, a search against a chain in SciPy '
-        'and NumPy, and the report of an hour; then what tuning brings on families of '
+        'and NumPy; then what tuning brings on families of '
         'simulated scenes, and how soon and clean config/onset.yaml is.',
     )
     parser.add_argument(
@@ -64,7 +62,7 @@ def options() -> argparse.ArgumentParser:
 
 
 def measure(words: argparse.Namespace) -> dict[str, Any]:
-    """Measure reading, evaluation, search and report, and what tuning brings."""
+    """Measure reading, evaluation and search, and what tuning brings."""
     return {part: MEASURES[part](words.quick) for part in words.part or MEASURES}
 
 
@@ -77,7 +75,6 @@ MEASURES: dict[str, Callable[[bool], dict[str, Any]]] = {
     'evaluate': _either(hour.measure_evaluation, 50.0, 2),
     'read': _either(hour.measure_reading, 30.0),
     'search': _either(hour.measure_search, 4, 0.5),
-    'report': _either(hour.measure_report, 30.0),
     'families': _either(families.measure_families, 4, range(2), range(2, 3)),
     'onset': _either(onset.measure_onset, range(6000, 6001)),
     'presses': _either(presses.measure_presses, range(7700, 7701)),

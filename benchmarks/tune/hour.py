@@ -12,10 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Scenes, repeated, with noise: an hour is evaluated, read from MCAP and reported; a search."""
+"""Scenes, repeated, with noise: an hour is evaluated and read from MCAP; a search."""
 
 import tempfile
 import time
+import timeit
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -23,17 +24,12 @@ from typing import Any
 import numpy as np
 
 from benchmarks.chain.rivals import NumpyChain
-from benchmarks.measurement import garbage_collection_off, least_times_s
-from benchmarks.tune.browser import ready_ms, why_no_browser
+from benchmarks.measurement import least_times_s
 from slip_detector.chain.samples import Samples
 from slip_detector.evaluation.evaluator import RecordingLoader, evaluate_recording
 from slip_detector.evaluation.figures import figures_of_merit
-from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.recordings import open_recording, write_recording
-from slip_detector.report import page as report
-from slip_detector.report.overview import Overview
-from slip_detector.report.page import Variant
 from slip_detector.scenes import find_scene, load_scene
 from slip_detector.tuning.problem import Problem
 from slip_detector.tuning.search import Study, search
@@ -45,15 +41,6 @@ SCENES = ('plate_400um', 'taps', 'tremor_hum', 'rolling')
 
 #: Noise that is added to each sample: repetitions without noise would compress too well.
 NOISE_V = 5e-4
-
-#: Two variants that differ as much as a chain before and after a search.
-CONFIGS = {
-    'given': ChainConfig(),
-    'tuned': ChainConfig(
-        passband_hz=(12.0, 80.0), stopbands_hz=(), vote='mean', threshold=2.0,
-        envelope_window_s=0.03,
-    ),
-}  # fmt: skip
 
 
 def scenes_with_noise(duration_s: float) -> Iterator[Samples]:
@@ -112,26 +99,6 @@ def measure_reading(duration_s: float = HOUR_S) -> dict[str, Any]:
     return {'read_s': read_s, 'times_real_time': rows / RATE_HZ / read_s}
 
 
-def measure_report(duration_s: float = HOUR_S) -> dict[str, Any]:
-    """Write the report of two variants, and open it.
-
-    The result has the ``bytes`` of the file, and ``ready_ms`` from the start of loading until the
-    timeline is drawn, the least of three; None where no page can be opened, ``skipped`` then says
-    why.
-    """
-    skipped = why_no_browser()
-    variants = []
-    for name, config in CONFIGS.items():
-        overview, replay = Overview('hour', config), Replay(config)
-        outcome = overview.replay(replay, scenes_with_noise(duration_s))
-        variants.append(Variant(name, config, [overview], {'hour': figures_of_merit([outcome])}))
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / 'report.html'
-        report.write_page(path, 'An hour', variants)
-        opened_ms = None if skipped else ready_ms(path)
-        return {'bytes': path.stat().st_size, 'ready_ms': opened_ms, 'skipped': skipped}
-
-
 def measure_search(trials: int = 100, minutes: float = 15.0) -> dict[str, Any]:
     """Measure a search of some trials on a recording of some minutes.
 
@@ -145,10 +112,8 @@ def measure_search(trials: int = 100, minutes: float = 15.0) -> dict[str, Any]:
     problem.best(given)  # Compile and load before the measurement.
     study = Study(problem.space.distributions, seed=0)
     (plain_s,) = least_times_s([lambda: plain.update(track.volts)], 3, time.process_time)
-    with garbage_collection_off():
-        start_s = time.process_time()
-        search(problem, study, trials)
-        trial_s = (time.process_time() - start_s) / trials
+    timer = timeit.Timer(lambda: search(problem, study, trials), timer=time.process_time)
+    trial_s = timer.timeit(1) / trials
     rows = len(track.volts)
     return {
         'ns_per_row_and_trial': trial_s / rows * 1e9,

@@ -19,15 +19,15 @@ import os
 import socket
 import sys
 import tempfile
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.processes import nodes_running, processor_time_s
+from benchmarks.processes import nodes_running
 from benchmarks.soak.hand import Watch, growth_percent, hand_commands
-from benchmarks.tune.browser import PATIENCE_MS, browser
+from benchmarks.view.browser import PATIENCE_MS, browser
 
 FINGERS = 5
 
@@ -70,14 +70,13 @@ def run_view(seconds: float, pairs: int, turn_seconds: float, traces: int) -> di
         ]
         with nodes_running(commands) as processes:
             watch = Watch(namespace, processes)
-            nodes = [each.pid for each in processes.values()]
             watch.wait_for(lambda: watch.have_samples(FINGERS), 'samples of all fingers')
             closed, here = [], []
             for _ in range(pairs):
                 watch.wait(min(SETTLE_S, SETTLE_SHARE * turn_seconds))
                 closed.append(watch.figures(turn_seconds))
-                here.append(measure_page(watch, url, nodes, turn_seconds, traces))
-            here.append(measure_page(watch, url, nodes, seconds, traces))
+                here.append(measure_page(watch, url, turn_seconds, traces))
+            here.append(measure_page(watch, url, seconds, traces))
     figures = {'closed': _of_all(closed), 'here': here[-1] | _of_all(here)}
     ratio = figures['here']['latency_median_ms'] / figures['closed']['latency_median_ms']
     figures['here'] |= {
@@ -101,9 +100,7 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def measure_page(
-    watch: Watch, url: str, nodes: Collection[int], seconds: float, traces: int
-) -> dict[str, Any]:
+def measure_page(watch: Watch, url: str, seconds: float, traces: int) -> dict[str, Any]:
     """Return the figures of a turn in which Chromium shows the page with so many traces."""
     drawn_ms: list[float] = []
     heap_mib: list[float] = []
@@ -116,14 +113,11 @@ def measure_page(
         watch.wait_for(lambda: page.evaluate('drawnMs.length'), 'a frame')
         watch.wait(min(SETTLE_S, SETTLE_SHARE * seconds))
         page.evaluate('drawnMs.splice(0)')
-        browser_s = -children_s(nodes)
         figures = watch.figures(seconds, note)
-        browser_s += children_s(nodes)
     mean, worst = frames_a_second(drawn_ms)
     return figures | {
         'frames_a_second': mean,
         'frames_in_the_worst_second': worst,
-        'browser_cpu_percent': 100 * browser_s / seconds,
         'memory_mib': figures['memory_mib']['slip_view'],
         'memory_growth_percent': figures['memory_growth_percent']['slip_view'],
         'heap_mib': heap_mib[-1],
@@ -188,22 +182,3 @@ def frames_a_second(drawn_ms: list[float]) -> tuple[float, float]:
         return 0.0, 0.0
     counts = np.bincount((times_s - times_s[0]).astype(int))[:-1]
     return float((len(times_s) - 1) / (times_s[-1] - times_s[0])), float(counts.min())
-
-
-def children_s(but: Collection[int], of: int | None = None) -> float:
-    """Return the processor time of the descendants of a process, except some and their own.
-
-    Parameters
-    ----------
-    but
-        Processes that are left out, with their descendants.
-    of
-        The process; None: this one.
-    """
-    total_s = 0.0
-    with contextlib.suppress(OSError):  # A process may end at any time.
-        for task in Path(f'/proc/{of or os.getpid()}/task').iterdir():
-            for pid in map(int, (task / 'children').read_text().split()):
-                if pid not in but:
-                    total_s += processor_time_s(pid) + children_s(but, pid)
-    return total_s

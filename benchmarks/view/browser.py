@@ -12,14 +12,13 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A browser without a screen, which opens the pages that the package writes."""
+"""A browser without a screen, which opens the live page."""
 
 import contextlib
 import importlib
 import importlib.util
 import shutil
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 #: Names of browsers that can run without a screen.
@@ -30,9 +29,6 @@ FLAGS = ('--headless', '--no-sandbox', '--disable-gpu', '--disable-background-ne
 
 #: Milliseconds within which a page must have been drawn.
 PATIENCE_MS = 60_000.0
-
-#: How often a page is opened.
-OPENINGS = 3
 
 
 def why_no_browser() -> str:
@@ -56,20 +52,3 @@ def browser(*more_flags: str) -> Iterator[Any]:
             yield running
         finally:
             running.close()
-
-
-def ready_ms(path: Path) -> float:
-    """Open a report and return when its timeline was first drawn, from the start of loading.
-
-    The least of some openings in one browser, each in a profile of its own.
-    """
-    taken_ms = []
-    with browser() as running:
-        for _ in range(OPENINGS):
-            page = running.new_page(viewport={'width': 1280, 'height': 900})
-            page.goto(path.resolve().as_uri())
-            drawn = page.locator('html[data-ready-ms]')
-            drawn.wait_for(state='attached', timeout=PATIENCE_MS)
-            taken_ms.append(float(drawn.get_attribute('data-ready-ms') or 'nan'))
-            page.close()
-    return min(taken_ms)
