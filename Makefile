@@ -3,7 +3,7 @@
 #   make demo               install into .venv, run driver and detector: some two minutes the first time
 #   make view               a live page of a simulated finger, until Ctrl-C: open the address that it prints
 #   make grasp              a grasp controller on thirty simulated objects: a table, after some minutes
-#   make check              what a change is checked with: lint, types, all tests without nodes
+#   make check              what a change is checked with: lint, types, tests without nodes and benchmarks
 #   make benchmark          how fast and how exact it is: the quick form of each measurement
 #   make test               all checks
 #   make test-matrix        what computes, with NumPy 1.26 and without Numba
@@ -74,11 +74,12 @@ benchmark: $(VENV)/installed
 
 check: $(VENV)/installed
 	@$(MAKE) --no-print-directory --jobs 3 $(addprefix $(CHECKS)/,lint types core)
-	@echo 'Lint, types and all tests without nodes passed.'
+	@echo 'Lint, types and all tests without nodes and benchmarks passed.'
 
 # Nodes have the machine to themselves: they keep times.
 test: check
 	@$(MAKE) --no-print-directory $(CHECKS)/nodes
+	@$(MAKE) --no-print-directory $(CHECKS)/benchmarks
 	@$(MAKE) --no-print-directory $(CHECKS)/colcon
 	@echo 'All checks passed on ROS 2 $(ROS).'
 
@@ -114,7 +115,11 @@ $(CHECKS)/types: $(VENV)/installed $(PACKAGE) | $(CHECKS)
 	touch $@
 
 $(CHECKS)/core: $(VENV)/installed $(PACKAGE) $(TESTS) | $(CHECKS)
-	$(BIN)/python $(PYTEST) $(MORE_WORKERS) -m 'not nodes'
+	$(BIN)/python $(PYTEST) $(MORE_WORKERS) -m 'not nodes' slip_detector test --ignore test/benchmarks
+	touch $@
+
+$(CHECKS)/benchmarks: $(VENV)/installed $(PACKAGE) $(TESTS) | $(CHECKS)
+	$(BIN)/python $(PYTEST) benchmarks test/benchmarks
 	touch $@
 
 $(CHECKS)/nodes: $(VENV)/installed $(PACKAGE) $(TESTS) | $(CHECKS)
