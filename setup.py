@@ -32,7 +32,7 @@ def ros_wheels(distribution: str) -> list[str]:
 
 setup(
     name=NAME,
-    version='0.6.0',
+    version='0.7.0',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
     package_data={
         f'{NAME}.report': ['templates/*', 'templates/uplot/*'],

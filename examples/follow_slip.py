@@ -30,7 +30,7 @@ from rclpy.qos import DurabilityPolicy, LivelinessPolicy, QoSProfile, Reliabilit
 from std_msgs.msg import Bool
 
 #: Longest silence; no less than two heartbeats, which the detector offers. Fast DDS of Jazzy can
-#: hold a detector up for half a second when another process joins (docs/transports.md).
+#: hold a detector up for half a second when another process joins (docs/nodes.md).
 DEADLINE = Duration(seconds=1.0)
 
 QOS = QoSProfile(

@@ -59,19 +59,33 @@ TABLES = {
 }
 
 
-def table(sections):
+#: What each file says of a parameter. The limits of a scene are said where one is exceeded.
+COLUMNS = {
+    'parameters.md': ('parameter', 'default', 'allowed', 'meaning'),
+    'scenes.md': ('parameter', 'default', 'meaning'),
+}
+
+
+def table(sections, columns):
     """Lay out fields as a Markdown table, each heading as a row above its fields."""
-    lines = ['| parameter | default | unit | allowed | meaning |', '|---|---|---|---|---|']
+    rows = []
     for heading, fields in sections.items():
         name, _, about = heading.partition(': ')
-        lines += [f'| **{name}** | | | | {about} |'] if heading else []
-        for field in fields:
-            default = shown(field.metadata['default'])
-            unit = field.metadata['unit']
-            limits = allowed(field).removesuffix(f' {unit}')
-            meaning = field.metadata['meaning']
-            lines.append(f'| `{field.name}` | {default} | {unit} | {limits} | {meaning} |')
-    return '\n'.join(lines)
+        rows += [[f'**{name}**', *[''] * (len(columns) - 2), about]] if heading else []
+        rows += [[cells(field)[column] for column in columns] for field in fields]
+    lines = [f'| {" | ".join(row)} |' for row in (columns, *rows)]
+    return '\n'.join([lines[0], '|---' * len(columns) + '|', *lines[1:]])
+
+
+def cells(field):
+    """Return what a table says of a field, by column."""
+    unit = field.metadata['unit']
+    return {
+        'parameter': f'`{field.name}`',
+        'default': f'{shown(field.metadata["default"])} {unit}'.strip(),
+        'allowed': allowed(field).removesuffix(f' {unit}'),
+        'meaning': field.metadata['meaning'],
+    }
 
 
 def shown(value):
@@ -93,9 +107,8 @@ def with_tables(path):
     text = path.read_text(encoding='utf-8')
     for name, sections in TABLES[path].items():
         pattern = rf'(<!-- {name} -->\n).*?(<!-- end -->)'
-        text, found = re.subn(
-            pattern, lambda m, s=sections: f'{m[1]}{table(s)}\n{m[2]}', text, flags=re.S
-        )
+        rows = table(sections, COLUMNS[path.name])
+        text, found = re.subn(pattern, lambda m, r=rows: f'{m[1]}{r}\n{m[2]}', text, flags=re.S)
         assert found == 1, f'{path.name} has no place for {name}'
     return text
 

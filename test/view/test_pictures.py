@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The pictures of the live page in the README, made anew: what they show is really on the page.
+"""The pictures of the live page in the docs, made anew: what they show is really on the page.
 
 With ``SLIP_FIGURES`` naming a folder they are written there; without it only one is made.
 """
