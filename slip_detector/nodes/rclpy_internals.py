@@ -24,7 +24,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, NoReturn
 
 import rclpy
@@ -41,8 +41,8 @@ from slip_detector.nodes.ending import SHUTDOWN_S
 #: Most messages of a topic that are taken before other topics and timers have their turn.
 AT_MOST = 32
 
-#: Period at which requests of services, and the end of the process, are looked for.
-LOOK_NS = 100_000_000
+#: Period in nanoseconds at which services, and the end of the process, are polled.
+POLL_NS = 100_000_000
 
 #: Python's switch interval, in seconds: the longest time for which a running thread keeps another
 #: one waiting. The default is 5 ms.
@@ -59,7 +59,7 @@ class SampleExecutor(SingleThreadedExecutor):
     dozen services), makes a task, a coroutine and a wait set, and wakes itself twice, which costs
     several times as much as the message. Here the wait is for messages only, until the next timer
     is due, and the callbacks are called directly. Requests of services are looked for every
-    ``LOOK_NS``, events of the middleware (a subscriber with an incompatible quality of service)
+    ``POLL_NS``, events of the middleware (a subscriber with an incompatible quality of service)
     never.
 
     Relies on the ``WaitSet`` of ``rclpy_implementation``, which takes the numbers of
@@ -78,7 +78,7 @@ class SampleExecutor(SingleThreadedExecutor):
         super().__init__(context=context)
         sys.setswitchinterval(SWITCH_S)
         self._changed = True
-        self._due_ns = self._look_ns = 0
+        self._due_ns = self._poll_ns = 0
 
     def wake(self) -> None:
         """Gather the entities again, because a node has created or destroyed one."""
@@ -138,17 +138,17 @@ class SampleExecutor(SingleThreadedExecutor):
                 timer.callback()
                 if self._changed:  # The others may be gone.
                     return
-        if time.monotonic_ns() >= self._look_ns:
+        if time.monotonic_ns() >= self._poll_ns:
             for service in self._services:
                 request, header = service.handle.service_take_request(service.srv_type.Request)
                 if header is not None:
                     response = service.callback(request, service.srv_type.Response())
                     service.send_response(response, header)
                     return  # Another request may wait, and the entities may have changed.
-            self._look_ns = time.monotonic_ns() + LOOK_NS
+            self._poll_ns = time.monotonic_ns() + POLL_NS
         now_ns = time.monotonic_ns()
         untils_ns = [timer.time_until_next_call() for timer in self._timers]
-        self._due_ns = min([self._look_ns, *(now_ns + ns for ns in untils_ns if ns is not None)])
+        self._due_ns = min([self._poll_ns, *(now_ns + ns for ns in untils_ns if ns is not None)])
 
 
 def given_parameters(node: Node) -> list[Parameter]:
@@ -248,27 +248,19 @@ def take_answer(client: Client) -> tuple[int, Any] | None:
     return None if header is None else (header.request_id.sequence_number, answer)
 
 
-def leave(takedowns: Sequence[Callable[[], object]], code: int) -> NoReturn:
-    """Shut everything down, the context last, and end the process.
+def leave(take_down: Callable[[], object], code: int) -> NoReturn:
+    """Take executor and nodes down, then the context, and end the process with an exit code.
 
     The middleware sometimes hangs during its shutdown, which must not keep the process alive. A
     timer ends the process; the alarm does so if the hang keeps Python's threads from running. The
     normal end of the interpreter takes up to a second, may hang in a library, and does nothing
     that the shutdown has not done already.
-
-    Parameters
-    ----------
-    takedowns
-        Functions that shut down the executor and the nodes, in this order.
-    code
-        The exit code, also where the shutdown takes too long.
     """
     threading.Timer(SHUTDOWN_S, os._exit, (code,)).start()
     # Later than the timer, even if a busy machine wakes its thread a second late; sooner than
     # launch, which sends SIGTERM after 5 s.
     signal.setitimer(signal.ITIMER_REAL, 2 * SHUTDOWN_S)
-    for takedown in takedowns:
-        takedown()
+    take_down()
     rclpy.try_shutdown()
     sys.stdout.flush()
     os._exit(code)

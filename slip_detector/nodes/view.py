@@ -18,11 +18,12 @@
 import argparse
 import os
 import sys
+from contextlib import ExitStack
 from pathlib import Path
 
 from slip_detector.commands.command_line import Parser, whole_number
 from slip_detector.nodes.ending import ASKED, init_ros
-from slip_detector.nodes.run import PLAYED, Takedowns, run
+from slip_detector.nodes.run import run
 
 
 def main() -> None:
@@ -34,7 +35,7 @@ def main() -> None:
     run('slip_view', _work)
 
 
-def _work(takedowns: Takedowns) -> None:
+def _work(takedown: ExitStack) -> None:
     import asyncio
 
     from rclpy.utilities import remove_ros_args
@@ -44,7 +45,7 @@ def _work(takedowns: Takedowns) -> None:
     if arguments.scene or arguments.bag:
         # All processes are on this machine.
         os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-    asyncio.run(_serve(arguments, takedowns))
+    asyncio.run(_serve(arguments, takedown))
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -90,12 +91,13 @@ def _check(arguments: argparse.Namespace) -> None:
         raise ValueError(f'{played} is played with one detector a finger, allowed: one --config')
 
 
-async def _serve(arguments: argparse.Namespace, takedowns: Takedowns) -> None:
+async def _serve(arguments: argparse.Namespace, takedown: ExitStack) -> None:
     """Serve the page until a signal arrives, or a node that plays the scene fails."""
     import secrets
 
     from rclpy.node import Node
 
+    from slip_detector.nodes.launching import PLAYED
     from slip_detector.nodes.markers import publish_markers
     from slip_detector.nodes.played_bag import publish_bag
     from slip_detector.nodes.processes import NodeProcesses
@@ -109,7 +111,7 @@ async def _serve(arguments: argparse.Namespace, takedowns: Takedowns) -> None:
     token = arguments.token or ('' if is_loopback(arguments.host) else secrets.token_urlsafe(16))
     # As the node is not spun, services of its own would leave requests unanswered.
     node = Node('slip_view', start_parameter_services=False)
-    takedowns.append(node.destroy_node)
+    takedown.callback(node.destroy_node)
     detectors = RosDetectors(node)
     server = Server(detectors, Access(arguments.host, token, arguments.read_only))
     otherwise = PLAYED if arguments.bag else {}

@@ -18,7 +18,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from slip_detector.nodes.run import PLAYED, ends_launch, source_settings
+from slip_detector.nodes.launching import PLAYED, end_launch_on_refusal, source_settings
 
 
 @pytest.mark.parametrize(
@@ -44,7 +44,10 @@ def test_a_detector_hears_what_is_played_and_only_a_simulation_is_repeated(
 
 
 def test_a_node_that_refuses_to_start_ends_the_launch_unless_it_is_ending():
-    on_exit, event = ends_launch(), SimpleNamespace(returncode=255, process_name='slip_driver-1')
+    on_exit, event = (
+        end_launch_on_refusal(),
+        SimpleNamespace(returncode=255, process_name='slip_driver-1'),
+    )
     on_exit(event, SimpleNamespace(is_shutdown=True))
     with pytest.raises(RuntimeError, match='slip_driver-1 ended with exit code 255'):
         on_exit(event, SimpleNamespace(is_shutdown=False))

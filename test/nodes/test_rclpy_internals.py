@@ -142,7 +142,7 @@ def taken_down():
     print('all is down', end='')
 
 atexit.register(print, 'and more')
-leave([taken_down], 7)
+leave(taken_down, 7)
 """
 
 #: A call that waits with Python's lock held, so that no other thread runs.

@@ -23,8 +23,9 @@ import pytest
 from std_msgs.msg import Bool
 
 from slip_detector.compiled import COMPILED
+from slip_detector.nodes.launching import transport_environment
 from slip_detector.nodes.messages import state_qos
-from slip_detector.nodes.run import NODE_CLASSES, _arguments_of_each, transport_environment
+from slip_detector.nodes.run import NODE_CLASSES, _arguments_of_each
 from support.harness import ROOT, compile_nodes
 from support.python_runs import run_python
 
@@ -190,7 +191,6 @@ def test_each_parameter_file_is_a_namespace_and_all_of_a_finger_have_the_same_in
     ],
 )
 def test_names_that_cannot_be_namespaces_are_refused(monkeypatch, option, text):
-    monkeypatch.setattr('slip_detector.nodes.run._check_files', lambda: None)
     with pytest.raises(ValueError, match=rf'^{option} gives the namespaces .*, allowed: diff'):
         arguments_of_each(monkeypatch, option, text)
 
