@@ -125,7 +125,7 @@ async def _serve(arguments: argparse.Namespace, takedown: ExitStack) -> None:
         why = f'{where} cannot be used ({getattr(error, "strerror", error)})'
         allowed = 'an address of this machine and a port that is free'
         raise ValueError(f'{why}, allowed: {allowed}') from None
-    with NodeProcesses('bag' if arguments.bag else 'scene', lambda: None) as nodes:
+    with NodeProcesses('bag' if arguments.bag else 'scene') as nodes:
         if arguments.scene or arguments.bag:
             (config,) = arguments.configs
             fingers = ('--fingers', arguments.fingers)

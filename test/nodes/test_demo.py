@@ -17,7 +17,6 @@
 import json
 import os
 import signal
-import time
 
 import numpy as np
 import pytest
@@ -80,7 +79,7 @@ FILE = ROOT / 'config' / 'slip_detector.yaml'
 
 @pytest.fixture
 def nodes():
-    with NodeProcesses('demonstration', receive=lambda: time.sleep(0.02)) as nodes:
+    with NodeProcesses('demonstration') as nodes:
         yield nodes
 
 
@@ -100,7 +99,7 @@ def test_nodes_end_with_the_process_that_started_them_even_if_it_is_killed():
     # Before it is killed, setpriv has to have become the node.
     code = (
         'import os, pathlib, time; from slip_detector.nodes.processes import NodeProcesses\n'
-        "nodes = NodeProcesses('killed', lambda: None)\n"
+        "nodes = NodeProcesses('killed')\n"
         f"pid = nodes.start('slip_detector', '{FILE}').pid\n"
         "words = pathlib.Path(f'/proc/{pid}/cmdline')\n"
         f'end_s = time.monotonic() + {DEADLINE_S}\n'
