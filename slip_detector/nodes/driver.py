@@ -15,6 +15,7 @@
 """The driver node: plays a source in time, or passes on the samples of a sensor."""
 
 import contextlib
+import itertools
 import math
 import threading
 import time
@@ -101,8 +102,9 @@ class Driver(Node):
         self._position = self.create_publisher(JointState, 'platform_position', sensor_qos())
         moving = 'object' if source.has_object else 'platform'
         self._position_writer = JointStateWriter(config.frame_id, [moving])
-        # The grip force or the order that came last.
+        # The last grip force or order, and the last one that the scene has obeyed.
         self._command: float | str | None = None
+        self._obeyed: float | str | None = None
         if source.has_object:
             self.create_subscription(JointState, 'grip_force', self._on_grip_force, state_qos())
         if source.takes_orders:
@@ -182,47 +184,46 @@ class Driver(Node):
             self._sleep(POLL_S)
         if self.source.has_object and self.config.wait_for_grip:
             self.get_logger().info('waiting for a grip force')
-            while self._obey(self.source, None) is None:
+            while self._obeyed is None:
                 self._sleep(POLL_S)
+                self._obey(self.source)
 
     def play(self) -> None:
         """Play the source, repeatedly with ``loop``, until the node is destroyed."""
         self._wait_for_subscribers()
         source, config = self.source, self.config
         obeys = source.has_object or source.takes_orders
-        rows, obeyed = 1 if obeys else READ_ROWS, self._obey(source, None)
+        n_rows = 1 if obeys else READ_ROWS
+        self._obey(source)
         # The first read opens the file and loads compiled code, so it comes before the start.
-        samples = source.read(rows)
+        samples = source.read(n_rows)
         now_s, now_ns = time.monotonic(), self.get_clock().now().nanoseconds
         period_s = config.samples_per_message / (source.sample_rate_hz * config.rate)
         start_s = aligned(now_s, period_s)
         # The stamps are the samples' own times, from this time of the node's clock on.
         first_stamp_ns = now_ns + round((start_s - now_s) * 1e9)
-        played = repetition = begin_ns = end_ns = 0
-        while True:
-            taken_ns = (begin_ns + samples.stamps_ns).tolist()
-            for i, sample_ns in enumerate(taken_ns):
-                # Within a batch only the last sample is waited for: waking up costs most.
-                if len(self._rows) + 1 >= config.samples_per_message:
-                    self._wait_until(start_s + sample_ns * 1e-9 / config.rate)
-                self._publish(samples, i, first_stamp_ns + sample_ns)
-            played += len(taken_ns)
-            if taken_ns:
-                end_ns = taken_ns[-1] + round(1e9 / source.sample_rate_hz)
-            else:
-                if source.damage and not repetition:
-                    self.get_logger().warning(f'{source.name}: {source.damage}')
-                if not config.loop:
-                    break
-                repetition += 1
-                begin_ns, obeyed = end_ns, None
-                source.close()
-                source = open_source(config, repetition)
-            if obeys:
-                self._wait_until(start_s + end_ns * 1e-9 / config.rate)
-                obeyed = self._obey(source, obeyed)
-            samples = source.read(rows)
-        source.close()
+        played = begin_ns = end_ns = 0
+        for repetition in itertools.count(1):
+            with contextlib.closing(source):
+                while len(samples.stamps_ns):
+                    for i, sample_ns in enumerate((begin_ns + samples.stamps_ns).tolist()):
+                        # Of a batch only the last sample is waited for: waking up costs most.
+                        if len(self._rows) + 1 >= config.samples_per_message:
+                            self._wait_until(start_s + sample_ns * 1e-9 / config.rate)
+                        self._publish(samples, i, first_stamp_ns + sample_ns)
+                        played, end_ns = played + 1, sample_ns
+                    end_ns += round(1e9 / source.sample_rate_hz)
+                    if obeys:
+                        self._wait_until(start_s + end_ns * 1e-9 / config.rate)
+                        self._obey(source)
+                    samples = source.read(n_rows)
+            if source.damage and repetition == 1:
+                self.get_logger().warning(f'{source.name}: {source.damage}')
+            if not config.loop:
+                break
+            source, begin_ns, self._obeyed = open_source(config, repetition), end_ns, None
+            self._obey(source)
+            samples = source.read(n_rows)
         self._publish_batch()
         self.get_logger().info(f'played all {played} samples')
         # A subscriber loses samples that it has not received when their publisher ends.
@@ -241,17 +242,16 @@ class Driver(Node):
             words = f'{late_s * 1e3:.0f} ms late: the pace cannot be kept'
             self.get_logger().warning(words, throttle_duration_sec=REPORT_S)
 
-    def _obey(self, source: Source, before: float | str | None) -> float | str | None:
-        """Let the scene do what was commanded last, if that is new; return what it does."""
+    def _obey(self, source: Source) -> None:
+        """Let the scene obey the last command, if that is new."""
         command = self._command
-        if command is None or command == before:
-            return before
+        if command is None or command == self._obeyed:
+            return
         try:
             source.obey(command)
+            self._obeyed = command
         except ValueError as error:
             self._ignore(f'{"scene_order" if source.takes_orders else "grip_force"}: {error}')
-            return before
-        return command
 
     def _publish(self, samples: Samples, i: int, stamp_ns: int) -> None:
         """Publish sample ``i`` with its truth and position, if it has them."""
@@ -277,13 +277,13 @@ class Driver(Node):
         """Publish the samples kept so far, however few, without stamp and names."""
         if not self._rows:
             return
-        rows = np.array(self._rows, np.float32)
-        self._rows = []
+        rows, self._rows = np.array(self._rows, np.float32), []
         message = Float32MultiArray(data=array('f', rows.tobytes()))
-        strides = rows.size, rows.shape[1]
         message.layout.dim = [
             MultiArrayDimension(label=label, size=size, stride=stride)
-            for label, size, stride in zip(BATCH_LABELS, rows.shape, strides, strict=True)
+            for label, size, stride in zip(
+                BATCH_LABELS, rows.shape, (rows.size, rows.shape[1]), strict=True
+            )
         ]
         self._voltages.publish(message)
 
