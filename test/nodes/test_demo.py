@@ -119,13 +119,12 @@ def test_a_node_that_fails_is_named(nodes):
         nodes.wait_for_end(process)
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_a_demonstration_and_its_nodes_quietly(bench, tmp_path, number):
+def test_signals_end_a_demonstration_and_its_nodes_quietly(bench, tmp_path):
     words = '--out', tmp_path, '--verbose'
     process = bench.start_python('-m', 'slip_detector.nodes.demo', *words)
     bench.wait_for(lambda: 'channels at' in process.log(), 'a node')
-    for each in (number, signal.SIGTERM):
-        process.signal(each)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        process.signal(number)
     assert process.wait() == 0
     assert process.lines()[-1] == 'slip_demo: interrupted before it was done'
     assert 'Traceback' not in process.log()

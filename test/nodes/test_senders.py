@@ -21,11 +21,11 @@ import time
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from nodes.slipping_sensor import Sensor
 from std_msgs.msg import Header
 
 from slip_detector.nodes.inputs import Senders
 from slip_detector.nodes.messages import event_qos
-from support.slipping_sensor import Sensor
 
 
 @given(
