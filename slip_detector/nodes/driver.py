@@ -51,21 +51,21 @@ ALIGNED_S = 0.1
 POLL_S = 0.02
 
 #: Period, in seconds, at which the driver checks whether everything has been played.
-LOOK_S = 0.1
+CHECK_S = 0.1
 
 #: Period, in seconds, of the reports on a sensor (on ``/diagnostics``, and in the log if something
 #: was dropped or lost), and shortest time between two warnings of a kind.
 REPORT_S = 1.0
 
 #: Counts of a sensor that are not faults.
-GOOD = ('packets', 'samples')
+NO_FAULTS = ('packets', 'samples')
 
 #: Time, in seconds, for which a driver stays after the last sample, so that subscribers receive
-#: it; shorter than the input timeout of a detector, which would report silence.
+#: the sample; shorter than the input timeout of a detector, which would report silence.
 LINGER_S = 0.2
 
-#: Longest time, in seconds, for which a thread that plays is waited for: while it compiles or
-#: loads code it does not see that it is to stop. It publishes no sample any more.
+#: Longest time, in seconds, for which the end of a thread that plays is waited for: a thread that
+#: compiles or loads code does not see that it is to stop. It publishes no sample any more.
 STOP_S = 0.3
 
 
@@ -75,16 +75,11 @@ class Driver(Node):
     Sample k is due at start + k / rate, or at its own time if the source gives the times of its
     samples (a recording may have gaps and another rate).
 
-    A scene with an object takes the grip force from ``grip_force``, one with the part ``orders``
-    what it is to do from ``scene_order``. Each of its samples is computed only when it is due, so
-    that it depends on all commands up to then.
+    A scene with an object takes the grip force from ``grip_force``, a scene with the part
+    ``orders`` takes orders from ``scene_order``. Each of its samples is computed only when it is
+    due, so that it depends on all commands up to then.
 
     The samples of a sensor (serial, udp) are published as they arrive.
-
-    Parameters
-    ----------
-    cli_args
-        ROS arguments for this node, which override those of the process.
     """
 
     def __init__(self, cli_args: list[str] | None = None) -> None:
@@ -109,7 +104,7 @@ class Driver(Node):
             self.create_subscription(JointState, 'grip_force', self._on_grip_force, state_qos())
         if source.takes_orders:
             self.create_subscription(String, 'scene_order', self._on_order, state_qos())
-        #: What publishes the samples, in another thread, once it was started, and what ends it.
+        #: The work of the thread that publishes the samples, once it was started.
         self.runs: list[Future[None]] = []
         self._stop = threading.Event()
         if source.is_live:
@@ -168,7 +163,7 @@ class Driver(Node):
         elif not since['samples']:
             complaints.append((ERROR, f'no samples come; {source.state}'))
         values = {kind: str(n) for kind, n in sorted(source.counts.items()) if n}
-        faults = [f'{kind} {n}' for kind, n in sorted(since.items()) if kind not in GOOD]
+        faults = [f'{kind} {n}' for kind, n in sorted(since.items()) if kind not in NO_FAULTS]
         if faults:
             complaints.append((WARN, f'dropped or lost in the last second: {", ".join(faults)}'))
             so_far = ', '.join(map(' '.join, values.items()))
@@ -315,4 +310,4 @@ def play_all(nodes: Sequence[Driver]) -> None:
         if all(run.done() for run in runs):
             raise ExternalShutdownException
 
-    nodes[0].create_timer(LOOK_S, check, clock=STEADY)
+    nodes[0].create_timer(CHECK_S, check, clock=STEADY)

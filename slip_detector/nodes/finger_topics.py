@@ -34,7 +34,7 @@ from std_msgs.msg import Bool
 from slip_detector.chain.samples import Samples
 from slip_detector.nodes.inputs import Input
 from slip_detector.nodes.messages import sensor_qos, state_qos
-from slip_detector.nodes.rclpy_internals import ROS_ERRORS, receiver
+from slip_detector.nodes.rclpy_internals import ROS_ERRORS, make_receiver
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.fields import names_that_affect
 from slip_detector.parameters.fitting import fitting, rates_differ
@@ -43,16 +43,16 @@ from slip_detector.recordings.rates import rate_of
 from slip_detector.view.detectors import Diagnosis, Finger
 
 #: Parameters on which the subscriptions depend.
-OF_TOPICS = names_that_affect(DetectorConfig, 'display')
+TOPIC_PARAMETERS = names_that_affect(DetectorConfig, 'display')
 
 #: Most messages of a topic that are taken at a poll: more than a queue of samples holds.
-AT_MOST = 2000
+MOST_MESSAGES = 2000
 
-#: Seconds of messages by which it is noted what comes.
-NOTED_S = 2.0
+#: Seconds of messages by which the page finds the parameters that fit the input.
+FIT_PERIOD_S = 2.0
 
-#: Most changes of a state that wait, in a queue until they are taken, and then for their rows.
-STATES = 1000
+#: Most changes of a state that wait: in a queue until they are polled, and then for their rows.
+MOST_STATES = 1000
 
 
 class PolledTopics:
@@ -74,7 +74,7 @@ class PolledTopics:
     ) -> None:
         """Subscribe; the callback gets each message and, as a second argument, its info."""
         subscription = self._node.create_subscription(kind, topic, call, qos, raw=raw)
-        self._receivers[subscription] = receiver(subscription, AT_MOST)
+        self._receivers[subscription] = make_receiver(subscription, MOST_MESSAGES)
 
     def poll(self) -> None:
         """Pass on received messages, in the order in which the subscriptions were added."""
@@ -93,17 +93,10 @@ States = deque[tuple[int, bool]]
 
 
 def state_at(states: States, published_ns: int) -> bool:
-    """Return the state that belongs to a row of a stream, such as slip to a level.
+    """Return the last state that was published before a row of the same process.
 
-    States and rows are published by the same process, so a row has the last state that was
-    published before it. A busy detector publishes levels late, after the decisions on the next
-    samples: then a change is found a few rows early.
-
-    Examples
-    --------
-    >>> slip = deque([(25, True)])
-    >>> [state_at(slip, published_ns) for published_ns in (10, 20, 30)]
-    [False, False, True]
+    A busy detector publishes levels late, after the decisions on the next samples: then a change
+    is found a few rows early.
     """
     before = bisect_right(states, published_ns, key=itemgetter(0))
     return before > 0 and states[before - 1][1]
@@ -118,14 +111,14 @@ class FingerTopics(PolledTopics):
         # What came since the last poll, with the time at which it was published.
         self._samples: list[tuple[int, Samples]] = []
         self._levels: list[tuple[int, bytes]] = []
-        # Stamps and rows of the messages since it was noted what comes; when, and the rate then.
+        # Stamps and rows of the messages since the input was last noted; when, and the rate then.
         self._messages: list[tuple[int, int]] = []
         self._noted_s, self._rate_hz = time.monotonic(), 0.0
-        self._slip: States = deque(maxlen=STATES)
-        self._truth: States = deque(maxlen=STATES)
+        self._slip: States = deque(maxlen=MOST_STATES)
+        self._truth: States = deque(maxlen=MOST_STATES)
         #: Nodes that publish the samples.
         self.senders: list[str] = []
-        #: The last of its detector and of these nodes on ``/diagnostics``, and when, by label.
+        #: By label, the last diagnosis by the detector and by these nodes, and its time.
         self.health: dict[str, tuple[float, Diagnosis]] = {}
         finger.heard_s, finger.sample_s = time.monotonic(), float('-inf')
         self.subscribe(voltages)
@@ -134,7 +127,7 @@ class FingerTopics(PolledTopics):
         """Replace all subscriptions; ``voltages`` is the topic of the input, empty without one."""
         self.close()
         self.voltages, self._config = voltages, self.finger.config
-        config, states = self._config, state_qos(depth=STATES)
+        config, states = self._config, state_qos(depth=MOST_STATES)
         if voltages:
             self._subscribe_to_samples(voltages)
         envelope = f'{self.finger.name}/envelope'
@@ -154,7 +147,7 @@ class FingerTopics(PolledTopics):
             call = functools.partial(self._on_voltages, source)
             self.add(source.message_class, voltages, sensor_qos(), call, raw=True)
             truth = f'{voltages.rpartition("/")[0]}/slip_truth'
-            self.add(Bool, truth, state_qos(depth=STATES), self._on_truth)
+            self.add(Bool, truth, state_qos(depth=MOST_STATES), self._on_truth)
         except (ValueError, *ROS_ERRORS):
             # A process can use a topic with one type only.
             words = f'{kind} is not installed here, or the topic had another type'
@@ -163,7 +156,7 @@ class FingerTopics(PolledTopics):
     def poll(self) -> None:
         """Process received messages; subscribe again if the detector's parameters require it."""
         before, self._config = self._config, self.finger.config
-        if any(getattr(self._config, name) != getattr(before, name) for name in OF_TOPICS):
+        if any(getattr(self._config, name) != getattr(before, name) for name in TOPIC_PARAMETERS):
             self.subscribe(self.voltages)
         super().poll()
         if self._samples:
@@ -175,7 +168,7 @@ class FingerTopics(PolledTopics):
         try:
             samples, _ = source.read(raw, info)
             n, channels = samples.volts.shape
-            self._note_input(samples)
+            self._fit_to_input(samples)
             if n and channels != (wanted := self._config.channels):
                 advice = source.advice(channels, wanted)
                 raise ValueError(f'they have {channels} channels, the detector {wanted}{advice}')
@@ -185,11 +178,11 @@ class FingerTopics(PolledTopics):
             # The detector counts and reports them, too.
             self.finger.unfit = time.monotonic(), f'samples come, but {error}'
 
-    def _note_input(self, samples: Samples) -> None:
-        """Find out from time to time what has to be set so that the detector takes what comes."""
+    def _fit_to_input(self, samples: Samples) -> None:
+        """Find out from time to time which parameters fit the samples that come."""
         n, channels = samples.volts.shape
         self._messages.append((max(samples.stamps_ns.tolist()[-1:], default=0), n))
-        if time.monotonic() - self._noted_s < NOTED_S or not n:
+        if time.monotonic() - self._noted_s < FIT_PERIOD_S or not n:
             return
         stamps_ns, counts = np.array(self._messages).T
         rate_hz, before_hz = self._config.sample_rate_hz, self._rate_hz

@@ -38,7 +38,7 @@ from slip_detector.recordings.messages import FieldReader, JointStateReader
 #: counts as another publisher.
 MOST_LOST = 1000
 
-#: What samples have whose time is not known.
+#: The stamps of samples whose time is not known.
 NO_STAMPS = np.empty(0, np.int64)
 
 _TYPE = re.compile(r'(?P<package>\w+)/(msg/)?(?P<name>\w+)')
@@ -46,11 +46,6 @@ _TYPE = re.compile(r'(?P<package>\w+)/(msg/)?(?P<name>\w+)')
 
 class Input:
     """Reads rows, stamps and channel names, if any, from messages of ``input_type``.
-
-    Parameters
-    ----------
-    config
-        The detector's parameters, of which ``input_type`` and ``input_field`` are used.
 
     Attributes
     ----------
@@ -63,12 +58,6 @@ class Input:
     ------
     ValueError
         When the type is not installed or has no such field.
-
-    Examples
-    --------
-    >>> source = Input(DetectorConfig(input_type='sensor_msgs/JointState', input_field='position'))
-    >>> source.message_class.__name__, source.has_names
-    ('JointState', True)
     """
 
     def __init__(self, config: DetectorConfig) -> None:
@@ -135,7 +124,7 @@ class Input:
         return samples._replace(stamps_ns=at_ns - before_ns.astype(np.int64)), number
 
     def advice(self, numbers: int, channels: int) -> str:
-        """Return what a message of so many numbers lacks, if it may be a batch of samples.
+        """Return the fields that a message of so many numbers lacks, if it may be a batch.
 
         Examples
         --------
@@ -151,25 +140,10 @@ class Input:
 
 
 def message_class(name: str) -> Any:
-    """Return the class of a message type.
+    """Return the class of a message type, ``package/msg/Type`` or ``package/Type``.
 
     Only a package with a folder ``msg`` is imported: importing another module would run code that
-    has nothing to do with messages.
-
-    Parameters
-    ----------
-    name
-        ``package/msg/Type`` or ``package/Type``.
-
-    Raises
-    ------
-    ValueError
-        When the type is not installed.
-
-    Examples
-    --------
-    >>> message_class('sensor_msgs/JointState') is JointState
-    True
+    has nothing to do with messages. Raises a ValueError when the type is not installed.
     """
     match = _TYPE.fullmatch(name)
     if match and any(Path(folder, match['package'], 'msg').is_dir() for folder in sys.path):

@@ -32,7 +32,7 @@ PROFILE_VARIABLES = {'FASTRTPS_DEFAULT_PROFILES_FILE', 'FASTDDS_DEFAULT_PROFILES
 
 #: Parameters that differ from those in the file where the detector hears a recording: the messages
 #: are not those of the sensor, and the stamps need not be those of the clock.
-PLAYED = {
+REPLAY = {
     'input_type': 'sensor_msgs/msg/JointState',
     'input_field': 'position',
     'max_age_s': 0.0,
@@ -89,7 +89,7 @@ def source_settings(
         driver['loop'] = True
     played = (source or in_file.get('source')) == 'recording'
     in_batches = in_file.get('samples_per_message', 1) != 1
-    return driver, PLAYED if played and not in_batches else {}, played
+    return driver, REPLAY if played and not in_batches else {}, played
 
 
 def is_true(context: Any, name: str) -> bool:

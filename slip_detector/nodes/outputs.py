@@ -36,16 +36,16 @@ from slip_detector.recordings.messages import STATES, JointStateWriter
 #: Longest silence of ``slip`` that the publisher promises, in periods of the heartbeat.
 DEADLINE_BEATS = 2.0
 
-#: Longest time, in seconds, for which subscribers are waited for that do not acknowledge; at the
-#: end the detectors of a process do so one after the other.
-RECEIVED_S = 0.3
+#: Longest time, in seconds, for which a detector waits until subscribers have acknowledged; at the
+#: end of a process its detectors wait one after the other.
+ACKNOWLEDGED_S = 0.3
 
 
 class Outputs:
     """The publishers of the present configuration, and the latest decisions.
 
-    What each topic says follows from one state: the row of flags that was published last, and
-    behind it whether any group could vote.
+    All topics follow from one state: the row of flags that was published last, and, at its end,
+    whether any group could vote.
 
     Attributes
     ----------
@@ -80,11 +80,11 @@ class Outputs:
         return bool(self._states[-1])
 
     def configure(self, config: DetectorConfig) -> None:
-        """Take another configuration.
+        """Publish by another configuration.
 
-        Decisions on groups and channels of the same names are carried over.
-        Publishers that stay the same are kept; the others are destroyed once all have published
-        the present state, which on a topic that ends is OFF.
+        Decisions on groups and channels of the same names are carried over. Publishers that stay
+        the same are kept. The others are destroyed once all have published the present state; on a
+        topic that ends the state is OFF.
         """
         self._config = config
         before, self._publishers = self._publishers, {}
@@ -140,14 +140,8 @@ class Outputs:
         self.destroy()
 
     def received(self, publishers: Iterable[Publisher] | None = None) -> bool:
-        """Wait, briefly, until all subscribers have what these or all publishers have published.
-
-        Returns
-        -------
-        bool
-            Whether they have.
-        """
-        until_s = time.monotonic() + RECEIVED_S
+        """Return whether all subscribers have what is published; wait for them briefly."""
+        until_s = time.monotonic() + ACKNOWLEDGED_S
         for publisher in self._publishers.values() if publishers is None else publishers:
             left_s = max(0.0, until_s - time.monotonic())
             if not publisher.wait_for_all_acked(Duration(seconds=left_s)):

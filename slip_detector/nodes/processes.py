@@ -30,7 +30,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from slip_detector.chain.samples import Floats
-from slip_detector.nodes.ending import ASKED
+from slip_detector.nodes.ending import END_SIGNAL
 from slip_detector.nodes.finger_topics import PolledTopics
 from slip_detector.nodes.messages import stamp_ns
 
@@ -78,7 +78,7 @@ class NodeProcesses(contextlib.ExitStack):
 
     def receive(self) -> None:
         """Wait for a moment; an ExternalShutdownException after a signal."""
-        if ASKED.wait(POLL_S):
+        if END_SIGNAL.wait(POLL_S):
             raise ExternalShutdownException
 
     def wait_until(self, happened: Callable[[], bool]) -> None:

@@ -14,8 +14,8 @@
 
 """All uses of internals of rclpy, in one place; the executor for samples is the largest.
 
-Each states the internals of Jazzy and Kilted that it relies on; ``test_rclpy_internals.py`` checks
-them in the installed rclpy.
+Each docstring states the internals of Jazzy and Kilted that the code relies on;
+``test_rclpy_internals.py`` checks them in the installed rclpy.
 """
 
 import math
@@ -39,7 +39,7 @@ from rclpy.subscription import Subscription
 from slip_detector.nodes.ending import SHUTDOWN_S
 
 #: Most messages of a topic that are taken before other topics and timers have their turn.
-AT_MOST = 32
+MOST_MESSAGES = 32
 
 #: Period in nanoseconds at which services, and the end of the process, are polled.
 POLL_NS = 100_000_000
@@ -67,38 +67,25 @@ class SampleExecutor(SingleThreadedExecutor):
     ``handle`` of an entity, whose ``pointer`` identifies it in the list of ready ones; on
     ``call_timer`` of a timer's handle; and on ``service_take_request`` of a service's handle,
     which returns a request and its header, or None twice.
-
-    Parameters
-    ----------
-    context
-        That of its nodes; by default that of the process.
     """
 
     def __init__(self, context: rclpy.Context | None = None) -> None:
         super().__init__(context=context)
         sys.setswitchinterval(SWITCH_S)
-        self._changed = True
+        self._is_outdated = True
         self._due_ns = self._poll_ns = 0
 
     def wake(self) -> None:
         """Gather the entities again, because a node has created or destroyed one."""
-        self._changed = True
+        self._is_outdated = True
         super().wake()
 
     def spin_once(self, timeout_sec: float = math.inf) -> None:
-        """Wait for messages and timers, and call their callbacks.
+        """Wait for messages and timers, at most for some time, and call their callbacks.
 
-        Parameters
-        ----------
-        timeout_sec
-            Longest time to wait; the method may return earlier without calling a callback.
-
-        Raises
-        ------
-        ExternalShutdownException
-            When the context was shut down.
+        Raises an ExternalShutdownException when the context was shut down.
         """
-        if self._changed:
+        if self._is_outdated:
             self._gather()
         wait_ns = min(max(0, self._due_ns - time.monotonic_ns()), timeout_sec * 1e9)
         if self._handles:
@@ -114,15 +101,17 @@ class SampleExecutor(SingleThreadedExecutor):
             self._do_others()
 
     def _gather(self) -> None:
-        """Collect all entities to wait for; what is due is found out after the next wait."""
+        """Collect all entities to wait for; which are due is found out after the next wait."""
         if not self.context.ok():
             raise ExternalShutdownException
-        self._changed = False  # Set first: a change during the gathering has to be seen, too.
+        self._is_outdated = False  # Set first: a change during the gathering has to be seen, too.
         self._due_ns = 0
         nodes = self.get_nodes()
         subscriptions = [each for node in nodes for each in node.subscriptions]
         self._handles = [each.handle for each in subscriptions]
-        self._receivers = {each.handle.pointer: receiver(each, AT_MOST) for each in subscriptions}
+        self._receivers = {
+            each.handle.pointer: make_receiver(each, MOST_MESSAGES) for each in subscriptions
+        }
         self._timers = [timer for node in nodes for timer in node.timers]
         self._services = [service for node in nodes for service in node.services]
         n, context = len(subscriptions), self.context.handle
@@ -136,7 +125,7 @@ class SampleExecutor(SingleThreadedExecutor):
             if timer.is_ready():
                 timer.handle.call_timer()
                 timer.callback()
-                if self._changed:  # The others may be gone.
+                if self._is_outdated:  # The others may be gone.
                     return
         if time.monotonic_ns() >= self._poll_ns:
             for service in self._services:
@@ -206,8 +195,8 @@ def destroy_state_machine(node: LifecycleNode) -> None:
     node._state_machine.destroy_when_not_in_use()
 
 
-def receiver(subscription: Subscription, at_most: int) -> Callable[[], None]:
-    """Return a function that passes the messages of a subscription to its callback.
+def make_receiver(subscription: Subscription, at_most: int) -> Callable[[], None]:
+    """Return a function that passes the messages of a subscription, at most some, to its callback.
 
     Relies on ``Subscription._callback_type``, which tells whether the callback also takes the
     middleware's information on the message, and on ``take_message`` of the handle, which returns a
@@ -241,7 +230,7 @@ def take_answers(clients: Iterable[Client]) -> None:
             client.get_pending_request(header.request_id.sequence_number).set_result(answer)
 
 
-def leave(take_down: Callable[[], object], code: int) -> NoReturn:
+def shut_down_and_exit(take_down: Callable[[], object], code: int) -> NoReturn:
     """Take executor and nodes down, then the context, and end the process with an exit code.
 
     The middleware sometimes hangs during its shutdown, which must not keep the process alive. A

@@ -30,7 +30,7 @@ from pathlib import PurePath
 from typing import NoReturn
 
 from slip_detector.commands.command_line import one_line
-from slip_detector.nodes.ending import ASKED, end_on_signals, init_ros
+from slip_detector.nodes.ending import END_SIGNAL, end_on_signals, init_ros
 
 #: Allowed names of namespaces; the length leaves room for the names of topics.
 NAMESPACE = re.compile('(?!.*__)[A-Za-z_][A-Za-z0-9_]{0,63}')
@@ -84,13 +84,13 @@ def run(
     try:
         from rclpy.executors import ExternalShutdownException
 
-        from slip_detector.nodes.rclpy_internals import ROS_ERRORS, leave
+        from slip_detector.nodes.rclpy_internals import ROS_ERRORS, shut_down_and_exit
     except ImportError as error:
         sys.exit(f'{name}: needs ROS 2 ({one_line(error)}): {GET_ROS}')
     try:
         code = work(takedown) or 0
     except ExternalShutdownException:
-        if interrupted and ASKED.is_set():
+        if interrupted and END_SIGNAL.is_set():
             print(interrupted, file=sys.stderr)
     except (ImportError, ValueError, OSError, *ROS_ERRORS) as error:
         print(f'{name}: {one_line(error)}', file=sys.stderr)
@@ -98,7 +98,7 @@ def run(
     except Exception:
         traceback.print_exc()
         code = 1
-    leave(takedown.close, code)
+    shut_down_and_exit(takedown.close, code)
 
 
 def _spin(executable: str, takedown: contextlib.ExitStack) -> None:
@@ -119,7 +119,7 @@ def _spin(executable: str, takedown: contextlib.ExitStack) -> None:
     for arguments in arguments_of_each:
         nodes.append(node_class(arguments))
         takedown.callback(nodes[-1].destroy_node)
-        if ASKED.is_set():
+        if END_SIGNAL.is_set():
             return
     if executable == 'slip_driver':
         from slip_detector.nodes.driver import play_all
@@ -135,7 +135,7 @@ def _spin(executable: str, takedown: contextlib.ExitStack) -> None:
         survive_requests(node)
         executor.add_node(node)
     takedown.callback(executor.shutdown)
-    while not ASKED.is_set():
+    while not END_SIGNAL.is_set():
         executor.spin_once(POLL_NS * 1e-9)
 
 

@@ -22,7 +22,7 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from slip_detector.commands.command_line import Parser, whole_number
-from slip_detector.nodes.ending import ASKED, init_ros
+from slip_detector.nodes.ending import END_SIGNAL, init_ros
 from slip_detector.nodes.run import run
 
 
@@ -97,7 +97,7 @@ async def _serve(arguments: argparse.Namespace, takedown: ExitStack) -> None:
 
     from rclpy.node import Node
 
-    from slip_detector.nodes.launching import PLAYED
+    from slip_detector.nodes.launching import REPLAY
     from slip_detector.nodes.markers import publish_markers
     from slip_detector.nodes.played_bag import publish_bag
     from slip_detector.nodes.processes import NodeProcesses
@@ -114,8 +114,8 @@ async def _serve(arguments: argparse.Namespace, takedown: ExitStack) -> None:
     takedown.callback(node.destroy_node)
     detectors = RosDetectors(node)
     server = Server(detectors, Access(arguments.host, token, arguments.read_only))
-    otherwise = PLAYED if arguments.bag else {}
-    ParameterRequests(server, arguments.folder, arguments.configs, otherwise)
+    played_parameters = REPLAY if arguments.bag else {}
+    ParameterRequests(server, arguments.folder, arguments.configs, played_parameters)
     Teaching(server, arguments.folder)
     publish_markers(node, server)
     try:
@@ -129,7 +129,7 @@ async def _serve(arguments: argparse.Namespace, takedown: ExitStack) -> None:
         if arguments.scene or arguments.bag:
             (config,) = arguments.configs
             fingers = ('--fingers', arguments.fingers)
-            nodes.start('slip_detector', config, *fingers, **otherwise)
+            nodes.start('slip_detector', config, *fingers, **played_parameters)
             server.each_tick.append(nodes.check)
         if arguments.bag:
             publish_bag(node, server, arguments.bag, config, f'/bag/{arguments.fingers}')
@@ -137,12 +137,12 @@ async def _serve(arguments: argparse.Namespace, takedown: ExitStack) -> None:
             # A detector that is still starting must not miss samples.
             scene = {'source': 'scene', 'loop': 'true', 'wait_for_subscribers': '1'}
             nodes.start('slip_driver', config, *fingers, scene=arguments.scene, **scene)
-        # What the nodes say comes below: they take a second or more to start.
+        # The messages of the nodes come later: a node takes a second or more to start.
         print(
             f'slip_view: {page_address(arguments.host, port, token)}\nCtrl-C ends it', flush=True
         )
         try:
-            await server.run(ASKED)
+            await server.run(END_SIGNAL)
         finally:
             detectors.close()
 

@@ -44,11 +44,11 @@ SEARCH_S = 1.0
 #: Time, in seconds, for which a message on ``/diagnostics`` is shown; it comes once a second.
 DIAGNOSIS_S = 3.5
 
-#: Longest time for an answer, in seconds; a detector needs only the time to check parameters.
+#: Longest time, in seconds, until an answer; a detector only has to check parameters.
 ANSWER_S = 5.0
 
 #: Time, in seconds, after which an unanswered question is asked again: an answer is lost if the
-#: service has not discovered the client yet.
+#: service has not discovered the client.
 ASK_AGAIN_S = 0.5
 
 #: Least time, in seconds, between two messages on the log.
@@ -61,7 +61,7 @@ POLL_S = 0.01
 PARAMETERS_OF_A_DETECTOR = {'sample_rate_hz', 'channels', 'threshold', 'heartbeat_hz'}
 
 #: The middleware's name for a node that it does not know yet.
-UNKNOWN = '_NODE_NAME_UNKNOWN_'
+UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
 
 
 class RemoteDetector:
@@ -230,7 +230,7 @@ class RosDetectors(Detectors):
             if types == ['std_msgs/msg/Header'] and topic.rpartition('/')[2] == 'slip_onset':
                 for each in self._node.get_publishers_info_by_topic(topic):
                     name = f'{each.node_namespace.rstrip("/")}/{each.node_name}'
-                    if each.node_name != UNKNOWN:
+                    if each.node_name != UNKNOWN_NODE:
                         found.setdefault(name, set()).add(bytes(each.endpoint_gid))
         for name in self._remotes.keys() - found.keys():
             self._forget(name)

@@ -18,18 +18,18 @@ from types import SimpleNamespace
 
 import pytest
 
-from slip_detector.nodes.launching import PLAYED, end_launch_on_refusal, source_settings
+from slip_detector.nodes.launching import REPLAY, end_launch_on_refusal, source_settings
 
 
 @pytest.mark.parametrize(
     ('source', 'recording', 'in_file', 'expected'),
     [
-        ('', 'a.bag', {}, ({'source': 'recording'}, PLAYED, True)),
-        ('', 'a.bag', {'source': 'udp'}, ({'source': 'recording'}, PLAYED, True)),
+        ('', 'a.bag', {}, ({'source': 'recording'}, REPLAY, True)),
+        ('', 'a.bag', {'source': 'udp'}, ({'source': 'recording'}, REPLAY, True)),
         # Named in the file alone.
-        ('', '', {'source': 'recording'}, ({}, PLAYED, True)),
+        ('', '', {'source': 'recording'}, ({}, REPLAY, True)),
         # Said, though it is the default; with more the detector hears batches, as its file says.
-        ('recording', '', {'samples_per_message': 1}, ({'source': 'recording'}, PLAYED, True)),
+        ('recording', '', {'samples_per_message': 1}, ({'source': 'recording'}, REPLAY, True)),
         ('recording', '', {'samples_per_message': 2}, ({'source': 'recording'}, {}, True)),
         # What is given holds over the file.
         ('scene', '', {'source': 'recording'}, ({'source': 'scene', 'loop': True}, {}, False)),

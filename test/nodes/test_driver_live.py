@@ -25,7 +25,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float32MultiArray
 
-from slip_detector.nodes.driver import GOOD
+from slip_detector.nodes.driver import NO_FAULTS
 from slip_detector.nodes.health import ERROR, OK, WARN
 from slip_detector.nodes.messages import stamp_ns, state_qos
 from slip_detector.sources.packets import PacketDecoder
@@ -71,7 +71,7 @@ def test_a_spoilt_stream_gives_the_sound_samples_and_counts_the_rest(bench, list
         pieces = [*map(on_the_line, pieces)]
     decode = decoder.feed if source == 'serial' else decoder.decode
     received = [samples for piece in pieces for samples in decode(piece)]
-    wanted = [f'{kind} {n}' for kind, n in decoder.counts.items() if n and kind not in GOOD]
+    wanted = [f'{kind} {n}' for kind, n in decoder.counts.items() if n and kind not in NO_FAULTS]
     assert len(wanted) > 2
 
     def counted():

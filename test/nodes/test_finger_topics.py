@@ -109,7 +109,7 @@ def test_samples_levels_and_states_reach_the_finger(sensor):
 
 
 def test_a_type_that_is_not_installed_is_reported_and_the_decisions_are_shown(sensor, monkeypatch):
-    monkeypatch.setattr(finger_topics, 'NOTED_S', 0.1)
+    monkeypatch.setattr(finger_topics, 'FIT_PERIOD_S', 0.1)
     sensor.finger.update_config(DetectorConfig(channels=2, input_type='of_others/msg/Skin'))
     sensor.topics.poll()
     wanted = 'no volts are shown: of_others/msg/Skin is not installed here'

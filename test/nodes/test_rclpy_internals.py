@@ -134,14 +134,14 @@ def test_messages_timers_and_services_are_served(context, node):
 
 LEAVING = """
 import atexit, sys, time
-from slip_detector.nodes.rclpy_internals import leave
+from slip_detector.nodes.rclpy_internals import shut_down_and_exit
 
 def taken_down():
     {hang}
     print('all is down', end='')
 
 atexit.register(print, 'and more')
-leave(taken_down, 7)
+shut_down_and_exit(taken_down, 7)
 """
 
 #: A call that waits with Python's lock held, so that no other thread runs.
