@@ -15,7 +15,6 @@
 """Nodes as processes, for the page and the demonstrations, and a record of what they publish."""
 
 import contextlib
-import functools
 import subprocess
 import sys
 import time
@@ -111,15 +110,14 @@ class RecordedNodes(NodeProcesses):
         #: By topic, the times of arrival in nanoseconds and the messages.
         self.messages: dict[str, list[tuple[int, Any]]] = {topic: [] for topic in topics}
         for topic, (message_type, qos) in topics.items():
-            self._topics.add(message_type, topic, qos, functools.partial(self._keep, topic))
-
-    def _keep(self, topic: str, message: Any, info: dict[str, int]) -> None:
-        self.messages[topic].append((info['received_timestamp'], message))
+            self._topics.add(message_type, topic, qos)
 
     def receive(self) -> None:
         """Wait for a moment, and receive messages."""
         super().receive()
-        self._topics.poll()
+        for topic, messages in self.messages.items():
+            for message, info in self._topics.take(topic):
+                messages.append((info['received_timestamp'], message))
 
     def received_s(self, topic: str) -> Floats:
         """Return when the messages of a topic arrived."""

@@ -24,7 +24,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NoReturn
 
 import rclpy
@@ -65,8 +65,9 @@ class SampleExecutor(SingleThreadedExecutor):
     Relies on the ``WaitSet`` of ``rclpy_implementation``, which takes the numbers of
     subscriptions, guard conditions, timers, clients, services and events, and the context; on the
     ``handle`` of an entity, whose ``pointer`` identifies it in the list of ready ones; on
-    ``call_timer`` of a timer's handle; and on ``service_take_request`` of a service's handle,
-    which returns a request and its header, or None twice.
+    ``call_timer`` of a timer's handle; on ``Subscription._callback_type``, which tells whether the
+    callback also takes the middleware's information on a message; and on ``service_take_request``
+    of a service's handle, which returns a request and its header, or None twice.
     """
 
     def __init__(self, context: rclpy.Context | None = None) -> None:
@@ -94,7 +95,7 @@ class SampleExecutor(SingleThreadedExecutor):
                 self._wait_set.add_subscription(handle)
             self._wait_set.wait(int(wait_ns))
             for pointer in self._wait_set.get_ready_entities('subscription'):
-                self._receivers[pointer]()
+                self._receive(self._subscriptions[pointer])
         else:  # rclpy refuses to wait for nothing.
             time.sleep(wait_ns * 1e-9)
         if time.monotonic_ns() >= self._due_ns:
@@ -109,13 +110,17 @@ class SampleExecutor(SingleThreadedExecutor):
         nodes = self.get_nodes()
         subscriptions = [each for node in nodes for each in node.subscriptions]
         self._handles = [each.handle for each in subscriptions]
-        self._receivers = {
-            each.handle.pointer: make_receiver(each, MOST_MESSAGES) for each in subscriptions
-        }
+        self._subscriptions = {each.handle.pointer: each for each in subscriptions}
         self._timers = [timer for node in nodes for timer in node.timers]
         self._services = [service for node in nodes for service in node.services]
         n, context = len(subscriptions), self.context.handle
         self._wait_set = rclpy_implementation.WaitSet(n, 0, 0, 0, 0, 0, context)
+
+    def _receive(self, subscription: Subscription) -> None:
+        """Pass the messages of a subscription to its callback."""
+        with_info = subscription._callback_type is subscription.CallbackType.WithMessageInfo
+        for taken in take_messages(subscription, MOST_MESSAGES):
+            subscription.callback(*taken if with_info else taken[:1])
 
     def _do_others(self) -> None:
         """Call timers and services that are due; find out when the next ones are."""
@@ -195,25 +200,16 @@ def destroy_state_machine(node: LifecycleNode) -> None:
     node._state_machine.destroy_when_not_in_use()
 
 
-def make_receiver(subscription: Subscription, at_most: int) -> Callable[[], None]:
-    """Return a function that passes the messages of a subscription, at most some, to its callback.
+def take_messages(subscription: Subscription, at_most: int) -> Iterator[tuple[Any, Any]]:
+    """Yield the messages that a subscription has received, each with the middleware's information.
 
-    Relies on ``Subscription._callback_type``, which tells whether the callback also takes the
-    middleware's information on the message, and on ``take_message`` of the handle, which returns a
-    message and this information, or None.
+    Relies on ``take_message`` of the handle, which returns both, or None.
     """
-    with_info = subscription._callback_type is subscription.CallbackType.WithMessageInfo
-    take, message_type = subscription.handle.take_message, subscription.msg_type
-    raw, callback = subscription.raw, subscription.callback
-
-    def receive() -> None:
-        for _ in range(at_most):
-            taken = take(message_type, raw)
-            if taken is None:
-                return
-            callback(*taken if with_info else taken[:1])
-
-    return receive
+    for _ in range(at_most):
+        taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)
+        if taken is None:
+            return
+        yield taken
 
 
 def take_answers(clients: Iterable[Client]) -> None:

@@ -179,8 +179,8 @@ class RosDetectors(Detectors):
             self._remotes[name].outdated.set()
         if self._watched and not self._shared:
             qos = event_qos(depth=1000)
-            self._shared.add(DiagnosticArray, '/diagnostics', qos, self._on_diagnostics)
-            self._shared.add(ParameterEvent, '/parameter_events', qos, self._on_event)
+            self._shared.add(DiagnosticArray, '/diagnostics', qos)
+            self._shared.add(ParameterEvent, '/parameter_events', qos)
         elif self._shared and not self._watched:
             self._shared.close()
 
@@ -190,7 +190,10 @@ class RosDetectors(Detectors):
         if now_s - self._searched_s >= SEARCH_S:
             self._searched_s = now_s
             self._search()
-        self._shared.poll()
+        for array, _ in self._shared.take('/diagnostics'):
+            self._note_diagnostics(array)
+        for event, _ in self._shared.take('/parameter_events'):
+            self._note_event(event)
         for topics in self._watched.values():
             topics.poll()
 
@@ -299,7 +302,7 @@ class RosDetectors(Detectors):
             finger.update_config(config)
         self.fingers[name] = finger
 
-    def _on_event(self, event: ParameterEvent) -> None:
+    def _note_event(self, event: ParameterEvent) -> None:
         """Read the parameters of a detector that reports a change."""
         # One that declares what it had before is starting: it is read when it publishes.
         new = {each.name for each in event.new_parameters}
@@ -308,7 +311,7 @@ class RosDetectors(Detectors):
 
     # Their diagnostics.
 
-    def _on_diagnostics(self, array: DiagnosticArray) -> None:
+    def _note_diagnostics(self, array: DiagnosticArray) -> None:
         """Take the diagnostics of detectors, and of the nodes that publish their samples."""
         now_s = time.monotonic()
         for status in array.status:
