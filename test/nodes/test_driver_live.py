@@ -155,8 +155,7 @@ def test_diagnostics_tell_of_a_sensor_that_sends_spoilt_packets_stops_and_is_gon
     assert values['samples'] == values['packets'] > 0
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize('there', [True, False])
+@pytest.mark.parametrize(('number', 'there'), [(signal.SIGINT, True), (signal.SIGTERM, False)])
 def test_signals_end_a_driver_that_listens_cleanly(bench, port, number, there):
     path = port.path if there else f'{port.path}_not_there'
     process = bench.start('slip_driver', parameters={'source': 'serial', 'serial_port': path})
