@@ -16,7 +16,6 @@
 
 import argparse
 import json
-import os
 from pathlib import Path
 
 from slip_detector.commands import command_line
@@ -36,8 +35,6 @@ def run_demonstration(parser: argparse.ArgumentParser) -> None:
     arguments = parser.parse_args()
     file = arguments.out / f'{parser.prog.removeprefix("slip_")}.json'
     picture = file.with_suffix('.png')
-    # All processes are on this machine.
-    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
 
     def work() -> str:
         from slip_detector.nodes import demonstrations

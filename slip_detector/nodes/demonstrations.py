@@ -77,7 +77,7 @@ def slip_demo(arguments: argparse.Namespace, path: Path) -> tuple[dict[str, Any]
     # What the nodes run is compiled first: a node that compiles may hold up the other one.
     source.read(1)
     compile_chain()
-    init_ros()
+    init_ros(local=True)
     file = shared_folder() / 'config' / 'slip_detector.yaml'
     config = DetectorConfig.from_yaml(file)
     _say('slip_demo', f'{arguments.scene} through both nodes, {source.duration_s:.0f} s')
@@ -132,7 +132,7 @@ def slip_grasp(arguments: argparse.Namespace, picture: Path) -> tuple[dict[str, 
         return [loop.play_trial(chain, grasp, seed) for seed in seeds]
 
     trials = {name: play(name, *both) for name, both in loop.conditions(chain, grasp).items()}
-    init_ros()
+    init_ros(local=True)
     live = seeds[: arguments.live]
     heard = {seed: _play_live(seed, arguments) for seed in live}
     result = {

@@ -54,11 +54,17 @@ def _end(reads: int) -> None:
     os._exit(0)
 
 
-def init_ros() -> None:
-    """Initialise rclpy; from here on a signal sets ``END_SIGNAL``, and nodes are taken down."""
+def init_ros(local: bool = False) -> None:
+    """Initialise rclpy; from here on a signal sets ``END_SIGNAL``, and nodes are taken down.
+
+    Where the nodes are ``local``, this process and those that it starts talk on this machine only,
+    unless the environment says otherwise.
+    """
     import rclpy
     from rclpy.signals import SignalHandlerOptions
 
+    if local:
+        os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     # rclpy's own handlers would shut the middleware down in the middle of a call.
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     _nodes_exist.set()

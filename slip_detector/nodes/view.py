@@ -16,9 +16,8 @@
 """``slip_view``: a live page of all fingers, for any browser."""
 
 import argparse
-import os
+import contextlib
 import sys
-from contextlib import ExitStack
 from pathlib import Path
 
 from slip_detector.commands.command_line import Parser, whole_number
@@ -35,16 +34,13 @@ def main() -> None:
     run('slip_view', _work)
 
 
-def _work(takedown: ExitStack) -> None:
+def _work(takedown: contextlib.ExitStack) -> None:
     import asyncio
 
     from rclpy.utilities import remove_ros_args
 
     arguments = _parser().parse_args(remove_ros_args(sys.argv)[1:])
     _check(arguments)
-    if arguments.scene or arguments.bag:
-        # All processes are on this machine.
-        os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     asyncio.run(_serve(arguments, takedown))
 
 
@@ -91,7 +87,7 @@ def _check(arguments: argparse.Namespace) -> None:
         raise ValueError(f'{played} is played with one detector a finger, allowed: one --config')
 
 
-async def _serve(arguments: argparse.Namespace, takedown: ExitStack) -> None:
+async def _serve(arguments: argparse.Namespace, takedown: contextlib.ExitStack) -> None:
     """Serve the page until a signal arrives, or a node that plays the scene fails."""
     import secrets
 
@@ -107,7 +103,8 @@ async def _serve(arguments: argparse.Namespace, takedown: ExitStack) -> None:
     from slip_detector.view.server import Server
     from slip_detector.view.teaching import Teaching
 
-    init_ros()
+    plays = bool(arguments.scene or arguments.bag)
+    init_ros(local=plays)
     token = arguments.token or ('' if is_loopback(arguments.host) else secrets.token_urlsafe(16))
     # As the node is not spun, services of its own would leave requests unanswered.
     node = Node('slip_view', start_parameter_services=False)
@@ -125,8 +122,9 @@ async def _serve(arguments: argparse.Namespace, takedown: ExitStack) -> None:
         why = f'{where} cannot be used ({getattr(error, "strerror", error)})'
         allowed = 'an address of this machine and a port that is free'
         raise ValueError(f'{why}, allowed: {allowed}') from None
-    with NodeProcesses('bag' if arguments.bag else 'scene') as nodes:
-        if arguments.scene or arguments.bag:
+    namespace = 'bag' if arguments.bag else 'scene'
+    with NodeProcesses(namespace) as nodes, contextlib.closing(detectors):
+        if plays:
             (config,) = arguments.configs
             fingers = ('--fingers', arguments.fingers)
             nodes.start('slip_detector', config, *fingers, **played_parameters)
@@ -138,13 +136,9 @@ async def _serve(arguments: argparse.Namespace, takedown: ExitStack) -> None:
             scene = {'source': 'scene', 'loop': 'true', 'wait_for_subscribers': '1'}
             nodes.start('slip_driver', config, *fingers, scene=arguments.scene, **scene)
         # The messages of the nodes come later: a node takes a second or more to start.
-        print(
-            f'slip_view: {page_address(arguments.host, port, token)}\nCtrl-C ends it', flush=True
-        )
-        try:
-            await server.run(END_SIGNAL)
-        finally:
-            detectors.close()
+        address = page_address(arguments.host, port, token)
+        print(f'slip_view: {address}\nCtrl-C ends it', flush=True)
+        await server.run(END_SIGNAL)
 
 
 if __name__ == '__main__':
