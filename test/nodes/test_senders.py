@@ -76,7 +76,7 @@ def test_without_numbers_each_publisher_is_taken_to_send():
     assert senders.several
 
 
-def at_rest(k, row):
+def at_rest(row):
     return 4.0 + 1e-3 * (row - 4.0)
 
 
