@@ -16,7 +16,7 @@
 
 import math
 import time
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -109,40 +109,6 @@ class Note(NamedTuple):
     spent_s: float
 
 
-class Rate:
-    """Measures the rate of the samples by their stamps."""
-
-    def __init__(self) -> None:
-        # Stamp, and number of rows so far: of the last notes before the latest summaries, from the
-        # first of which on the rate is measured, and of the last note of all.
-        self._points: list[tuple[int, int]] = []
-        self._last_point = 0, 0
-
-    def note(self, stamp_ns: int, rows: int) -> None:
-        """Note the stamp of the latest row, and the number of rows so far."""
-        self._last_point = stamp_ns, rows
-        self._points = self._points or [self._last_point]
-
-    def end_period(self) -> None:
-        """Forget the oldest of the periods over which the rate is measured."""
-        if self._points:
-            self._points = [*self._points, self._last_point][-RATE_SUMMARIES:]
-
-    def measured_hz(self) -> float:
-        """Return the rate; NaN where too few samples have come."""
-        begin_ns, before = self._points[0] if self._points else self._last_point
-        end_ns, rows = self._last_point
-        # Replayed samples without stamps may have the same one.
-        return (rows - before) * 1e9 / max(end_ns - begin_ns, 1) if rows > before else math.nan
-
-
-def usual_hz(notes: Sequence[Note]) -> float:
-    """Return the rate by the usual step from stamp to stamp, which no lost sample changes."""
-    steps_ns = np.diff([note.stamp_ns for note in notes])
-    usual_rows = float(np.median([len(note.rows) for note in notes]))
-    return 1e9 * usual_rows / max(float(np.median(steps_ns)), 1.0)
-
-
 class Health:
     """Collects observations of the rows, and sums them up on request in three tasks.
 
@@ -172,7 +138,9 @@ class Health:
 
     def restart(self) -> None:
         """Measure the rate from the next sample on, as the stamps have jumped."""
-        self._rate = Rate()
+        # Stamp, and number of rows so far: of the first note and of the last ones before the
+        # latest summaries; the rate is measured from the first of these to the last note of all.
+        self._points = deque[tuple[int, int]](maxlen=RATE_SUMMARIES)
 
     def note_rows(
         self, rows: Floats, valid: Bools, stamp_ns: int, age_s: float, spent_s: float
@@ -181,7 +149,9 @@ class Health:
         self._notes.append(Note(rows, valid, stamp_ns, age_s, spent_s))
         self._noted_s = time.monotonic()
         self.totals['rows'] += len(rows)
-        self._rate.note(stamp_ns, self.totals['rows'])
+        self._last_point = stamp_ns, self.totals['rows']
+        if not self._points:
+            self._points.append(self._last_point)
 
     def summary(self, slip: bool, valid: bool) -> list[DiagnosticStatus]:
         """Sum up the time since the last summary; slip and slip_valid have these states."""
@@ -195,15 +165,28 @@ class Health:
             for each in tasks:
                 each.level = min(each.level, WARN)
         self._totals_before, self._summed_s, self._notes = self.totals.copy(), now_s, []
-        self._rate.end_period()
+        if self._points:
+            self._points.append(self._last_point)
         return tasks
 
-    def _check_input(self, since: Counter[str], silent_s: float) -> DiagnosticStatus:
-        wanted_hz, rate_hz, wrong = self.config.sample_rate_hz, self._rate.measured_hz(), ''
+    def _measured_hz(self, since: Counter[str]) -> float:
+        """Return the rate by the stamps; NaN where too few samples have come."""
+        if not self._points or self._points[0] == self._last_point:
+            return math.nan
+        (begin_ns, before), (end_ns, rows) = self._points[0], self._last_point
+        # Replayed samples without stamps may have the same one.
+        rate_hz = (rows - before) * 1e9 / max(end_ns - begin_ns, 1)
         if len(self._notes) > 1 and since['lost and bridged'] > STEADY_SHARE * since['rows']:
-            steady_hz = usual_hz(self._notes)
-            if abs(steady_hz / wanted_hz - 1) > STEADY_ERROR:
-                rate_hz = steady_hz
+            # By the usual step from stamp to stamp, which no lost sample changes.
+            steps_ns = np.diff([note.stamp_ns for note in self._notes])
+            usual_rows = np.median([len(note.rows) for note in self._notes])
+            usual_hz = float(1e9 * usual_rows / max(np.median(steps_ns), 1.0))
+            if abs(usual_hz / self.config.sample_rate_hz - 1) > STEADY_ERROR:
+                return usual_hz
+        return rate_hz
+
+    def _check_input(self, since: Counter[str], silent_s: float) -> DiagnosticStatus:
+        wanted_hz, rate_hz, wrong = self.config.sample_rate_hz, self._measured_hz(since), ''
         all_well, off = f'{rate_hz:.1f} samples a second', abs(rate_hz / wanted_hz - 1.0)
         if self.senders:
             who = name_list(self.senders, LISTED)

@@ -27,6 +27,7 @@ import numpy as np
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
 
 from slip_detector.chain.samples import Samples
 from slip_detector.nodes.messages import stamp_ns
@@ -110,10 +111,9 @@ class Input:
                 message = deserialize_message(raw, self.message_class)
             except RuntimeError:  # Its text speaks of the middleware's code.
                 raise ValueError(f'a message is no {self._type}') from None
-            header = message.header if self._has_header else None
-            at_ns = 0 if header is None else stamp_ns(header.stamp)
+            header = message.header if self._has_header else Header()
+            at_ns, frame_id = stamp_ns(header.stamp), str(header.frame_id)
             names = tuple(message.name) if self.has_names else ()
-            frame_id = '' if header is None else str(header.frame_id)
             samples = Samples(self._field(message), NO_STAMPS, names=names, frame_id=frame_id)
         number = None
         if not at_ns and not replayed:
