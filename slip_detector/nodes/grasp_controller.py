@@ -108,15 +108,13 @@ class GraspController(Node):
         silent = [topic for topic, checks in self._checks.items() if checks > CHECKS]
         self._heard = self._heard or not silent
         slip, trusted = self._states['slip'], self._states['slip_valid'] and not silent
-        if trusted != self._trusted:
-            self._trusted = trusted
+        if trusted and not self._trusted:
+            self.get_logger().info('slip is valid')
+        elif self._trusted and not trusted:
             why = f'{" and ".join(silent)} silent' if silent else 'not valid'
-            opens = self.config.on_invalid == 'open'
-            answer = 'the grip opens' if opens else 'the grip stays as it is'
-            if trusted:
-                self.get_logger().info('slip is valid')
-            else:
-                self.get_logger().warning(f'slip cannot be relied on ({why}): {answer}')
+            does = 'opens' if self.config.on_invalid == 'open' else 'stays as it is'
+            self.get_logger().warning(f'slip cannot be relied on ({why}): the grip {does}')
+        self._trusted = trusted
         now_s, before_n = time.monotonic(), self._law.force_n
         elapsed_s = min(now_s - self._commanded_s, PERIODS_COUNTED / self.config.command_hz)
         self._commanded_s = now_s
