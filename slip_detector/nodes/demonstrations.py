@@ -45,7 +45,7 @@ from slip_detector.sources.played import SceneSource
 
 ENVELOPE = 'slip_detector/envelope'
 
-#: Parameters of the detector: it has not to complain of the silence after the end of the driver.
+#: Parameters of the detector, which is not to complain of the silence after the driver's end.
 PATIENT = {'input_timeout_s': 10.0}
 
 #: Topics of the nodes of a grasp, with their types and qualities of service.
@@ -74,7 +74,7 @@ def slip_demo(arguments: argparse.Namespace, path: Path) -> tuple[dict[str, Any]
         samples = samples._replace(stamps_ns=time.time_ns() + samples.stamps_ns)
         write_recording(arguments.record, [samples], source.sample_rate_hz, source.channel_names)
         print(f'Written: {arguments.record}')
-    # What the nodes run is compiled first: a node that compiles may hold up the other one.
+    # Compile first: a node that compiles may hold up the other one.
     source.read(1)
     compile_chain()
     init_ros(local=True)

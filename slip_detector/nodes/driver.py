@@ -65,7 +65,7 @@ NO_FAULTS = ('packets', 'samples')
 LINGER_S = 0.2
 
 #: Longest time, in seconds, for which the end of a thread that plays is waited for: a thread that
-#: compiles or loads code does not see that it is to stop. It publishes no sample any more.
+#: compiles or loads code does not see that it is to stop, but publishes nothing.
 STOP_S = 0.3
 
 
@@ -221,7 +221,7 @@ class Driver(Node):
             samples = source.read(n_rows)
         self._publish_batch()
         self.get_logger().info(f'played all {played} samples')
-        # A subscriber loses samples that it has not received when their publisher ends.
+        # When a publisher ends, subscribers lose the samples that they have not received.
         self._sleep(LINGER_S)
 
     def _sleep(self, seconds: float) -> None:
@@ -230,7 +230,7 @@ class Driver(Node):
             raise ExternalShutdownException
 
     def _wait_until(self, due_s: float) -> None:
-        """Wait until a sample is due; warn if it has become much later."""
+        """Wait until a sample is due; warn if the wait has ended much later."""
         self._sleep(due_s - time.monotonic())
         late_s = time.monotonic() - due_s
         if late_s > LATE_S:
@@ -238,7 +238,7 @@ class Driver(Node):
             self.get_logger().warning(words, throttle_duration_sec=REPORT_S)
 
     def _obey(self, source: Source) -> None:
-        """Let the scene obey the last command, if that is new."""
+        """Let the scene obey the last command, if it is a new one."""
         command = self._command
         if command is None or command == self._obeyed:
             return
@@ -250,7 +250,7 @@ class Driver(Node):
 
     def _publish(self, samples: Samples, i: int, stamp_ns: int) -> None:
         """Publish sample ``i`` with its truth and position, if it has them."""
-        # The truth applies to the samples that follow it, also in a bag, so it comes first.
+        # Also in a bag a truth applies to the samples after it, so the truth comes first.
         if samples.truth is not None and bool(samples.truth[i]) != self._last_truth:
             self._last_truth = bool(samples.truth[i])
             self._truth.publish(Bool(data=self._last_truth))
@@ -284,7 +284,7 @@ class Driver(Node):
 
 
 def aligned(now_s: float, period_s: float) -> float:
-    """Return when to begin with messages of a period: soon, and all drivers at the same moments.
+    """Return when to begin with periodic messages: soon, and all drivers at the same moments.
 
     The detectors of all fingers then wake up once for all; with rare messages that saves nothing.
     """

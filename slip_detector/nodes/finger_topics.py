@@ -133,7 +133,7 @@ class FingerTopics(PolledTopics):
         self.add(Bool, f'{slip}_valid', states, 'slip_valid')
         for name in config.groups if config.publish_groups else ():
             self.add(Bool, f'{slip}/group/{name}', states, f'group/{name}')
-        self.finger.groups[:] = False  # Their last states come again, if they are published.
+        self.finger.groups[:] = False  # The last states come again, where they are published.
 
     def _subscribe_to_samples(self, voltages: str) -> None:
         """Subscribe to the input; if that fails, the finger is shown without volts."""
@@ -154,7 +154,7 @@ class FingerTopics(PolledTopics):
         if any(getattr(self._config, name) != getattr(before, name) for name in TOPIC_PARAMETERS):
             self.subscribe(self.voltages)
         finger, now_s = self.finger, time.monotonic()
-        # Taken before the states, of which all that were published before the rows have then come.
+        # Rows are taken before states: each state that was published before a row has come then.
         volts, levels = self.take('voltages'), self.take('envelope')
         for message, info in self.take('slip'):
             self._slip.append((info['source_timestamp'], message.data))
@@ -181,7 +181,7 @@ class FingerTopics(PolledTopics):
         rate_hz, before_hz = self._config.sample_rate_hz, self._rate_hz
         with contextlib.suppress(ValueError):  # Stamps that do not rise.
             rate_hz = rate_of(stamps_ns, 'stamps') * float(np.mean(counts))
-        # A busy machine, or several senders, seem to have another rate each time.
+        # On a busy machine, or with several senders, each measurement gives another rate.
         if not rates_differ(rate_hz, before_hz) and len(self.senders) < 2:
             self.finger.to_fit = fitting(self.finger.config, channels, rate_hz, samples.names)
         self._messages, self._noted_s, self._rate_hz = [], time.monotonic(), rate_hz
@@ -202,7 +202,7 @@ class FingerTopics(PolledTopics):
                 if n:
                     received.append((info['source_timestamp'], samples))
             except ValueError as error:
-                # The detector counts and reports them, too.
+                # The detector counts and reports such messages, too.
                 self.finger.unfit = time.monotonic(), f'samples come, but {error}'
         if not received:
             return

@@ -59,7 +59,7 @@ class GraspController(Node):
         super().__init__('grasp_controller', cli_args=cli_args)
         self.config = config = declare(self, GraspConfig)
         self._law = GraspLaw(config)
-        # By topic, its last state, and the number of checks for silence since its last message.
+        # By topic, the last state, and the number of checks for silence since the last message.
         self._states = {'slip': False, 'slip_valid': False}
         self._checks = dict.fromkeys(self._states, math.inf)
         # Whether both topics have been heard at the same time so far, and are reliable now.

@@ -59,7 +59,7 @@ class GripperAction:
     """
 
     def __init__(self, node: Node, config: GraspConfig) -> None:
-        # Not all have the package: a grip of numbers needs none of it.
+        # Only actions need this package, which is not always installed.
         from control_msgs.action import GripperCommand, ParallelGripperCommand
 
         self._node, self._config = node, config

@@ -161,9 +161,9 @@ class Senders:
 
     The middleware numbers the messages of each publisher. With one publisher each message has the
     next number, or a higher one if some were lost; if two publishers send, their numbers do not
-    continue each other. A publisher that exists but does not send is ignored: one that was killed
-    stays known for some twenty seconds, and one that is silent does no harm. If a topic has
-    several publishers, the accepted one is replaced only after it has been silent for the window.
+    continue each other. A publisher that does not send is ignored: one that was killed stays
+    known for some twenty seconds, and one that is silent does no harm. If a topic has several
+    publishers, the accepted one is replaced only after it has been silent for the window.
     If the middleware does not number messages, each publisher counts as sending.
 
     Parameters

@@ -30,7 +30,7 @@ from slip_detector.view.server import Server
 #: Frame of the markers if the samples name none.
 NO_FRAME = 'fingertip'
 
-#: Lifetime of markers, in seconds: so long after their finger has gone they disappear.
+#: Time, in seconds, after which the markers of a finger that has gone disappear.
 LIFETIME_S = 2
 
 #: A cube rises over so many octaves of the level below the threshold, as bars do on the page, and
@@ -41,7 +41,7 @@ OCTAVES, OVERSHOOT = 5.0, 0.5
 #: threshold has risen by one.
 CUBE_SIZE, TEXT_SIZE = 0.6, 1.2
 
-#: Texts of a finger from which nothing comes, and beginning of the text of one that slips.
+#: Texts of a silent finger, and beginning of the text of a finger that slips.
 SILENT, NO_INPUT, SLIP = 'detector silent', 'no input', 'SLIP'
 
 #: Colours (red, green, blue, opacity) of a cube at rest and at the threshold, and of the other

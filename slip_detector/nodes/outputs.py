@@ -59,7 +59,7 @@ class Outputs:
         self._node = node
         # By topic and deadline.
         self._publishers: dict[tuple[str, int], Publisher] = {}
-        # Kind and name of each column of flags, and slip_valid, which follows from them.
+        # Kind and name of each column of flags; the last column is slip_valid.
         self._columns: list[tuple[str, str]] = []
         self._states = b''  # A byte for each column.
         self.onsets = 0
@@ -76,7 +76,7 @@ class Outputs:
 
     @property
     def valid(self) -> bool:
-        """Whether any group could vote on it."""
+        """Whether any group could vote on the decision that was published last."""
         return bool(self._states[-1])
 
     def configure(self, config: DetectorConfig) -> None:
@@ -121,7 +121,7 @@ class Outputs:
             each.publish(self._messages[self._states[column]])
         self.beat()
         for (topic, _), each in before.items():
-            if topic.startswith('slip/'):  # The others have said what holds.
+            if topic.startswith('slip/'):  # The other topics go on, by another publisher.
                 each.publish(self._messages[False])
         self.received(before.values())
         for each in before.values():
@@ -134,7 +134,7 @@ class Outputs:
             self._node.destroy_publisher(publisher)
 
     def end(self) -> None:
-        """Publish all decisions as OFF and not valid, whatever was interrupted, and destroy."""
+        """Publish all decisions as OFF and not valid, even those that are, and destroy."""
         self._states = b'\x01' * len(self._states)
         self.withdraw()
         self.destroy()
@@ -162,8 +162,8 @@ class Outputs:
         at_ns, frame_id
             Stamp and frame of the sample.
         settled
-            Whether a change of ``slip`` to ON is an onset: shortly after a change of parameters it
-            may be a consequence of that.
+            Whether a change of ``slip`` to ON is an onset. Shortly after a change of parameters it
+            may be a consequence of the new parameters.
         """
         self._at_ns = at_ns
         if frame_id != self._frame_id:
@@ -177,9 +177,9 @@ class Outputs:
         onset = slip > was_on and settled
         if onset:
             self._onset_ns = at_ns
-        if valid < was_valid:  # Before slip, as an OFF that follows cannot be relied on.
+        if valid < was_valid:  # Before slip: an OFF that follows is not reliable.
             self._slip_valid.publish(self._messages[valid])
-        # Before NumPy searches for the others, which takes a tenth of the latency.
+        # First, as the search for the other changes takes a tenth of the latency.
         if slip != was_on:
             self._slip.publish(self._messages[slip])
         if slip != was_on or valid != was_valid:

@@ -56,15 +56,15 @@ class NodeProcesses(contextlib.ExitStack):
         self, executable: str, config: Path, *arguments: str, **parameters: object
     ) -> subprocess.Popen[bytes]:
         """Start a node by its executable (see :mod:`slip_detector.nodes.run`)."""
-        command = ['setpriv', '--pdeathsig', 'TERM']  # It ends if this process is killed.
+        command = ['setpriv', '--pdeathsig', 'TERM']  # The node ends if this process is killed.
         command += [sys.executable, '-m', 'slip_detector.nodes.run', executable, '--ros-args']
         command += [*self._options, '--params-file', str(config)]
         for name, value in parameters.items():
             command += ['-p', f'{name}:={value}']
-        # Ctrl-C reaches only this process, which ends them.
+        # Ctrl-C reaches only this process, which ends the nodes.
         process = subprocess.Popen([*command, '--', *arguments], start_new_session=True)
         self._executables[process] = executable
-        # On leaving, a node ends before what it listens to.
+        # On leaving, a node ends before those that were started before it.
         self.enter_context(process)
         self.callback(process.terminate)
         return process

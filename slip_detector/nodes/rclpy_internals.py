@@ -155,7 +155,7 @@ def given_parameters(node: Node) -> list[Parameter]:
 
 
 def answer_with(node: Node, service_type: type, callback: Callable[..., Any]) -> None:
-    """Have a function answer requests that rclpy answers for each node, as those for parameters.
+    """Let a function answer requests that rclpy answers for each node, such as for parameters.
 
     Relies on the ``callback`` of services, which may be replaced.
     """
@@ -189,10 +189,10 @@ def survive_requests(node: Node) -> None:
 
 
 def destroy_state_machine(node: LifecycleNode) -> None:
-    """Destroy the state machine of a node that is destroyed, which does not do so.
+    """Destroy the state machine of a node, which a managed node that is destroyed leaves.
 
-    Until then it keeps the node in the middleware: others would see the node for some twenty
-    seconds after its process has ended, as if that had been killed.
+    Until then the state machine keeps the node in the middleware: other processes would see the
+    node for some twenty seconds after the end of its process, as if that had been killed.
 
     Relies on ``LifecycleNodeMixin._state_machine``, whose ``destroy_when_not_in_use`` ends its
     use of the node.
@@ -201,7 +201,7 @@ def destroy_state_machine(node: LifecycleNode) -> None:
 
 
 def take_messages(subscription: Subscription, at_most: int) -> Iterator[tuple[Any, Any]]:
-    """Yield the messages that a subscription has received, each with the middleware's information.
+    """Yield the messages that a subscription has received, each with information on it.
 
     Relies on ``take_message`` of the handle, which returns both, or None.
     """

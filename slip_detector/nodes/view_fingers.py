@@ -77,7 +77,7 @@ class RemoteDetector:
         self._clients = set(node.clients) - others
         #: The publishers of the node; a new one shows that the node was started again.
         self.publishers: set[bytes] = set()
-        #: Set when the parameters have to be read; what then reads them.
+        #: Set when the parameters have to be read, and the task that reads them.
         self.outdated = asyncio.Event()
         self.reads: asyncio.Task[None] | None = None
         #: Held from a question until the answer is noted.
@@ -304,7 +304,7 @@ class RosDetectors(Detectors):
 
     def _note_event(self, event: ParameterEvent) -> None:
         """Read the parameters of a detector that reports a change."""
-        # One that declares what it had before is starting: it is read when it publishes.
+        # A node that declares known parameters is starting: it is read when it publishes.
         new = {each.name for each in event.new_parameters}
         if event.node in self.fingers and not self.panels[event.node].values.keys() & new:
             self._remotes[event.node].outdated.set()
