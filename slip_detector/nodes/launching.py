@@ -14,9 +14,9 @@
 
 """What the launch files share; the functions that a test calls need no launch."""
 
+import functools
 import os
 import time
-from collections.abc import Callable
 from typing import Any
 
 from slip_detector.parameters.files import shared_folder
@@ -61,7 +61,7 @@ def node_settings(context: Any) -> dict[str, Any]:
         'namespace': values['namespace'],
         'additional_env': transport_environment(values['transport']),
         'ros_arguments': ['--log-level', values['log_level']],
-        'on_exit': end_launch_on_refusal(),
+        'on_exit': functools.partial(end_launch_on_refusal, time.monotonic()),
         'respawn': is_true(context, 'use_respawn'),
         'respawn_delay': RESPAWN_S,
     }
@@ -97,20 +97,15 @@ def is_true(context: Any, name: str) -> bool:
     return context.launch_configurations[name].lower() in ('true', '1')
 
 
-def end_launch_on_refusal() -> Callable[[Any, Any], None]:
-    """Return an ``on_exit`` that ends the launch, with code 1, if a node refuses to start.
+def end_launch_on_refusal(began_s: float, event: Any, context: Any) -> None:
+    """End the launch, with code 1, if a node has refused to start: an ``on_exit`` of nodes.
 
     A node that fails later than ``STARTS_S`` does not end the others: a grasp has to be held.
     After Ctrl-C launch may lose an exit code, and reports another.
     """
-    began_s = time.monotonic()
-
-    def on_exit(event: Any, context: Any) -> None:
-        starts = time.monotonic() - began_s < STARTS_S and not context.is_shutdown
-        if event.returncode > 0 and starts:
-            raise RuntimeError(f'{event.process_name} ended with exit code {event.returncode}')
-
-    return on_exit
+    starts = time.monotonic() - began_s < STARTS_S and not context.is_shutdown
+    if event.returncode > 0 and starts:
+        raise RuntimeError(f'{event.process_name} ended with exit code {event.returncode}')
 
 
 def transport_environment(transport: str) -> dict[str, str]:
