@@ -304,10 +304,10 @@ def play_all(nodes: Sequence[Driver]) -> None:
 
     def check() -> None:
         """Raise the exception of a thread; end the spinning when everything has been played."""
-        for run in runs:
-            if run.done():
-                run.result()
-        if all(run.done() for run in runs):
+        ended, playing = wait(runs, 0.0)
+        for run in ended:
+            run.result()
+        if not playing:
             raise ExternalShutdownException
 
     nodes[0].create_timer(CHECK_S, check, clock=STEADY)
