@@ -23,7 +23,7 @@ from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
-from slip_detector.nodes.run import declarations, node_settings, sim_time
+from slip_detector.nodes.launching import clock_parameters, declarations, node_settings
 from slip_detector.parameters.files import find_parameter_file, read_yaml, shared_folder
 from slip_detector.parameters.grasp import commands_of_a_scene
 from slip_detector.scenes.scene import find_scene
@@ -77,7 +77,7 @@ def nodes(context):
     return [
         Node(
             executable=executable,
-            parameters=[config, parameters, *sim_time(context)],
+            parameters=[config, parameters, *clock_parameters(context)],
             # A controller that is started again would begin with an open grip.
             **settings | ({'respawn': False} if executable == 'grasp_controller' else {}),
         )

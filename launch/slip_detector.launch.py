@@ -26,7 +26,12 @@ from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
-from slip_detector.nodes.run import declarations, node_settings, sim_time, source_settings
+from slip_detector.nodes.launching import (
+    clock_parameters,
+    declarations,
+    node_settings,
+    source_settings,
+)
 from slip_detector.parameters.files import find_parameter_file, read_yaml, shared_folder
 from slip_detector.parameters.sections import sections_of
 
@@ -89,7 +94,7 @@ def nodes(context):
     source = source or ('' if config or recording else 'scene')
     arguments = ['--fingers', given['fingers']] if given['fingers'] else []
     several = len(configs) > 1
-    settings, clock = node_settings(context), sim_time(context)
+    settings, clock = node_settings(context), clock_parameters(context)
     settings['remappings'] = remappings = [('voltages', voltages)] if voltages else []
     sections = sections_of(read_yaml(configs[0]), configs[0])
     in_file = {key: value for _, its in sections for key, value in its.items()}

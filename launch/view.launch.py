@@ -25,7 +25,7 @@ from launch.conditions import IfCondition
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from slip_detector.nodes.run import declarations, node_settings, sim_time
+from slip_detector.nodes.launching import clock_parameters, declarations, node_settings
 
 # As users of other launch files write them.
 TRUE_OR_FALSE = ['true', 'True', 'TRUE', '1', 'false', 'False', 'FALSE', '0']
@@ -68,7 +68,7 @@ def page(context):
     node = Node(
         executable='slip_view',
         arguments=['--config', context.launch_configurations['configs'], *options],
-        parameters=sim_time(context),
+        parameters=clock_parameters(context),
         output='screen',  # It prints the address of the page.
         **node_settings(context),
     )

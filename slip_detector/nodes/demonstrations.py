@@ -33,7 +33,7 @@ from slip_detector.grasp import loop
 from slip_detector.grasp.loop import CONTROLLER, GraspTrial, LiveGraspTrial
 from slip_detector.nodes.ending import init_ros
 from slip_detector.nodes.messages import event_qos, sensor_qos, state_qos
-from slip_detector.nodes.processes import NodeProcesses, Recorder
+from slip_detector.nodes.processes import RecordedNodes
 from slip_detector.parameters import ChainConfig, DetectorConfig, DriverConfig, GraspConfig
 from slip_detector.parameters.files import shared_folder, whole_file
 from slip_detector.parameters.grasp import commands_of_a_scene
@@ -45,8 +45,8 @@ from slip_detector.sources.played import SceneSource
 
 ENVELOPE = 'slip_detector/envelope'
 
-#: Timeout of the detector's input: from the end of the driver to its own it does not miss samples.
-TIMEOUT_S = 10.0
+#: Parameters of the detector, which is not to complain of the silence after the driver's end.
+PATIENT = {'input_timeout_s': 10.0}
 
 #: Topics of the nodes of a grasp, with their types and qualities of service.
 TOPICS: dict[str, tuple[Any, QoSProfile]] = {
@@ -60,8 +60,9 @@ TOPICS: dict[str, tuple[Any, QoSProfile]] = {
 #: the nodes.
 SIMULATED_S, LIVE_S = 5.0, 15.0
 
-#: Index of the object that is drawn, if there are as many; the default one slips five times.
-SHOWN = 2
+#: Index of the object that is drawn, if there are as many; that of the default seeds slips five
+#: times.
+DRAWN = 2
 
 
 def slip_demo(arguments: argparse.Namespace, path: Path) -> tuple[dict[str, Any], str]:
@@ -73,10 +74,10 @@ def slip_demo(arguments: argparse.Namespace, path: Path) -> tuple[dict[str, Any]
         samples = samples._replace(stamps_ns=time.time_ns() + samples.stamps_ns)
         write_recording(arguments.record, [samples], source.sample_rate_hz, source.channel_names)
         print(f'Written: {arguments.record}')
-    # What the nodes run is compiled first: a node that compiles may hold up the other one.
+    # Compile first: a node that compiles may hold up the other one.
     source.read(1)
     compile_chain()
-    init_ros()
+    init_ros(local=True)
     file = shared_folder() / 'config' / 'slip_detector.yaml'
     config = DetectorConfig.from_yaml(file)
     _say('slip_demo', f'{arguments.scene} through both nodes, {source.duration_s:.0f} s')
@@ -97,24 +98,23 @@ def _play(arguments: argparse.Namespace, file: Path, config: DetectorConfig) -> 
         topic: (JointState, sensor_qos()) for topic in ('voltages', 'platform_position', ENVELOPE)
     }
     topics |= dict.fromkeys(decisions, (Bool, state_qos(depth=1000)))
-    recorder = Recorder('slip_demo', topics)
-    with NodeProcesses('slip_demo', recorder.receive, arguments.verbose) as nodes:
-        nodes.start('slip_detector', file, input_timeout_s=TIMEOUT_S)
-        nodes.wait_until(lambda: all(map(recorder.messages.get, decisions)))
+    with RecordedNodes('slip_demo', topics, arguments.verbose) as nodes:
+        nodes.start('slip_detector', file, **PATIENT)
+        nodes.wait_until(lambda: all(map(nodes.messages.get, decisions)))
         scene = {'source': 'scene', 'scene': arguments.scene, 'seed': arguments.seed}
         driver = nodes.start('slip_driver', file, wait_for_subscribers=2, loop='false', **scene)
         nodes.wait_for_end(driver)
-    begin_s, changes = recorder.stamps_s('voltages')[0], {}
+    begin_s, changes = nodes.stamps_s('voltages')[0], {}
     for topic in decisions:
-        states = recorder.values(topic, 'data')
-        changed = np.diff(states, prepend=~states[:1])
-        changes[topic] = recorder.received_s(topic)[changed] - begin_s, states[changed]
+        states = nodes.values(topic, 'data')
+        differs = np.diff(states, prepend=~states[:1])
+        changes[topic] = nodes.received_s(topic)[differs] - begin_s, states[differs]
     return Heard(
-        recorder.stamps_s('voltages') - begin_s,
-        recorder.values('voltages', 'position'),
-        recorder.stamps_s('platform_position') - begin_s,
-        recorder.values('platform_position', 'position').ravel(),
-        recorder.received_s(ENVELOPE) - recorder.stamps_s(ENVELOPE),
+        nodes.stamps_s('voltages') - begin_s,
+        nodes.values('voltages', 'position'),
+        nodes.stamps_s('platform_position') - begin_s,
+        nodes.values('platform_position', 'position').ravel(),
+        nodes.received_s(ENVELOPE) - nodes.stamps_s(ENVELOPE),
         changes,
     )
 
@@ -127,29 +127,30 @@ def slip_grasp(arguments: argparse.Namespace, picture: Path) -> tuple[dict[str, 
     minutes = (len(seeds) * SIMULATED_S + arguments.live * LIVE_S) / 60.0
     _say('slip_grasp', f'this takes some {minutes:.1f} minutes, more on a busy machine')
 
-    def played(name: str, chain: ChainConfig, grasp: GraspConfig) -> list[GraspTrial]:
+    def play(name: str, chain: ChainConfig, grasp: GraspConfig) -> list[GraspTrial]:
         _say('slip_grasp', f'{len(seeds)} objects in simulated time: {name}')
         return [loop.play_trial(chain, grasp, seed) for seed in seeds]
 
-    trials = {name: played(name, *both) for name, both in loop.conditions(chain, grasp).items()}
-    parts = {name: loop.grasp_figures(mine, grasp.limit_n) for name, mine in trials.items()}
-    init_ros()
-    recorder = Recorder('slip_grasp', TOPICS)
-    heard = {seed: _play_live(recorder, seed, arguments) for seed in seeds[: arguments.live]}
+    trials = {name: play(name, *both) for name, both in loop.conditions(chain, grasp).items()}
+    init_ros(local=True)
+    live = seeds[: arguments.live]
+    heard = {seed: _play_live(seed, arguments) for seed in live}
     result = {
         'seeds': seeds,
-        'conditions': parts,
+        'conditions': {
+            name: loop.grasp_figures(played, grasp.limit_n) for name, played in trials.items()
+        },
         'transport_ms': loop.TRANSPORT_S * 1e3,
-        **loop.live_figures(heard, trials[CONTROLLER][: arguments.live], grasp.limit_n),
+        **loop.live_figures(heard, trials[CONTROLLER][: len(live)], grasp.limit_n),
     }
-    drawn = min(SHOWN, len(seeds) - 1)
-    shown = heard.get(seeds[drawn])
-    one = {name: mine[drawn] for name, mine in trials.items()}
-    draw_grasp(picture, one, grasp.limit_n, shown._asdict() if shown else {})
+    index = min(DRAWN, len(seeds) - 1)
+    drawn = {name: played[index] for name, played in trials.items()}
+    drawn_live = heard[seeds[index]]._asdict() if index < len(live) else {}
+    draw_grasp(picture, drawn, grasp.limit_n, drawn_live)
     return result, grasp_table(result)
 
 
-def _play_live(recorder: Recorder, seed: int, arguments: argparse.Namespace) -> LiveGraspTrial:
+def _play_live(seed: int, arguments: argparse.Namespace) -> LiveGraspTrial:
     """Play a scene through a driver, a detector and a controller, each a process of its own.
 
     The scene of the seed is written to the folder. A ValueError says that a node has failed.
@@ -159,20 +160,19 @@ def _play_live(recorder: Recorder, seed: int, arguments: argparse.Namespace) -> 
         new.write_text(yaml.safe_dump(loop.object_scene(seed), sort_keys=False), encoding='utf-8')
     _say('slip_grasp', f'seed {seed} through the nodes, in real time')
     played = {'source': 'scene', 'scene': scene, 'seed': seed, 'wait_for_grip': 'true'}
-    recorder.messages.update({topic: [] for topic in TOPICS})
-    with NodeProcesses('slip_grasp', recorder.receive, arguments.verbose) as nodes:
-        nodes.start('slip_detector', arguments.config, input_timeout_s=TIMEOUT_S)
+    with RecordedNodes('slip_grasp', TOPICS, arguments.verbose) as nodes:
+        nodes.start('slip_detector', arguments.config, **PATIENT)
         nodes.start('grasp_controller', arguments.config, **commands_of_a_scene())
         driver = nodes.start('slip_driver', arguments.config, wait_for_subscribers=2, **played)
         nodes.wait_for_end(driver)
-    begin_s = recorder.stamps_s('voltages')[0]
+    begin_s = nodes.stamps_s('voltages')[0]
 
     def course(topic: str, field: str) -> Floats:
-        times_s = recorder.stamps_s(topic) - begin_s
-        return np.column_stack([times_s, recorder.values(topic, field)])
+        times_s = nodes.stamps_s(topic) - begin_s
+        return np.column_stack([times_s, nodes.values(topic, field)])
 
     position, command = course('platform_position', 'position'), course('grip_force', 'effort')
-    return LiveGraspTrial(position, command, recorder.stamps_s('slip_onset') - begin_s)
+    return LiveGraspTrial(position, command, nodes.stamps_s('slip_onset') - begin_s)
 
 
 def _say(command: str, words: str) -> None:

@@ -15,6 +15,7 @@
 """The driver node: plays a source in time, or passes on the samples of a sensor."""
 
 import contextlib
+import itertools
 import math
 import threading
 import time
@@ -50,21 +51,21 @@ ALIGNED_S = 0.1
 POLL_S = 0.02
 
 #: Period, in seconds, at which the driver checks whether everything has been played.
-LOOK_S = 0.1
+CHECK_S = 0.1
 
 #: Period, in seconds, of the reports on a sensor (on ``/diagnostics``, and in the log if something
 #: was dropped or lost), and shortest time between two warnings of a kind.
 REPORT_S = 1.0
 
 #: Counts of a sensor that are not faults.
-GOOD = ('packets', 'samples')
+NO_FAULTS = ('packets', 'samples')
 
 #: Time, in seconds, for which a driver stays after the last sample, so that subscribers receive
-#: it; shorter than the input timeout of a detector, which would report silence.
+#: the sample; shorter than the input timeout of a detector, which would report silence.
 LINGER_S = 0.2
 
-#: Longest time, in seconds, for which a thread that plays is waited for: while it compiles or
-#: loads code it does not see that it is to stop. It publishes no sample any more.
+#: Longest time, in seconds, for which the end of a thread that plays is waited for: a thread that
+#: compiles or loads code does not see that it is to stop, but publishes nothing.
 STOP_S = 0.3
 
 
@@ -74,16 +75,11 @@ class Driver(Node):
     Sample k is due at start + k / rate, or at its own time if the source gives the times of its
     samples (a recording may have gaps and another rate).
 
-    A scene with an object takes the grip force from ``grip_force``, one with the part ``orders``
-    what it is to do from ``scene_order``. Each of its samples is computed only when it is due, so
-    that it depends on all commands up to then.
+    A scene with an object takes the grip force from ``grip_force``, a scene with the part
+    ``orders`` takes orders from ``scene_order``. Each of its samples is computed only when it is
+    due, so that it depends on all commands up to then.
 
     The samples of a sensor (serial, udp) are published as they arrive.
-
-    Parameters
-    ----------
-    cli_args
-        ROS arguments for this node, which override those of the process.
     """
 
     def __init__(self, cli_args: list[str] | None = None) -> None:
@@ -101,13 +97,14 @@ class Driver(Node):
         self._position = self.create_publisher(JointState, 'platform_position', sensor_qos())
         moving = 'object' if source.has_object else 'platform'
         self._position_writer = JointStateWriter(config.frame_id, [moving])
-        # The grip force or the order that came last.
+        # The last grip force or order, and the last one that the scene has obeyed.
         self._command: float | str | None = None
+        self._obeyed: float | str | None = None
         if source.has_object:
             self.create_subscription(JointState, 'grip_force', self._on_grip_force, state_qos())
         if source.takes_orders:
             self.create_subscription(String, 'scene_order', self._on_order, state_qos())
-        #: What publishes the samples, in another thread, once it was started, and what ends it.
+        #: The work of the thread that publishes the samples, once it was started.
         self.runs: list[Future[None]] = []
         self._stop = threading.Event()
         if source.is_live:
@@ -166,7 +163,7 @@ class Driver(Node):
         elif not since['samples']:
             complaints.append((ERROR, f'no samples come; {source.state}'))
         values = {kind: str(n) for kind, n in sorted(source.counts.items()) if n}
-        faults = [f'{kind} {n}' for kind, n in sorted(since.items()) if kind not in GOOD]
+        faults = [f'{kind} {n}' for kind, n in sorted(since.items()) if kind not in NO_FAULTS]
         if faults:
             complaints.append((WARN, f'dropped or lost in the last second: {", ".join(faults)}'))
             so_far = ', '.join(map(' '.join, values.items()))
@@ -182,50 +179,49 @@ class Driver(Node):
             self._sleep(POLL_S)
         if self.source.has_object and self.config.wait_for_grip:
             self.get_logger().info('waiting for a grip force')
-            while self._obey(self.source, None) is None:
+            while self._obeyed is None:
                 self._sleep(POLL_S)
+                self._obey(self.source)
 
     def play(self) -> None:
         """Play the source, repeatedly with ``loop``, until the node is destroyed."""
         self._wait_for_subscribers()
         source, config = self.source, self.config
         obeys = source.has_object or source.takes_orders
-        rows, obeyed = 1 if obeys else READ_ROWS, self._obey(source, None)
+        n_rows = 1 if obeys else READ_ROWS
+        self._obey(source)
         # The first read opens the file and loads compiled code, so it comes before the start.
-        samples = source.read(rows)
+        samples = source.read(n_rows)
         now_s, now_ns = time.monotonic(), self.get_clock().now().nanoseconds
         period_s = config.samples_per_message / (source.sample_rate_hz * config.rate)
         start_s = aligned(now_s, period_s)
         # The stamps are the samples' own times, from this time of the node's clock on.
         first_stamp_ns = now_ns + round((start_s - now_s) * 1e9)
-        played = repetition = begin_ns = end_ns = 0
-        while True:
-            taken_ns = (begin_ns + samples.stamps_ns).tolist()
-            for i, sample_ns in enumerate(taken_ns):
-                # Within a batch only the last sample is waited for: waking up costs most.
-                if len(self._rows) + 1 >= config.samples_per_message:
-                    self._wait_until(start_s + sample_ns * 1e-9 / config.rate)
-                self._publish(samples, i, first_stamp_ns + sample_ns)
-            played += len(taken_ns)
-            if taken_ns:
-                end_ns = taken_ns[-1] + round(1e9 / source.sample_rate_hz)
-            else:
-                if source.damage and not repetition:
-                    self.get_logger().warning(f'{source.name}: {source.damage}')
-                if not config.loop:
-                    break
-                repetition += 1
-                begin_ns, obeyed = end_ns, None
-                source.close()
-                source = open_source(config, repetition)
-            if obeys:
-                self._wait_until(start_s + end_ns * 1e-9 / config.rate)
-                obeyed = self._obey(source, obeyed)
-            samples = source.read(rows)
-        source.close()
+        played = begin_ns = end_ns = 0
+        for repetition in itertools.count(1):
+            with contextlib.closing(source):
+                while len(samples.stamps_ns):
+                    for i, sample_ns in enumerate((begin_ns + samples.stamps_ns).tolist()):
+                        # Of a batch only the last sample is waited for: waking up costs most.
+                        if len(self._rows) + 1 >= config.samples_per_message:
+                            self._wait_until(start_s + sample_ns * 1e-9 / config.rate)
+                        self._publish(samples, i, first_stamp_ns + sample_ns)
+                        played, end_ns = played + 1, sample_ns
+                    end_ns += round(1e9 / source.sample_rate_hz)
+                    if obeys:
+                        self._wait_until(start_s + end_ns * 1e-9 / config.rate)
+                        self._obey(source)
+                    samples = source.read(n_rows)
+            if source.damage and repetition == 1:
+                self.get_logger().warning(f'{source.name}: {source.damage}')
+            if not config.loop:
+                break
+            source, begin_ns, self._obeyed = open_source(config, repetition), end_ns, None
+            self._obey(source)
+            samples = source.read(n_rows)
         self._publish_batch()
         self.get_logger().info(f'played all {played} samples')
-        # A subscriber loses samples that it has not received when their publisher ends.
+        # When a publisher ends, subscribers lose the samples that they have not received.
         self._sleep(LINGER_S)
 
     def _sleep(self, seconds: float) -> None:
@@ -234,28 +230,27 @@ class Driver(Node):
             raise ExternalShutdownException
 
     def _wait_until(self, due_s: float) -> None:
-        """Wait until a sample is due; warn if it has become much later."""
+        """Wait until a sample is due; warn if the wait has ended much later."""
         self._sleep(due_s - time.monotonic())
         late_s = time.monotonic() - due_s
         if late_s > LATE_S:
             words = f'{late_s * 1e3:.0f} ms late: the pace cannot be kept'
             self.get_logger().warning(words, throttle_duration_sec=REPORT_S)
 
-    def _obey(self, source: Source, before: float | str | None) -> float | str | None:
-        """Let the scene do what was commanded last, if that is new; return what it does."""
+    def _obey(self, source: Source) -> None:
+        """Let the scene obey the last command, if it is a new one."""
         command = self._command
-        if command is None or command == before:
-            return before
+        if command is None or command == self._obeyed:
+            return
         try:
             source.obey(command)
+            self._obeyed = command
         except ValueError as error:
             self._ignore(f'{"scene_order" if source.takes_orders else "grip_force"}: {error}')
-            return before
-        return command
 
     def _publish(self, samples: Samples, i: int, stamp_ns: int) -> None:
         """Publish sample ``i`` with its truth and position, if it has them."""
-        # The truth applies to the samples that follow it, also in a bag, so it comes first.
+        # Also in a bag a truth applies to the samples after it, so the truth comes first.
         if samples.truth is not None and bool(samples.truth[i]) != self._last_truth:
             self._last_truth = bool(samples.truth[i])
             self._truth.publish(Bool(data=self._last_truth))
@@ -277,19 +272,19 @@ class Driver(Node):
         """Publish the samples kept so far, however few, without stamp and names."""
         if not self._rows:
             return
-        rows = np.array(self._rows, np.float32)
-        self._rows = []
+        rows, self._rows = np.array(self._rows, np.float32), []
         message = Float32MultiArray(data=array('f', rows.tobytes()))
-        strides = rows.size, rows.shape[1]
         message.layout.dim = [
             MultiArrayDimension(label=label, size=size, stride=stride)
-            for label, size, stride in zip(BATCH_LABELS, rows.shape, strides, strict=True)
+            for label, size, stride in zip(
+                BATCH_LABELS, rows.shape, (rows.size, rows.shape[1]), strict=True
+            )
         ]
         self._voltages.publish(message)
 
 
 def aligned(now_s: float, period_s: float) -> float:
-    """Return when to begin with messages of a period: soon, and all drivers at the same moments.
+    """Return when to begin with periodic messages: soon, and all drivers at the same moments.
 
     The detectors of all fingers then wake up once for all; with rare messages that saves nothing.
     """
@@ -309,10 +304,10 @@ def play_all(nodes: Sequence[Driver]) -> None:
 
     def check() -> None:
         """Raise the exception of a thread; end the spinning when everything has been played."""
-        for run in runs:
-            if run.done():
-                run.result()
-        if all(run.done() for run in runs):
+        ended, playing = wait(runs, 0.0)
+        for run in ended:
+            run.result()
+        if not playing:
             raise ExternalShutdownException
 
-    nodes[0].create_timer(LOOK_S, check, clock=STEADY)
+    nodes[0].create_timer(CHECK_S, check, clock=STEADY)

@@ -24,19 +24,19 @@ import time
 #: a node that has ended without it for some twenty seconds more.
 SHUTDOWN_S = 2.0
 
-#: Set by the first signal: what runs is to end, and to be taken down.
-ASKED = threading.Event()
+#: Set by the first signal: the nodes are to be taken down, and the process is to end.
+END_SIGNAL = threading.Event()
 
-# Set when there is something to take down. Until then a signal ends the process at once.
-_tidy = threading.Event()
+# Set when nodes may exist. Until then a signal ends the process at once.
+_nodes_exist = threading.Event()
 
 
 def end_on_signals() -> None:
     """Let SIGINT and SIGTERM end the process with exit code 0, within ``SHUTDOWN_S``.
 
-    Python calls a handler between any two steps of the main thread: what it raises may fall into a
-    call of the middleware, into an import, or into the shutdown. So these handlers do nothing;
-    Python also writes signals to a pipe, which a thread reads.
+    Python calls a handler between any two steps of the main thread: an exception of the handler
+    may fall into a call of the middleware, into an import, or into the shutdown. So the handlers
+    here do nothing; Python also writes signals to a pipe, which a thread reads.
     """
     reads, writes = os.pipe()
     os.set_blocking(writes, False)
@@ -48,17 +48,23 @@ def end_on_signals() -> None:
 
 def _end(reads: int) -> None:
     os.read(reads, 1)
-    if _tidy.is_set():
-        ASKED.set()
+    if _nodes_exist.is_set():
+        END_SIGNAL.set()
         time.sleep(SHUTDOWN_S)
     os._exit(0)
 
 
-def init_ros() -> None:
-    """Initialise rclpy; from here on a signal sets ``ASKED``, as other processes see the nodes."""
+def init_ros(local: bool = False) -> None:
+    """Initialise rclpy; from here on a signal sets ``END_SIGNAL``, and nodes are taken down.
+
+    Where the nodes are ``local``, this process and those that it starts talk on this machine only,
+    unless the environment says otherwise.
+    """
     import rclpy
     from rclpy.signals import SignalHandlerOptions
 
+    if local:
+        os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
     # rclpy's own handlers would shut the middleware down in the middle of a call.
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-    _tidy.set()
+    _nodes_exist.set()

@@ -16,11 +16,9 @@
 """Receives the topics of one finger that a page shows."""
 
 import contextlib
-import functools
 import time
 from bisect import bisect_right
 from collections import deque
-from collections.abc import Callable
 from operator import itemgetter
 from typing import Any
 
@@ -34,7 +32,7 @@ from std_msgs.msg import Bool
 from slip_detector.chain.samples import Samples
 from slip_detector.nodes.inputs import Input
 from slip_detector.nodes.messages import sensor_qos, state_qos
-from slip_detector.nodes.rclpy_internals import ROS_ERRORS, receiver
+from slip_detector.nodes.rclpy_internals import ROS_ERRORS, take_messages
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.fields import names_that_affect
 from slip_detector.parameters.fitting import fitting, rates_differ
@@ -43,16 +41,16 @@ from slip_detector.recordings.rates import rate_of
 from slip_detector.view.detectors import Diagnosis, Finger
 
 #: Parameters on which the subscriptions depend.
-OF_TOPICS = names_that_affect(DetectorConfig, 'display')
+TOPIC_PARAMETERS = names_that_affect(DetectorConfig, 'display')
 
 #: Most messages of a topic that are taken at a poll: more than a queue of samples holds.
-AT_MOST = 2000
+MOST_MESSAGES = 2000
 
-#: Seconds of messages by which it is noted what comes.
-NOTED_S = 2.0
+#: Seconds of messages by which the page finds the parameters that fit the input.
+FIT_PERIOD_S = 2.0
 
-#: Most changes of a state that wait, in a queue until they are taken, and then for their rows.
-STATES = 1000
+#: Most changes of a state that wait: in a queue until they are polled, and then for their rows.
+MOST_STATES = 1000
 
 
 class PolledTopics:
@@ -64,28 +62,29 @@ class PolledTopics:
 
     def __init__(self, node: Node) -> None:
         self._node = node
-        self._receivers: dict[Subscription, Callable[[], None]] = {}
+        self._subscriptions: dict[str, Subscription] = {}
 
     def __bool__(self) -> bool:
-        return bool(self._receivers)
+        return bool(self._subscriptions)
 
     def add(
-        self, kind: Any, topic: str, qos: QoSProfile, call: Callable[..., None], raw: bool = False
+        self, kind: Any, topic: str, qos: QoSProfile, name: str = '', raw: bool = False
     ) -> None:
-        """Subscribe; the callback gets each message and, as a second argument, its info."""
-        subscription = self._node.create_subscription(kind, topic, call, qos, raw=raw)
-        self._receivers[subscription] = receiver(subscription, AT_MOST)
+        """Subscribe; the messages are taken by this name, by default that of the topic."""
+        added = self._node.create_subscription(kind, topic, lambda _: None, qos, raw=raw)
+        self._subscriptions[name or topic] = added
 
-    def poll(self) -> None:
-        """Pass on received messages, in the order in which the subscriptions were added."""
-        for receive in self._receivers.values():
-            receive()
+    def take(self, name: str) -> list[tuple[Any, dict[str, Any]]]:
+        """Return the messages that have come, each with its info; none without a subscription."""
+        if name not in self._subscriptions:
+            return []
+        return [*take_messages(self._subscriptions[name], MOST_MESSAGES)]
 
     def close(self) -> None:
         """End all subscriptions."""
-        for subscription in self._receivers:
+        for subscription in self._subscriptions.values():
             self._node.destroy_subscription(subscription)
-        self._receivers = {}
+        self._subscriptions = {}
 
 
 #: Latest states of a topic, each with the time at which it was published.
@@ -93,17 +92,10 @@ States = deque[tuple[int, bool]]
 
 
 def state_at(states: States, published_ns: int) -> bool:
-    """Return the state that belongs to a row of a stream, such as slip to a level.
+    """Return the last state that was published before a row of the same process.
 
-    States and rows are published by the same process, so a row has the last state that was
-    published before it. A busy detector publishes levels late, after the decisions on the next
-    samples: then a change is found a few rows early.
-
-    Examples
-    --------
-    >>> slip = deque([(25, True)])
-    >>> [state_at(slip, published_ns) for published_ns in (10, 20, 30)]
-    [False, False, True]
+    A busy detector publishes levels late, after the decisions on the next samples: then a change
+    is found a few rows early.
     """
     before = bisect_right(states, published_ns, key=itemgetter(0))
     return before > 0 and states[before - 1][1]
@@ -115,17 +107,14 @@ class FingerTopics(PolledTopics):
     def __init__(self, node: Node, finger: Finger, voltages: str) -> None:
         super().__init__(node)
         self.finger = finger
-        # What came since the last poll, with the time at which it was published.
-        self._samples: list[tuple[int, Samples]] = []
-        self._levels: list[tuple[int, bytes]] = []
-        # Stamps and rows of the messages since it was noted what comes; when, and the rate then.
+        # Stamps and rows of the messages since the input was last noted; when, and the rate then.
         self._messages: list[tuple[int, int]] = []
         self._noted_s, self._rate_hz = time.monotonic(), 0.0
-        self._slip: States = deque(maxlen=STATES)
-        self._truth: States = deque(maxlen=STATES)
+        self._slip: States = deque(maxlen=MOST_STATES)
+        self._truth: States = deque(maxlen=MOST_STATES)
         #: Nodes that publish the samples.
         self.senders: list[str] = []
-        #: The last of its detector and of these nodes on ``/diagnostics``, and when, by label.
+        #: By label, the last diagnosis by the detector and by these nodes, and its time.
         self.health: dict[str, tuple[float, Diagnosis]] = {}
         finger.heard_s, finger.sample_s = time.monotonic(), float('-inf')
         self.subscribe(voltages)
@@ -134,27 +123,26 @@ class FingerTopics(PolledTopics):
         """Replace all subscriptions; ``voltages`` is the topic of the input, empty without one."""
         self.close()
         self.voltages, self._config = voltages, self.finger.config
-        config, states = self._config, state_qos(depth=STATES)
+        config, states = self._config, state_qos(depth=MOST_STATES)
         if voltages:
             self._subscribe_to_samples(voltages)
         envelope = f'{self.finger.name}/envelope'
-        self.add(JointState, envelope, sensor_qos(), self._on_envelope, raw=True)
+        self.add(JointState, envelope, sensor_qos(), 'envelope', raw=True)
         slip = f'{self.finger.name.rpartition("/")[0]}/slip'
-        self.add(Bool, slip, states, self._on_slip)
-        self.add(Bool, f'{slip}_valid', states, self._on_slip_valid)
-        for g, name in enumerate(config.groups if config.publish_groups else ()):
-            self.add(Bool, f'{slip}/group/{name}', states, functools.partial(self._on_group, g))
-        self.finger.groups[:] = False  # Their last states come again, if they are published.
+        self.add(Bool, slip, states, 'slip')
+        self.add(Bool, f'{slip}_valid', states, 'slip_valid')
+        for name in config.groups if config.publish_groups else ():
+            self.add(Bool, f'{slip}/group/{name}', states, f'group/{name}')
+        self.finger.groups[:] = False  # The last states come again, where they are published.
 
     def _subscribe_to_samples(self, voltages: str) -> None:
         """Subscribe to the input; if that fails, the finger is shown without volts."""
         kind, self.finger.no_volts = self._config.input_type, ''
         try:
-            source = Input(self._config)
-            call = functools.partial(self._on_voltages, source)
-            self.add(source.message_class, voltages, sensor_qos(), call, raw=True)
+            self._input = Input(self._config)
+            self.add(self._input.message_class, voltages, sensor_qos(), 'voltages', raw=True)
             truth = f'{voltages.rpartition("/")[0]}/slip_truth'
-            self.add(Bool, truth, state_qos(depth=STATES), self._on_truth)
+            self.add(Bool, truth, state_qos(depth=MOST_STATES), 'slip_truth')
         except (ValueError, *ROS_ERRORS):
             # A process can use a topic with one type only.
             words = f'{kind} is not installed here, or the topic had another type'
@@ -163,64 +151,61 @@ class FingerTopics(PolledTopics):
     def poll(self) -> None:
         """Process received messages; subscribe again if the detector's parameters require it."""
         before, self._config = self._config, self.finger.config
-        if any(getattr(self._config, name) != getattr(before, name) for name in OF_TOPICS):
+        if any(getattr(self._config, name) != getattr(before, name) for name in TOPIC_PARAMETERS):
             self.subscribe(self.voltages)
-        super().poll()
-        if self._samples:
-            self._append_samples()
-        if self._levels:
-            self._append_levels()
+        finger, now_s = self.finger, time.monotonic()
+        # Rows are taken before states: each state that was published before a row has come then.
+        volts, levels = self.take('voltages'), self.take('envelope')
+        for message, info in self.take('slip'):
+            self._slip.append((info['source_timestamp'], message.data))
+            if message.data and not finger.slip:
+                finger.onset_s = now_s
+            finger.slip = message.data
+        for message, info in self.take('slip_truth'):
+            self._truth.append((info['source_timestamp'], message.data))
+        for message, _ in self.take('slip_valid'):
+            finger.valid, finger.heard_s = message.data, now_s
+        for g, name in enumerate(self._config.groups):
+            for message, _ in self.take(f'group/{name}'):
+                finger.groups[g] = message.data
+        self._append_samples(volts)
+        self._append_levels(levels)
 
-    def _on_voltages(self, source: Input, raw: bytes, info: dict[str, Any]) -> None:
-        try:
-            samples, _ = source.read(raw, info)
-            n, channels = samples.volts.shape
-            self._note_input(samples)
-            if n and channels != (wanted := self._config.channels):
-                advice = source.advice(channels, wanted)
-                raise ValueError(f'they have {channels} channels, the detector {wanted}{advice}')
-            if n:
-                self._samples.append((info['source_timestamp'], samples))
-        except ValueError as error:
-            # The detector counts and reports them, too.
-            self.finger.unfit = time.monotonic(), f'samples come, but {error}'
-
-    def _note_input(self, samples: Samples) -> None:
-        """Find out from time to time what has to be set so that the detector takes what comes."""
+    def _fit_to_input(self, samples: Samples) -> None:
+        """Find out from time to time which parameters fit the samples that come."""
         n, channels = samples.volts.shape
         self._messages.append((max(samples.stamps_ns.tolist()[-1:], default=0), n))
-        if time.monotonic() - self._noted_s < NOTED_S or not n:
+        if time.monotonic() - self._noted_s < FIT_PERIOD_S or not n:
             return
         stamps_ns, counts = np.array(self._messages).T
         rate_hz, before_hz = self._config.sample_rate_hz, self._rate_hz
         with contextlib.suppress(ValueError):  # Stamps that do not rise.
             rate_hz = rate_of(stamps_ns, 'stamps') * float(np.mean(counts))
-        # A busy machine, or several senders, seem to have another rate each time.
+        # On a busy machine, or with several senders, each measurement gives another rate.
         if not rates_differ(rate_hz, before_hz) and len(self.senders) < 2:
             self.finger.to_fit = fitting(self.finger.config, channels, rate_hz, samples.names)
         self._messages, self._noted_s, self._rate_hz = [], time.monotonic(), rate_hz
 
-    def _on_truth(self, message: Bool, info: dict[str, Any]) -> None:
-        self._truth.append((info['source_timestamp'], message.data))
-
-    def _on_envelope(self, raw: bytes, info: dict[str, Any]) -> None:
-        self._levels.append((info['source_timestamp'], raw))
-
-    def _on_slip(self, message: Bool, info: dict[str, Any]) -> None:
-        self._slip.append((info['source_timestamp'], message.data))
-        if message.data and not self.finger.slip:
-            self.finger.onset_s = time.monotonic()
-        self.finger.slip = message.data
-
-    def _on_slip_valid(self, message: Bool) -> None:
-        self.finger.valid, self.finger.heard_s = message.data, time.monotonic()
-
-    def _on_group(self, g: int, message: Bool) -> None:
-        self.finger.groups[g] = message.data
-
-    def _append_samples(self) -> None:
-        """Append the samples to the track."""
-        received, self._samples = self._samples, []
+    def _append_samples(self, messages: list[tuple[bytes, dict[str, Any]]]) -> None:
+        """Append the samples of messages to the track."""
+        received: list[tuple[int, Samples]] = []
+        for raw, info in messages:
+            try:
+                samples, _ = self._input.read(raw, info)
+                n, channels = samples.volts.shape
+                self._fit_to_input(samples)
+                if n and channels != (wanted := self._config.channels):
+                    advice = self._input.advice(channels, wanted)
+                    raise ValueError(
+                        f'they have {channels} channels, the detector {wanted}{advice}'
+                    )
+                if n:
+                    received.append((info['source_timestamp'], samples))
+            except ValueError as error:
+                # The detector counts and reports such messages, too.
+                self.finger.unfit = time.monotonic(), f'samples come, but {error}'
+        if not received:
+            return
         first, *others = (samples for _, samples in received)
         counts = [len(samples.volts) for _, samples in received]
         truth = np.repeat([state_at(self._truth, at_ns) for at_ns, _ in received], counts)
@@ -228,15 +213,16 @@ class FingerTopics(PolledTopics):
         self.finger.sample_s = time.monotonic()
         self.finger.track.add_samples(first.then(*others)._replace(truth=truth))
 
-    def _append_levels(self) -> None:
+    def _append_levels(self, messages: list[tuple[bytes, dict[str, Any]]]) -> None:
         """Append the detector's levels and decisions to the track."""
-        received, self._levels = self._levels, []
+        if not messages:
+            return
         # The detector has samples, even if their volts cannot be shown.
         self.finger.sample_s = time.monotonic()
-        slip = np.array([state_at(self._slip, at_ns) for at_ns, _ in received])
-        table = joint_state_table([raw for _, raw in received])
+        slip = np.array([state_at(self._slip, info['source_timestamp']) for _, info in messages])
+        table = joint_state_table([raw for raw, _ in messages])
         if table is None:  # the channels have just changed
             return
         levels, channels_on = table.numbers['position'], table.numbers['effort'] > 0.0
-        if levels.shape == channels_on.shape == (len(received), self._config.channels):
+        if levels.shape == channels_on.shape == (len(messages), self._config.channels):
             self.finger.track.add_levels(table.stamps_ns, levels, channels_on, slip)

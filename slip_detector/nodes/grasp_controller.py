@@ -34,12 +34,12 @@ from slip_detector.parameters.grasp import ACTIONS, JOINT_STATE, GraspConfig
 DEPTH = 100
 
 #: Most command periods that count as passed between two commands. A longer time is a stall of this
-#: node, of which neither the gripper nor the detector knows.
+#: node, which neither the gripper nor the detector notices.
 PERIODS_COUNTED = 3
 
 #: Period, in seconds, at which another publisher of the commands is looked for, and shortest time
-#: between two errors about it.
-OTHERS_S, OTHERS_LOGGED_S = 1.0, 60.0
+#: between two errors about such a publisher.
+RIVAL_CHECK_S, RIVAL_LOG_S = 1.0, 60.0
 
 #: Number of checks for silence within ``deadline_s``.
 CHECKS = 10
@@ -53,21 +53,16 @@ class GraspController(Node):
     be down. A stall of this node itself (a stopped process, a busy machine) is no silence, as
     messages wait in the queues meanwhile. So silence is measured in calls of a timer, which is
     called only once after a stall, and not by the deadline of the middleware.
-
-    Parameters
-    ----------
-    cli_args
-        ROS arguments for this node, which override those of the process.
     """
 
     def __init__(self, cli_args: list[str] | None = None) -> None:
         super().__init__('grasp_controller', cli_args=cli_args)
         self.config = config = declare(self, GraspConfig)
         self._law = GraspLaw(config)
-        # By topic, its last state, and the number of checks for silence since its last message.
+        # By topic, the last state, and the number of checks for silence since the last message.
         self._states = {'slip': False, 'slip_valid': False}
         self._checks = dict.fromkeys(self._states, math.inf)
-        # Whether both topics have been heard at the same time yet, and can be relied on now.
+        # Whether both topics have been heard at the same time so far, and are reliable now.
         self._heard = self._trusted = False
         self._commanded_s = time.monotonic()
         for topic in self._states:
@@ -83,14 +78,14 @@ class GraspController(Node):
         else:
             kind = JointState if config.command_type == JOINT_STATE else Float64MultiArray
             self._command = self.create_publisher(kind, config.command_topic, state_qos())
-            self.create_timer(OTHERS_S, self._look_for_others, clock=STEADY)
+            self.create_timer(RIVAL_CHECK_S, self._look_for_rivals, clock=STEADY)
         words = f'grip {config.grip_n:g} to {config.limit_n:g} N, waiting for the detector'
         self.get_logger().info(words)
 
     def _on_message(self, topic: str, message: Bool) -> None:
         self._checks[topic] = 0
-        changed, self._states[topic] = message.data != self._states[topic], message.data
-        if changed:
+        before, self._states[topic] = self._states[topic], message.data
+        if message.data != before:
             self._command_grip()
 
     def _check_silence(self) -> None:
@@ -100,28 +95,26 @@ class GraspController(Node):
         if CHECKS + 1 in self._checks.values():
             self._command_grip()
 
-    def _look_for_others(self) -> None:
+    def _look_for_rivals(self) -> None:
         """Report when another node commands the same gripper."""
         topic = self._command.topic_name
         names = publishing_nodes(self, topic)
         if len(names) > 1:
             words = f'{topic} is published by {name_list(names)}: only one of them may'
-            self.get_logger().error(words, throttle_duration_sec=OTHERS_LOGGED_S)
+            self.get_logger().error(words, throttle_duration_sec=RIVAL_LOG_S)
 
     def _command_grip(self) -> None:
         """Command the force of the law, once both topics of the detector have been heard."""
         silent = [topic for topic, checks in self._checks.items() if checks > CHECKS]
         self._heard = self._heard or not silent
         slip, trusted = self._states['slip'], self._states['slip_valid'] and not silent
-        if trusted != self._trusted:
-            self._trusted = trusted
+        if trusted and not self._trusted:
+            self.get_logger().info('slip is valid')
+        elif self._trusted and not trusted:
             why = f'{" and ".join(silent)} silent' if silent else 'not valid'
-            opens = self.config.on_invalid == 'open'
-            do = 'the grip opens' if opens else 'the grip stays as it is'
-            if trusted:
-                self.get_logger().info('slip is valid')
-            else:
-                self.get_logger().warning(f'slip cannot be relied on ({why}): {do}')
+            does = 'opens' if self.config.on_invalid == 'open' else 'stays as it is'
+            self.get_logger().warning(f'slip cannot be relied on ({why}): the grip {does}')
+        self._trusted = trusted
         now_s, before_n = time.monotonic(), self._law.force_n
         elapsed_s = min(now_s - self._commanded_s, PERIODS_COUNTED / self.config.command_hz)
         self._commanded_s = now_s

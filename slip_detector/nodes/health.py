@@ -16,8 +16,9 @@
 
 import math
 import time
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -31,7 +32,7 @@ from slip_detector.parameters.fields import name_list
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 
 #: Relative error of the measured rate above which there is an error, and the number of summaries,
-#: one a second, over which it is measured: over one alone a late message would seem as much.
+#: one a second, over which the rate is measured: over one alone a late message would seem as much.
 RATE_ERROR, RATE_SUMMARIES = 0.02, 3
 
 #: Smallest share of bridged rows, and relative error of the usual step from stamp to stamp, that
@@ -39,17 +40,17 @@ RATE_ERROR, RATE_SUMMARIES = 0.02, 3
 STEADY_SHARE, STEADY_ERROR = 0.05, 0.1
 
 #: Time in seconds for which a detector that has heard nothing yet only warns of it: the sensor's
-#: publisher has to find it.
-FIRST_S = 3.0
+#: publisher has to find the detector.
+PATIENCE_S = 3.0
 
-#: Age of a sample in seconds, either way, from which on its stamp is complained of.
+#: Age of a sample in seconds, either way, from which on a warning is given.
 AGE_WARNING_S = 1.0
 
 #: Most names that are listed; of further ones only the number is given.
 LISTED = 8
 
-#: Messages on events since the last summary, warnings and errors, by the key of their number in
-#: the values; the placeholder is the number since.
+#: Messages on events since the last summary, by the key of their number in the values; the
+#: placeholder is the number. The errors are of samples that come and are dropped.
 WARNINGS = {
     'lost and bridged': '{} samples lost and bridged: check cable, network, load',
     'restarts': 'restarted {} times: a long gap, or the clock of the samples was set',
@@ -86,11 +87,6 @@ def status(
         Level and description of everything that is wrong.
     values
         Details, by key.
-
-    Examples
-    --------
-    >>> status('input', '380.0 samples a second', [(WARN, '3 samples lost')], {}).message
-    '3 samples lost'
     """
     worst_first = sorted(complaints, key=lambda complaint: complaint[0], reverse=True)
     return DiagnosticStatus(
@@ -101,19 +97,22 @@ def status(
     )
 
 
+class Note(NamedTuple):
+    """Rows that have been through the chain: volts and which are valid, shape (n, channels)."""
+
+    rows: Floats
+    valid: Bools
+    #: Stamp of the last row, and the time from that to the decision, by the node's clock.
+    stamp_ns: int
+    age_s: float
+    #: Time that the node spent on the rows.
+    spent_s: float
+
+
 class Health:
-    """Collects observations of the rows, and sums them up on request.
+    """Collects observations of the rows, and sums them up on request in three tasks.
 
     Rows are only collected when they come; the statistics are computed in the summary.
-
-    Examples
-    --------
-    >>> health, rows = Health(DetectorConfig()), np.full((2, 16), 4.3)
-    >>> for second in range(2):
-    ...     health.note_rows(rows, rows > 0.0, second * 10**9, age_s=0.001, spent_s=0.0002)
-    >>> input_status, *_ = health.summary(slip=False, valid=True)
-    >>> input_status.message
-    '2.0 samples a second, 380 configured: the filters are off by the same 99 %'
     """
 
     def __init__(self, config: DetectorConfig) -> None:
@@ -134,92 +133,72 @@ class Health:
     def forget(self) -> None:
         """Forget the rows, as others follow."""
         self._noted_s, self._begun_s = -math.inf, time.monotonic()
-        # Rows, whether each value of them is valid, stamp, age, and time spent.
-        self._noted: list[tuple[Floats, Bools, int, float, float]] = []
+        self._notes: list[Note] = []
         self.restart()
+
+    def restart(self) -> None:
+        """Measure the rate from the next sample on, as the stamps have jumped."""
+        # Stamp, and number of rows so far: of the first note and of the last ones before the
+        # latest summaries; the rate is measured from the first of these to the last note of all.
+        self._points = deque[tuple[int, int]](maxlen=RATE_SUMMARIES)
 
     def note_rows(
         self, rows: Floats, valid: Bools, stamp_ns: int, age_s: float, spent_s: float
     ) -> None:
-        """Note rows that have been through the chain.
-
-        Parameters
-        ----------
-        rows, valid : ndarray, shape (n, channels)
-            Volts, and whether each of them is valid.
-        stamp_ns
-            Stamp of the last row.
-        age_s
-            Time from that stamp to the decision, by the node's clock.
-        spent_s
-            Time that the node spent on these rows.
-        """
-        self._noted.append((rows, valid, stamp_ns, age_s, spent_s))
+        """Note rows that have been through the chain, see :class:`Note`."""
+        self._notes.append(Note(rows, valid, stamp_ns, age_s, spent_s))
         self._noted_s = time.monotonic()
         self.totals['rows'] += len(rows)
         self._last_point = stamp_ns, self.totals['rows']
         if not self._points:
             self._points.append(self._last_point)
 
-    def restart(self) -> None:
-        """Measure the rate from the next sample on, as the stamps have jumped."""
-        # Stamp, and number of rows since the start: of the last notes before the latest summaries,
-        # from the first of which on the rate is measured, and of the last note of all.
-        self._points: list[tuple[int, int]] = []
-        self._last_point = 0, 0
-
     def summary(self, slip: bool, valid: bool) -> list[DiagnosticStatus]:
-        """Sum up the time since the last summary, for the input, the channels and the decisions.
-
-        Parameters
-        ----------
-        slip, valid
-            The present states of ``slip`` and ``slip_valid``.
-        """
+        """Sum up the time since the last summary; slip and slip_valid have these states."""
         now_s, since = time.monotonic(), self.totals - self._totals_before
-        statuses = [
-            self._input(since, now_s - self._noted_s),
-            self._channels(),
-            self._decisions(since, now_s - self._summed_s, slip, valid),
+        tasks = [
+            self._check_input(since, now_s - self._noted_s),
+            self._check_channels(),
+            self._check_decisions(since, now_s - self._summed_s, slip, valid),
         ]
-        if math.isinf(self._noted_s) and now_s - self._begun_s < FIRST_S:
-            for each in statuses:
+        if math.isinf(self._noted_s) and now_s - self._begun_s < PATIENCE_S:
+            for each in tasks:
                 each.level = min(each.level, WARN)
-        self._totals_before, self._summed_s, self._noted = self.totals.copy(), now_s, []
+        self._totals_before, self._summed_s, self._notes = self.totals.copy(), now_s, []
         if self._points:
-            self._points = [*self._points, self._last_point][-RATE_SUMMARIES:]
-        return statuses
+            self._points.append(self._last_point)
+        return tasks
 
-    def _rate_hz(self, since: Counter[str]) -> float:
+    def _measured_hz(self, since: Counter[str]) -> float:
         """Return the rate by the stamps; NaN where too few samples have come."""
-        begin_ns, before = self._points[0] if self._points else self._last_point
-        end_ns, rows = self._last_point
-        if rows == before:
+        if not self._points or self._points[0] == self._last_point:
             return math.nan
+        (begin_ns, before), (end_ns, rows) = self._points[0], self._last_point
         # Replayed samples without stamps may have the same one.
         rate_hz = (rows - before) * 1e9 / max(end_ns - begin_ns, 1)
-        if len(self._noted) > 1 and since['lost and bridged'] > STEADY_SHARE * since['rows']:
-            steps_ns = np.diff([stamp_ns for _, _, stamp_ns, *_ in self._noted])
-            usual_rows = float(np.median([len(rows) for rows, *_ in self._noted]))
-            usual_hz = 1e9 * usual_rows / max(float(np.median(steps_ns)), 1.0)
+        if len(self._notes) > 1 and since['lost and bridged'] > STEADY_SHARE * since['rows']:
+            # By the usual step from stamp to stamp, which no lost sample changes.
+            steps_ns = np.diff([note.stamp_ns for note in self._notes])
+            usual_rows = np.median([len(note.rows) for note in self._notes])
+            usual_hz = float(1e9 * usual_rows / max(np.median(steps_ns), 1.0))
             if abs(usual_hz / self.config.sample_rate_hz - 1) > STEADY_ERROR:
                 return usual_hz
         return rate_hz
 
-    def _input(self, since: Counter[str], silent_s: float) -> DiagnosticStatus:
-        wanted_hz, rate_hz, wrong = self.config.sample_rate_hz, self._rate_hz(since), ''
-        # Where samples are dropped, some come.
-        silent_s = 0.0 if any(since[kind] for kind in ERRORS) else silent_s
+    def _check_input(self, since: Counter[str], silent_s: float) -> DiagnosticStatus:
+        wanted_hz, rate_hz, wrong = self.config.sample_rate_hz, self._measured_hz(since), ''
         all_well, off = f'{rate_hz:.1f} samples a second', abs(rate_hz / wanted_hz - 1.0)
         if self.senders:
             who = name_list(self.senders, LISTED)
             wrong = f'the input is published by {who}: only one of them may'
+        elif since.keys() & ERRORS.keys():
+            pass  # Samples come.
         elif math.isinf(silent_s):
             wrong = 'no samples yet: does the sensor run, on this topic, with this type?'
         elif silent_s > self.config.input_timeout_s:
             wrong = f'no samples for {silent_s:.1f} s: '
             wrong += 'is the sensor plugged in, does its driver run?'
-        elif off > RATE_ERROR:
+        if not wrong and off > RATE_ERROR:
             wrong = f'{all_well}, {wanted_hz:g} configured: '
             wrong += f'the filters are off by the same {100 * off:.0f} %'
         complaints = [(ERROR, wrong)] if wrong else []
@@ -227,7 +206,7 @@ class Health:
             if since[kind]:
                 level = WARN if kind in WARNINGS else ERROR
                 complaints.append((level, words.format(since[kind])))
-        ages_ms = [age_s * 1e3 for *_, age_s, _ in self._noted]
+        ages_ms = [note.age_s * 1e3 for note in self._notes]
         usual_ms, most_ms = np.percentile(ages_ms or [math.nan], [50, 99])
         if abs(usual_ms) > 1e3 * (self.config.max_age_s or AGE_WARNING_S):
             where = 'behind' if usual_ms > 0 else 'ahead of'
@@ -247,40 +226,40 @@ class Health:
         }
         return status('input', '' if math.isnan(rate_hz) else all_well, complaints, values)
 
-    def _channels(self) -> DiagnosticStatus:
+    def _check_channels(self) -> DiagnosticStatus:
         config = self.config
-        if not self._noted:
+        if not self._notes:
             words = 'without samples nothing is known of the channels'
             return status('channels', '', [(ERROR, words)], {})
-        rows = np.concatenate([rows for rows, *_ in self._noted])
-        valid = np.concatenate([valid for _, valid, *_ in self._noted])
+        rows = np.concatenate([note.rows for note in self._notes])
+        valid = np.concatenate([note.valid for note in self._notes])
         low, high = config.valid_range_v
-        # By kind of fault, the values that have it, and likely causes.
-        kinds = {
+        # By fault, the values that have it, and likely causes.
+        faults = {
             'not a number': (~np.isfinite(rows), 'the sensor or its driver sends no value'),
             'at the lower rail': (rows <= low, AT_RAIL),
             'at the upper rail': (rows >= high, AT_RAIL),
         }
-        others = np.any([mask for mask, _ in kinds.values()], axis=0)
-        kinds['flat'] = (~(valid | others), 'repeats one value, broken?')
+        others = np.any([mask for mask, _ in faults.values()], axis=0)
+        faults['flat'] = (~(valid | others), 'repeats one value, broken?')
         disabled = np.isin(np.arange(1, config.channels + 1), config.disabled_channels)
         n_enabled = int(np.sum(~disabled))
         complaints, values = [], {}
-        for kind, (mask, cause) in kinds.items():
+        for fault, (mask, cause) in faults.items():
             names = np.compress(mask.any(axis=0) & ~disabled, config.names).tolist()
-            values[kind] = ', '.join(names) or '-'
+            values[fault] = ', '.join(names) or '-'
             if names:
-                words = f'{kind}: {name_list(names, LISTED)}: {cause}'
+                words = f'{fault}: {name_list(names, LISTED)}: {cause}'
                 complaints.append((ERROR if len(names) == n_enabled else WARN, words))
         values['valid now'] = f'{int(valid[-1].sum())} of {n_enabled}'
         values['disabled'] = ', '.join(np.compress(disabled, config.names)) or '-'
         return status('channels', f'all {n_enabled} channels are valid', complaints, values)
 
-    def _decisions(
+    def _check_decisions(
         self, since: Counter[str], passed_s: float, slip: bool, valid: bool
     ) -> DiagnosticStatus:
         complaints = [(WARN, words) for words in self.warnings]
-        spent_ms = [spent_s * 1e3 for *_, spent_s in self._noted]
+        spent_ms = 1e3 * sum(note.spent_s for note in self._notes)
         if self.detectors:
             who = name_list(self.detectors, LISTED)
             complaints.append((ERROR, f'slip is published by {who}: only one of them may'))
@@ -288,8 +267,8 @@ class Health:
             complaints.append((ERROR, 'slip_valid is false: slip has no meaning'))
         values = {
             'onsets': str(self.totals['onsets']),
-            'time per row [ms]': _number(sum(spent_ms) / max(since['rows'], 1)),
-            'share of the time [%]': _number(sum(spent_ms) / (passed_s * 10), '.1f'),
+            'time per row [ms]': _number(spent_ms / max(since['rows'], 1)),
+            'share of the time [%]': _number(spent_ms / (passed_s * 10), '.1f'),
         }
         return status('decisions', f'slip is {"ON" if slip else "OFF"}', complaints, values)
 

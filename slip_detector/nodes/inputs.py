@@ -27,6 +27,7 @@ import numpy as np
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
 
 from slip_detector.chain.samples import Samples
 from slip_detector.nodes.messages import stamp_ns
@@ -38,7 +39,7 @@ from slip_detector.recordings.messages import FieldReader, JointStateReader
 #: counts as another publisher.
 MOST_LOST = 1000
 
-#: What samples have whose time is not known.
+#: The stamps of samples whose time is not known.
 NO_STAMPS = np.empty(0, np.int64)
 
 _TYPE = re.compile(r'(?P<package>\w+)/(msg/)?(?P<name>\w+)')
@@ -46,11 +47,6 @@ _TYPE = re.compile(r'(?P<package>\w+)/(msg/)?(?P<name>\w+)')
 
 class Input:
     """Reads rows, stamps and channel names, if any, from messages of ``input_type``.
-
-    Parameters
-    ----------
-    config
-        The detector's parameters, of which ``input_type`` and ``input_field`` are used.
 
     Attributes
     ----------
@@ -63,12 +59,6 @@ class Input:
     ------
     ValueError
         When the type is not installed or has no such field.
-
-    Examples
-    --------
-    >>> source = Input(DetectorConfig(input_type='sensor_msgs/JointState', input_field='position'))
-    >>> source.message_class.__name__, source.has_names
-    ('JointState', True)
     """
 
     def __init__(self, config: DetectorConfig) -> None:
@@ -121,10 +111,9 @@ class Input:
                 message = deserialize_message(raw, self.message_class)
             except RuntimeError:  # Its text speaks of the middleware's code.
                 raise ValueError(f'a message is no {self._type}') from None
-            header = message.header if self._has_header else None
-            at_ns = 0 if header is None else stamp_ns(header.stamp)
+            header = message.header if self._has_header else Header()
+            at_ns, frame_id = stamp_ns(header.stamp), str(header.frame_id)
             names = tuple(message.name) if self.has_names else ()
-            frame_id = '' if header is None else str(header.frame_id)
             samples = Samples(self._field(message), NO_STAMPS, names=names, frame_id=frame_id)
         number = None
         if not at_ns and not replayed:
@@ -135,7 +124,7 @@ class Input:
         return samples._replace(stamps_ns=at_ns - before_ns.astype(np.int64)), number
 
     def advice(self, numbers: int, channels: int) -> str:
-        """Return what a message of so many numbers lacks, if it may be a batch of samples.
+        """Return the fields that a message of so many numbers lacks, if it may be a batch.
 
         Examples
         --------
@@ -151,25 +140,10 @@ class Input:
 
 
 def message_class(name: str) -> Any:
-    """Return the class of a message type.
+    """Return the class of a message type, ``package/msg/Type`` or ``package/Type``.
 
     Only a package with a folder ``msg`` is imported: importing another module would run code that
-    has nothing to do with messages.
-
-    Parameters
-    ----------
-    name
-        ``package/msg/Type`` or ``package/Type``.
-
-    Raises
-    ------
-    ValueError
-        When the type is not installed.
-
-    Examples
-    --------
-    >>> message_class('sensor_msgs/JointState') is JointState
-    True
+    has nothing to do with messages. Raises a ValueError when the type is not installed.
     """
     match = _TYPE.fullmatch(name)
     if match and any(Path(folder, match['package'], 'msg').is_dir() for folder in sys.path):
@@ -187,9 +161,9 @@ class Senders:
 
     The middleware numbers the messages of each publisher. With one publisher each message has the
     next number, or a higher one if some were lost; if two publishers send, their numbers do not
-    continue each other. A publisher that exists but does not send is ignored: one that was killed
-    stays known for some twenty seconds, and one that is silent does no harm. If a topic has
-    several publishers, the accepted one is replaced only after it has been silent for the window.
+    continue each other. A publisher that does not send is ignored: one that was killed stays
+    known for some twenty seconds, and one that is silent does no harm. If a topic has several
+    publishers, the accepted one is replaced only after it has been silent for the window.
     If the middleware does not number messages, each publisher counts as sending.
 
     Parameters

@@ -30,23 +30,23 @@ from slip_detector.view.server import Server
 #: Frame of the markers if the samples name none.
 NO_FRAME = 'fingertip'
 
-#: Lifetime of markers, in seconds: so long after their finger has gone they disappear.
+#: Time, in seconds, after which the markers of a finger that has gone disappear.
 LIFETIME_S = 2
 
-#: A cube rises over this many octaves of the level below the threshold, as bars do on the page,
-#: and above the threshold by at most this share more.
-OCTAVES, ABOVE = 5.0, 0.5
+#: A cube rises over so many octaves of the level below the threshold, as bars do on the page, and
+#: above the threshold by at most this share more.
+OCTAVES, OVERSHOOT = 5.0, 0.5
 
 #: Size of the cubes and of the text, in units of the least distance of two channels. A cube at the
 #: threshold has risen by one.
-CUBE, TEXT = 0.6, 1.2
+CUBE_SIZE, TEXT_SIZE = 0.6, 1.2
 
-#: Texts of a finger from which nothing comes, and beginning of the text of one that slips.
+#: Texts of a silent finger, and beginning of the text of a finger that slips.
 SILENT, NO_INPUT, SLIP = 'detector silent', 'no input', 'SLIP'
 
 #: Colours (red, green, blue, opacity) of a cube at rest and at the threshold, and of the other
-#: states. They are those of report and page, and differ in lightness, too.
-QUIET, NEAR = np.array((0.925, 0.937, 0.945, 1.0)), np.array((0.435, 0.490, 0.529, 1.0))
+#: states. Report and page use the same colours, which differ in lightness, too.
+QUIET, AT_THRESHOLD = np.array((0.925, 0.937, 0.945, 1.0)), np.array((0.435, 0.490, 0.529, 1.0))
 ON, NOT_VALID = (0.835, 0.369, 0.0, 1.0), (0.612, 0.176, 0.471, 1.0)
 DISABLED = (0.6, 0.6, 0.6, 0.4)
 
@@ -75,24 +75,24 @@ def finger_markers(finger: Finger) -> list[Marker]:
         with np.errstate(divide='ignore'):
             octaves = np.log2(levels.field('level', last)[-1] / config.threshold)
         valid, on = ~np.isnan(octaves), levels.field('on', last)[-1]
-        heights[valid] = np.clip(1.0 + octaves[valid] / OCTAVES, 0.0, 1.0 + ABOVE)
+        heights[valid] = np.clip(1.0 + octaves[valid] / OCTAVES, 0.0, 1.0 + OVERSHOOT)
         shares = np.minimum(heights[valid], 1.0)[:, np.newaxis]
-        colors[valid] = QUIET + shares * (NEAR - QUIET)
+        colors[valid] = QUIET + shares * (AT_THRESHOLD - QUIET)
         colors[on] = ON
     disabled = np.array(config.disabled_channels, np.int64) - 1
     heights[disabled], colors[disabled] = 0.0, DISABLED
     cubes = Marker(type=Marker.CUBE_LIST, id=1)
-    cubes.scale.x = cubes.scale.y = cubes.scale.z = CUBE * unit_m
+    cubes.scale.x = cubes.scale.y = cubes.scale.z = CUBE_SIZE * unit_m
     places = positions + np.outer(heights * unit_m, (0.0, 0.0, 1.0))
     cubes.points = [Point(x=x, y=y, z=z) for x, y, z in places.tolist()]
     cubes.colors = [_color(color) for color in colors]
     text = Marker(type=Marker.TEXT_VIEW_FACING, text=f'{finger.label}: {words}')
-    text.scale.z = TEXT * unit_m
+    text.scale.z = TEXT_SIZE * unit_m
     text.color = _color(ON if words.startswith(SLIP) else QUIET)
     # Above the uppermost channels.
     low, high = positions.min(axis=0), positions.max(axis=0)
     text.pose.position.x = float(low[0] + high[0]) / 2
-    text.pose.position.y = float(high[1]) + 2 * TEXT * unit_m
+    text.pose.position.y = float(high[1]) + 2 * TEXT_SIZE * unit_m
     text.pose.position.z = float(high[2])
     for marker in (text, cubes):
         marker.ns, marker.header.frame_id = finger.label, finger.frame_id or NO_FRAME

@@ -24,54 +24,23 @@ STEADY = Clock(clock_type=ClockType.STEADY_TIME)
 
 
 def stamp_ns(stamp: Time) -> int:
-    """Return a stamp in nanoseconds.
-
-    Examples
-    --------
-    >>> stamp_ns(Time(sec=2, nanosec=5))
-    2000000005
-    """
+    """Return a stamp in nanoseconds."""
     return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
 
 
 def time_message(nanoseconds: int) -> Time:
-    """Return nanoseconds as a stamp.
-
-    Examples
-    --------
-    >>> time_message(2_000_000_005)
-    builtin_interfaces.msg.Time(sec=2, nanosec=5)
-    """
+    """Return nanoseconds as a stamp."""
     seconds, rest = divmod(nanoseconds, 1_000_000_000)
     return Time(sec=seconds, nanosec=rest)
 
 
 def sensor_qos() -> QoSProfile:
-    """Return the profile of samples: best effort, with a queue for a reader that stalls.
-
-    The queue holds one second at 1 kHz.
-
-    Examples
-    --------
-    >>> sensor_qos().reliability is ReliabilityPolicy.BEST_EFFORT
-    True
-    """
+    """Return the profile of samples: best effort, with a queue of one second at 1 kHz."""
     return QoSProfile(depth=1000, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
 def event_qos(depth: int = 10) -> QoSProfile:
-    """Return the profile of events: all are delivered, none is kept for late subscribers.
-
-    Parameters
-    ----------
-    depth
-        Queue length.
-
-    Examples
-    --------
-    >>> event_qos().durability is DurabilityPolicy.VOLATILE
-    True
-    """
+    """Return the profile of events: all are delivered, none is kept for late subscribers."""
     return QoSProfile(depth=depth)  # Reliable and volatile, by default.
 
 
@@ -84,11 +53,6 @@ def state_qos(depth: int = 1, deadline_s: float = 0.0) -> QoSProfile:
         Queue length, for a subscriber that may be busy and must not miss a change.
     deadline_s
         Longest time between messages that a publisher promises or a subscriber requests; 0: any.
-
-    Examples
-    --------
-    >>> state_qos().durability is DurabilityPolicy.TRANSIENT_LOCAL
-    True
     """
     deadline, kept = Duration(seconds=deadline_s), DurabilityPolicy.TRANSIENT_LOCAL
     return QoSProfile(depth=depth, durability=kept, deadline=deadline)
@@ -100,16 +64,6 @@ def heartbeat_qos(deadline_s: float) -> QoSProfile:
     A subscriber that requests the same times, or longer ones, gets an event when the messages stop
     (deadline) and when no publisher is alive (liveliness). Only a publisher that publishes is
     alive, not one that hangs.
-
-    Parameters
-    ----------
-    deadline_s
-        Longest time between messages that the publisher promises.
-
-    Examples
-    --------
-    >>> heartbeat_qos(deadline_s=0.5).deadline.nanoseconds
-    500000000
     """
     profile = state_qos(deadline_s=deadline_s)
     profile.liveliness = LivelinessPolicy.MANUAL_BY_TOPIC

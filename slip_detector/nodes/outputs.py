@@ -36,16 +36,16 @@ from slip_detector.recordings.messages import STATES, JointStateWriter
 #: Longest silence of ``slip`` that the publisher promises, in periods of the heartbeat.
 DEADLINE_BEATS = 2.0
 
-#: Longest time, in seconds, for which subscribers are waited for that do not acknowledge; at the
-#: end the detectors of a process do so one after the other.
-RECEIVED_S = 0.3
+#: Longest time, in seconds, for which a detector waits until subscribers have acknowledged; at the
+#: end of a process its detectors wait one after the other.
+ACKNOWLEDGED_S = 0.3
 
 
 class Outputs:
     """The publishers of the present configuration, and the latest decisions.
 
-    What each topic says follows from one state: the row of flags that was published last, and
-    behind it whether any group could vote.
+    All topics follow from one state: the row of flags that was published last, and, at its end,
+    whether any group could vote.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class Outputs:
         self._node = node
         # By topic and deadline.
         self._publishers: dict[tuple[str, int], Publisher] = {}
-        # Kind and name of each column of flags, and slip_valid, which follows from them.
+        # Kind and name of each column of flags; the last column is slip_valid.
         self._columns: list[tuple[str, str]] = []
         self._states = b''  # A byte for each column.
         self.onsets = 0
@@ -76,15 +76,15 @@ class Outputs:
 
     @property
     def valid(self) -> bool:
-        """Whether any group could vote on it."""
+        """Whether any group could vote on the decision that was published last."""
         return bool(self._states[-1])
 
     def configure(self, config: DetectorConfig) -> None:
-        """Take another configuration.
+        """Publish by another configuration.
 
-        Decisions on groups and channels of the same names are carried over.
-        Publishers that stay the same are kept; the others are destroyed once all have published
-        the present state, which on a topic that ends is OFF.
+        Decisions on groups and channels of the same names are carried over. Publishers that stay
+        the same are kept. The others are destroyed once all have published the present state; on a
+        topic that ends the state is OFF.
         """
         self._config = config
         before, self._publishers = self._publishers, {}
@@ -121,7 +121,7 @@ class Outputs:
             each.publish(self._messages[self._states[column]])
         self.beat()
         for (topic, _), each in before.items():
-            if topic.startswith('slip/'):  # The others have said what holds.
+            if topic.startswith('slip/'):  # The other topics go on, by another publisher.
                 each.publish(self._messages[False])
         self.received(before.values())
         for each in before.values():
@@ -134,20 +134,14 @@ class Outputs:
             self._node.destroy_publisher(publisher)
 
     def end(self) -> None:
-        """Publish all decisions as OFF and not valid, whatever was interrupted, and destroy."""
+        """Publish all decisions as OFF and not valid, even those that are, and destroy."""
         self._states = b'\x01' * len(self._states)
         self.withdraw()
         self.destroy()
 
     def received(self, publishers: Iterable[Publisher] | None = None) -> bool:
-        """Wait, briefly, until all subscribers have what these or all publishers have published.
-
-        Returns
-        -------
-        bool
-            Whether they have.
-        """
-        until_s = time.monotonic() + RECEIVED_S
+        """Return whether all subscribers have what is published; wait for them briefly."""
+        until_s = time.monotonic() + ACKNOWLEDGED_S
         for publisher in self._publishers.values() if publishers is None else publishers:
             left_s = max(0.0, until_s - time.monotonic())
             if not publisher.wait_for_all_acked(Duration(seconds=left_s)):
@@ -168,8 +162,8 @@ class Outputs:
         at_ns, frame_id
             Stamp and frame of the sample.
         settled
-            Whether a change of ``slip`` to ON is an onset: shortly after a change of parameters it
-            may be a consequence of that.
+            Whether a change of ``slip`` to ON is an onset. Shortly after a change of parameters it
+            may be a consequence of the new parameters.
         """
         self._at_ns = at_ns
         if frame_id != self._frame_id:
@@ -183,9 +177,9 @@ class Outputs:
         onset = slip > was_on and settled
         if onset:
             self._onset_ns = at_ns
-        if valid < was_valid:  # Before slip, as an OFF that follows cannot be relied on.
+        if valid < was_valid:  # Before slip: an OFF that follows is not reliable.
             self._slip_valid.publish(self._messages[valid])
-        # Before NumPy searches for the others, which takes a tenth of the latency.
+        # First, as the search for the other changes takes a tenth of the latency.
         if slip != was_on:
             self._slip.publish(self._messages[slip])
         if slip != was_on or valid != was_valid:

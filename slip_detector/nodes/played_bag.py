@@ -15,8 +15,8 @@
 
 """Publishes the samples of a recording that pages play."""
 
-import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from rclpy.node import Node
@@ -41,19 +41,14 @@ def publish_bag(node: Node, server: Server, path: Path, config: Path, finger: st
     bag = PlayedBag(server, path, detector, driver, f'{finger}/slip_detector')
     voltages = node.create_publisher(JointState, f'{finger}/voltages', sensor_qos())
     slip_truth = node.create_publisher(Bool, f'{finger}/slip_truth', state_qos())
-    failures: list[Exception] = []
+    # The page answers meanwhile; reading does not hold up the end of this process.
+    reading = ThreadPoolExecutor(1, 'reading').submit(bag.read)
     truth = False
-
-    def read() -> None:
-        try:
-            bag.read()
-        except Exception as error:
-            failures.append(error)
 
     def publish() -> None:
         nonlocal truth
-        if failures:
-            raise failures[0]
+        if reading.done():
+            reading.result()
         if voltages.get_subscription_count() <= 1:  # That of the detector.
             return
         writer = JointStateWriter(driver.frame_id, bag.channel_names)
@@ -64,5 +59,3 @@ def publish_bag(node: Node, server: Server, path: Path, config: Path, finger: st
             truth = slips
 
     server.each_tick.append(publish)
-    # The page answers meanwhile; reading does not hold up the end of this process.
-    threading.Thread(target=read, name='reading', daemon=True).start()

@@ -12,10 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Nodes as processes, and a recorder of what they publish, for the demonstrations."""
+"""Nodes as processes, for the page and the demonstrations, and a record of what they publish."""
 
 import contextlib
-import functools
 import subprocess
 import sys
 import time
@@ -30,7 +29,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from slip_detector.chain.samples import Floats
-from slip_detector.nodes.ending import ASKED
+from slip_detector.nodes.ending import END_SIGNAL
 from slip_detector.nodes.finger_topics import PolledTopics
 from slip_detector.nodes.messages import stamp_ns
 
@@ -44,85 +43,88 @@ DRAIN_S = 0.5
 class NodeProcesses(contextlib.ExitStack):
     """Runs nodes, each in a process of its own; on leaving the context all of them are ended.
 
-    ``receive`` is called during waits: it receives messages and returns soon. Nodes that are not
-    ``verbose`` log only warnings and errors.
+    Nodes that are not ``verbose`` log only warnings and errors.
     """
 
-    def __init__(self, namespace: str, receive: Callable[[], None], verbose: bool = False) -> None:
+    def __init__(self, namespace: str, verbose: bool = False) -> None:
         super().__init__()
-        self._receive, log_level = receive, 'info' if verbose else 'warn'
+        log_level = 'info' if verbose else 'warn'
         self._options = ['-r', f'__ns:=/{namespace}', '--log-level', log_level]
-        self._processes: list[tuple[str, subprocess.Popen[bytes]]] = []
+        self._executables: dict[subprocess.Popen[bytes], str] = {}
 
     def start(
         self, executable: str, config: Path, *arguments: str, **parameters: object
     ) -> subprocess.Popen[bytes]:
         """Start a node by its executable (see :mod:`slip_detector.nodes.run`)."""
-        command = ['setpriv', '--pdeathsig', 'TERM']  # It ends if this process is killed.
+        command = ['setpriv', '--pdeathsig', 'TERM']  # The node ends if this process is killed.
         command += [sys.executable, '-m', 'slip_detector.nodes.run', executable, '--ros-args']
         command += [*self._options, '--params-file', str(config)]
         for name, value in parameters.items():
             command += ['-p', f'{name}:={value}']
-        # Ctrl-C reaches only this process, which ends them.
+        # Ctrl-C reaches only this process, which ends the nodes.
         process = subprocess.Popen([*command, '--', *arguments], start_new_session=True)
-        self._processes.append((executable, process))
-        # On leaving, a node ends before what it listens to.
+        self._executables[process] = executable
+        # On leaving, a node ends before those that were started before it.
         self.enter_context(process)
         self.callback(process.terminate)
         return process
 
     def check(self) -> None:
         """Raise a ValueError if a node has failed."""
-        for executable, process in self._processes:
+        for process, executable in self._executables.items():
             if process.poll():
                 raise ValueError(f'{executable} ended with the exit code {process.returncode}')
 
-    def wait_until(self, happened: Callable[[], bool]) -> None:
-        """Receive messages until a condition holds; a ValueError if a node fails before.
+    def receive(self) -> None:
+        """Wait for a moment; an ExternalShutdownException after a signal."""
+        if END_SIGNAL.wait(POLL_S):
+            raise ExternalShutdownException
 
-        What a node waits for is in its log.
-        """
+    def wait_until(self, happened: Callable[[], bool]) -> None:
+        """Receive messages until a condition holds; a ValueError if a node fails before."""
         while not happened():
             self.check()
-            self._receive()
+            self.receive()
 
     def wait_for_end(self, process: subprocess.Popen[bytes]) -> None:
         """Receive messages until a node has ended without an error, and those still under way."""
         self.wait_until(lambda: process.poll() == 0)
         deadline_s = time.monotonic() + DRAIN_S
-        while time.monotonic() < deadline_s:
-            self._receive()
+        self.wait_until(lambda: time.monotonic() > deadline_s)
 
 
-class Recorder(PolledTopics):
-    """Records all messages of some topics with their times of arrival.
+class RecordedNodes(NodeProcesses):
+    """Runs nodes, and records all messages of some topics with their times of arrival.
 
-    These times come from the middleware of this process, so that its work does not count as
-    latency of the nodes.
+    The middleware of this process notes these times, so that the work of this process does not
+    count as latency of the nodes.
     """
 
-    def __init__(self, namespace: str, topics: Mapping[str, tuple[Any, QoSProfile]]) -> None:
-        super().__init__(Node('recorder', namespace=namespace))
-        #: By topic, the messages and their times of arrival in nanoseconds.
+    def __init__(
+        self, namespace: str, topics: Mapping[str, tuple[Any, QoSProfile]], verbose: bool
+    ) -> None:
+        super().__init__(namespace, verbose)
+        node = Node('recorder', namespace=namespace)
+        self.callback(node.destroy_node)
+        self._topics = PolledTopics(node)
+        #: By topic, the times of arrival in nanoseconds and the messages.
         self.messages: dict[str, list[tuple[int, Any]]] = {topic: [] for topic in topics}
         for topic, (message_type, qos) in topics.items():
-            self.add(message_type, topic, qos, functools.partial(self._keep, topic))
-
-    def _keep(self, topic: str, message: Any, info: dict[str, int]) -> None:
-        self.messages[topic].append((info['received_timestamp'], message))
+            self._topics.add(message_type, topic, qos)
 
     def receive(self) -> None:
-        """Wait for a moment, and receive messages; an ExternalShutdownException after a signal."""
-        if ASKED.wait(POLL_S):
-            raise ExternalShutdownException
-        self.poll()
+        """Wait for a moment, and receive messages."""
+        super().receive()
+        for topic, messages in self.messages.items():
+            for message, info in self._topics.take(topic):
+                messages.append((info['received_timestamp'], message))
 
     def received_s(self, topic: str) -> Floats:
         """Return when the messages of a topic arrived."""
         return np.array([at_ns for at_ns, _ in self.messages[topic]]) * 1e-9
 
     def stamps_s(self, topic: str) -> Floats:
-        """Return the stamps of the messages of a topic, which have headers or are such."""
+        """Return the stamps of the messages of a topic, which have headers or are headers."""
         headers = (getattr(message, 'header', message) for _, message in self.messages[topic])
         return np.array([stamp_ns(header.stamp) for header in headers]) * 1e-9
 

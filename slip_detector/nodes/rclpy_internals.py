@@ -14,8 +14,8 @@
 
 """All uses of internals of rclpy, in one place; the executor for samples is the largest.
 
-Each states the internals of Jazzy and Kilted that it relies on; ``test_rclpy_internals.py`` checks
-them in the installed rclpy.
+Each docstring states the internals of Jazzy and Kilted that the code relies on;
+``test_rclpy_internals.py`` checks them in the installed rclpy.
 """
 
 import math
@@ -24,7 +24,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, NoReturn
 
 import rclpy
@@ -39,10 +39,10 @@ from rclpy.subscription import Subscription
 from slip_detector.nodes.ending import SHUTDOWN_S
 
 #: Most messages of a topic that are taken before other topics and timers have their turn.
-AT_MOST = 32
+MOST_MESSAGES = 32
 
-#: Period at which requests of services, and the end of the process, are looked for.
-LOOK_NS = 100_000_000
+#: Period in nanoseconds at which services, and the end of the process, are polled.
+POLL_NS = 100_000_000
 
 #: Python's switch interval, in seconds: the longest time for which a running thread keeps another
 #: one waiting. The default is 5 ms.
@@ -59,46 +59,34 @@ class SampleExecutor(SingleThreadedExecutor):
     dozen services), makes a task, a coroutine and a wait set, and wakes itself twice, which costs
     several times as much as the message. Here the wait is for messages only, until the next timer
     is due, and the callbacks are called directly. Requests of services are looked for every
-    ``LOOK_NS``, events of the middleware (a subscriber with an incompatible quality of service)
+    ``POLL_NS``, events of the middleware (a subscriber with an incompatible quality of service)
     never.
 
     Relies on the ``WaitSet`` of ``rclpy_implementation``, which takes the numbers of
     subscriptions, guard conditions, timers, clients, services and events, and the context; on the
     ``handle`` of an entity, whose ``pointer`` identifies it in the list of ready ones; on
-    ``call_timer`` of a timer's handle; and on ``service_take_request`` of a service's handle,
-    which returns a request and its header, or None twice.
-
-    Parameters
-    ----------
-    context
-        That of its nodes; by default that of the process.
+    ``call_timer`` of a timer's handle; on ``Subscription._callback_type``, which tells whether the
+    callback also takes the middleware's information on a message; and on ``service_take_request``
+    of a service's handle, which returns a request and its header, or None twice.
     """
 
     def __init__(self, context: rclpy.Context | None = None) -> None:
         super().__init__(context=context)
         sys.setswitchinterval(SWITCH_S)
-        self._changed = True
-        self._due_ns = self._look_ns = 0
+        self._is_outdated = True
+        self._due_ns = self._poll_ns = 0
 
     def wake(self) -> None:
         """Gather the entities again, because a node has created or destroyed one."""
-        self._changed = True
+        self._is_outdated = True
         super().wake()
 
     def spin_once(self, timeout_sec: float = math.inf) -> None:
-        """Wait for messages and timers, and call their callbacks.
+        """Wait for messages and timers, at most for some time, and call their callbacks.
 
-        Parameters
-        ----------
-        timeout_sec
-            Longest time to wait; the method may return earlier without calling a callback.
-
-        Raises
-        ------
-        ExternalShutdownException
-            When the context was shut down.
+        Raises an ExternalShutdownException when the context was shut down.
         """
-        if self._changed:
+        if self._is_outdated:
             self._gather()
         wait_ns = min(max(0, self._due_ns - time.monotonic_ns()), timeout_sec * 1e9)
         if self._handles:
@@ -107,26 +95,32 @@ class SampleExecutor(SingleThreadedExecutor):
                 self._wait_set.add_subscription(handle)
             self._wait_set.wait(int(wait_ns))
             for pointer in self._wait_set.get_ready_entities('subscription'):
-                self._receivers[pointer]()
+                self._receive(self._subscriptions[pointer])
         else:  # rclpy refuses to wait for nothing.
             time.sleep(wait_ns * 1e-9)
         if time.monotonic_ns() >= self._due_ns:
             self._do_others()
 
     def _gather(self) -> None:
-        """Collect all entities to wait for; what is due is found out after the next wait."""
+        """Collect all entities to wait for; which are due is found out after the next wait."""
         if not self.context.ok():
             raise ExternalShutdownException
-        self._changed = False  # Set first: a change during the gathering has to be seen, too.
+        self._is_outdated = False  # Set first: a change during the gathering has to be seen, too.
         self._due_ns = 0
         nodes = self.get_nodes()
         subscriptions = [each for node in nodes for each in node.subscriptions]
         self._handles = [each.handle for each in subscriptions]
-        self._receivers = {each.handle.pointer: receiver(each, AT_MOST) for each in subscriptions}
+        self._subscriptions = {each.handle.pointer: each for each in subscriptions}
         self._timers = [timer for node in nodes for timer in node.timers]
         self._services = [service for node in nodes for service in node.services]
         n, context = len(subscriptions), self.context.handle
         self._wait_set = rclpy_implementation.WaitSet(n, 0, 0, 0, 0, 0, context)
+
+    def _receive(self, subscription: Subscription) -> None:
+        """Pass the messages of a subscription to its callback."""
+        with_info = subscription._callback_type is subscription.CallbackType.WithMessageInfo
+        for taken in take_messages(subscription, MOST_MESSAGES):
+            subscription.callback(*taken if with_info else taken[:1])
 
     def _do_others(self) -> None:
         """Call timers and services that are due; find out when the next ones are."""
@@ -136,19 +130,19 @@ class SampleExecutor(SingleThreadedExecutor):
             if timer.is_ready():
                 timer.handle.call_timer()
                 timer.callback()
-                if self._changed:  # The others may be gone.
+                if self._is_outdated:  # The others may be gone.
                     return
-        if time.monotonic_ns() >= self._look_ns:
+        if time.monotonic_ns() >= self._poll_ns:
             for service in self._services:
                 request, header = service.handle.service_take_request(service.srv_type.Request)
                 if header is not None:
                     response = service.callback(request, service.srv_type.Response())
                     service.send_response(response, header)
                     return  # Another request may wait, and the entities may have changed.
-            self._look_ns = time.monotonic_ns() + LOOK_NS
+            self._poll_ns = time.monotonic_ns() + POLL_NS
         now_ns = time.monotonic_ns()
         untils_ns = [timer.time_until_next_call() for timer in self._timers]
-        self._due_ns = min([self._look_ns, *(now_ns + ns for ns in untils_ns if ns is not None)])
+        self._due_ns = min([self._poll_ns, *(now_ns + ns for ns in untils_ns if ns is not None)])
 
 
 def given_parameters(node: Node) -> list[Parameter]:
@@ -161,7 +155,7 @@ def given_parameters(node: Node) -> list[Parameter]:
 
 
 def answer_with(node: Node, service_type: type, callback: Callable[..., Any]) -> None:
-    """Have a function answer requests that rclpy answers for each node, as those for parameters.
+    """Let a function answer requests that rclpy answers for each node, such as for parameters.
 
     Relies on the ``callback`` of services, which may be replaced.
     """
@@ -195,10 +189,10 @@ def survive_requests(node: Node) -> None:
 
 
 def destroy_state_machine(node: LifecycleNode) -> None:
-    """Destroy the state machine of a node that is destroyed, which does not do so.
+    """Destroy the state machine of a node, which a managed node that is destroyed leaves.
 
-    Until then it keeps the node in the middleware: others would see the node for some twenty
-    seconds after its process has ended, as if that had been killed.
+    Until then the state machine keeps the node in the middleware: other processes would see the
+    node for some twenty seconds after the end of its process, as if that had been killed.
 
     Relies on ``LifecycleNodeMixin._state_machine``, whose ``destroy_when_not_in_use`` ends its
     use of the node.
@@ -206,69 +200,45 @@ def destroy_state_machine(node: LifecycleNode) -> None:
     node._state_machine.destroy_when_not_in_use()
 
 
-def receiver(subscription: Subscription, at_most: int) -> Callable[[], None]:
-    """Return a function that passes the messages of a subscription to its callback.
+def take_messages(subscription: Subscription, at_most: int) -> Iterator[tuple[Any, Any]]:
+    """Yield the messages that a subscription has received, each with information on it.
 
-    Relies on ``Subscription._callback_type``, which tells whether the callback also takes the
-    middleware's information on the message, and on ``take_message`` of the handle, which returns a
-    message and this information, or None.
+    Relies on ``take_message`` of the handle, which returns both, or None.
     """
-    with_info = subscription._callback_type is subscription.CallbackType.WithMessageInfo
-    take, message_type = subscription.handle.take_message, subscription.msg_type
-    raw, callback = subscription.raw, subscription.callback
-
-    def receive() -> None:
-        for _ in range(at_most):
-            taken = take(message_type, raw)
-            if taken is None:
-                return
-            callback(*taken if with_info else taken[:1])
-
-    return receive
+    for _ in range(at_most):
+        taken = subscription.handle.take_message(subscription.msg_type, subscription.raw)
+        if taken is None:
+            return
+        yield taken
 
 
-def send_request(client: Client, request: Any) -> int:
-    """Send a request to a service without waiting; return the number of the request.
-
-    Relies on ``send_request`` of the handle.
-    """
-    with client.handle:
-        return int(client.handle.send_request(request))
-
-
-def take_answer(client: Client) -> tuple[int, Any] | None:
-    """Return the number of an answered request and its answer; None if there is none.
+def take_answers(clients: Iterable[Client]) -> None:
+    """Complete the futures of requests that have been answered.
 
     With rclpy, an executor has to gather all entities of the node for that. Relies on
     ``take_response`` of the handle, which returns the header, with the ``request_id``, and the
-    answer, or None twice.
+    answer, or None twice; and on ``get_pending_request`` of the client, which returns the future.
     """
-    with client.handle:
-        header, answer = client.handle.take_response(client.srv_type.Response)
-    return None if header is None else (header.request_id.sequence_number, answer)
+    for client in clients:
+        with client.handle:
+            header, answer = client.handle.take_response(client.srv_type.Response)
+        if header is not None:
+            client.get_pending_request(header.request_id.sequence_number).set_result(answer)
 
 
-def leave(takedowns: Sequence[Callable[[], object]], code: int) -> NoReturn:
-    """Shut everything down, the context last, and end the process.
+def shut_down_and_exit(take_down: Callable[[], object], code: int) -> NoReturn:
+    """Take executor and nodes down, then the context, and end the process with an exit code.
 
     The middleware sometimes hangs during its shutdown, which must not keep the process alive. A
     timer ends the process; the alarm does so if the hang keeps Python's threads from running. The
     normal end of the interpreter takes up to a second, may hang in a library, and does nothing
     that the shutdown has not done already.
-
-    Parameters
-    ----------
-    takedowns
-        Functions that shut down the executor and the nodes, in this order.
-    code
-        The exit code, also where the shutdown takes too long.
     """
     threading.Timer(SHUTDOWN_S, os._exit, (code,)).start()
     # Later than the timer, even if a busy machine wakes its thread a second late; sooner than
     # launch, which sends SIGTERM after 5 s.
     signal.setitimer(signal.ITIMER_REAL, 2 * SHUTDOWN_S)
-    for takedown in takedowns:
-        takedown()
+    take_down()
     rclpy.try_shutdown()
     sys.stdout.flush()
     os._exit(code)

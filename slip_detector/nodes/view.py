@@ -16,13 +16,13 @@
 """``slip_view``: a live page of all fingers, for any browser."""
 
 import argparse
-import os
+import contextlib
 import sys
 from pathlib import Path
 
 from slip_detector.commands.command_line import Parser, whole_number
-from slip_detector.nodes.ending import ASKED, init_ros
-from slip_detector.nodes.run import PLAYED, Takedowns, run
+from slip_detector.nodes.ending import END_SIGNAL, init_ros
+from slip_detector.nodes.run import run
 
 
 def main() -> None:
@@ -34,17 +34,14 @@ def main() -> None:
     run('slip_view', _work)
 
 
-def _work(takedowns: Takedowns) -> None:
+def _work(takedown: contextlib.ExitStack) -> None:
     import asyncio
 
     from rclpy.utilities import remove_ros_args
 
     arguments = _parser().parse_args(remove_ros_args(sys.argv)[1:])
     _check(arguments)
-    if arguments.scene or arguments.bag:
-        # All processes are on this machine.
-        os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
-    asyncio.run(_serve(arguments, takedowns))
+    asyncio.run(_serve(arguments, takedown))
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -90,12 +87,13 @@ def _check(arguments: argparse.Namespace) -> None:
         raise ValueError(f'{played} is played with one detector a finger, allowed: one --config')
 
 
-async def _serve(arguments: argparse.Namespace, takedowns: Takedowns) -> None:
+async def _serve(arguments: argparse.Namespace, takedown: contextlib.ExitStack) -> None:
     """Serve the page until a signal arrives, or a node that plays the scene fails."""
     import secrets
 
     from rclpy.node import Node
 
+    from slip_detector.nodes.launching import REPLAY
     from slip_detector.nodes.markers import publish_markers
     from slip_detector.nodes.played_bag import publish_bag
     from slip_detector.nodes.processes import NodeProcesses
@@ -105,15 +103,16 @@ async def _serve(arguments: argparse.Namespace, takedowns: Takedowns) -> None:
     from slip_detector.view.server import Server
     from slip_detector.view.teaching import Teaching
 
-    init_ros()
+    plays = bool(arguments.scene or arguments.bag)
+    init_ros(local=plays)
     token = arguments.token or ('' if is_loopback(arguments.host) else secrets.token_urlsafe(16))
     # As the node is not spun, services of its own would leave requests unanswered.
     node = Node('slip_view', start_parameter_services=False)
-    takedowns.append(node.destroy_node)
+    takedown.callback(node.destroy_node)
     detectors = RosDetectors(node)
     server = Server(detectors, Access(arguments.host, token, arguments.read_only))
-    otherwise = PLAYED if arguments.bag else {}
-    ParameterRequests(server, arguments.folder, arguments.configs, otherwise)
+    played_parameters = REPLAY if arguments.bag else {}
+    ParameterRequests(server, arguments.folder, arguments.configs, played_parameters)
     Teaching(server, arguments.folder)
     publish_markers(node, server)
     try:
@@ -123,11 +122,12 @@ async def _serve(arguments: argparse.Namespace, takedowns: Takedowns) -> None:
         why = f'{where} cannot be used ({getattr(error, "strerror", error)})'
         allowed = 'an address of this machine and a port that is free'
         raise ValueError(f'{why}, allowed: {allowed}') from None
-    with NodeProcesses('bag' if arguments.bag else 'scene', lambda: None) as nodes:
-        if arguments.scene or arguments.bag:
+    namespace = 'bag' if arguments.bag else 'scene'
+    with NodeProcesses(namespace) as nodes, contextlib.closing(detectors):
+        if plays:
             (config,) = arguments.configs
             fingers = ('--fingers', arguments.fingers)
-            nodes.start('slip_detector', config, *fingers, **otherwise)
+            nodes.start('slip_detector', config, *fingers, **played_parameters)
             server.each_tick.append(nodes.check)
         if arguments.bag:
             publish_bag(node, server, arguments.bag, config, f'/bag/{arguments.fingers}')
@@ -135,14 +135,10 @@ async def _serve(arguments: argparse.Namespace, takedowns: Takedowns) -> None:
             # A detector that is still starting must not miss samples.
             scene = {'source': 'scene', 'loop': 'true', 'wait_for_subscribers': '1'}
             nodes.start('slip_driver', config, *fingers, scene=arguments.scene, **scene)
-        # What the nodes say comes below: they take a second or more to start.
-        print(
-            f'slip_view: {page_address(arguments.host, port, token)}\nCtrl-C ends it', flush=True
-        )
-        try:
-            await server.run(ASKED)
-        finally:
-            detectors.close()
+        # The messages of the nodes come later: a node takes a second or more to start.
+        address = page_address(arguments.host, port, token)
+        print(f'slip_view: {address}\nCtrl-C ends it', flush=True)
+        await server.run(END_SIGNAL)
 
 
 if __name__ == '__main__':

@@ -14,22 +14,23 @@
 
 """What launch files call of the package; needs no launch."""
 
+import time
 from types import SimpleNamespace
 
 import pytest
 
-from slip_detector.nodes.run import PLAYED, ends_launch, source_settings
+from slip_detector.nodes.launching import REPLAY, STARTS_S, end_launch_on_refusal, source_settings
 
 
 @pytest.mark.parametrize(
     ('source', 'recording', 'in_file', 'expected'),
     [
-        ('', 'a.bag', {}, ({'source': 'recording'}, PLAYED, True)),
-        ('', 'a.bag', {'source': 'udp'}, ({'source': 'recording'}, PLAYED, True)),
+        ('', 'a.bag', {}, ({'source': 'recording'}, REPLAY, True)),
+        ('', 'a.bag', {'source': 'udp'}, ({'source': 'recording'}, REPLAY, True)),
         # Named in the file alone.
-        ('', '', {'source': 'recording'}, ({}, PLAYED, True)),
+        ('', '', {'source': 'recording'}, ({}, REPLAY, True)),
         # Said, though it is the default; with more the detector hears batches, as its file says.
-        ('recording', '', {'samples_per_message': 1}, ({'source': 'recording'}, PLAYED, True)),
+        ('recording', '', {'samples_per_message': 1}, ({'source': 'recording'}, REPLAY, True)),
         ('recording', '', {'samples_per_message': 2}, ({'source': 'recording'}, {}, True)),
         # What is given holds over the file.
         ('scene', '', {'source': 'recording'}, ({'source': 'scene', 'loop': True}, {}, False)),
@@ -43,8 +44,9 @@ def test_a_detector_hears_what_is_played_and_only_a_simulation_is_repeated(
     assert source_settings(source, recording, in_file) == expected
 
 
-def test_a_node_that_refuses_to_start_ends_the_launch_unless_it_is_ending():
-    on_exit, event = ends_launch(), SimpleNamespace(returncode=255, process_name='slip_driver-1')
-    on_exit(event, SimpleNamespace(is_shutdown=True))
+def test_a_node_that_refuses_to_start_ends_the_launch_unless_that_is_ending_or_long_begun():
+    now_s, event = time.monotonic(), SimpleNamespace(returncode=255, process_name='slip_driver-1')
+    end_launch_on_refusal(now_s, event, SimpleNamespace(is_shutdown=True))
+    end_launch_on_refusal(now_s - STARTS_S, event, SimpleNamespace(is_shutdown=False))
     with pytest.raises(RuntimeError, match='slip_driver-1 ended with exit code 255'):
-        on_exit(event, SimpleNamespace(is_shutdown=False))
+        end_launch_on_refusal(now_s, event, SimpleNamespace(is_shutdown=False))

@@ -17,7 +17,6 @@
 import json
 import os
 import signal
-import time
 
 import numpy as np
 import pytest
@@ -77,10 +76,21 @@ def test_the_recording_is_the_trial_with_its_labels(finished):
 
 FILE = ROOT / 'config' / 'slip_detector.yaml'
 
+#: Starts a node and is killed when setpriv has become the node. While it does, it has no words.
+KILLED = """
+import os, pathlib, time
+from slip_detector.nodes.processes import NodeProcesses
+process = NodeProcesses('killed').start('slip_detector', '{file}')
+words = pathlib.Path(f'/proc/{{process.pid}}/cmdline')
+while b'setpriv' in (words.read_bytes() or b'setpriv'):
+    time.sleep(0.01)
+os.kill(os.getpid(), 9)
+"""
+
 
 @pytest.fixture
 def nodes():
-    with NodeProcesses('demonstration', receive=lambda: time.sleep(0.02)) as nodes:
+    with NodeProcesses('demonstration') as nodes:
         yield nodes
 
 
@@ -97,20 +107,8 @@ def test_the_end_of_a_node_is_waited_for_and_leaving_ends_the_others(nodes, tmp_
 
 
 def test_nodes_end_with_the_process_that_started_them_even_if_it_is_killed():
-    # Before it is killed, setpriv has to have become the node.
-    code = (
-        'import os, pathlib, time; from slip_detector.nodes.processes import NodeProcesses\n'
-        "nodes = NodeProcesses('killed', lambda: None)\n"
-        f"pid = nodes.start('slip_detector', '{FILE}').pid\n"
-        "words = pathlib.Path(f'/proc/{pid}/cmdline')\n"
-        f'end_s = time.monotonic() + {DEADLINE_S}\n'
-        # While it becomes another program it has no words.
-        "is_setpriv = lambda: b'setpriv' in (words.read_bytes() or b'setpriv')\n"
-        'while is_setpriv() and time.monotonic() < end_s: time.sleep(0.01)\n'
-        f'os.kill(os.getpid(), {signal.SIGKILL:d})'
-    )
     # It does not return before the last process that has the pipe has ended.
-    done = run_python('-c', code, timeout=DEADLINE_S)
+    done = run_python('-c', KILLED.format(file=FILE), timeout=DEADLINE_S)
     assert done.returncode == -signal.SIGKILL
 
 
@@ -120,13 +118,12 @@ def test_a_node_that_fails_is_named(nodes):
         nodes.wait_for_end(process)
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_a_demonstration_and_its_nodes_quietly(bench, tmp_path, number):
-    words = '--out', tmp_path, '--verbose'
-    process = bench.start_python('-m', 'slip_detector.nodes.demo', *words)
+def test_signals_end_a_demonstration_and_its_nodes_quietly(bench, tmp_path):
+    words = '-m', 'slip_detector.nodes.demo', '--out', tmp_path, '--verbose'
+    process = bench.start_python(*words)
     bench.wait_for(lambda: 'channels at' in process.log(), 'a node')
-    for each in (number, signal.SIGTERM):
-        process.signal(each)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        process.signal(number)
     assert process.wait() == 0
     assert process.lines()[-1] == 'slip_demo: interrupted before it was done'
     assert 'Traceback' not in process.log()

@@ -25,7 +25,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Float32MultiArray
 
-from slip_detector.nodes.driver import GOOD
+from slip_detector.nodes.driver import NO_FAULTS
 from slip_detector.nodes.health import ERROR, OK, WARN
 from slip_detector.nodes.messages import stamp_ns, state_qos
 from slip_detector.sources.packets import PacketDecoder
@@ -71,7 +71,7 @@ def test_a_spoilt_stream_gives_the_sound_samples_and_counts_the_rest(bench, list
         pieces = [*map(on_the_line, pieces)]
     decode = decoder.feed if source == 'serial' else decoder.decode
     received = [samples for piece in pieces for samples in decode(piece)]
-    wanted = [f'{kind} {n}' for kind, n in decoder.counts.items() if n and kind not in GOOD]
+    wanted = [f'{kind} {n}' for kind, n in decoder.counts.items() if n and kind not in NO_FAULTS]
     assert len(wanted) > 2
 
     def counted():
@@ -155,8 +155,7 @@ def test_diagnostics_tell_of_a_sensor_that_sends_spoilt_packets_stops_and_is_gon
     assert values['samples'] == values['packets'] > 0
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize('there', [True, False])
+@pytest.mark.parametrize(('number', 'there'), [(signal.SIGINT, True), (signal.SIGTERM, False)])
 def test_signals_end_a_driver_that_listens_cleanly(bench, port, number, there):
     path = port.path if there else f'{port.path}_not_there'
     process = bench.start('slip_driver', parameters={'source': 'serial', 'serial_port': path})

@@ -20,13 +20,13 @@ from support.python_runs import run_python
 
 SIGNALLED = """
 import signal, time
-from slip_detector.nodes.ending import ASKED, end_on_signals, init_ros
+from slip_detector.nodes.ending import END_SIGNAL, end_on_signals, init_ros
 
 end_on_signals()
 {begin}
 for number in (signal.SIGINT, signal.SIGTERM, signal.SIGINT):
     signal.raise_signal(number)
-ASKED.wait()
+END_SIGNAL.wait()
 print('is to end', flush=True)
 time.sleep(3600)
 """

@@ -15,9 +15,10 @@
 """Faults of docs/faults.md, caused for real, and what a user sees.
 
 In none of them may ``slip_valid`` be true, with ``slip`` ON or OFF, for longer than
-``input_timeout_s`` after the last sample that counted. Where it is lost in other ways, where
-parameters change and where the detector is held up: ``test_detector_silence.py``. Faults of a
-sensor are in ``test_driver_live.py``, of messages in ``test_detector.py``, of two senders in
+``input_timeout_s`` after the last sample that counted. Where it is lost in other ways, where its
+clock is set, where parameters change and where the detector is held up:
+``test_detector_silence.py``. Dead channels are in ``test_health.py``, faults of a
+sensor in ``test_driver_live.py``, of messages in ``test_detector.py``, of two senders in
 ``test_senders.py``, of the grasp controller in ``test_grasp_controller.py``, of parameters in
 ``test_detector_parameters.py``, of files in ``test/parameters`` and ``test/recordings``, of the
 launch files in ``test/launch``, of the live page in ``test/view``.
@@ -27,10 +28,10 @@ import signal
 import time
 
 import pytest
+from nodes.slipping_sensor import PERIOD_S, Sensor
 from std_msgs.msg import Bool
 
 from slip_detector.nodes.messages import state_qos
-from support.slipping_sensor import PERIOD_S, Sensor
 
 
 @pytest.mark.parametrize('parameters', [{}, {'use_sim_time': 'true'}])
@@ -41,30 +42,6 @@ def test_sensor_silent(bench, parameters):
     sensor.fell_in_time()
     bench.wait_for(lambda: sensor.told('input', 'no samples for'), 'the diagnostics')
     sensor.goes_on()
-
-
-def test_one_channel_dead(bench):
-    sensor = Sensor(bench)
-
-    def dead(k, row):
-        row[13] = 4.0  # of group TP, where all must agree
-        return row
-
-    sensor.play(lambda: sensor.told('channels', 'flat: ch14'), 'the diagnostics', change=dead)
-    # The other three of its group and the other groups go on.
-    sensor.play(sensor.says_slip, 'slip', change=dead)
-
-
-@pytest.mark.parametrize('leap_s', [-3600.0, 3600.0])
-def test_the_clock_of_the_samples_is_set(bench, leap_s):
-    sensor = Sensor(bench)
-    sensor.slips()
-    sensor.clock_s += leap_s
-    known = len(sensor.slip)
-    sensor.slips()
-    sensor.play(lambda: sensor.told('input', 'restarted 1 times'), 'the diagnostics')
-    sensor.goes_on()
-    assert len(sensor.slip) > known
 
 
 def test_detector_killed_and_started_again(bench):

@@ -23,14 +23,13 @@ import numpy as np
 import pytest
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool, Float32MultiArray
+from std_msgs.msg import Bool
 
 from slip_detector.nodes import finger_topics
 from slip_detector.nodes.finger_topics import FingerTopics
 from slip_detector.nodes.messages import sensor_qos, state_qos, time_message
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.view.detectors import Finger
-from support.harness import batch_of
 
 TWO = DetectorConfig(channels=2, groups={'pair': (1, 2)}, passband_hz=(7, 50), stopbands_hz=[])
 AT_NS = 10**18
@@ -39,21 +38,19 @@ AT_NS = 10**18
 class Sensor:
     """Publishes what a detector and its sensor do, and follows it as a page does."""
 
-    def __init__(self, bench, config=TWO):
+    def __init__(self, bench):
         self.bench = bench
         make = bench.node.create_publisher
-        batches = config.input_type != 'sensor_msgs/msg/JointState'
-        kind = Float32MultiArray if batches else JointState
-        self.voltages = make(kind, '/f/voltages', sensor_qos())
+        self.voltages = make(JointState, '/f/voltages', sensor_qos())
         self.truth = make(Bool, '/f/slip_truth', state_qos())
         self.envelope = make(JointState, '/f/slip_detector/envelope', sensor_qos())
         self.slip = make(Bool, '/f/slip', state_qos())
         self.valid = make(Bool, '/f/slip_valid', state_qos())
         self.group = make(Bool, '/f/slip/group/pair', state_qos())
-        self.finger = Finger('/f/slip_detector', config)
+        self.finger = Finger('/f/slip_detector', TWO)
         self.node = Node('page', context=bench.context)
         self.topics = FingerTopics(self.node, self.finger, '/f/voltages')
-        every = (self.voltages, self.truth, self.envelope, self.slip, self.valid)
+        every = (self.voltages, self.truth, self.envelope, self.slip, self.valid, self.group)
         self.bench.wait_for(lambda: all(p.get_subscription_count() for p in every), 'the page')
 
     def until(self, holds, what):
@@ -69,16 +66,13 @@ class Sensor:
         message.header.frame_id = 'tip'
         return message
 
-    def close(self):
-        self.topics.close()
-        self.node.destroy_node()
-
 
 @pytest.fixture
 def sensor(bench):
     sensor = Sensor(bench)
     yield sensor
-    sensor.close()
+    sensor.topics.close()
+    sensor.node.destroy_node()
 
 
 def test_samples_levels_and_states_reach_the_finger(sensor):
@@ -109,7 +103,7 @@ def test_samples_levels_and_states_reach_the_finger(sensor):
 
 
 def test_a_type_that_is_not_installed_is_reported_and_the_decisions_are_shown(sensor, monkeypatch):
-    monkeypatch.setattr(finger_topics, 'NOTED_S', 0.1)
+    monkeypatch.setattr(finger_topics, 'FIT_PERIOD_S', 0.1)
     sensor.finger.update_config(DetectorConfig(channels=2, input_type='of_others/msg/Skin'))
     sensor.topics.poll()
     wanted = 'no volts are shown: of_others/msg/Skin is not installed here'
@@ -134,22 +128,3 @@ def test_a_type_that_is_not_installed_is_reported_and_the_decisions_are_shown(se
     assert finger.offer == 'Take 3 channels at 200 Hz, one group'
     wrong = 'samples come, but they have 3 channels, the detector 2'
     assert finger.unfit == (pytest.approx(time.monotonic(), abs=5.0), wrong)
-
-
-def test_a_batch_has_its_rows_a_period_apart(bench):
-    config = DetectorConfig(
-        channels=2, input_type='std_msgs/msg/Float32MultiArray', input_field='data'
-    )
-    sensor = Sensor(bench, config)
-
-    rows = np.arange(1.0, 7.0).reshape(3, 2)
-    for _ in range(3):
-        # Nothing was sampled between two messages.
-        sensor.voltages.publish(batch_of(rows[:0]))
-    sensor.voltages.publish(batch_of(rows))
-    samples = sensor.finger.track.samples
-    sensor.until(lambda: len(samples), 'the batch')
-    assert samples.field('volts').tolist() == rows.tolist()
-    periods_ns = np.diff(samples.stamps_ns())
-    assert np.abs(periods_ns - 1e9 / config.sample_rate_hz).max() <= 1
-    sensor.close()

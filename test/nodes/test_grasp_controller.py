@@ -46,13 +46,9 @@ class Controlled(Beating):
         super().__init__(bench)
         self.forces = bench.listen(JointState, 'grip_force', state_qos(depth=1000))
         self.process = bench.start('grasp_controller', parameters={**QUICK, **parameters})
-        bench.wait_for(
-            lambda: (
-                all(says.get_subscription_count() for says in self.says.values())
-                and bench.node.count_publishers('grip_force')
-            ),
-            'the controller to connect',
-        )
+        bench.wait_for(lambda: bench.node.count_publishers('grip_force'), 'the controller')
+        for says in self.says.values():
+            bench.wait_for(says.get_subscription_count, 'the controller to connect')
 
     def force_n(self):
         return self.forces[-1].effort[0] if self.forces else None

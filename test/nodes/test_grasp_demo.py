@@ -55,7 +55,7 @@ def finished(tmp_path_factory):
     return out, done.stdout
 
 
-def test_the_objects_are_held_and_those_through_the_nodes_are_beside_the_simulated_ones(finished):
+def test_the_objects_are_held_and_figures_table_and_picture_tell_of_them(finished):
     result = json.loads((finished[0] / 'grasp.json').read_text())
     assert result['seeds'] == SEEDS
     parts = result['conditions']
@@ -69,9 +69,6 @@ def test_the_objects_are_held_and_those_through_the_nodes_are_beside_the_simulat
     assert GraspConfig().grip_n < part['command_percent'] / 100 * GraspConfig().limit_n * 1.01
     latency_ms = result['latency_ms']
     assert latency_ms is None or 0.0 < latency_ms['median'] <= latency_ms['most'] < 1e3 * ANSWER_S
-
-
-def test_the_table_has_each_condition_and_each_object_and_there_is_a_picture(finished):
     words = (*conditions(ChainConfig(), GraspConfig()), 'smallest grip', 'nodes')
     for word in words:
         assert word in finished[1]

@@ -20,17 +20,17 @@ import signal
 
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray
+from nodes.gripper import ACTION, CLOSED, DEFINITIONS, DEPENDS, Gripper
 from rclpy.action import ActionServer
 from rclpy.node import Node
 
 from slip_detector.nodes.health import ERROR, OK, WARN
 from slip_detector.nodes.messages import event_qos
-from support.gripper import ACTION, CLOSED, DEFINITIONS, DEPENDS, Gripper
 from support.harness import ROOT, Beating, ended_quietly
 from support.interfaces import build
 
 #: Its server as a process of its own.
-GRIPPER = ROOT / 'test' / 'support' / 'gripper.py'
+GRIPPER = ROOT / 'test' / 'nodes' / 'gripper.py'
 
 #: Raises from the grip to the limit, one at each command unless goals are limited.
 RAISES = 100

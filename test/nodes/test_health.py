@@ -14,6 +14,7 @@
 
 """What is said of the detector's input and load."""
 
+import dataclasses
 import math
 import time
 
@@ -24,28 +25,26 @@ from slip_detector.nodes.health import ERROR, OK, WARN, Health
 from slip_detector.parameters.detector import DetectorConfig
 
 CONFIG = DetectorConfig(valid_range_v=(0.0, 5.0))
-PERIOD_NS = 1e9 / 380
 
 
-def fed(health, rows, first=0, period_ns=PERIOD_NS, valid=None, spent_s=1e-4):
+def feed(health, rows, first=0, rate_hz=380.0, valid=None, age_s=0.001):
     """Note rows one by one, as the node does."""
     valid = np.isfinite(rows) & (rows >= 0) & (rows <= 5) if valid is None else valid
     for k, row in enumerate(rows):
-        stamp_ns = 10**18 + round((first + k) * period_ns)
-        health.note_rows(row[None], valid[k][None], stamp_ns, 0.001, spent_s)
-    return first + len(rows)
+        stamp_ns = 10**18 + round((first + k) * 1e9 / rate_hz)
+        health.note_rows(row[None], valid[k][None], stamp_ns, age_s, 1e-4)
 
 
 def good(n):
     return 2.0 + 0.01 * np.random.default_rng(0).standard_normal((n, 16))
 
 
-def summed(health, slip=False, valid=True):
-    """Sum up a second."""
+def sum_up(health, slip=False, valid=True):
+    """Sum up a second; return the statuses of input, channels and decisions, and their levels."""
     health._summed_s = time.monotonic() - 1.0
     statuses = health.summary(slip, valid)
     assert [status.name for status in statuses] == ['input', 'channels', 'decisions']
-    return statuses
+    return statuses, [status.level for status in statuses]
 
 
 def values(status):
@@ -54,121 +53,106 @@ def values(status):
 
 def test_all_is_well():
     health = Health(CONFIG)
-    first = fed(health, good(380))
-    summed(health)
-    fed(health, good(380), first)
-    statuses = summed(health, slip=True)
-    assert [status.level for status in statuses] == [OK] * 3
-    assert statuses[0].message == '380.0 samples a second'
+    for second in range(2):
+        feed(health, good(380), 380 * second)
+        statuses, levels = sum_up(health, slip=True)
+    assert levels == [OK] * 3
+    said = '380.0 samples a second', 'all 16 channels are valid', 'slip is ON'
+    assert tuple(status.message for status in statuses) == said
     assert values(statuses[0])['measured rate [Hz]'] == '380.00'
-    assert statuses[1].message == 'all 16 channels are valid'
     assert values(statuses[1])['valid now'] == '16 of 16'
-    assert statuses[2].message == 'slip is ON'
     assert values(statuses[2])['time per row [ms]'] == '0.100'
 
 
 @pytest.mark.parametrize(('before', 'after'), [(0.975, 0.975), (1.0, 0.975), (1.0, 1.1)])
 def test_a_rate_off_by_more_than_2_percent_is_an_error_within_5_seconds(before, after):
-    health, end_ns, statuses = Health(CONFIG), 0, []
+    health, end_s, statuses = Health(CONFIG), 0.0, []
     for second in range(8):
-        period_ns = PERIOD_NS / (before if second < 3 else after)
-        stamps_ns = end_ns + np.rint(np.arange(1, round(1e9 / period_ns) + 1) * period_ns)
-        end_ns = int(stamps_ns[-1])
-        for row, stamp_ns in zip(good(len(stamps_ns)), stamps_ns.tolist(), strict=True):
-            health.note_rows(row[None], np.ones((1, 16), bool), int(stamp_ns), 0.001, 1e-4)
-        statuses.append(summed(health)[0])
+        rate_hz = 380 * (before if second < 3 else after)
+        rows = good(round(rate_hz))
+        feed(health, rows, first=end_s * rate_hz, rate_hz=rate_hz)
+        end_s += len(rows) / rate_hz
+        statuses.append(sum_up(health)[0][0])
     assert [status.level for status in statuses[:3]] == [OK if before == 1.0 else ERROR] * 3
     assert statuses[-1].level == ERROR
     assert float(values(statuses[-1])['measured rate [Hz]']) == pytest.approx(380 * after, 1e-3)
 
 
-def test_who_publishes_beside_the_one_that_may_is_named():
+def test_other_publishers_and_warnings_of_the_chain_are_named():
     health = Health(CONFIG)
-    first = fed(health, good(380))
     health.senders = ['/index/slip_driver', '/slip_driver']
     health.detectors = ['/slip_detector', '/slip_detector']
-    statuses = summed(health, valid=False)
-    assert statuses[0].message == (
+    health.warnings = ['noise floor of ch1 at its upper limit: learn it']
+    feed(health, good(380))
+    (of_input, _, decisions), levels = sum_up(health, valid=False)
+    assert of_input.message == (
         'the input is published by /index/slip_driver, /slip_driver: only one of them may'
     )
-    assert 'slip is published by /slip_detector, /slip_detector:' in statuses[2].message
-    assert [status.level for status in statuses] == [ERROR, OK, ERROR]
+    assert 'slip is published by /slip_detector, /slip_detector:' in decisions.message
+    assert 'slip_valid is false' in decisions.message
+    assert levels == [ERROR, OK, ERROR]
     health.senders = health.detectors = []
-    fed(health, good(380), first)
-    assert [status.level for status in summed(health)] == [OK] * 3
+    feed(health, good(380), 380)
+    (_, _, decisions), levels = sum_up(health)
+    assert (levels, decisions.message) == ([OK, OK, WARN], health.warnings[0])
 
 
 @pytest.mark.parametrize(
     ('value', 'kind'),
-    [(math.nan, 'not a number'), (5.0, 'at the upper rail'), (-0.5, 'at the lower rail')],
+    [
+        (math.nan, 'not a number'),
+        (5.0, 'at the upper rail'),
+        (-0.5, 'at the lower rail'),
+        (2.0, 'flat'),
+    ],
 )
-def test_a_channel_that_gives_nothing_is_named(value, kind):
-    health = Health(CONFIG)
-    rows = good(380)
+def test_a_channel_that_gives_nothing_is_named_unless_it_is_disabled(value, kind):
+    rows, valid = good(380), np.ones((380, 16), bool)
     rows[100:, 4] = value
-    fed(health, rows)
-    status = summed(health)[1]
-    assert status.level == WARN
-    assert status.message.startswith(f'{kind}: ch5: ')
-    assert values(status)[kind] == 'ch5'
-    assert values(status)['valid now'] == ('16 of 16' if value == 5.0 else '15 of 16')
-
-
-def test_disabled_channels_are_not_complained_of():
-    health = Health(DetectorConfig(disabled_channels=(3,)))
-    rows = good(100)
-    rows[:, 2] = np.nan
-    valid = np.ones(rows.shape, bool)
-    valid[:, 2] = False
-    fed(health, rows, valid=valid)
-    status = summed(health)[1]
-    assert status.level == OK
-    assert values(status)['valid now'] == '15 of 15'
-    assert values(status)['disabled'] == 'ch3'
+    valid[100:, 4] = value == 5.0
+    for disabled in (False, True):
+        health = Health(dataclasses.replace(CONFIG, disabled_channels=(5,) * disabled))
+        feed(health, rows, valid=valid)
+        (_, status, _), _ = sum_up(health)
+        assert status.level == (OK if disabled else WARN)
+        assert values(status)[kind] == ('-' if disabled else 'ch5')
+        assert disabled or status.message.startswith(f'{kind}: ch5: ')
+        n_valid = 16 if value == 5.0 else 15
+        assert values(status)['valid now'] == f'{n_valid} of {15 if disabled else 16}'
+        assert values(status)['disabled'] == ('ch5' if disabled else '-')
 
 
 def test_what_was_lost_is_complained_of_once_and_counted_on():
     health = Health(CONFIG)
-    first = fed(health, good(100))
+    feed(health, good(100))
     health.totals['lost and bridged'] += 7
     health.totals['dropped, wrong number of channels'] += 1
-    status = summed(health)[0]
+    (status, *_), _ = sum_up(health)
     assert status.level == ERROR
     worst, other = status.message.split('; ')
     assert worst == '1 samples dropped: not as many channels as configured'
     assert other.startswith('7 samples lost and bridged')
-    fed(health, good(100), first)
-    status = summed(health)[0]
-    assert status.level == OK
-    assert values(status)['lost and bridged'] == '7'
+    feed(health, good(100), 100)
+    (status, *_), _ = sum_up(health)
+    assert (status.level, values(status)['lost and bridged']) == (OK, '7')
 
 
 def test_that_nothing_has_been_heard_is_no_error_at_first():
     health = Health(CONFIG)
-    assert [status.level for status in summed(health, valid=False)] == [WARN] * 3
+    assert sum_up(health, valid=False)[1] == [WARN] * 3
     health._begun_s -= 3.0
-    assert [status.level for status in summed(health, valid=False)] == [ERROR] * 3
+    assert sum_up(health, valid=False)[1] == [ERROR] * 3
     # Of samples that are dropped it is not said that none come.
     health.totals['dropped, wrong names'] += 2
     words = '2 samples dropped: other channel names than before or configured'
-    assert summed(health, valid=False)[0].message == words
-
-
-def test_decisions_that_mean_nothing_are_warned_of():
-    health = Health(CONFIG)
-    fed(health, good(380))
-    health.warnings = ['noise floor of ch1 at its upper limit: learn it']
-    statuses = summed(health)
-    assert [status.level for status in statuses] == [OK, OK, WARN]
-    assert statuses[2].message == health.warnings[0]
+    assert sum_up(health, valid=False)[0][0].message == words
 
 
 def test_what_is_odd_about_the_stamps_is_said():
     health = Health(CONFIG)
     health.stamps = 'coarse'
-    for k, row in enumerate(good(100)):
-        health.note_rows(row[None], np.ones((1, 16), bool), round(k * PERIOD_NS), 10.0, 1e-4)
-    status = summed(health)[0]
+    feed(health, good(100), age_s=10.0)
+    (status, *_), _ = sum_up(health)
     assert 'stamps are coarse: rows are counted' in status.message
     assert 'stamps are 10.0 s behind the clock' in status.message
     assert (status.level, values(status)['stamps']) == (WARN, 'coarse')
@@ -180,4 +164,4 @@ def test_a_slow_sensor_is_not_taken_for_one_that_loses_samples():
         rows = np.repeat(row[None], 2 if k % 8 == 7 else 1, axis=0)
         health.totals['lost and bridged'] += len(rows) - 1
         health.note_rows(rows, np.ones(rows.shape, bool), round(k * 1e9 / 300), 0.001, 1e-4)
-    assert values(summed(health)[0])['measured rate [Hz]'] == '300.00'
+    assert values(sum_up(health)[0][0])['measured rate [Hz]'] == '300.00'

@@ -50,6 +50,7 @@ def test_a_batch_without_a_header_has_a_row_for_each_sample_and_the_time_of_publ
     np.testing.assert_array_equal(samples.volts, rows)
     assert samples.stamps_ns.tolist() == [5 - 2_000_000, 5 - 1_000_000, 5]
     assert number == PUBLISHED['publication_sequence_number']
+    assert len(read(batch_of(rows[:0]), **kind)[1][0].volts) == 0
 
 
 @pytest.mark.parametrize(

@@ -23,8 +23,9 @@ import pytest
 from std_msgs.msg import Bool
 
 from slip_detector.compiled import COMPILED
+from slip_detector.nodes.launching import transport_environment
 from slip_detector.nodes.messages import state_qos
-from slip_detector.nodes.run import NODE_CLASSES, _arguments_of_each, transport_environment
+from slip_detector.nodes.run import NODE_CLASSES, _arguments_of_each
 from support.harness import ROOT, compile_nodes
 from support.python_runs import run_python
 
@@ -128,58 +129,46 @@ def test_a_signal_ends_a_node_before_it_has_compiled_all(bench, monkeypatch, tmp
 
 def arguments_of_each(monkeypatch, *words):
     monkeypatch.setattr(sys, 'argv', ['slip_detector', *words])
-    return _arguments_of_each('slip_detector')
+    return [' '.join(arguments) for arguments in _arguments_of_each('slip_detector')]
 
 
-@pytest.mark.parametrize(
-    ('of_ros', 'wanted'),
-    [
-        ([], '/thumb'),
-        (['--ros-args', '-r', '__ns:=/left'], '/left/thumb'),
-        (['--ros-args', '-r', '__ns:=/'], '/thumb'),
-        (['--ros-args', '-r', '__ns:=/a', '-r', '__ns:=/b/c/'], '/b/c/thumb'),
-    ],
-)
-def test_a_finger_is_a_namespace_in_that_of_the_process(monkeypatch, of_ros, wanted):
-    found = arguments_of_each(monkeypatch, '--fingers', 'thumb', *of_ros)
-    assert found == [['--ros-args', '-r', f'__ns:={wanted}']]
+#: The parameter files of a detector each: one of the package by its name, and one by its path.
+CONFIGS = '--configs', f'onset.yaml, {GRASP}'
+ONSET = str(ROOT / 'config' / 'onset.yaml')
 
 
-def test_what_follows_a_parameter_file_is_given_to_each_node_again(monkeypatch):
-    words = '--ros-args', '-p', 'a:=1', '--params-file', GRASP
-    assert arguments_of_each(monkeypatch, *words) == [['--ros-args']]
-    later = ['-p', 'gain:=2.0', '--params-file', GRASP, '--param', 'vote:=2']
-    found = arguments_of_each(monkeypatch, *words, *later, '-r', 'slip:=/slip')
-    assert found == [['--ros-args', *later]]
-
-
-@pytest.mark.parametrize(
-    ('words', 'above'),
-    [
-        ([], ['']),
-        (['--ros-args', '-r', '__ns:=/left'], ['/left']),
-        (['--fingers', 'a,b', '--ros-args', '-r', '__ns:=/left'], ['/left/a', '/left/b']),
-    ],
-)
-def test_each_parameter_file_is_a_namespace_and_all_of_a_finger_have_the_same_input(
-    monkeypatch, tmp_path, words, above
-):
-    monkeypatch.chdir(tmp_path)
-    for name in ('mine.yaml', 'sure.yaml'):
-        (tmp_path / name).write_text('/**: {ros__parameters: {gain: 1.0}}')
-    # The first comes with the package.
-    given = '--configs', f'onset.yaml, mine.yaml, {tmp_path}/sure.yaml'
-    of_package = str(ROOT / 'config' / 'onset.yaml')
-    paths = {'onset': of_package, 'mine': 'mine.yaml', 'sure': f'{tmp_path}/sure.yaml'}
-    parameter = ['-p', 'gain:=2.0']
-    assert arguments_of_each(monkeypatch, *given, *words, '--ros-args', *parameter) == [
-        [
-            *('--ros-args', '-r', f'__ns:={namespace}/{name}'),
-            *('-r', f'voltages:={namespace}/voltages', '--params-file', path, *parameter),
-        ]
-        for namespace in above
-        for name, path in paths.items()
+def of_configs(above):
+    """Return the arguments of the detectors of a finger, which have the same input."""
+    return [
+        f'-r __ns:={above}/{name} -r voltages:={above}/voltages --params-file {path} -p gain:=2.0'
+        for name, path in (('onset', ONSET), ('grasp', GRASP))
     ]
+
+
+@pytest.mark.parametrize(
+    ('options', 'of_ros', 'wanted'),
+    [
+        # A finger is a namespace in that of the process.
+        (['--fingers', 'thumb'], '', ['-r __ns:=/thumb']),
+        (['--fingers', 'thumb'], '-r __ns:=/left', ['-r __ns:=/left/thumb']),
+        (['--fingers', 'thumb'], '-r __ns:=/', ['-r __ns:=/thumb']),
+        (['--fingers', 'thumb'], '-r __ns:=/a -r __ns:=/b/c/', ['-r __ns:=/b/c/thumb']),
+        # What follows a parameter file is given to each node again.
+        ([], f'-p a:=1 --params-file {GRASP}', ['']),
+        ([], f'--params-file {GRASP} --param vote:=2 -r slip:=/slip', ['--param vote:=2']),
+        # Each parameter file is a namespace.
+        (CONFIGS, '-p gain:=2.0', of_configs('')),
+        (CONFIGS, '-r __ns:=/left -p gain:=2.0', of_configs('/left')),
+        (
+            [*CONFIGS, '--fingers', 'a,b'],
+            '-r __ns:=/left -p gain:=2.0',
+            [*of_configs('/left/a'), *of_configs('/left/b')],
+        ),
+    ],
+)
+def test_each_node_of_a_process_has_arguments_of_its_own(monkeypatch, options, of_ros, wanted):
+    found = arguments_of_each(monkeypatch, *options, '--ros-args', *of_ros.split())
+    assert found == [f'--ros-args {words}'.strip() for words in wanted]
 
 
 @pytest.mark.parametrize(
@@ -190,7 +179,6 @@ def test_each_parameter_file_is_a_namespace_and_all_of_a_finger_have_the_same_in
     ],
 )
 def test_names_that_cannot_be_namespaces_are_refused(monkeypatch, option, text):
-    monkeypatch.setattr('slip_detector.nodes.run._check_files', lambda: None)
     with pytest.raises(ValueError, match=rf'^{option} gives the namespaces .*, allowed: diff'):
         arguments_of_each(monkeypatch, option, text)
 

@@ -12,30 +12,27 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Launch files of the installed package, in a test of launch_testing or as a process.
+"""Launch files of the installed package, run by ``ros2 launch``.
 
 A module that imports this one is skipped where launch or the installed package is missing.
 """
 
+import contextlib
 import os
+import signal
 import subprocess
 from pathlib import Path
 
 import pytest
 
-from support.harness import Bench
+from support.harness import DEADLINE_S
 
-reason = 'needs launch_testing and ros2 launch, which come with a ROS 2 installation'
-launch_testing = pytest.importorskip('launch_testing', reason=reason)
-pytest.importorskip('ros2launch', reason=reason)
+pytest.importorskip('ros2launch', reason='needs ros2 launch, of a ROS 2 installation')
 
 from ament_index_python.packages import PackageNotFoundError, get_package_share_directory
-from launch import LaunchContext, LaunchDescription
-from launch.actions import IncludeLaunchDescription
+from launch import LaunchContext
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.utilities import perform_substitutions
-from launch_testing.actions import ReadyToTest
-from launch_testing.asserts import assertExitCodes
 
 try:
     #: The folder of the installed package.
@@ -55,13 +52,45 @@ def launching(name, *arguments):
     return ['ros2', 'launch', str(file), *arguments]
 
 
-def start_launch(bench, log, *words, **options):
-    """Launch a file in the domain of a bench, with its output in a file; return the process."""
-    environment = {**os.environ, 'ROS_DOMAIN_ID': str(bench.domain)}
+def living(group):
+    """Return the processes of a group that have not ended, whether or not somebody asked."""
+    found = []
+    for stat in Path('/proc').glob('[0-9]*/stat'):
+        try:
+            _, _, rest = stat.read_text().rpartition(') ')
+        except OSError:
+            continue  # It has just gone.
+        state, _, group_of_process, *_ = rest.split()
+        if int(group_of_process) == group and state != 'Z':
+            found.append(int(stat.parent.name))
+    return found
+
+
+@contextlib.contextmanager
+def launched(bench, log, *words, send=os.kill, number=signal.SIGINT, code=0, died=0):
+    """Launch a file in the domain of a bench; give the process, and end it by a signal.
+
+    ``ros2 launch`` has to end with the exit code, and all its processes with it, without an error
+    in the log but for processes that have died.
+    """
+    environment = {**os.environ, 'ROS_DOMAIN_ID': str(bench.domain), 'PYTHONUNBUFFERED': '1'}
     with log.open('w') as output:
-        return subprocess.Popen(
-            launching(*words), env=environment, stdout=output, stderr=subprocess.STDOUT, **options
-        )
+        launch = subprocess.Popen(
+            launching(*words), env=environment, stdout=output, stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )  # fmt: skip
+    try:
+        yield launch
+        send(launch.pid, number)
+        assert launch.wait(timeout=DEADLINE_S) == code, log.read_text()
+        bench.wait_for(lambda: not living(launch.pid), 'all nodes to end')
+    finally:
+        print(log.read_text())  # pytest shows this if the test fails.
+        for process in living(launch.pid):
+            os.kill(process, signal.SIGKILL)
+        launch.wait()
+    assert 'Traceback' not in log.read_text()
+    assert log.read_text().count('process has died') == died
 
 
 def defaults_of(name):
@@ -72,20 +101,3 @@ def defaults_of(name):
         argument.name: perform_substitutions(LaunchContext(), argument.default_value)
         for argument in description.get_launch_arguments()
     }
-
-
-def launched(name, arguments):
-    """Describe a test of a launch file, in a domain of its own."""
-    bench = Bench()
-    os.environ['ROS_DOMAIN_ID'] = str(bench.domain)
-    included = IncludeLaunchDescription(
-        PythonLaunchDescriptionSource(launch_file(name)), launch_arguments=arguments.items()
-    )
-    return LaunchDescription([included, ReadyToTest()]), {'bench': bench}
-
-
-def check_ends(bench, proc_info, count):
-    """Check the number of launched processes, and that each has ended with exit code 0."""
-    bench.close()
-    assert len(proc_info.process_names()) == count
-    assertExitCodes(proc_info)

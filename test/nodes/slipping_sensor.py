@@ -14,12 +14,11 @@
 
 """A sensor of the test's own for a detector: noise that slips or rests, with any fault."""
 
-import itertools
+import functools
 import math
 import time
 
 import numpy as np
-import pytest
 from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
@@ -43,12 +42,7 @@ class Sensor:
         # Each message with the time of its receipt.
         self.slip, self.valid = [], []
         for topic, heard in (('slip', self.slip), ('slip_valid', self.valid)):
-            bench.node.create_subscription(
-                Bool,
-                topic,
-                lambda message, heard=heard: heard.append((time.monotonic(), message.data)),
-                state_qos(depth=100),
-            )
+            bench.subscribe(Bool, topic, functools.partial(self._hear, heard), state_qos(100))
         self._voltages = bench.node.create_publisher(JointState, 'voltages', sensor_qos())
         self._parameters = parameters
         self.start()
@@ -58,15 +52,14 @@ class Sensor:
         self.clock_s = time.time()
         self.sent_s = -math.inf
 
+    def _hear(self, heard, message):
+        heard.append((time.monotonic(), message.data))
+
     def start(self):
-        self.process = self.bench.start(
-            'slip_detector', parameters=self._parameters, output=self._output
-        )
-        known = len(self.slip)
-        self.bench.wait_for(
-            lambda: len(self.slip) > known and self._voltages.get_subscription_count(),
-            'the detector',
-        )
+        options = {'parameters': self._parameters, 'output': self._output}
+        self.process, known = self.bench.start('slip_detector', **options), len(self.slip)
+        subscribed = self._voltages.get_subscription_count
+        self.bench.wait_for(lambda: len(self.slip) > known and subscribed(), 'the detector')
 
     def row(self, slipping=True):
         """Return a row that slips, or one of a finger at rest."""
@@ -83,16 +76,12 @@ class Sensor:
         self._voltages.publish(message)
         self.sent_s = time.monotonic()
 
-    def play(self, until, what, slipping=True, change=None):
+    def play(self, until, what, slipping=True, change=lambda row: row):
         """Send good samples until something holds."""
         deadline_s = time.monotonic() + 60.0
-        for k in itertools.count():
-            if until():
-                return
-            if time.monotonic() > deadline_s:
-                pytest.fail(f'waited in vain for {what}:\n{self.process.log()}')
-            row = self.row(slipping)
-            self.send(row if change is None else change(k, row))
+        while not until():
+            assert time.monotonic() < deadline_s, f'no {what}:\n{self.process.log()}'
+            self.send(change(self.row(slipping)))
 
     def slips(self):
         """Play until slip is ON and valid."""
