@@ -123,7 +123,7 @@ def measure_report(duration_s: float = HOUR_S) -> dict[str, Any]:
     variants = []
     for name, config in CONFIGS.items():
         overview, replay = Overview('hour', config), Replay(config)
-        outcome = overview.replay(replay, scenes_with_noise(duration_s))
+        outcome = replay.run(scenes_with_noise(duration_s), observer=overview)
         variants.append(Variant(name, config, [overview], {'hour': figures_of_merit([outcome])}))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / 'report.html'

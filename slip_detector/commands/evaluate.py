@@ -61,6 +61,7 @@ from slip_detector.parameters.fields import name_list
 from slip_detector.recordings import by_number, recording_sets, with_subfolders
 from slip_detector.recordings.labels import ENDING, KEY
 from slip_detector.report.answer import answer, bad_recordings
+from slip_detector.report.overview import overview_of
 from slip_detector.report.tables import by_name, evaluation_tables
 
 NAME = 'slip_evaluate'
@@ -113,11 +114,8 @@ def evaluate(
     """
     sets = {name: sorted(of, key=by_number) for name, of in recording_sets(arguments).items()}
     files = [file for several in sets.values() for file in several]
-    function = partial(evaluator.evaluate_recording, loader)
-    if for_report:
-        from slip_detector.report.page import evaluate_for_report
-
-        function = partial(evaluate_for_report, loader, len(files))
+    observe = partial(overview_of, loader.chain_config, 1 / len(files)) if for_report else None
+    function = partial(evaluator.evaluate_recording, loader, observe=observe)
     found: dict[Path, EvaluatedRecording] = {}
     with workers.progress_bar(len(files), 'recording') as bar:
         try:

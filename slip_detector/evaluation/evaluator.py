@@ -14,7 +14,7 @@
 
 """Opens recordings, checks them, reads them in pieces, and runs a chain over each."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -52,30 +52,11 @@ class OpenedRecording(NamedTuple):
     recording : Recording
         Its ``counts`` are complete when all pieces have been read.
 
-    Examples
-    --------
-    >>> import tempfile
-    >>> folder = tempfile.TemporaryDirectory()
-    >>> path = Path(folder.name) / 'rest.npz'
-    >>> np.savez(path, volts=np.full((760, 16), 4.3), sample_rate_hz=380.0, slip=np.zeros(760))
-    >>> loader = RecordingLoader()
-    >>> opened = loader.open(path)
-    >>> opened.sample_rate_hz, sum(len(piece.volts) for piece in opened.rows)
-    (380.0, 760)
-    >>> opened.recording.counts.rows
-    760
-    >>> folder.cleanup()
     """
 
     rows: Iterator[Samples]
     sample_rate_hz: float
     recording: Recording
-
-    def evaluated(self, outcome: ReplayOutcome, observer: Any = None) -> 'EvaluatedRecording':
-        """Return the outcome of a replay of all rows with what is known of the recording."""
-        of = self.recording
-        known = of.channel_names, of.is_labelled, of.mistaken
-        return EvaluatedRecording(outcome, of.counts, observer, *known)
 
 
 class RecordingLoader(NamedTuple):
@@ -285,7 +266,9 @@ def recording_figures(evaluations: Iterable[EvaluatedRecording]) -> dict[str, An
     }
 
 
-def evaluate_recording(loader: RecordingLoader, path: Path) -> EvaluatedRecording:
+def evaluate_recording(
+    loader: RecordingLoader, path: Path, observe: Callable[[OpenedRecording], Any] | None = None
+) -> EvaluatedRecording:
     """Run a chain over a recording from its first row.
 
     Parameters
@@ -294,6 +277,8 @@ def evaluate_recording(loader: RecordingLoader, path: Path) -> EvaluatedRecordin
         Opens the recording; it has the parameters of the chain and of the evaluation.
     path
         The recording.
+    observe
+        Returns what observes the replay, see :meth:`.Replay.run`; None: nothing does.
 
     Raises
     ------
@@ -315,4 +300,7 @@ def evaluate_recording(loader: RecordingLoader, path: Path) -> EvaluatedRecordin
     """
     replay = Replay(loader.chain_config, loader.config)
     opened = loader.open(path, require_truth=False)
-    return opened.evaluated(replay.run(opened.rows, opened.sample_rate_hz))
+    recording, observer = opened.recording, observe(opened) if observe else None
+    outcome = replay.run(opened.rows, opened.sample_rate_hz, observer)
+    known = recording.channel_names, recording.is_labelled, recording.mistaken
+    return EvaluatedRecording(outcome, recording.counts, observer, *known)

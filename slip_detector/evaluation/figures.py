@@ -260,8 +260,6 @@ class ReplayOutcome:
         The same at the one threshold of the chain.
     scores : ScoreCounts
         Scores of the decision statistic.
-    kind : str
-        The kind of the recording, see :mod:`slip_detector.recordings.labels`.
     on_s : tuple of (float, float)
         When the global decision was ON: start and end, in seconds from the start of the recording.
     invalid_rows : tuple of int
@@ -291,7 +289,6 @@ class ReplayOutcome:
     alarms: tuple[Alarm, ...]
     events: Events
     scores: ScoreCounts
-    kind: str = ''
     on_s: tuple[tuple[float, float], ...] = ()
     invalid_rows: tuple[int, ...] = ()
     wrong: Mapping[str, Sequence[int]] = dataclasses.field(default_factory=dict)

@@ -18,17 +18,17 @@ For each bin and channel it has the lowest and the highest volts and the highest
 its level. In a recording of some minutes a bin is one row.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain.samples import Bools, Floats, Ints, Samples
+from slip_detector.chain.samples import Bools, Floats, Ints
 from slip_detector.chain.slip_chain import SlipResult
+from slip_detector.evaluation.evaluator import OpenedRecording
 from slip_detector.evaluation.figures import FALSE, ReplayOutcome
 from slip_detector.evaluation.matching import OnIntervals
-from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 
 Volts = NDArray[np.float32]
@@ -86,6 +86,8 @@ def events_of(outcome: ReplayOutcome, labelled: bool = True) -> list[Event]:
 
     Examples
     --------
+    >>> from slip_detector.chain.samples import Samples
+    >>> from slip_detector.evaluation.replay import Replay
     >>> quiet = Samples.evenly(np.full((380, 16), 4.3), 380.0, np.arange(380) >= 190)
     >>> outcome = Replay(ChainConfig()).run([quiet])
     >>> [(event.kind, event.start_s, event.note) for event in events_of(outcome)]
@@ -104,6 +106,12 @@ def events_of(outcome: ReplayOutcome, labelled: bool = True) -> list[Event]:
         note, parts = ', '.join(notes).replace('_', ' '), slip.stages_s or {}
         events.append(Event(kind, slip.start_s, slip.end_s, slip.latency_s, parts, note))
     return sorted(events, key=lambda event: event.start_s)
+
+
+def overview_of(config: ChainConfig, share: float, opened: OpenedRecording) -> 'Overview':
+    """Return what observes the replay of a recording that was opened."""
+    of, rate_hz = opened.recording, opened.sample_rate_hz
+    return Overview(of.path.name, config, of.channel_names, share, rate_hz, of.is_labelled)
 
 
 def level_codes(result: SlipResult, config: ChainConfig) -> Codes:
@@ -131,8 +139,8 @@ def level_codes(result: SlipResult, config: ChainConfig) -> Codes:
 class Overview:
     """The overview of one recording and of one chain's decisions on it.
 
-    It is an observer of a replay, which passes rows to :meth:`add` and gaps to :meth:`gap`. It
-    keeps all rows, some 100 MB for an hour of 16 channels at 380 Hz, until :meth:`finish`.
+    It is an observer of a replay, see :meth:`.Replay.run`. It keeps all rows, some 100 MB for an
+    hour of 16 channels at 380 Hz, until :meth:`finish`.
 
     Parameters
     ----------
@@ -146,6 +154,8 @@ class Overview:
         Its share of the cells of the report; see :data:`MOST_CELLS`.
     sample_rate_hz
         Rate of the recording, which turns rows into seconds; the chain's rate if not given.
+    labelled
+        Whether it is known where there is slip.
 
     Attributes
     ----------
@@ -162,16 +172,16 @@ class Overview:
     codes : ndarray of uint8, shape (bins, c)
         After :meth:`finish` the highest codes; see :func:`level_codes`.
     events : sequence of Event
-    labelled : bool
-        Whether it is known where there is slip.
 
     Examples
     --------
+    >>> from slip_detector.chain.samples import Samples
+    >>> from slip_detector.evaluation.replay import Replay
     >>> volts = np.full((400, 16), 4.3)
     >>> volts[200:] += np.sin(2 * np.pi * 20.0 * np.arange(200) / 380.0)[:, np.newaxis]
     >>> rows = Samples.evenly(volts, 380.0, np.arange(400) >= 200)
     >>> overview = Overview('trial', ChainConfig())
-    >>> outcome = overview.replay(Replay(ChainConfig()), [rows])
+    >>> outcome = Replay(ChainConfig()).run([rows], observer=overview)
     >>> overview.rows, overview.bin_rows, overview.slip.edges
     (400, 1, [202, 400])
     """
@@ -183,23 +193,18 @@ class Overview:
         channel_names: tuple[str, ...] = (),
         share: float = 1.0,
         sample_rate_hz: float | None = None,
+        labelled: bool = True,
     ) -> None:
         self.name, self.config, self.share = name, config, share
         self.channel_names = tuple(channel_names) or config.names
         self.sample_rate_hz = sample_rate_hz or config.sample_rate_hz
-        self.rows, self.labelled = 0, True
+        self.rows, self.labelled = 0, labelled
         self.truth, self.slip = OnIntervals(), OnIntervals()
         self.groups = {name: OnIntervals() for name in config.groups}
         self.events: Sequence[Event] = ()
         self._intervals = self.slip, self.truth, *self.groups.values()
         # The numbers of rows, their volts and their codes, so far.
         self._pieces: list[tuple[Ints, Volts, Codes]] = []
-
-    def replay(self, replay: Replay, rows: Iterable[Samples]) -> ReplayOutcome:
-        """Replay the whole recording, and finish the overview with its events."""
-        outcome = replay.run(rows, self.sample_rate_hz, self)
-        self.finish(events_of(outcome, self.labelled))
-        return outcome
 
     def add(self, volts: Floats, result: SlipResult, truth: Bools) -> None:
         """Take the next rows.
@@ -226,10 +231,10 @@ class Overview:
         self._close_intervals()
         self.rows += round(seconds * self.sample_rate_hz)
 
-    def finish(self, events: Sequence[Event]) -> None:
-        """Merge the rows to bins, and take the events; see :func:`events_of`."""
+    def finish(self, outcome: ReplayOutcome) -> None:
+        """Merge the rows to bins, and take the events of the outcome."""
         self._close_intervals()
-        self.events = events
+        self.events = events_of(outcome, self.labelled)
         bins = max(round(self.share * MOST_CELLS) // self.config.channels, 64)
         self.bin_rows = 1 << (max(self.rows - 1, 0) // bins).bit_length()
         numbers, volts, codes = map(np.concatenate, zip(*self._pieces, strict=True))

@@ -126,10 +126,10 @@ def write_page(
     Examples
     --------
     >>> import tempfile
-    >>> from slip_detector import ChainConfig, SlipChain
-    >>> overview, volts = Overview('rest.npz', ChainConfig()), np.full((380, 16), 4.3)
-    >>> overview.add(volts, SlipChain().update(volts), truth=np.zeros(380, bool))
-    >>> overview.finish(events=[])
+    >>> from slip_detector.chain.samples import Samples
+    >>> overview = Overview('rest.npz', ChainConfig())
+    >>> rest = Samples.evenly(np.full((380, 16), 4.3), 380.0, np.zeros(380))
+    >>> outcome = Replay(ChainConfig()).run([rest], observer=overview)
     >>> given = Variant('given', ChainConfig(), [overview], {'rest.npz': {'alarms': 0}})
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     write_page(Path(folder) / 'report.html', 'A second of rest', [given])
@@ -309,18 +309,6 @@ def _variant(overview: Overview) -> dict[str, Any]:
     }
 
 
-def evaluate_for_report(
-    loader: evaluator.RecordingLoader, recordings: int, path: Path
-) -> evaluator.EvaluatedRecording:
-    """Evaluate one of several recordings with its overview as the observer."""
-    opened, chain = loader.open(path, require_truth=False), loader.chain_config
-    names, rate_hz = opened.recording.channel_names, opened.sample_rate_hz
-    overview = Overview(path.name, chain, names, 1 / recordings, rate_hz)
-    overview.labelled = opened.recording.is_labelled
-    outcome = overview.replay(Replay(chain, loader.config), opened.rows)
-    return opened.evaluated(outcome, overview)
-
-
 def write_evaluation_report(
     path: Path,
     sets: Mapping[str, Mapping[str, evaluator.EvaluatedRecording]],
@@ -334,7 +322,7 @@ def write_evaluation_report(
     path
         The HTML file to write.
     sets
-        The recordings by the names of set and file, from :func:`evaluate_for_report`.
+        The recordings by the names of set and file, each with its overview as the observer.
     report
         Their report, see :func:`slip_detector.commands.evaluate.as_report`.
     config
@@ -391,7 +379,7 @@ def replay_variant(name: str, replay: Replay, parts: Mapping[str, Sequence[Track
     outcomes: dict[str, list[ReplayOutcome]] = {what: [] for what in parts}
     for title, what, track in sorted(every, key=lambda one: by_number(one[0])):
         overviews.append(Overview(title, chain, track.channel_names, share, track.sample_rate_hz))
-        outcomes[what].append(overviews[-1].replay(replay, track.rows()))
+        outcomes[what].append(replay.run(track.rows(), track.sample_rate_hz, overviews[-1]))
         of_each[title] = figures_of_merit(outcomes[what][-1:])
     of_all = {f'all {what}': figures_of_merit(of) for what, of in outcomes.items()}
     return Variant(name, chain, overviews, {**of_all, **of_each})

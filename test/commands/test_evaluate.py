@@ -130,10 +130,10 @@ def test_no_recordings_and_one_given_twice_are_refused_in_one_line(capsys, tmp_p
 def test_an_interrupt_leaves_what_was_evaluated(capsys, tmp_path, monkeypatch):
     paths = [write(tmp_path / f'{name}.npz') for name in 'ab']
 
-    def one_done(loader, path):
+    def one_done(loader, path, observe):
         if path.name == 'b.npz':
             raise KeyboardInterrupt
-        return evaluate_recording(loader, path)
+        return evaluate_recording(loader, path, observe)
 
     monkeypatch.setattr(evaluator, 'evaluate_recording', one_done)
     assert main([*map(str, paths)]) == 130

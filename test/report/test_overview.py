@@ -56,7 +56,7 @@ def test_bins_hold_the_extremes_and_intervals_the_decisions_however_rows_are_cut
         overview.add(volts[a:b], chain.update(volts[a:b]), truth[a:b])
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, 'MOST_CELLS', cells)
-        overview.finish([])
+        overview.finish(scenes.NOTHING)
     bins = max(cells // 3, 64)
     assert len(overview.low) <= bins < 2 * len(overview.low) or overview.bin_rows == 1
     exact = np.where(np.isfinite(volts), volts, np.nan).astype(np.float32)
@@ -84,7 +84,7 @@ def test_a_gap_is_time_without_samples_and_one_of_years_costs_no_memory(monkeypa
         overview.gap(seconds)
         overview.add(volts, result, truth)
         monkeypatch.setattr(module, 'MOST_CELLS', 3 * 2400)
-        overview.finish([])
+        overview.finish(scenes.NOTHING)
         assert overview.rows == rows
         assert len(overview.low) <= 2400
         assert overview.truth.closed()[0] == (0, 1000)

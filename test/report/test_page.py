@@ -16,6 +16,7 @@
 
 import base64
 import dataclasses
+import functools
 import re
 import zlib
 
@@ -23,16 +24,18 @@ import numpy as np
 import pytest
 
 from slip_detector.commands.evaluate import as_report
-from slip_detector.evaluation.evaluator import RecordingLoader
+from slip_detector.evaluation.evaluator import RecordingLoader, evaluate_recording
 from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.report import page as report
-from slip_detector.report.overview import EVENT_KINDS
+from slip_detector.report.overview import EVENT_KINDS, overview_of
 from slip_detector.report.page import Variant, sections
 from slip_detector.report.pictures import latency_figure
 from support import report_scenes as scenes
 from support import tuning_cases
 from support.html_page import HtmlPage
+
+OBSERVE = functools.partial(overview_of, scenes.GIVEN, 0.5)
 
 
 @pytest.fixture(scope='module')
@@ -137,7 +140,7 @@ def test_the_report_of_an_evaluation_names_sets_and_has_events_latencies_and_roc
         path.parent.mkdir()
         volts, truth = scenes.volts_and_truth(seed=k)
         np.savez(path, volts=volts, slip=truth, sample_rate_hz=380.0)
-        sets[name] = {'a.npz': report.evaluate_for_report(loader, 2, path)}
+        sets[name] = {'a.npz': evaluate_recording(loader, path, OBSERVE)}
     report.write_evaluation_report(tmp_path / 'page.html', sets, as_report(sets))
     page = read(tmp_path / 'page.html')
     recordings = page.header['recordings']
@@ -159,7 +162,7 @@ def test_the_report_of_an_evaluation_names_sets_and_has_events_latencies_and_roc
 def test_the_report_of_a_recording_without_labels_has_its_onsets_and_how_to_label_it(tmp_path):
     volts, _ = scenes.volts_and_truth()
     np.savez(tmp_path / 'a.npz', volts=volts, sample_rate_hz=380.0)
-    one = report.evaluate_for_report(RecordingLoader(scenes.GIVEN), 1, tmp_path / 'a.npz')
+    one = evaluate_recording(RecordingLoader(scenes.GIVEN), tmp_path / 'a.npz', OBSERVE)
     sets = {'x': {'a.npz': one}}
     report.write_evaluation_report(tmp_path / 'page.html', sets, as_report(sets))
     page = read(tmp_path / 'page.html')
