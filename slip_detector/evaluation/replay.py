@@ -33,7 +33,7 @@ from slip_detector.chain.watch import Watch
 from slip_detector.evaluation import figures
 from slip_detector.evaluation.figures import STAGES, Alarm, ReplayOutcome, TrueSlip, mean_and_sd
 from slip_detector.evaluation.matching import NONE, OnIntervals, ScoredRows, rows_on, unscored_rows
-from slip_detector.evaluation.scores import UNCERTAIN, Kinds, ScoreTally, kinds_of
+from slip_detector.evaluation.scores import UNCERTAIN, RowClasses, ScoreTally, row_classes
 from slip_detector.parameters import ChainConfig, EvaluationConfig
 
 #: Number of values that the chain is given at a time, so that its results stay in the cache.
@@ -179,14 +179,14 @@ class _Run:
             self._chain.restart()
         if piece.moving is not None:
             self._moving_rows = (self._moving_rows or 0) + int(np.count_nonzero(piece.moving))
-        kinds = kinds_of(truth, piece.moving, piece.certain, piece.kind)
+        classes = row_classes(truth, piece.moving, piece.certain, piece.kind)
         # A block ends before each slip, so that the slip can be followed from there on.
         starts = np.flatnonzero(truth & ~np.concatenate([[self._labels.on], truth[:-1]]))
         block_rows = max(BLOCK_VALUES // self._config.channels, 1)
         seconds = range(0, n, self._config.samples(1.0))[:FIRST_LOOKS]
         cuts = {*range(0, n, block_rows), *seconds, *starts.tolist(), n}
         for a, b in itertools.pairwise(sorted(cuts)):
-            self._block(volts[a:b], truth[a:b], kinds[a:b])
+            self._block(volts[a:b], truth[a:b], classes[a:b])
         self._last = piece
 
     def _end_stretch(self) -> None:
@@ -194,7 +194,7 @@ class _Run:
             intervals.close(self._row)
         self._follow()
 
-    def _block(self, volts: Floats, truth: Bools, kinds: Kinds) -> None:
+    def _block(self, volts: Floats, truth: Bools, classes: RowClasses) -> None:
         """Take rows with at most one slip, which is at their beginning."""
         row = self._row
         if truth[0] and not self._labels.on:
@@ -209,7 +209,7 @@ class _Run:
         self._wrong.update(self._watch.look([(volts, result)]))
         on = np.ascontiguousarray(result.slip)
         self._stretches.add(np.ones_like(on), row)
-        kinds[: max(self._stretches.edges[-1] + self._unscored - row, 0)] = UNCERTAIN
+        classes[: max(self._stretches.edges[-1] + self._unscored - row, 0)] = UNCERTAIN
         self._labels.add(truth, row)
         self._on.add(on, row)
         self._valid_rows += np.ones(len(on)) @ result.valid
@@ -217,7 +217,7 @@ class _Run:
             first, ons = self._slips[-1].first_on, result.channels[: np.count_nonzero(truth)]
             new = ons.any(axis=0) & (first == NEVER)
             first[new] = row + ons.argmax(axis=0)[new]
-        self._replay.tally.add(result.vote_statistic[:, 0], kinds)
+        self._replay.tally.add(result.vote_statistic[:, 0], classes)
         if self._observer:
             self._observer.add(volts, result, truth)
         self._row += len(on)

@@ -34,8 +34,8 @@ from slip_detector.parameters.detector import ChainConfig
 Volts = NDArray[np.float32]
 Codes = NDArray[np.uint8]
 
-#: Kinds of events, the most important first.
-EVENT_KINDS = ('missed', 'false alarm', 'late', 'detected', 'onset')
+#: Outcomes of slips and alarms, the most important first.
+OUTCOMES = ('missed', 'false alarm', 'late', 'detected', 'onset')
 
 #: Most cells of the overviews of all recordings in a report: bins times channels.
 MOST_CELLS = 3 * 2**19
@@ -53,11 +53,11 @@ class Event(NamedTuple):
 
     Attributes
     ----------
-    kind : str
-        One of :data:`EVENT_KINDS`.
+    outcome : str
+        One of :data:`OUTCOMES`.
     start_s, end_s : float
-        Times of the alarm where the kind is a false alarm, else of the true slip, counted from the
-        first row.
+        Times of the alarm where the outcome is a false alarm, else of the true slip, counted from
+        the first row.
     latency_s : float or None
         Time from the start of the slip to the start of its alarm; None where it has no alarm.
     parts : mapping
@@ -71,7 +71,7 @@ class Event(NamedTuple):
     0.04
     """
 
-    kind: str
+    outcome: str
     start_s: float
     end_s: float
     latency_s: float | None = None
@@ -90,21 +90,21 @@ def events_of(outcome: ReplayOutcome, labelled: bool = True) -> list[Event]:
     >>> from slip_detector.evaluation.replay import Replay
     >>> quiet = Samples.evenly(np.full((380, 16), 4.3), 380.0, np.arange(380) >= 190)
     >>> outcome = Replay(ChainConfig()).run([quiet])
-    >>> [(event.kind, event.start_s, event.note) for event in events_of(outcome)]
+    >>> [(event.outcome, event.start_s, event.note) for event in events_of(outcome)]
     [('missed', 0.5, 'lost at: filter')]
     """
     if not labelled:
         return [Event('onset', start_s, end_s) for start_s, end_s in outcome.on_s]
-    alarms = [alarm for alarm in outcome.alarms if alarm.kind == FALSE]
+    alarms = [alarm for alarm in outcome.alarms if alarm.outcome == FALSE]
     events = [Event('false alarm', alarm.start_s, alarm.end_s) for alarm in alarms]
     for slip in outcome.slips:
         if slip.settling:
             continue
-        kind = 'missed' if slip.latency_s is None else 'late' if slip.late else 'detected'
+        name = 'missed' if slip.latency_s is None else 'late' if slip.late else 'detected'
         notes = [f'lost at: {slip.lost_at}'] if slip.lost_at else []
         notes += [f'label exact to {1e3 * slip.accuracy_s:.0f} ms'] if slip.accuracy_s else []
         note, parts = ', '.join(notes).replace('_', ' '), slip.stages_s or {}
-        events.append(Event(kind, slip.start_s, slip.end_s, slip.latency_s, parts, note))
+        events.append(Event(name, slip.start_s, slip.end_s, slip.latency_s, parts, note))
     return sorted(events, key=lambda event: event.start_s)
 
 

@@ -43,7 +43,7 @@ from slip_detector.parameters.fields import name_list
 from slip_detector.parameters.files import whole_file
 from slip_detector.recordings import by_number
 from slip_detector.report import tables
-from slip_detector.report.overview import EVENT_KINDS, Codes, Overview, Volts
+from slip_detector.report.overview import OUTCOMES, Codes, Overview, Volts
 from slip_detector.report.pictures import latency_figure, svg
 from slip_detector.tuning.tracks import Track
 
@@ -305,7 +305,7 @@ def _variant(overview: Overview) -> dict[str, Any]:
             {'name': name, 'members': members, 'on': overview.groups[name].edges}
             for name, members in overview.config.groups.items()
         ],
-        'events': [[EVENT_KINDS.index(kind), *rest] for kind, *rest in overview.events],
+        'events': [[OUTCOMES.index(outcome), *rest] for outcome, *rest in overview.events],
     }
 
 

@@ -57,7 +57,7 @@ def test_pooled_counts_are_those_of_all_rows(parts):
     pooled = ScoreCounts.pooled([counted([s for s, _ in p], [k for _, k in p]) for p in parts])
     rows = [row for part in parts for row in part]
     whole = counted([s for s, _ in rows], [k for _, k in rows])
-    np.testing.assert_array_equal(pooled.classes, whole.classes)
+    np.testing.assert_array_equal(pooled.bins, whole.bins)
     np.testing.assert_array_equal(pooled.counts, whole.counts)
 
 

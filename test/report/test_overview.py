@@ -120,7 +120,7 @@ def test_events_are_the_scored_slips_and_the_false_alarms():
         Alarm(8.0, 8.1, 'settling', None),
     )  # fmt: skip
     outcome = dataclasses.replace(Replay(ChainConfig()).run([]), slips=slips, alarms=alarms)
-    assert [(one.kind, one.start_s, one.latency_s, one.note) for one in events_of(outcome)] == [
+    assert [(one.outcome, one.start_s, one.latency_s, one.note) for one in events_of(outcome)] == [
         ('missed', 0.0, None, 'lost at: filter'), ('false alarm', 1.0, None, ''),
         ('late', 2.0, 0.2, ''), ('detected', 4.0, 0.02, ''),
     ]  # fmt: skip

@@ -28,7 +28,7 @@ from slip_detector.evaluation.evaluator import RecordingLoader, evaluate_recordi
 from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.report import page as report
-from slip_detector.report.overview import EVENT_KINDS, overview_of
+from slip_detector.report.overview import OUTCOMES, overview_of
 from slip_detector.report.page import Variant, sections
 from slip_detector.report.pictures import latency_figure
 from support import report_scenes as scenes
@@ -168,7 +168,7 @@ def test_the_report_of_a_recording_without_labels_has_its_onsets_and_how_to_labe
     page = read(tmp_path / 'page.html')
     (recording,) = page.header['recordings']
     assert recording['truth'] is None
-    onset = EVENT_KINDS.index('onset')
+    onset = OUTCOMES.index('onset')
     events = [tuple(event[:3]) for event in recording['variants'][0]['events']]
     assert events == [(onset, *on_s) for on_s in one.outcome.on_s]
     assert one.outcome.on_s
@@ -184,7 +184,7 @@ def test_a_chain_of_a_search_is_replayed_on_all_recordings():
     parts = {'held out': [held], 'tuned on': [tuned_on]}
     given = report.replay_variant('given', Replay(tuning_cases.CHAIN), parts)
     for overview in given.overviews:
-        slips = [event for event in overview.events if event.kind != 'false alarm']
+        slips = [event for event in overview.events if event.outcome != 'false alarm']
         assert len(slips) == 2
     default = tuning_cases.CHAIN.names
     assert [one.channel_names for one in given.overviews] == [default, names]
