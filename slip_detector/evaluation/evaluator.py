@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Opens recordings, checks them, reads them in pieces, and runs a chain over each."""
+"""Opens recordings that suit a chain, reads them in pieces, and runs the chain over each."""
 
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
@@ -35,8 +35,11 @@ from slip_detector.recordings import Recording, RecordingCounts, open_recording,
 from slip_detector.recordings.decisions import write_decisions
 from slip_detector.recordings.labels import labels_name
 
-#: What is said of a recording whose labels a person has found to be wrong.
-MARKED = 'marked as a mistake in the file of labels'
+#: The message on a recording whose labels a person has found to be wrong.
+MISTAKEN = 'marked as a mistake in the file of labels'
+
+#: Counts of a recording that are among the figures.
+FAULTS = ('bad_samples', 'gaps', 'bridged_rows', 'dropped')
 
 
 class OpenedRecording(NamedTuple):
@@ -118,7 +121,7 @@ class RecordingLoader(NamedTuple):
             vars(error)['advice'] = self._advice(recording)
             raise
         if require_truth and recording.mistaken:
-            raise ValueError(f'{path}: {MARKED}')
+            raise ValueError(f'{path}: {MISTAKEN}')
         if require_truth and not recording.is_labelled:
             raise ValueError(
                 f'{path}: has no {recording.label_name}; allowed: one to label the slips, or a '
@@ -133,11 +136,11 @@ class RecordingLoader(NamedTuple):
         """Return the content of a parameter file that suits a recording."""
         config, names = self.chain_config, recording.channel_names
         values = fitting(config, len(names), recording.sample_rate_hz, names)
-        its = {**changed(config, values).to_parameters(), **recording.input}
-        document = DetectorConfig.from_parameters(its).to_document(whole=False)
+        parameters = {**changed(config, values).to_parameters(), **recording.input}
+        document = DetectorConfig.from_parameters(parameters).to_document(whole=False)
         document |= self.recording_config.to_document(whole=False)
-        said = 'save it as my_sensor.yaml, then add --config my_sensor.yaml'
-        return as_yaml(document, [f'This fits {recording.path}: {said}']).rstrip()
+        advice = 'save it as my_sensor.yaml, then add --config my_sensor.yaml'
+        return as_yaml(document, [f'This fits {recording.path}: {advice}']).rstrip()
 
     def _rows(self, recording: Recording) -> Iterator[Samples]:
         """Yield the pieces of a recording with their labels and the motion of the robot."""
@@ -145,8 +148,8 @@ class RecordingLoader(NamedTuple):
         recording.valid_range_v = config.valid_range_v
         for piece in recording.pieces(config.sample_rate_hz, config.max_gap_s):
             truth = np.zeros(len(piece.volts), bool) if piece.truth is None else piece.truth
-            its = None if moving is None else moving[piece.row_numbers]
-            yield piece._replace(truth=truth, moving=its)
+            rows = None if moving is None else moving[piece.row_numbers]
+            yield piece._replace(truth=truth, moving=rows)
 
     def _moving(self, recording: Recording) -> Bools | None:
         """Return which rows are rows of motion, shape (n,), from the recorded velocities."""
@@ -174,7 +177,7 @@ class RecordingLoader(NamedTuple):
 
 
 def write_decisions_of(loader: RecordingLoader, path: Path, out: Path) -> None:
-    """Write what the detector decides on a recording as a bag; see :func:`.write_decisions`."""
+    """Write the decisions of a detector on a recording as a bag; see :func:`.write_decisions`."""
     opened, chain = loader.open(path, require_truth=False), SlipChain(loader.chain_config)
 
     def decided() -> Iterator[tuple[Samples, SlipResult]]:
@@ -201,14 +204,6 @@ class EvaluatedRecording(NamedTuple):
         Whether it is known where there is slip; else there are decisions, but no scores.
     mistaken : bool
         Whether it is not labelled because its labels are marked as a mistake.
-
-    Examples
-    --------
-    >>> rest = Samples.evenly(np.full((760, 16), 4.3), 380.0, truth=np.zeros(760))
-    >>> outcome = Replay(ChainConfig()).run([rest])
-    >>> evaluated = EvaluatedRecording(outcome, RecordingCounts(gaps=1))
-    >>> evaluated.outcome.rows, evaluated.counts.gaps
-    (760, 1)
     """
 
     outcome: ReplayOutcome
@@ -220,14 +215,14 @@ class EvaluatedRecording(NamedTuple):
 
     @property
     def invalid_percent(self) -> dict[str, float]:
-        """In what share of the rows a channel was not valid; those always valid are left out."""
+        """The share of the rows in which a channel was not valid, if there are such rows."""
         named = zip(self.channel_names, self.outcome.invalid_rows, strict=False)
         return {name: 100.0 * rows / self.outcome.rows for name, rows in named if rows}
 
     @property
     def warnings(self) -> list[str]:
         """Why decisions on the recording may mean nothing, and what to do."""
-        marked = [f'{MARKED}, so in no figure'] if self.mistaken else []
+        marked = [f'{MISTAKEN}, so in no figure'] if self.mistaken else []
         return [*marked, *words_of(self.outcome.wrong, self.channel_names)]
 
 
@@ -237,11 +232,11 @@ def recording_figures(evaluations: Iterable[EvaluatedRecording]) -> dict[str, An
     Returns
     -------
     dict
-        Those of :func:`.figures_of_merit` for recordings with labels, None where none has any; for
-        all of them those of :func:`.decision_figures`, and ``bad_samples``: values that are not
-        numbers, or outside ``valid_range_v``; ``gaps`` that were bridged, and by how many rows,
-        ``bridged_rows``; ``long_gaps``, after which the chain was reset; ``dropped``: rows whose
-        stamp is not after the one before.
+        The figures of :func:`.figures_of_merit` for the recordings with labels, None where no
+        recording has labels; for all recordings the figures of :func:`.decision_figures`, and
+        ``bad_samples``: values that are not numbers, or outside ``valid_range_v``; ``gaps`` that
+        were bridged, and by how many rows, ``bridged_rows``; ``long_gaps``, after which the chain
+        was reset; ``dropped``: rows whose stamp is not after the stamp before.
 
     Examples
     --------
@@ -252,18 +247,15 @@ def recording_figures(evaluations: Iterable[EvaluatedRecording]) -> dict[str, An
     (5, 0, 2)
     """
     several = list(evaluations)
-    counts = [one.counts for one in several]
-    labelled = [one.outcome for one in several if one.labelled]
+    labelled = [recording.outcome for recording in several if recording.labelled]
     figures = figures_of_merit(labelled)
-    return {
-        **(figures if labelled or not several else dict.fromkeys(figures)),
-        **decision_figures([one.outcome for one in several]),
-        **{
-            name: sum(getattr(one, name) for one in counts)
-            for name in ('bad_samples', 'gaps', 'bridged_rows', 'dropped')
-        },
-        'long_gaps': sum(one.stretches - 1 for one in counts),
-    }
+    if several and not labelled:
+        figures = dict.fromkeys(figures)
+    figures |= decision_figures([recording.outcome for recording in several])
+    for name in FAULTS:
+        figures[name] = sum(getattr(recording.counts, name) for recording in several)
+    figures['long_gaps'] = sum(recording.counts.stretches - 1 for recording in several)
+    return figures
 
 
 def evaluate_recording(

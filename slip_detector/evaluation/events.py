@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain.samples import Floats
-from slip_detector.evaluation.chance import HALF, recall_by_chance, sooner_than_chance
+from slip_detector.evaluation.chance import MEDIAN_IS_DEFINED, recall_by_chance, sooner_than_chance
 from slip_detector.recordings.labels import KINDS
 
 #: Times that are measured: of certain slip; of the rest in recordings of no kind and of each kind.
@@ -99,7 +99,7 @@ class Events:
             by_chance = recall_by_chance(*chance[1:])
             sooner = sooner_than_chance(self.latencies_ms / 1e3, *chance)
             median_ms = np.median(np.where(missed, np.inf, self.latencies_ms), axis=0)
-            median_ms[(sooner < HALF) | np.isinf(median_ms)] = np.nan
+            median_ms[(sooner < MEDIAN_IS_DEFINED) | np.isinf(median_ms)] = np.nan
         figures = {
             'matched': matched,
             'missed': many - matched,

@@ -14,8 +14,8 @@
 
 """The overview of one recording for a report: bins of its rows, and its events.
 
-For each bin and channel it has the lowest and the highest volts and the highest code of
-its level. In a recording of some minutes a bin is one row.
+For each bin and channel an overview has the lowest and the highest volts and the highest code of
+the level. In a recording of some minutes a bin is one row.
 """
 
 from collections.abc import Mapping, Sequence
@@ -40,8 +40,8 @@ OUTCOMES = ('missed', 'false alarm', 'late', 'detected', 'onset')
 #: Most cells of the overviews of all recordings in a report: bins times channels.
 MOST_CELLS = 3 * 2**19
 
-#: Steps of a level's code for a factor of two, and the code of a level that equals the threshold:
-#: above it the channel is ON.
+#: Steps of a level's code for a factor of two, and the code of a level that equals the threshold;
+#: in higher codes the channel is ON.
 CODES_PER_OCTAVE, THRESHOLD_CODE = 16, 128
 
 #: A sample with a larger magnitude is not drawn, as float32 ends at 3.4e38.
@@ -64,11 +64,6 @@ class Event(NamedTuple):
         The parts of the latency, in seconds, by the name of the stage.
     note : str
         What else the reader should know, for example at which stage a missed slip was lost.
-
-    Examples
-    --------
-    >>> Event('detected', 4.0, 5.0, 0.04, {'filter': 0.012, 'vote': 0.028}).latency_s
-    0.04
     """
 
     outcome: str
@@ -82,7 +77,7 @@ class Event(NamedTuple):
 def events_of(outcome: ReplayOutcome, labelled: bool = True) -> list[Event]:
     """Return the scored slips and the false alarms of a recording in the order of their starts.
 
-    Of one without labels these are the times in which the global decision is ON.
+    Of a recording without labels, return the times in which the global decision is ON.
 
     Examples
     --------
@@ -115,17 +110,10 @@ def overview_of(config: ChainConfig, share: float, opened: OpenedRecording) -> '
 
 
 def level_codes(result: SlipResult, config: ChainConfig) -> Codes:
-    """Return the levels, a byte for each sample, shape (n, c).
+    """Return the codes of the levels, a byte for each sample, shape (n, c).
 
-    A code is 0 where the channel is not valid, else from 1 to 255 and above
+    A code is 0 where the channel is not valid, else from 1 to 255, and above
     :data:`THRESHOLD_CODE` exactly where the channel is ON.
-
-    Examples
-    --------
-    >>> from slip_detector import SlipChain
-    >>> result = SlipChain().update(np.full((1, 16), 4.3))
-    >>> int(level_codes(result, ChainConfig())[0, 0])  # at rest: the lowest code
-    1
     """
     with np.errstate(divide='ignore'):  # The logarithm of 0 is -inf, the lowest code.
         octaves = np.log2(result.level / config.threshold)
@@ -151,7 +139,7 @@ class Overview:
     channel_names
         Names of the recording's channels; those of the configuration if not given.
     share
-        Its share of the cells of the report; see :data:`MOST_CELLS`.
+        The share of this overview in the cells of the report; see :data:`MOST_CELLS`.
     sample_rate_hz
         Rate of the recording, which turns rows into seconds; the chain's rate if not given.
     labelled
@@ -164,7 +152,7 @@ class Overview:
     truth, slip : OnIntervals
         When the label is slip, the global decision ON.
     groups : dict
-        The same of each group, by its name.
+        When each group is ON, by its name.
     bin_rows : int
         After :meth:`finish` number of rows in a bin, a power of two.
     low, high : ndarray of float32, shape (bins, c)
@@ -203,21 +191,11 @@ class Overview:
         self.groups = {name: OnIntervals() for name in config.groups}
         self.events: Sequence[Event] = ()
         self._intervals = self.slip, self.truth, *self.groups.values()
-        # The numbers of rows, their volts and their codes, so far.
+        # So far the numbers of the rows, their volts and their codes.
         self._pieces: list[tuple[Ints, Volts, Codes]] = []
 
     def add(self, volts: Floats, result: SlipResult, truth: Bools) -> None:
-        """Take the next rows.
-
-        Parameters
-        ----------
-        volts : ndarray, shape (n, c)
-            Oldest row first; NaN where a sample is missing.
-        result : SlipResult
-            The chain's result for these rows, with the level.
-        truth : ndarray of bool, shape (n,)
-            Whether there is slip.
-        """
+        """Take the next rows, what the chain makes of them, and their label."""
         samples = np.where(np.abs(volts) < MOST_VOLTS, volts, np.nan).astype(np.float32)
         numbers = self.rows + np.arange(len(volts))
         self._pieces.append((numbers, samples, level_codes(result, self.config)))
@@ -251,7 +229,7 @@ class Overview:
 
 
 def _spread(values: NDArray[Any], places: Ints, n: int, empty: float) -> NDArray[Any]:
-    """Return ``n`` rows with values at some places; the others, in gaps, are empty."""
+    """Return ``n`` rows with values at some places and ``empty`` in all others, in gaps."""
     rows = np.full((n, values.shape[1]), empty, values.dtype)
     rows[places] = values
     return rows

@@ -23,7 +23,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from slip_detector.evaluation.evaluator import (
-    MARKED,
+    MISTAKEN,
     RecordingLoader,
     evaluate_recording,
     recording_figures,
@@ -95,8 +95,8 @@ def test_labels_that_are_marked_as_a_mistake_are_in_no_score_until_the_mark_is_g
     mark_mistaken(path, True)
     marked = evaluate_recording(loader(), path)
     assert recording_figures([marked])['slips'] is None
-    assert marked.warnings == [f'{MARKED}, so in no figure']
-    with pytest.raises(ValueError, match=f'^{path}: {MARKED}$'):
+    assert marked.warnings == [f'{MISTAKEN}, so in no figure']
+    with pytest.raises(ValueError, match=f'^{path}: {MISTAKEN}$'):
         loader().open(path)
     mark_mistaken(path, False)
     assert file.exists() == bool(by_hand)
