@@ -18,6 +18,7 @@ import itertools
 
 import numpy as np
 import pytest
+from evaluation.reference_scores import Stretch, area, figures, runs
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -28,7 +29,6 @@ from slip_detector.evaluation import replay as replay_module
 from slip_detector.evaluation.figures import ALREADY_ON, STAGES, decision_figures, figures_of_merit
 from slip_detector.evaluation.replay import Replay, only_filters
 from support.recorded import stretches_of
-from support.reference_scores import Stretch, area, figures, runs
 from support.replay_cases import plain
 from support.track_cases import EVALUATIONS, RATE_HZ, chains, recordings
 

@@ -16,11 +16,11 @@
 
 import numpy as np
 import pytest
+from evaluation.reference_scores import area
 from hypothesis import given
 from hypothesis import strategies as st
 
 from slip_detector.evaluation.scores import MOTION, REST, SLIP, ScoreCounts, ScoreTally
-from support.reference_scores import area
 
 TALLY = ScoreTally()
 

@@ -21,6 +21,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from report import report_scenes as scenes
 
 from slip_detector.chain.samples import Samples
 from slip_detector.chain.slip_chain import SlipChain
@@ -29,7 +30,6 @@ from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report import overview as module
 from slip_detector.report.overview import THRESHOLD_CODE, Overview, events_of, level_codes
-from support import report_scenes as scenes
 
 CONFIG = scenes.THREE_CHANNELS
 SAMPLES = 1000

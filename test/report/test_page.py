@@ -22,6 +22,8 @@ import zlib
 
 import numpy as np
 import pytest
+from report import report_scenes as scenes
+from report.html_page import HtmlPage
 
 from slip_detector.commands.evaluate import as_report
 from slip_detector.evaluation.evaluator import RecordingLoader, evaluate_recording
@@ -31,9 +33,7 @@ from slip_detector.report import page as report
 from slip_detector.report.overview import OUTCOMES, overview_of
 from slip_detector.report.page import Variant, sections
 from slip_detector.report.pictures import latency_figure
-from support import report_scenes as scenes
 from support import tuning_cases
-from support.html_page import HtmlPage
 
 OBSERVE = functools.partial(overview_of, scenes.GIVEN, 0.5)
 
