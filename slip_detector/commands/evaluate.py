@@ -15,11 +15,12 @@
 """The command ``slip_evaluate``.
 
 Run the slip chain over recordings and print what it decides and, where slips are labelled, how
-well it does: areas under the ROC curve;
-delays, success rate and false positives as in the paper; slips and alarms matched one to one, with
-the latencies and their parts by stage. The exit code is 0 whatever the figures are.
+well it does: areas under the ROC curve; delays, success rate and false positives as in the paper;
+slips and alarms matched one to one, with the latencies and their parts by stage. The exit code is
+0 whatever the figures are.
 
-It uses no ROS: the chain runs over each recording from the first row, as in the detector node.
+The command uses no ROS: the chain runs over each recording from the first row, as in the detector
+node.
 
 ``slip_evaluate --json RECORDING...`` prints one object:
 
@@ -28,11 +29,10 @@ It uses no ROS: the chain runs over each recording from the first row, as in the
     together, see :func:`slip_detector.evaluation.figures.figures_of_merit`, and counts of their
     faults, see :func:`slip_detector.evaluation.evaluator.recording_figures`. Under
     ``recordings``, by the name of the file, the same for each recording, with ``lost`` (which
-    part of a damaged file could not be read), ``doubts`` (why damage may go unseen),
-    ``warnings`` (why decisions may mean nothing),
-    ``on_intervals_s`` (start and end of each time ON),
-    ``invalid_percent`` (of the channels that are not always valid), ``labelled``,
-    ``mistaken`` (marked so in its labels), and ``slip_events`` and ``alarm_events``, see
+    part of a damaged file could not be read), ``doubts`` (why damage may go unseen), ``warnings``
+    (why decisions may mean nothing), ``on_intervals_s`` (start and end of each time ON),
+    ``invalid_percent`` (of the channels that are not always valid), ``labelled``, ``mistaken``
+    (whether the labels are marked as a mistake), and ``slip_events`` and ``alarm_events``, see
     :class:`slip_detector.evaluation.figures.TrueSlip` and ``Alarm``; None without labels.
 ``all``
     The figures and counts over all sets.
@@ -100,17 +100,6 @@ def evaluate(
         When a recording cannot be evaluated; names it.
     KeyboardInterrupt
         When Ctrl-C was pressed before the first recording was evaluated.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> import numpy as np
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = Path(folder) / 'rest.npz'
-    ...     np.savez(path, volts=np.full((100, 16), 4.3), sample_rate_hz=380.0, slip=np.zeros(100))
-    ...     sets, left = evaluate([str(path)], RecordingLoader())
-    >>> as_report(sets)['all']['rows'], left
-    (100, [])
     """
     sets = {name: sorted(of, key=by_number) for name, of in recording_sets(arguments).items()}
     files = [file for several in sets.values() for file in several]
@@ -132,18 +121,7 @@ def evaluate(
 
 
 def as_report(sets: Mapping[str, Mapping[str, EvaluatedRecording]]) -> dict[str, Any]:
-    """Return all figures as numbers and texts for JSON.
-
-    Parameters
-    ----------
-    sets
-        The evaluated recordings by the names of set and file.
-
-    Returns
-    -------
-    dict
-        ``sets`` and ``all``; see the module's docstring.
-    """
+    """Return ``sets``, ``all``, ``answer`` and ``note`` for JSON; see the module's docstring."""
     every = [one for files in sets.values() for one in files.values()]
     report: dict[str, Any] = {
         'sets': {
@@ -182,19 +160,7 @@ def _alone(one: EvaluatedRecording) -> dict[str, Any]:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point of ``slip_evaluate``.
-
-    Parameters
-    ----------
-    argv
-        The arguments; those of the process if not given.
-
-    Returns
-    -------
-    int
-        Exit code, see :func:`slip_detector.commands.command_line.run`; 130 also where Ctrl-C left
-        recordings that were not evaluated.
-    """
+    """Run the command and return its exit code: that of :func:`.run`, or 130 after Ctrl-C."""
     parser = Parser(prog=NAME, description=__doc__.split('\n\n')[1])
     parser.add_argument('--json', action='store_true', help='print one JSON object')
     workers.add_options(parser, 'evaluate recordings in parallel', recordings='+')
@@ -205,7 +171,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     def work() -> str:
         loader = workers.with_options(options, RecordingLoader())
-        # An error is reported before an hour of recordings is read.
+        # Errors are reported before an hour of recordings is read.
         workers.check_apart({'--report': page}, options.config, options.labels)
         if out is not None:
             files = [one for of in recording_sets(options.recordings).values() for one in of]
@@ -215,9 +181,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         with workers.processes(options.jobs) as calls:
             sets, left[:] = evaluate(options.recordings, loader, calls, page is not None)
         report = as_report(sets)
-        given = {Path(one).resolve() for one in options.recordings}
+        given = {Path(path).resolve() for path in options.recordings}
         folders = with_subfolders(options.recordings)
-        inner = name_list([one for one in folders if Path(one).resolve() not in given])
+        inner = name_list([path for path in folders if Path(path).resolve() not in given])
         report['answer'] += [f'Left out, as they are not given: {inner}'] if inner else []
         if left:
             report['not_evaluated'] = [str(path) for path in left]
