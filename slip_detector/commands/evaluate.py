@@ -122,12 +122,12 @@ def evaluate(
 
 def as_report(sets: Mapping[str, Mapping[str, EvaluatedRecording]]) -> dict[str, Any]:
     """Return ``sets``, ``all``, ``answer`` and ``note`` for JSON; see the module's docstring."""
-    every = [one for files in sets.values() for one in files.values()]
+    every = [recording for files in sets.values() for recording in files.values()]
     report: dict[str, Any] = {
         'sets': {
             name: {
                 **evaluator.recording_figures(files.values()),
-                'recordings': {file: _alone(one) for file, one in files.items()},
+                'recordings': {file: _figures_of(files[file]) for file in files},
             }
             for name, files in sets.items()
         },
@@ -135,7 +135,7 @@ def as_report(sets: Mapping[str, Mapping[str, EvaluatedRecording]]) -> dict[str,
     }
     named = by_name(report['sets'])
     report['answer'] = [*answer(report['all']), *bad_recordings(named)]
-    bare = [name for name, one in named.items() if not (one['labelled'] or one['mistaken'])]
+    bare = [name for name, of in named.items() if not (of['labelled'] or of['mistaken'])]
     if unlabelled := name_list(bare):
         how = f'{KEY}: [[start, end]] in seconds in a file NAME{ENDING} beside the recording'
         note = f'no labels; scores need {how}, by hand or by slip_view --bag'
@@ -143,20 +143,23 @@ def as_report(sets: Mapping[str, Mapping[str, EvaluatedRecording]]) -> dict[str,
     return report
 
 
-def _alone(one: EvaluatedRecording) -> dict[str, Any]:
+def _figures_of(recording: EvaluatedRecording) -> dict[str, Any]:
+    """Return the figures and events of one recording."""
+    outcome, counts = recording.outcome, recording.counts
     figures = {
-        **evaluator.recording_figures([one]),
-        'labelled': one.labelled,
-        'mistaken': one.mistaken,
-        'lost': one.counts.damage,
-        'doubts': one.counts.doubts,
-        'warnings': one.warnings,
-        'on_intervals_s': one.outcome.on_s,
-        'invalid_percent': one.invalid_percent,
-        'slip_events': [dataclasses.asdict(slip) for slip in one.outcome.slips],
-        'alarm_events': [dataclasses.asdict(alarm) for alarm in one.outcome.alarms],
+        **evaluator.recording_figures([recording]),
+        'labelled': recording.labelled,
+        'mistaken': recording.mistaken,
+        'lost': counts.damage,
+        'doubts': counts.doubts,
+        'warnings': recording.warnings,
+        'on_intervals_s': outcome.on_s,
+        'invalid_percent': recording.invalid_percent,
+        'slip_events': [dataclasses.asdict(slip) for slip in outcome.slips],
+        'alarm_events': [dataclasses.asdict(alarm) for alarm in outcome.alarms],
     }
-    return figures if one.labelled else {**figures, 'slip_events': None, 'alarm_events': None}
+    without = {'slip_events': None, 'alarm_events': None}
+    return figures if recording.labelled else figures | without
 
 
 def main(argv: Sequence[str] | None = None) -> int:

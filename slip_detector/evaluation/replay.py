@@ -252,7 +252,7 @@ class _Run:
             deciding = int(result.groups[rises[0]].argmax())
             columns = np.array(list(config.groups.values())[deciding]) - 1
         passed = filtered > least, result.envelope > least, result.channels
-        through = [(one & result.valid)[:, columns].any(axis=1) for one in passed]
+        through = [(signal & result.valid)[:, columns].any(axis=1) for signal in passed]
         until = slice(int(rises[0]) + 1 if rises.size else None)
         signals = np.array([*through, result.slip])[:, until]
         reached = signals.any(axis=1)
@@ -283,7 +283,7 @@ class _Run:
             latency = int(rise_of[s]) - slip.start
             # The rise that was followed may belong to an alarm that began before the slip.
             exact = found and sum(slip.stages.values()) == latency and not accuracy_s
-            parts = {stage: rows / rate_hz for stage, rows in slip.stages.items()}
+            parts = {stage: length / rate_hz for stage, length in slip.stages.items()}
             ons = np.delete(slip.first_on, disabled).tolist()
             delays_s = tuple(None if row == NEVER else (row - slip.start) / rate_hz for row in ons)
             slips.append(

@@ -60,8 +60,8 @@ def grasp_table(result: Mapping[str, Any]) -> str:
                 ['seed', 'nodes', 'simulated', 'nodes', 'simulated']]  # fmt: skip
         for seed, part in result['nodes'].items():
             both = (part, part['simulated'])
-            slides = (number_text(one['slide_mm'], '.2f') for one in both)
-            commands = (number_text(one['command_percent'], '.1f') for one in both)
+            slides = (number_text(trial['slide_mm'], '.2f') for trial in both)
+            commands = (number_text(trial['command_percent'], '.1f') for trial in both)
             rows.append([seed, *slides, *commands])
         says, latency = 'undefined, no onset was answered', result['latency_ms']
         if latency:

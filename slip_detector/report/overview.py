@@ -105,8 +105,9 @@ def events_of(outcome: ReplayOutcome, labelled: bool = True) -> list[Event]:
 
 def overview_of(config: ChainConfig, share: float, opened: OpenedRecording) -> 'Overview':
     """Return what observes the replay of a recording that was opened."""
-    of, rate_hz = opened.recording, opened.sample_rate_hz
-    return Overview(of.path.name, config, of.channel_names, share, rate_hz, of.is_labelled)
+    recording, rate_hz = opened.recording, opened.sample_rate_hz
+    known = recording.channel_names, share, rate_hz, recording.is_labelled
+    return Overview(recording.path.name, config, *known)
 
 
 def level_codes(result: SlipResult, config: ChainConfig) -> Codes:

@@ -196,8 +196,9 @@ def _parameter_rows(variants: Sequence[Variant]) -> list[list[str]]:
     """Return the name, the default and the values of each parameter."""
     configs = [type(variants[0].config)(), *(variant.config for variant in variants)]
     sets = [config.to_parameters() for config in configs]
-    names = dict.fromkeys(name for one in sets for name in one)
-    return [[name, *(_value(one.get(name, tables.UNDEFINED)) for one in sets)] for name in names]
+    names = dict.fromkeys(name for values in sets for name in values)
+    undefined = tables.UNDEFINED
+    return [[name, *(_value(of.get(name, undefined)) for of in sets)] for name in names]
 
 
 def _parameters(variants: Sequence[Variant]) -> str:
@@ -356,7 +357,7 @@ def replay_variant(name: str, replay: Replay, parts: Mapping[str, Sequence[Track
     every = [(f'{track.name} ({what})', what, track) for what in parts for track in parts[what]]
     overviews, of_each = list[Overview](), {}
     outcomes: dict[str, list[ReplayOutcome]] = {what: [] for what in parts}
-    for title, what, track in sorted(every, key=lambda one: by_number(one[0])):
+    for title, what, track in sorted(every, key=lambda entry: by_number(entry[0])):
         overviews.append(Overview(title, chain, track.channel_names, share, track.sample_rate_hz))
         outcomes[what].append(replay.run(track.rows(), track.sample_rate_hz, overviews[-1]))
         of_each[title] = figures_of_merit(outcomes[what][-1:])
