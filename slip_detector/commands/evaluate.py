@@ -15,9 +15,8 @@
 """The command ``slip_evaluate``.
 
 Run the slip chain over recordings and print what it decides and, where slips are labelled, how
-well it does: areas under the ROC curve; delays, success rate and false positives as in the paper;
-slips and alarms matched one to one, with the latencies and their parts by stage. The exit code is
-0 whatever the figures are.
+well it does: areas under the ROC curve; slips and alarms matched one to one, with the latencies
+and their parts by stage. The exit code is 0 whatever the figures are.
 
 The command uses no ROS: the chain runs over each recording from the first row, as in the detector
 node.

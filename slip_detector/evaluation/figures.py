@@ -69,12 +69,6 @@ class TrueSlip:
         None where the slip was not missed.
     on_at_start : bool
         Whether the global decision was ON in the row before the slip.
-    on_while : bool
-        Whether the global decision was ON at any time during the slip (the paper's success).
-    channel_delays_s : tuple of float or None
-        For each enabled channel the time from the start to its first ON during the slip.
-    delay_s : float or None
-        Mean of these delays (Eq. 10).
     """
 
     start_s: float
@@ -87,9 +81,6 @@ class TrueSlip:
     stages_s: dict[str, float] | None
     lost_at: str | None
     on_at_start: bool
-    on_while: bool
-    channel_delays_s: tuple[float | None, ...]
-    delay_s: float | None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -192,28 +183,6 @@ def percent(part: float, whole: float) -> float | None:
     return share(part, whole, 100.0)
 
 
-def paper_figures(outcomes: Sequence['ReplayOutcome']) -> dict[str, Any]:
-    """Return the figures that the paper reports; each slip counts as one of its trials.
-
-    Returns
-    -------
-    dict
-        ``mean_delay_ms`` and ``sd_delay_ms`` (n - 1) of the slips; ``success_percent``: the share
-        of the slips during which the global decision is ON; ``false_positive_percent``: the share
-        of the rows without slip in which it is ON. None where one is not defined.
-    """
-    slips = [slip for outcome in outcomes for slip in outcome.slips]
-    mean_ms, sd_ms = mean_and_sd(slip.delay_s and slip.delay_s * 1e3 for slip in slips)
-    rest_rows = sum(outcome.rows - outcome.slip_rows for outcome in outcomes)
-    on_rows = sum(outcome.on_rows for outcome in outcomes)
-    return {
-        'mean_delay_ms': mean_ms,
-        'sd_delay_ms': sd_ms,
-        'success_percent': percent(sum(slip.on_while for slip in slips), len(slips)),
-        'false_positive_percent': percent(on_rows, rest_rows),
-    }
-
-
 @dataclasses.dataclass(frozen=True)
 class ReplayOutcome:
     """The outcome of a recording's replay through a chain.
@@ -223,8 +192,6 @@ class ReplayOutcome:
     rows, slip_rows : int
     moving_rows : int or None
         Number of rows of motion; None where the recording has no velocities.
-    on_rows : int
-        Number of rows without slip in which the global decision is ON, as the paper counts them.
     settling_rows : int
         Number of rows that are not scored, as filters and windows settle.
     sample_rate_hz : float
@@ -246,7 +213,6 @@ class ReplayOutcome:
     rows: int
     slip_rows: int
     moving_rows: int | None
-    on_rows: int
     settling_rows: int
     sample_rate_hz: float
     slips: tuple[TrueSlip, ...]
@@ -292,7 +258,7 @@ def figures_of_merit(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:
         Numbers, None where one is not defined: ``rows``, ``slip_rows``, ``moving_rows``,
         ``settling_rows`` (in which nothing is scored) and ``duration_s``; areas under the ROC
         curve of the decision statistic, see :meth:`.ScoreCounts.aucs`; the figures of
-        :func:`paper_figures` and :func:`event_figures`.
+        :func:`event_figures`.
 
     Examples
     --------
@@ -313,6 +279,5 @@ def figures_of_merit(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:
         'settling_rows': sum(outcome.settling_rows for outcome in outcomes),
         'duration_s': sum(outcome.rows / outcome.sample_rate_hz for outcome in outcomes),
         **ScoreCounts.pooled([outcome.scores for outcome in outcomes]).aucs(),
-        **paper_figures(outcomes),
         **event_figures(outcomes),
     }

@@ -26,12 +26,12 @@ from typing import Any
 import numpy as np
 
 from slip_detector.chain.filters import settling_rows
-from slip_detector.chain.samples import Bools, Floats, Ints, Samples
+from slip_detector.chain.samples import Bools, Floats, Samples
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.chain.stamps import missing_rows
 from slip_detector.chain.watch import Watch
 from slip_detector.evaluation import figures
-from slip_detector.evaluation.figures import STAGES, Alarm, ReplayOutcome, TrueSlip, mean_and_sd
+from slip_detector.evaluation.figures import STAGES, Alarm, ReplayOutcome, TrueSlip
 from slip_detector.evaluation.matching import NONE, OnIntervals, ScoredRows, rows_on, unscored_rows
 from slip_detector.evaluation.scores import UNCERTAIN, RowClasses, ScoreTally, row_classes
 from slip_detector.parameters import ChainConfig, EvaluationConfig
@@ -42,9 +42,6 @@ BLOCK_VALUES = 131072
 #: The chain is looked at (:mod:`.watch`) after each of these blocks, and after each of so many
 #: seconds at the beginning of a piece, which may be all there is.
 FIRST_LOOKS = 10
-
-#: Takes the place of a row that has not come.
-NEVER = np.iinfo(np.int64).max
 
 
 def only_filters(config: ChainConfig) -> ChainConfig:
@@ -81,8 +78,8 @@ class Replay:
     >>> slips = Samples.evenly(volts, 380.0, truth=np.arange(760) >= 380)
     >>> outcome = Replay(ChainConfig()).run([slips])
     >>> figures = figures_of_merit([outcome])
-    >>> figures['matched'], figures['false_alarms'], figures['success_percent']
-    (1, 0, 100.0)
+    >>> figures['matched'], figures['false_alarms']
+    (1, 0)
     """
 
     def __init__(self, chain_config: ChainConfig, config: EvaluationConfig | None = None) -> None:
@@ -131,8 +128,6 @@ class _Slip:
     start : int
         Its first row.
     on_at_start : bool
-    first_on : ndarray of int, shape (c,)
-        The row of the first ON of each channel during the slip.
     stages : dict
         Number of rows that the latency spends in each stage; empty where no alarm was followed.
     lost_at : str
@@ -141,7 +136,6 @@ class _Slip:
 
     start: int
     on_at_start: bool
-    first_on: Ints
     stages: dict[str, int] = dataclasses.field(default_factory=dict)
     lost_at: str = figures.ALREADY_ON
 
@@ -199,8 +193,7 @@ class _Run:
         row = self._row
         if truth[0] and not self._labels.on:
             self._follow()
-            never = np.full(self._config.channels, NEVER)
-            self._slips.append(_Slip(row, self._on.on, never))
+            self._slips.append(_Slip(row, self._on.on))
             self._followed = [] if self._on.on else [volts[:0]]
             self._before = self._chain.state.copy()
         drawn = self._observer is not None
@@ -213,10 +206,6 @@ class _Run:
         self._labels.add(truth, row)
         self._on.add(on, row)
         self._valid_rows += np.ones(len(on)) @ result.valid
-        if truth[0]:
-            first, ons = self._slips[-1].first_on, result.channels[: np.count_nonzero(truth)]
-            new = ons.any(axis=0) & (first == NEVER)
-            first[new] = row + ons.argmax(axis=0)[new]
         self._replay.tally.add(result.vote_statistic[:, 0], classes)
         if self._observer:
             self._observer.add(volts, result, truth)
@@ -274,9 +263,7 @@ class _Run:
         rises = [alarm.start for alarm in alarms]
         alarm_of, slip_of = rows.match(rises)
         rise_of = np.array([*rises, NONE])[alarm_of]
-        on_in_slips = rows_on(on, self._labels.edges[::2], self._labels.edges[1::2])
         late_rows = round((config.late_after_s + accuracy_s) * rate_hz)
-        disabled = [channel - 1 for channel in self._config.disabled_channels]
         slips = []
         for s, slip in enumerate(self._slips):
             found, settling = bool(alarm_of[s] != NONE), not rows.scored[s]
@@ -284,8 +271,6 @@ class _Run:
             # The rise that was followed may belong to an alarm that began before the slip.
             exact = found and sum(slip.stages.values()) == latency and not accuracy_s
             parts = {stage: length / rate_hz for stage, length in slip.stages.items()}
-            ons = np.delete(slip.first_on, disabled).tolist()
-            delays_s = tuple(None if row == NEVER else (row - slip.start) / rate_hz for row in ons)
             slips.append(
                 TrueSlip(
                     start_s=slip.start / rate_hz,
@@ -298,9 +283,6 @@ class _Run:
                     stages_s=parts if exact else None,
                     lost_at=None if found or settling else slip.lost_at,
                     on_at_start=slip.on_at_start,
-                    on_while=bool(on_in_slips[s]),
-                    channel_delays_s=delays_s,
-                    delay_s=mean_and_sd(delays_s)[0],
                 )
             )
         # The last element stands for no slip, ``NONE``.
@@ -315,12 +297,11 @@ class _Run:
         on_rows = (rows_on(on, *part).sum(keepdims=True) for part in (rows.certain, rows.rest))
         many_false = np.array([kinds.count(figures.FALSE)])
         invalid_rows = (_length(stretches) - self._valid_rows).astype(np.int64)
-        invalid_rows[disabled] = 0
+        invalid_rows[[channel - 1 for channel in self._config.disabled_channels]] = 0
         return ReplayOutcome(
             rows=_length(stretches),
             slip_rows=_length(labels),
             moving_rows=self._moving_rows,
-            on_rows=_length(on) - int(on_in_slips.sum()),
             settling_rows=rows.settling_rows,
             sample_rate_hz=rate_hz,
             slips=tuple(slips),

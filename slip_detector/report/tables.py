@@ -53,7 +53,6 @@ HEADINGS = {
 #: The figures in each table of an evaluation, by its title.
 TABLES: dict[str, Sequence[str]] = {
     'rows': ('rows', 'slip_rows', 'moving_rows', 'settling_rows', 'auc_all'),
-    "the paper's": ('mean_delay_ms', 'sd_delay_ms', 'success_percent', 'false_positive_percent'),
     'slips': (
         'slips', 'settling_slips', 'matched', 'late', 'missed', 'recall', 'recall_by_chance',
         'sooner_than_chance', 'coverage',

@@ -25,8 +25,6 @@ from slip_detector.evaluation.figures import (
     STAGES,
     TrueSlip,
     event_figures,
-    mean_and_sd,
-    paper_figures,
 )
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
@@ -40,8 +38,7 @@ def slip(stages_ms=None, **changes):
     latency_s = sum(stages_s.values()) if stages_s else -0.01
     known = TrueSlip(
         start_s=1.0, end_s=2.0, alarm=0, latency_s=latency_s, accuracy_s=0.0, settling=False,
-        late=latency_s > 0.1, stages_s=stages_s, lost_at=None, on_at_start=False, on_while=True,
-        channel_delays_s=(0.03, None), delay_s=0.03,
+        late=latency_s > 0.1, stages_s=stages_s, lost_at=None, on_at_start=False,
     )  # fmt: skip
     return dataclasses.replace(known, **changes)
 
@@ -76,13 +73,3 @@ def test_figures_of_events_by_hand():
         'press_on_percent': 0.0, 'press_alarms_per_minute': 3.0, 'taps_on_percent': None,
     }  # fmt: skip
     assert {name: found[name] for name in expected} == pytest.approx(expected)
-
-
-def test_the_figures_of_the_paper_by_hand():
-    assert mean_and_sd([]) == mean_and_sd([None]) == (None, None)
-    assert mean_and_sd([None, 0.02]) == (0.02, None)
-    delays_s = {0.03: True, 0.05: False, None: True, 0.04: True}
-    slips = [slip(delay_s=delay_s, on_while=on) for delay_s, on in delays_s.items()]
-    found = paper_figures([dataclasses.replace(NOTHING, slips=slips, rows=60, on_rows=3)])
-    assert [*found.values()] == pytest.approx([40.0, 10.0, 75.0, 5.0])  # n - 1 of the deviation
-    assert set(paper_figures([]).values()) == {None}
