@@ -61,6 +61,7 @@ from slip_detector.recordings import by_number, recording_sets, with_subfolders
 from slip_detector.recordings.labels import ENDING, KEY
 from slip_detector.report.answer import answer, bad_recordings
 from slip_detector.report.overview import overview_of
+from slip_detector.report.page import write_evaluation_report
 from slip_detector.report.tables import by_name, evaluation_tables
 
 NAME = 'slip_evaluate'
@@ -190,8 +191,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         if left:
             report['not_evaluated'] = [str(path) for path in left]
         if page:
-            from slip_detector.report.page import write_evaluation_report
-
             write_evaluation_report(page, sets, report, options.config)
         if page or out:
             report['written'] = [str(path) for path in (page, out) if path]

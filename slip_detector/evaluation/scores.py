@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Rows of rest, motion and slip, and the ROC curve of their scores, in bounded memory."""
+"""Rows of rest, motion and slip, counted by their scores, and areas under the ROC curve."""
 
 from collections.abc import Iterable
 from typing import NamedTuple
@@ -137,21 +137,11 @@ class ScoreCounts(NamedTuple):
         means = [np.mean(part) for part in known if part]
         return {'auc_all': self.auc(), **areas, 'auc': float(np.mean(means)) if means else None}
 
-    def roc(self, against: Iterable[int] = range(SLIP)) -> tuple[Floats, Floats, Floats]:
-        """Return the ROC curve of slip against rows of these classes.
-
-        Returns
-        -------
-        false_share, true_share, limit : ndarray, shape (k,)
-            Shares of the rows without and with slip whose score is at least each limit, the
-            highest limit first; NaN where there are no such rows.
-        """
-        rows = np.array([self.counts[list(against)].sum(axis=0), self.counts[SLIP]])[:, ::-1]
-        with np.errstate(invalid='ignore'):  # Of no rows, 0 / 0 is not defined.
-            false_share, true_share = np.cumsum(rows, axis=1) / rows.sum(axis=1, keepdims=True)
-        bins = self.bins[::-1]
-        lowest = ((bins + _LOWEST_BIN) << _DROPPED_BITS).view(np.float64)
-        return false_share, true_share, np.where(bins > 0, lowest, 0.0)
+    @property
+    def scores(self) -> Floats:
+        """The least score of each bin; shape (k,)."""
+        lowest = ((self.bins + _LOWEST_BIN) << _DROPPED_BITS).view(np.float64)
+        return np.where(self.bins > 0, lowest, 0.0)
 
 
 class ScoreTally:

@@ -43,7 +43,6 @@ from slip_detector.parameters.files import whole_file
 from slip_detector.recordings import by_number
 from slip_detector.report import tables
 from slip_detector.report.overview import OUTCOMES, Codes, Overview, Volts
-from slip_detector.report.pictures import latency_figure, svg
 from slip_detector.tuning.tracks import Track
 
 #: Scripts of a page; each comes after the scripts that it needs.
@@ -86,7 +85,6 @@ def write_page(
     variants: Sequence[Variant],
     sentences: Sequence[str] = (),
     notes: Sequence[str] = (),
-    outcomes: Sequence[ReplayOutcome] = (),
     config: str | Path | None = None,
 ) -> None:
     """Write a report as an HTML file.
@@ -106,8 +104,6 @@ def write_page(
         Lines below the title: first the :func:`.answer`, then what matters most.
     notes
         What else the reader may want to know.
-    outcomes
-        The outcomes whose latencies and ROC curve are drawn.
     config
         The file of the configuration; None: there is none.
 
@@ -140,7 +136,8 @@ def write_page(
         css='\n'.join(map(_read, STYLES)),
         js='\n'.join(map(_read, SCRIPTS)),
         data=_data(variants),
-        sections=sections(variants, outcomes),
+        figures=_figures(variants),
+        parameters=_parameters(variants),
     )
     with whole_file(path) as new:
         new.write_text(page, encoding='utf-8', errors='backslashreplace')
@@ -161,18 +158,6 @@ def _tiles(variants: Sequence[Variant]) -> str:
         was = (f' <small>{variants[0].name} {old}</small>' for old in {*before} - {text, '-'})
         tiles += f'<div><dt>{tables.heading(name)}</dt><dd>{text}{"".join(was)}</dd></div>'
     return tiles
-
-
-def sections(variants: Sequence[Variant], outcomes: Sequence[ReplayOutcome] = ()) -> str:
-    """Return the sections of a page below the timeline, as HTML; see :func:`write_page`."""
-    parts = {'Figures': _figures(variants)}
-    if any(one.slips for one in outcomes):
-        data = base64.b64encode(svg(latency_figure(outcomes)).encode()).decode()
-        parts['Plots'] = f'<img alt="Latencies and ROC" src="data:image/svg+xml;base64,{data}">'
-    parts['Parameters'] = _parameters(variants)
-    return '\n'.join(
-        f'<section>\n<h2>{title}</h2>\n{content}\n</section>' for title, content in parts.items()
-    )
 
 
 def _figures(variants: Sequence[Variant]) -> str:
@@ -320,9 +305,8 @@ def write_evaluation_report(
         overview.name = title
     whole = {'all recordings': report['all']} if len(recordings) > 1 else {}
     given = Variant('given', overviews[0].config, overviews, {**whole, **figures})
-    outcomes = [recording.outcome for recording in recordings if recording.labelled]
     lines = [*report['answer'], *([report['note']] if 'note' in report else [])]
-    write_page(path, f'Slips and alarms: {", ".join(sets)}', [given], lines, (), outcomes, config)
+    write_page(path, f'Slips and alarms: {", ".join(sets)}', [given], lines, (), config)
 
 
 def replay_variant(name: str, replay: Replay, parts: Mapping[str, Sequence[Track]]) -> Variant:

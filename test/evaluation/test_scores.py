@@ -59,17 +59,3 @@ def test_pooled_counts_are_those_of_all_rows(parts):
     whole = counted([s for s, _ in rows], [k for _, k in rows])
     np.testing.assert_array_equal(pooled.bins, whole.bins)
     np.testing.assert_array_equal(pooled.counts, whole.counts)
-
-
-@given(SCORED)
-def test_the_roc_curve_is_the_shares_at_or_above_each_limit(rows):
-    score, kind = np.array([s for s, _ in rows]), np.array([k for _, k in rows])
-    false_share, true_share, limit = counted(score, kind).roc()
-    assert (np.diff(limit) < 0.0).all()
-    for share, mine in ((false_share, kind != SLIP), (true_share, kind == SLIP)):
-        if not mine.any():
-            assert np.isnan(share).all()
-            continue
-        # Between two limits there is no score: a hair below it stands for the limit.
-        expected = [(score[mine] >= at * (1.0 - 1e-6)).mean() for at in limit]
-        np.testing.assert_allclose(share, expected)
