@@ -42,7 +42,7 @@ node.
 ``not_evaluated``
     After Ctrl-C: the recordings that were not evaluated.
 ``written``
-    With ``--report`` and ``--out``: the files.
+    With ``--report``: the file.
 """
 
 import dataclasses
@@ -167,20 +167,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = Parser(prog=NAME, description=__doc__.split('\n\n')[1])
     parser.add_argument('--json', action='store_true', help='print one JSON object')
     workers.add_options(parser, 'evaluate recordings in parallel', recordings='+')
-    text = "levels, decisions and onsets of one recording as a bag, on the detector's topics"
-    parser.add_argument('--out', type=Path, metavar='FILE.mcap', help=f'write {text}')
     options = parser.parse_args(argv)
-    page, out, left = options.report, options.out, list[Path]()
+    page, left = options.report, list[Path]()
 
     def work() -> str:
         loader = workers.with_options(options, RecordingLoader())
         # Errors are reported before an hour of recordings is read.
         workers.check_apart({'--report': page}, options.config, options.labels)
-        if out is not None:
-            files = [one for of in recording_sets(options.recordings).values() for one in of]
-            if len(files) > 1:
-                raise ValueError(f'--out is for one recording, these are {len(files)}')
-            evaluator.write_decisions_of(loader, files[0], out)
         with workers.processes(options.jobs) as calls:
             sets, left[:] = evaluate(options.recordings, loader, calls, page is not None)
         report = as_report(sets)
@@ -192,8 +185,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             report['not_evaluated'] = [str(path) for path in left]
         if page:
             write_evaluation_report(page, sets, report, options.config)
-        if page or out:
-            report['written'] = [str(path) for path in (page, out) if path]
+            report['written'] = [str(page)]
         text = evaluation_tables(report, options.verbose)
         return json.dumps(report, indent=2) if options.json else text
 

@@ -21,7 +21,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from slip_detector.chain.samples import Bools, Samples
-from slip_detector.chain.slip_chain import SlipChain, SlipResult
 from slip_detector.chain.watch import words_of
 from slip_detector.evaluation.figures import ReplayOutcome, decision_figures, figures_of_merit
 from slip_detector.evaluation.replay import Replay
@@ -32,7 +31,6 @@ from slip_detector.parameters.files import as_yaml
 from slip_detector.parameters.fitting import fitting
 from slip_detector.parameters.sets import changed
 from slip_detector.recordings import Recording, RecordingCounts, open_recording, rates_differ
-from slip_detector.recordings.decisions import write_decisions
 from slip_detector.recordings.labels import labels_name
 
 #: The message on a recording whose labels a person has found to be wrong.
@@ -174,19 +172,6 @@ class RecordingLoader(NamedTuple):
             refuse(f'{recording.path}: {what}', text)
         speed = np.linalg.norm(table.astype(np.float64), axis=1)
         return np.asarray(speed > self.config.moving_above)
-
-
-def write_decisions_of(loader: RecordingLoader, path: Path, out: Path) -> None:
-    """Write the decisions of a detector on a recording as a bag; see :func:`.write_decisions`."""
-    opened, chain = loader.open(path, require_truth=False), SlipChain(loader.chain_config)
-
-    def decided() -> Iterator[tuple[Samples, SlipResult]]:
-        for piece in opened.rows:
-            if piece.new_stretch:
-                chain.restart()
-            yield piece, chain.update(piece.volts, envelope=False)
-
-    write_decisions(out, decided(), chain.config, opened.recording.namespace)
 
 
 class EvaluatedRecording(NamedTuple):
