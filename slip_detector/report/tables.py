@@ -265,21 +265,3 @@ def compared(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[Row]:
             change = 'worse' if name in worse else 'better' if name in better else ''
             rows.append((heading(name), was, now, change))
     return rows
-
-
-def demo_table(result: Mapping[str, Any]) -> str:
-    """Return the figures of :func:`.demo_figures` as text."""
-    figures = {
-        **result['channel_delay_ms'],
-        'mean over the channels': result['mean_delay_ms'],
-        'standard deviation': result['sd_delay_ms'],
-        **result['group_delay_ms'],
-        'slip': result['global_delay_ms'],
-        'latency, median': result['latency_ms']['median'],
-        'latency, p99': result['latency_ms']['p99'],
-        'False positives [% of the rest]': result['false_positive_percent'],
-    }
-    return (
-        'Delay from the start of the plate to the receipt of the first ON, and latency from\n'
-        'sample to receipt of its decision [ms]\n'
-    ) + text_table([(name, number_text(figure, '.2f')) for name, figure in figures.items()])
