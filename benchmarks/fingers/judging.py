@@ -44,8 +44,8 @@ def judge(
     """Run a chain over a recording and its joints, cross-faded over whole periods of the mains."""
     outcome = Replay(chain, config).run(track.rows(), track.sample_rate_hz)
     names = 'rest' if track.kind else 'between', *WITHOUT_SLIP[1:], 'slide'
-    counts, (*_, limits) = outcome.scores.counts, outcome.scores.roc()
-    found = {name: np.repeat(limits[::-1], its) for name, its in zip(names, counts, strict=True)}
+    scores, counts = outcome.scores.scores, outcome.scores.counts
+    found = {name: np.repeat(scores, its) for name, its in zip(names, counts, strict=True)}
     for name in ('slide', 'rest'):
         how = chain, track, name == 'slide', mains_rows or chain.samples(FADE_S)
         found[f'{name} joints'] = joint_latencies_s(*how) if track.slips else np.zeros(0)

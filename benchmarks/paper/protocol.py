@@ -25,15 +25,14 @@ single trials, and Figs. 4 and 7 without their values. What the paper does not g
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from benchmarks.measurement import Bound
 from slip_detector.chain.samples import Floats, Samples
+from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation import figures
-from slip_detector.evaluation.figures import ReplayOutcome
-from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.fields import refuse
 from slip_detector.recordings import rates_differ
@@ -84,31 +83,48 @@ def simulate_trials(scene: str, seeds: Iterable[int]) -> list[Samples]:
     return trials
 
 
-def plate_figures(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:
-    """Return the paper's figures of merit of some trials.
+class Trial(NamedTuple):
+    """A trial: the delay of each enabled channel, whether slip was ON, and rows of rest and ON."""
 
-    Parameters
-    ----------
-    outcomes
-        Each has one slip.
+    delays_ms: list[float | None]
+    detected: bool
+    rest_rows: int
+    on_rows: int
 
-    Returns
-    -------
-    dict
-        The figures of a plate; see the docstring of :mod:`benchmarks.paper.command`.
+
+def run_trial(chain: SlipChain, trial: Samples) -> Trial:
+    """Run a trial, which has one slip, through a chain."""
+    chain.reset()
+    result, truth = chain.update(trial.volts, envelope=False, level=False), np.asarray(trial.truth)
+    disabled = [channel - 1 for channel in chain.config.disabled_channels]
+    ons = np.delete(result.channels[truth], disabled, axis=1).T
+    rate_hz = chain.config.sample_rate_hz
+    delays_ms = [1e3 * float(on.argmax()) / rate_hz if on.any() else None for on in ons]
+    on_rows, rest_rows = int(result.slip[~truth].sum()), int((~truth).sum())
+    return Trial(delays_ms, bool(result.slip[truth].any()), rest_rows, on_rows)
+
+
+def plate_figures(trials: Sequence[Trial]) -> dict[str, Any]:
+    """Return the paper's figures of merit; see the docstring of :mod:`benchmarks.paper.command`.
 
     Examples
     --------
     >>> plate_figures([])['trials']
     0
     """
-    slips = [slip for one in outcomes for slip in one.slips]
+    means_ms = [figures.mean_and_sd(trial.delays_ms)[0] for trial in trials]
+    mean_ms, sd_ms = figures.mean_and_sd(means_ms)
+    detected = sum(trial.detected for trial in trials)
+    on_rows = sum(trial.on_rows for trial in trials)
     return {
-        **figures.paper_figures(outcomes),
-        'trial_delays_ms': [slip.delay_s and slip.delay_s * 1e3 for slip in slips],
-        'detected': sum(slip.on_while for slip in slips),
-        'trials': len(slips),
-        'channels_without_on': sum(slip.channel_delays_s.count(None) for slip in slips),
+        'mean_delay_ms': mean_ms,
+        'sd_delay_ms': sd_ms,
+        'success_percent': figures.percent(detected, len(trials)),
+        'false_positive_percent': figures.percent(on_rows, sum(t.rest_rows for t in trials)),
+        'trial_delays_ms': means_ms,
+        'detected': detected,
+        'trials': len(trials),
+        'channels_without_on': sum(trial.delays_ms.count(None) for trial in trials),
     }
 
 
@@ -143,7 +159,7 @@ def evaluate_plates(
     >>> figures['plates']['400']['success_percent'], figures['all']['detected']
     (100.0, 1)
     """
-    replay = Replay(config)
+    chain = SlipChain(config)
     outcomes = {}
     for plate, trials in plates.items():
         rate = rate_of(trials[0].stamps_ns, f'the stamps of plate {plate}')
@@ -152,7 +168,7 @@ def evaluate_plates(
             text = f'{config.channels} at {config.sample_rate_hz:g} Hz'
             text = f'as the parameters channels and sample_rate_hz, {text}'
             refuse(f'plate {plate} has {channels} channels at {rate:g} Hz', text)
-        outcomes[plate] = [replay.run([trial]) for trial in trials]
+        outcomes[plate] = [run_trial(chain, trial) for trial in trials]
     return {
         'plates': {plate: plate_figures(several) for plate, several in outcomes.items()},
         'all': plate_figures([one for several in outcomes.values() for one in several]),

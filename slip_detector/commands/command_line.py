@@ -14,8 +14,8 @@
 
 """What all commands share: errors of one line, exit codes, interrupts, output into a closed pipe.
 
-The commands start here. Loading the modules that they compute with takes a second. Ctrl-C must not
-end in a traceback in this second either: therefore this module imports nothing large.
+The commands start here. Loading the modules that compute takes a second, in which Ctrl-C must not
+end in a traceback either: therefore this module imports nothing large.
 """
 
 import argparse
@@ -33,12 +33,12 @@ from typing import NoReturn
 #: Exit code after Ctrl-C or SIGTERM.
 INTERRUPTED = 130
 
-#: A pipe takes so many characters whole or not at all. Of more, a signal may cut off the rest if
+#: A pipe takes so many characters whole or not at all. A signal may cut off a longer text if
 #: Python is told not to buffer its output.
 ATOMIC = 1000
 
-#: Characters of the beginning and of the end of a message that is too long.
-SHOWN = 1500, 450
+#: Characters that are kept of the beginning and of the end of a message that is too long.
+KEPT = 1500, 450
 
 
 def one_line(message: object) -> str:
@@ -51,19 +51,13 @@ def one_line(message: object) -> str:
     >>> print(one_line('\x1b[2J.npz'))
     \x1b[2J.npz
     """
-    line, (first, last) = ' '.join(str(message).split()), SHOWN
+    line, (first, last) = ' '.join(str(message).split()), KEPT
     line = ''.join(each if each.isprintable() else ascii(each)[1:-1] for each in line)
     return line if len(line) <= first + last else f'{line[:first]} ... {line[-last:]}'
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser that says in one line what is wrong with the arguments.
-
-    Examples
-    --------
-    >>> Parser(prog='slip_tune').prog
-    'slip_tune'
-    """
+    """A parser that says in one line what is wrong with the arguments."""
 
     def error(self, message: str) -> NoReturn:
         """End the process with the exit code 2."""
@@ -71,18 +65,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def whole_number(low: int, high: int = 10**9) -> Callable[[str], int]:
-    """Return a function that reads an argument that is a whole number.
-
-    Parameters
-    ----------
-    low, high
-        The smallest and the largest allowed number.
-
-    Examples
-    --------
-    >>> whole_number(1)('12')
-    12
-    """
+    """Return a function that reads an argument that is a whole number from ``low`` to ``high``."""
 
     def read(text: str) -> int:
         # Only ASCII digits, and fewer than int() refuses.
@@ -96,18 +79,19 @@ def whole_number(low: int, high: int = 10**9) -> Callable[[str], int]:
 
 
 @contextlib.contextmanager
-def interrupts_noted(said: str = '') -> Iterator[Callable[[], bool]]:
+def interrupts_noted(message: str = '') -> Iterator[Callable[[], bool]]:
     """Within this context Ctrl-C and SIGTERM raise KeyboardInterrupt; the first may be noted.
 
     Parameters
     ----------
-    said
-        What to say on stderr when the first one is noted.
+    message
+        What to write to stderr when the first interrupt is noted.
 
     Yields
     ------
     callable
-        Returns whether to stop. From the first call on the first interrupt is only noted.
+        Returns whether an interrupt was noted. Before its first call none is noted, and each
+        raises; afterwards the second one raises.
 
     Examples
     --------
@@ -123,7 +107,7 @@ def interrupts_noted(said: str = '') -> Iterator[Callable[[], bool]]:
             raise KeyboardInterrupt
         noted = True
         with contextlib.suppress(OSError):  # Python's own stderr may be in the midst of a line.
-            os.write(2, said.encode())
+            os.write(2, message.encode())
 
     def stop() -> bool:
         nonlocal noting
@@ -151,10 +135,10 @@ def run(name: str, work: Callable[[], str]) -> int:
     Returns
     -------
     int
-        The exit code: 0, or 1 after an error, which is one line on stderr; its ``advice``, if it
-        has any, is printed. A full disk is an error, but a reader that stops early, like ``head``,
-        is not. A first interrupt while the text is printed does not cut it off; a second one is a
-        KeyboardInterrupt.
+        The exit code: 0, or 1 after an error, which is one line on stderr; the ``advice`` of an
+        error, if it has any, is printed. A full disk is an error, but a reader that stops early,
+        like ``head``, is not. A first interrupt while the text is printed does not cut it off; a
+        second one is a KeyboardInterrupt.
 
     Examples
     --------

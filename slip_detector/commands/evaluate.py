@@ -15,11 +15,11 @@
 """The command ``slip_evaluate``.
 
 Run the slip chain over recordings and print what it decides and, where slips are labelled, how
-well it does: areas under the ROC curve;
-delays, success rate and false positives as in the paper; slips and alarms matched one to one, with
-the latencies and their parts by stage. The exit code is 0 whatever the figures are.
+well it does: areas under the ROC curve; slips and alarms matched one to one, with the latencies
+and their parts by stage. The exit code is 0 whatever the figures are.
 
-It uses no ROS: the chain runs over each recording from the first row, as in the detector node.
+The command uses no ROS: the chain runs over each recording from the first row, as in the detector
+node.
 
 ``slip_evaluate --json RECORDING...`` prints one object:
 
@@ -28,11 +28,10 @@ It uses no ROS: the chain runs over each recording from the first row, as in the
     together, see :func:`slip_detector.evaluation.figures.figures_of_merit`, and counts of their
     faults, see :func:`slip_detector.evaluation.evaluator.recording_figures`. Under
     ``recordings``, by the name of the file, the same for each recording, with ``lost`` (which
-    part of a damaged file could not be read), ``doubts`` (why damage may go unseen),
-    ``warnings`` (why decisions may mean nothing),
-    ``on_intervals_s`` (start and end of each time ON),
-    ``invalid_percent`` (of the channels that are not always valid), ``labelled``,
-    ``mistaken`` (marked so in its labels), and ``slip_events`` and ``alarm_events``, see
+    part of a damaged file could not be read), ``doubts`` (why damage may go unseen), ``warnings``
+    (why decisions may mean nothing), ``on_intervals_s`` (start and end of each time ON),
+    ``invalid_percent`` (of the channels that are not always valid), ``labelled``, ``mistaken``
+    (whether the labels are marked as a mistake), and ``slip_events`` and ``alarm_events``, see
     :class:`slip_detector.evaluation.figures.TrueSlip` and ``Alarm``; None without labels.
 ``all``
     The figures and counts over all sets.
@@ -43,7 +42,7 @@ It uses no ROS: the chain runs over each recording from the first row, as in the
 ``not_evaluated``
     After Ctrl-C: the recordings that were not evaluated.
 ``written``
-    With ``--report`` and ``--out``: the files.
+    With ``--report``: the file.
 """
 
 import dataclasses
@@ -61,6 +60,8 @@ from slip_detector.parameters.fields import name_list
 from slip_detector.recordings import by_number, recording_sets, with_subfolders
 from slip_detector.recordings.labels import ENDING, KEY
 from slip_detector.report.answer import answer, bad_recordings
+from slip_detector.report.overview import overview_of
+from slip_detector.report.page import write_evaluation_report
 from slip_detector.report.tables import by_name, evaluation_tables
 
 NAME = 'slip_evaluate'
@@ -99,25 +100,11 @@ def evaluate(
         When a recording cannot be evaluated; names it.
     KeyboardInterrupt
         When Ctrl-C was pressed before the first recording was evaluated.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> import numpy as np
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = Path(folder) / 'rest.npz'
-    ...     np.savez(path, volts=np.full((100, 16), 4.3), sample_rate_hz=380.0, slip=np.zeros(100))
-    ...     sets, left = evaluate([str(path)], RecordingLoader())
-    >>> as_report(sets)['all']['rows'], left
-    (100, [])
     """
     sets = {name: sorted(of, key=by_number) for name, of in recording_sets(arguments).items()}
     files = [file for several in sets.values() for file in several]
-    function = partial(evaluator.evaluate_recording, loader)
-    if for_report:
-        from slip_detector.report.page import evaluate_for_report
-
-        function = partial(evaluate_for_report, loader, len(files))
+    observe = partial(overview_of, loader.chain_config, 1 / len(files)) if for_report else None
+    function = partial(evaluator.evaluate_recording, loader, observe=observe)
     found: dict[Path, EvaluatedRecording] = {}
     with workers.progress_bar(len(files), 'recording') as bar:
         try:
@@ -134,24 +121,13 @@ def evaluate(
 
 
 def as_report(sets: Mapping[str, Mapping[str, EvaluatedRecording]]) -> dict[str, Any]:
-    """Return all figures as numbers and texts for JSON.
-
-    Parameters
-    ----------
-    sets
-        The evaluated recordings by the names of set and file.
-
-    Returns
-    -------
-    dict
-        ``sets`` and ``all``; see the module's docstring.
-    """
-    every = [one for files in sets.values() for one in files.values()]
+    """Return ``sets``, ``all``, ``answer`` and ``note`` for JSON; see the module's docstring."""
+    every = [recording for files in sets.values() for recording in files.values()]
     report: dict[str, Any] = {
         'sets': {
             name: {
                 **evaluator.recording_figures(files.values()),
-                'recordings': {file: _alone(one) for file, one in files.items()},
+                'recordings': {file: _figures_of(files[file]) for file in files},
             }
             for name, files in sets.items()
         },
@@ -159,7 +135,7 @@ def as_report(sets: Mapping[str, Mapping[str, EvaluatedRecording]]) -> dict[str,
     }
     named = by_name(report['sets'])
     report['answer'] = [*answer(report['all']), *bad_recordings(named)]
-    bare = [name for name, one in named.items() if not (one['labelled'] or one['mistaken'])]
+    bare = [name for name, of in named.items() if not (of['labelled'] or of['mistaken'])]
     if unlabelled := name_list(bare):
         how = f'{KEY}: [[start, end]] in seconds in a file NAME{ENDING} beside the recording'
         note = f'no labels; scores need {how}, by hand or by slip_view --bag'
@@ -167,68 +143,49 @@ def as_report(sets: Mapping[str, Mapping[str, EvaluatedRecording]]) -> dict[str,
     return report
 
 
-def _alone(one: EvaluatedRecording) -> dict[str, Any]:
+def _figures_of(recording: EvaluatedRecording) -> dict[str, Any]:
+    """Return the figures and events of one recording."""
+    outcome, counts = recording.outcome, recording.counts
     figures = {
-        **evaluator.recording_figures([one]),
-        'labelled': one.labelled,
-        'mistaken': one.mistaken,
-        'lost': one.counts.damage,
-        'doubts': one.counts.doubts,
-        'warnings': one.warnings,
-        'on_intervals_s': one.outcome.on_s,
-        'invalid_percent': one.invalid_percent,
-        'slip_events': [dataclasses.asdict(slip) for slip in one.outcome.slips],
-        'alarm_events': [dataclasses.asdict(alarm) for alarm in one.outcome.alarms],
+        **evaluator.recording_figures([recording]),
+        'labelled': recording.labelled,
+        'mistaken': recording.mistaken,
+        'lost': counts.damage,
+        'doubts': counts.doubts,
+        'warnings': recording.warnings,
+        'on_intervals_s': outcome.on_s,
+        'invalid_percent': recording.invalid_percent,
+        'slip_events': [dataclasses.asdict(slip) for slip in outcome.slips],
+        'alarm_events': [dataclasses.asdict(alarm) for alarm in outcome.alarms],
     }
-    return figures if one.labelled else {**figures, 'slip_events': None, 'alarm_events': None}
+    without = {'slip_events': None, 'alarm_events': None}
+    return figures if recording.labelled else figures | without
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point of ``slip_evaluate``.
-
-    Parameters
-    ----------
-    argv
-        The arguments; those of the process if not given.
-
-    Returns
-    -------
-    int
-        Exit code, see :func:`slip_detector.commands.command_line.run`; 130 also where Ctrl-C left
-        recordings that were not evaluated.
-    """
+    """Run the command and return its exit code: that of :func:`.run`, or 130 after Ctrl-C."""
     parser = Parser(prog=NAME, description=__doc__.split('\n\n')[1])
     parser.add_argument('--json', action='store_true', help='print one JSON object')
     workers.add_options(parser, 'evaluate recordings in parallel', recordings='+')
-    text = "levels, decisions and onsets of one recording as a bag, on the detector's topics"
-    parser.add_argument('--out', type=Path, metavar='FILE.mcap', help=f'write {text}')
     options = parser.parse_args(argv)
-    page, out, left = options.report, options.out, list[Path]()
+    page, left = options.report, list[Path]()
 
     def work() -> str:
         loader = workers.with_options(options, RecordingLoader())
-        # An error is reported before an hour of recordings is read.
+        # Errors are reported before an hour of recordings is read.
         workers.check_apart({'--report': page}, options.config, options.labels)
-        if out is not None:
-            files = [one for of in recording_sets(options.recordings).values() for one in of]
-            if len(files) > 1:
-                raise ValueError(f'--out is for one recording, these are {len(files)}')
-            evaluator.write_decisions_of(loader, files[0], out)
         with workers.processes(options.jobs) as calls:
             sets, left[:] = evaluate(options.recordings, loader, calls, page is not None)
         report = as_report(sets)
-        given = {Path(one).resolve() for one in options.recordings}
+        given = {Path(path).resolve() for path in options.recordings}
         folders = with_subfolders(options.recordings)
-        inner = name_list([one for one in folders if Path(one).resolve() not in given])
+        inner = name_list([path for path in folders if Path(path).resolve() not in given])
         report['answer'] += [f'Left out, as they are not given: {inner}'] if inner else []
         if left:
             report['not_evaluated'] = [str(path) for path in left]
         if page:
-            from slip_detector.report.page import write_evaluation_report
-
             write_evaluation_report(page, sets, report, options.config)
-        if page or out:
-            report['written'] = [str(path) for path in (page, out) if path]
+            report['written'] = [str(page)]
         text = evaluation_tables(report, options.verbose)
         return json.dumps(report, indent=2) if options.json else text
 

@@ -195,7 +195,7 @@ def _search(
     last = variants[::-1] if verdict.kept else variants
     # The figures of each recording are after those of each part.
     told = answers + bad_recordings(dict([*last[1].figures.items()][len(parts) :]))
-    page = 'Tuning of the slip detector', last, told, lines, (), options.out
+    page = 'Tuning of the slip detector', last, told, lines, options.out
     return said, [*lines, 'On what was held out:', *table], lambda path: write_page(path, *page)
 
 

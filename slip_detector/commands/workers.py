@@ -72,7 +72,7 @@ def add_options(parser: argparse.ArgumentParser, work: str, recordings: str = '*
         'slip_driver (where in a recording the samples and labels are), slip_evaluate (what '
         'counts as detected) and slip_tune (weights of a search); default: the default parameters',
     )  # fmt: skip
-    text = 'write an HTML page with timelines that can be zoomed, latencies and ROC curve'
+    text = 'write an HTML page with timelines that can be zoomed, and all figures'
     parser.add_argument('--report', type=Path, metavar='FILE.html', help=text)
     parser.add_argument('--verbose', action='store_true', help='print all figures')
     text = f'processes that {work} (default: 1)'

@@ -12,4 +12,14 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recordings run through the chain: slips matched with alarms, scores."""
+"""Runs recordings through a chain, matches slips with alarms, and computes figures.
+
+``Replay`` runs a chain over rows, and ``evaluate_recording`` over a file that a
+``RecordingLoader`` opens; ``figures_of_merit`` are the figures of their outcomes.
+"""
+
+from slip_detector.evaluation.evaluator import RecordingLoader, evaluate_recording
+from slip_detector.evaluation.figures import figures_of_merit
+from slip_detector.evaluation.replay import Replay
+
+__all__ = ['RecordingLoader', 'Replay', 'evaluate_recording', 'figures_of_merit']

@@ -20,9 +20,9 @@ probability of at most t times the rate of false alarms, whether they are random
 functions here use this bound as the probability of chance. So no decision that does not depend on
 slip is better than chance on average, however often it is ON and however fast it switches.
 
-Two times of each slip are needed. Its *window* is the length of the time in which its alarm may
-rise. Its *lead* is the time from the beginning of this window to the start of the slip, plus half
-a row, as an alarm may rise anywhere within its row.
+The *window* of a slip is the length of the time in which its alarm may rise. The *lead* of a slip
+is the time from the beginning of the window to the start of the slip, plus half a row, as an alarm
+may rise anywhere within a row.
 """
 
 import numpy as np
@@ -31,7 +31,7 @@ from numpy.typing import ArrayLike
 from slip_detector.chain.samples import Floats
 
 #: Least ``sooner_than_chance`` with which the median latency of all slips is defined.
-HALF = 0.5
+MEDIAN_IS_DEFINED = 0.5
 
 
 def recall_by_chance(windows_s: ArrayLike, rates_hz: ArrayLike) -> Floats:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What a program has heard of a trial on the topics of the nodes, and its figures of merit."""
+"""The figures of merit of a trial, of the messages that a program has received from the nodes."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -24,16 +24,23 @@ from slip_detector.chain.samples import Bools, Floats
 from slip_detector.evaluation import figures
 from slip_detector.parameters.detector import ChainConfig
 
-#: Latency, in milliseconds, which one in a hundred samples exceeds only where a node was held up.
+#: Latency that more than one in a hundred samples has only where a node was held up.
 HELD_UP_MS = 50.0
 
 
 class Heard(NamedTuple):
-    """What a program has heard of a trial.
+    """The messages of a trial.
 
-    Times (since the first sample) and volts of the samples, times and positions of the plate, the
-    time from the stamp of each sample to the receipt of its decision, and for each topic of a
-    decision the times at which its state changed, and the new states.
+    Attributes
+    ----------
+    stamps_s, volts : ndarray
+        Times since the first sample, and volts, of the samples.
+    position_stamps_s, positions_m : ndarray
+        Times and positions of the plate.
+    latencies_s : ndarray
+        Time from the stamp of each sample to the receipt of its decision.
+    changes : mapping
+        For each topic of a decision the times at which the state changed, and the new states.
     """
 
     stamps_s: Floats
@@ -53,21 +60,7 @@ class Heard(NamedTuple):
 
 
 def states_at(changed_at: NDArray[Any], states: Bools, at: NDArray[Any]) -> Bools:
-    """Return the state at each time: that of the last change at or before it.
-
-    Parameters
-    ----------
-    changed_at : ndarray of int or float, shape (k,)
-        Times at which the state was published, in rising order.
-    states : ndarray of bool, shape (k,)
-        The states.
-    at : ndarray of int or float, shape (n,)
-        The times for which the state is wanted, in the same unit.
-
-    Returns
-    -------
-    ndarray of bool, shape (n,)
-        False before the first change.
+    """Return the state at each time ``at``: that of the last change before; at first False.
 
     Examples
     --------
@@ -111,7 +104,7 @@ def demo_figures(heard: Heard, config: ChainConfig) -> dict[str, Any]:
 
 
 def demo_words(result: Mapping[str, Any]) -> str:
-    """Say in a line what happened in a trial, of its figures of :func:`demo_figures`.
+    """Return in a line what happened in a trial with these figures of :func:`demo_figures`.
 
     Examples
     --------
@@ -123,10 +116,8 @@ def demo_words(result: Mapping[str, Any]) -> str:
     seen = 'The plate slid, and slip was not seen' if result['motion'] else 'Nothing slid'
     if slip_ms is not None:
         seen = f'Slip was seen {slip_ms:.0f} ms after the plate began to slide'
-    text = (
-        f'{seen}. Slip was ON for {result["false_positive_percent"]:.1f} % of the time at rest. '
-    )
-    text += f'Decisions took {median_ms:.1f} ms'
+    rest = f'Slip was ON for {result["false_positive_percent"]:.1f} % of the time at rest'
+    took = f'Decisions took {median_ms:.1f} ms'
     if p99_ms > HELD_UP_MS:
-        text += f', one in a hundred {p99_ms:.0f} ms: other work on this machine held up the nodes'
-    return f'{text}.'
+        took += f', one in a hundred {p99_ms:.0f} ms: other work on this machine held up the nodes'
+    return f'{seen}. {rest}. {took}.'

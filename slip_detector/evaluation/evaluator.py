@@ -12,16 +12,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Opens recordings, checks them, reads them in pieces, and runs a chain over each."""
+"""Opens recordings that suit a chain, reads them in pieces, and runs the chain over each."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from slip_detector.chain.samples import Bools, Samples
-from slip_detector.chain.slip_chain import SlipChain, SlipResult
 from slip_detector.chain.watch import words_of
 from slip_detector.evaluation.figures import ReplayOutcome, decision_figures, figures_of_merit
 from slip_detector.evaluation.replay import Replay
@@ -32,11 +31,13 @@ from slip_detector.parameters.files import as_yaml
 from slip_detector.parameters.fitting import fitting
 from slip_detector.parameters.sets import changed
 from slip_detector.recordings import Recording, RecordingCounts, open_recording, rates_differ
-from slip_detector.recordings.decisions import write_decisions
 from slip_detector.recordings.labels import labels_name
 
-#: What is said of a recording whose labels a person has found to be wrong.
-MARKED = 'marked as a mistake in the file of labels'
+#: The message on a recording whose labels a person has found to be wrong.
+MISTAKEN = 'marked as a mistake in the file of labels'
+
+#: Counts of a recording that are among the figures.
+FAULTS = ('bad_samples', 'gaps', 'bridged_rows', 'dropped')
 
 
 class OpenedRecording(NamedTuple):
@@ -52,30 +53,11 @@ class OpenedRecording(NamedTuple):
     recording : Recording
         Its ``counts`` are complete when all pieces have been read.
 
-    Examples
-    --------
-    >>> import tempfile
-    >>> folder = tempfile.TemporaryDirectory()
-    >>> path = Path(folder.name) / 'rest.npz'
-    >>> np.savez(path, volts=np.full((760, 16), 4.3), sample_rate_hz=380.0, slip=np.zeros(760))
-    >>> loader = RecordingLoader()
-    >>> opened = loader.open(path)
-    >>> opened.sample_rate_hz, sum(len(piece.volts) for piece in opened.rows)
-    (380.0, 760)
-    >>> opened.recording.counts.rows
-    760
-    >>> folder.cleanup()
     """
 
     rows: Iterator[Samples]
     sample_rate_hz: float
     recording: Recording
-
-    def evaluated(self, outcome: ReplayOutcome, observer: Any = None) -> 'EvaluatedRecording':
-        """Return the outcome of a replay of all rows with what is known of the recording."""
-        of = self.recording
-        known = of.channel_names, of.is_labelled, of.mistaken
-        return EvaluatedRecording(outcome, of.counts, observer, *known)
 
 
 class RecordingLoader(NamedTuple):
@@ -137,7 +119,7 @@ class RecordingLoader(NamedTuple):
             vars(error)['advice'] = self._advice(recording)
             raise
         if require_truth and recording.mistaken:
-            raise ValueError(f'{path}: {MARKED}')
+            raise ValueError(f'{path}: {MISTAKEN}')
         if require_truth and not recording.is_labelled:
             raise ValueError(
                 f'{path}: has no {recording.label_name}; allowed: one to label the slips, or a '
@@ -152,11 +134,11 @@ class RecordingLoader(NamedTuple):
         """Return the content of a parameter file that suits a recording."""
         config, names = self.chain_config, recording.channel_names
         values = fitting(config, len(names), recording.sample_rate_hz, names)
-        its = {**changed(config, values).to_parameters(), **recording.input}
-        document = DetectorConfig.from_parameters(its).to_document(whole=False)
+        parameters = {**changed(config, values).to_parameters(), **recording.input}
+        document = DetectorConfig.from_parameters(parameters).to_document(whole=False)
         document |= self.recording_config.to_document(whole=False)
-        said = 'save it as my_sensor.yaml, then add --config my_sensor.yaml'
-        return as_yaml(document, [f'This fits {recording.path}: {said}']).rstrip()
+        advice = 'save it as my_sensor.yaml, then add --config my_sensor.yaml'
+        return as_yaml(document, [f'This fits {recording.path}: {advice}']).rstrip()
 
     def _rows(self, recording: Recording) -> Iterator[Samples]:
         """Yield the pieces of a recording with their labels and the motion of the robot."""
@@ -164,8 +146,8 @@ class RecordingLoader(NamedTuple):
         recording.valid_range_v = config.valid_range_v
         for piece in recording.pieces(config.sample_rate_hz, config.max_gap_s):
             truth = np.zeros(len(piece.volts), bool) if piece.truth is None else piece.truth
-            its = None if moving is None else moving[piece.row_numbers]
-            yield piece._replace(truth=truth, moving=its)
+            rows = None if moving is None else moving[piece.row_numbers]
+            yield piece._replace(truth=truth, moving=rows)
 
     def _moving(self, recording: Recording) -> Bools | None:
         """Return which rows are rows of motion, shape (n,), from the recorded velocities."""
@@ -192,19 +174,6 @@ class RecordingLoader(NamedTuple):
         return np.asarray(speed > self.config.moving_above)
 
 
-def write_decisions_of(loader: RecordingLoader, path: Path, out: Path) -> None:
-    """Write what the detector decides on a recording as a bag; see :func:`.write_decisions`."""
-    opened, chain = loader.open(path, require_truth=False), SlipChain(loader.chain_config)
-
-    def decided() -> Iterator[tuple[Samples, SlipResult]]:
-        for piece in opened.rows:
-            if piece.new_stretch:
-                chain.restart()
-            yield piece, chain.update(piece.volts, envelope=False)
-
-    write_decisions(out, decided(), chain.config, opened.recording.namespace)
-
-
 class EvaluatedRecording(NamedTuple):
     """The outcome of a recording's replay, and the faults of the recording.
 
@@ -220,14 +189,6 @@ class EvaluatedRecording(NamedTuple):
         Whether it is known where there is slip; else there are decisions, but no scores.
     mistaken : bool
         Whether it is not labelled because its labels are marked as a mistake.
-
-    Examples
-    --------
-    >>> rest = Samples.evenly(np.full((760, 16), 4.3), 380.0, truth=np.zeros(760))
-    >>> outcome = Replay(ChainConfig()).run([rest])
-    >>> evaluated = EvaluatedRecording(outcome, RecordingCounts(gaps=1))
-    >>> evaluated.outcome.rows, evaluated.counts.gaps
-    (760, 1)
     """
 
     outcome: ReplayOutcome
@@ -239,14 +200,14 @@ class EvaluatedRecording(NamedTuple):
 
     @property
     def invalid_percent(self) -> dict[str, float]:
-        """In what share of the rows a channel was not valid; those always valid are left out."""
+        """The share of the rows in which a channel was not valid, if there are such rows."""
         named = zip(self.channel_names, self.outcome.invalid_rows, strict=False)
         return {name: 100.0 * rows / self.outcome.rows for name, rows in named if rows}
 
     @property
     def warnings(self) -> list[str]:
         """Why decisions on the recording may mean nothing, and what to do."""
-        marked = [f'{MARKED}, so in no figure'] if self.mistaken else []
+        marked = [f'{MISTAKEN}, so in no figure'] if self.mistaken else []
         return [*marked, *words_of(self.outcome.wrong, self.channel_names)]
 
 
@@ -256,11 +217,11 @@ def recording_figures(evaluations: Iterable[EvaluatedRecording]) -> dict[str, An
     Returns
     -------
     dict
-        Those of :func:`.figures_of_merit` for recordings with labels, None where none has any; for
-        all of them those of :func:`.decision_figures`, and ``bad_samples``: values that are not
-        numbers, or outside ``valid_range_v``; ``gaps`` that were bridged, and by how many rows,
-        ``bridged_rows``; ``long_gaps``, after which the chain was reset; ``dropped``: rows whose
-        stamp is not after the one before.
+        The figures of :func:`.figures_of_merit` for the recordings with labels, None where no
+        recording has labels; for all recordings the figures of :func:`.decision_figures`, and
+        ``bad_samples``: values that are not numbers, or outside ``valid_range_v``; ``gaps`` that
+        were bridged, and by how many rows, ``bridged_rows``; ``long_gaps``, after which the chain
+        was reset; ``dropped``: rows whose stamp is not after the stamp before.
 
     Examples
     --------
@@ -271,21 +232,20 @@ def recording_figures(evaluations: Iterable[EvaluatedRecording]) -> dict[str, An
     (5, 0, 2)
     """
     several = list(evaluations)
-    counts = [one.counts for one in several]
-    labelled = [one.outcome for one in several if one.labelled]
+    labelled = [recording.outcome for recording in several if recording.labelled]
     figures = figures_of_merit(labelled)
-    return {
-        **(figures if labelled or not several else dict.fromkeys(figures)),
-        **decision_figures([one.outcome for one in several]),
-        **{
-            name: sum(getattr(one, name) for one in counts)
-            for name in ('bad_samples', 'gaps', 'bridged_rows', 'dropped')
-        },
-        'long_gaps': sum(one.stretches - 1 for one in counts),
-    }
+    if several and not labelled:
+        figures = dict.fromkeys(figures)
+    figures |= decision_figures([recording.outcome for recording in several])
+    for name in FAULTS:
+        figures[name] = sum(getattr(recording.counts, name) for recording in several)
+    figures['long_gaps'] = sum(recording.counts.stretches - 1 for recording in several)
+    return figures
 
 
-def evaluate_recording(loader: RecordingLoader, path: Path) -> EvaluatedRecording:
+def evaluate_recording(
+    loader: RecordingLoader, path: Path, observe: Callable[[OpenedRecording], Any] | None = None
+) -> EvaluatedRecording:
     """Run a chain over a recording from its first row.
 
     Parameters
@@ -294,6 +254,8 @@ def evaluate_recording(loader: RecordingLoader, path: Path) -> EvaluatedRecordin
         Opens the recording; it has the parameters of the chain and of the evaluation.
     path
         The recording.
+    observe
+        Returns what observes the replay, see :meth:`.Replay.run`; None: nothing does.
 
     Raises
     ------
@@ -315,4 +277,7 @@ def evaluate_recording(loader: RecordingLoader, path: Path) -> EvaluatedRecordin
     """
     replay = Replay(loader.chain_config, loader.config)
     opened = loader.open(path, require_truth=False)
-    return opened.evaluated(replay.run(opened.rows, opened.sample_rate_hz))
+    recording, observer = opened.recording, observe(opened) if observe else None
+    outcome = replay.run(opened.rows, opened.sample_rate_hz, observer)
+    known = recording.channel_names, recording.is_labelled, recording.mistaken
+    return EvaluatedRecording(outcome, recording.counts, observer, *known)

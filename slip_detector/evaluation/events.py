@@ -12,11 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Slips and alarms at one threshold or at many, and their figures.
-
-An evaluation has one threshold, and the tuner tries many at once; both have their figures from
-here.
-"""
+"""Slips and alarms at one threshold, as in an evaluation, or at many, as in a search; figures."""
 
 import dataclasses
 import functools
@@ -27,14 +23,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain.samples import Floats
-from slip_detector.evaluation.chance import HALF, recall_by_chance, sooner_than_chance
+from slip_detector.evaluation.chance import MEDIAN_IS_DEFINED, recall_by_chance, sooner_than_chance
 from slip_detector.recordings.labels import KINDS
 
-#: What lasts: what certainly slips; the rest, of recordings of no kind and of each kind.
+#: Times that are measured: of certain slip; of the rest in recordings of no kind and of each kind.
 LASTING = ('slip', '', *KINDS)
 
-#: The latencies of the slips found, by the share in per cent that is not later.
-OF_FOUND = {'latency_median_ms': 50, 'latency_p90_ms': 90, 'latency_worst_ms': 100}
+#: Percentiles of the latencies of the slips found.
+PERCENTILES = {'latency_median_ms': 50, 'latency_p90_ms': 90, 'latency_worst_ms': 100}
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -52,20 +48,6 @@ class Events:
         false alarms.
     settling : int
         Number of slips that are not scored, as they begin while the chain settles.
-
-    Examples
-    --------
-    >>> lasting = np.zeros((7, 3, 1))
-    >>> lasting[LASTING.index('')] = [[30.0], [0.0], [4]]  # 30 s, of which 0 are ON, 4 alarms
-    >>> lasting[LASTING.index('press')] = [[30.0], [0.3], [2]]
-    >>> slips = np.array([[40.0], [np.nan]]), np.zeros(2), np.ones(2)
-    >>> figures = Events(*slips, lasting).at()
-    >>> figures['recall'], figures['recall_by_chance'], round(figures['sooner_than_chance'], 3)
-    (0.5, 0.1, 0.446)
-    >>> figures['false_time_percent'], figures['latency_median_ms']
-    (0.5, 40.0)
-    >>> figures['press_on_percent'], figures['press_alarms_per_minute'], figures['rest_on_percent']
-    (1.0, 4.0, None)
     """
 
     latencies_ms: Floats
@@ -76,15 +58,16 @@ class Events:
 
     @classmethod
     def pooled(cls, parts: Iterable['Events']) -> 'Events':
-        """Return those of several recordings, at the same thresholds, together."""
+        """Return the events of several recordings, at the same thresholds, together."""
         several = list(parts) or [NO_EVENTS]
-        names = ('latencies_ms', 'leads_s', 'windows_s')
-        slips = {name: np.concatenate([getattr(one, name) for one in several]) for name in names}
-        lasting = np.sum([one.lasting for one in several], axis=0)
-        return cls(**slips, lasting=lasting, settling=sum(one.settling for one in several))
+        slips = zip(*((p.latencies_ms, p.leads_s, p.windows_s) for p in several), strict=True)
+        latencies_ms, leads_s, windows_s = map(np.concatenate, slips)
+        lasting = np.sum([part.lasting for part in several], axis=0)
+        settling = sum(part.settling for part in several)
+        return cls(latencies_ms, leads_s, windows_s, lasting, settling)
 
     def at_one(self, threshold: int) -> 'Events':
-        """Return those at one threshold."""
+        """Return the events at one threshold."""
         lasting, latencies_ms = self.lasting[..., [threshold]], self.latencies_ms[:, [threshold]]
         return dataclasses.replace(self, latencies_ms=latencies_ms, lasting=lasting)
 
@@ -116,7 +99,7 @@ class Events:
             by_chance = recall_by_chance(*chance[1:])
             sooner = sooner_than_chance(self.latencies_ms / 1e3, *chance)
             median_ms = np.median(np.where(missed, np.inf, self.latencies_ms), axis=0)
-            median_ms[(sooner < HALF) | np.isinf(median_ms)] = np.nan
+            median_ms[(sooner < MEDIAN_IS_DEFINED) | np.isinf(median_ms)] = np.nan
         figures = {
             'matched': matched,
             'missed': many - matched,
@@ -129,26 +112,27 @@ class Events:
             'false_time_s_per_hour': 3600.0 * on[-1],
             'latency_median_all_ms': median_ms,
         }
-        for kind, its_on, its_alarms_hz in zip(KINDS, on[2:-1], alarms_hz[2:-1], strict=True):
-            figures[f'{kind}_on_percent'] = 100.0 * its_on
-            figures[f'{kind}_alarms_per_minute'] = 60.0 * its_alarms_hz
+        for number, kind in enumerate(KINDS, LASTING.index(KINDS[0])):
+            figures[f'{kind}_on_percent'] = 100.0 * on[number]
+            figures[f'{kind}_alarms_per_minute'] = 60.0 * alarms_hz[number]
         return figures
 
     def at(self, threshold: int = 0) -> dict[str, Any]:
-        """Return the figures at one threshold, of which None is not defined.
+        """Return the figures at one threshold, None where one is not defined.
 
         To :attr:`figures` are added ``latency_median_ms``, ``latency_p90_ms`` and
         ``latency_worst_ms`` of the slips found, defined where ``sooner_than_chance`` is above 0.
         """
-        # Alone, as NumPy rounds the mean of one column in another way than that of several.
+        # NumPy rounds the mean of one column in another way than that of several.
         alone = self.at_one(threshold)
-        every, found_ms = alone.figures, alone.latencies_ms[~np.isnan(alone.latencies_ms)]
-        figures = {name: None if np.isnan(one) else one.item() for name, one in every.items()}
+        found_ms = alone.latencies_ms[~np.isnan(alone.latencies_ms)]
+        every = {name: value.item() for name, value in alone.figures.items()}
+        figures = {name: None if np.isnan(value) else value for name, value in every.items()}
         defined = found_ms.size and (figures['sooner_than_chance'] or 0.0) > 0.0
-        for name, percent in OF_FOUND.items():
+        for name, percent in PERCENTILES.items():
             figures[name] = float(np.percentile(found_ms, percent)) if defined else None
         return figures
 
 
-#: Those of no recording, at one threshold.
+#: The events of no recording, at one threshold.
 NO_EVENTS = Events(np.zeros((0, 1)), np.zeros(0), np.zeros(0), np.zeros((len(LASTING), 3, 1)))

@@ -29,7 +29,7 @@ STAGES = ('filter', 'envelope', 'decision', 'vote')
 #: Takes the place of a stage where an alarm that began before the slip was not over.
 ALREADY_ON = 'already_on'
 
-#: Kinds of alarms.
+#: Outcomes of alarms.
 TRUE, REPEAT, FALSE, SETTLING = 'true', 'repeat', 'false', 'settling'
 
 
@@ -69,22 +69,6 @@ class TrueSlip:
         None where the slip was not missed.
     on_at_start : bool
         Whether the global decision was ON in the row before the slip.
-    on_while : bool
-        Whether the global decision was ON at any time during the slip (the paper's success).
-    channel_delays_s : tuple of float or None
-        For each enabled channel the time from the start to its first ON during the slip.
-    delay_s : float or None
-        Mean of these delays (Eq. 10).
-
-    Examples
-    --------
-    >>> slip = TrueSlip(
-    ...     start_s=1.0, end_s=2.0, alarm=0, latency_s=0.04, accuracy_s=0.0, settling=False,
-    ...     late=False, stages_s=None, lost_at=None, on_at_start=False, on_while=True,
-    ...     channel_delays_s=(0.03, 0.05), delay_s=0.04,
-    ... )
-    >>> slip.start_s + slip.latency_s  # when its alarm rose
-    1.04
     """
 
     start_s: float
@@ -97,9 +81,6 @@ class TrueSlip:
     stages_s: dict[str, float] | None
     lost_at: str | None
     on_at_start: bool
-    on_while: bool
-    channel_delays_s: tuple[float | None, ...]
-    delay_s: float | None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -111,22 +92,17 @@ class Alarm:
     start_s, end_s : float
         Times of its first row and of the first row after its last ON, from the start of the
         recording.
-    kind : str
+    outcome : str
         ``true``: the alarm of a slip; ``repeat``: a further alarm of a slip that has one already;
         ``settling``: one that rises, or whose slip begins, while the chain settles; ``false``:
         any other.
     slip : int or None
         Number of its slip in the recording; None where it belongs to none.
-
-    Examples
-    --------
-    >>> Alarm(start_s=2.0, end_s=2.5, kind=FALSE, slip=None).kind
-    'false'
     """
 
     start_s: float
     end_s: float
-    kind: str
+    outcome: str
     slip: int | None
 
 
@@ -148,24 +124,24 @@ def event_figures(outcomes: Sequence['ReplayOutcome']) -> dict[str, Any]:
         for the late slips;
         ``missed_at_<stage>`` and ``missed_already_on``: how many slips were lost there.
     """
-    slips = [slip for one in outcomes for slip in one.slips]
-    kinds = [alarm.kind for one in outcomes for alarm in one.alarms]
-    events = Events.pooled(one.events for one in outcomes)
+    slips = [slip for outcome in outcomes for slip in outcome.slips]
+    alarms = [alarm.outcome for outcome in outcomes for alarm in outcome.alarms]
+    events = Events.pooled(outcome.events for outcome in outcomes)
     scored = [slip for slip in slips if not slip.settling]
     late = [slip for slip in scored if slip.late]
     lost = [slip.lost_at for slip in scored if slip.latency_s is None]
-    matched, false_alarms = len(scored) - len(lost), kinds.count(FALSE)
+    matched, false_alarms = len(scored) - len(lost), alarms.count(FALSE)
     windows_s, rest_s = float(events.windows_s.sum()), float(events.rest[0, 0])
     return {
         'slips': len(slips),
         'settling_slips': len(slips) - len(scored),
         'late': len(late),
-        'alarms': len(kinds),
-        'repeated_alarms': kinds.count(REPEAT),
+        'alarms': len(alarms),
+        'repeated_alarms': alarms.count(REPEAT),
         'false_alarms': false_alarms,
-        'settling_alarms': kinds.count(SETTLING),
-        'precision': matched / (matched + false_alarms) if matched + false_alarms else None,
-        'precision_by_chance': windows_s / (windows_s + rest_s) if windows_s + rest_s else None,
+        'settling_alarms': alarms.count(SETTLING),
+        'precision': share(matched, matched + false_alarms),
+        'precision_by_chance': share(windows_s, windows_s + rest_s),
         'rest_s': rest_s,
         'latency_accuracy_ms': 1e3 * max((slip.accuracy_s for slip in scored), default=0.0),
         **events.at(),
@@ -183,18 +159,9 @@ def _mean_stages(slips: Sequence[TrueSlip], prefix: str) -> dict[str, float | No
 
 
 def mean_and_sd(delays: Iterable[float | None]) -> tuple[float | None, float | None]:
-    """Return mean and standard deviation of delays; Eq. 10 is the mean over channels.
+    """Return mean and standard deviation (n - 1) of the delays that are not None.
 
-    Parameters
-    ----------
-    delays
-        In any unit; None for a channel or trial without a delay.
-
-    Returns
-    -------
-    mean, sd : float or None
-        Mean and standard deviation (n - 1) of the known delays. None for the mean of no delay and
-        for the standard deviation of fewer than two.
+    They are None for the mean of no delay, and for the standard deviation of fewer than two.
 
     Examples
     --------
@@ -206,37 +173,14 @@ def mean_and_sd(delays: Iterable[float | None]) -> tuple[float | None, float | N
     return mean, float(np.std(known, ddof=1)) if len(known) > 1 else None
 
 
+def share(part: float, whole: float, unit: float = 1.0) -> float | None:
+    """Return the share of a part in a whole; None where the whole is 0."""
+    return unit * part / whole if whole else None
+
+
 def percent(part: float, whole: float) -> float | None:
-    """Return a share in percent; None where the whole is 0.
-
-    Examples
-    --------
-    >>> percent(1, 4), percent(0, 0)
-    (25.0, None)
-    """
-    return 100.0 * part / whole if whole else None
-
-
-def paper_figures(outcomes: Sequence['ReplayOutcome']) -> dict[str, Any]:
-    """Return the figures that the paper reports; each slip counts as one of its trials.
-
-    Returns
-    -------
-    dict
-        ``mean_delay_ms`` and ``sd_delay_ms`` (n - 1) of the slips; ``success_percent``: the share
-        of the slips during which the global decision is ON; ``false_positive_percent``: the share
-        of the rows without slip in which it is ON. None where one is not defined.
-    """
-    slips = [slip for one in outcomes for slip in one.slips]
-    delays_ms = (slip.delay_s and slip.delay_s * 1e3 for slip in slips)
-    mean_ms, sd_ms = mean_and_sd(delays_ms)
-    rest_rows = sum(one.rows - one.slip_rows for one in outcomes)
-    return {
-        'mean_delay_ms': mean_ms,
-        'sd_delay_ms': sd_ms,
-        'success_percent': percent(sum(slip.on_while for slip in slips), len(slips)),
-        'false_positive_percent': percent(sum(one.on_rows for one in outcomes), rest_rows),
-    }
+    """Return the share of a part in a whole in per cent; None where the whole is 0."""
+    return share(part, whole, 100.0)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -248,8 +192,6 @@ class ReplayOutcome:
     rows, slip_rows : int
     moving_rows : int or None
         Number of rows of motion; None where the recording has no velocities.
-    on_rows : int
-        Number of rows without slip in which the global decision is ON, as the paper counts them.
     settling_rows : int
         Number of rows that are not scored, as filters and windows settle.
     sample_rate_hz : float
@@ -260,38 +202,23 @@ class ReplayOutcome:
         The same at the one threshold of the chain.
     scores : ScoreCounts
         Scores of the decision statistic.
-    kind : str
-        The kind of the recording, see :mod:`slip_detector.recordings.labels`.
     on_s : tuple of (float, float)
         When the global decision was ON: start and end, in seconds from the start of the recording.
     invalid_rows : tuple of int
         For each channel the number of rows in which it was not valid; 0 if it is disabled.
     wrong : mapping
-        Why decisions may mean nothing: the channels, from 0, by :mod:`the kind <.watch>`.
-
-    Examples
-    --------
-    >>> from slip_detector.evaluation.events import NO_EVENTS
-    >>> outcome = ReplayOutcome(
-    ...     rows=760, slip_rows=190, moving_rows=None, on_rows=19, settling_rows=190,
-    ...     sample_rate_hz=380.0, slips=(), alarms=(), events=NO_EVENTS,
-    ...     scores=ScoreCounts.pooled([]),
-    ... )
-    >>> outcome.rows / outcome.sample_rate_hz
-    2.0
+        Why decisions may mean nothing: the channels, from 0, by :mod:`what is wrong <.watch>`.
     """
 
     rows: int
     slip_rows: int
     moving_rows: int | None
-    on_rows: int
     settling_rows: int
     sample_rate_hz: float
     slips: tuple[TrueSlip, ...]
     alarms: tuple[Alarm, ...]
     events: Events
     scores: ScoreCounts
-    kind: str = ''
     on_s: tuple[tuple[float, float], ...] = ()
     invalid_rows: tuple[int, ...] = ()
     wrong: Mapping[str, Sequence[int]] = dataclasses.field(default_factory=dict)
@@ -308,16 +235,17 @@ def decision_figures(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:
         the time, ``on_percent``; and the number of channels that are not always valid,
         ``invalid_channels``.
     """
-    seconds = sum(one.rows / one.sample_rate_hz for one in outcomes)
-    on = [end_s - start_s for one in outcomes for start_s, end_s in one.on_s]
+    seconds = sum(outcome.rows / outcome.sample_rate_hz for outcome in outcomes)
+    on_s = [end_s - start_s for outcome in outcomes for start_s, end_s in outcome.on_s]
+    invalid_rows = sum(np.array(outcome.invalid_rows) for outcome in outcomes)
     return {
-        'rows': sum(one.rows for one in outcomes),
+        'rows': sum(outcome.rows for outcome in outcomes),
         'duration_s': seconds,
-        'onsets': len(on),
-        'onsets_per_minute': 60.0 * len(on) / seconds if seconds else None,
-        'on_s': sum(on, 0.0),
-        'on_percent': percent(sum(on), seconds),
-        'invalid_channels': int(np.count_nonzero(sum(np.array(o.invalid_rows) for o in outcomes))),
+        'onsets': len(on_s),
+        'onsets_per_minute': share(len(on_s), seconds, 60.0),
+        'on_s': sum(on_s, 0.0),
+        'on_percent': percent(sum(on_s), seconds),
+        'invalid_channels': int(np.count_nonzero(invalid_rows)),
     }
 
 
@@ -330,7 +258,7 @@ def figures_of_merit(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:
         Numbers, None where one is not defined: ``rows``, ``slip_rows``, ``moving_rows``,
         ``settling_rows`` (in which nothing is scored) and ``duration_s``; areas under the ROC
         curve of the decision statistic, see :meth:`.ScoreCounts.aucs`; the figures of
-        :func:`paper_figures` and :func:`event_figures`.
+        :func:`event_figures`.
 
     Examples
     --------
@@ -343,14 +271,13 @@ def figures_of_merit(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:
     >>> figures['duration_s'], figures['false_alarms'], figures['recall']
     (2.0, 0, None)
     """
-    moving = [one.moving_rows for one in outcomes if one.moving_rows is not None]
+    moving = [outcome.moving_rows for outcome in outcomes if outcome.moving_rows is not None]
     return {
-        'rows': sum(one.rows for one in outcomes),
-        'slip_rows': sum(one.slip_rows for one in outcomes),
+        'rows': sum(outcome.rows for outcome in outcomes),
+        'slip_rows': sum(outcome.slip_rows for outcome in outcomes),
         'moving_rows': sum(moving) if moving else None,
-        'settling_rows': sum(one.settling_rows for one in outcomes),
-        'duration_s': sum(one.rows / one.sample_rate_hz for one in outcomes),
-        **ScoreCounts.pooled([one.scores for one in outcomes]).aucs(),
-        **paper_figures(outcomes),
+        'settling_rows': sum(outcome.settling_rows for outcome in outcomes),
+        'duration_s': sum(outcome.rows / outcome.sample_rate_hz for outcome in outcomes),
+        **ScoreCounts.pooled([outcome.scores for outcome in outcomes]).aucs(),
         **event_figures(outcomes),
     }

@@ -28,13 +28,12 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from slip_detector.chain.samples import Bools, Ints
+from slip_detector.chain.samples import Bools, Floats, Ints
 from slip_detector.compiled import compiled
 from slip_detector.evaluation.events import LASTING, Events
 from slip_detector.parameters.evaluation import EvaluationConfig
-
-Rows = Sequence[int] | Ints
 
 #: Takes the place of the number of an alarm or a slip where there is none.
 NONE = -1
@@ -74,15 +73,7 @@ class OnIntervals:
         return len(self.edges) % 2 == 1
 
     def add(self, on: Bools, first_row: int) -> None:
-        """Take the next rows.
-
-        Parameters
-        ----------
-        on
-            The signal, shape (n,).
-        first_row
-            The number of the first of these rows.
-        """
+        """Take the next rows of the signal, shape (n,), and the number of the first of them."""
         turns = np.flatnonzero(np.diff(on, prepend=self.on))
         self.edges += (turns + first_row).tolist()
 
@@ -96,15 +87,8 @@ class OnIntervals:
         return list(map(RowInterval, self.edges[::2], self.edges[1::2]))
 
 
-def rows_on(on: Sequence[RowInterval], starts: Rows, ends: Rows) -> Ints:
-    """Return in how many rows from each start to its end a signal is ON; shape (n,).
-
-    Parameters
-    ----------
-    on
-        The intervals in which the signal is ON, in order.
-    starts, ends
-        Rows, shapes (n,).
+def rows_on(on: Sequence[RowInterval], starts: ArrayLike, ends: ArrayLike) -> Ints:
+    """Return in how many rows from each start to its end, shapes (n,), a signal is ON.
 
     Examples
     --------
@@ -124,30 +108,15 @@ def unscored_rows(settling_rows: int, config: EvaluationConfig, sample_rate_hz: 
 
 
 @compiled
-def give_alarm(alarm, row, lows, highs, alarm_of, threshold):
-    """Give an alarm to the first slip that it can belong to and that has no alarm yet.
+def assign_alarm(alarm, row, lows, highs, alarm_of, threshold):
+    """Assign an alarm to the first slip that it can belong to and that has no alarm yet.
 
-    Windows overlap only where one slip's tail meets the early part of the next. So the alarm can
-    belong to the first slip whose window has not ended, or to the slip after it.
+    Return the slip, also where the alarm is a repeated one; ``NONE`` for a false alarm. ``row`` is
+    the row at which the alarm rises, and ``alarm_of`` has the number of each slip's alarm at each
+    threshold, ``NONE`` before there is one; shape (slips, thresholds).
 
-    Parameters
-    ----------
-    alarm : int
-        Number of the alarm, at least 0.
-    row : int
-        The row at which the alarm rises.
-    lows, highs : ndarray of int, shape (slips,)
-        The windows of the slips, see :class:`ScoredRows`.
-    alarm_of : ndarray of int, shape (slips, thresholds)
-        The number of each slip's alarm at each threshold, ``NONE`` before there is one.
-    threshold : int
-        Index of the threshold at which the alarm rises.
-
-    Returns
-    -------
-    int
-        The slip that the alarm belongs to, also where it is a repeated alarm; ``NONE`` for a
-        false alarm.
+    Windows overlap only where the tail of one slip meets the early part of the next. So the alarm
+    can belong to the first slip whose window has not ended, or to the slip after it.
     """
     belongs, slip = NONE, np.searchsorted(highs, row, 'right')
     for s in range(slip, min(slip + 2, lows.size)):
@@ -176,7 +145,7 @@ class ScoredRows:
         The stretches of the recording, each of at least one row; the chain is reset at the
         beginning of each.
     settling_rows
-        Number of rows for which the chain settles, see :func:`.settling.settling_rows`.
+        Number of rows for which the chain settles, see :func:`.filters.settling_rows`.
     config
         What counts as detected.
     sample_rate_hz
@@ -240,8 +209,8 @@ class ScoredRows:
         self.lows = np.maximum(lows, self.settled[stretch])
         self.highs = np.maximum(np.minimum(highs, ends[stretch]), self.lows)
         leads = slip_starts + inexact - self.lows + 0.5
-        self.leads_s = np.asarray(leads / sample_rate_hz, np.float64)
-        self.windows_s = np.asarray((self.highs - self.lows) / sample_rate_hz, np.float64)
+        self.leads_s: Floats = np.asarray(leads / sample_rate_hz, np.float64)
+        self.windows_s = (self.highs - self.lows) / sample_rate_hz
         # Rest begins where a window ends or the chain has settled, and lasts to the next window
         # or the end of the stretch. There is no rest between windows that meet or overlap.
         starts = np.sort(np.concatenate([self.settled, self.highs]))
@@ -253,7 +222,7 @@ class ScoredRows:
         return np.searchsorted(self._starts, rows, 'right') - 1
 
     def alarms(self, on: Sequence[RowInterval]) -> list[RowInterval]:
-        """Return the alarms of a decision, given the intervals in which it is ON, in order.
+        """Return the alarms of a decision that is ON in these intervals, which are in order.
 
         Two intervals in one stretch that are less than ``off_rows`` apart are one alarm.
 
@@ -332,7 +301,7 @@ class ScoredRows:
         slip_of = np.full(len(rises), NONE, np.int64)
         rows = np.array(rises, np.int64)
         for alarm in np.flatnonzero(~self.settling(rises)):
-            slip_of[alarm] = give_alarm(alarm, rows[alarm], self.lows, self.highs, alarm_of, 0)
+            slip_of[alarm] = assign_alarm(alarm, rows[alarm], self.lows, self.highs, alarm_of, 0)
         alarm_of[~self.scored] = NONE
         return alarm_of[:, 0], slip_of
 

@@ -12,9 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Runs one chain over a recording, piece by piece.
+"""Runs one chain over a recording, piece by piece, and follows each slip to its alarm.
 
-Memory grows with the number of slips and alarms, not with the rows.
+Memory grows with the number of slips and alarms, and with the longest slip that is missed, not
+with the rows.
 """
 
 import dataclasses
@@ -25,14 +26,14 @@ from typing import Any
 import numpy as np
 
 from slip_detector.chain.filters import settling_rows
-from slip_detector.chain.samples import Bools, Floats, Ints, Samples
-from slip_detector.chain.slip_chain import SlipChain, SlipResult
+from slip_detector.chain.samples import Bools, Floats, Samples
+from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.chain.stamps import missing_rows
 from slip_detector.chain.watch import Watch
 from slip_detector.evaluation import figures
-from slip_detector.evaluation.figures import STAGES, Alarm, ReplayOutcome, TrueSlip, mean_and_sd
+from slip_detector.evaluation.figures import STAGES, Alarm, ReplayOutcome, TrueSlip
 from slip_detector.evaluation.matching import NONE, OnIntervals, ScoredRows, rows_on, unscored_rows
-from slip_detector.evaluation.scores import UNCERTAIN, Kinds, ScoreTally, kinds_of
+from slip_detector.evaluation.scores import UNCERTAIN, RowClasses, ScoreTally, row_classes
 from slip_detector.parameters import ChainConfig, EvaluationConfig
 
 #: Number of values that the chain is given at a time, so that its results stay in the cache.
@@ -42,19 +43,11 @@ BLOCK_VALUES = 131072
 #: seconds at the beginning of a piece, which may be all there is.
 FIRST_LOOKS = 10
 
-#: Takes the place of a row that has not come.
-NEVER = np.iinfo(np.int64).max
-
 
 def only_filters(config: ChainConfig) -> ChainConfig:
     """Return the configuration of a chain whose envelope is the filtered signal of another.
 
     Its windows have one sample, so the signal is only rectified and raised to the exponent.
-
-    Examples
-    --------
-    >>> only_filters(ChainConfig(sample_rate_hz=500.0)).envelope_window_s
-    0.002
     """
     one_s = 1.0 / config.sample_rate_hz
     return dataclasses.replace(
@@ -85,14 +78,14 @@ class Replay:
     >>> slips = Samples.evenly(volts, 380.0, truth=np.arange(760) >= 380)
     >>> outcome = Replay(ChainConfig()).run([slips])
     >>> figures = figures_of_merit([outcome])
-    >>> figures['matched'], figures['false_alarms'], figures['success_percent']
-    (1, 0, 100.0)
+    >>> figures['matched'], figures['false_alarms']
+    (1, 0)
     """
 
     def __init__(self, chain_config: ChainConfig, config: EvaluationConfig | None = None) -> None:
-        self.config = config or EvaluationConfig()
-        self.chain = SlipChain(chain_config)
-        self.tally, self.filters = ScoreTally(), SlipChain(only_filters(chain_config))
+        self.config, self.tally = config or EvaluationConfig(), ScoreTally()
+        self.chain, self.second = SlipChain(chain_config), SlipChain(chain_config)
+        self.filters = SlipChain(only_filters(chain_config))
 
     def run(
         self, pieces: Iterable[Samples], sample_rate_hz: float | None = None, observer: Any = None
@@ -106,8 +99,9 @@ class Replay:
         sample_rate_hz
             Rate of the recording, which turns rows into times; the chain's rate if not given.
         observer
-            Receives all rows and gaps in their order, as the overview of a report does, by
-            ``add(volts, result, truth)`` and ``gap(seconds)``. The result has envelope and level.
+            Receives all rows and gaps in their order, and then the outcome, as the overview of a
+            report does, by ``add(volts, result, truth)``, ``gap(seconds)`` and
+            ``finish(outcome)``. The result has envelope and level.
 
         Raises
         ------
@@ -117,33 +111,33 @@ class Replay:
         self.chain.reset()
         run = _Run(self, sample_rate_hz or self.chain.config.sample_rate_hz, observer)
         for piece in pieces:
-            run.add(piece)
-        return run.outcome()
+            if len(piece.volts):
+                run.add(piece)
+        outcome = run.outcome()
+        if observer:
+            observer.finish(outcome)
+        return outcome
 
 
 @dataclasses.dataclass
 class _Slip:
-    """A slip, as far as the replay has come.
+    """A slip, and what is known of it when its alarm has come or can come no more.
 
     Attributes
     ----------
     start : int
         Its first row.
-    first : ndarray of int, shape (4, c)
-        The first row, for each channel, in which it passes each of the first three stages, until
-        the alarm comes or can come no more; and its first ON during the slip.
+    on_at_start : bool
+    stages : dict
+        Number of rows that the latency spends in each stage; empty where no alarm was followed.
+    lost_at : str
+        The stage where it is lost, if it is.
     """
 
     start: int
     on_at_start: bool
-    first: Ints
-    stages: dict[str, int] | None = None
-
-
-def _note_first(first: Ints, on: Bools, row: int) -> None:
-    """Note the first row, from ``row`` on, in which each channel is ON; shapes (c,), (n, c)."""
-    new = on.any(axis=0) & (first == NEVER)
-    first[new] = row + on.argmax(axis=0)[new]
+    stages: dict[str, int] = dataclasses.field(default_factory=dict)
+    lost_at: str = figures.ALREADY_ON
 
 
 class _Run:
@@ -151,185 +145,173 @@ class _Run:
 
     def __init__(self, replay: Replay, rate_hz: float, observer: Any) -> None:
         self._replay, self._rate_hz, self._observer = replay, rate_hz, observer
-        self._accuracy_s, self._kind = 0.0, ''
         self._chain, self._config = replay.chain, replay.chain.config
         self._row = 0  # Number of the next row; rows that are missing in gaps count.
         self._settling = settling_rows(self._config)
         self._unscored = unscored_rows(self._settling, replay.config, rate_hz)
+        self._tail_rows = round(replay.config.tail_s * rate_hz)
         self._moving_rows: int | None = None
         self._valid_rows = np.zeros(self._config.channels)
-        self._last_ns = 0
+        self._last = Samples(np.zeros((0, 0)), np.zeros(0, np.int64))  # The last piece.
         self._signals = OnIntervals(), OnIntervals(), OnIntervals()
         self._stretches, self._labels, self._on = self._signals
         self._slips: list[_Slip] = []
+        # The volts of the last slip, while its alarm may still rise; the chain's state before it.
+        self._followed, self._before = list[Floats](), self._chain.state
         self._watch, self._wrong = Watch(replay.chain), dict[str, list[int]]()
-        self._watching = False  # whether the alarm of the last slip may still rise
 
     def add(self, piece: Samples) -> None:
         volts, truth = np.asarray(piece.volts, np.float64), np.asarray(piece.truth, np.bool_)
-        n, self._accuracy_s, self._kind = len(volts), piece.accuracy_s, piece.kind
-        if not n:
-            return
+        n = len(volts)
         if piece.new_stretch and self._row:
             self._end_stretch()
-            missing = missing_rows(self._last_ns, int(piece.stamps_ns[0]), self._rate_hz)
+            last_ns, first_ns = int(self._last.stamps_ns[-1]), int(piece.stamps_ns[0])
+            missing = missing_rows(last_ns, first_ns, self._rate_hz)
             self._row += missing
             if self._observer and missing:
                 self._observer.gap(missing / self._rate_hz)
             self._chain.restart()
         if piece.moving is not None:
             self._moving_rows = (self._moving_rows or 0) + int(np.count_nonzero(piece.moving))
-        kinds = kinds_of(truth, piece.moving, piece.certain, piece.kind)
-        # A block ends before each slip, so that the stages can be watched from that row on.
+        classes = row_classes(truth, piece.moving, piece.certain, piece.kind)
+        # A block ends before each slip, so that the slip can be followed from there on.
         starts = np.flatnonzero(truth & ~np.concatenate([[self._labels.on], truth[:-1]]))
         block_rows = max(BLOCK_VALUES // self._config.channels, 1)
         seconds = range(0, n, self._config.samples(1.0))[:FIRST_LOOKS]
         cuts = {*range(0, n, block_rows), *seconds, *starts.tolist(), n}
         for a, b in itertools.pairwise(sorted(cuts)):
-            self._block(volts[a:b], truth[a:b], kinds[a:b])
-        self._last_ns = int(piece.stamps_ns[-1])
+            self._block(volts[a:b], truth[a:b], classes[a:b])
+        self._last = piece
 
     def _end_stretch(self) -> None:
         for intervals in self._signals:
             intervals.close(self._row)
-        self._watching = False
+        self._follow()
 
-    def _block(self, volts: Floats, truth: Bools, kinds: Kinds) -> None:
+    def _block(self, volts: Floats, truth: Bools, classes: RowClasses) -> None:
         """Take rows with at most one slip, which is at their beginning."""
         row = self._row
         if truth[0] and not self._labels.on:
-            first = np.full((4, self._config.channels), NEVER)
-            self._slips.append(_Slip(row, self._on.on, first))
-            self._watching = not self._on.on
-            self._replay.filters.take_filters(self._chain)
-        result = self._chain.update(
-            volts,
-            envelope=self._watching or self._observer is not None,
-            level=self._observer is not None,
-            floor=self._watching and self._config.decision == 'evidence',
-            votes=(self._config.vote,),
-        )
+            self._follow()
+            self._slips.append(_Slip(row, self._on.on))
+            self._followed = [] if self._on.on else [volts[:0]]
+            self._before = self._chain.state.copy()
+        drawn = self._observer is not None
+        votes = (self._config.vote,)
+        result = self._chain.update(volts, envelope=drawn, level=drawn, votes=votes)
         self._wrong.update(self._watch.look([(volts, result)]))
         on = np.ascontiguousarray(result.slip)
         self._stretches.add(np.ones_like(on), row)
-        kinds[: max(self._stretches.edges[-1] + self._unscored - row, 0)] = UNCERTAIN
+        classes[: max(self._stretches.edges[-1] + self._unscored - row, 0)] = UNCERTAIN
         self._labels.add(truth, row)
         self._on.add(on, row)
         self._valid_rows += np.ones(len(on)) @ result.valid
-        if truth[0]:
-            _note_first(self._slips[-1].first[3], result.channels[: np.count_nonzero(truth)], row)
-        if self._watching:
-            self._follow(volts, result)
-        self._replay.tally.add(result.vote_statistic[:, 0], kinds)
+        self._replay.tally.add(result.vote_statistic[:, 0], classes)
         if self._observer:
             self._observer.add(volts, result, truth)
         self._row += len(on)
+        if self._followed:
+            self._followed.append(volts)
+            ended = not self._labels.on and self._row >= self._labels.edges[-1] + self._tail_rows
+            if ended or on.any():
+                self._follow()
 
-    def _follow(self, volts: Floats, result: SlipResult) -> None:
-        """Follow the last slip through the stages until its alarm comes or can come no more.
+    def _follow(self) -> None:
+        """Run the last slip through the stages once more, up to the row in which its alarm rises.
 
         Filtered signal and envelope are compared with the threshold; where evidence decides, with
         the channel's noise floor plus ``evidence_offset_db``, above which evidence grows.
         """
-        slip, config, able = self._slips[-1], self._config, len(volts)
-        if not self._labels.on:
-            tail_rows = round(self._replay.config.tail_s * self._rate_hz)
-            able = min(able, max(self._labels.edges[-1] + tail_rows - self._row, 0))
-        rises = np.flatnonzero(result.slip[:able])
-        n = int(rises[0]) + 1 if rises.size else able
-        self._watching = not rises.size and able == len(volts)
-        if not n:
+        if not self._followed:
             return
-        least: Floats | float = config.threshold
-        if config.decision == 'evidence':
-            least = 10.0 ** ((result.floor[:n] + config.evidence_offset_db) / 20.0)
-        filtered = self._replay.filters.update(volts[:n], level=False).envelope
-        passed = filtered > least, result.envelope[:n] > least, result.channels[:n]
-        for first, through in zip(slip.first, passed, strict=False):
-            _note_first(first, through & result.valid[:n], self._row)
-        if rises.size:
-            group = list(config.groups.values())[int(result.groups[n - 1].argmax())]
-            deciding = slip.first[:3, np.array(group) - 1].min(axis=1)
-            # A later stage may be above the threshold before the one that feeds it, as the windows
-            # still hold rows from before the slip. Then the earlier stage ends at the same row.
-            above = np.append(deciding, self._row + n - 1) - slip.start
-            ends = np.minimum.accumulate(above[::-1])[::-1]
-            slip.stages = dict(zip(STAGES, np.diff(ends, prepend=0).tolist(), strict=True))
+        slip, config, volts = self._slips[-1], self._config, np.concatenate(self._followed)
+        self._followed = []
+        if not self._labels.on:
+            volts = volts[: self._labels.edges[-1] + self._tail_rows - slip.start]
+        chain, filters = self._replay.second, self._replay.filters
+        chain.state = self._before
+        filters.take_filters(chain)
+        filtered = filters.update(volts, level=False).envelope
+        evidence, least = config.decision == 'evidence', np.array(config.threshold)
+        result = chain.update(volts, level=False, floor=evidence)
+        if evidence:
+            least = 10.0 ** ((result.floor + config.evidence_offset_db) / 20.0)
+        rises, columns = np.flatnonzero(result.slip)[:1], np.arange(config.channels)
+        if rises.size:  # From here on only the group that decides counts.
+            deciding = int(result.groups[rises[0]].argmax())
+            columns = np.array(list(config.groups.values())[deciding]) - 1
+        passed = filtered > least, result.envelope > least, result.channels
+        through = [(signal & result.valid)[:, columns].any(axis=1) for signal in passed]
+        until = slice(int(rises[0]) + 1 if rises.size else None)
+        signals = np.array([*through, result.slip])[:, until]
+        reached = signals.any(axis=1)
+        if not rises.size:
+            slip.lost_at = STAGES[int(reached.argmin())]
+            return
+        # A later stage may be above the threshold before the one that feeds it, as the windows
+        # still hold rows from before the slip. Then the earlier stage ends at the same row.
+        firsts = np.where(reached, signals.argmax(axis=1), rises[0])
+        ends = np.minimum.accumulate(firsts[::-1])[::-1]
+        slip.stages = dict(zip(STAGES, np.diff(ends, prepend=0).tolist(), strict=True))
 
     def outcome(self) -> ReplayOutcome:
         self._end_stretch()
         stretches, labels, on = (signal.closed() for signal in self._signals)
-        config, rate_hz, accuracy_s = self._replay.config, self._rate_hz, self._accuracy_s
-        scored = ScoredRows(labels, stretches, self._settling, config, rate_hz, accuracy_s)
-        alarms = scored.alarms(on)
+        config, rate_hz, accuracy_s = self._replay.config, self._rate_hz, self._last.accuracy_s
+        rows = ScoredRows(labels, stretches, self._settling, config, rate_hz, accuracy_s)
+        alarms = rows.alarms(on)
         rises = [alarm.start for alarm in alarms]
-        alarm_of, slip_of = scored.match(rises)
-        its_rises = np.array([*rises, NONE])[alarm_of]
-        on_in_slips = rows_on(on, self._labels.edges[::2], self._labels.edges[1::2])
+        alarm_of, slip_of = rows.match(rises)
+        rise_of = np.array([*rises, NONE])[alarm_of]
         late_rows = round((config.late_after_s + accuracy_s) * rate_hz)
-        disabled = [channel - 1 for channel in self._config.disabled_channels]
         slips = []
-        for s, (slip, its_rise) in enumerate(zip(self._slips, its_rises.tolist(), strict=True)):
-            latency = None if its_rise == NONE else its_rise - slip.start
-            settles, stages_s = not scored.scored[s], None
-            ons = np.delete(slip.first[3], disabled).tolist()
-            delays_s = tuple(None if row == NEVER else (row - slip.start) / rate_hz for row in ons)
-            # The rise that was watched may belong to an alarm that began before the slip.
-            if slip.stages and sum(slip.stages.values()) == latency and not accuracy_s:
-                stages_s = {stage: rows / rate_hz for stage, rows in slip.stages.items()}
+        for s, slip in enumerate(self._slips):
+            found, settling = bool(alarm_of[s] != NONE), not rows.scored[s]
+            latency = int(rise_of[s]) - slip.start
+            # The rise that was followed may belong to an alarm that began before the slip.
+            exact = found and sum(slip.stages.values()) == latency and not accuracy_s
+            parts = {stage: length / rate_hz for stage, length in slip.stages.items()}
             slips.append(
                 TrueSlip(
                     start_s=slip.start / rate_hz,
                     end_s=labels[s].end / rate_hz,
-                    alarm=None if latency is None else int(alarm_of[s]),
-                    latency_s=None if latency is None else latency / rate_hz,
+                    alarm=int(alarm_of[s]) if found else None,
+                    latency_s=latency / rate_hz if found else None,
                     accuracy_s=accuracy_s,
-                    settling=settles,
-                    late=latency is not None and latency > late_rows,
-                    stages_s=stages_s,
-                    lost_at=self._lost_at(slip) if latency is None and not settles else None,
+                    settling=settling,
+                    late=found and latency > late_rows,
+                    stages_s=parts if exact else None,
+                    lost_at=None if found or settling else slip.lost_at,
                     on_at_start=slip.on_at_start,
-                    on_while=bool(on_in_slips[s]),
-                    channel_delays_s=delays_s,
-                    delay_s=mean_and_sd(delays_s)[0],
                 )
             )
+        # The last element stands for no slip, ``NONE``.
+        settles = rows.settling(rises) | ~np.append(rows.scored, True)[slip_of]
+        first = np.append(alarm_of, NONE)[slip_of] == np.arange(len(alarms))
+        cases = {figures.SETTLING: settles, figures.FALSE: slip_of == NONE, figures.TRUE: first}
+        kinds = np.select([*cases.values()], [*cases], figures.REPEAT).tolist()
+        found_alarms = [
+            Alarm(start / rate_hz, end / rate_hz, kind, None if s == NONE else s)
+            for (start, end), kind, s in zip(alarms, kinds, slip_of.tolist(), strict=True)
+        ]
+        on_rows = (rows_on(on, *part).sum(keepdims=True) for part in (rows.certain, rows.rest))
+        many_false = np.array([kinds.count(figures.FALSE)])
         invalid_rows = (_length(stretches) - self._valid_rows).astype(np.int64)
-        invalid_rows[disabled] = 0
-        found = []
-        alarm_settles = scored.settling(rises)
-        for a, (alarm, of) in enumerate(zip(alarms, slip_of.tolist(), strict=True)):
-            true = figures.TRUE if of != NONE and alarm_of[of] == a else figures.REPEAT
-            kind = figures.FALSE if of == NONE else true
-            if alarm_settles[a] or (of != NONE and slips[of].settling):
-                kind = figures.SETTLING
-            its_slip = None if of == NONE else of
-            found.append(Alarm(alarm.start / rate_hz, alarm.end / rate_hz, kind, its_slip))
-        on_rows = (rows_on(on, *part).sum(keepdims=True) for part in (scored.certain, scored.rest))
-        false = sum(alarm.kind == figures.FALSE for alarm in found)
+        invalid_rows[[channel - 1 for channel in self._config.disabled_channels]] = 0
         return ReplayOutcome(
             rows=_length(stretches),
             slip_rows=_length(labels),
             moving_rows=self._moving_rows,
-            on_rows=_length(on) - int(on_in_slips.sum()),
-            settling_rows=scored.settling_rows,
+            settling_rows=rows.settling_rows,
             sample_rate_hz=rate_hz,
             slips=tuple(slips),
-            alarms=tuple(found),
-            events=scored.events(self._kind, its_rises[:, None], np.array([false]), *on_rows),
+            alarms=tuple(found_alarms),
+            events=rows.events(self._last.kind, rise_of[:, np.newaxis], many_false, *on_rows),
             scores=self._replay.tally.collect(),
-            kind=self._kind,
-            on_s=tuple((one.start / rate_hz, one.end / rate_hz) for one in on),
+            on_s=tuple((start / rate_hz, end / rate_hz) for start, end in on),
             invalid_rows=tuple(invalid_rows.tolist()),
             wrong=self._wrong,
         )
-
-    def _lost_at(self, slip: _Slip) -> str:
-        """Return where a missed slip was lost."""
-        if slip.on_at_start or slip.stages:
-            return figures.ALREADY_ON
-        lost = (slip.first[:3] == NEVER).all(axis=1)
-        return STAGES[int(lost.argmax()) if lost.any() else 3]
 
 
 def _length(intervals: Sequence[tuple[int, int]]) -> int:

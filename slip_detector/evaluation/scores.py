@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Rows of rest, motion and slip, and the ROC curve of their scores, in bounded memory."""
+"""Rows of rest, motion and slip, counted by their scores, and areas under the ROC curve."""
 
 from collections.abc import Iterable
 from typing import NamedTuple
@@ -23,32 +23,32 @@ from numpy.typing import ArrayLike, NDArray
 from slip_detector.chain.samples import Bools, Floats, Ints
 from slip_detector.recordings.labels import KINDS
 
-Kinds = NDArray[np.int8]
+RowClasses = NDArray[np.int8]
 
-#: Kinds of rows without slip: the robot rests, or its motion is not known; the robot moves; any
+#: Classes of rows without slip: the robot rests, or its motion is not known; the robot moves; any
 #: row of a recording in which a finger is tapped, presses, rolls or touches nothing.
 WITHOUT_SLIP = ('rest', 'moving', *(kind for kind in KINDS if kind != 'rest'))
 REST, MOTION = 0, 1
 
-#: Further kinds of rows: there is slip; what is not scored, as the label is not certain or the
-#: chain settles.
+#: Further classes of rows: there is slip; the row is not scored, as its label is not certain or
+#: the chain settles.
 SLIP = len(WITHOUT_SLIP)
 UNCERTAIN = SLIP + 1
 
-# Scores in one class differ by less than 2^-10 of their value. The number of a class is the
-# exponent of a score in float64 followed by the first ten bits of its mantissa. Scores below
-# 2^-126 are in class 0, scores from 2^129 on in the last class.
+# Scores in one bin differ by less than 2^-10 of their value. The number of a bin is the exponent
+# of a score in float64 followed by the first ten bits of its mantissa. Scores below 2^-126 are in
+# bin 0, scores from 2^129 on in the last bin.
 _DROPPED_BITS = 42
-_LOWEST_CLASS = (1023 - 127) << 10
-_CLASSES = 1 << 18
+_LOWEST_BIN = (1023 - 127) << 10
+_BINS = 1 << 18
 
 
-def kinds_of(
+def row_classes(
     truth: Bools, moving: Bools | None = None, certain: Bools | None = None, kind: str = ''
-) -> Kinds:
-    """Return the kind of each row, :data:`REST` to :data:`UNCERTAIN`; shape (n,).
+) -> RowClasses:
+    """Return the class of each row, :data:`REST` to :data:`UNCERTAIN`; shape (n,).
 
-    A row with slip is of the kind :data:`SLIP` whether the robot moves or not.
+    A row with slip is of the class :data:`SLIP` whether the robot moves or not.
 
     Parameters
     ----------
@@ -63,27 +63,27 @@ def kinds_of(
 
     Examples
     --------
-    >>> kinds_of(np.array([False, False, True]), np.array([False, True, True]))
+    >>> row_classes(np.array([False, False, True]), np.array([False, True, True]))
     array([0, 1, 6], dtype=int8)
     """
-    others: Kinds | int = REST if moving is None else np.where(moving, MOTION, REST)
+    without: RowClasses | int = REST if moving is None else np.where(moving, MOTION, REST)
     if kind not in ('', 'rest'):
-        others = WITHOUT_SLIP.index(kind)
-    kinds = np.where(truth, SLIP, others)
-    return np.where(True if certain is None else certain, kinds, UNCERTAIN).astype(np.int8)
+        without = WITHOUT_SLIP.index(kind)
+    classes = np.where(truth, SLIP, without)
+    return np.where(True if certain is None else certain, classes, UNCERTAIN).astype(np.int8)
 
 
 class ScoreCounts(NamedTuple):
-    """Number of rows of each kind by score, in memory that does not grow with the rows.
+    """Number of rows of each class by score, in memory that does not grow with the rows.
 
     Scores from 1e-38 to 3e38 are resolved to 2^-10 of their value.
 
     Attributes
     ----------
-    classes : ndarray of int, shape (k,)
-        The classes of the scores that occur, in rising order.
+    bins : ndarray of int, shape (k,)
+        The bins of the scores that occur, in rising order.
     counts : ndarray of int, shape (7, k)
-        Number of rows of each of the kinds :data:`REST` to :data:`SLIP` in each class.
+        Number of rows of each of the classes :data:`REST` to :data:`SLIP` in each bin.
 
     Examples
     --------
@@ -94,78 +94,54 @@ class ScoreCounts(NamedTuple):
     (1.0, 4)
     """
 
-    classes: Ints
+    bins: Ints
     counts: Ints
 
     @classmethod
     def pooled(cls, parts: Iterable['ScoreCounts']) -> 'ScoreCounts':
         """Return the counts of several recordings together."""
         several = [cls(np.zeros(0, np.int64), np.zeros((UNCERTAIN, 0), np.int64)), *parts]
-        every = np.concatenate([one.counts for one in several], axis=1)
-        its_class = np.concatenate([one.classes for one in several])
-        classes, places = np.unique(its_class, return_inverse=True)
-        counts = [np.bincount(places, kind, minlength=classes.size) for kind in every]
-        return cls(classes, np.array(counts, np.int64))
+        counts = np.concatenate([part.counts for part in several], axis=1)
+        bins = np.concatenate([part.bins for part in several])
+        bins, places = np.unique(bins, return_inverse=True)
+        pooled = [np.bincount(places, row, minlength=bins.size) for row in counts]
+        return cls(bins, np.array(pooled, np.int64))
 
     def auc(self, against: Iterable[int] = range(SLIP)) -> float | None:
-        """Return the area under the ROC curve of slip against rows of other kinds.
+        """Return the area under the ROC curve of slip against rows of these classes.
 
-        Two scores in one class count as equal. The error of the area is at most half the share of
-        such pairs, about 1e-4 for scores that are spread over an octave.
-
-        Parameters
-        ----------
-        against
-            The kinds of rows without slip.
-
-        Returns
-        -------
-        float or None
-            0 to 1; None where there are no rows with slip or none of the other kinds.
+        It is the share of pairs of a row with slip and one without in which that with slip has the
+        higher score; None where there are no pairs. Two scores in one bin count as equal. The
+        error of the area is at most half the share of such pairs, about 1e-4 for scores that are
+        spread over an octave.
         """
         positive, negative = self.counts[SLIP], self.counts[list(against)].sum(axis=0)
         pairs = int(positive.sum()) * int(negative.sum())
-        if not pairs:
-            return None
         below = np.cumsum(negative) - 0.5 * negative
-        return float(np.sum(positive * below)) / pairs
+        return float(np.sum(positive * below)) / pairs if pairs else None
 
     def aucs(self) -> dict[str, float | None]:
-        """Return the areas of slip against all other rows and against each kind of them.
+        """Return the areas of slip against all other rows and against each class of them.
 
         Returns
         -------
         dict
-            ``auc_all``, and ``auc_<kind>`` for each of :data:`WITHOUT_SLIP`; and ``auc``: the mean
-            of that against rest, in motion where that is known, and of the mean of those against
-            the other kinds of recordings. None where one is not defined.
+            ``auc_all``, and ``auc_<class>`` for each of :data:`WITHOUT_SLIP`; and ``auc``: the
+            mean of that against rest, in motion where that is known, and of the mean of those
+            against the other kinds of recordings. None where one is not defined.
         """
-        areas = {f'auc_{name}': self.auc([kind]) for kind, name in enumerate(WITHOUT_SLIP)}
-        rest, moving, *kinds = areas.values()
-        parts = [rest if moving is None else moving], kinds
+        areas = {f'auc_{name}': self.auc([number]) for number, name in enumerate(WITHOUT_SLIP)}
+        rest, moving, *others = areas.values()
+        parts = [rest if moving is None else moving], others
         known = [[area for area in part if area is not None] for part in parts]
         means = [np.mean(part) for part in known if part]
-        auc = float(np.mean(means)) if means else None
-        return {'auc_all': self.auc(), **areas, 'auc': auc}
+        return {'auc_all': self.auc(), **areas, 'auc': float(np.mean(means)) if means else None}
 
-    def roc(self, against: Iterable[int] = range(SLIP)) -> tuple[Floats, Floats, Floats]:
-        """Return the ROC curve of slip against rows of other kinds.
-
-        Returns
-        -------
-        false_share, true_share, limit : ndarray, shape (k,)
-            Shares of the rows without and with slip whose score is at least each limit, the
-            highest limit first; NaN where there are no such rows.
-        """
-        positive = np.cumsum(self.counts[SLIP][::-1])
-        negative = np.cumsum(self.counts[list(against)].sum(axis=0)[::-1])
-        shares = [
-            many / many[-1] if many.size and many[-1] else np.full(many.shape, np.nan)
-            for many in (negative, positive)
-        ]
-        classes = self.classes[::-1]
-        lowest = ((classes + _LOWEST_CLASS) << _DROPPED_BITS).view(np.float64)
-        return shares[0], shares[1], np.where(classes > 0, lowest, 0.0)
+    @property
+    def scores(self) -> Floats:
+        """The least score of each bin; shape (k,)."""
+        lowest = ((self.bins + _LOWEST_BIN) << _DROPPED_BITS).view(np.float64)
+        return np.where(self.bins > 0, lowest, 0.0)
 
 
 class ScoreTally:
@@ -181,30 +157,22 @@ class ScoreTally:
     """
 
     def __init__(self) -> None:
-        self._counts = np.zeros((_CLASSES, UNCERTAIN + 1), np.int64)
-        self._occurs = np.zeros(_CLASSES, bool)
+        self._counts = np.zeros((_BINS, UNCERTAIN + 1), np.int64)
+        self._occurs = np.zeros(_BINS, bool)
 
-    def add(self, score: ArrayLike, kind: ArrayLike) -> None:
-        """Count rows.
-
-        Parameters
-        ----------
-        score : array_like, shape (n,)
-            At least 0.
-        kind : array_like of int, shape (n,)
-            :data:`REST` to :data:`UNCERTAIN`, which does not count.
-        """
-        bits = np.ascontiguousarray(score, np.float64).view(np.int64)
+    def add(self, scores: ArrayLike, classes: ArrayLike) -> None:
+        """Count rows: scores of at least 0, and classes, of which ``UNCERTAIN`` is not counted."""
+        bits = np.ascontiguousarray(scores, np.float64).view(np.int64)
         # The bits of positive floats have the same order as the floats.
-        classes = np.clip((bits >> _DROPPED_BITS) - _LOWEST_CLASS, 0, _CLASSES - 1)
-        places = classes * (UNCERTAIN + 1) + np.asarray(kind, np.int64)
+        bins = np.clip((bits >> _DROPPED_BITS) - _LOWEST_BIN, 0, _BINS - 1)
+        places = bins * (UNCERTAIN + 1) + np.asarray(classes, np.int64)
         np.add.at(self._counts.reshape(-1), places, 1)
-        self._occurs[classes] = True
+        self._occurs[bins] = True
 
     def collect(self) -> ScoreCounts:
         """Return the counts so far and start again from zero."""
-        classes = np.flatnonzero(self._occurs)
-        counts = self._counts[classes, :UNCERTAIN].T
-        self._counts[classes] = self._occurs[classes] = 0
-        occur = counts.any(axis=0)
-        return ScoreCounts(classes[occur], counts[:, occur])
+        bins = np.flatnonzero(self._occurs)
+        counts = self._counts[bins, :UNCERTAIN].T
+        self._counts[bins] = self._occurs[bins] = 0
+        scored = counts.any(axis=0)
+        return ScoreCounts(bins[scored], counts[:, scored])

@@ -32,7 +32,7 @@ def run_demonstration(parser: argparse.ArgumentParser) -> None:
     code 1; an interruption by a signal gives one line, with code 0.
     """
     parser.add_argument('--out', type=Path, default=Path('out'), help='folder for the results')
-    parser.add_argument('--verbose', action='store_true', help='all figures, and the nodes log')
+    parser.add_argument('--verbose', action='store_true', help='what the nodes log')
     arguments = parser.parse_args()
     file = arguments.out / f'{parser.prog.removeprefix("slip_")}.json'
     picture = file.with_suffix('.png')

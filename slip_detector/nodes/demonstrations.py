@@ -40,7 +40,6 @@ from slip_detector.parameters.grasp import commands_of_a_scene
 from slip_detector.recordings import write_recording
 from slip_detector.report.grasp import draw_grasp, grasp_table
 from slip_detector.report.pictures import draw_trial
-from slip_detector.report.tables import demo_table
 from slip_detector.sources.played import SceneSource
 
 ENVELOPE = 'slip_detector/envelope'
@@ -86,8 +85,7 @@ def slip_demo(arguments: argparse.Namespace, path: Path) -> tuple[dict[str, Any]
     states = {topic: states_at(*each, heard.stamps_s) for topic, each in heard.changes.items()}
     groups = {name: states[f'slip/group/{name}'] for name in config.groups}
     draw_trial(path, heard.stamps_s, heard.volts, config, groups, states['slip'], heard.motion_s)
-    table = f'{demo_table(result)}\n\n' if arguments.verbose else ''
-    return result, table + demo_words(result)
+    return result, demo_words(result)
 
 
 def _play(arguments: argparse.Namespace, file: Path, config: DetectorConfig) -> Heard:

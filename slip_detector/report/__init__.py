@@ -12,4 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Output for people: tables of text, pictures, and a report that is one HTML file."""
+"""Output for people; each file is imported where it is used, as plotting takes long to load.
+
+``answer`` has sentences, ``tables`` tables of text, ``pictures`` and ``grasp`` pictures, ``page``
+a report that is one HTML file, and ``overview`` what the report draws of a recording.
+"""

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The answer in sentences that one reads first: is it good, and what got worse."""
+"""The answer in sentences that a reader sees first: how good a detector is, and what got worse."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -25,17 +25,18 @@ from slip_detector.tuning.problem import better_than_chance
 
 Figures = Mapping[str, Any]
 
-#: The shares of time ON without slip.
-ON_PERCENT = ('false_time_percent', *(f'{kind}_on_percent' for kind in KINDS))
+#: The figures of the time ON without slip: of all of it, and of each kind of recordings.
+ALL = 'false_time_percent'
+ON_FIGURES = (ALL, *(f'{kind}_on_percent' for kind in KINDS))
 
-#: From this share of the time on a recording that is ON without slip is called bad.
+#: A recording that is ON without slip for at least this share of the time is called bad.
 BAD_PERCENT = 1.0
 
 
 def answer(after: Figures, before: Figures | None = None) -> list[str]:
     """Return in sentences how good figures are, and what got worse.
 
-    What finds slips no better than guessing, which is alarms at random, is not called good.
+    A chain that finds slips no better than alarms at random is not called good.
 
     Parameters
     ----------
@@ -43,12 +44,13 @@ def answer(after: Figures, before: Figures | None = None) -> list[str]:
         As :func:`slip_detector.evaluation.figures.figures_of_merit` returns them, or for
         recordings without labels :func:`slip_detector.evaluation.evaluator.recording_figures`.
     before
-        Those of the same recordings before a change; None: there was none.
+        Figures of the same recordings before a change; None: there was none.
 
     Returns
     -------
     list of str
-        What holds; and where something got worse, as :func:`compared` says, what.
+        A line on how good they are; and where :func:`.compared` finds something worse, a line on
+        that.
 
     Examples
     --------
@@ -57,24 +59,24 @@ def answer(after: Figures, before: Figures | None = None) -> list[str]:
     ['No slips to find.']
     """
     if after['slips'] is None:
-        share = f'ON {rounded(after["on_percent"] or 0.0)} % of the time'
-        return [f'{share}: without labels nobody knows whether rightly.']
-    said = [_found(after, before)]
-    if after['settling_slips']:
-        said.append(f'Not counted: {after["settling_slips"]} that began before it was ready')
-    if after[f'missed_{ALREADY_ON}']:
-        said.append(f'It was ON already before {after[f"missed_{ALREADY_ON}"]} of them')
-    said += _on_without_slip(after, before or {})
+        time_on = f'ON {rounded(after["on_percent"] or 0.0)} % of the time'
+        return [f'{time_on}: without labels nobody knows whether rightly.']
+    sentences = [_slips_found(after, before)]
+    if settling := after['settling_slips']:
+        sentences.append(f'Not counted: {settling} that began before it was ready')
+    if already_on := after[f'missed_{ALREADY_ON}']:
+        sentences.append(f'It was ON already before {already_on} of them')
+    sentences += _time_on(after, before or {})
     alarms = after['false_alarms_per_minute']
     # What is mostly ON has few alarms.
     if alarms is not None and (alarms >= 0.5 or not before) and after['false_time_percent'] < 50.0:
-        said.append(f'False alarms: {rounded(alarms)} a minute')
-    worse = []
+        sentences.append(f'False alarms: {rounded(alarms)} a minute')
+    lines, worse = [f'{". ".join(sentences)}.'], list[str]()
     for title, was, now, change in compared(before or after, after):
         if change == 'worse':
             words, _, unit = title.rstrip(']').partition(' [')
             worse.append(f'{words} {was} → {now} {unit}'.rstrip())
-    return [f'{". ".join(said)}.', *([f'Worse: {", ".join(worse)}.'] if worse else [])]
+    return [*lines, f'Worse: {", ".join(worse)}.'] if worse else lines
 
 
 def bad_recordings(recordings: Mapping[str, Figures]) -> list[str]:
@@ -94,17 +96,17 @@ def bad_recordings(recordings: Mapping[str, Figures]) -> list[str]:
     """
 
     def badness(name: str) -> tuple[int, float]:
-        one = recordings[name]
-        return one['missed'] or 0, one['false_time_percent'] or 0.0
+        figures = recordings[name]
+        return figures['missed'] or 0, figures['false_time_percent'] or 0.0
 
     lines, names_of = list[str](), dict[str, list[str]]()
     worst = max(recordings, key=badness, default='')
     if len(recordings) > 1 and badness(worst) >= (0, BAD_PERCENT):
         lines.append(f'Worst: {worst}. {answer(recordings[worst])[0]}')
-    for name, one in recordings.items():
-        shares = [f'{of} {part:.3g} %' for of, part in one.get('invalid_percent', {}).items()]
+    for name, figures in recordings.items():
+        shares = [f'{ch} {part:.3g} %' for ch, part in figures.get('invalid_percent', {}).items()]
         invalid = f'not valid: {name_list(shares)} of the time' if shares else ''
-        faults = one.get('lost'), one.get('doubts'), *one.get('warnings', ()), invalid
+        faults = figures.get('lost'), figures.get('doubts'), *figures.get('warnings', ()), invalid
         for text in filter(None, faults):
             names_of.setdefault(text, []).append(name)
     return lines + [f'{name_list(names, 3)}: {text}' for text, names in names_of.items()]
@@ -123,7 +125,7 @@ def rounded(value: float | None) -> str:
     return f'{value:.0f}' if value >= 1.0 or not value else f'{value:.1g}'
 
 
-def _found(after: Figures, before: Figures | None) -> str:
+def _slips_found(after: Figures, before: Figures | None) -> str:
     """Return how many slips are found, and how soon, and whether guessing does as well."""
     matched, scored = after['matched'], after['matched'] + after['missed']
     if not scored:
@@ -149,17 +151,18 @@ def _found(after: Figures, before: Figures | None) -> str:
     return f'{text}, some {abs(value_ms):.0f} ms {side} they begin'
 
 
-def _on_without_slip(after: Figures, before: Figures) -> list[str]:
+def _time_on(after: Figures, before: Figures) -> list[str]:
     """Return how much of the time without slip, and of each kind of recordings, is ON."""
-    known = {name: after[name] for name in ON_PERCENT if after[name] is not None}
-    all_percent = known.pop('false_time_percent', None)
+    known = {name: after[name] for name in ON_FIGURES if after[name] is not None}
+    whole, texts = known.pop(ALL, None), list[str]()
+    if whole is None:
+        return texts
     # All the time is ON more than each kind only where it is ON between the slips.
-    if after['rest_on_percent'] is None or all_percent > max(known.values()):
-        known = {'false_time_percent': all_percent, **known}
-    texts = []
+    if after['rest_on_percent'] is None or whole > max(known.values()):
+        known = {ALL: whole, **known}
     for name in known:
         where = heading(name).removeprefix('ON ').removeprefix('in ').removesuffix(' [%]')
-        was, now = (rounded(one.get(name)) for one in (before, after))
+        was, now = rounded(before.get(name)), rounded(after[name])
         change = now if was in ('', now) else f'{was} % → {now}'
         texts.append(f'{where} {change} %'.replace('→ 0 %', '→ 0'))
-    return [f'ON {", ".join(texts)}'] if all_percent is not None else []
+    return [f'ON {", ".join(texts)}']

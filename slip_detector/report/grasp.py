@@ -36,26 +36,11 @@ COLUMNS = (
 COLOR = {UNCONTROLLED: COLORS[1], PAPER: COLORS[4], CONTROLLER: COLORS[0]}
 
 #: Height of the displacement panel, as a multiple of the object's slide under the controller.
-SHOWN_SLIDES = 4.0
+PANEL_SLIDES = 4.0
 
 
 def grasp_table(result: Mapping[str, Any]) -> str:
-    """Return the figures as text: conditions, and the trials with the nodes.
-
-    Parameters
-    ----------
-    result
-        The content of ``grasp.json``; see :mod:`slip_detector.nodes.grasp_demo`.
-
-    Examples
-    --------
-    >>> figures = {'dropped': 0, 'trials': 1, 'mean_slide_mm': 0.2, 'worst_slide_mm': 0.2}
-    >>> figures |= {'force_percent': 40.0, 'most_force_percent': 44.0, 'onsets': 2.0}
-    >>> figures['needed_percent'] = 30.0
-    >>> result = {'seeds': [0], 'transport_ms': 5.0, 'conditions': {CONTROLLER: figures}}
-    >>> grasp_table({**result, 'nodes': {}}).splitlines()[1]
-    'In simulated time, 5 ms from sample to command'
-    """
+    """Return the content of ``grasp.json`` as text: conditions, and the trials with the nodes."""
     seeds, parts = result['seeds'], result['conditions']
     rows = [['', '', 'slide [mm]', '', 'grip [% of limit]'],
             ['', 'dropped', 'mean', 'worst', 'mean', 'most', 'onsets']]  # fmt: skip
@@ -75,8 +60,8 @@ def grasp_table(result: Mapping[str, Any]) -> str:
                 ['seed', 'nodes', 'simulated', 'nodes', 'simulated']]  # fmt: skip
         for seed, part in result['nodes'].items():
             both = (part, part['simulated'])
-            slides = (number_text(one['slide_mm'], '.2f') for one in both)
-            commands = (number_text(one['command_percent'], '.1f') for one in both)
+            slides = (number_text(trial['slide_mm'], '.2f') for trial in both)
+            commands = (number_text(trial['command_percent'], '.1f') for trial in both)
             rows.append([seed, *slides, *commands])
         says, latency = 'undefined, no onset was answered', result['latency_ms']
         if latency:
@@ -120,7 +105,7 @@ def draw_grasp(
     draw_decision(decision, time_s, held.slip, COLOR[CONTROLLER], '/slip')
     decision.plot(time_s, held.sliding, color='0.35', label='it slides')
     # An object that slides further leaves the panel; the legend says how far it slides.
-    most_mm = max(SHOWN_SLIDES * float(held.position_m[-1]) * 1e3, 0.1)
+    most_mm = max(PANEL_SLIDES * float(held.position_m[-1]) * 1e3, 0.1)
     for name, color in COLOR.items():
         trial = trials[name]
         end = 'dropped' if trial.dropped else f'{trial.position_m[-1] * 1e3:.2f} mm'

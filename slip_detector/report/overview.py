@@ -14,34 +14,34 @@
 
 """The overview of one recording for a report: bins of its rows, and its events.
 
-For each bin and channel it has the lowest and the highest volts and the highest code of
-its level. In a recording of some minutes a bin is one row.
+For each bin and channel an overview has the lowest and the highest volts and the highest code of
+the level. In a recording of some minutes a bin is one row.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain.samples import Bools, Floats, Ints, Samples
+from slip_detector.chain.samples import Bools, Floats, Ints
 from slip_detector.chain.slip_chain import SlipResult
+from slip_detector.evaluation.evaluator import OpenedRecording
 from slip_detector.evaluation.figures import FALSE, ReplayOutcome
 from slip_detector.evaluation.matching import OnIntervals
-from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 
 Volts = NDArray[np.float32]
 Codes = NDArray[np.uint8]
 
-#: Kinds of events, the most important first.
-EVENT_KINDS = ('missed', 'false alarm', 'late', 'detected', 'onset')
+#: Outcomes of slips and alarms, the most important first.
+OUTCOMES = ('missed', 'false alarm', 'late', 'detected', 'onset')
 
 #: Most cells of the overviews of all recordings in a report: bins times channels.
 MOST_CELLS = 3 * 2**19
 
-#: Steps of a level's code for a factor of two, and the code of a level that equals the threshold:
-#: above it the channel is ON.
+#: Steps of a level's code for a factor of two, and the code of a level that equals the threshold;
+#: in higher codes the channel is ON.
 CODES_PER_OCTAVE, THRESHOLD_CODE = 16, 128
 
 #: A sample with a larger magnitude is not drawn, as float32 ends at 3.4e38.
@@ -53,25 +53,20 @@ class Event(NamedTuple):
 
     Attributes
     ----------
-    kind : str
-        One of :data:`EVENT_KINDS`.
+    outcome : str
+        One of :data:`OUTCOMES`.
     start_s, end_s : float
-        Times of the alarm where the kind is a false alarm, else of the true slip, counted from the
-        first row.
+        Times of the alarm where the outcome is a false alarm, else of the true slip, counted from
+        the first row.
     latency_s : float or None
         Time from the start of the slip to the start of its alarm; None where it has no alarm.
     parts : mapping
         The parts of the latency, in seconds, by the name of the stage.
     note : str
         What else the reader should know, for example at which stage a missed slip was lost.
-
-    Examples
-    --------
-    >>> Event('detected', 4.0, 5.0, 0.04, {'filter': 0.012, 'vote': 0.028}).latency_s
-    0.04
     """
 
-    kind: str
+    outcome: str
     start_s: float
     end_s: float
     latency_s: float | None = None
@@ -82,42 +77,44 @@ class Event(NamedTuple):
 def events_of(outcome: ReplayOutcome, labelled: bool = True) -> list[Event]:
     """Return the scored slips and the false alarms of a recording in the order of their starts.
 
-    Of one without labels these are the times in which the global decision is ON.
+    Of a recording without labels, return the times in which the global decision is ON.
 
     Examples
     --------
+    >>> from slip_detector.chain.samples import Samples
+    >>> from slip_detector.evaluation.replay import Replay
     >>> quiet = Samples.evenly(np.full((380, 16), 4.3), 380.0, np.arange(380) >= 190)
     >>> outcome = Replay(ChainConfig()).run([quiet])
-    >>> [(event.kind, event.start_s, event.note) for event in events_of(outcome)]
+    >>> [(event.outcome, event.start_s, event.note) for event in events_of(outcome)]
     [('missed', 0.5, 'lost at: filter')]
     """
     if not labelled:
         return [Event('onset', start_s, end_s) for start_s, end_s in outcome.on_s]
-    alarms = [alarm for alarm in outcome.alarms if alarm.kind == FALSE]
+    alarms = [alarm for alarm in outcome.alarms if alarm.outcome == FALSE]
     events = [Event('false alarm', alarm.start_s, alarm.end_s) for alarm in alarms]
     for slip in outcome.slips:
         if slip.settling:
             continue
-        kind = 'missed' if slip.latency_s is None else 'late' if slip.late else 'detected'
+        name = 'missed' if slip.latency_s is None else 'late' if slip.late else 'detected'
         notes = [f'lost at: {slip.lost_at}'] if slip.lost_at else []
         notes += [f'label exact to {1e3 * slip.accuracy_s:.0f} ms'] if slip.accuracy_s else []
         note, parts = ', '.join(notes).replace('_', ' '), slip.stages_s or {}
-        events.append(Event(kind, slip.start_s, slip.end_s, slip.latency_s, parts, note))
+        events.append(Event(name, slip.start_s, slip.end_s, slip.latency_s, parts, note))
     return sorted(events, key=lambda event: event.start_s)
 
 
+def overview_of(config: ChainConfig, share: float, opened: OpenedRecording) -> 'Overview':
+    """Return what observes the replay of a recording that was opened."""
+    recording, rate_hz = opened.recording, opened.sample_rate_hz
+    known = recording.channel_names, share, rate_hz, recording.is_labelled
+    return Overview(recording.path.name, config, *known)
+
+
 def level_codes(result: SlipResult, config: ChainConfig) -> Codes:
-    """Return the levels, a byte for each sample, shape (n, c).
+    """Return the codes of the levels, a byte for each sample, shape (n, c).
 
-    A code is 0 where the channel is not valid, else from 1 to 255 and above
+    A code is 0 where the channel is not valid, else from 1 to 255, and above
     :data:`THRESHOLD_CODE` exactly where the channel is ON.
-
-    Examples
-    --------
-    >>> from slip_detector import SlipChain
-    >>> result = SlipChain().update(np.full((1, 16), 4.3))
-    >>> int(level_codes(result, ChainConfig())[0, 0])  # at rest: the lowest code
-    1
     """
     with np.errstate(divide='ignore'):  # The logarithm of 0 is -inf, the lowest code.
         octaves = np.log2(result.level / config.threshold)
@@ -131,8 +128,8 @@ def level_codes(result: SlipResult, config: ChainConfig) -> Codes:
 class Overview:
     """The overview of one recording and of one chain's decisions on it.
 
-    It is an observer of a replay, which passes rows to :meth:`add` and gaps to :meth:`gap`. It
-    keeps all rows, some 100 MB for an hour of 16 channels at 380 Hz, until :meth:`finish`.
+    It is an observer of a replay, see :meth:`.Replay.run`. It keeps all rows, some 100 MB for an
+    hour of 16 channels at 380 Hz, until :meth:`finish`.
 
     Parameters
     ----------
@@ -143,9 +140,11 @@ class Overview:
     channel_names
         Names of the recording's channels; those of the configuration if not given.
     share
-        Its share of the cells of the report; see :data:`MOST_CELLS`.
+        The share of this overview in the cells of the report; see :data:`MOST_CELLS`.
     sample_rate_hz
         Rate of the recording, which turns rows into seconds; the chain's rate if not given.
+    labelled
+        Whether it is known where there is slip.
 
     Attributes
     ----------
@@ -154,7 +153,7 @@ class Overview:
     truth, slip : OnIntervals
         When the label is slip, the global decision ON.
     groups : dict
-        The same of each group, by its name.
+        When each group is ON, by its name.
     bin_rows : int
         After :meth:`finish` number of rows in a bin, a power of two.
     low, high : ndarray of float32, shape (bins, c)
@@ -162,16 +161,16 @@ class Overview:
     codes : ndarray of uint8, shape (bins, c)
         After :meth:`finish` the highest codes; see :func:`level_codes`.
     events : sequence of Event
-    labelled : bool
-        Whether it is known where there is slip.
 
     Examples
     --------
+    >>> from slip_detector.chain.samples import Samples
+    >>> from slip_detector.evaluation.replay import Replay
     >>> volts = np.full((400, 16), 4.3)
     >>> volts[200:] += np.sin(2 * np.pi * 20.0 * np.arange(200) / 380.0)[:, np.newaxis]
     >>> rows = Samples.evenly(volts, 380.0, np.arange(400) >= 200)
     >>> overview = Overview('trial', ChainConfig())
-    >>> outcome = overview.replay(Replay(ChainConfig()), [rows])
+    >>> outcome = Replay(ChainConfig()).run([rows], observer=overview)
     >>> overview.rows, overview.bin_rows, overview.slip.edges
     (400, 1, [202, 400])
     """
@@ -183,36 +182,21 @@ class Overview:
         channel_names: tuple[str, ...] = (),
         share: float = 1.0,
         sample_rate_hz: float | None = None,
+        labelled: bool = True,
     ) -> None:
         self.name, self.config, self.share = name, config, share
         self.channel_names = tuple(channel_names) or config.names
         self.sample_rate_hz = sample_rate_hz or config.sample_rate_hz
-        self.rows, self.labelled = 0, True
+        self.rows, self.labelled = 0, labelled
         self.truth, self.slip = OnIntervals(), OnIntervals()
         self.groups = {name: OnIntervals() for name in config.groups}
         self.events: Sequence[Event] = ()
         self._intervals = self.slip, self.truth, *self.groups.values()
-        # The numbers of rows, their volts and their codes, so far.
+        # So far the numbers of the rows, their volts and their codes.
         self._pieces: list[tuple[Ints, Volts, Codes]] = []
 
-    def replay(self, replay: Replay, rows: Iterable[Samples]) -> ReplayOutcome:
-        """Replay the whole recording, and finish the overview with its events."""
-        outcome = replay.run(rows, self.sample_rate_hz, self)
-        self.finish(events_of(outcome, self.labelled))
-        return outcome
-
     def add(self, volts: Floats, result: SlipResult, truth: Bools) -> None:
-        """Take the next rows.
-
-        Parameters
-        ----------
-        volts : ndarray, shape (n, c)
-            Oldest row first; NaN where a sample is missing.
-        result : SlipResult
-            The chain's result for these rows, with the level.
-        truth : ndarray of bool, shape (n,)
-            Whether there is slip.
-        """
+        """Take the next rows, what the chain makes of them, and their label."""
         samples = np.where(np.abs(volts) < MOST_VOLTS, volts, np.nan).astype(np.float32)
         numbers = self.rows + np.arange(len(volts))
         self._pieces.append((numbers, samples, level_codes(result, self.config)))
@@ -226,10 +210,10 @@ class Overview:
         self._close_intervals()
         self.rows += round(seconds * self.sample_rate_hz)
 
-    def finish(self, events: Sequence[Event]) -> None:
-        """Merge the rows to bins, and take the events; see :func:`events_of`."""
+    def finish(self, outcome: ReplayOutcome) -> None:
+        """Merge the rows to bins, and take the events of the outcome."""
         self._close_intervals()
-        self.events = events
+        self.events = events_of(outcome, self.labelled)
         bins = max(round(self.share * MOST_CELLS) // self.config.channels, 64)
         self.bin_rows = 1 << (max(self.rows - 1, 0) // bins).bit_length()
         numbers, volts, codes = map(np.concatenate, zip(*self._pieces, strict=True))
@@ -246,7 +230,7 @@ class Overview:
 
 
 def _spread(values: NDArray[Any], places: Ints, n: int, empty: float) -> NDArray[Any]:
-    """Return ``n`` rows with values at some places; the others, in gaps, are empty."""
+    """Return ``n`` rows with values at some places and ``empty`` in all others, in gaps."""
     rows = np.full((n, values.shape[1]), empty, values.dtype)
     rows[places] = values
     return rows

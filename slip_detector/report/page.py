@@ -14,11 +14,10 @@
 
 """A report as one HTML file that needs no network.
 
-The scripts in ``templates`` draw its timeline. They read one JSON, which has for each recording a
+The scripts in ``templates`` draw the timeline. They read one JSON, which has for each recording a
 string of bytes, compressed and in base64: of the bins the lowest volts, the highest volts and, for
-each variant, the codes of its levels. All are written channel after
-channel. Volts are 16-bit codes over the range of the channel, all low bytes and then all high
-ones, as slow signals compress better in this order.
+each variant, the codes of the levels, channel after channel. Volts are 16-bit codes over the range
+of the channel, all low bytes before all high ones, as slow signals compress better in this order.
 """
 
 import base64
@@ -43,11 +42,10 @@ from slip_detector.parameters.fields import name_list
 from slip_detector.parameters.files import whole_file
 from slip_detector.recordings import by_number
 from slip_detector.report import tables
-from slip_detector.report.overview import EVENT_KINDS, Codes, Overview, Volts
-from slip_detector.report.pictures import latency_figure, svg
+from slip_detector.report.overview import OUTCOMES, Codes, Overview, Volts
 from slip_detector.tuning.tracks import Track
 
-#: Scripts of a page; each comes after those that it needs.
+#: Scripts of a page; each comes after the scripts that it needs.
 SCRIPTS = ('drawing.js', 'timeline.js', 'report_lanes.js', 'report.js')
 STYLES = ('drawing.css', 'report.css')
 
@@ -55,9 +53,9 @@ STYLES = ('drawing.css', 'report.css')
 #: the file larger and would not be seen: a channel has some 40 pixels in the timeline.
 NO_SAMPLE, MOST_CODE = 0xFFFF, 2**14 - 1
 
-#: The figures that carry the answer, and those of each recording.
-CARRYING = 'slips', 'matched', 'latency_median_ms', 'false_alarms', 'false_time_percent'
-OF_EACH = *CARRYING, 'false_alarms_per_minute', 'late', 'coverage'
+#: The figures that carry the answer, and the figures of each recording.
+MAIN_FIGURES = 'slips', 'matched', 'latency_median_ms', 'false_alarms', 'false_time_percent'
+RECORDING_FIGURES = *MAIN_FIGURES, 'false_alarms_per_minute', 'late', 'coverage'
 
 
 class Variant(NamedTuple):
@@ -71,14 +69,8 @@ class Variant(NamedTuple):
     overviews : sequence of Overview
         One for each recording, in the same order for all variants.
     figures : mapping
-        Figures of all recordings together, then of each, by its name; None where one is not
-        defined.
-
-    Examples
-    --------
-    >>> given = Variant('given', ChainConfig(), [], {'all recordings': {'recall': 0.95}})
-    >>> given.figures['all recordings']['recall']
-    0.95
+        Figures of all recordings together, then of each recording, by its name; None where one is
+        not defined.
     """
 
     name: str
@@ -91,9 +83,8 @@ def write_page(
     path: str | Path,
     title: str,
     variants: Sequence[Variant],
-    said: Sequence[str] = (),
+    sentences: Sequence[str] = (),
     notes: Sequence[str] = (),
-    outcomes: Sequence[ReplayOutcome] = (),
     config: str | Path | None = None,
 ) -> None:
     """Write a report as an HTML file.
@@ -109,12 +100,10 @@ def write_page(
     variants
         One configuration, or two to compare, the result last. Both show the same recordings, at
         least one.
-    said
-        Sentences below the title: first the :func:`.answer`, then what matters most.
+    sentences
+        Lines below the title: first the :func:`.answer`, then what matters most.
     notes
         What else the reader may want to know.
-    outcomes
-        The outcomes whose latencies and ROC curve are drawn.
     config
         The file of the configuration; None: there is none.
 
@@ -126,28 +115,29 @@ def write_page(
     Examples
     --------
     >>> import tempfile
-    >>> from slip_detector import ChainConfig, SlipChain
-    >>> overview, volts = Overview('rest.npz', ChainConfig()), np.full((380, 16), 4.3)
-    >>> overview.add(volts, SlipChain().update(volts), truth=np.zeros(380, bool))
-    >>> overview.finish(events=[])
+    >>> from slip_detector.chain.samples import Samples
+    >>> overview = Overview('rest.npz', ChainConfig())
+    >>> rest = Samples.evenly(np.full((380, 16), 4.3), 380.0, np.zeros(380))
+    >>> outcome = Replay(ChainConfig()).run([rest], observer=overview)
     >>> given = Variant('given', ChainConfig(), [overview], {'rest.npz': {'alarms': 0}})
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     write_page(Path(folder) / 'report.html', 'A second of rest', [given])
     ...     '<title>A second of rest</title>' in (Path(folder) / 'report.html').read_text('utf-8')
     True
     """
-    changed = [f'{n} {v}' for n, default, *_, v in _parameter_rows(variants) if v != default]
+    changes = [f'{n} {v}' for n, default, *_, v in _parameter_rows(variants) if v != default]
     page = Template(_read('report.html')).substitute(
         title=escape(title),
-        said=_paragraphs(said),
+        said=_paragraphs(sentences),
         tiles=_tiles(variants),
-        config=escape(name_list([Path(config or 'defaults').name, *changed], 5)),
+        config=escape(name_list([Path(config or 'defaults').name, *changes], 5)),
         made=time.strftime('%Y-%m-%d %H:%M UTC', time.gmtime()),
         notes=_paragraphs(notes),
         css='\n'.join(map(_read, STYLES)),
         js='\n'.join(map(_read, SCRIPTS)),
         data=_data(variants),
-        sections=sections(variants, outcomes),
+        figures=_figures(variants),
+        parameters=_parameters(variants),
     )
     with whole_file(path) as new:
         new.write_text(page, encoding='utf-8', errors='backslashreplace')
@@ -162,50 +152,25 @@ def _paragraphs(lines: Iterable[str]) -> str:
 
 
 def _tiles(variants: Sequence[Variant]) -> str:
-    tiles, wholes = '', [next(iter(one.figures.values()), {}) for one in variants]
-    for name in tables.TABLES['decisions'] if wholes[-1].get('slips') is None else CARRYING:
+    tiles, wholes = '', [next(iter(variant.figures.values()), {}) for variant in variants]
+    for name in tables.TABLES['decisions'] if wholes[-1].get('slips') is None else MAIN_FIGURES:
         *before, text = (tables.figure_text(name, figures) for figures in wholes)
-        was = (f' <small>{variants[0].name} {one}</small>' for one in {*before} - {text, '-'})
+        was = (f' <small>{variants[0].name} {old}</small>' for old in {*before} - {text, '-'})
         tiles += f'<div><dt>{tables.heading(name)}</dt><dd>{text}{"".join(was)}</dd></div>'
     return tiles
-
-
-def sections(variants: Sequence[Variant], outcomes: Sequence[ReplayOutcome] = ()) -> str:
-    """Return the sections of a page below the timeline, as HTML.
-
-    Parameters
-    ----------
-    variants, outcomes
-        As :func:`write_page` takes them.
-
-    Examples
-    --------
-    >>> config = ChainConfig()
-    >>> given = Variant('given', config, [Overview('rest.npz', config)], {})
-    >>> [line for line in sections([given]).splitlines() if line.startswith('<h2>')]
-    ['<h2>Figures</h2>', '<h2>Parameters</h2>']
-    """
-    parts = {'Figures': _figures(variants)}
-    if any(one.slips for one in outcomes):
-        data = base64.b64encode(svg(latency_figure(outcomes)).encode()).decode()
-        parts['Plots'] = f'<img alt="Latencies and ROC" src="data:image/svg+xml;base64,{data}">'
-    parts['Parameters'] = _parameters(variants)
-    return '\n'.join(
-        f'<section>\n<h2>{title}</h2>\n{content}\n</section>' for title, content in parts.items()
-    )
 
 
 def _figures(variants: Sequence[Variant]) -> str:
     titles, names = list(variants[0].figures), [variant.name for variant in variants]
     rows = {
-        f'{title}, {one.name}' if len(names) > 1 else title: one.figures[title]
+        f'{title}, {variant.name}' if len(names) > 1 else title: variant.figures[title]
         for title in titles
-        for one in variants
+        for variant in variants
     }
-    blocks = tables.figure_tables(rows, {'recording': OF_EACH, **tables.TABLES})
+    blocks = tables.figure_tables(rows, {'recording': RECORDING_FIGURES, **tables.TABLES})
     main, *others = [_table('figures', block[0], block[1:]) for block in blocks] or ['']
     if len(names) > 1:
-        changes = tables.compared(*(one.figures[titles[0]] for one in variants))
+        changes = tables.compared(*(variant.figures[titles[0]] for variant in variants))
         table = _table('compared', [titles[0], *names, ''], changes)
         main = f'{_details("What changed", table)}{main}'
     every = _details('All figures', ''.join(others))
@@ -216,8 +181,9 @@ def _parameter_rows(variants: Sequence[Variant]) -> list[list[str]]:
     """Return the name, the default and the values of each parameter."""
     configs = [type(variants[0].config)(), *(variant.config for variant in variants)]
     sets = [config.to_parameters() for config in configs]
-    names = dict.fromkeys(name for one in sets for name in one)
-    return [[name, *(_value(one.get(name, tables.UNDEFINED)) for one in sets)] for name in names]
+    names = dict.fromkeys(name for values in sets for name in values)
+    undefined = tables.UNDEFINED
+    return [[name, *(_value(of.get(name, undefined)) for of in sets)] for name in names]
 
 
 def _parameters(variants: Sequence[Variant]) -> str:
@@ -230,8 +196,8 @@ def _parameters(variants: Sequence[Variant]) -> str:
 def _table(name: str, heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     lines = [f'<thead><tr>{_cells("th", heads)}</tr></thead>']
     for row in rows:
-        kind = ' class="whole"' if row[0].startswith('all ') else ''
-        lines.append(f'<tbody{kind}><tr>{_cells("td", row)}</tr></tbody>')
+        whole = ' class="whole"' if row[0].startswith('all ') else ''
+        lines.append(f'<tbody{whole}><tr>{_cells("td", row)}</tr></tbody>')
     return f'<div class="scroll"><table class="{name}">{"".join(lines)}</table></div>'
 
 
@@ -261,12 +227,12 @@ def _data(variants: Sequence[Variant]) -> str:
 
 
 def packed_recording(variants: Sequence[Overview]) -> dict[str, Any]:
-    """Return what the scripts read of one recording, given its overview for each variant."""
+    """Return what the scripts read of one recording; it has an overview for each variant."""
     first = variants[0]
     lowest = np.fmin.reduce(first.low, initial=np.inf).astype(np.float64)
     highest = np.fmax.reduce(first.high, initial=-np.inf).astype(np.float64)
-    none = lowest > highest  # a channel that has no sample
-    lowest[none] = highest[none] = 0.0
+    empty = lowest > highest  # a channel that has no sample
+    lowest[empty] = highest[empty] = 0.0
     # A flat channel has one code only, with any step.
     step = np.where(highest > lowest, (highest - lowest) / MOST_CODE, 1.0)
 
@@ -274,7 +240,7 @@ def packed_recording(variants: Sequence[Overview]) -> dict[str, Any]:
         codes = np.rint((volts - lowest) / step)
         return _bytes(np.where(np.isnan(codes), NO_SAMPLE, codes).astype('<u2'))
 
-    # In bins of one row both are the same.
+    # In bins of one row the lowest and the highest volts are the same.
     data = [packed(extreme) for extreme in (first.low, first.high)[: min(first.bin_rows, 2)]]
     data += [_bytes(overview.codes) for overview in variants]
     return {
@@ -305,20 +271,8 @@ def _variant(overview: Overview) -> dict[str, Any]:
             {'name': name, 'members': members, 'on': overview.groups[name].edges}
             for name, members in overview.config.groups.items()
         ],
-        'events': [[EVENT_KINDS.index(kind), *rest] for kind, *rest in overview.events],
+        'events': [[OUTCOMES.index(outcome), *rest] for outcome, *rest in overview.events],
     }
-
-
-def evaluate_for_report(
-    loader: evaluator.RecordingLoader, recordings: int, path: Path
-) -> evaluator.EvaluatedRecording:
-    """Evaluate one of several recordings with its overview as the observer."""
-    opened, chain = loader.open(path, require_truth=False), loader.chain_config
-    names, rate_hz = opened.recording.channel_names, opened.sample_rate_hz
-    overview = Overview(path.name, chain, names, 1 / recordings, rate_hz)
-    overview.labelled = opened.recording.is_labelled
-    outcome = overview.replay(Replay(chain, loader.config), opened.rows)
-    return opened.evaluated(outcome, overview)
 
 
 def write_evaluation_report(
@@ -334,7 +288,7 @@ def write_evaluation_report(
     path
         The HTML file to write.
     sets
-        The recordings by the names of set and file, from :func:`evaluate_for_report`.
+        The recordings by the names of set and file, each with its overview as the observer.
     report
         Their report, see :func:`slip_detector.commands.evaluate.as_report`.
     config
@@ -345,20 +299,18 @@ def write_evaluation_report(
     ValueError
         When the file cannot be written; names it.
     """
-    every = [one for files in sets.values() for one in files.values()]
-    figures = tables.by_name(report['sets'])
-    for title, one in zip(figures, every, strict=True):
-        one.observer.name = title
-    overviews = [one.observer for one in every]
-    whole = {'all recordings': report['all']} if len(every) > 1 else {}
+    recordings = [recording for files in sets.values() for recording in files.values()]
+    figures, overviews = tables.by_name(report['sets']), [of.observer for of in recordings]
+    for title, overview in zip(figures, overviews, strict=True):
+        overview.name = title
+    whole = {'all recordings': report['all']} if len(recordings) > 1 else {}
     given = Variant('given', overviews[0].config, overviews, {**whole, **figures})
-    outcomes = [one.outcome for one in every if one.labelled]
-    said = [*report['answer'], *([report['note']] if 'note' in report else [])]
-    write_page(path, f'Slips and alarms: {", ".join(sets)}', [given], said, (), outcomes, config)
+    lines = [*report['answer'], *([report['note']] if 'note' in report else [])]
+    write_page(path, f'Slips and alarms: {", ".join(sets)}', [given], lines, (), config)
 
 
 def replay_variant(name: str, replay: Replay, parts: Mapping[str, Sequence[Track]]) -> Variant:
-    """Replay the recordings of a search through one chain, to be compared with another.
+    """Replay the recordings of a search through one chain, which is compared with another.
 
     Parameters
     ----------
@@ -367,7 +319,7 @@ def replay_variant(name: str, replay: Replay, parts: Mapping[str, Sequence[Track
     replay
         Has the parameters of the chain, and what counts as detected.
     parts
-        The recordings: those that were ``held out``, and those that were ``tuned on``.
+        The recordings that were ``held out``, and those that were ``tuned on``.
 
     Returns
     -------
@@ -389,9 +341,9 @@ def replay_variant(name: str, replay: Replay, parts: Mapping[str, Sequence[Track
     every = [(f'{track.name} ({what})', what, track) for what in parts for track in parts[what]]
     overviews, of_each = list[Overview](), {}
     outcomes: dict[str, list[ReplayOutcome]] = {what: [] for what in parts}
-    for title, what, track in sorted(every, key=lambda one: by_number(one[0])):
+    for title, what, track in sorted(every, key=lambda entry: by_number(entry[0])):
         overviews.append(Overview(title, chain, track.channel_names, share, track.sample_rate_hz))
-        outcomes[what].append(overviews[-1].replay(replay, track.rows()))
+        outcomes[what].append(replay.run(track.rows(), track.sample_rate_hz, overviews[-1]))
         of_each[title] = figures_of_merit(outcomes[what][-1:])
     of_all = {f'all {what}': figures_of_merit(of) for what, of in outcomes.items()}
     return Variant(name, chain, overviews, {**of_all, **of_each})

@@ -12,21 +12,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""How pictures are saved, their colours, and the pictures of trials and of an evaluation."""
+"""Pictures of trials, their colours, and how they are saved."""
 
-import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
-import matplotlib
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from slip_detector.chain.samples import Bools, Floats
-from slip_detector.evaluation.figures import ReplayOutcome
-from slip_detector.evaluation.scores import MOTION, SLIP, ScoreCounts
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.files import whole_file
 
@@ -42,32 +36,9 @@ def save_picture(figure: Figure, path: Path) -> None:
     ------
     ValueError
         When the file cannot be written; names it.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     save_picture(Figure(figsize=(1, 1)), Path(folder) / 'empty.svg')
-    ...     [path.name for path in Path(folder).iterdir()]
-    ['empty.svg']
     """
     with whole_file(path) as new:
         figure.savefig(new, dpi=120)
-
-
-def svg(figure: Figure) -> str:
-    """Return a figure as SVG, with text as text; the same figure gives the same bytes.
-
-    Examples
-    --------
-    >>> svg(Figure()).startswith('<?xml')
-    True
-    """
-    stream = io.StringIO()
-    settings: Any = {'svg.fonttype': 'none', 'svg.hashsalt': 'slip_detector'}
-    with matplotlib.rc_context(settings):
-        figure.savefig(stream, format='svg', metadata={'Date': None, 'Creator': None})
-    return stream.getvalue()
 
 
 def draw_trial(
@@ -97,21 +68,6 @@ def draw_trial(
         The global decision.
     motion_s
         When the plate started and stopped; None where nothing moves.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> import numpy as np
-    >>> from slip_detector import SlipChain
-    >>> config = ChainConfig(channels=2)
-    >>> volts = np.full((20, 2), 4.3)
-    >>> result = SlipChain(config).update(volts)
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = Path(folder) / 'trial.png'
-    ...     groups = {'all': result.groups[:, 0]}
-    ...     draw_trial(path, np.arange(20) / 380.0, volts, config, groups, result.slip, None)
-    ...     path.is_file()
-    True
     """
     figure = Figure(figsize=(9, 2.2 * len(groups) + 1), layout='constrained')
     heights = [3, 1] * len(groups) + [1.2]
@@ -138,45 +94,3 @@ def draw_decision(axis: Axes, time_s: Floats, on: Bools, color: str, name: str) 
     axis.fill_between(time_s, on.astype(float), step='post', color=color, alpha=0.6, linewidth=0)
     axis.set(ylabel=name, ylim=(-0.1, 1.2))
     axis.set_yticks([0, 1], ['OFF', 'ON'])
-
-
-def latency_figure(outcomes: Sequence[ReplayOutcome]) -> Figure:
-    """Draw the latencies of detected slips and the ROC curve.
-
-    Labels by hand do not tell latencies to a millisecond: of their slips none are drawn.
-
-    Examples
-    --------
-    >>> from slip_detector.chain.samples import Samples
-    >>> from slip_detector.evaluation.replay import Replay
-    >>> rows = Samples.evenly(np.full((380, 16), 4.3), 380.0, np.arange(380) >= 190)
-    >>> figure = latency_figure([Replay(ChainConfig()).run([rows])])
-    >>> figure.axes[0].get_title()
-    '0 detected, 1 missed (of those with exact labels)'
-    """
-    slips = [s for one in outcomes for s in one.slips if not (s.settling or s.accuracy_s)]
-    figure = Figure(figsize=(10 if slips else 5, 4.2), layout='constrained')
-    *latencies, roc = figure.subplots(1, 2 if slips else 1, squeeze=False)[0]
-    for axis in (*latencies, roc):
-        axis.grid(color='0.9', linewidth=0.5)
-        axis.set_axisbelow(True)
-    for axis in latencies:
-        known_ms = [slip.latency_s * 1e3 for slip in slips if slip.latency_s is not None]
-        axis.hist(known_ms, bins=min(40, max(10, len(known_ms) // 5)), color=COLORS[0])
-        axis.set(xlabel='latency of the global signal [ms]', ylabel='slips')
-        counts = f'{len(known_ms)} detected, {len(slips) - len(known_ms)} missed'
-        axis.set_title(f'{counts} (of those with exact labels)')
-    scores = ScoreCounts.pooled([one.scores for one in outcomes])
-    for name, kinds in (('all other rows', range(SLIP)), ('rows of motion', (MOTION,))):
-        area = scores.auc(kinds)
-        if area is not None:
-            false_share, true_share, limit = scores.roc(kinds)
-            label = f'{name}: {area:.3f}'
-            (line,) = roc.plot([0.0, *false_share], [0.0, *true_share], label=label)
-            at = max(int(np.searchsorted(-limit, -1.0, 'right')) - 1, 0)
-            roc.plot(false_share[at], true_share[at], 'o', color=line.get_color())
-    roc.plot([0.0, 1.0], [0.0, 1.0], color='0.7', linewidth=0.8, linestyle=':', label='chance')
-    roc.set(xlabel='share of the rows without slip', ylabel='share of the rows with slip')
-    roc.set_title('ROC of the decision statistic (dot: threshold)')
-    roc.legend(title='area, slip against', loc='lower right', frameon=False)
-    return figure

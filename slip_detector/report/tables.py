@@ -26,6 +26,7 @@ from slip_detector.tuning.problem import worse_figures
 #: The text of a figure that is not defined.
 UNDEFINED = '-'
 
+#: Units by the last word of a figure's name.
 UNITS = {'ms': 'ms', 'mm': 'mm', 's': 's', 'percent': '%', 'hz': 'Hz', 'v': 'V'}
 
 #: The kinds of recordings, in words that follow ON.
@@ -52,7 +53,6 @@ HEADINGS = {
 #: The figures in each table of an evaluation, by its title.
 TABLES: dict[str, Sequence[str]] = {
     'rows': ('rows', 'slip_rows', 'moving_rows', 'settling_rows', 'auc_all'),
-    "the paper's": ('mean_delay_ms', 'sd_delay_ms', 'success_percent', 'false_positive_percent'),
     'slips': (
         'slips', 'settling_slips', 'matched', 'late', 'missed', 'recall', 'recall_by_chance',
         'sooner_than_chance', 'coverage',
@@ -78,17 +78,17 @@ TABLES: dict[str, Sequence[str]] = {
 }  # fmt: skip
 
 #: The figures that are compared.
-COMPARABLE = [one for title in ('slips', 'latency', 'rest', 'kinds') for one in TABLES[title]]
+COMPARABLE = [n for title in ('slips', 'latency', 'rest', 'kinds') for n in TABLES[title]]
 
-#: The tables that are shown without ``--verbose``.
-SHOWN = ('slips', 'latency', 'rest', 'missed slips, lost at', 'faults')
+#: The tables that are printed without ``--verbose``.
+MAIN_TABLES = ('slips', 'latency', 'rest', 'missed slips, lost at', 'faults')
 
-#: Texts of figures that say nothing: rows and columns that have no other are left out.
+#: Texts of figures that say nothing. Rows and columns with no other text are left out.
 EMPTY = {UNDEFINED, '0', '0.0'}
 
 LEGEND = f'{UNDEFINED}: not defined (no labels, no such rows or events, or no record of motion)'
 
-#: Title of a figure, the figure before and after, and 'better', 'worse' or ''.
+#: Title of a figure, its text before and after a change, and 'better', 'worse' or ''.
 Row = tuple[str, str, str, str]
 
 
@@ -98,7 +98,7 @@ def text_table(rows: Sequence[Sequence[str]], alignment: str = '<>', indent: int
     Parameters
     ----------
     rows
-        Rows of cells; one that has fewer than others is filled up.
+        Rows of cells; a row may have fewer cells than others.
     alignment
         One character for each column: ``<`` aligns its cells to the left, ``>`` to the right. The
         last character applies to all further columns too.
@@ -123,22 +123,16 @@ def text_table(rows: Sequence[Sequence[str]], alignment: str = '<>', indent: int
 
 
 def number_text(value: float | None, form: str) -> str:
-    """Return a figure in one of Python's formats; a dash where it is not defined.
-
-    Examples
-    --------
-    >>> number_text(38.9777, '.2f'), number_text(None, '.2f')
-    ('38.98', '-')
-    """
+    """Return a figure in one of Python's formats; a dash where it is not defined."""
     return UNDEFINED if value is None else format(value, form)
 
 
 def figure_text(name: str, figures: Mapping[str, Any]) -> str:
     """Return one of several figures as text, with the digits that its name asks for.
 
-    A latency below 0 is no early detection: ``slip`` was ON before its label, for example from an
-    unrelated alarm. The text says so. Where labels are not exact, nor is the latency: what is
-    given is its range, or that it is not known.
+    A latency below 0 is no early detection: ``slip`` was ON before the label, for example from an
+    unrelated alarm. The text says so. Where labels are not exact, the text is the range of the
+    latency, or that the latency is not known.
 
     Examples
     --------
@@ -186,26 +180,18 @@ def evaluation_tables(report: Mapping[str, Any], verbose: bool = False) -> str:
     report
         As :func:`slip_detector.commands.evaluate.as_report` returns it.
     verbose
-        Whether all tables are shown; else the most important ones.
-
-    Examples
-    --------
-    >>> from slip_detector.evaluation.evaluator import recording_figures
-    >>> figures = recording_figures([])
-    >>> print(evaluation_tables({'answer': ['No slips.'], 'sets': {}, 'all': figures}))
-    No slips.
+        Whether all tables are printed; else :data:`MAIN_TABLES`.
     """
     rows, notes = by_name(report['sets']), list[str]()
-    for name, one in rows.items():
-        if not one['labelled']:
-            on_s = [f'{start:.3f} to {end:.3f}' for start, end in one['on_intervals_s']]
+    for name, figures in rows.items():
+        if not figures['labelled']:
+            on_s = [f'{start:.3f} to {end:.3f}' for start, end in figures['on_intervals_s']]
             notes.append(f'{name}: {f"ON from {name_list(on_s, 12)} s" if on_s else "never ON"}')
     for folder, whole in report['sets'].items() if len(report['sets']) > 1 else ():
         rows[f'all of {folder}'] = whole
     rows |= {'all recordings': report['all']} if len(rows) != 1 else {}
-    blocks = figure_tables(
-        rows, {title: TABLES[title] for title in (TABLES if verbose else SHOWN)}
-    )
+    titles = TABLES if verbose else MAIN_TABLES
+    blocks = figure_tables(rows, {title: TABLES[title] for title in titles})
     if any(cell == UNDEFINED for block in blocks for row in block for cell in row):
         notes.append(LEGEND)
     notes += [report['note']] if 'note' in report else []
@@ -218,16 +204,16 @@ def evaluation_tables(report: Mapping[str, Any], verbose: bool = False) -> str:
 def by_name(sets: Mapping[str, Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
     """Return the recordings of a report by name, with the folder where there are several."""
     return {
-        f'{folder}/{file}' if len(sets) > 1 else file: one
+        f'{folder}/{file}' if len(sets) > 1 else file: figures
         for folder, whole in sets.items()
-        for file, one in whole['recordings'].items()
+        for file, figures in whole['recordings'].items()
     }
 
 
 def figure_tables(
     rows: Mapping[str, Mapping[str, Any]], named: Mapping[str, Sequence[str]]
 ) -> list[list[list[str]]]:
-    """Return the cells of tables; rows, columns and tables that say nothing are left out.
+    """Return the cells of tables without the rows, columns and tables that say nothing.
 
     Parameters
     ----------
@@ -243,21 +229,21 @@ def figure_tables(
     [[['slips', 'slips'], ['a', '3']]]
     """
     tables = []
-    for title, figures in named.items():
-        heads = [heading(one).removeprefix(f'{title} ') for one in figures]
-        cells = [[name, *(figure_text(one, of) for one in figures)] for name, of in rows.items()]
-        shown = [row for row in cells if not EMPTY.issuperset(row[1:])]
-        columns = zip([title, *heads], *shown, strict=True)
+    for title, names in named.items():
+        heads = [heading(name).removeprefix(f'{title} ') for name in names]
+        cells = [[row, *(figure_text(name, rows[row]) for name in names)] for row in rows]
+        filled = [row for row in cells if not EMPTY.issuperset(row[1:])]
+        columns = zip([title, *heads], *filled, strict=True)
         kept = [column for column in columns if not EMPTY.issuperset(column[1:])]
-        tables += [list(map(list, zip(*kept, strict=True)))] if shown else []
+        tables += [list(map(list, zip(*kept, strict=True)))] if filled else []
     return tables
 
 
 def compared(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[Row]:
     """Return two sets of figures side by side, each with its title and 'better' or 'worse'.
 
-    What is the same, or not known, in both is left out. What a search compares is better or worse
-    as it decides, see :func:`.problem.worse_figures`; the other figures are neither.
+    Figures with the same text in both are left out. Figures that a search compares are better or
+    worse as it decides, see :func:`.problem.worse_figures`; the other figures are neither.
 
     Parameters
     ----------
@@ -279,21 +265,3 @@ def compared(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[Row]:
             change = 'worse' if name in worse else 'better' if name in better else ''
             rows.append((heading(name), was, now, change))
     return rows
-
-
-def demo_table(result: Mapping[str, Any]) -> str:
-    """Return the figures of :func:`.demo_figures` as text."""
-    figures = {
-        **result['channel_delay_ms'],
-        'mean over the channels': result['mean_delay_ms'],
-        'standard deviation': result['sd_delay_ms'],
-        **result['group_delay_ms'],
-        'slip': result['global_delay_ms'],
-        'latency, median': result['latency_ms']['median'],
-        'latency, p99': result['latency_ms']['p99'],
-        'False positives [% of the rest]': result['false_positive_percent'],
-    }
-    return (
-        'Delay from the start of the plate to the receipt of the first ON, and latency from\n'
-        'sample to receipt of its decision [ms]\n'
-    ) + text_table([(name, number_text(figure, '.2f')) for name, figure in figures.items()])

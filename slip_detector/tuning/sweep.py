@@ -217,7 +217,7 @@ def _sweep(
         rows_below[above, kinds[r]] += 1
         for t in range(before, above):
             if row >= settled and row - fell[t] >= off_rows:
-                slip = matching.give_alarm(row, row, lows, highs, rises, t)
+                slip = matching.assign_alarm(row, row, lows, highs, rises, t)
                 false_alarms[t] += slip == matching.NONE
 
 

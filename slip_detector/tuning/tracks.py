@@ -28,7 +28,7 @@ from slip_detector.chain.samples import Floats, Ints, Samples
 from slip_detector.chain.stamps import missing_rows
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.evaluation.matching import OnIntervals, RowInterval
-from slip_detector.evaluation.scores import kinds_of
+from slip_detector.evaluation.scores import row_classes
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.fields import name_list, refuse
 from slip_detector.recordings import RecordingCounts, recording_sets
@@ -103,7 +103,7 @@ class Track:
     def kinds(self) -> NDArray[np.int8]:
         """See above."""
         rows = self.samples
-        return kinds_of(np.asarray(rows.truth), rows.moving, rows.certain, rows.kind)
+        return row_classes(np.asarray(rows.truth), rows.moving, rows.certain, rows.kind)
 
     @functools.cached_property
     def slips(self) -> tuple[RowInterval, ...]:

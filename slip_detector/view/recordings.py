@@ -279,7 +279,7 @@ def trace_of(
         intervals of label and decision; and figures.
     """
     signal = _Signal('', config, (), bins * config.channels / MOST_CELLS, rate_hz)
-    figures = figures_of_merit([signal.replay(Replay(config), rows)])
+    figures = figures_of_merit([Replay(config).run(rows, rate_hz, signal)])
     loudest_db, median_db = signal.curves_db()
     known_db = median_db[np.isfinite(median_db)]
     return {

@@ -20,7 +20,6 @@ import re
 import numpy as np
 import pytest
 
-from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.commands.evaluate import main
 from slip_detector.evaluation import evaluator
 from slip_detector.evaluation.evaluator import evaluate_recording
@@ -96,27 +95,6 @@ def test_a_report_that_cannot_be_written_is_refused_before_anything_is_read(caps
     assert line == f'{tmp_path}: cannot be written (is no file)'
 
 
-def test_decisions_are_written_on_the_topics_of_the_detector_as_the_chain_makes_them(
-    capsys, tmp_path
-):
-    highlevel = pytest.importorskip('rosbags.highlevel', reason='needs rosbags')
-    path, out = write(tmp_path / 'a.npz', slip=None), tmp_path / 'decisions.mcap'
-    assert main([str(path), '--out', str(out)]) == 0
-    assert capsys.readouterr().out.splitlines()[-1] == f'Written: {out}'
-    volts, own = np.load(path)['volts'], {'/diagnostics'}
-    on = SlipChain().update(volts).slip
-    golden = json.loads((ROOT / 'test' / 'golden' / 'topics.json').read_text())['slip_detector']
-    wanted = {name for name, kind, *_ in golden if kind == 'Publisher'} - own
-    with highlevel.AnyReader([out]) as bag:
-        assert {*bag.topics} == {f'/{name.replace("~", "slip_detector")}' for name in wanted}
-        onsets = [at_ns for of, at_ns, _ in bag.messages() if of.topic == '/slip_onset']
-    rises = np.flatnonzero(np.diff(on, prepend=False) & on)
-    assert onsets == np.rint(rises * 1e9 / 380.0).astype(int).tolist() != []
-    other = write(tmp_path / 'b.npz')
-    said = complaint(capsys, path, other, '--out', tmp_path / 'c.mcap')
-    assert said == '--out is for one recording, these are 2'
-
-
 def test_no_recordings_and_one_given_twice_are_refused_in_one_line(capsys, tmp_path):
     path = write(tmp_path / 'in' / 'a.npz')
     (tmp_path / 'empty').mkdir()
@@ -130,10 +108,10 @@ def test_no_recordings_and_one_given_twice_are_refused_in_one_line(capsys, tmp_p
 def test_an_interrupt_leaves_what_was_evaluated(capsys, tmp_path, monkeypatch):
     paths = [write(tmp_path / f'{name}.npz') for name in 'ab']
 
-    def one_done(loader, path):
+    def one_done(loader, path, observe):
         if path.name == 'b.npz':
             raise KeyboardInterrupt
-        return evaluate_recording(loader, path)
+        return evaluate_recording(loader, path, observe)
 
     monkeypatch.setattr(evaluator, 'evaluate_recording', one_done)
     assert main([*map(str, paths)]) == 130

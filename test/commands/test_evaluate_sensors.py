@@ -18,7 +18,6 @@ The definitions are those of the drivers' .msg files, with their names, types an
 parameter file says where its driver is.
 """
 
-import functools
 import re
 from pathlib import Path
 
@@ -43,22 +42,16 @@ def of_ros1(definition):
     return f'Header header\n{upper}'
 
 
-def of_pillars(package, x, y, definition_of):
-    """Return the entry of Contactile's sensor; x and y are the fields of a pillar."""
-    definitions = {
-        f'{package}/msg/PillarState': definition_of(PILLAR),
-        f'{package}/msg/SensorState': definition_of(PILLARS),
-    }
-
-    def message_of(make, rows):
-        pillars = rows.reshape(2, 9).T
-        return make(pillars=[make('PillarState', **{x: dx, y: dy}) for dx, dy in pillars])
-
-    return np.float32, definitions, message_of
+def of_pillars(package, definition_of):
+    """Return the definitions of Contactile's sensor."""
+    parts = {'PillarState': PILLAR, 'SensorState': PILLARS}
+    return {f'{package}/msg/{name}': definition_of(part) for name, part in parts.items()}
 
 
-#: Of each sensor: the type of its numbers, the definitions, the last of which is that of its
-#: topic, and its message of some rows, by a function that makes messages of fields.
+#: Lengths of lists whose length a definition leaves open.
+SIZES = {'sensors': 2, 'taxels': 16, 'pillars': 9}
+
+#: Of each sensor the type of its numbers and the definitions, the last of which is its topic's.
 SENSORS = {
     'xela_uskin': (
         np.uint16,
@@ -69,20 +62,10 @@ SENSORS = {
             'uint8 sensor_pos\nTaxel[] taxels\nForces[] forces\n',
             'xela_server_ros2/msg/SensStream': 'SensorFull[] sensors\n',
         },
-        lambda make, rows: make(
-            sensors=[
-                make('SensorFull', taxels=[make('Taxel', y=value) for value in patch])
-                for patch in rows.reshape(2, 16)
-            ]
-        ),
     ),
-    'papillarray': of_pillars('sensor_interfaces', 'dx', 'dy', str),
-    'papillarray of ROS 1': of_pillars('papillarray_ros_v2', 'dX', 'dY', of_ros1),
-    'anyskin': (
-        np.float32,
-        {'std_msgs/msg/Float32MultiArray': ''},
-        lambda make, rows: make(data=rows[0]),
-    ),
+    'papillarray': (np.float32, of_pillars('sensor_interfaces', str)),
+    'papillarray of ROS 1': (np.float32, of_pillars('papillarray_ros_v2', of_ros1)),
+    'anyskin': (np.float32, {'std_msgs/msg/Float32MultiArray': ''}),
     'biotac of ROS 1': (
         np.int16,
         {
@@ -90,12 +73,10 @@ SENSORS = {
             'int16 tac\nint16 tdc\n\nint16[] electrodes\n',
             'sr_robot_msgs/msg/BiotacAll': 'Header header\nBiotac[5] tactiles\n',
         },
-        lambda make, rows: make(tactiles=[make('Biotac', pac=finger) for finger in rows.T.copy()]),
     ),
     'robotiq_tsf85': (
         np.int16,
         {'robotiq_tsf/msg/Data1': 'int16 value\n', 'robotiq_tsf/msg/Dynamic': 'Data1[2] data\n'},
-        lambda make, rows: make(data=[make('Data1', value=value) for value in rows[0]]),
     ),
     'wuji_hand': (
         np.float32,
@@ -103,7 +84,6 @@ SENSORS = {
             'wujihand_tactile_msgs/msg/TactileFrame': 'std_msgs/Header header\nuint8 hand\n'
             'uint16 sequence\nuint32 device_timestamp_ms\nfloat32[768] pressure\n'
         },
-        lambda make, rows: make(pressure=rows[0]),
     ),
     'pr2_fingertip of ROS 1': (
         np.int16,
@@ -111,26 +91,12 @@ SENSORS = {
             'pr2_msgs/msg/PressureState': 'Header header\n'
             'int16[] l_finger_tip\nint16[] r_finger_tip\n'
         },
-        lambda make, rows: make(l_finger_tip=rows[0, :22], r_finger_tip=rows[0, 22:]),
     ),
     'wrench': (
         np.float64,
         {f'geometry_msgs/msg/{name}': '' for name in ('Vector3', 'Wrench', 'WrenchStamped')},
-        lambda make, rows: make(
-            wrench=make(
-                'Wrench',
-                force=make('Vector3', **dict(zip('xyz', rows[0, :3], strict=True))),
-                torque=make('Vector3', **dict(zip('xyz', rows[0, 3:], strict=True))),
-            )
-        ),
     ),
-    'imu of ROS 1': (
-        np.float64,
-        {'geometry_msgs/msg/Vector3': '', 'sensor_msgs/msg/Imu': ''},
-        lambda make, rows: make(
-            linear_acceleration=make('Vector3', **dict(zip('xyz', rows[0], strict=True)))
-        ),
-    ),
+    'imu of ROS 1': (np.float64, {'geometry_msgs/msg/Vector3': '', 'sensor_msgs/msg/Imu': ''}),
 }
 
 #: Time from a sample to its receipt, where messages have a header.
@@ -141,25 +107,40 @@ SLIDES_S = [[4.0, 4.6], [8.0, 8.6]]
 END_S = 10.0
 
 
-def blank(bag, kind, of):
+def blank(bag, kind, of, size):
     """Return zeros for a field, as rosbags describes it."""
     if kind.name == 'BASE':
         return '' if of[0] == 'string' else 0
     if kind.name == 'NAME':
-        return made(bag, [of])
+        return made(bag, of)
     (inner, what), most = of
-    number = most if kind.name == 'ARRAY' else 0
+    number = most if kind.name == 'ARRAY' else size
     if inner.name == 'BASE':
         return np.zeros(number, what[0])
-    return [blank(bag, inner, what)] * number
+    return [blank(bag, inner, what, 0) for _ in range(number)]
 
 
-def made(bag, types, name='', **given):
-    """Return a message of the type of this name, or the last; what is not given is zero."""
-    msgtype = next(each for each in reversed(types) if each.endswith(f'/{name}') or not name)
+def made(bag, msgtype):
+    """Return a message of zeros."""
     fields = bag.store.fielddefs[msgtype][1]
-    zeros = {field: blank(bag, *its) for field, its in fields if field not in given}
-    return bag.make(msgtype, **zeros, **given)
+    zeros = {name: blank(bag, *kind, SIZES.get(name, 0)) for name, kind in fields}
+    return bag.make(msgtype, **zeros)
+
+
+def filled(message, paths, columns):
+    """Put columns of numbers into the fields of a message that these paths lead to, in order."""
+    for path, part in zip(paths, np.array_split(columns, len(paths)), strict=True):
+        *names, last = path.removesuffix('[:]').split('.')
+        parents = [message]
+        for name in names:
+            inner = [getattr(parent, name.removesuffix('[]')) for parent in parents]
+            parents = [each for one in inner for each in one] if name[-1] == ']' else inner
+        for parent, own in zip(parents, np.array_split(part, len(parents)), strict=True):
+            # In ROS 1 the same fields may have capitals.
+            (name,) = (each for each in vars(parent) if each.lower() == last.lower())
+            is_array = isinstance(getattr(parent, name), np.ndarray)
+            setattr(parent, name, own.ravel() if is_array else own.item())
+    return message
 
 
 def volts(config, dtype):
@@ -179,7 +160,7 @@ def volts(config, dtype):
 @pytest.mark.parametrize('sensor', SENSORS)
 def test_a_slide_in_what_the_driver_sends_is_found(tmp_path, capsys, sensor):
     name, _, is_ros1 = sensor.partition(' of ')
-    dtype, definitions, message_of = SENSORS[sensor]
+    dtype, definitions = SENSORS[sensor]
     config = DetectorConfig.from_yaml(FILES / f'{name}.yaml')
     where = RecordingConfig.from_yaml(FILES / f'{name}.yaml')
     rows = volts(config, dtype)
@@ -190,9 +171,11 @@ def test_a_slide_in_what_the_driver_sends_is_found(tmp_path, capsys, sensor):
     per_message = 20 if '[:]' in config.input_field else 1
     path = tmp_path / ('bag.bag' if is_ros1 else 'bag')
     with Bag(path, definitions=[pair for pair in definitions.items() if pair[1]]) as bag:
-        make = functools.partial(made, bag, [*definitions])
         for last in range(per_message - 1, len(rows), per_message):
-            message = message_of(make, rows[last - per_message + 1 : last + 1])
+            columns = rows[last - per_message + 1 : last + 1].T
+            message = filled(
+                made(bag, [*definitions][-1]), config.input_field.split(', '), columns
+            )
             stamp_ns = START_NS + round(last * period_ns)
             if hasattr(message, 'header'):
                 message.header = bag.header(stamp_ns)

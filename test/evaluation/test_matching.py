@@ -18,13 +18,13 @@ import itertools
 
 import numpy as np
 import pytest
+from evaluation.reference_scores import Stretch
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import linear_sum_assignment
 
 from slip_detector.evaluation.matching import NONE, OnIntervals, RowInterval, ScoredRows, rows_on
 from slip_detector.parameters.evaluation import EvaluationConfig
-from support.reference_scores import Stretch
 
 # Intervals.
 

@@ -18,6 +18,7 @@ import itertools
 
 import numpy as np
 import pytest
+from evaluation.reference_scores import Stretch, area, figures, runs
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -28,7 +29,6 @@ from slip_detector.evaluation import replay as replay_module
 from slip_detector.evaluation.figures import ALREADY_ON, STAGES, decision_figures, figures_of_merit
 from slip_detector.evaluation.replay import Replay, only_filters
 from support.recorded import stretches_of
-from support.reference_scores import Stretch, area, figures, runs
 from support.replay_cases import plain
 from support.track_cases import EVALUATIONS, RATE_HZ, chains, recordings
 
@@ -74,15 +74,14 @@ def test_figures_are_those_of_an_independent_scorer(pieces, config, evaluation):
         moving = np.zeros(len(part.truth), bool) if part.moving is None else part.moving
         statistic = result.vote_statistic[:, 0]
         settled = np.arange(len(part.truth)) >= parts[-1].settling_rows
-        columns.append((*scored[:2], moving, statistic, settled, result.channels, result.valid))
-    on, truth, moving, statistic, settled, _, valid = (
+        columns.append((*scored[:2], moving, statistic, settled, result.valid))
+    on, truth, moving, statistic, settled, valid = (
         np.concatenate(column) for column in zip(*columns, strict=True)
     )
     expected = {
         **figures(parts),
         'rows': len(on),
         'slip_rows': int(truth.sum()),
-        'false_positive_percent': None if truth.all() else 100.0 * on[~truth].mean(),
     }
     sooner = expected['sooner_than_chance']
     if sooner is not None and min(abs(sooner), abs(sooner - 0.5)) < 1e-9:
@@ -93,7 +92,6 @@ def test_figures_are_those_of_an_independent_scorer(pieces, config, evaluation):
     for against, auc in ((~truth, 'auc_all'), (~truth & moving, 'auc_moving')):
         wanted, error = area(statistic, truth & settled, against & settled)
         assert found[auc] == (None if wanted is None else pytest.approx(wanted, abs=error))
-    # The paper's figures: the first ON of each channel during each slip.
     enabled = [c for c in range(config.channels) if c + 1 not in config.disabled_channels]
     invalid = np.count_nonzero(~valid, axis=0) * np.isin(range(config.channels), enabled)
     assert outcome.invalid_rows == tuple(invalid)
@@ -101,15 +99,6 @@ def test_figures_are_those_of_an_independent_scorer(pieces, config, evaluation):
     assert decided['onsets'] == sum(len(runs(part_on)) for part_on, *_ in columns)
     assert decided['on_s'] == pytest.approx(on.sum() / RATE_HZ)
     assert decided['invalid_channels'] == np.count_nonzero(invalid)
-    during = [
-        (part_on[a:b].any(), [ons.argmax() / RATE_HZ if ons.any() else None for ons in every.T])
-        for part_on, its_truth, *_, channels, _ in columns
-        for a, b in runs(its_truth)
-        for every in [channels[a:b, enabled]]
-    ]
-    assert [slip.on_while for slip in outcome.slips] == [on_while for on_while, _ in during]
-    for slip, (_, delays_s) in zip(outcome.slips, during, strict=True):
-        assert slip.channel_delays_s == pytest.approx(delays_s)
 
 
 @SOME
@@ -129,42 +118,27 @@ def test_the_parts_of_a_latency_sum_to_it_and_end_where_their_stage_passes(
         signal & result.valid
         for signal in (filtered > least, result.envelope > least, result.channels)
     ]
-    off_rows = round(evaluation.off_before_s * RATE_HZ)
-    settled = max(settling_rows(config), off_rows)
+    settled = max(settling_rows(config), round(evaluation.off_before_s * RATE_HZ))
     for slip in outcome.slips:
         start, end = round(slip.start_s * RATE_HZ), round(slip.end_s * RATE_HZ)
-        assert slip.settling == (start < settled)
-        if slip.alarm is None:
-            assert slip.latency_s is None
+        # The next slip ends the search.
+        nexts = [round(s.start_s * RATE_HZ) for s in outcome.slips if s.start_s > slip.start_s]
+        until = min([end + round(evaluation.tail_s * RATE_HZ), *nexts[:1], len(result.slip)])
+        already_on = start > 0 and bool(result.slip[start - 1])
+        first = start + np.flatnonzero(result.slip[start:until])[:1]
+        found = slip.alarm is not None
+        rise = round(outcome.alarms[slip.alarm].start_s * RATE_HZ) if found else None
+        assert (slip.settling, slip.on_at_start) == (start < settled, already_on)
+        assert slip.latency_s == (pytest.approx((rise - start) / RATE_HZ) if found else None)
+        assert slip.late == (found and rise - start > round(evaluation.late_after_s * RATE_HZ))
+        through = [bool(signal[start:until].any()) for signal in signals]
+        lost_at = STAGES[[*through, False].index(False)]
+        # The first rise may go on with an alarm that ended too shortly before it.
+        lost_at = ALREADY_ON if already_on or first.size else lost_at
+        assert slip.lost_at == (None if found or slip.settling else lost_at)
+        if already_on or [rise] != [*first]:
             assert slip.stages_s is None
-            if slip.settling:
-                assert slip.lost_at is None
-                continue
-            if result.slip[start - 1]:
-                assert slip.lost_at == ALREADY_ON
-                continue
-            # The next slip ends the search.
-            nexts = [round(s.start_s * RATE_HZ) for s in outcome.slips if s.start_s > slip.start_s]
-            until = min([end + round(evaluation.tail_s * RATE_HZ), *nexts[:1], len(result.slip)])
-            rises = np.flatnonzero(result.slip[start:until])
-            if rises.size:  # the first goes on with an alarm that ended too shortly before it
-                assert result.slip[start + rises[0] - off_rows : start + rises[0]].any()
-                assert slip.lost_at == ALREADY_ON
-                continue
-            through = [bool(signal[start:until].any()) for signal in signals]
-            assert slip.lost_at == STAGES[through.index(False) if False in through else 3]
             continue
-        assert slip.lost_at is None
-        rise = round(outcome.alarms[slip.alarm].start_s * RATE_HZ)
-        assert slip.latency_s == pytest.approx((rise - start) / RATE_HZ)
-        assert slip.late == (rise - start > round(evaluation.late_after_s * RATE_HZ))
-        if slip.stages_s is None:
-            # Another rise came first, and went on with an alarm that was not over.
-            assert rise < start or slip.on_at_start or result.slip[start:rise].any()
-            continue
-        assert list(slip.stages_s) == list(STAGES)
-        assert sum(slip.stages_s.values()) == pytest.approx(slip.latency_s)
-        assert min(slip.stages_s.values()) >= 0.0
         group = list(config.groups.values())[int(result.groups[rise].argmax())]
         columns = [channel - 1 for channel in group]
         # The end of a stage: where its signal first got through, or the next one did.
@@ -173,4 +147,5 @@ def test_the_parts_of_a_latency_sum_to_it_and_end_where_their_stage_passes(
             seen = np.any([s[start : rise + 1, columns] for s in signals[k:]], axis=(0, 2))
             ends.append(int(seen.argmax()) if seen.any() else rise - start)
         parts = np.diff([0, *ends, rise - start]) / RATE_HZ
-        assert list(slip.stages_s.values()) == pytest.approx(parts.tolist())
+        assert min(parts) >= 0.0
+        assert slip.stages_s == pytest.approx(dict(zip(STAGES, parts, strict=True)))

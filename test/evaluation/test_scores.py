@@ -16,11 +16,11 @@
 
 import numpy as np
 import pytest
+from evaluation.reference_scores import area
 from hypothesis import given
 from hypothesis import strategies as st
 
 from slip_detector.evaluation.scores import MOTION, REST, SLIP, ScoreCounts, ScoreTally
-from support.reference_scores import area
 
 TALLY = ScoreTally()
 
@@ -57,19 +57,5 @@ def test_pooled_counts_are_those_of_all_rows(parts):
     pooled = ScoreCounts.pooled([counted([s for s, _ in p], [k for _, k in p]) for p in parts])
     rows = [row for part in parts for row in part]
     whole = counted([s for s, _ in rows], [k for _, k in rows])
-    np.testing.assert_array_equal(pooled.classes, whole.classes)
+    np.testing.assert_array_equal(pooled.bins, whole.bins)
     np.testing.assert_array_equal(pooled.counts, whole.counts)
-
-
-@given(SCORED)
-def test_the_roc_curve_is_the_shares_at_or_above_each_limit(rows):
-    score, kind = np.array([s for s, _ in rows]), np.array([k for _, k in rows])
-    false_share, true_share, limit = counted(score, kind).roc()
-    assert (np.diff(limit) < 0.0).all()
-    for share, mine in ((false_share, kind != SLIP), (true_share, kind == SLIP)):
-        if not mine.any():
-            assert np.isnan(share).all()
-            continue
-        # Between two limits there is no score: a hair below it stands for the limit.
-        expected = [(score[mine] >= at * (1.0 - 1e-6)).mean() for at in limit]
-        np.testing.assert_allclose(share, expected)

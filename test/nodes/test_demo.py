@@ -58,8 +58,7 @@ def test_the_figures_are_those_of_the_decisions_and_of_the_way_to_this_process(f
     )
     assert figures['false_positive_percent'] < golden['false_positive_percent'] + 20.0
     assert 0.0 < figures['latency_ms']['median'] <= figures['latency_ms']['p99']
-    for word in ('ch16', 'TP', 'LU', 'mean', 'slip', 'False positives', 'p99', 'Slip was seen'):
-        assert word in finished[1]
+    assert 'Slip was seen' in finished[1]
     assert (finished[0] / 'demo.png').read_bytes().startswith(b'\x89PNG')
 
 

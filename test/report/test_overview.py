@@ -21,6 +21,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from report import report_scenes as scenes
 
 from slip_detector.chain.samples import Samples
 from slip_detector.chain.slip_chain import SlipChain
@@ -29,7 +30,6 @@ from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report import overview as module
 from slip_detector.report.overview import THRESHOLD_CODE, Overview, events_of, level_codes
-from support import report_scenes as scenes
 
 CONFIG = scenes.THREE_CHANNELS
 SAMPLES = 1000
@@ -56,7 +56,7 @@ def test_bins_hold_the_extremes_and_intervals_the_decisions_however_rows_are_cut
         overview.add(volts[a:b], chain.update(volts[a:b]), truth[a:b])
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, 'MOST_CELLS', cells)
-        overview.finish([])
+        overview.finish(scenes.NOTHING)
     bins = max(cells // 3, 64)
     assert len(overview.low) <= bins < 2 * len(overview.low) or overview.bin_rows == 1
     exact = np.where(np.isfinite(volts), volts, np.nan).astype(np.float32)
@@ -84,7 +84,7 @@ def test_a_gap_is_time_without_samples_and_one_of_years_costs_no_memory(monkeypa
         overview.gap(seconds)
         overview.add(volts, result, truth)
         monkeypatch.setattr(module, 'MOST_CELLS', 3 * 2400)
-        overview.finish([])
+        overview.finish(scenes.NOTHING)
         assert overview.rows == rows
         assert len(overview.low) <= 2400
         assert overview.truth.closed()[0] == (0, 1000)
@@ -120,7 +120,7 @@ def test_events_are_the_scored_slips_and_the_false_alarms():
         Alarm(8.0, 8.1, 'settling', None),
     )  # fmt: skip
     outcome = dataclasses.replace(Replay(ChainConfig()).run([]), slips=slips, alarms=alarms)
-    assert [(one.kind, one.start_s, one.latency_s, one.note) for one in events_of(outcome)] == [
+    assert [(one.outcome, one.start_s, one.latency_s, one.note) for one in events_of(outcome)] == [
         ('missed', 0.0, None, 'lost at: filter'), ('false alarm', 1.0, None, ''),
         ('late', 2.0, 0.2, ''), ('detected', 4.0, 0.02, ''),
     ]  # fmt: skip

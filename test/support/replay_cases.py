@@ -38,7 +38,7 @@ def plain(outcome):
     """Return an outcome as something that can be compared."""
     scores, events = outcome.scores, outcome.events
     rest = dataclasses.replace(outcome, scores=None, events=None)
-    return rest, scores.classes.tolist(), scores.counts.tolist(), events.at()
+    return rest, scores.bins.tolist(), scores.counts.tolist(), events.at()
 
 
 def ridges(*bursts):

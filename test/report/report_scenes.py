@@ -18,6 +18,7 @@ import numpy as np
 
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation.evaluator import recording_figures
+from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report.overview import Event, Overview
 from slip_detector.report.page import Variant
@@ -51,6 +52,10 @@ EVENTS = {
 }
 
 
+#: The outcome of a recording without rows.
+NOTHING = Replay(GIVEN).run([])
+
+
 def volts_and_truth(rows=380 * 20, channels=16, seed=0):
     """Return noise with a 25 Hz burst in each slip and a short one at 2 s."""
     rng = np.random.default_rng(seed)
@@ -67,7 +72,8 @@ def volts_and_truth(rows=380 * 20, channels=16, seed=0):
 def overview(name, config, volts, truth, events=()):
     made = Overview(name, config)
     made.add(volts, SlipChain(config).update(volts), truth)
-    made.finish(events)
+    made.finish(NOTHING)
+    made.events = events
     return made
 
 
