@@ -30,39 +30,39 @@ Every operation is rounded as IEEE 754 demands, and a multiplication is never fu
 addition: with and without Numba, and on any processor, the bits are the same.
 """
 
+import contextlib
+import fcntl
 import functools
-import hashlib
 import inspect
+import json
 import logging
 import operator
 import os
-import pickle
+import shutil
+import sys
+import threading
 import time
 import zlib
 from collections import namedtuple
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import IO, Any, ClassVar
 
 import numpy as np
 
-from slip_detector.parameters.files import CACHE, whole_file
+from slip_detector.parameters.files import CACHE
 from slip_detector.parameters.sets import ParameterSet
 
 LOG = logging.getLogger(__name__)
 
-# Without an absolute one Numba would make a folder ``~`` in the working directory.
-os.environ['XDG_CACHE_HOME'] = CACHE
-
 try:
-    from numba import __version__ as numba_version
-    from numba import njit, typeof
-    from numba.core.caching import FunctionCache
-    from numba.core.serialize import dumps
+    import llvmlite.binding
+    import numba
+    from numba import config, njit, typeof
+    from numba.core import event
 
     COMPILED = True
 except ImportError:  # not every robot has Numba
-    numba_version = ''
     COMPILED = False
     LOG.warning('Numba is not installed: all runs interpreted, slower, with the same decisions')
 
@@ -70,25 +70,16 @@ except ImportError:  # not every robot has Numba
 #: one half while it waits for the result of the other.
 LANES = 16
 
-
-def _fingerprint() -> str:
-    """Return a checksum of Numba's version and of all files that have compiled functions."""
-    number = zlib.crc32(numba_version.encode())
-    for path in sorted(Path(__file__).parent.rglob('*.py')):
-        source = path.read_bytes()
-        if b'@compiled' in source or b'@intrinsic' in source:
-            number = zlib.crc32(source, number)
-    return f'{number:08x}'
-
-
-FINGERPRINT = _fingerprint()
-
 #: Shortest time, in seconds, between two lines that say that functions are being compiled, and the
 #: time without one after which it begins anew.
 SAY_S, PAUSE_S = 10.0, 60.0
 
 #: When it was said that functions are being compiled, since that began.
 SAID_S: list[float] = []
+
+#: Beginning of the names of the folders with compiled code, the number of other ones that are
+#: kept, and the room in bytes that a new one needs.
+FOLDER, OTHERS_KEPT, ROOM = 'slip_detector-', 3, 50_000_000
 
 
 def _say_that_it_compiles(module: str) -> None:
@@ -101,63 +92,123 @@ def _say_that_it_compiles(module: str) -> None:
         LOG.warning('compiling %s, only the first time: %.0f s so far', module, now_s - SAID_S[0])
 
 
+def _fingerprint() -> str:
+    """Return a checksum of versions, processor and all files that have compiled functions."""
+    versions = sys.version, np.__version__, numba.__version__, llvmlite.__version__
+    number = zlib.crc32(repr((versions, llvmlite.binding.get_host_cpu_name())).encode())
+    for path in sorted(Path(__file__).parent.rglob('*.py')):
+        source = path.read_bytes()
+        if b'@compiled' in source or b'@intrinsic' in source:
+            number = zlib.crc32(source, number)
+    return f'{number:08x}'
+
+
 if COMPILED:
 
-    class _Cache(FunctionCache):  # type: ignore[misc]
-        """Numba's cache of a function, with one file for each signature, compressed by zlib.
+    class _Cache(event.Listener):  # type: ignore[misc]
+        """The folder in which Numba keeps compiled code, with a list of the files' checksums.
 
-        That has a checksum: a file that is damaged counts as missing, and none of it is run.
+        Numba checks no file that it loads and no change in a file other than the function's own.
+        Therefore the name of the folder is a fingerprint, and a folder that differs from its list
+        is dropped. A lock, from the end of a compilation until Numba has written its result and
+        the list is complete, lets several processes use one folder.
         """
 
-        def __init__(self, function):
-            super().__init__(function)
-            self._cache_file = self  # What loads and saves.
+        def __init__(self, base: Path) -> None:
+            self.path = base / f'{FOLDER}{_fingerprint()}'
+            self._list, self._lock = self.path / 'checksums.json', base / f'{FOLDER}lock'
+            # The locked file, and the thread that has locked it.
+            self._locked: tuple[IO[str], int] | None = None
+            base.mkdir(parents=True, exist_ok=True)
+            with self._open_lock():
+                listed = self._listed()
+                if self._sums() != listed:
+                    LOG.warning('compiled code in %s is damaged and is dropped', self.path)
+                    shutil.rmtree(self.path)
+                    listed = {}
+                if not listed:
+                    self._begin()
+                os.utime(self.path)
 
-        def _path(self, key):
-            stamped = repr((key, self._impl.locator.get_source_stamp()))
-            digest = hashlib.sha256(stamped.encode()).hexdigest()[:16]
-            return Path(self.cache_path, f'{self._impl.filename_base}.{digest}.nbc')
+        def _begin(self) -> None:
+            """Make the folder, if there is room for it, and remove those not used for longest."""
+            self.path.mkdir(exist_ok=True)
+            with open(self.path / 'room', 'wb') as file:
+                try:
+                    os.posix_fallocate(file.fileno(), 0, ROOM)
+                finally:
+                    os.unlink(file.name)
+            others = {path for path in self.path.parent.glob(f'{FOLDER}*') if path.is_dir()}
+            others.remove(self.path)
+            by_use = sorted(others, key=lambda path: path.stat().st_mtime)
+            for path in by_use[:-OTHERS_KEPT]:
+                shutil.rmtree(path, ignore_errors=True)
 
-        def load(self, key):
+        def _open_lock(self) -> IO[str]:
+            """Return a file that no other process has open in this way until it is closed."""
+            file = open(self._lock, 'w')  # noqa: SIM115 - the caller closes it
+            fcntl.flock(file, fcntl.LOCK_EX)
+            return file
+
+        def _listed(self) -> dict[str, int]:
             try:
-                return pickle.loads(zlib.decompress(self._path(key).read_bytes()))
-            except (OSError, zlib.error):
-                _say_that_it_compiles(self._py_func.__module__)
-                return None
+                listed: dict[str, int] = json.loads(self._list.read_bytes())
+            except (FileNotFoundError, ValueError):
+                return {}
+            return listed
 
-        def save(self, key, data):
+        def _sums(self, since_ns: int = 0) -> dict[str, int]:
+            """Return the checksums of Numba's files that were written since a time."""
+            files = [p for p in self.path.rglob('*.nb[ci]') if p.stat().st_mtime_ns >= since_ns]
+            return {str(p.relative_to(self.path)): zlib.crc32(p.read_bytes()) for p in files}
+
+        def on_start(self, event: Any) -> None:
+            """Say that a function of this package is compiled."""
+            if event.kind == 'numba:compile':
+                module = event.data['dispatcher'].__module__
+                if module.startswith('slip_detector.'):
+                    _say_that_it_compiles(module)
+
+        def on_end(self, event: Any) -> None:
+            """Lock the folder when a function is compiled, until Numba has written the result."""
+            if event.kind == 'numba:compile':
+                self._locked = self._open_lock(), threading.get_ident()
+            elif self._locked and self._locked[1] == threading.get_ident():
+                (file, _), self._locked = self._locked, None
+                # What could not be listed is dropped at the next start.
+                with file, contextlib.suppress(OSError):
+                    new = self._list.with_suffix('.new')
+                    since_ns = self._list.stat().st_mtime_ns if self._list.exists() else 0
+                    new.write_text(json.dumps(self._listed() | self._sums(since_ns)))
+                    new.replace(self._list)
+
+    def _open_cache() -> bool:
+        """Let Numba keep what it compiles; return False where no folder for it can be written."""
+        bases = [Path(__file__).parent / '__pycache__', Path(CACHE, 'slip_detector')]
+        for base in [Path(config.CACHE_DIR)] if config.CACHE_DIR else bases:
             try:
-                with whole_file(self._path(key)) as new:
-                    new.write_bytes(zlib.compress(dumps(data), level=1))
-            except ValueError:
-                _say_not_kept(f'{self.cache_path} cannot be written')
+                cache = _Cache(base)
+            except OSError as error:
+                why = f'{base}: {error.strerror}'
+                continue
+            config.CACHE_DIR = str(cache.path)
+            event.register('numba:compile', cache)
+            event.register('numba:compiler_lock', cache)
+            return True
+        LOG.warning('compiled code is not kept (%s): each start compiles', why)
+        return False
 
-
-@functools.cache
-def _say_not_kept(why: str) -> None:
-    """Say once that compiled code is not on disk, so that the next process compiles again."""
-    LOG.warning('compiled code is not kept (%s): each start compiles', why)
+    IS_KEPT = _open_cache()
 
 
 def compiled(function: Callable[..., Any], **options: bool) -> Callable[..., Any]:
-    """Compile a function with Numba where it is installed, with a cache on disk.
-
-    Numba uses a cached function as long as its own file is unchanged, even where functions of
-    other files that are compiled into it have changed. Therefore the name in the cache depends on
-    all files with compiled functions and on Numba's version, and no cached function is stale.
-    """
+    """Compile a function with Numba where it is installed, with a cache on disk."""
     if not COMPILED:
         return function
-    function.__qualname__ += f'_{FINGERPRINT}'
     # error_model: Python's check of each divisor would take a tenth of a scene's time. _nrt:
     # without it Numba compiles a function with the setting of its caller.
-    common = {'error_model': 'numpy', '_nrt': True}
-    dispatcher: Any = njit(**common | options)(function)
-    try:
-        dispatcher._cache = _Cache(function)
-    except RuntimeError:
-        _say_not_kept('no folder for it can be written')
-    return dispatcher  # type: ignore[no-any-return]
+    common = {'cache': IS_KEPT, 'error_model': 'numpy', '_nrt': True}
+    return njit(**common | options)(function)  # type: ignore[no-any-return]
 
 
 #: Compiles a function that makes no array and no list, so that a call costs little: Numba counts
