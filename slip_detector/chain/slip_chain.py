@@ -31,8 +31,8 @@ from slip_detector.parameters.detector import ChainConfig
 #: What a result may have beside decisions, in the order of the kernel.
 SIGNALS = ('envelope', 'level', 'floor', 'excess')
 
-#: A constant, as the look-up takes longer than making an array.
-BOOL_TYPE = np.dtype(np.bool_)
+#: Constants, as the look-up takes as long as making an array.
+BOOL_TYPE, FLOAT_TYPE = np.dtype(np.bool_), np.dtype(np.float64)
 
 #: Share of the memory that a chain may take; while parameters change there are two chains.
 SHARE = 0.25
@@ -55,7 +55,8 @@ class SlipResult:
         self, flags: Bools, signals: Floats, layout: FlagLayout, kept: tuple[bool, ...]
     ) -> None:
         # Both arrays have columns of whole tiles; ``kept`` says which of ``SIGNALS`` there are.
-        self._flags, self._signals, self._layout, self._kept = flags, signals, layout, kept
+        self._flags, self._signals = flags, signals
+        self._layout, self._kept = layout, kept
 
     @property
     def flags(self) -> Bools:
@@ -179,8 +180,7 @@ class SlipChain:
         self._votes: tuple[str | int, ...] = ()
         self._plan = kernel.plan_of(config, self._sections, self._low_sections, ())
         self._layout, self._flags = _layout_of(config), flag_layout(config)
-        self._row_shape = (config.channels,)
-        self._columns = tiles_of(config.channels) * LANES
+        self._channels, self._columns = config.channels, tiles_of(config.channels) * LANES
         self._padded_flags = max(self._flags.flags, LANES)
         # The kernel does not write the columns of tiles without an enabled channel.
         self._new_signals = np.zeros if config.disabled_channels else np.empty
@@ -308,21 +308,22 @@ class SlipChain:
         if votes is not self._votes and tuple(votes) != self._votes:
             self._plan = kernel.plan_of(self.config, self._sections, self._low_sections, votes)
             self._votes = tuple(votes)
-        rows = np.ascontiguousarray(volts, np.float64)
-        columns = self._columns
-        if rows.shape[1:] != self._row_shape:
-            allowed = f'(any, {self.config.channels})'
-            raise ValueError(f'volts has the shape {rows.shape}, allowed: {allowed}')
-        n = len(rows)
-        if self.config.channels < columns:
+        rows, columns = np.ascontiguousarray(volts, FLOAT_TYPE), self._columns
+        shape = rows.shape
+        if len(shape) != 2 or shape[1] != self._channels:
+            allowed = f'(any, {self._channels})'
+            raise ValueError(f'volts has the shape {shape}, allowed: {allowed}')
+        n, signal_columns = shape[0], columns * (envelope + level) + len(votes)
+        if floor or excess:
+            if self.config.decision != 'evidence':
+                raise ValueError('floor and excess are not kept, allowed: with decision: evidence')
+            signal_columns += columns * (floor + excess)
+        if shape[1] < columns:
             padded = np.zeros((n, columns))
-            padded[:, : self.config.channels] = rows
+            padded[:, : shape[1]] = rows
             rows = padded
-        if (floor or excess) and self.config.decision != 'evidence':
-            raise ValueError('floor and excess are not kept, allowed: with decision: evidence')
         flags = np.empty((n, self._padded_flags), BOOL_TYPE)
-        of_signals = columns * (envelope + level + floor + excess)
-        signals = self._new_signals((n, of_signals + len(votes)))
+        signals = self._new_signals((n, signal_columns))
         kept = envelope, level, floor, excess
         kernel.compiled_run()(rows, flags, signals, self.state, self._plan, kept)
         return SlipResult(flags, signals, self._flags, kept)

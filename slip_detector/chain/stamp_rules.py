@@ -20,12 +20,13 @@ array of type :data:`LATEST`. Verdicts are numbers of missing samples, or :data:
 """
 
 import math
+from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from slip_detector.compiled import COMPILED, compiled_in_place
+from slip_detector.compiled import COMPILED, compiled_for, compiled_in_place
 
 #: Number of samples whose stamps the line of the grid is fitted to, after a start and later. A
 #: long memory averages jitter and still follows a drift.
@@ -339,3 +340,13 @@ def arrive(grids, latest, max_gap_ns, stamp_ns, rows, lost):
     grid.bad = 1.0 - (1.0 - grid.bad) * math.exp(-bad * share)
     grid.bad *= 1.0 if is_dropped else math.exp(-rows * share)
     return missing
+
+
+@cache
+def compiled_arrive():
+    """Return :func:`arrive` for calls from Python; the first call compiles or loads it.
+
+    The types of its arguments are not checked.
+    """
+    grids, latest = new_records(1, GRID), new_records(LATELY, LATEST)
+    return compiled_for(arrive, grids, latest, 0.0, 0, 0, 0)

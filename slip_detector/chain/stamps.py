@@ -183,7 +183,8 @@ class StampGrid:
         if number is not None and self._number is not None and number > self._number:
             lost = number - self._number - 1
         max_gap_ns = self.max_gap_s * 1e9
-        missing = int(rules.arrive(self._grids, self._latest, max_gap_ns, stamp_ns, rows, lost))
+        arrive = rules.compiled_arrive()
+        missing: int = arrive(self._grids, self._latest, max_gap_ns, stamp_ns, rows, lost)
         if missing != DROPPED:
             self._number = number
         return missing
