@@ -18,13 +18,13 @@ import dataclasses
 
 import numpy as np
 import pytest
+from chain.chain_cases import QUICK_EVIDENCE, bits, noise
 from hypothesis import given
 from hypothesis import strategies as st
 
 from slip_detector.chain import layout, slip_chain
 from slip_detector.chain.slip_chain import SlipChain, check_memory
 from slip_detector.parameters.detector import ChainConfig
-from support.chain_cases import QUICK_EVIDENCE, bits, noise
 from support.config_cases import message_of
 
 # --- input and output ----------------------------------------------------------------------

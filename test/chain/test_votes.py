@@ -19,13 +19,13 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from chain.chain_cases import noise
 from hypothesis import given
 from hypothesis import strategies as st
 
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.chain.votes import NO_VOTE, find_statistics, vote_numbers
 from slip_detector.compiled import LANES
-from support.chain_cases import noise
 from support.random_chains import configs, recordings
 
 VOTES = ('all', 'mean', 1, 2, 3, 4)
