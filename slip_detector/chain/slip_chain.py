@@ -132,19 +132,17 @@ class SlipResult:
         statistic has the unit of the level and serves any other threshold: it exceeds that
         threshold exactly where a chain with that threshold has ``slip`` ON.
         """
-        return self._signals[:, self._width * sum(self._kept) :]
-
-    @property
-    def _width(self) -> int:
-        """Number of columns of a signal."""
-        return LANES * tiles_of(self._layout.flags - self._layout.valid_at)
+        return self._signals[:, self._first_column(len(SIGNALS)) :]
 
     def _columns(self, name: str) -> Floats:
-        number = SIGNALS.index(name)
-        if not self._kept[number]:
+        signal, channels = SIGNALS.index(name), self.valid.shape[1]
+        if not self._kept[signal]:
             raise ValueError(f'{name} was not kept: call update with {name}=True')
-        first = self._width * sum(self._kept[:number])
-        return self._signals[:, first:][:, : self._layout.flags - self._layout.valid_at]
+        return self._signals[:, self._first_column(signal) :][:, :channels]
+
+    def _first_column(self, signal: int) -> int:
+        """Return where a signal begins, behind those before it that are kept."""
+        return LANES * tiles_of(self.valid.shape[1]) * sum(self._kept[:signal])
 
 
 class SlipChain:
@@ -179,7 +177,7 @@ class SlipChain:
         check_memory(config)
         self._votes: tuple[str | int, ...] = ()
         self._plan = kernel.plan_of(config, self._sections, self._low_sections, ())
-        self._layout, self._flags = _layout_of(config), flag_layout(config)
+        self._flags = flag_layout(config)
         self._channels, self._columns = config.channels, tiles_of(config.channels) * LANES
         self._padded_flags = max(self._flags.flags, LANES)
         # The kernel does not write the columns of tiles without an enabled channel.
@@ -190,13 +188,13 @@ class SlipChain:
 
     def reset(self) -> None:
         """Forget all rows; the next row is treated as the first."""
-        own = self._layout
-        self.state = kernel.aligned((tiles_of(self.config.channels), own.slots, LANES))
+        slots = self._plan.settings[0]
+        self.state = kernel.aligned((tiles_of(self.config.channels), slots.slots, LANES))
         self.state[:, [layout.LAST, layout.FIRST]] = np.nan
-        self.state[:, own.comb_slot + 1 : own.envelope_slot] = np.nan
+        self.state[:, slots.comb_slot + 1 : slots.envelope_slot] = np.nan
         if self.config.mains_rows:
             self.state[:, layout.HELD] = np.nan
-        self.state[:, own.steps_slot + 1 :] = np.nan
+        self.state[:, slots.steps_slot + 1 :] = np.nan
         # NaN: a floor that is not learnt begins at the first envelope.
         learnt = self.config.decision == 'evidence' and self.config.noise_floor_learnt
         self.state[:, layout.FLOOR] = self._plan.limits[:, stages.LEAST_DB] if learnt else np.nan
@@ -210,7 +208,7 @@ class SlipChain:
         floors = self.state[:, layout.FLOOR].copy()
         self.reset()
         self.state[:, layout.FLOOR] = floors
-        self.state[0, layout.CONTACT_ROWS, 0] = self._plan.settings['contact_rows'][0]
+        self.state[0, layout.CONTACT_ROWS, 0] = self._plan.settings[0].contact_rows
 
     def take_floors(self, other: 'SlipChain', rest: ArrayLike) -> None:
         """Begin with noise floors that are as far below the level at rest as another chain's.
@@ -243,7 +241,7 @@ class SlipChain:
         >>> chain.floor_and_level_db()[0]
         array([nan, nan])
         """
-        window, channels = self._layout.envelope_slot, self.config.channels
+        window, channels = self._plan.settings[0].envelope_slot, self.config.channels
         position = int(self.state[:, window, 0].max())  # 0 in a tile without enabled channels.
         power = self.state[:, window + 1] + self.state[:, window + 2 + position]
         with np.errstate(divide='ignore'):
@@ -261,8 +259,8 @@ class SlipChain:
             windows, threshold, decision and vote may differ; this one decides by the mean.
         """
         self.reset()
-        own = self._layout
-        kept = [*range(layout.HOLD_ROWS), *range(own.delay_slot, own.envelope_slot)]
+        slots = self._plan.settings[0]
+        kept = [*range(layout.HOLD_ROWS), *range(slots.delay_slot, slots.envelope_slot)]
         self.state[:, kept] = other.state[:, kept]
 
     def update(
@@ -340,10 +338,6 @@ def _rest_db(config: ChainConfig, rows: ArrayLike) -> Floats:
         return 20.0 * np.log10(level)
 
 
-def _layout_of(config: ChainConfig) -> layout.StateLayout:
-    return state_layout(config, len(design(config)), len(design_low(config)))
-
-
 def check_memory(config: ChainConfig, kept_s: float = 0.0) -> None:
     """Check that a chain, and the rows that are kept for the next chain, fit into memory.
 
@@ -359,8 +353,9 @@ def check_memory(config: ChainConfig, kept_s: float = 0.0) -> None:
     ValueError
         When they need more than :data:`SHARE` of the machine's memory.
     """
+    slots = state_layout(config, len(design(config)), len(design_low(config))).slots
     kept = config.channels * config.sample_rate_hz * kept_s
-    needed = 8 * (float(tiles_of(config.channels) * LANES) * _layout_of(config).slots + kept)
+    needed = 8 * (float(tiles_of(config.channels) * LANES) * slots + kept)
     allowed = SHARE * os.sysconf('SC_PAGE_SIZE') * os.sysconf('SC_PHYS_PAGES')
     if needed > allowed:
         raise ValueError(
