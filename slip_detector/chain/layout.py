@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where the parts of the chain's state are, and the flags of a row: each is counted only here."""
+"""The layout of the chain's state and of the flags of a row."""
 
 import itertools
 from typing import NamedTuple
@@ -22,15 +22,15 @@ from slip_detector.parameters.detector import ChainConfig
 
 # The first slots of a tile's state. Three of them have one number for all channels, in lane 0 of
 # the first tile: the common mode of the last row, and the remaining rows of the hold times of an
-# impact and of contact. The parts of :class:`StateLayout` begin behind these.
+# impact and of contact. The parts of :class:`StateLayout` begin behind the first slots.
 LAST, REPEATS, FIRST, HELD, COMMON_V, HOLD_ROWS, CONTACT_ROWS = range(7)
-AGE, FLOOR, EVIDENCE, HELD_EVIDENCE, NUMBERS = range(7, 12)
+AGE, FLOOR, EVIDENCE, HELD_EVIDENCE, FIRST_SLOTS = range(7, 12)
 
 
 class StateLayout(NamedTuple):
-    """The slots of a tile's state in which its parts begin, whose lengths depend on the chain.
+    """The slots of a tile's state in which the parts begin whose lengths depend on the chain.
 
-    Of comb, windows and steps the first slot has, in lane 0, the position within the period.
+    The first slot of comb, windows and steps has the position within the period, in lane 0.
 
     Attributes
     ----------
@@ -41,9 +41,9 @@ class StateLayout(NamedTuple):
     envelope_slot, level_slot : int
         The windows of the envelope and of its mean: position, head, and the tails.
     low_slot : int
-        Delays of the filters of the low level, then its window; nothing if it is not needed.
+        Delays of the filters of the low level, then its window; empty if no stage needs it.
     steps_slot : int
-        Samples of earlier rows; nothing if impacts are no steps over several rows.
+        Samples of earlier rows; empty if impacts are no steps over several rows.
     slots : int
         Number of all slots.
     """
@@ -64,11 +64,11 @@ def state_layout(config: ChainConfig, sections: int, low_sections: int) -> State
     low = 2 * low_sections + window if low_sections else 0
     steps = config.impact_rows + 1 if config.impact_rows else 0
     lengths = 2 * sections, config.mains_rows + 1, window, mean_window, low, steps
-    return StateLayout(*itertools.accumulate(lengths, initial=NUMBERS))
+    return StateLayout(*itertools.accumulate(lengths, initial=FIRST_SLOTS))
 
 
 class FlagLayout(NamedTuple):
-    """The columns of flags: slip in column 0, and where the other kinds of flags begin."""
+    """The columns of flags: slip in column 0, and where groups and channels begin."""
 
     groups_at: int
     can_vote_at: int
@@ -85,16 +85,16 @@ def flag_layout(config: ChainConfig) -> FlagLayout:
 
 
 def flag_names(config: ChainConfig) -> list[tuple[str, str]]:
-    """Return what each column of flags is: its kind, and the name of the group or channel.
+    """Return for each column of flags what it says, and of which group or channel.
 
     Examples
     --------
     >>> flag_names(ChainConfig(channels=1, groups={'tip': [1]}))
     [('slip', ''), ('group', 'tip'), ('can_vote', 'tip'), ('channel', 'ch1'), ('valid', 'ch1')]
     """
-    of_groups = [(kind, name) for kind in ('group', 'can_vote') for name in config.groups]
-    of_channels = [(kind, name) for kind in ('channel', 'valid') for name in config.names]
-    return [('slip', ''), *of_groups, *of_channels]
+    groups = [(flag, name) for flag in ('group', 'can_vote') for name in config.groups]
+    channels = [(flag, name) for flag in ('channel', 'valid') for name in config.names]
+    return [('slip', ''), *groups, *channels]
 
 
 def tiles_of(channels: int) -> int:
