@@ -28,14 +28,14 @@ from slip_detector.chain.stamps import StampGrid
 from slip_detector.compiled import LANES
 from slip_detector.parameters.detector import ChainConfig
 
-#: What a result may have beside decisions, in the order of the kernel.
+#: The signals that a result may have beside decisions, in the order of the kernel.
 SIGNALS = ('envelope', 'level', 'floor', 'excess')
 
 #: Constants, as the look-up takes as long as making an array.
 BOOL_TYPE, FLOAT_TYPE = np.dtype(np.bool_), np.dtype(np.float64)
 
 #: Share of the memory that a chain may take; while parameters change there are two chains.
-SHARE = 0.25
+MEMORY_SHARE = 0.25
 
 
 class SlipResult:
@@ -82,8 +82,8 @@ class SlipResult:
     def channels(self) -> Bools:
         """Whether the channel is ON; shape (n, c).
 
-        It is ON while its level is above the threshold; with evidence it stays ON until the level
-        falls to half the threshold.
+        A channel is ON while its level is above the threshold; with evidence it stays ON until the
+        level falls to half the threshold.
         """
         return self._flags[:, self._layout.channels_at : self._layout.valid_at]
 
@@ -99,7 +99,7 @@ class SlipResult:
 
     @property
     def level(self) -> Floats:
-        """The number that is compared with the threshold; shape (n, c).
+        """What is compared with the threshold; shape (n, c).
 
         It is the mean of the envelope, or the evidence in dB s.
         """
@@ -107,9 +107,9 @@ class SlipResult:
 
     @property
     def floor(self) -> Floats:
-        """The noise floor that counts, lifted by activity, in dB of the envelope's unit; (n, c).
+        """The noise floor, lifted by activity, in dB of the envelope's unit; shape (n, c).
 
-        It is the noise floor itself while the channel is not valid, and out of contact.
+        It is not lifted while the channel is not valid, and out of contact.
         """
         return self._columns('floor')
 
@@ -117,8 +117,8 @@ class SlipResult:
     def excess(self) -> Floats:
         """Excess of the envelope over the floor, within its limits, in dB; shape (n, c).
 
-        It is 0 before the windows are full, while the channel is not valid, out of contact, and
-        for ``impact_hold_s`` from an impact on.
+        The excess is 0 before the windows are full, while the channel is not valid, out of
+        contact, and for ``impact_hold_s`` from an impact on.
         """
         return self._columns('excess')
 
@@ -126,11 +126,10 @@ class SlipResult:
     def vote_statistic(self) -> Floats:
         """The decision statistic of each vote that was asked for; shape (n, v).
 
-        It is dimensionless, and above 1 exactly where ``slip`` would be ON with that vote. Of the
-        groups' numbers, which :mod:`slip_detector.chain.votes` describes, it is the largest,
-        divided by the threshold; a group that cannot vote has 0. With a threshold of 1 the
-        statistic has the unit of the level and serves any other threshold: it exceeds that
-        threshold exactly where a chain with that threshold has ``slip`` ON.
+        The statistic is above 1 exactly where ``slip`` would be ON with that vote. It is the
+        largest of the groups' numbers, which :mod:`slip_detector.chain.votes` describes, divided
+        by the threshold; a group that cannot vote has 0. The statistic of a chain with a threshold
+        of 1 exceeds another threshold exactly where a chain with that threshold has ``slip`` ON.
         """
         return self._signals[:, self._first_column(len(SIGNALS)) :]
 
@@ -148,8 +147,8 @@ class SlipResult:
 class SlipChain:
     """The chain with its state, for live nodes and for whole recordings.
 
-    A chain can be copied (``copy.deepcopy``) and saved (``pickle``) between two calls. Its
-    ``state`` holds everything that depends on earlier rows.
+    A chain can be copied (``copy.deepcopy``) and saved (``pickle``) between two calls. All that
+    depends on earlier rows is in its ``state``.
 
     Parameters
     ----------
@@ -202,8 +201,8 @@ class SlipChain:
     def restart(self) -> None:
         """Begin again after a gap: forget all rows, but keep the noise floors.
 
-        Whether there is contact is not known then. It is held as after a touch: in a still grip
-        nothing touches, and a slip that follows must not wait for it.
+        Whether there is contact is unknown after a gap. Contact is held as after a touch: in a
+        still grip nothing touches, and a slip that follows must not wait for a touch.
         """
         floors = self.state[:, layout.FLOOR].copy()
         self.reset()
@@ -216,14 +215,14 @@ class SlipChain:
         Parameters
         ----------
         other
-            A chain on the same input. If it decides by evidence, its floors stay as they are.
+            A chain on the same input; one that decides by the mean has no floors.
         rest : array_like, shape (n, c)
-            Rows that show the level of both chains, if possible without slip. A channel that is
-            not valid in them keeps its floor here.
+            Rows that show the levels of both chains, if possible without slip. A channel that is
+            not valid in these rows keeps its floor.
         """
         below_db = _rest_db(other.config, rest) - other.floor_and_level_db()[0]
         below_db *= self.config.exponent / other.config.exponent
-        # Without another floor, one that is not learnt begins at the level.
+        # A floor that is unknown in the other chain, and not learnt, begins at the level.
         unknown_db = np.nan if self.config.noise_floor_learnt else 0.0
         below_db = np.where(np.isfinite(below_db), below_db, unknown_db)
         floors_db = _rest_db(self.config, rest) - below_db
@@ -351,12 +350,12 @@ def check_memory(config: ChainConfig, kept_s: float = 0.0) -> None:
     Raises
     ------
     ValueError
-        When they need more than :data:`SHARE` of the machine's memory.
+        When they need more than :data:`MEMORY_SHARE` of the machine's memory.
     """
     slots = state_layout(config, len(design(config)), len(design_low(config))).slots
     kept = config.channels * config.sample_rate_hz * kept_s
     needed = 8 * (float(tiles_of(config.channels) * LANES) * slots + kept)
-    allowed = SHARE * os.sysconf('SC_PAGE_SIZE') * os.sysconf('SC_PHYS_PAGES')
+    allowed = MEMORY_SHARE * os.sysconf('SC_PAGE_SIZE') * os.sysconf('SC_PHYS_PAGES')
     if needed > allowed:
         raise ValueError(
             f'parameter channels is {config.channels}: with these windows and this rate they take '

@@ -86,7 +86,7 @@ def test_windows_beyond_the_memory_are_refused_before_any_is_taken(monkeypatch):
     assert 'take 365 GB of memory, allowed: ' in message
     # Rows that are kept count too.
     check_memory(ChainConfig(), kept_s=5.0)
-    monkeypatch.setattr(slip_chain, 'SHARE', 0.0)
+    monkeypatch.setattr(slip_chain, 'MEMORY_SHARE', 0.0)
     assert 'allowed: 0 GB' in message_of(check_memory, ChainConfig(), kept_s=5.0)
 
 
