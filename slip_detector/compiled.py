@@ -157,9 +157,9 @@ if COMPILED:
                 return {}
             return listed
 
-        def _sums(self, since_ns: int = 0) -> dict[str, int]:
-            """Return the checksums of Numba's files that were written since a time."""
-            files = [p for p in self.path.rglob('*.nb[ci]') if p.stat().st_mtime_ns >= since_ns]
+        def _sums(self) -> dict[str, int]:
+            """Return the checksums of Numba's files."""
+            files = self.path.rglob('*.nb[ci]')
             return {str(p.relative_to(self.path)): zlib.crc32(p.read_bytes()) for p in files}
 
         def on_start(self, event: Any) -> None:
@@ -177,10 +177,7 @@ if COMPILED:
                 (file, _), self._locked = self._locked, None
                 # What could not be listed is dropped at the next start.
                 with file, contextlib.suppress(OSError):
-                    new = self._list.with_suffix('.new')
-                    since_ns = self._list.stat().st_mtime_ns if self._list.exists() else 0
-                    new.write_text(json.dumps(self._listed() | self._sums(since_ns)))
-                    new.replace(self._list)
+                    self._list.write_text(json.dumps(self._sums()))
 
     def _open_cache() -> bool:
         """Let Numba keep what it compiles; return False where no folder for it can be written."""
