@@ -52,8 +52,8 @@ def spread_load(force_n, centre_x_m, centre_y_m, positions_m, contact, rest_patc
 
     Hertz: p(r) = 3 F / (2 pi a^2) sqrt(1 - r^2 / a^2), a^3 proportional to F.
 
-    An extra element of ``loads_n`` gets the load of one patch of skin between the taxels; all of
-    these ``rest_patches`` together carry the rest of the force.
+    An extra element of ``loads_n`` gets the load of one of the ``rest_patches`` of skin between
+    the taxels, which together carry the rest of the force.
     """
     n = positions_m.shape[0]
     if not force_n > 0.0:
@@ -132,7 +132,7 @@ def ridges_between(from_m, to_m, ridges):
     """Return the mean height of the ridges between two places, as a share of the indentation.
 
     If both places are equal, the result is the height there. A sensor of limited bandwidth reads
-    the mean over the distance of one step, even if ridges pass too fast to be resolved.
+    the mean over the distance of a step, even if ridges pass too fast to be resolved.
     """
     middle = ridges.start_rad + ridges.wavenumber_rad_m * 0.5 * (from_m + to_m)
     half = 0.5 * ridges.wavenumber_rad_m * (to_m - from_m)
@@ -200,8 +200,8 @@ class Roughness(ParameterSet):
 def _cubic(place, heights):
     """Return the Catmull-Rom cubic of the four points around a place.
 
-    These are the number of the point below it, the height there, twice the factors of t, t^2 and
-    t^3 in it, and t, the distance of the place from that point.
+    The result is the number of the point below the place, the height of that point, twice the
+    factors of t, t^2 and t^3 in the cubic, and t, the distance of the place from that point.
     """
     n = heights.size
     below = np.floor(place)
