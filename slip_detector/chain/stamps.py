@@ -124,11 +124,8 @@ class StampGrid:
         self._latest = rules.new_records(rules.LATELY, rules.LATEST)
         self._grid = grid = self._grids[0]
         grid.period_ns = grid.nominal_ns = period_s * 1e9
-        grid.memory, grid.jitter, grid.last_ns = (
-            rules.FIRST_MEMORY,
-            rules.FIRST_JITTER,
-            NONE,
-        )
+        grid.memory, grid.jitter = rules.FIRST_MEMORY, rules.FIRST_JITTER
+        grid.last_ns = NONE
         self._number: int | None = None
         self._mended_ns = NONE  # The last stamp that was returned.
         self.max_gap_s = max_gap_s
