@@ -307,9 +307,9 @@ else:
         if isinstance(value.type, ir.VectorType):
             return value
         kind, index = ir.VectorType(value.type, LANES), ir.IntType(32)
-        one = builder.insert_element(ir.Constant(kind, ir.Undefined), value, index(0))
+        first = builder.insert_element(ir.Constant(kind, ir.Undefined), value, index(0))
         zeros = ir.Constant(ir.VectorType(index, LANES), [0] * LANES)
-        return builder.shuffle_vector(one, one, zeros)
+        return builder.shuffle_vector(first, first, zeros)
 
     def _of_vectors(result, emit):
         """Return the result type and a code generator for ``intrinsic``.

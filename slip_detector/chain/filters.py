@@ -125,7 +125,7 @@ def _filter(
         # At the edges of a Butterworth filter the power is halved.
         gain = np.sqrt(0.5)
     radius = largest_pole_radius(sections)
-    designed = np.abs(response(sections, np.array(edges_hz), rate_hz))
+    designed = np.abs(signal.sosfreqz(sections, np.array(edges_hz), fs=rate_hz)[1])
     is_off = not np.all(np.abs(designed - gain) <= EDGE_TOLERANCE * gain)
     if radius > 1 - STABILITY_MARGIN or is_off or round_off(sections) > LARGEST_ROUND_OFF:
         edges = ' and '.join(f'{edge:g}' for edge in edges_hz)
@@ -165,21 +165,6 @@ def round_off(sections: Array) -> float:
         smallest = np.abs(np.prod(nearest[:, None] - poles, axis=1)).min()
         worst = max(worst, np.finfo(np.float64).eps * np.abs(denominator).sum() / smallest)
     return worst
-
-
-def response(sections: Array, frequency_hz: Array, rate_hz: float) -> NDArray[np.complex128]:
-    """Return the network's complex gain at the given frequencies.
-
-    Examples
-    --------
-    >>> gain = response(design(ChainConfig(gain=1.0)), np.array([7.0, 18.7]), rate_hz=380.0)
-    >>> abs(gain).round(2)
-    array([0.71, 1.  ])
-    """
-    from scipy import signal
-
-    gain: NDArray[np.complex128] = signal.sosfreqz(sections, frequency_hz, fs=rate_hz)[1]
-    return gain
 
 
 def settling_rows(config: ChainConfig) -> int:

@@ -30,7 +30,7 @@ from slip_detector.scenes.electronics import Frontend, taxel_positions
 from slip_detector.scenes.friction import Friction
 from slip_detector.scenes.mechanics import STAGE_TIMES, SceneConstants, State, advance
 from slip_detector.scenes.parts import Sampling, check_grip, check_parts, read_parts, spawned
-from slip_detector.scenes.surface import NO_RIDGES, NO_ROUGHNESS, FreeObject
+from slip_detector.scenes.surface import FreeObject, RidgeNumbers, RoughNumbers
 
 
 class Scene:
@@ -132,8 +132,8 @@ class Scene:
             contact=parts['contact'].numbers(),
             skin=parts['skin'].numbers(),
             friction=(friction or Friction()).numbers(),
-            ridges=parts['texture'].ridges(ridge_trial) if 'texture' in parts else NO_RIDGES,
-            rough=parts['roughness'].profile() if 'roughness' in parts else NO_ROUGHNESS,
+            ridges=parts['texture'].ridges(ridge_trial) if 'texture' in parts else RidgeNumbers(),
+            rough=parts['roughness'].profile() if 'roughness' in parts else RoughNumbers(),
             body=(body or FreeObject()).numbers(),
         )
 

@@ -86,12 +86,9 @@ class FreeObject(CompiledSet):
 class RidgeNumbers(NamedTuple):
     """The numbers of a :class:`Texture` for compiled code; no amplitudes without ridges."""
 
-    wavenumber_rad_m: float
-    start_rad: float
-    amplitudes: Floats
-
-
-NO_RIDGES = RidgeNumbers(0.0, 0.0, np.zeros(0))
+    wavenumber_rad_m: float = 0.0
+    start_rad: float = 0.0
+    amplitudes: Floats = np.zeros(0)
 
 
 class Texture(ParameterSet):
@@ -161,12 +158,9 @@ class RoughNumbers(NamedTuple):
     and ``integral``, one element longer, is that of the heights from the first point to each.
     """
 
-    per_m: float
-    heights: Floats
-    integral: Floats
-
-
-NO_ROUGHNESS = RoughNumbers(0.0, np.zeros(0), np.zeros(0))
+    per_m: float = 0.0
+    heights: Floats = np.zeros(0)
+    integral: Floats = np.zeros(0)
 
 
 class Roughness(ParameterSet):
@@ -190,8 +184,8 @@ class Roughness(ParameterSet):
         profile -= profile.mean()
         heights = profile * (self.height_rms_m / self.indentation_m / profile.std())
         # Area under the Catmull-Rom cubic of four neighbours, between the second and the third.
-        before, one, two = np.roll(heights, 1), np.roll(heights, -1), np.roll(heights, -2)
-        areas = (13.0 * (heights + one) - before - two) / 24.0
+        before, after, next_after = (np.roll(heights, places) for places in (1, -1, -2))
+        areas = (13.0 * (heights + after) - before - next_after) / 24.0
         integral = np.concatenate([[0.0], np.cumsum(areas)])
         return RoughNumbers(POINTS_PER_LENGTH / self.correlation_m, heights, integral)
 

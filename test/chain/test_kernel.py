@@ -96,10 +96,10 @@ def assert_floor_follows(config, found, level_db, counts):
         before = np.concatenate([[least_db], now[:-1]])[: len(now)]
         off = []
         # A level next to the floor may be on either side of it.
-        for one in (level - ERROR_DB, level + ERROR_DB):
-            wanted = reference_evidence.moved_floor(before, one, config)
+        for side_db in (level - ERROR_DB, level + ERROR_DB):
+            wanted = reference_evidence.moved_floor(before, side_db, config)
             if not config.noise_floor_learnt:
-                wanted[:1] = one[:1]
+                wanted[:1] = side_db[:1]
             wanted = np.clip(wanted, least_db, least_db + config.noise_floor_range_db)
             off.append(np.abs(wanted - now))
         assert (np.minimum(*off) <= 1.01 * ERROR_DB).all()

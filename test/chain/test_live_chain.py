@@ -334,9 +334,9 @@ def test_what_only_decides_changes_from_the_next_row_on_and_goes_on_from_where_i
     after = SlipChain(dataclasses.replace(BOTH, **values))
     after.state = before.state.copy()
     wanted.append(after.update(rows[at:]))
-    for one, other in zip(found, wanted, strict=True):
-        np.testing.assert_array_equal(one.level, other.level)
-        np.testing.assert_array_equal(one.flags, other.flags)
+    for result, expected in zip(found, wanted, strict=True):
+        np.testing.assert_array_equal(result.level, expected.level)
+        np.testing.assert_array_equal(result.flags, expected.flags)
 
 
 def test_holds_that_were_switched_off_begin_anew_and_what_needs_other_state_is_built():

@@ -139,9 +139,9 @@ def test_noise_floors_are_taken_over_by_channel(learnt):
     )
     other = dataclasses.replace(config, disabled_channels=tuple(range(5, 21)), groups={}, gain=5.0)
     volts = np.random.default_rng(0).normal(size=(400, 40)) * np.geomspace(0.1, 10, 40)
-    chain, its = SlipChain(config), SlipChain(other)
-    taken = its.update(volts[::-1], floor=True).floor[-1]
-    chain.take_floors(its, volts)
+    chain, other_chain = SlipChain(config), SlipChain(other)
+    taken = other_chain.update(volts[::-1], floor=True).floor[-1]
+    chain.take_floors(other_chain, volts)
     found = chain.state[:, layout.FLOOR].flatten()[:40]
     enabled, known = np.arange(40) != 2, ~np.isin(np.arange(40), range(4, 20))
     scaled = taken - 20 * np.log10(5.0)

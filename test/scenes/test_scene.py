@@ -72,7 +72,7 @@ def test_leaving_one_part_out_leaves_the_noise_of_the_others(left_out):
     # No sensitivities: what is left of the volts is electronics and what disturbs them.
     neutral = {'normal_v_n': 0.0, 'shear_v_n': 0.0, 'noise_v': 1e-3, 'drift_v': 1e-3}
     others = {name: of for name, of in OPTIONAL.items() if name != left_out}
-    whole, less = (built(electronics=neutral, **of).read(ALL) for of in (OPTIONAL, others))
+    whole, less = (built(electronics=neutral, **parts).read(ALL) for parts in (OPTIONAL, others))
     assert less.volts.tobytes() == whole.volts.tobytes()
 
 
