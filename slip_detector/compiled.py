@@ -40,7 +40,7 @@ import operator
 import os
 import shutil
 import sys
-import threading
+import tempfile
 import time
 import zlib
 from collections import namedtuple
@@ -116,33 +116,21 @@ if COMPILED:
 
         def __init__(self, base: Path) -> None:
             self.path = base / f'{FOLDER}{_fingerprint()}'
-            self._list, self._lock = self.path / 'checksums.json', base / f'{FOLDER}lock'
-            # The locked file, and the thread that has locked it.
-            self._locked: tuple[IO[str], int] | None = None
+            self._list, self._lock = self.path / 'checksums.json', base / 'slip_detector.lock'
+            self._locked: IO[str] | None = None
             base.mkdir(parents=True, exist_ok=True)
             with self._open_lock():
-                listed = self._listed()
-                if self._sums() != listed:
+                if not self._is_whole():
                     LOG.warning('compiled code in %s is damaged and is dropped', self.path)
                     shutil.rmtree(self.path)
-                    listed = {}
-                if not listed:
-                    self._begin()
+                if not self.path.exists():
+                    with tempfile.TemporaryFile(dir=base) as file:
+                        os.posix_fallocate(file.fileno(), 0, ROOM)
+                    others = sorted(base.glob(f'{FOLDER}*'), key=os.path.getmtime)
+                    for folder in others[:-OTHERS_KEPT]:
+                        shutil.rmtree(folder)
+                    self.path.mkdir()
                 os.utime(self.path)
-
-        def _begin(self) -> None:
-            """Make the folder, if there is room for it, and remove those not used for longest."""
-            self.path.mkdir(exist_ok=True)
-            with open(self.path / 'room', 'wb') as file:
-                try:
-                    os.posix_fallocate(file.fileno(), 0, ROOM)
-                finally:
-                    os.unlink(file.name)
-            others = {path for path in self.path.parent.glob(f'{FOLDER}*') if path.is_dir()}
-            others.remove(self.path)
-            by_use = sorted(others, key=lambda path: path.stat().st_mtime)
-            for path in by_use[:-OTHERS_KEPT]:
-                shutil.rmtree(path, ignore_errors=True)
 
         def _open_lock(self) -> IO[str]:
             """Return a file that no other process has open in this way until it is closed."""
@@ -150,12 +138,15 @@ if COMPILED:
             fcntl.flock(file, fcntl.LOCK_EX)
             return file
 
-        def _listed(self) -> dict[str, int]:
+        def _is_whole(self) -> bool:
+            """Return whether the files are those of the list; without files there is no list."""
             try:
-                listed: dict[str, int] = json.loads(self._list.read_bytes())
-            except (FileNotFoundError, ValueError):
-                return {}
-            return listed
+                listed = json.loads(self._list.read_bytes())
+            except FileNotFoundError:
+                listed = {}
+            except ValueError:
+                return False
+            return bool(listed == self._sums())
 
         def _sums(self) -> dict[str, int]:
             """Return the checksums of Numba's files."""
@@ -172,12 +163,12 @@ if COMPILED:
         def on_end(self, event: Any) -> None:
             """Lock the folder when a function is compiled, until Numba has written the result."""
             if event.kind == 'numba:compile':
-                self._locked = self._open_lock(), threading.get_ident()
-            elif self._locked and self._locked[1] == threading.get_ident():
-                (file, _), self._locked = self._locked, None
+                self._locked = self._open_lock()
+            elif self._locked:
                 # What could not be listed is dropped at the next start.
-                with file, contextlib.suppress(OSError):
+                with self._locked, contextlib.suppress(OSError):
                     self._list.write_text(json.dumps(self._sums()))
+                self._locked = None
 
     def _open_cache() -> bool:
         """Let Numba keep what it compiles; return False where no folder for it can be written."""
