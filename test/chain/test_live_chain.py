@@ -356,23 +356,6 @@ def test_holds_that_were_switched_off_begin_anew_and_what_needs_other_state_is_b
     assert state_of(bed).shape[1] < slots
 
 
-def test_a_change_of_gain_scales_the_floors_and_one_channel_less_keeps_those_of_the_others():
-    bed = Bed(SLIDING)
-    bed.chain.update(noise(3 * KEPT), level=False)
-    for values, db in (
-        ({'gain': 50.0}, 20 * np.log10(0.5)),
-        ({'disabled_channels': (3,), 'groups': {}}, 0.0),
-        ({'disabled_channels': (), 'groups': {}}, 0.0),
-    ):
-        before = state_of(bed)[0, layout.FLOOR, :4].copy()
-        bed.change(**values)
-        assert bed.swapped()
-        after = state_of(bed)[0, layout.FLOOR, :4]
-        assert after[[0, 1, 3]] == pytest.approx(before[[0, 1, 3]] + db, abs=1e-3)
-    # One that is enabled again begins where it would settle.
-    assert after[2] == pytest.approx(before[0], abs=6.0)
-
-
 def test_a_reset_forgets_the_floors_of_a_chain_that_was_built_before_it_too():
     bed = Bed(EVIDENCE)
     bed.chain.update(noise(400), level=False)

@@ -52,13 +52,6 @@ def test_truth_is_the_motion_of_the_platform():
     assert np.count_nonzero(truth) == pytest.approx(2.5 * 380, abs=20)
 
 
-def test_what_is_not_named_is_not_built():
-    none = built()
-    assert set(none.parts) == {'motion', 'contact', 'skin', 'electronics'}
-    # Without skin and filter there is nothing to step through between two samples.
-    assert none.constants.steps_per_sample == 1
-
-
 #: One of each part that draws from the trial's generator, and one that does not.
 OPTIONAL = {
     'texture': {'ridge_height_m': 2e-5, 'harmonics': [], 'indentation_m': 1e-4},
