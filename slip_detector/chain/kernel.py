@@ -171,7 +171,7 @@ def _settings_of(config: ChainConfig, sections: Floats, low_sections: Floats) ->
         'contact_channels': config.contact_channels if low and config.contact_level_v else 0,
         'contact_rows': config.samples(config.contact_hold_s),
         'common_rank': config.common_rank if evidence else 0,
-        **state_layout(config, len(sections), len(low_sections))._asdict(),
+        **state_layout(config, len(sections), len(low_sections)),
         **flag_layout(config)._asdict(),
     }
     real = {name: getattr(config, name) for name in same_real} | {

@@ -22,49 +22,30 @@ from slip_detector.parameters.detector import ChainConfig
 
 # The first slots of a tile's state. Three of them have one number for all channels, in lane 0 of
 # the first tile: the common mode of the last row, and the remaining rows of the hold times of an
-# impact and of contact. The parts of :class:`StateLayout` begin behind the first slots.
+# impact and of contact. The other parts begin behind these slots.
 LAST, REPEATS, FIRST, HELD, COMMON_V, HOLD_ROWS, CONTACT_ROWS = range(7)
 AGE, FLOOR, EVIDENCE, HELD_EVIDENCE, FIRST_SLOTS = range(7, 12)
 
 
-class StateLayout(NamedTuple):
-    """The slots of a tile's state in which the parts begin whose lengths depend on the chain.
-
-    The first slot of comb, windows and steps has the position within the period, in lane 0.
-
-    Attributes
-    ----------
-    delay_slot : int
-        Delays of the filters, two slots for each section.
-    comb_slot : int
-        Rows of a mains period.
-    envelope_slot, level_slot : int
-        The windows of the envelope and of its mean: position, head, and the tails.
-    low_slot : int
-        Delays of the filters of the low level, then its window; empty if no stage needs it.
-    steps_slot : int
-        Samples of earlier rows; empty if impacts are no steps over several rows.
-    slots : int
-        Number of all slots.
-    """
-
-    delay_slot: int
-    comb_slot: int
-    envelope_slot: int
-    level_slot: int
-    low_slot: int
-    steps_slot: int
-    slots: int
+#: The slots in which the parts of a tile's state begin whose lengths depend on the chain, and the
+#: number of all slots. The parts are the delays of the filters, two for each section; the rows of
+#: a mains period; the windows of the envelope and of its mean, with position, head and tails;
+#: the delays of the filters of the low level and its window; and samples of earlier rows, for the
+#: steps of impacts. A part that no stage needs is empty. The first slot of a period, of a window
+#: and of steps has the position, in lane 0.
+SLOTS = (
+    'delay_slot', 'comb_slot', 'envelope_slot', 'level_slot', 'low_slot', 'steps_slot', 'slots',
+)  # fmt: skip
 
 
-def state_layout(config: ChainConfig, sections: int, low_sections: int) -> StateLayout:
-    """Return the layout of a tile's state for filters of so many sections."""
+def state_layout(config: ChainConfig, sections: int, low_sections: int) -> dict[str, int]:
+    """Return the layout of a tile's state for filters of so many sections, by :data:`SLOTS`."""
     window = config.samples(config.envelope_window_s) + 3
     mean_window = config.samples(config.decision_window_s) + 3 if config.decision == 'mean' else 0
     low = 2 * low_sections + window if low_sections else 0
     steps = config.impact_rows + 1 if config.impact_rows else 0
     lengths = 2 * sections, config.mains_rows + 1, window, mean_window, low, steps
-    return StateLayout(*itertools.accumulate(lengths, initial=FIRST_SLOTS))
+    return dict(zip(SLOTS, itertools.accumulate(lengths, initial=FIRST_SLOTS), strict=True))
 
 
 class FlagLayout(NamedTuple):

@@ -352,7 +352,7 @@ def check_memory(config: ChainConfig, kept_s: float = 0.0) -> None:
     ValueError
         When they need more than :data:`MEMORY_SHARE` of the machine's memory.
     """
-    slots = state_layout(config, len(design(config)), len(design_low(config))).slots
+    slots = state_layout(config, len(design(config)), len(design_low(config)))['slots']
     kept = config.channels * config.sample_rate_hz * kept_s
     needed = 8 * (float(tiles_of(config.channels) * LANES) * slots + kept)
     allowed = MEMORY_SHARE * os.sysconf('SC_PAGE_SIZE') * os.sysconf('SC_PHYS_PAGES')
