@@ -16,7 +16,6 @@
 
 import fcntl
 import os
-import resource
 import shutil
 import subprocess
 import sys
@@ -40,6 +39,7 @@ from slip_detector.compiled import (
     square_root,
     store,
 )
+from support.limits import full_disk
 
 PACKAGE = Path(compiled.__file__).parent
 
@@ -92,18 +92,18 @@ class CopiedPackage:
         self.inner.write_text(INNER.format(1.0))
         self.cache = package / '__pycache__'
 
-    def start(self, *words, **options):
+    def start(self, *words):
         """Start a process that prints a mean, and how many functions were in the cache."""
         environment = {**os.environ, 'NUMBA_CACHE_DIR': '', 'XDG_CACHE_HOME': '/dev/null/none'}
         # Python's own cache tells files apart by size and by second: a test is too quick for it.
         return subprocess.Popen(
             [sys.executable, '-B', '-m', 'slip_detector.outer', *words], cwd=self.folder,
-            env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options,
+            env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
         )  # fmt: skip
 
-    def run(self, *words, **options):
+    def run(self, *words):
         """Return what a process prints, and in which lines it says more than that it compiles."""
-        printed, said = self.start(*words, **options).communicate()
+        printed, said = self.start(*words).communicate()
         lines = [line for line in said.splitlines() if not line.startswith('compiling ')]
         return [*printed.split(), *lines]
 
@@ -168,11 +168,9 @@ def test_processes_that_start_at_once_on_an_empty_cache_all_leave_what_they_comp
 
 
 def test_without_a_cache_that_can_be_written_it_is_compiled_in_memory_and_said(package):
-    def full_disk():
-        resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))
-
     why = 'compiled code is not kept (/dev/null/none/slip_detector: Not a directory)'
-    assert package.run(preexec_fn=full_disk) == ['2.0', '0', f'{why}: each start compiles']
+    with full_disk(100):
+        assert package.run() == ['2.0', '0', f'{why}: each start compiles']
     shutil.rmtree(package.cache)
     package.cache.touch()
     assert package.run() == ['2.0', '0', f'{why}: each start compiles']
