@@ -30,39 +30,39 @@ Every operation is rounded as IEEE 754 demands, and a multiplication is never fu
 addition: with and without Numba, and on any processor, the bits are the same.
 """
 
+import contextlib
+import fcntl
 import functools
-import hashlib
 import inspect
+import json
 import logging
 import operator
 import os
-import pickle
+import shutil
+import sys
+import tempfile
 import time
 import zlib
 from collections import namedtuple
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import IO, Any, ClassVar
 
 import numpy as np
 
-from slip_detector.parameters.files import CACHE, whole_file
+from slip_detector.parameters.files import CACHE
 from slip_detector.parameters.sets import ParameterSet
 
 LOG = logging.getLogger(__name__)
 
-# Without an absolute one Numba would make a folder ``~`` in the working directory.
-os.environ['XDG_CACHE_HOME'] = CACHE
-
 try:
-    from numba import __version__ as numba_version
-    from numba import njit, typeof
-    from numba.core.caching import FunctionCache
-    from numba.core.serialize import dumps
+    import llvmlite.binding
+    import numba
+    from numba import config, njit, typeof
+    from numba.core import event
 
     COMPILED = True
 except ImportError:  # not every robot has Numba
-    numba_version = ''
     COMPILED = False
     LOG.warning('Numba is not installed: all runs interpreted, slower, with the same decisions')
 
@@ -70,25 +70,16 @@ except ImportError:  # not every robot has Numba
 #: one half while it waits for the result of the other.
 LANES = 16
 
-
-def _fingerprint() -> str:
-    """Return a checksum of Numba's version and of all files that have compiled functions."""
-    number = zlib.crc32(numba_version.encode())
-    for path in sorted(Path(__file__).parent.rglob('*.py')):
-        source = path.read_bytes()
-        if b'@compiled' in source or b'@intrinsic' in source:
-            number = zlib.crc32(source, number)
-    return f'{number:08x}'
-
-
-FINGERPRINT = _fingerprint()
-
 #: Shortest time, in seconds, between two lines that say that functions are being compiled, and the
 #: time without one after which it begins anew.
 SAY_S, PAUSE_S = 10.0, 60.0
 
 #: When it was said that functions are being compiled, since that began.
 SAID_S: list[float] = []
+
+#: Beginning of the names of the folders with compiled code, the number of other ones that are
+#: kept, and the room in bytes that a new one needs.
+FOLDER, OTHERS_KEPT, ROOM = 'slip_detector-', 3, 50_000_000
 
 
 def _say_that_it_compiles(module: str) -> None:
@@ -101,63 +92,111 @@ def _say_that_it_compiles(module: str) -> None:
         LOG.warning('compiling %s, only the first time: %.0f s so far', module, now_s - SAID_S[0])
 
 
+def _fingerprint() -> str:
+    """Return a checksum of versions, processor and all files that have compiled functions."""
+    versions = sys.version, np.__version__, numba.__version__, llvmlite.__version__
+    number = zlib.crc32(repr((versions, llvmlite.binding.get_host_cpu_name())).encode())
+    for path in sorted(Path(__file__).parent.rglob('*.py')):
+        source = path.read_bytes()
+        if b'@compiled' in source or b'@intrinsic' in source:
+            number = zlib.crc32(source, number)
+    return f'{number:08x}'
+
+
 if COMPILED:
 
-    class _Cache(FunctionCache):  # type: ignore[misc]
-        """Numba's cache of a function, with one file for each signature, compressed by zlib.
+    class _Cache(event.Listener):  # type: ignore[misc]
+        """The folder in which Numba keeps compiled code, with a list of the files' checksums.
 
-        That has a checksum: a file that is damaged counts as missing, and none of it is run.
+        Numba checks no file that it loads and no change in a file other than the function's own.
+        Therefore the name of the folder is a fingerprint, and a folder that differs from its list
+        is dropped. A lock, from the end of a compilation until Numba has written its result and
+        the list is complete, lets several processes use one folder.
         """
 
-        def __init__(self, function):
-            super().__init__(function)
-            self._cache_file = self  # What loads and saves.
+        def __init__(self, base: Path) -> None:
+            self.path = base / f'{FOLDER}{_fingerprint()}'
+            self._list, self._lock = self.path / 'checksums.json', base / 'slip_detector.lock'
+            self._locked: IO[str] | None = None
+            base.mkdir(parents=True, exist_ok=True)
+            with self._open_lock():
+                if not self._is_whole():
+                    LOG.warning('compiled code in %s is damaged and is dropped', self.path)
+                    shutil.rmtree(self.path)
+                if not self.path.exists():
+                    with tempfile.TemporaryFile(dir=base) as file:
+                        os.posix_fallocate(file.fileno(), 0, ROOM)
+                    others = sorted(base.glob(f'{FOLDER}*'), key=os.path.getmtime)
+                    for folder in others[:-OTHERS_KEPT]:
+                        shutil.rmtree(folder)
+                    self.path.mkdir()
+                os.utime(self.path)
 
-        def _path(self, key):
-            stamped = repr((key, self._impl.locator.get_source_stamp()))
-            digest = hashlib.sha256(stamped.encode()).hexdigest()[:16]
-            return Path(self.cache_path, f'{self._impl.filename_base}.{digest}.nbc')
+        def _open_lock(self) -> IO[str]:
+            """Return a file that no other process has open in this way until it is closed."""
+            file = open(self._lock, 'w')  # noqa: SIM115 - the caller closes it
+            fcntl.flock(file, fcntl.LOCK_EX)
+            return file
 
-        def load(self, key):
+        def _is_whole(self) -> bool:
+            """Return whether the files are those of the list; without files there is no list."""
             try:
-                return pickle.loads(zlib.decompress(self._path(key).read_bytes()))
-            except (OSError, zlib.error):
-                _say_that_it_compiles(self._py_func.__module__)
-                return None
-
-        def save(self, key, data):
-            try:
-                with whole_file(self._path(key)) as new:
-                    new.write_bytes(zlib.compress(dumps(data), level=1))
+                listed = json.loads(self._list.read_bytes())
+            except FileNotFoundError:
+                listed = {}
             except ValueError:
-                _say_not_kept(f'{self.cache_path} cannot be written')
+                return False
+            return bool(listed == self._sums())
 
+        def _sums(self) -> dict[str, int]:
+            """Return the checksums of Numba's files."""
+            files = self.path.rglob('*.nb[ci]')
+            return {str(p.relative_to(self.path)): zlib.crc32(p.read_bytes()) for p in files}
 
-@functools.cache
-def _say_not_kept(why: str) -> None:
-    """Say once that compiled code is not on disk, so that the next process compiles again."""
-    LOG.warning('compiled code is not kept (%s): each start compiles', why)
+        def on_start(self, event: Any) -> None:
+            """Say that a function of this package is compiled."""
+            if event.kind == 'numba:compile':
+                module = event.data['dispatcher'].__module__
+                if module.startswith('slip_detector.'):
+                    _say_that_it_compiles(module)
+
+        def on_end(self, event: Any) -> None:
+            """Lock the folder when a function is compiled, until Numba has written the result."""
+            if event.kind == 'numba:compile':
+                self._locked = self._open_lock()
+            elif self._locked:
+                # What could not be listed is dropped at the next start.
+                with self._locked, contextlib.suppress(OSError):
+                    self._list.write_text(json.dumps(self._sums()))
+                self._locked = None
+
+    def _open_cache() -> bool:
+        """Let Numba keep what it compiles; return False where no folder for it can be written."""
+        bases = [Path(__file__).parent / '__pycache__', Path(CACHE, 'slip_detector')]
+        for base in [Path(config.CACHE_DIR)] if config.CACHE_DIR else bases:
+            try:
+                cache = _Cache(base)
+            except OSError as error:
+                why = f'{base}: {error.strerror}'
+                continue
+            config.CACHE_DIR = str(cache.path)
+            event.register('numba:compile', cache)
+            event.register('numba:compiler_lock', cache)
+            return True
+        LOG.warning('compiled code is not kept (%s): each start compiles', why)
+        return False
+
+    IS_KEPT = _open_cache()
 
 
 def compiled(function: Callable[..., Any], **options: bool) -> Callable[..., Any]:
-    """Compile a function with Numba where it is installed, with a cache on disk.
-
-    Numba uses a cached function as long as its own file is unchanged, even where functions of
-    other files that are compiled into it have changed. Therefore the name in the cache depends on
-    all files with compiled functions and on Numba's version, and no cached function is stale.
-    """
+    """Compile a function with Numba where it is installed, with a cache on disk."""
     if not COMPILED:
         return function
-    function.__qualname__ += f'_{FINGERPRINT}'
     # error_model: Python's check of each divisor would take a tenth of a scene's time. _nrt:
     # without it Numba compiles a function with the setting of its caller.
-    common = {'error_model': 'numpy', '_nrt': True}
-    dispatcher: Any = njit(**common | options)(function)
-    try:
-        dispatcher._cache = _Cache(function)
-    except RuntimeError:
-        _say_not_kept('no folder for it can be written')
-    return dispatcher  # type: ignore[no-any-return]
+    common = {'cache': IS_KEPT, 'error_model': 'numpy', '_nrt': True}
+    return njit(**common | options)(function)  # type: ignore[no-any-return]
 
 
 #: Compiles a function that makes no array and no list, so that a call costs little: Numba counts
@@ -259,9 +298,9 @@ else:
         if isinstance(value.type, ir.VectorType):
             return value
         kind, index = ir.VectorType(value.type, LANES), ir.IntType(32)
-        one = builder.insert_element(ir.Constant(kind, ir.Undefined), value, index(0))
+        first = builder.insert_element(ir.Constant(kind, ir.Undefined), value, index(0))
         zeros = ir.Constant(ir.VectorType(index, LANES), [0] * LANES)
-        return builder.shuffle_vector(one, one, zeros)
+        return builder.shuffle_vector(first, first, zeros)
 
     def _of_vectors(result, emit):
         """Return the result type and a code generator for ``intrinsic``.

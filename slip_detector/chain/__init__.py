@@ -12,4 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The algorithm (the paper's Section 2): filters, kernel and votes, and the stamps of samples."""
+"""The algorithm (the paper's Section 2), from rows of volts to decisions.
+
+Other rooms use ``slip_chain`` (the chain), ``live_chain`` (a chain whose parameters change),
+``filters`` (the design), ``stamps`` (missing samples), ``samples`` (the container of rows),
+``layout`` (the order of flags) and ``watch`` (decisions that mean nothing). Nothing is imported
+here, so that rooms that need only the container load neither Numba nor SciPy.
+"""

@@ -14,8 +14,8 @@
 
 """The chain's filter network as second-order sections: design, response, and how long it settles.
 
-The chain assumes that the input was constant before its first row. If it was not, as after a gap
-during a slip, the first results are a response to that error and not to the signal, until the
+The chain assumes that the input was constant before its first row. Where the input was not, as
+after a gap during a slip, the first results respond to that error and not to the signal, until the
 chain has settled.
 """
 
@@ -47,8 +47,8 @@ SETTLED = 0.01
 #: Lower limit of the offset in the time that evidence takes to fall, which bounds that time.
 LEAST_OFFSET_DB = 0.5
 
-#: A floor that is not learnt begins at the first envelope. In noise alone that may be this far
-#: above the level where the floor settles.
+#: How far, in noise alone, the first envelope may be above the level where the floor settles. A
+#: floor that is not learnt begins at the first envelope.
 FIRST_FLOOR_DB = 5.0
 
 
@@ -77,14 +77,12 @@ def design(config: ChainConfig) -> Array:
     --------
     >>> design(ChainConfig()).shape
     (6, 6)
-    >>> design(ChainConfig(stopbands_hz=())).shape
-    (2, 6)
     """
     rate_hz, degree = config.sample_rate_hz, config.stopband_degree
-    of_ripple = config.stopband_ripple_db, config.stopband_attenuation_db
+    ripple_db = config.stopband_ripple_db, config.stopband_attenuation_db
     filters = [_filter('passband_hz', rate_hz, config.passband_hz, config.passband_degree)]
     for edges_hz in config.stopbands_hz:
-        filters.append(_filter('stopbands_hz', rate_hz, edges_hz, degree, *of_ripple))
+        filters.append(_filter('stopbands_hz', rate_hz, edges_hz, degree, *ripple_db))
     sections = np.concatenate(filters)
     sections[0, :3] *= config.gain
     return sections
@@ -107,26 +105,29 @@ def design_low(config: ChainConfig) -> Array:
 
 @functools.lru_cache(maxsize=256)
 def _filter(
-    name: str, rate_hz: float, edges_hz: tuple[float, ...], degree: int, *of_ripple: float
+    name: str, rate_hz: float, edges_hz: tuple[float, ...], degree: int, *ripple_db: float
 ) -> Array:
-    """Design a band-pass, or a stop-band with ripple and attenuation; refuse one that is lost."""
+    """Design a band-pass, or a stop-band with ripple and attenuation.
+
+    A design that is lost to round-off is refused.
+    """
     # A late import: it takes longer than loading everything else that a node needs.
     from scipy import signal
 
     form = {'output': 'sos', 'fs': rate_hz}
-    if of_ripple:
-        sections = signal.ellip(degree // 2, *of_ripple, edges_hz, 'bandstop', **form)
+    if ripple_db:
+        sections = signal.ellip(degree // 2, *ripple_db, edges_hz, 'bandstop', **form)
         # By SciPy's definition the passband of an elliptic filter ends where the ripple does.
-        gain = 10 ** (-of_ripple[0] / 20)
+        gain = 10 ** (-ripple_db[0] / 20)
     else:
-        edges_hz, kind = (edges_hz, 'bandpass') if edges_hz[1] else (edges_hz[:1], 'highpass')
-        sections = signal.butter(degree // len(edges_hz), np.squeeze(edges_hz), kind, **form)
+        edges_hz, band = (edges_hz, 'bandpass') if edges_hz[1] else (edges_hz[:1], 'highpass')
+        sections = signal.butter(degree // len(edges_hz), np.squeeze(edges_hz), band, **form)
         # At the edges of a Butterworth filter the power is halved.
         gain = np.sqrt(0.5)
     radius = largest_pole_radius(sections)
-    measured = np.abs(response(sections, np.array(edges_hz), rate_hz))
-    lost = not np.all(np.abs(measured - gain) <= EDGE_TOLERANCE * gain)
-    if radius > 1 - STABILITY_MARGIN or lost or round_off(sections) > LARGEST_ROUND_OFF:
+    designed = np.abs(signal.sosfreqz(sections, np.array(edges_hz), fs=rate_hz)[1])
+    is_off = not np.all(np.abs(designed - gain) <= EDGE_TOLERANCE * gain)
+    if radius > 1 - STABILITY_MARGIN or is_off or round_off(sections) > LARGEST_ROUND_OFF:
         edges = ' and '.join(f'{edge:g}' for edge in edges_hz)
         raise ValueError(
             f'parameter {name}: the filter with edges at {edges} Hz is lost to round-off at '
@@ -166,28 +167,13 @@ def round_off(sections: Array) -> float:
     return worst
 
 
-def response(sections: Array, frequency_hz: Array, rate_hz: float) -> NDArray[np.complex128]:
-    """Return the network's complex gain at the given frequencies.
-
-    Examples
-    --------
-    >>> gain = response(design(ChainConfig(gain=1.0)), np.array([7.0, 18.7]), rate_hz=380.0)
-    >>> abs(gain).round(2)
-    array([0.71, 1.  ])
-    """
-    from scipy import signal
-
-    gain: NDArray[np.complex128] = signal.sosfreqz(sections, frequency_hz, fs=rate_hz)[1]
-    return gain
-
-
 def settling_rows(config: ChainConfig) -> int:
     """Return the number of rows in which filters, windows, evidence and floors settle.
 
     After these rows the response of the filters to a step at the first row has fallen below
-    :data:`SETTLED` of its peak, and larger values have left the windows. The response begins only
-    after the rows of the mains comb, whose output is 0 before. Evidence has fallen from its limit,
-    and a floor that is not learnt by :data:`FIRST_FLOOR_DB`, unless its rate is 0.
+    :data:`SETTLED` of its peak, and larger values have left the windows. The response begins after
+    the rows of the mains comb, in which its output is 0. Evidence has fallen from its limit, and a
+    floor that is not learnt by :data:`FIRST_FLOOR_DB`, unless the rate of floors is 0.
 
     Raises
     ------
@@ -198,8 +184,6 @@ def settling_rows(config: ChainConfig) -> int:
     --------
     >>> settling_rows(ChainConfig())  # 0.43 s: 134 for the filters, 15 for each window
     164
-    >>> settling_rows(ChainConfig(stopbands_hz=()))
-    94
     >>> evidence = ChainConfig(decision='evidence', noise_floor=1e-3, noise_floor_learnt=True)
     >>> settling_rows(evidence)  # 134, 15 for the envelope, 141 for the evidence
     290

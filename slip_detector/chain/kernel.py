@@ -14,10 +14,10 @@
 
 """The kernel: all stages of the chain over rows of volts, from samples to decisions.
 
-It is plain Python that Numba compiles; without Numba the same functions run interpreted, with the
-same bits. The kernel processes channels in tiles of sixteen (:data:`.LANES`) and rows in blocks of
-at most 64, so that the data of a block stay in the first-level cache. No result of a row depends
-on where a block or a call begins, so any cut of the rows gives the same bits.
+Numba compiles it; without Numba the same functions run interpreted, with the same bits. The
+kernel processes channels in tiles of sixteen (:data:`.LANES`) and rows in blocks of at most 64, so
+that the data of a block stay in the first-level cache. No result of a row depends on where a block
+or a call begins, so any cut of the rows gives the same bits.
 """
 
 from collections.abc import Sequence
@@ -45,7 +45,8 @@ from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
 
 Words = NDArray[np.uint64]
 
-#: Rows whose samples are checked before the other stages begin, as that fetches them into caches.
+#: Rows whose samples are checked before the other stages begin: the check fetches them into
+#: caches.
 CHUNK_ROWS = 8 * WORD_ROWS
 
 
@@ -53,8 +54,8 @@ class Plan(NamedTuple):
     """All inputs of the kernel except samples and state, and its working memory.
 
     There are t tiles of c columns, g groups and v votes whose statistic is wanted. The working
-    memory is that of one block of rows of all columns; it has b blocks of tiles: all, if those
-    wait for the contact or the common excess of all channels, else one.
+    memory is for one block of rows. It has b blocks of a tile: one for each tile, if tiles wait
+    for the contact or the common excess of all channels, else one for all.
 
     Attributes
     ----------
@@ -71,7 +72,7 @@ class Plan(NamedTuple):
     votes : ndarray of int, shape (v,)
         The votes whose statistic is wanted.
     blocks, low : ndarray, shape (b, 64, 16)
-        Rows of a tile, which the stages replace in place, and what activity asks of their floors.
+        Rows of a tile, which the stages replace in place, and the floors by activity, in dB.
     common_v, common_db : ndarray, shape (64,)
         Common mode and common excess of each row.
     words : ndarray of words, shape (8, 5, c)
@@ -81,7 +82,7 @@ class Plan(NamedTuple):
     digits : ndarray of words
         Digits for counting channels.
     by_channel : ndarray, shape (c, 64)
-        For the common mode and for the votes; empty if these do not need it.
+        Rows of each channel for common mode and votes; empty if these do not need them.
     statistics : ndarray, shape (v or 1, 64)
         Statistic of each vote.
     """
@@ -146,42 +147,37 @@ def plan_of(
 def _settings_of(config: ChainConfig, sections: Floats, low_sections: Floats) -> NDArray[np.void]:
     """Return the parameters as the kernel reads them: numbers in a record.
 
-    Without mains, impacts, evidence, contact, activity or common excess that of ``mains_rows``,
-    ``impact_v``, ``evidence``, ``contact_channels``, ``activity_cap_db`` or ``common_rank`` is 0.
+    ``mains_rows``, ``impact_v``, ``evidence``, ``contact_channels``, ``activity_cap_db`` and
+    ``common_rank`` are 0 where the chain has no such stage.
     """
     evidence = config.decision == 'evidence'
     low = len(config.low_band_hz) > 0
-    # The kernel leaves the gain of the low band and the mean of its window to what uses them.
+    # The kernel has neither the gain of the low band nor the mean of its window.
     low_gain = low_sections[0, 0] / np.sqrt(config.samples(config.envelope_window_s)) if low else 1
     up_db, down_db = stages.floor_steps_db(config.noise_floor_rate_db_s, config.sample_rate_hz)
-    whole = {
-        'channels': config.channels,
+    same_whole = 'channels', 'exponent', 'mains_rows', 'impact_channels', 'impact_rows'
+    same_real = (
+        'threshold', 'noise_floor_range_db', 'evidence_cap_db', 'evidence_offset_db',
+        'evidence_limit_db_s',
+    )  # fmt: skip
+    whole = {name: getattr(config, name) for name in same_whole} | {
         'common_mode': COMMON_MODES.index(config.common_mode),
         'full_wave': config.rectify == 'full',
-        'exponent': config.exponent,
         'vote': vote_numbers([config.vote])[0],
         'envelope_rows': config.samples(config.envelope_window_s),
         'level_rows': config.samples(config.decision_window_s),
-        'mains_rows': config.mains_rows,
         'evidence': evidence,
-        'impact_channels': config.impact_channels,
-        'impact_rows': config.impact_rows,
         'hold_rows': config.samples(config.impact_hold_s),
         'contact_channels': config.contact_channels if low and config.contact_level_v else 0,
         'contact_rows': config.samples(config.contact_hold_s),
         'common_rank': config.common_rank if evidence else 0,
-        **state_layout(config, len(sections), len(low_sections))._asdict(),
+        **state_layout(config, len(sections), len(low_sections)),
         **flag_layout(config)._asdict(),
     }
-    real = {
+    real = {name: getattr(config, name) for name in same_real} | {
         'flat_rows': config.samples(config.flat_after_s) if config.flat_after_s else np.inf,
-        'threshold': config.threshold,
-        'noise_floor_range_db': config.noise_floor_range_db,
         'floor_up_db': up_db,
         'floor_down_db': down_db,
-        'evidence_cap_db': config.evidence_cap_db,
-        'evidence_offset_db': config.evidence_offset_db,
-        'evidence_limit_db_s': config.evidence_limit_db_s,
         'period_s': 1.0 / config.sample_rate_hz,
         'impact_v': config.impact_v if evidence else 0.0,
         'contact_v2': (config.contact_level_v / low_gain) ** 2,
@@ -261,24 +257,24 @@ def run(volts, flags, signals, tiles, plan, wanted):
     flags
         Output of decisions, shape (n, at least 16), see :class:`.FlagLayout`.
     signals
-        Output of envelope, level, floor and excess, as far as they are wanted, each with as many
+        Output of those of envelope, level, floor and excess that are wanted, each with as many
         columns as ``volts``; then the statistics of v votes (above 1: ON), one column each.
     tiles
         The state, shape (t, slots, 16).
     plan
         A :class:`Plan`.
     wanted
-        Which of envelope, level, floor and excess are.
+        Which of envelope, level, floor and excess are wanted.
     """
     settings, width = plan.settings[0], volts.shape[1]
     level_at = width * wanted[stages.ENVELOPE]
     floor_at = level_at + width * wanted[stages.LEVEL]
     excess_at = floor_at + width * wanted[stages.EFFECTIVE]
     statistics_at = excess_at + width * wanted[stages.EXCESS]
-    out = stages.Kept(signals, wanted, (0, level_at, floor_at, excess_at))
+    out = stages.Output(signals, wanted, (0, level_at, floor_at, excess_at))
     gated, shared = settings.contact_channels > 0, settings.common_rank > 0
-    # Tiles that wait for the contact or the common excess of all channels take each stage
-    # together, in a block each; others take all stages one after the other, in the same block.
+    # Where tiles wait for the contact or the common excess of all channels, all tiles take a stage
+    # before the next one begins, each in its own block. Else each tile takes all stages in turn.
     waits = gated or shared
     together = plan.active.size if waits else 1
     held, contact, touch = NO_ROW, ~NO_ROW, ~NO_ROW
@@ -292,7 +288,6 @@ def run(volts, flags, signals, tiles, plan, wanted):
                 )
         words = plan.words[w]
         valid = words[stages.VALID]
-        # What needs all channels of a row is between the stages of each channel.
         if settings.impact_v > 0.0:
             held = votes.rows_of_impact(rows, settings, plan, words[stages.STEPS], tiles)
         if settings.common_mode != NO_COMMON_MODE:

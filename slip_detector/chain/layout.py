@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where the parts of the chain's state are, and the flags of a row: each is counted only here."""
+"""The layout of the chain's state and of the flags of a row."""
 
 import itertools
 from typing import NamedTuple
@@ -22,53 +22,34 @@ from slip_detector.parameters.detector import ChainConfig
 
 # The first slots of a tile's state. Three of them have one number for all channels, in lane 0 of
 # the first tile: the common mode of the last row, and the remaining rows of the hold times of an
-# impact and of contact. The parts of :class:`StateLayout` begin behind these.
+# impact and of contact. The other parts begin behind these slots.
 LAST, REPEATS, FIRST, HELD, COMMON_V, HOLD_ROWS, CONTACT_ROWS = range(7)
-AGE, FLOOR, EVIDENCE, HELD_EVIDENCE, NUMBERS = range(7, 12)
+AGE, FLOOR, EVIDENCE, HELD_EVIDENCE, FIRST_SLOTS = range(7, 12)
 
 
-class StateLayout(NamedTuple):
-    """The slots of a tile's state in which its parts begin, whose lengths depend on the chain.
-
-    Of comb, windows and steps the first slot has, in lane 0, the position within the period.
-
-    Attributes
-    ----------
-    delay_slot : int
-        Delays of the filters, two slots for each section.
-    comb_slot : int
-        Rows of a mains period.
-    envelope_slot, level_slot : int
-        The windows of the envelope and of its mean: position, head, and the tails.
-    low_slot : int
-        Delays of the filters of the low level, then its window; nothing if it is not needed.
-    steps_slot : int
-        Samples of earlier rows; nothing if impacts are no steps over several rows.
-    slots : int
-        Number of all slots.
-    """
-
-    delay_slot: int
-    comb_slot: int
-    envelope_slot: int
-    level_slot: int
-    low_slot: int
-    steps_slot: int
-    slots: int
+#: The slots in which the parts of a tile's state begin whose lengths depend on the chain, and the
+#: number of all slots. The parts are the delays of the filters, two for each section; the rows of
+#: a mains period; the windows of the envelope and of its mean, with position, head and tails;
+#: the delays of the filters of the low level and its window; and samples of earlier rows, for the
+#: steps of impacts. A part that no stage needs is empty. The first slot of a period, of a window
+#: and of steps has the position, in lane 0.
+SLOTS = (
+    'delay_slot', 'comb_slot', 'envelope_slot', 'level_slot', 'low_slot', 'steps_slot', 'slots',
+)  # fmt: skip
 
 
-def state_layout(config: ChainConfig, sections: int, low_sections: int) -> StateLayout:
-    """Return the layout of a tile's state for filters of so many sections."""
+def state_layout(config: ChainConfig, sections: int, low_sections: int) -> dict[str, int]:
+    """Return the layout of a tile's state for filters of so many sections, by :data:`SLOTS`."""
     window = config.samples(config.envelope_window_s) + 3
     mean_window = config.samples(config.decision_window_s) + 3 if config.decision == 'mean' else 0
     low = 2 * low_sections + window if low_sections else 0
     steps = config.impact_rows + 1 if config.impact_rows else 0
     lengths = 2 * sections, config.mains_rows + 1, window, mean_window, low, steps
-    return StateLayout(*itertools.accumulate(lengths, initial=NUMBERS))
+    return dict(zip(SLOTS, itertools.accumulate(lengths, initial=FIRST_SLOTS), strict=True))
 
 
 class FlagLayout(NamedTuple):
-    """The columns of flags: slip in column 0, and where the other kinds of flags begin."""
+    """The columns of flags: slip in column 0, and where groups and channels begin."""
 
     groups_at: int
     can_vote_at: int
@@ -85,16 +66,16 @@ def flag_layout(config: ChainConfig) -> FlagLayout:
 
 
 def flag_names(config: ChainConfig) -> list[tuple[str, str]]:
-    """Return what each column of flags is: its kind, and the name of the group or channel.
+    """Return for each column of flags what it says, and of which group or channel.
 
     Examples
     --------
     >>> flag_names(ChainConfig(channels=1, groups={'tip': [1]}))
     [('slip', ''), ('group', 'tip'), ('can_vote', 'tip'), ('channel', 'ch1'), ('valid', 'ch1')]
     """
-    of_groups = [(kind, name) for kind in ('group', 'can_vote') for name in config.groups]
-    of_channels = [(kind, name) for kind in ('channel', 'valid') for name in config.names]
-    return [('slip', ''), *of_groups, *of_channels]
+    groups = [(flag, name) for flag in ('group', 'can_vote') for name in config.groups]
+    channels = [(flag, name) for flag in ('channel', 'valid') for name in config.names]
+    return [('slip', ''), *groups, *channels]
 
 
 def tiles_of(channels: int) -> int:

@@ -28,25 +28,26 @@ from slip_detector.chain.watch import Found, Watch
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.fields import names_that_affect
 
-#: Time for which rows are kept; a new chain starts with them. The slowest response of the paper's
-#: filters falls to a thousandth in two seconds. As many rows at rest are kept during slip.
+#: Time for which rows are kept, with which a new chain starts. The slowest response of the paper's
+#: filters falls to a thousandth in two seconds. During slip as many rows at rest are kept, too.
 HISTORY_S = 5.0
 
-#: Most pieces of rows that are kept until the chain is looked at.
+#: Most pieces of rows that are kept for the next look.
 MOST_UNSEEN = 10_000
 
 #: Parameters that can change at once, as the state of the chain does not depend on them.
 DECISION_PARAMETERS = names_that_affect(ChainConfig, 'decision')
 
-#: What parts of the state depend on: a decision that needs others cannot change at once.
-PARTS = {'low_band_hz', 'impact_rows'}
+#: Properties on which the layout of the state depends. A decision that changes one of them needs a
+#: new chain.
+LAYOUT_PROPERTIES = {'low_band_hz', 'impact_rows'}
 
 #: A chain is built when no other change has followed for this time: parameters that come one by
 #: one are complete then. Where they never end, this is the longest time from the first one. What
 #: comes while a chain is built is for the next one.
 GATHER_S, GATHER_AT_MOST_S = 0.5, 10.0
 
-#: Parameters after whose change the kept rows cannot be used; some are the detector's: another
+#: Parameters after whose change the kept rows cannot be used. Some belong to the detector: another
 #: field of a message is another signal.
 INPUT_PARAMETERS = names_that_affect(DetectorConfig, 'input')
 
@@ -54,9 +55,9 @@ INPUT_PARAMETERS = names_that_affect(DetectorConfig, 'input')
 class LiveChain:
     """A :class:`SlipChain` for a stream of rows, whose configuration can be replaced.
 
-    Rows may come in one thread while another changes the configuration: no row waits for the
-    design of filters or for a new chain. :meth:`change` orders a chain, and :meth:`swap` replaces
-    the running one by it, between two rows.
+    Rows may come in one thread while another thread changes the configuration: no row waits for
+    the design of filters or for a new chain. :meth:`change` orders a chain, and :meth:`swap` puts
+    it in place of the running chain, between two rows.
 
     When only parameters of the decision change (threshold, vote, groups, ..., and those of floors,
     evidence, contact and impacts), the new chain is ready at once and takes over the state of the
@@ -74,8 +75,7 @@ class LiveChain:
     Attributes
     ----------
     unsettled_rows : int
-        In this many of the next rows slip may come ON because the configuration changed, and not
-        because slip begins.
+        Number of the next rows in which slip may come ON because the configuration changed.
 
     Examples
     --------
@@ -91,14 +91,14 @@ class LiveChain:
         self.unsettled_rows = 0
         self._chain = SlipChain(config)
         self._watch = Watch(self._chain)
-        # The rows since the last look, and what was made of them.
+        # The rows since the last look, with their results.
         self._unseen: deque[tuple[NDArray[np.float64], SlipResult]] = deque(maxlen=MOST_UNSEEN)
         # Rows wait for this lock: nothing may hold it for long.
         self._lock = threading.Lock()
         self._history: deque[NDArray[np.float64]] = deque()
         self._rows_in_history = 0
         self._kept_rows = config.samples(HISTORY_S)
-        # The history when slip last came ON, if it had none until then, and the rows since slip.
+        # The history when slip last came ON, if there was no slip in it, and the rows since slip.
         self._rest: list[NDArray[np.float64]] = []
         self._rows_at_rest = 0
         # Waits for other changes, then builds the chain that was ordered last: one at a time.
@@ -178,7 +178,7 @@ class LiveChain:
         Returns
         -------
         bool
-            False if none is ready, or it has been swapped in already.
+            False if no chain is ready that has not been swapped in already.
         """
         with self._lock:
             if self._ready is None:
@@ -190,7 +190,7 @@ class LiveChain:
                 return True
             if differ <= DECISION_PARAMETERS:
                 chain.state = self._chain.state
-                # An hour later these would go on.
+                # A hold time that is left would go on when its stage is switched on again.
                 if not config.impact_v:
                     chain.state[0, HOLD_ROWS, 0] = 0.0
                 if not config.contact_level_v:
@@ -202,7 +202,7 @@ class LiveChain:
                     floors = chain.state[:, FLOOR].copy()
                     rows = np.concatenate(list(self._history))
                     chain.update(rows, envelope=False, level=False)
-                    # They are those of now, not of the first of these rows.
+                    # The floors are those after the last of these rows.
                     np.copyto(chain.state[:, FLOOR], floors, where=~np.isnan(floors))
                 settling -= self._rows_in_history
             self._chain, self._watch = chain, Watch(chain)
@@ -214,7 +214,8 @@ class LiveChain:
 
     def _differ(self, config: DetectorConfig) -> set[str]:
         """Return the parameters of the chain and its input that differ from the running ones."""
-        names, old = INPUT_PARAMETERS | PARTS | {*ChainConfig.__dataclass_fields__}, self.config
+        names = INPUT_PARAMETERS | LAYOUT_PROPERTIES | {*ChainConfig.__dataclass_fields__}
+        old = self.config
         return {name for name in names if getattr(old, name, None) != getattr(config, name, None)}
 
     def _build(self, config: DetectorConfig) -> None:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Rows of volts and what belongs to them, from the source to chain, evaluation and page."""
+"""Rows of volts with times, labels and names, from the source to chain, evaluation and page."""
 
 from typing import Any, NamedTuple
 
@@ -33,37 +33,35 @@ class Samples(NamedTuple):
     ----------
     volts : ndarray, shape (n, c)
     stamps_ns : ndarray of int, shape (n,)
-        Time at which each sample was taken; empty where that is not known.
+        Time at which each sample was taken; empty if unknown.
     truth : ndarray of bool, shape (n,), or None
-        The label: whether there is slip, if that is known.
+        The label: whether there is slip; None if unknown.
     position_m : ndarray, shape (n,), or None
-        Position of the platform or the object, if known. It is written to recordings; in a bag
+        Position of the platform or the object; None if unknown. Recordings have it, and in a bag
         it can be the label.
     moving : ndarray of bool, shape (n,), or None
-        Whether the robot moves, where that is known.
+        Whether the robot moves; None if unknown.
     certain : ndarray of bool, shape (n,), or None
-        Whether the label is certain: not within ``accuracy_s`` of one of its changes; None: in
-        all rows.
+        Whether the label is certain, that is, not within ``accuracy_s`` of one of its changes;
+        None: in all rows.
     row_numbers : ndarray of int, shape (n,), or None
-        Number of each row in its recording, from 0; a row that bridges a gap has the number of
+        Number of each row in its recording, from 0. A row that bridges a gap has the number of
         the last row before the gap.
     new_stretch : bool
         Whether the chain must be reset before these rows, as after a long gap.
     accuracy_s : float
-        How exact the times of the label's changes are; 0: exact.
+        Largest error of the times at which the label changes; 0: exact.
     kind : str
         The kind of a recording in which nothing slides, see :mod:`.recordings.labels`.
     names : tuple of str
-        Names of the channels; empty if they are not known.
+        Names of the channels; empty if unknown.
     frame_id : str
-        Frame of the fingertip; empty if it is not known.
+        Frame of the fingertip; empty if unknown.
 
     Examples
     --------
     >>> import numpy as np
     >>> samples = Samples(np.zeros((3, 16)), np.array([0, 10, 20]))
-    >>> samples.take(slice(1, None)).stamps_ns.tolist()
-    [10, 20]
     >>> samples.take(slice(2)).then(samples.take(slice(2, None))).stamps_ns.tolist()
     [0, 10, 20]
     """
@@ -85,13 +83,7 @@ class Samples(NamedTuple):
     def evenly(
         cls, volts: ArrayLike, sample_rate_hz: float, truth: ArrayLike, **columns: Any
     ) -> 'Samples':
-        """Return labelled rows of volts that are evenly spaced from the time 0 on.
-
-        Examples
-        --------
-        >>> Samples.evenly(np.zeros((3, 16)), 100.0, truth=[False, True, True]).stamps_ns
-        array([       0, 10000000, 20000000])
-        """
+        """Return labelled rows of volts that are evenly spaced from the time 0 on."""
         rows = np.asarray(volts, np.float64)
         stamps_ns = np.rint(np.arange(len(rows)) * 1e9 / sample_rate_hz).astype(np.int64)
         return cls(rows, stamps_ns, np.asarray(truth, np.bool_), **columns)

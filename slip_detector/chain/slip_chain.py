@@ -28,14 +28,14 @@ from slip_detector.chain.stamps import StampGrid
 from slip_detector.compiled import LANES
 from slip_detector.parameters.detector import ChainConfig
 
-#: What a result may have beside decisions, in the order of the kernel.
+#: The signals that a result may have beside decisions, in the order of the kernel.
 SIGNALS = ('envelope', 'level', 'floor', 'excess')
 
-#: A constant, as the look-up takes longer than making an array.
-BOOL_TYPE = np.dtype(np.bool_)
+#: Constants, as the look-up takes as long as making an array.
+BOOL_TYPE, FLOAT_TYPE = np.dtype(np.bool_), np.dtype(np.float64)
 
 #: Share of the memory that a chain may take; while parameters change there are two chains.
-SHARE = 0.25
+MEMORY_SHARE = 0.25
 
 
 class SlipResult:
@@ -55,7 +55,8 @@ class SlipResult:
         self, flags: Bools, signals: Floats, layout: FlagLayout, kept: tuple[bool, ...]
     ) -> None:
         # Both arrays have columns of whole tiles; ``kept`` says which of ``SIGNALS`` there are.
-        self._flags, self._signals, self._layout, self._kept = flags, signals, layout, kept
+        self._flags, self._signals = flags, signals
+        self._layout, self._kept = layout, kept
 
     @property
     def flags(self) -> Bools:
@@ -81,8 +82,8 @@ class SlipResult:
     def channels(self) -> Bools:
         """Whether the channel is ON; shape (n, c).
 
-        It is ON while its level is above the threshold; with evidence it stays ON until the level
-        falls to half the threshold.
+        A channel is ON while its level is above the threshold; with evidence it stays ON until the
+        level falls to half the threshold.
         """
         return self._flags[:, self._layout.channels_at : self._layout.valid_at]
 
@@ -98,7 +99,7 @@ class SlipResult:
 
     @property
     def level(self) -> Floats:
-        """The number that is compared with the threshold; shape (n, c).
+        """What is compared with the threshold; shape (n, c).
 
         It is the mean of the envelope, or the evidence in dB s.
         """
@@ -106,9 +107,9 @@ class SlipResult:
 
     @property
     def floor(self) -> Floats:
-        """The noise floor that counts, lifted by activity, in dB of the envelope's unit; (n, c).
+        """The noise floor, lifted by activity, in dB of the envelope's unit; shape (n, c).
 
-        It is the noise floor itself while the channel is not valid, and out of contact.
+        It is not lifted while the channel is not valid, and out of contact.
         """
         return self._columns('floor')
 
@@ -116,8 +117,8 @@ class SlipResult:
     def excess(self) -> Floats:
         """Excess of the envelope over the floor, within its limits, in dB; shape (n, c).
 
-        It is 0 before the windows are full, while the channel is not valid, out of contact, and
-        for ``impact_hold_s`` from an impact on.
+        The excess is 0 before the windows are full, while the channel is not valid, out of
+        contact, and for ``impact_hold_s`` from an impact on.
         """
         return self._columns('excess')
 
@@ -125,32 +126,29 @@ class SlipResult:
     def vote_statistic(self) -> Floats:
         """The decision statistic of each vote that was asked for; shape (n, v).
 
-        It is dimensionless, and above 1 exactly where ``slip`` would be ON with that vote. Of the
-        groups' numbers, which :mod:`slip_detector.chain.votes` describes, it is the largest,
-        divided by the threshold; a group that cannot vote has 0. With a threshold of 1 the
-        statistic has the unit of the level and serves any other threshold: it exceeds that
-        threshold exactly where a chain with that threshold has ``slip`` ON.
+        The statistic is above 1 exactly where ``slip`` would be ON with that vote. It is the
+        largest of the groups' numbers, which :mod:`slip_detector.chain.votes` describes, divided
+        by the threshold; a group that cannot vote has 0. The statistic of a chain with a threshold
+        of 1 exceeds another threshold exactly where a chain with that threshold has ``slip`` ON.
         """
-        return self._signals[:, self._width * sum(self._kept) :]
-
-    @property
-    def _width(self) -> int:
-        """Number of columns of a signal."""
-        return LANES * tiles_of(self._layout.flags - self._layout.valid_at)
+        return self._signals[:, self._first_column(len(SIGNALS)) :]
 
     def _columns(self, name: str) -> Floats:
-        number = SIGNALS.index(name)
-        if not self._kept[number]:
+        signal, channels = SIGNALS.index(name), self.valid.shape[1]
+        if not self._kept[signal]:
             raise ValueError(f'{name} was not kept: call update with {name}=True')
-        first = self._width * sum(self._kept[:number])
-        return self._signals[:, first:][:, : self._layout.flags - self._layout.valid_at]
+        return self._signals[:, self._first_column(signal) :][:, :channels]
+
+    def _first_column(self, signal: int) -> int:
+        """Return where a signal begins, behind those before it that are kept."""
+        return LANES * tiles_of(self.valid.shape[1]) * sum(self._kept[:signal])
 
 
 class SlipChain:
     """The chain with its state, for live nodes and for whole recordings.
 
-    A chain can be copied (``copy.deepcopy``) and saved (``pickle``) between two calls. Its
-    ``state`` holds everything that depends on earlier rows.
+    A chain can be copied (``copy.deepcopy``) and saved (``pickle``) between two calls. All that
+    depends on earlier rows is in its ``state``.
 
     Parameters
     ----------
@@ -178,9 +176,8 @@ class SlipChain:
         check_memory(config)
         self._votes: tuple[str | int, ...] = ()
         self._plan = kernel.plan_of(config, self._sections, self._low_sections, ())
-        self._layout, self._flags = _layout_of(config), flag_layout(config)
-        self._row_shape = (config.channels,)
-        self._columns = tiles_of(config.channels) * LANES
+        self._flags = flag_layout(config)
+        self._channels, self._columns = config.channels, tiles_of(config.channels) * LANES
         self._padded_flags = max(self._flags.flags, LANES)
         # The kernel does not write the columns of tiles without an enabled channel.
         self._new_signals = np.zeros if config.disabled_channels else np.empty
@@ -190,13 +187,13 @@ class SlipChain:
 
     def reset(self) -> None:
         """Forget all rows; the next row is treated as the first."""
-        own = self._layout
-        self.state = kernel.aligned((tiles_of(self.config.channels), own.slots, LANES))
+        slots = self._plan.settings[0]
+        self.state = kernel.aligned((tiles_of(self.config.channels), slots.slots, LANES))
         self.state[:, [layout.LAST, layout.FIRST]] = np.nan
-        self.state[:, own.comb_slot + 1 : own.envelope_slot] = np.nan
+        self.state[:, slots.comb_slot + 1 : slots.envelope_slot] = np.nan
         if self.config.mains_rows:
             self.state[:, layout.HELD] = np.nan
-        self.state[:, own.steps_slot + 1 :] = np.nan
+        self.state[:, slots.steps_slot + 1 :] = np.nan
         # NaN: a floor that is not learnt begins at the first envelope.
         learnt = self.config.decision == 'evidence' and self.config.noise_floor_learnt
         self.state[:, layout.FLOOR] = self._plan.limits[:, stages.LEAST_DB] if learnt else np.nan
@@ -204,13 +201,13 @@ class SlipChain:
     def restart(self) -> None:
         """Begin again after a gap: forget all rows, but keep the noise floors.
 
-        Whether there is contact is not known then. It is held as after a touch: in a still grip
-        nothing touches, and a slip that follows must not wait for it.
+        Whether there is contact is unknown after a gap. Contact is held as after a touch: in a
+        still grip nothing touches, and a slip that follows must not wait for a touch.
         """
         floors = self.state[:, layout.FLOOR].copy()
         self.reset()
         self.state[:, layout.FLOOR] = floors
-        self.state[0, layout.CONTACT_ROWS, 0] = self._plan.settings['contact_rows'][0]
+        self.state[0, layout.CONTACT_ROWS, 0] = self._plan.settings[0].contact_rows
 
     def take_floors(self, other: 'SlipChain', rest: ArrayLike) -> None:
         """Begin with noise floors that are as far below the level at rest as another chain's.
@@ -218,14 +215,14 @@ class SlipChain:
         Parameters
         ----------
         other
-            A chain on the same input. If it decides by evidence, its floors stay as they are.
+            A chain on the same input; one that decides by the mean has no floors.
         rest : array_like, shape (n, c)
-            Rows that show the level of both chains, if possible without slip. A channel that is
-            not valid in them keeps its floor here.
+            Rows that show the levels of both chains, if possible without slip. A channel that is
+            not valid in these rows keeps its floor.
         """
         below_db = _rest_db(other.config, rest) - other.floor_and_level_db()[0]
         below_db *= self.config.exponent / other.config.exponent
-        # Without another floor, one that is not learnt begins at the level.
+        # A floor that is unknown in the other chain, and not learnt, begins at the level.
         unknown_db = np.nan if self.config.noise_floor_learnt else 0.0
         below_db = np.where(np.isfinite(below_db), below_db, unknown_db)
         floors_db = _rest_db(self.config, rest) - below_db
@@ -243,7 +240,7 @@ class SlipChain:
         >>> chain.floor_and_level_db()[0]
         array([nan, nan])
         """
-        window, channels = self._layout.envelope_slot, self.config.channels
+        window, channels = self._plan.settings[0].envelope_slot, self.config.channels
         position = int(self.state[:, window, 0].max())  # 0 in a tile without enabled channels.
         power = self.state[:, window + 1] + self.state[:, window + 2 + position]
         with np.errstate(divide='ignore'):
@@ -261,8 +258,8 @@ class SlipChain:
             windows, threshold, decision and vote may differ; this one decides by the mean.
         """
         self.reset()
-        own = self._layout
-        kept = [*range(layout.HOLD_ROWS), *range(own.delay_slot, own.envelope_slot)]
+        slots = self._plan.settings[0]
+        kept = [*range(layout.HOLD_ROWS), *range(slots.delay_slot, slots.envelope_slot)]
         self.state[:, kept] = other.state[:, kept]
 
     def update(
@@ -308,21 +305,22 @@ class SlipChain:
         if votes is not self._votes and tuple(votes) != self._votes:
             self._plan = kernel.plan_of(self.config, self._sections, self._low_sections, votes)
             self._votes = tuple(votes)
-        rows = np.ascontiguousarray(volts, np.float64)
-        columns = self._columns
-        if rows.shape[1:] != self._row_shape:
-            allowed = f'(any, {self.config.channels})'
-            raise ValueError(f'volts has the shape {rows.shape}, allowed: {allowed}')
-        n = len(rows)
-        if self.config.channels < columns:
+        rows, columns = np.ascontiguousarray(volts, FLOAT_TYPE), self._columns
+        shape = rows.shape
+        if len(shape) != 2 or shape[1] != self._channels:
+            allowed = f'(any, {self._channels})'
+            raise ValueError(f'volts has the shape {shape}, allowed: {allowed}')
+        n, signal_columns = shape[0], columns * (envelope + level) + len(votes)
+        if floor or excess:
+            if self.config.decision != 'evidence':
+                raise ValueError('floor and excess are not kept, allowed: with decision: evidence')
+            signal_columns += columns * (floor + excess)
+        if shape[1] < columns:
             padded = np.zeros((n, columns))
-            padded[:, : self.config.channels] = rows
+            padded[:, : shape[1]] = rows
             rows = padded
-        if (floor or excess) and self.config.decision != 'evidence':
-            raise ValueError('floor and excess are not kept, allowed: with decision: evidence')
         flags = np.empty((n, self._padded_flags), BOOL_TYPE)
-        of_signals = columns * (envelope + level + floor + excess)
-        signals = self._new_signals((n, of_signals + len(votes)))
+        signals = self._new_signals((n, signal_columns))
         kept = envelope, level, floor, excess
         kernel.compiled_run()(rows, flags, signals, self.state, self._plan, kept)
         return SlipResult(flags, signals, self._flags, kept)
@@ -339,10 +337,6 @@ def _rest_db(config: ChainConfig, rows: ArrayLike) -> Floats:
         return 20.0 * np.log10(level)
 
 
-def _layout_of(config: ChainConfig) -> layout.StateLayout:
-    return state_layout(config, len(design(config)), len(design_low(config)))
-
-
 def check_memory(config: ChainConfig, kept_s: float = 0.0) -> None:
     """Check that a chain, and the rows that are kept for the next chain, fit into memory.
 
@@ -356,11 +350,12 @@ def check_memory(config: ChainConfig, kept_s: float = 0.0) -> None:
     Raises
     ------
     ValueError
-        When they need more than :data:`SHARE` of the machine's memory.
+        When they need more than :data:`MEMORY_SHARE` of the machine's memory.
     """
+    slots = state_layout(config, len(design(config)), len(design_low(config)))['slots']
     kept = config.channels * config.sample_rate_hz * kept_s
-    needed = 8 * (float(tiles_of(config.channels) * LANES) * _layout_of(config).slots + kept)
-    allowed = SHARE * os.sysconf('SC_PAGE_SIZE') * os.sysconf('SC_PHYS_PAGES')
+    needed = 8 * (float(tiles_of(config.channels) * LANES) * slots + kept)
+    allowed = MEMORY_SHARE * os.sysconf('SC_PAGE_SIZE') * os.sysconf('SC_PHYS_PAGES')
     if needed > allowed:
         raise ValueError(
             f'parameter channels is {config.channels}: with these windows and this rate they take '

@@ -54,20 +54,20 @@ NO_ROW, FIRST_ROW = np.uint64(0), np.uint64(1)
 # Rows of a tile's limits: the lowest and highest good sample, and the least noise floor in dB.
 LOW, HIGH, LEAST_DB = range(3)
 
-# The words of each channel: the rows in which it is valid, steps as in an impact, is ON, and in
-# which its low level is above that of contact, and 2 dB less.
+# The words of each channel: the rows in which the channel is valid, steps as in an impact, is ON,
+# has a low level above the level of contact, and one above that level less 2 dB.
 VALID, STEPS, ON, TOUCHES, GOES_ON = range(5)
 
-# The signals, in their order; of the floors that is the effective one.
+# The signals in their order. The floor among them is the effective one, lifted by activity.
 ENVELOPE, LEVEL, EFFECTIVE, EXCESS = range(4)
 
 #: Share of the time at rest during which a channel's envelope is below its floor.
 QUANTILE = 0.1
 
-#: Part of the power at which contact begins that it needs to go on: 2 dB less.
+#: Power at which contact goes on, as a share of the power at which it begins: 2 dB less.
 CONTACT_GOES_ON = 10.0**-0.2
 
-#: Lower limit of the excess: less is a pause between two slips, not noise.
+#: Lower limit of the excess: a lower one is a pause between two slips, not noise.
 LEAST_EXCESS_DB = -8.7
 
 
@@ -75,8 +75,8 @@ LEAST_EXCESS_DB = -8.7
 def check_samples(volts, start, end, at, limits, settings, tile, words):
     """Find the rows with a good sample that is not flat, and those with a step of an impact.
 
-    A step counts from the last good sample, as the filters get that in place of a bad one, or from
-    that of ``impact_rows`` rows ago. ``at`` is the first column of the tile.
+    A step is the difference from the last good sample, or from the one ``impact_rows`` rows ago.
+    ``at`` is the first column of the tile.
     """
     low, high = load(limits, (LOW, 0)), load(limits, (HIGH, 0))
     last, repeats = load(tile, (layout.LAST, 0)), load(tile, (layout.REPEATS, 0))
@@ -84,7 +84,7 @@ def check_samples(volts, start, end, at, limits, settings, tile, words):
     slot = settings.steps_slot
     position = int(tile[slot, 0]) if delay > 0 else 0
     for begin in range(start, end, WORD_ROWS):
-        able, stepped, row = spread(NO_ROW), spread(NO_ROW), spread(FIRST_ROW)
+        valid, stepped, row = spread(NO_ROW), spread(NO_ROW), spread(FIRST_ROW)
         for k in range(begin, min(begin + WORD_ROWS, end)):
             sample = load(volts, (k, at))
             good = (sample >= low) & (sample <= high)  # false for NaN too
@@ -100,10 +100,10 @@ def check_samples(volts, start, end, at, limits, settings, tile, words):
             if delay > 0:
                 store(last, tile, (slot + position, 0))
                 position = 0 if position == delay else position
-            able = able | select(good & (repeats < flat_rows), row, NO_ROW)
+            valid = valid | select(good & (repeats < flat_rows), row, NO_ROW)
             row = row + row
         w = (begin - start) // WORD_ROWS
-        store(able, words, (w, VALID, at))
+        store(valid, words, (w, VALID, at))
         store(stepped, words, (w, STEPS, at))
     store(last, tile, (layout.LAST, 0))
     store(repeats, tile, (layout.REPEATS, 0))
@@ -115,9 +115,9 @@ def check_samples(volts, start, end, at, limits, settings, tile, words):
 def load_deviations(block, volts, start, rows, at, limits, tile, common_v):
     """Write the filters' input to the block: deviations from each channel's first good sample.
 
-    The network has no gain at 0 Hz. Therefore filtering the deviation from rest gives the same as
-    filtering the samples from the steady state of the first one, without the rounding errors of a
-    large constant. A bad sample is replaced by the input of the row before.
+    The network has no gain at 0 Hz. Therefore deviations give the same as samples filtered from
+    the steady state of the first one, without the rounding errors of a large constant. A bad
+    sample is replaced by the input of the row before.
     """
     low, high = load(limits, (LOW, 0)), load(limits, (HIGH, 0))
     first, held = load(tile, (layout.FIRST, 0)), load(tile, (layout.HELD, 0))
@@ -195,15 +195,15 @@ def _window_sum(u, position, head, window, tile, tail):
     total = head + load(tile, (tail + position + 1, 0))
     position += 1
     if position == window:
-        position, head, of_tail = 0, spread(0.0), spread(0.0)
+        position, head, tail_sum = 0, spread(0.0), spread(0.0)
         for j in range(tail + window - 1, tail - 1, -1):
-            of_tail = load(tile, (j, 0)) + of_tail
-            store(of_tail, tile, (j, 0))
+            tail_sum = load(tile, (j, 0)) + tail_sum
+            store(tail_sum, tile, (j, 0))
     return position, head, total
 
 
-class Kept(NamedTuple):
-    """What a result has beside flags: which signals are wanted, and the column of each."""
+class Output(NamedTuple):
+    """The signals of a result, which of them are wanted, and the first column of each."""
 
     signals: Floats
     wanted: tuple[bool, ...]
@@ -211,21 +211,21 @@ class Kept(NamedTuple):
 
 
 @compiled_within
-def keep(values, number, out, row, at):
-    """Write a signal of a tile, whose first column is ``at``, if it is wanted."""
-    if out.wanted[number]:
-        store(values, out.signals, (row, out.columns[number] + at))
+def keep(values, signal, out, row, at):
+    """Write a signal of a tile, whose first column is ``at``, if the signal is wanted."""
+    if out.wanted[signal]:
+        store(values, out.signals, (row, out.columns[signal] + at))
 
 
 @compiled_in_place
-def window_means(block, start, rows, at, window, tile, slot, take_root, number, out):
+def window_means(block, start, rows, at, window, tile, slot, take_root, signal, out):
     """Replace each value by the mean of the last ``window`` values, zeros before the first row.
 
     The state has the position within the stretch at ``slot``, then the head and the tails. With
     ``take_root`` the result is the root of the mean.
 
-    The means are also the signal of this number. Each is written at once, so that it reaches
-    memory while the next one is computed.
+    The means are also written as a signal, each at once, so that it reaches memory while the next
+    one is computed.
     """
     position, head, per = int(tile[slot, 0]), load(tile, (slot + 1, 0)), 1.0 / window
     for k in range(rows):
@@ -233,7 +233,7 @@ def window_means(block, start, rows, at, window, tile, slot, take_root, number, 
         position, head, total = _window_sum(u, position, head, window, tile, slot + 2)
         mean = square_root(total * per) if take_root else total * per
         store(mean, block, (k, 0))
-        keep(mean, number, out, start + k, at)
+        keep(mean, signal, out, start + k, at)
     tile[slot, 0] = position
     store(head, tile, (slot + 1, 0))
 
@@ -305,10 +305,10 @@ def root_decibels(squares):
 
 @compiled_within
 def find_low_level(block, low, rows, sections, settings, tile, words, at):
-    """Write the sum of squares within the low band, and the rows in which it tells contact.
+    """Write the sum of squares within the low band, and the rows in which it is that of contact.
 
-    This is what filters, square and window do, in one pass, without the gain of the filters. Both
-    sections have zeros at 0 Hz and half the rate, 1 - z^-2.
+    One pass has filters, square and window, without the gain of the filters. Both sections have
+    zeros at 0 Hz and half the rate, 1 - z^-2.
     """
     a1, a2, c1, c2 = sections[0, 4], sections[0, 5], sections[1, 4], sections[1, 5]
     slot = settings.low_slot
@@ -350,12 +350,13 @@ def find_low_level(block, low, rows, sections, settings, tile, words, at):
 
 @compiled_within
 def find_excess(block, low, start, rows, at, plan, tile, words, contact, touch, out):
-    """Replace squares of the envelope by its excess over the floor, in dB; NaN: does not count.
+    """Replace squares of the envelope by its excess over the effective floor, in dB.
 
-    An invalid channel keeps its floor. Floors move in the rows of the word ``touch`` only; one
-    that is NaN begins with the envelope there. The floor that counts follows ``low``, in dB, from
-    the floor itself up to a cap above it. If the common excess is looked for, ``low`` becomes what
-    it is found from: the excess over the floor itself, at least 0; infinite: does not count.
+    A channel that does not count has NaN, and keeps its floor. Floors move in the rows of the word
+    ``touch`` only; a floor that is NaN begins there with the envelope. The effective floor follows
+    ``low``, in dB, from the floor itself up to a cap above it. For the common excess, ``low``
+    becomes the excess over the floor itself, at least 0, or infinity where a channel does not
+    count.
     """
     settings, limits, valid = plan.settings[0], plan.limits[at // LANES], load(words, (VALID, at))
     settle_rows = float(settings.mains_rows + settings.envelope_rows)
@@ -366,9 +367,9 @@ def find_excess(block, low, start, rows, at, plan, tile, words, contact, touch, 
     for k in range(rows):
         square = load(block, (k, 0))
         level = root_decibels(square)
-        able = (valid & row) != NO_ROW
-        age = select(able | (age > 0.0), age + 1.0, age)
-        counts = able & (age > settle_rows)
+        is_valid = (valid & row) != NO_ROW
+        age = select(is_valid | (age > 0.0), age + 1.0, age)
+        counts = is_valid & (age > settle_rows)
         if touch & FIRST_ROW:
             moved = floor + select(level > floor, up_db, down_db)
             moved = select(is_number(floor), moved, level)
@@ -386,8 +387,8 @@ def find_excess(block, low, start, rows, at, plan, tile, words, contact, touch, 
             bare = level - floor
             store(select(counts, select(bare > 0.0, bare, 0.0), np.inf), low, (k, 0))
         keep(square_root(square), ENVELOPE, out, start + k, at)
-        shown = select(is_number(floor), select(counts, effective, floor), least_db)
-        keep(shown, EFFECTIVE, out, start + k, at)
+        signal_db = select(is_number(floor), select(counts, effective, floor), least_db)
+        keep(signal_db, EFFECTIVE, out, start + k, at)
         row = row + row
     store(age, tile, (layout.AGE, 0))
     store(floor, tile, (layout.FLOOR, 0))
@@ -395,26 +396,26 @@ def find_excess(block, low, start, rows, at, plan, tile, words, contact, touch, 
 
 @compiled_within
 def sum_evidence(block, start, rows, at, plan, tile, held, contact, out):
-    """Replace the excess by the number that makes a channel ON above the threshold.
+    """Replace the excess by the number that makes a channel ON where it is above the threshold.
 
-    A channel that does not count keeps its evidence. A channel comes ON when its evidence exceeds
-    the threshold, and goes OFF when twice its evidence does not. One number decides this for any
-    threshold: the number of the row before, but at least the evidence and at most twice the
-    evidence. The common excess is taken off all channels. Out of contact, and during the hold time
-    of an impact, the excess of all channels is 0.
+    A channel comes ON when its evidence exceeds the threshold, and goes OFF when twice its
+    evidence does not. One number decides this for any threshold: the number of the row before, but
+    at least the evidence and at most twice the evidence. The common excess is subtracted from all
+    channels. A channel that does not count keeps its evidence. Out of contact, and in the rows
+    after an impact, which the word ``held`` has, the excess of all channels is 0.
     """
     evidence, number = load(tile, (layout.EVIDENCE, 0)), load(tile, (layout.HELD_EVIDENCE, 0))
     settings, common_db = plan.settings[0], plan.common_db
     cap_db, limit_db_s = settings.evidence_cap_db, settings.evidence_limit_db_s
-    looked_at = contact & ~held
+    summed = contact & ~held
     for k in range(rows):
         over = load(block, (k, 0)) - common_db[k]
         counts, excess = is_number(over), spread(0.0)
-        if looked_at & FIRST_ROW:
+        if summed & FIRST_ROW:
             excess = select(over > LEAST_EXCESS_DB, over, LEAST_EXCESS_DB)
             excess = select(excess < cap_db, excess, cap_db)
             excess = select(counts, excess, 0.0)
-        looked_at = looked_at >> FIRST_ROW
+        summed = summed >> FIRST_ROW
         gain = select(counts, (excess - settings.evidence_offset_db) * settings.period_s, 0.0)
         evidence = evidence + gain
         evidence = select(evidence > 0.0, evidence, 0.0)

@@ -20,12 +20,13 @@ array of type :data:`LATEST`. Verdicts are numbers of missing samples, or :data:
 """
 
 import math
+from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
-from slip_detector.compiled import COMPILED, compiled_in_place
+from slip_detector.compiled import COMPILED, compiled_for, compiled_in_place
 
 #: Number of samples whose stamps the line of the grid is fitted to, after a start and later. A
 #: long memory averages jitter and still follows a drift.
@@ -35,21 +36,22 @@ FIRST_MEMORY, LONG_MEMORY = 16, 256
 LARGEST_JITTER = 2.0
 
 #: Number of the latest messages that tell lost samples from another rate, and of those to which
-#: the line is fitted again when it is another rate.
+#: the line is fitted again after a change of rate.
 LATELY, AT_ANOTHER_RATE = 20, 8
 
-#: How much better samples must fit if some are lost, and if it is another rate, as the F of a test
-#: of variances; the most messages after which it is decided in any case.
+#: How much better the stamps must fit losses than another rate, and another rate than losses, as
+#: the F of a test of variances; the most messages after which one of them is taken in any case.
 LOST_F, ANOTHER_RATE_F, DECIDED_AFTER = 3.0, 8.0, 12
 
-#: Step before the sample after a gap, beyond the usual one, over the missing rows: at least that.
+#: The step before the sample after a gap is longer than usual by at least this share of the
+#: missing rows.
 GAP_STEP = 0.2
 
 #: Number of samples after which observed jitter is forgotten.
 JITTER_MEMORY = 2048
 
-#: Largest error of a clock's rate, as a share, that the grid follows; more means missing samples.
-#: Errors of 0.15 can be told from that in spite of jitter.
+#: Largest error of a clock's rate, as a share, that the grid follows; a larger one means missing
+#: samples. In spite of jitter, an error of 0.15 is not taken for missing samples.
 LARGEST_RATE_ERROR = 0.17
 
 #: Limit between jitter and a gap, in periods from stamp to stamp, without further knowledge.
@@ -58,11 +60,11 @@ GAP_PERIODS = 1.5
 #: A sample that is late by this many periods comes after a gap, unless the jitter is larger.
 BEHIND_A_GAP = 0.5
 
-#: Where the sample after it is late by this many periods too, there was a gap.
+#: A late sample comes after a gap if the next sample is late by this many periods too.
 STILL_LATE = 0.3
 
-#: Longest delay of a message whose number follows the one before, or of bunched samples. After a
-#: longer pause the source itself must have stopped.
+#: Longest delay of a message whose number follows the one before, or of bunched samples. In a
+#: longer pause the source itself has stopped.
 LONGEST_DELAY_NS = 1e9
 
 #: Jitter in periods that is assumed before any was observed.
@@ -75,14 +77,23 @@ SEVERAL = 4
 #: ``BUNCH_MEMORY`` are, the stamps do not tell when samples were taken.
 CLOSE_PERIODS, BUNCHED, BUNCH_MEMORY = 0.25, 0.25, 64
 
-#: The state of a grid: the period by the stamps, the time from the last sample to when the next
-#: one is expected, the memory in messages, the jitter in periods, the nominal period; shares of
-#: stamps that are close to, and the same as, the one before, and of bad rows lately. The place on
-#: the line of the last sample, and the stamp before; how many messages may be missing by the last
-#: stamp, -1: it was early; of the samples in a row that fit elsewhere the first stamp and their
-#: number; the rows dropped and not made up for yet; the samples whose stamps were wrong; for how
-#: many messages it is undecided whether some are missing; of the latest messages the number, the
-#: place of the next one, and the stamp of the last one.
+#: The state of a grid:
+#:
+#: - ``period_ns``, ``nominal_ns``: the period by the stamps, and the nominal one;
+#: - ``last_ns``, ``until_next_ns``: the last sample's place on the line, and the time from there
+#:   to the place of the next sample;
+#: - ``memory``, ``jitter``: the memory of the line in messages, and the jitter in periods;
+#: - ``close``, ``same``, ``bad``: shares, lately, of stamps that are close or equal to the one
+#:   before, and of rows that were dropped or bridged;
+#: - ``before_ns``, ``late``: the stamp before, and how many messages may be missing by it (-1: the
+#:   stamp was early);
+#: - ``first_elsewhere_ns``, ``elsewhere``: first stamp and number of the samples in a row that fit
+#:   elsewhere;
+#: - ``dropped_rows``: rows that were dropped and not made up for yet;
+#: - ``wrong``: samples that were taken in spite of their stamps;
+#: - ``undecided``: the messages since it has been open whether some are missing;
+#: - ``held``, ``next_held``, ``last_held_ns``: of the latest messages the number, the place of the
+#:   next one, and the stamp of the last one.
 GRID = np.dtype((np.record, [
     ('period_ns', 'f8'), ('until_next_ns', 'f8'), ('memory', 'f8'), ('jitter', 'f8'),
     ('nominal_ns', 'f8'), ('close', 'f8'), ('same', 'f8'), ('bad', 'f8'),
@@ -91,23 +102,23 @@ GRID = np.dtype((np.record, [
     ('held', 'i8'), ('next_held', 'i8'), ('last_held_ns', 'i8'),
 ]))  # fmt: skip
 
-#: One of the latest messages, which are a ring: nominal periods since the one before, its rows,
-#: and how many were found missing before them.
+#: One of the latest messages, which are a ring: the nominal periods since the message before, its
+#: rows, and the rows that were found missing before it.
 LATEST = np.dtype((np.record, [('periods', 'f8'), ('rows', 'f8'), ('missing', 'f8')]))
 
 
-def new_records(n: int, kind: np.dtype[np.void]) -> Any:
+def new_records(n: int, dtype: np.dtype[np.void]) -> Any:
     """Return records of zeros; without Numba objects, which are faster than NumPy's records."""
     if COMPILED:
-        return np.zeros(n, kind)
-    return [SimpleNamespace(**dict.fromkeys(kind.names or (), 0)) for _ in range(n)]
+        return np.zeros(n, dtype)
+    return [SimpleNamespace(**dict.fromkeys(dtype.names or (), 0)) for _ in range(n)]
 
 
 #: In place of a stamp: there is none.
 NONE = np.iinfo(np.int64).min
 
-# In place of the number of samples that are missing before a sample: it does not fit, and is
-# dropped; or the input had a long gap or its clock was set, and the sample begins a new stretch.
+# In place of the number of missing samples before a sample: the sample does not fit and is
+# dropped; or, after a long gap or when the clock was set, the sample begins a new stretch.
 DROPPED, NEW_STRETCH = -1, -2
 
 
@@ -160,10 +171,10 @@ def _fit(grid, latest, n, earlier, last, missing, late_rows):
 def _lost_or_slow(grid, latest, missing, late_rows):
     """Return ``missing`` if so many rows are missing before one of the latest messages.
 
-    0: it is not decided yet; -1: none are, and the line was fitted again. Where rows are lost, the
-    latest stamps fit a line with a step; where the rate has changed, one without, perhaps one in
-    which no rows were missing earlier either. Stamps that are early (``missing`` is 0) leave only
-    that. Until one fits clearly better, more messages are awaited.
+    0: more messages have to come; -1: no rows are missing, and the line was fitted again. Where
+    rows are lost, the latest stamps fit a line with a step. Where the rate has changed they fit a
+    line without a step, perhaps with no rows missing earlier either; early stamps (``missing`` is
+    0) can only mean that. More messages are awaited until one of the lines fits clearly better.
     """
     n = grid.held
     steady, _, _ = _fit(grid, latest, n, 1.0, 0, 0.0, 0.0)
@@ -339,3 +350,13 @@ def arrive(grids, latest, max_gap_ns, stamp_ns, rows, lost):
     grid.bad = 1.0 - (1.0 - grid.bad) * math.exp(-bad * share)
     grid.bad *= 1.0 if is_dropped else math.exp(-rows * share)
     return missing
+
+
+@cache
+def compiled_arrive():
+    """Return :func:`arrive` for calls from Python; the first call compiles or loads it.
+
+    The types of its arguments are not checked.
+    """
+    grids, latest = new_records(1, GRID), new_records(LATELY, LATEST)
+    return compiled_for(arrive, grids, latest, 0.0, 0, 0, 0)

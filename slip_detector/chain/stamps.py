@@ -14,8 +14,8 @@
 
 """Stamps of incoming samples: finds missing samples, gaps and stamps that do not fit.
 
-The rule for gaps of live input and recordings is here: a short gap is bridged with the last row,
-after a long one the chain starts again.
+One rule for gaps holds for live input and recordings: a short gap is bridged with the last row,
+and after a long one the chain starts again.
 """
 
 from itertools import pairwise
@@ -40,7 +40,7 @@ class MendedSamples(NamedTuple):
     stretches : tuple of slice
         The samples of each stretch, at least one. The first may continue an earlier stretch.
     first_is_new : bool
-        Whether the first of them begins a new stretch.
+        Whether the first of these stretches begins a new one.
     gaps, bridged, dropped : int
         Number of short gaps, of samples that bridge them, and of samples that were dropped.
     """
@@ -82,20 +82,20 @@ def rising(stamps_ns: NDArray[np.int64], before_ns: int = NONE) -> NDArray[np.in
 class StampGrid:
     """A grid of times at which samples are expected; it decides on each sample by its stamp.
 
-    The grid is even and follows the stamps: it is a line fitted to them with a fading memory. So
-    stamps may jitter by 0.3 periods either way, and the rate of the clock may be off by 15 %, with
-    next to no sample being counted as missing (``python -m benchmarks extremes`` counts them). If
-    early samples show more jitter, a delay must be larger to count as a gap.
+    The grid is a line fitted to the stamps with a fading memory. So stamps may jitter by 0.3
+    periods either way, and the rate of the clock may be off by 15 %, with next to no sample being
+    counted as missing (``python -m benchmarks extremes`` counts them). If early samples show more
+    jitter, a delay must be larger to count as a gap.
 
-    No stamp alone proves anything. Where one is late, the sample is taken as the next one, and
-    samples are missing as far as the stamp after it agrees: they are then bridged before that one.
-    Where stamps come later and later the clock may have changed its rate. That and losses are told
-    apart by which of them the latest 20 stamps fit, if need be some samples later.
-    So rows are counted where several samples have nearly the same stamp, because a driver reads
-    them in bunches or its clock is coarse. A sample whose stamp is before the last one, or further
-    ahead than ``max_gap_s``, is dropped. When several of these in a row agree, there was a long
-    gap or the clock was set, and a new stretch begins; behind the last stamp they must also rise
-    for longer than ``max_gap_s``, as late messages rise too.
+    No stamp alone proves anything. A sample with a late stamp is taken as the next one. Samples
+    are missing as far as the stamp after it agrees, and are then bridged before that stamp. Where
+    stamps come later and later, either samples are lost or the clock has changed its rate; the
+    grid takes what the latest 20 stamps fit better, if need be some samples later. Where several
+    samples have nearly the same stamp, because a driver reads them in bunches or its clock is
+    coarse, the grid counts rows. A sample whose stamp is before the last one, or further ahead
+    than ``max_gap_s``, is dropped. When several dropped samples in a row agree, there was a long
+    gap or the clock was set, and a new stretch begins. Behind the last stamp the dropped samples
+    must also rise for longer than ``max_gap_s``, as late messages rise too.
 
     A message may be published any number of periods after its samples were taken: a late message,
     closely followed by the next ones, is not a gap. If messages are numbered, the numbers tell
@@ -124,11 +124,8 @@ class StampGrid:
         self._latest = rules.new_records(rules.LATELY, rules.LATEST)
         self._grid = grid = self._grids[0]
         grid.period_ns = grid.nominal_ns = period_s * 1e9
-        grid.memory, grid.jitter, grid.last_ns = (
-            rules.FIRST_MEMORY,
-            rules.FIRST_JITTER,
-            NONE,
-        )
+        grid.memory, grid.jitter = rules.FIRST_MEMORY, rules.FIRST_JITTER
+        grid.last_ns = NONE
         self._number: int | None = None
         self._mended_ns = NONE  # The last stamp that was returned.
         self.max_gap_s = max_gap_s
@@ -140,7 +137,7 @@ class StampGrid:
 
     @property
     def kind(self) -> str:
-        """What the stamps are: regular, coarse (many are the same) or bunched (many are close)."""
+        """Whether the stamps are regular, coarse (many are equal) or bunched (many are close)."""
         if self._grid.close <= rules.BUNCHED:
             return 'regular'
         return 'coarse' if self._grid.same > rules.BUNCHED else 'bunched'
@@ -158,15 +155,15 @@ class StampGrid:
     def arrive(self, stamp_ns: int, rows: int = 1, number: int | None = None) -> int:
         """Return how many samples are missing before those of the next message.
 
-        They are to be bridged with the last row; ``DROPPED`` and ``NEW_STRETCH`` stand in place of
-        the number.
+        Missing samples are to be bridged with the last row. ``DROPPED`` and ``NEW_STRETCH`` stand
+        in place of a number.
 
         Parameters
         ----------
         stamp_ns
-            Stamp of its last sample. For numbered messages it may be the time of publication.
+            Stamp of the message's last sample, or the time of publication of a numbered message.
         rows
-            Number of its samples, which arrive or are missing together.
+            Number of the message's samples, which arrive or are missing together.
         number
             Number of the message, one more than that of the message sent before it; None if
             messages are not numbered. A number that is not greater than the last one comes from
@@ -183,7 +180,8 @@ class StampGrid:
         if number is not None and self._number is not None and number > self._number:
             lost = number - self._number - 1
         max_gap_ns = self.max_gap_s * 1e9
-        missing = int(rules.arrive(self._grids, self._latest, max_gap_ns, stamp_ns, rows, lost))
+        arrive = rules.compiled_arrive()
+        missing: int = arrive(self._grids, self._latest, max_gap_ns, stamp_ns, rows, lost)
         if missing != DROPPED:
             self._number = number
         return missing

@@ -15,12 +15,11 @@
 """What needs all channels of a row: impacts, contact, the common mode and the votes of the groups.
 
 The common mode is the mean or median of all valid channels of a row. It is computed from
-deviations from each channel's first good sample: of the samples themselves it would jump whenever
-a channel has no good sample, as baselines differ by far more than the signal. A channel that
-starts late is assumed to have followed the others until then.
+deviations from each channel's first good sample. A common mode of the samples themselves would
+jump whenever a channel has no good sample, as baselines differ by far more than the signal. A
+channel that starts late is assumed to have followed the others until then.
 
-The vote of a group is one number, which is compared with the threshold. Each vote computes it from
-the levels of the valid channels, in the unit of the level:
+A vote computes one number of a group from the levels of its valid channels, in their unit:
 
 - ``all``: the smallest level: if it is above the threshold, all are;
 - k: the k-th largest level;
@@ -28,8 +27,8 @@ the levels of the valid channels, in the unit of the level:
 
 The group is ON where the number is above the threshold (the paper has ``all``, Table 1). The
 number does not depend on the threshold, which can be chosen afterwards. If only the decision is
-wanted, ``all`` and k are computed for 64 rows at once, from words with one bit per row for where a
-channel is ON and where it is valid.
+wanted, ``all`` and k are computed for 64 rows at once. A channel then has two words, with one bit
+per row: where it is ON, and where it is valid.
 """
 
 from collections.abc import Sequence
@@ -60,14 +59,14 @@ NO_COMMON_MODE, MEDIAN, MEAN = range(3)
 #: Largest number of channels whose median is found by exchanges, sixteen rows side by side.
 EXCHANGED_CHANNELS = 32
 
-#: Numbers that stand for the votes that are not a count of channels.
+#: Numbers for the votes that are no count of channels.
 VOTE_ALL, VOTE_MEAN = 0, -1
 ONLY_MEAN = np.array([VOTE_MEAN])
 
 #: Binary digits of a count of channels, more than any number of channels needs.
 DIGITS = 32
 
-#: In place of the level of a channel that is not valid; less than any level.
+#: Stands in place of the level of a channel that is not valid; lower than any level.
 NO_VOTE = -1.0
 
 # ln m = 2 (s + s^3/3 + s^5/5 + ...) with s = (m - 1) / (m + 1), and exp z = 1 + z + z^2/2 + ...:
@@ -83,8 +82,8 @@ ROOT_2 = float(np.sqrt(2.0))
 def rows_of_count(count, members, words, valid, digits):
     """Return the rows in which at least ``count`` valid members have their bit in ``words``.
 
-    The counts of 64 rows are binary numbers, and each word of ``digits`` holds one digit of all of
-    them: counting a member adds one bit to 64 numbers at once.
+    The counts of 64 rows are binary numbers. Each word of ``digits`` holds one digit of all of
+    them, so that counting a member adds one bit to 64 numbers at once.
     """
     digits[:] = NO_ROW
     for m in members:
@@ -102,11 +101,11 @@ def rows_of_count(count, members, words, valid, digits):
 
 
 @compiled_in_place
-def _held(begins, renews, rows, hold_rows, tiles, slot):
-    """Return the rows within the hold time, as a word.
+def _rows_held(begins, renews, rows, hold_rows, tiles, slot):
+    """Return the rows within a hold time, as a word.
 
-    It begins anew in the rows of the word ``begins``, and within it in those of ``renews``. The
-    state keeps the number of rows that remain.
+    The hold time begins anew in the rows of the word ``begins``, and in those of ``renews`` that
+    are within a hold time. The state keeps the number of rows that remain.
     """
     left = min(int(tiles[0, slot, 0]), hold_rows)
     held, row = NO_ROW, FIRST_ROW
@@ -125,7 +124,7 @@ def _held(begins, renews, rows, hold_rows, tiles, slot):
 def rows_of_impact(rows, settings, plan, steps, tiles):
     """Return the rows within the hold time of an impact, as a word."""
     impacts = rows_of_count(settings.impact_channels, plan.members, steps, steps, plan.digits)
-    return _held(impacts, NO_ROW, rows, settings.hold_rows, tiles, layout.HOLD_ROWS)
+    return _rows_held(impacts, NO_ROW, rows, settings.hold_rows, tiles, layout.HOLD_ROWS)
 
 
 @compiled_in_place
@@ -133,12 +132,13 @@ def rows_of_contact(rows, settings, plan, words, tiles):
     """Return the rows in contact and those that touch, as words.
 
     Contact begins where enough valid channels are above the level of contact, and goes on where
-    they are above the lower one: these rows touch, and contact is held for some rows more.
+    enough are above the lower level. In these rows the finger touches. Contact is held for some
+    rows more.
     """
     count, valid = settings.contact_channels, words[stages.VALID]
     begins = rows_of_count(count, plan.members, words[stages.TOUCHES], valid, plan.digits)
     renews = rows_of_count(count, plan.members, words[stages.GOES_ON], valid, plan.digits)
-    contact = _held(begins, renews, rows, settings.contact_rows, tiles, layout.CONTACT_ROWS)
+    contact = _rows_held(begins, renews, rows, settings.contact_rows, tiles, layout.CONTACT_ROWS)
     return contact, contact & (begins | renews)
 
 
@@ -168,12 +168,12 @@ def _medians(volts, start, rows, members, tiles, deviations, common_v):
 
 
 @compiled
-def _of_row(kind, values, before_v):
+def _average(common_mode, values, before_v):
     """Return the mean or median of a row's values; without values, the one of the row before."""
     n = values.size
     if n == 0:
         return before_v
-    if kind == MEAN:
+    if common_mode == MEAN:
         total = 0.0
         for value in values:
             total += value
@@ -185,9 +185,8 @@ def _of_row(kind, values, before_v):
 @compiled_within
 def find_common_mode(volts, start, rows, settings, plan, valid, tiles):
     """Find the common mode of each row; keep the first sample of each channel."""
-    kind, members, common_v = settings.common_mode, plan.members, plan.common_v
-    deviations = plan.by_channel
-    exchange = kind == MEDIAN and members.size <= EXCHANGED_CHANNELS
+    members, common_v, deviations = plan.members, plan.common_v, plan.by_channel
+    exchange = settings.common_mode == MEDIAN and members.size <= EXCHANGED_CHANNELS
     if exchange and _all_valid(rows, members, tiles, valid):
         _medians(volts, start, rows, members, tiles, deviations, common_v)
         tiles[0, layout.COMMON_V, 0] = common_v[rows - 1]
@@ -201,7 +200,8 @@ def find_common_mode(volts, start, rows, settings, plan, valid, tiles):
                 values[n] = volts[start + k, c] - first
                 n += 1
         row = row << FIRST_ROW
-        common_v[k] = _of_row(kind, values[:n], tiles[0, layout.COMMON_V, 0])
+        before_v = tiles[0, layout.COMMON_V, 0]
+        common_v[k] = _average(settings.common_mode, values[:n], before_v)
         tiles[0, layout.COMMON_V, 0] = common_v[k]
         for t in plan.active:
             sample, first = load(volts, (start + k, t * LANES)), load(tiles, (t, layout.FIRST, 0))
@@ -215,10 +215,9 @@ def find_common_mode(volts, start, rows, settings, plan, valid, tiles):
 
 @compiled_within
 def find_common_excess(rows, settings, plan):
-    """Write the common excess of each row: what even the r-th quietest channel shows, in dB.
+    """Write the common excess of each row: the r-th smallest excess over the floor, in dB.
 
-    That is the r-th smallest excess over the floor, at least 0, of the channels that count; 0
-    where r of them or fewer do.
+    It is at least 0, of the channels that count, and 0 where r channels or fewer count.
     """
     rank, members, lower = settings.common_rank, plan.members, plan.by_channel
     for c in members:
@@ -274,9 +273,9 @@ def _extremes(levels, members, k):
 def _geometric_mean(levels, members, least, most, k):
     """Return the geometric mean of a group's valid levels in sixteen rows, NO_VOTE without any.
 
-    It uses only operations with a rounding defined by IEEE 754, as the logarithms of two libraries
-    may differ in their last bits. The exponents of the product are split off and added, so that
-    nothing over- or underflows: no configuration has levels beyond 1e-300 and 1e300.
+    All operations have a rounding defined by IEEE 754; the logarithms of two libraries may differ
+    in their last bits. The exponents of the product are split off and added, so that nothing over-
+    or underflows: no configuration has levels beyond 1e-300 and 1e300.
     """
     count, exponent, product = spread(0.0), spread(0.0), spread(1.0)
     for m in members:
@@ -345,15 +344,15 @@ def find_statistics(levels, members, bounds, rows, votes, statistics):
         for v in range(votes.size):
             store(spread(0.0), statistics, (v, k))
         for g in range(bounds.size - 1):
-            own = members[bounds[g] : bounds[g + 1]]
-            least, most = _extremes(levels, own, k)
-            mean = _geometric_mean(levels, own, least, most, k) if mean_wanted else most
-            _sort(levels, own, most_counted, k)
+            group = members[bounds[g] : bounds[g + 1]]
+            least, most = _extremes(levels, group, k)
+            mean = _geometric_mean(levels, group, least, most, k) if mean_wanted else most
+            _sort(levels, group, most_counted, k)
             for v in range(votes.size):
-                if votes[v] > own.size:
+                if votes[v] > group.size:
                     continue
                 if votes[v] > 0:
-                    number = load(levels, (own[votes[v] - 1], k))
+                    number = load(levels, (group[votes[v] - 1], k))
                 else:
                     number = least if votes[v] == VOTE_ALL else mean
                 before = load(statistics, (v, k))
@@ -366,27 +365,27 @@ def decide(rows, settings, plan, on, valid):
     """Write the words of all flags: the votes of the groups (Table 1), their OR, the channels'."""
     bounds, decisions, slip = plan.bounds, plan.decisions, NO_ROW
     for g in range(bounds.size - 1):
-        own = plan.members[bounds[g] : bounds[g + 1]]
-        able, against, decision = NO_ROW, NO_ROW, NO_ROW
+        group = plan.members[bounds[g] : bounds[g + 1]]
+        can_vote, against, decision = NO_ROW, NO_ROW, NO_ROW
         if settings.vote > 0:
-            able = rows_of_count(settings.vote, own, valid, valid, plan.digits)
-            decision = rows_of_count(settings.vote, own, on, valid, plan.digits)
+            can_vote = rows_of_count(settings.vote, group, valid, valid, plan.digits)
+            decision = rows_of_count(settings.vote, group, on, valid, plan.digits)
         else:
-            for m in own:
-                able |= valid[m]
+            for m in group:
+                can_vote |= valid[m]
                 against |= valid[m] & ~on[m]
-            decision = able & ~against
+            decision = can_vote & ~against
         if settings.vote == VOTE_MEAN:
             row, decision = FIRST_ROW, NO_ROW
-            of_group = bounds[g : g + 2]
+            group_bounds = bounds[g : g + 2]
             find_statistics(
-                plan.by_channel, plan.members, of_group, rows, ONLY_MEAN, plan.statistics
+                plan.by_channel, plan.members, group_bounds, rows, ONLY_MEAN, plan.statistics
             )
             for k in range(rows):
                 decision |= row if plan.statistics[0, k] > settings.threshold else NO_ROW
                 row = row << FIRST_ROW
         decisions[settings.groups_at + g] = decision
-        decisions[settings.can_vote_at + g] = able
+        decisions[settings.can_vote_at + g] = can_vote
         slip |= decision
     decisions[0] = slip
     for c in range(settings.channels):

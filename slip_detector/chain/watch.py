@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Watches a chain for decisions that mean nothing, as its parameters do not fit the sensor.
+"""Finds decisions that mean nothing, as the chain's parameters do not fit the sensor.
 
-A chain is looked at once a second or more rarely, after the rows: what it does with a row costs
-nothing more.
+A chain is looked at once a second or more rarely, after its rows, so that the rows cost nothing
+more.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -28,11 +28,11 @@ from slip_detector.chain.samples import Bools, Floats
 from slip_detector.chain.slip_chain import SlipChain, SlipResult
 from slip_detector.parameters.fields import name_list
 
-#: What a look finds: the channels, counted from 0, by the kind of what is wrong.
+#: What a look finds: the channels, counted from 0, by the name of a fault.
 Found = Mapping[str, Sequence[int]]
 
-#: By kind, the time in seconds from which on it counts, and what it is and what to do.
-KINDS = {
+#: By the name of a fault, the time in seconds from which on it counts, and what to say of it.
+FAULTS = {
     'upper': (3.0, 'noise floor of {} at its upper limit, noise_floor_range_db above noise_floor: '
      'it cannot reach the level at rest; learn noise_floor with slip_tune --quiet REST'),
     'lower': (10.0, 'noise floor of {} at its lower limit, with the level far below, so that slip '
@@ -45,16 +45,16 @@ KINDS = {
      'the gain of the sensor'),
 }  # fmt: skip
 
-#: How far the levels of all channels are below the lower limits of their noise floors so that slip
-#: may be missed. At rest a learnt floor is there, and a level, if its window is one sample, now
-#: and then as far below.
+#: How far the levels of all channels are below the lower limits of their noise floors where slip
+#: may be missed. Levels at rest are about at a learnt floor. A level with a window of one sample
+#: is now and then almost as far below.
 FAR_DB = 26.0
 
-#: A channel is cut off if, look after look, a second has at least ``VALUES`` different values, at
-#: least ``SHARE`` of its samples at the same extreme value, ``CROWD`` times as many as at the next
-#: one, and comes there ``OFTEN`` by a step of at least ``STEP`` times its range. Of noise few
-#: samples are at the extreme; what rests there does not come often; what wavers between a few
-#: values of a converter has few of them.
+#: A channel is cut off if, look after look, a second of it has at least ``VALUES`` different
+#: values, at least ``SHARE`` of its samples at the same extreme value, ``CROWD`` times as many as
+#: at the next value, and reaches the extreme ``OFTEN`` times by a step of at least ``STEP`` times
+#: its range. Noise has few samples at its extreme, a signal that rests at its extreme reaches it
+#: rarely, and one that wavers between a few values of a converter has few values.
 VALUES, SHARE, CROWD, OFTEN, STEP = 16, 0.01, 2, 3, 0.05
 
 #: Most names that are listed.
@@ -62,15 +62,17 @@ LISTED = 8
 
 
 def words_of(found: Found, names: Sequence[str]) -> list[str]:
-    """Return what to say of each kind that was found, with the names of its channels.
+    """Return what to say of each fault that was found, with the names of its channels.
 
     Examples
     --------
     >>> words_of({'cut off': [0, 2]}, ['ch1', 'ch2', 'ch3'])[0][:38]
     'ch1, ch3 cut off, again and again at t'
     """
-    who = {kind: name_list([names[c] for c in which], LISTED) for kind, which in found.items()}
-    return [KINDS[kind][1].format(which) for kind, which in who.items()]
+    return [
+        FAULTS[fault][1].format(name_list([names[c] for c in channels], LISTED))
+        for fault, channels in found.items()
+    ]
 
 
 class Watch:
@@ -79,7 +81,7 @@ class Watch:
     Parameters
     ----------
     chain
-        The chain; it is not changed.
+        The chain; it is only read.
 
     Examples
     --------
@@ -95,17 +97,17 @@ class Watch:
 
     def __init__(self, chain: SlipChain) -> None:
         self._chain = chain
-        # By kind, what was so at the last look, NaN where not, and for how many rows it has been.
-        self._last: dict[str, tuple[Any, Any]] = dict.fromkeys(KINDS, (np.nan, 0))
+        # By fault, its value for each channel at the last look, NaN without the fault, and for how
+        # many rows it has had that value.
+        self._last: dict[str, tuple[Any, Any]] = dict.fromkeys(FAULTS, (np.nan, 0))
 
     def look(self, pieces: Collection[tuple[Floats, SlipResult]]) -> dict[str, list[int]]:
-        """Return what is wrong.
+        """Return the channels with each fault that has lasted.
 
         Parameters
         ----------
         pieces
-            The rows since the last look, in pieces of at least one row, and what the chain made of
-            them.
+            The rows since the last look, in pieces of at least one row, with their results.
         """
         if not pieces:
             return {}
@@ -114,21 +116,21 @@ class Watch:
         rows = np.concatenate([rows[-second:] for rows, _ in pieces])[-second:]
         rows[:, [channel - 1 for channel in config.disabled_channels]] = 0.0
         on, slip = last.channels[-1], last.slip[-1:]
-        if on.any():  # Rare; to look at all rows takes a tenth of the time of the chain.
+        if on.any():  # Rare. A look at all rows takes a tenth of the time of the chain.
             on = np.all([each.channels.all(axis=0) for _, each in pieces], axis=0)
             slip = np.array([all(each.slip.all() for _, each in pieces)])
-        so = {**self._floors(last.valid[-1]), 'slip': slip, 'channels': on & ~slip}
-        now = {kind: np.where(value, 1.0, np.nan) for kind, value in so.items()}
-        for kind, value in {**now, 'cut off': _cut_off_at(rows)}.items():
-            before, count = self._last[kind]
+        faulty = {**self._faulty_floors(last.valid[-1]), 'slip': slip, 'channels': on & ~slip}
+        values = {fault: np.where(where, 1.0, np.nan) for fault, where in faulty.items()}
+        for fault, value in {**values, 'cut off': _cut_off_at(rows)}.items():
+            before, count = self._last[fault]
             count = np.where(value == before, count + n, 0)
-            self._last[kind] = value, count
-            if which := np.flatnonzero(count >= config.samples(KINDS[kind][0])).tolist():
-                found[kind] = which
+            self._last[fault] = value, count
+            if channels := np.flatnonzero(count >= config.samples(FAULTS[fault][0])).tolist():
+                found[fault] = channels
         return found
 
-    def _floors(self, valid: Bools) -> dict[str, Bools]:
-        """Return which floors of valid channels are too low, and whether all are far too high."""
+    def _faulty_floors(self, valid: Bools) -> dict[str, Bools]:
+        """Return which valid channels have a floor that is too low, or far too high."""
         config, state = self._chain.config, self._chain.state
         contact = not config.contact_level_v or state[0, CONTACT_ROWS, 0] > 0
         if config.decision != 'evidence' or not contact:  # Out of contact floors rest.

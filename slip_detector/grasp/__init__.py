@@ -12,4 +12,8 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""An example of how to use slip: a control law for a grip, and its closed loop without ROS."""
+"""An example of how to use slip: a control law for a grip, and its closed loop without ROS.
+
+``law`` is for nodes, ``loop`` for trials and their figures. Nothing is imported here, so that a
+controller does not load the simulated fingertip.
+"""

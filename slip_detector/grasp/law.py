@@ -12,16 +12,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A control law for a grip, as an example of how to use slip: a few rules, no model of the object.
+"""A control law for a grip, as an example of how to use slip.
 
-The law uses neither weight nor friction. It holds the object lightly, raises the force when the
+The law knows neither weight nor friction. It holds the object lightly, raises the force when the
 object slips, and lowers it slowly when the object has not slipped for a while.
 """
 
 from slip_detector.parameters.grasp import GraspConfig
 
-#: A raise that comes no later than this after ``repeat_s`` follows the one before.
-FOLLOWS_S = 0.05
+#: A raise follows the one before if it comes no later than this after ``repeat_s``.
+LATEST_FOLLOWING_S = 0.05
 
 
 class GraspLaw:
@@ -29,13 +29,13 @@ class GraspLaw:
 
     - The grip closes to ``grip_n`` at ``closing_n_s``. A first contact looks like slip, so slip is
       ignored until the grip has been closed for ``settle_s``.
-    - Slip raises the force at once by ``step_factor`` and ``step_n``, up to ``limit_n``. While it
-      lasts, or comes again, this is repeated, but not sooner than ``repeat_s`` after the last
-      time: the gripper needs time to follow, and the detector to see the effect.
+    - Slip raises the force at once by ``step_factor`` and ``step_n``, up to ``limit_n``. The raise
+      is repeated while slip lasts, or when it comes again, but not sooner than ``repeat_s`` after
+      the last one: the gripper needs time to follow, and the detector to see the effect.
     - The second of raises that follow each other counts double. An object that still slips then
-      slides already: its friction is lower than at rest, its weight may be growing, and while the
-      gripper follows it gets faster, so that another step like the first is too small. Later
-      raises count once, as the motion of the grip itself looks like slip.
+      slides already: its friction is lower than at rest, its weight may be growing, and the object
+      gets faster while the gripper follows, so that another step like the first is too small.
+      Later raises count once, as the motion of the grip itself looks like slip.
     - When there has been no slip for ``relax_after_s``, the force falls at ``relax_n_s``, but not
       below ``grip_n``.
     - While slip is not valid the force stays as it is (``on_invalid: hold``) or falls at
@@ -44,7 +44,7 @@ class GraspLaw:
     Parameters
     ----------
     config
-        The parameters that are named above.
+        The parameters of the rules.
 
     Attributes
     ----------
@@ -53,7 +53,6 @@ class GraspLaw:
 
     Examples
     --------
-    >>> from slip_detector.parameters.grasp import GraspConfig
     >>> law = GraspLaw(GraspConfig(grip_n=2.0, closing_n_s=4.0, settle_s=0.3, step_factor=1.5))
     >>> [law.update(after_s, slip=False, valid=True) for after_s in (0.0, 0.5, 0.4)]
     [0.0, 2.0, 2.0]
@@ -99,7 +98,7 @@ class GraspLaw:
             self._slipped_s = now_s
             since_s = now_s - self._raised_s
             if now_s >= self._settled_s and since_s >= config.repeat_s:
-                follows = since_s < config.repeat_s + FOLLOWS_S
+                follows = since_s < config.repeat_s + LATEST_FOLLOWING_S
                 self._raised_s, self._in_a_row = now_s, self._in_a_row + 1 if follows else 1
                 for _ in range(2 if self._in_a_row == 2 else 1):
                     raised_n = self.force_n * config.step_factor + config.step_n

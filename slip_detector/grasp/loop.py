@@ -12,16 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The grasp's closed loop without ROS, the conditions of its trials, and their figures.
+"""The closed loop of a grasp without ROS, the conditions of its trials, and their figures.
 
-An object, the chain and the control law run sample by sample.
-
-Each seed has its own object and its own fingertip.
-
-The chain and the law receive no data about the object but the samples.
-
-Time is simulated. A command reaches the gripper ``TRANSPORT_S`` after the sample that it responds
-to, and then the grip follows with the lag of the scene's part ``motion``.
+An object, the chain and the control law run sample by sample, in simulated time. Each seed has its
+own object and its own fingertip. Chain and law know nothing of the object but the samples. A
+command reaches the gripper ``TRANSPORT_S`` after the sample that caused the command, and then the
+grip follows with the lag of the scene's part ``motion``.
 """
 
 import dataclasses
@@ -43,9 +39,8 @@ from slip_detector.scenes.surface import FINGERS, STANDARD_GRAVITY_M_S2
 #: Time from sample to command: somewhat more than the nodes take.
 TRANSPORT_S = 5e-3
 
-#: A command that arrives less than this after a sample arrives with it, but for round-off.
+#: A command that arrives less than this after a sample arrives with the sample.
 ROUND_OFF_S = 1e-9
-
 
 #: Ranges of the values that differ from seed to seed; they are drawn uniformly, in this order.
 RANGES: dict[str, tuple[float, float]] = {
@@ -65,13 +60,8 @@ def object_scene(
 ) -> dict[str, Any]:
     """Return the scene ``grasp`` with the object and the fingertip of one seed.
 
-    The factors are those on the time in which the gripper follows its command and on the drawn
-    height of the ridges.
-
-    Examples
-    --------
-    >>> 0.15 < object_scene(7)['object']['mass_kg'] < 0.3
-    True
+    ``lag_factor`` multiplies the time in which the gripper follows its command, ``ridge_factor``
+    the height of the ridges.
     """
     scene = read_yaml(find_scene('grasp'))
     rng = np.random.default_rng([seed, 1])
@@ -110,14 +100,6 @@ class GraspTrial(NamedTuple):
         The smallest normal force that would hold the object at rest.
     length_m : float
         Distance that the object can slide before it is lost.
-
-    Examples
-    --------
-    >>> time_s, none = np.arange(3) / 380.0, np.zeros(3)
-    >>> slip, slid_m = np.array([False, True, True]), np.array([0.0, 1e-4, 2e-4])
-    >>> trial = GraspTrial(time_s, none + 5.0, none + 5.0, slip, slip, slid_m, none + 4.0, 0.1)
-    >>> trial.dropped, trial.slide_mm, len(trial.onsets_s), trial.mean_n(trial.force_n)
-    (False, 0.2, 1, 5.0)
     """
 
     time_s: Floats
@@ -153,9 +135,7 @@ class GraspTrial(NamedTuple):
 def play_trial(
     chain_config: ChainConfig, grasp: GraspConfig, seed: int, **factors: float
 ) -> GraspTrial:
-    """Close the loop over the scene of a seed, from its beginning to its end.
-
-    The ``factors`` are those of :func:`object_scene`.
+    """Close the loop over the whole scene of a seed; ``factors`` as in :func:`object_scene`.
 
     Raises
     ------
@@ -201,8 +181,7 @@ def play_trial(
     )  # fmt: skip
 
 
-#: The conditions: no controller, a grip that is always at the limit, the controller, and the
-#: controller with the paper's parameters for the detector.
+#: The conditions, by the names that reports have.
 UNCONTROLLED, AT_LIMIT = 'no controller', 'always at the limit'
 CONTROLLER, PAPER = 'controller', "controller, paper's detector"
 
@@ -213,13 +192,7 @@ ANSWER_S = 0.05
 def conditions(
     chain: ChainConfig, grasp: GraspConfig
 ) -> dict[str, tuple[ChainConfig, GraspConfig]]:
-    """Return the parameters of detector and controller under each condition, by its name.
-
-    Examples
-    --------
-    >>> list(conditions(ChainConfig(), GraspConfig()))  # doctest: +NORMALIZE_WHITESPACE
-    ['no controller', 'always at the limit', 'controller', "controller, paper's detector"]
-    """
+    """Return the parameters of detector and controller under each condition."""
     paper = ChainConfig(sample_rate_hz=chain.sample_rate_hz)
     return {
         UNCONTROLLED: (chain, dataclasses.replace(grasp, limit_n=grasp.grip_n)),
@@ -243,20 +216,10 @@ def grasp_figures(trials: Sequence[GraspTrial], limit_n: float) -> dict[str, Any
     -------
     dict
         The number of ``trials`` and of ``dropped`` objects; ``slide_mm`` of each trial,
-        ``mean_slide_mm`` and ``worst_slide_mm``, None where an object was dropped;
-        ``force_percent``, the mean grip as a share of the limit while the object has to be held,
-        and ``most_force_percent``, the largest of any trial; ``needed_percent``, the same mean of
-        the smallest grip that would hold the object; ``onsets``, the mean number of onsets while
-        the object has to be held.
-
-    Examples
-    --------
-    >>> time_s, none = np.arange(4) / 380.0, np.zeros(4, bool)
-    >>> force_n, slid_m = np.full(4, 5.0), np.array([0.0, 0.0, 1e-3, 1e-3])
-    >>> trial = GraspTrial(time_s, force_n, force_n, none, none, slid_m, 0.8 * force_n, 0.1)
-    >>> figures = grasp_figures([trial], limit_n=10.0)
-    >>> figures['worst_slide_mm'], figures['force_percent'], figures['needed_percent']
-    (1.0, 50.0, 40.0)
+        ``mean_slide_mm`` and ``worst_slide_mm``, None where an object was dropped. While the
+        object has to be held: ``force_percent``, the mean grip as a share of the limit, and
+        ``most_force_percent``, that of the trial with the largest; ``needed_percent``, the mean of
+        the smallest grip that would hold the object; ``onsets``, the mean number of onsets.
     """
     slides_mm = [trial.slide_mm for trial in trials]
     known = [slide_mm for slide_mm in slides_mm if slide_mm is not None]
@@ -277,11 +240,11 @@ def grasp_figures(trials: Sequence[GraspTrial], limit_n: float) -> dict[str, Any
 
 
 class LiveGraspTrial(NamedTuple):
-    """The messages received in one grasp; times are stamps, relative to the first sample.
+    """The messages of one grasp; times are stamps, relative to the first sample.
 
-    ``position`` has times and the distance that the object has slid in metres, shape (n, 2);
-    ``command`` times and the commanded grip forces in newtons, shape (m, 2); ``onset_s`` are the
-    times of the samples on which slip came on.
+    ``position`` has times and the metres that the object has slid, shape (n, 2); ``command`` times
+    and commanded grip forces in newtons, shape (m, 2); ``onset_s`` the times of the samples at
+    which slip came ON.
     """
 
     position: Floats
@@ -294,9 +257,9 @@ class LiveGraspTrial(NamedTuple):
         return np.asarray(self.command[np.maximum(last, 0), 1])
 
     def latencies_s(self) -> list[float]:
-        """Return the time from the sample of each onset to the command that answered it.
+        """Return the time from the sample of each onset to the command that answers it.
 
-        An onset during which the last raise still takes effect has no answer and is left out.
+        An onset while the last raise still takes effect has no answer.
         """
         raised_s = self.command[1:, 0][np.diff(self.command[:, 1]) > 0.0]
         answers = [raised_s[raised_s > onset_s][:1] - onset_s for onset_s in self.onset_s]
@@ -306,7 +269,10 @@ class LiveGraspTrial(NamedTuple):
 def live_figures(
     heard: Mapping[int, LiveGraspTrial], trials: Sequence[GraspTrial], limit_n: float
 ) -> dict[str, Any]:
-    """Return ``nodes`` and ``latency_ms``; ``trials`` are the same seeds in simulated time."""
+    """Return the figures ``nodes`` and ``latency_ms``.
+
+    ``trials`` are the same seeds in simulated time.
+    """
 
     def figures(trial: GraspTrial) -> dict[str, Any]:
         command_percent = 100.0 * trial.mean_n(trial.command_n) / limit_n

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The simulated fingertip: one module for each part; a scene file lists the parts of a scene."""
+"""The simulated fingertip: scenes, which are made of the parts that a scene file names."""
 
 from slip_detector.scenes.scene import Scene, find_scene, load_scene
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What disturbs a grip: hum, tremor, taps and rolling."""
+"""Disturbances of a grip: hum, tremor, taps and rolling."""
 
 import numpy as np
 
@@ -21,8 +21,8 @@ from slip_detector.compiled import CompiledSet, compiled
 from slip_detector.parameters.fields import parameter
 from slip_detector.parameters.sets import ParameterSet
 
-#: A sum of no sines. One of k sines has the shape (3, k); its rows are the amplitudes in the unit
-#: of the sum, the angular rates in rad/s and the phases in rad.
+#: A sum of no sines. A sum of k sines has the shape (3, k), with rows of amplitudes in the unit of
+#: the sum, angular rates in rad/s and phases in rad.
 NO_SINES = np.zeros((3, 0))
 
 

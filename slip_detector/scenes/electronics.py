@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""From loads to samples: the electronics of the 16 channels, and what goes wrong on the way."""
+"""The electronics of the 16 channels, from loads to samples, with noise and faults."""
 
 import math
 from collections.abc import Mapping
@@ -40,14 +40,14 @@ ACROSS = np.isin(np.arange(1, PAPER_CHANNELS + 1), PAPER_GROUPS['TP'] + PAPER_GR
 def taxel_positions() -> Floats:
     """Return the positions of the 16 taxels, shape (16, 2), in metres from the tip's centre.
 
-    x is across the finger, towards the radial side, y along it, towards the tip; the platform
+    x points across the finger to the radial side, y along the finger to the tip; the platform
     moves along x. The fingertip has a 2 x 2 array of MEMS sensors, each with four piezoresistive
     units at the ends of a cross. The publications give the numbers of the channels, the groups of
     Table 1 and the density of the units; the rest is inferred. Channels 1-4 belong to the distal
     ulnar sensor, 5-8 to the distal radial, 9-12 to the proximal radial and 13-16 to the proximal
-    ulnar one; with no other assignment does every group of Table 1 have units of two neighbouring
-    sensors. In each sensor the units at the two ends of one arm of the cross have odd numbers,
-    those of the other arm have even numbers.
+    ulnar one: with no other assignment does every group of Table 1 have units of two neighbouring
+    sensors. In each sensor the two units of one arm of the cross have odd numbers, those of the
+    other arm even numbers.
     """
     half = SENSOR_PITCH_M / 2
     centres = [(-half, half), (half, half), (half, -half), (-half, -half)]
@@ -102,7 +102,7 @@ class Electronics(ParameterSet):
 
 
 class ContactNoise(ParameterSet):
-    """Noise of what is touched, white; it grows with the motion of the load at low frequencies."""
+    """White noise of the contact; it grows with the motion of the load at low frequencies."""
 
     noise_v: float = parameter(
         1.15e-3, 'Standard deviation of its noise while the load is still.', (0.0, 100.0, 'V')
@@ -153,8 +153,8 @@ class Frontend:
     """The electronics of one trial: makes samples of clean volts, with hum, noise and faults.
 
     The voltage of a taxel is ``baseline_v + normal_v_n * normal load + shear_v_n * shear load``.
-    Nothing is drawn or computed for a property that is zero. Each property draws from a generator
-    of its own, so that none changes the draws of another.
+    Nothing is drawn or computed for a property that is zero. Each property draws from its own
+    generator, so that no property changes the draws of another.
     """
 
     def __init__(
@@ -162,10 +162,10 @@ class Frontend:
     ) -> None:
         self._electronics: Electronics = parts['electronics']
         self._rate_hz = rate_hz
-        of_fingertip = np.random.default_rng(self._electronics.fingertip_seed)
+        fingertip = np.random.default_rng(self._electronics.fingertip_seed)
         low_v, high_v = sorted(self._electronics.baseline_v)
-        self.baseline_v: Floats = of_fingertip.uniform(low_v, high_v, PAPER_CHANNELS)
-        varied = 1 + self._electronics.spread * of_fingertip.standard_normal((2, PAPER_CHANNELS))
+        self.baseline_v: Floats = fingertip.uniform(low_v, high_v, PAPER_CHANNELS)
+        varied = 1 + self._electronics.spread * fingertip.standard_normal((2, PAPER_CHANNELS))
         shear_shares = np.where(ACROSS, 1.0, self._electronics.shear_along_share)
         self.normal_v_n: Floats = self._electronics.normal_v_n * varied[0]
         self.shear_v_n: Floats = self._electronics.shear_v_n * shear_shares * varied[1]

@@ -22,13 +22,12 @@ surface that moves with the velocity w against the skin,
     dz/dt = w - sigma0 |w| / g(w) z - r(z), F = sigma0 z + sigma1(w) (w - sigma0 |w| / g(w) z),
     g(w) = N (mu_k + (mu_s - mu_k) exp(-(w / v_s)^2))
 
-with two additions; without the first the model would create energy, without the second it would
-hold a surface without load:
+with two additions:
 
 - sigma1(w) = sigma1 / (1 + sigma1 |w| / g(w)): with a constant sigma1 the damper of the bristles
-  could do work where sigma1 |w| > 4 g(w). In Olsson 1996 it falls with w for the same reason.
+  would create energy where sigma1 |w| > 4 g(w). In Olsson 1996 sigma1 falls with w, too.
 - r(z) = (z - clip(z, -Z, Z)) / tau with Z = mu_s N / sigma0: bristles that are bent further than
-  the load can hold relax, even if nothing slides.
+  the load can hold relax, even if nothing slides. Else they would hold a surface without load.
 """
 
 import math
@@ -48,12 +47,12 @@ class Skin(CompiledSet):
     )
 
 
-#: Lower limit of the load in g(w), which must not be zero. Friction under this load, less than a
-#: micronewton, is too small for a taxel to sense.
+#: Lower limit of the load in g(w), which must not be zero. A taxel does not sense the friction
+#: under this load, which is less than a micronewton.
 LIGHTEST_LOAD_N = 1e-6
 
 #: Newton's method on a stage ends when an iteration changes the velocity by less than this share.
-#: Each iteration squares the error, so the remaining error is about the square of this.
+#: Each iteration squares the error, so that about the square of the share remains.
 TOLERANCE = 1e-6
 
 #: A sum of opposing forces below this share of them counts as zero.
@@ -158,9 +157,9 @@ def _guess(available, impedance, w, z, load, step, law):
 def lugre_stage(available, impedance, w_last, z, load, step, law):
     """Find the velocity w at which available - impedance w is the friction force.
 
-    An implicit step solves this for each patch. w has the sign of the balance of forces at w = 0,
-    and the balance has a zero on that side. So Newton's method between two bounds, with bisection
-    where it would leave them, always finds w.
+    An implicit step solves this equation for each patch. w has the sign of the balance of forces
+    at w = 0, and the balance has a zero on that side. So Newton's method between two bounds, with
+    bisection where it would leave them, always finds w.
 
     Returns w, the force, its slope in w, and the deflection after the step.
     """
@@ -200,8 +199,8 @@ def lugre_stage(available, impedance, w_last, z, load, step, law):
 def skin_stage(v, x, u, z, w_last, load, step, skin, law):
     """Advance one patch by one implicit step under a surface of velocity v.
 
-    c U + k X = F(w), U = v - w, X the displacement of the skin's surface. The velocity u before
-    the step only tells whether the skin is at rest.
+    It solves c U + k X = F(w) with U = v - w and X, the displacement of the skin's surface. The
+    velocity u before the step only tells whether the skin is at rest.
 
     Returns the velocity w of the surface against the skin, the friction force, its slope in v, and
     the bristles' deflection after the step.

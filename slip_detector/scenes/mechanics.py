@@ -15,9 +15,9 @@
 """The mechanics of the simulated fingertip, fast enough for a live driver.
 
 The integrator is the L-stable, two-stage, singly diagonally implicit Runge-Kutta method of second
-order (Alexander 1977), so stiff bristles do not shorten its steps. The patches of skin act on each
-other only through the surface that moves over them. Therefore each stage of each patch is one
-equation for one velocity. An object in the grip adds one equation for its own velocity. An absent
+order (Alexander 1977), so that stiff bristles do not shorten its steps. The patches of skin act on
+each other only through the surface that moves over them. Therefore each stage of each patch is one
+equation for one velocity. An object in the grip adds an equation for its own velocity. An absent
 part of a scene has empty arrays or neutral numbers in :class:`SceneConstants`.
 """
 
@@ -31,8 +31,8 @@ from slip_detector.compiled import compiled
 from slip_detector.scenes import surface
 from slip_detector.scenes.friction import LIGHTEST_LOAD_N, MOST_ITERATIONS, skin_stage
 
-#: The times of the two stages as shares of a step; the first is also the method's coefficient on
-#: the diagonal.
+#: The times of the two stages as shares of a step. The first share is also the coefficient on the
+#: diagonal of the method.
 STAGE_TIMES = (1.0 - np.sqrt(0.5), 1.0)
 DIAGONAL = STAGE_TIMES[0]
 
@@ -58,8 +58,8 @@ class SceneConstants(NamedTuple):
     """The integrator's inputs that do not change while a scene runs.
 
     ``decay`` is the factor on the low-pass filter's state in a step, negative without a filter.
-    ``patches`` says how many equal patches of skin each element stands for: none without friction,
-    else one for each channel, and with an object another one for the skin between the taxels.
+    ``patches`` has an element for each channel, with friction, and with an object one more for the
+    skin between the taxels. An element is the number of equal patches that it stands for.
     ``contact``, ``skin``, ``friction`` and ``body`` are the numbers of these parts.
     """
 
@@ -93,7 +93,7 @@ class State(NamedTuple):
     before: Floats
 
 
-# Not inlined it would take a fifth more time, as its many inputs are passed one by one.
+# Inlined, as a call that passes its many inputs one by one takes a fifth more time.
 @functools.partial(compiled, forceinline=True)
 def _find_stage(v, step, loads, base, patches, found, constants):
     """Advance all patches by one implicit step under a surface of velocity v.
@@ -113,10 +113,9 @@ def _find_stage(v, step, loads, base, patches, found, constants):
 
 @compiled
 def _find_object(v_last, v_base, load_n, step, loads, base, patches, found, constants):
-    """Find the velocity of the object at the end of an implicit step.
+    """Return the velocity v of the object at the end of an implicit step.
 
-    It solves M (v - v_base) / step + friction of both fingers (v) = load, whose left side rises
-    with v.
+    M (v - v_base) / step + friction of both fingers (v) = load, whose left side rises with v.
     """
     inertia = constants.body.mass_kg / step
     low, high = -np.inf, np.inf
@@ -188,7 +187,7 @@ def _step(i, drive, state, constants, loads, base, found):
 def _sense(state, loads, position, constants, smooth, out):
     """Read all channels at the end of a step, without their baselines.
 
-    Through a low-pass filter goes the mean voltage of the step; without one it is the present
+    With a low-pass filter a channel reads the filtered mean voltage of the step, else the present
     voltage.
     """
     with_skin = state.patches.shape[0] > 0
@@ -230,12 +229,12 @@ def advance(drive, state, constants, begin, clean_v, position_m, sliding):
 
     The fields of the drive have the shape (m, 2), with the values at the two stages
     (:data:`STAGE_TIMES`) of each step. Each sample has ``steps_per_sample`` steps. With ``begin``
-    the first sample is the first of the scene: it is taken before any step, and the first row of
+    the first sample is the first of the scene, which is taken before any step; the first row of
     the drive is for this sample.
 
-    Filled are ``clean_v``, shape (n, channels), with the volts without baselines and noise, and
-    ``position_m`` and ``sliding``, shape (n,), with the position of plate or object and the share
-    of the load under which the surface slides.
+    Outputs are ``clean_v``, shape (n, channels), the volts without baselines and noise, and
+    ``position_m`` and ``sliding``, shape (n,), the position of plate or object and the share of
+    the load under which the surface slides.
     """
     n_patches = constants.patches.size
     loads = np.zeros(max(n_patches, constants.positions_m.shape[0]))

@@ -12,10 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The steps of a scene: what is done to the fingertip, and the forces and motions that follow.
+"""The steps of a scene, and the forces and motions that follow from them.
 
-The normal force, the motion of the plate and the load on an object have a closed form in pieces;
-disturbances add to them.
+The normal force, the motion of the plate and the load on an object have a closed form in pieces.
+Disturbances are added.
 """
 
 import itertools
@@ -50,19 +50,19 @@ class Step(ParameterSet):
 
 
 def read_steps(entries: Any) -> list[Step]:
-    """Read the list under ``steps`` of a scene file; an error names the step."""
+    """Return the steps in the list under ``steps`` of a scene file."""
     if not (isinstance(entries, list) and entries and all(isinstance(e, dict) for e in entries)):
         refuse(f'steps is {shown(entries)}', 'a list of at least one step, each names and values')
     return [Step.from_parameters(entry, f'steps: step {k}') for k, entry in enumerate(entries, 1)]
 
 
-#: Smallest distance of a damping ratio from 1; a closer ratio is replaced by 1 plus this. The
-#: closed form of the ringing divides by the difference of two roots, which is 0 at a ratio of 1.
+#: Smallest distance of a damping ratio from 1, where the closed form of the ringing divides by 0.
+#: A closer ratio is replaced by 1 plus this distance.
 LEAST_FROM_CRITICAL = 1e-6
 
 
 class Orders(ParameterSet):
-    """What the fingertip does when it is told to, from then on and in place of the steps."""
+    """What the fingertip does when an order comes, in place of the steps."""
 
     force_n: float = parameter(0.4, 'Normal force, but when it is pressed.', (0.0, 1000.0, 'N'))
     velocity_m_s: float = parameter(
@@ -76,15 +76,15 @@ class Orders(ParameterSet):
     )
 
     def steps(self, what: str) -> Iterator[Step]:
-        """Return the steps of an order, without end when it is to be pressed."""
+        """Return the steps of an order; those of ``press`` have no end."""
         if what != 'press':
             return iter([Step(duration_s=0.3, force_n=self.force_n)])
         turns = [(Step(duration_s=0.3, force_n=n), Step(duration_s=1.0)) for n in self.pressed_n]
         return itertools.cycle(itertools.chain.from_iterable(turns))
 
 
-#: What a fingertip with the part ``orders`` can be told, and for how long it then does so at most:
-#: longer than the longest recording of the live page.
+#: The orders that a fingertip with the part ``orders`` takes, and how long one lasts at most. That
+#: is longer than the longest recording of the live page.
 ORDERS, ORDER_S = ('rest', 'slip', 'taps', 'press'), 660.0
 
 
@@ -109,9 +109,9 @@ def _piece_at(t, starts_s):
 class ForceNumbers(NamedTuple):
     """The normal force in k pieces, for compiled code.
 
-    When each piece begins, the command and its slope there, and the amplitudes of two modes of
-    ringing, shape (k, 2), whose roots are those of ``roots_1_s``; the force is ``lag_s`` behind a
-    ramp.
+    For each piece: when it begins, the command and its slope there, and the amplitudes of the two
+    modes of ringing, shape (k, 2). ``roots_1_s`` are the roots of the modes. The force is
+    ``lag_s`` behind a ramp.
     """
 
     starts_s: Floats
@@ -159,9 +159,9 @@ def with_steps(
 
 
 def held_force(numbers: ForceNumbers, time_s: float, force_n: float) -> ForceNumbers:
-    """Return the force with the command ``force_n`` from ``time_s`` on, and nothing else."""
+    """Return the force with the command ``force_n`` from ``time_s`` on."""
     held = _with_piece(numbers, time_s, force_n, 0.0)
-    return ForceNumbers._make([*(of_each[-2:] for of_each in held[:4]), *held[4:]])
+    return ForceNumbers._make([*(column[-2:] for column in held[:4]), *held[4:]])
 
 
 def _with_piece(
@@ -175,7 +175,7 @@ def _with_piece(
     force_n = float(force_at(start_s, numbers))
     a = force_n - (command_n - slope_n_s * numbers.lag_s)
     first = (rate_n_s - slope_n_s - q * a) / (p - q)
-    # Pieces must begin at different times: a step shorter than the resolution of the time is lost.
+    # No two pieces begin at the same time: a step shorter than the resolution of time is lost.
     kept = slice(k + (start_s > numbers.starts_s[k]))
     new = (start_s, command_n, slope_n_s, [first, a - first])
     pieces = (np.append(b[kept], [n], axis=0) for b, n in zip(numbers[:4], new, strict=True))
@@ -195,8 +195,7 @@ def plate_at(t, plate):
 def plate_pieces(motion: Motion, steps: Sequence[Step]) -> Floats:
     """Return the motion of the plate in k pieces of constant acceleration, shape (4, k).
 
-    The rows: when each begins, and acceleration, velocity and position there. An error names the
-    step that is too short for its velocity.
+    The rows are when each piece begins, and acceleration, velocity and position there.
     """
     plate, time_s, last_m_s = np.zeros((4, 1)), 0.0, 0.0
     for number, step in enumerate(steps, start=1):
@@ -215,20 +214,20 @@ def with_velocity(plate: Floats, time_s: float, velocity_m_s: float, motion: Mot
     """Return the motion of the plate with another velocity, from a time on, for ever."""
     before_m_s, position_m = plate_at(time_s, plate)
     change_s = abs(velocity_m_s - before_m_s) / motion.acceleration_m_s2
-    # Even an instantaneous change takes the resolution of the time: corners must differ.
+    # An instantaneous change takes the resolution of time, as no two pieces begin at one time.
     reached_s = max(time_s + change_s, np.nextafter(time_s, np.inf))
     way_m = (reached_s - time_s) * (before_m_s + velocity_m_s) / 2
     acceleration = (velocity_m_s - before_m_s) / (reached_s - time_s)
     begins = [time_s, acceleration, before_m_s, position_m]
     after = [reached_s, 0.0, velocity_m_s, position_m + way_m]
-    # In C order, as all plates: for another one the scene would be compiled again.
+    # In C order, as all plates: for another order of memory the scene would be compiled again.
     return np.ascontiguousarray(np.column_stack([plate[:, plate[0] < time_s], begins, after]))
 
 
 def load_corners(weight_n: float, steps: Sequence[Step]) -> Floats:
-    """Return times and values of the load on the object between which it is linear, shape (2, k).
+    """Return times and values of the load on the object, which is linear between them; (2, k).
 
-    It is the carried share of the object's weight plus the pull of the steps.
+    The load is the carried share of the object's weight plus the pull of the steps.
     """
     carried, corners = 0.0, [(0.0, 0.0)]
     for step in steps:
@@ -240,8 +239,8 @@ def load_corners(weight_n: float, steps: Sequence[Step]) -> Floats:
 class DriveNumbers(NamedTuple):
     """What acts on the fingertip, for compiled code; the defaults stand for absent parts.
 
-    ``load_sines`` are the inertial force on the object in a trembling hand; the tremor's force
-    acts in full from the normal force ``force_sines_from_n`` on.
+    ``load_sines`` are the inertial force on the object in a trembling hand. The force of the
+    tremor acts in full from the normal force ``force_sines_from_n`` on.
     """
 
     force: ForceNumbers
@@ -256,29 +255,29 @@ class DriveNumbers(NamedTuple):
 
 
 def drive_numbers(
-    parts: Mapping[str, Any], steps: Sequence[Step], of_tremor: np.random.Generator
+    parts: Mapping[str, Any], steps: Sequence[Step], tremor_trial: np.random.Generator
 ) -> DriveNumbers:
-    """Collect what acts on the fingertip; an error names a step too short for its velocity."""
-    given: dict[str, Any] = {
+    """Return what acts on the fingertip."""
+    numbers: dict[str, Any] = {
         name: parts[name].numbers() for name in ('taps', 'rolling') if name in parts
     }
     body: surface.FreeObject | None = parts.get('object')
     if body:
-        given['load'] = load_corners(body.mass_kg * surface.STANDARD_GRAVITY_M_S2, steps)
+        numbers['load'] = load_corners(body.mass_kg * surface.STANDARD_GRAVITY_M_S2, steps)
     if 'tremor' in parts:
         tremor: disturbances.Tremor = parts['tremor']
-        of_force, of_motion = of_tremor.spawn(2)
-        sines = tremor.sines(tremor.motion_rms_m, of_motion)
-        given['force_sines'] = tremor.sines(tremor.force_rms_n, of_force)
-        given['force_sines_from_n'] = TREMOR_PEAK * tremor.force_rms_n
-        given['motion_sines'] = sines
+        force_trial, motion_trial = tremor_trial.spawn(2)
+        sines = tremor.sines(tremor.motion_rms_m, motion_trial)
+        numbers['force_sines'] = tremor.sines(tremor.force_rms_n, force_trial)
+        numbers['force_sines_from_n'] = TREMOR_PEAK * tremor.force_rms_n
+        numbers['motion_sines'] = sines
         if body:
             # In the frame of the trembling hand an inertial force acts on the object.
             inertia_n = body.mass_kg * sines[0] * sines[1] ** 2
-            given['load_sines'] = np.array([inertia_n, *sines[1:]])
+            numbers['load_sines'] = np.array([inertia_n, *sines[1:]])
     platform = parts['motion']
     force, plate = force_numbers(platform, steps), plate_pieces(platform, steps)
-    return DriveNumbers(force, plate, **given)
+    return DriveNumbers(force, plate, **numbers)
 
 
 class Drive(NamedTuple):
@@ -298,7 +297,7 @@ class Drive(NamedTuple):
 @compiled
 def normal_force_at(t, numbers):
     """Return the normal force in newtons with taps and tremor; never negative."""
-    # A fingertip does not stick to the plate.
+    # The plate cannot pull the fingertip.
     force = np.maximum(force_at(t, numbers.force), 0.0)
     if numbers.taps.times_s.size:
         force = force + disturbances.tap_force_at(t, numbers.taps)

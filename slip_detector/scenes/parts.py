@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The parts of a scene: which there are, how they are read, and which go together."""
+"""The parts of a scene: their names, how they are read, and which of them go together."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -28,7 +28,7 @@ from slip_detector.scenes.friction import Friction, Skin
 from slip_detector.scenes.motion import Motion, Orders, Step
 from slip_detector.scenes.surface import Contact, FreeObject, Roughness, Texture
 
-#: The class of each part. The order must not change: see :func:`spawned`.
+#: The class of each part. Their order determines what each draws: see :func:`spawned`.
 PARTS: dict[str, type[ParameterSet]] = {
     'motion': Motion,
     'contact': Contact,
@@ -47,16 +47,15 @@ PARTS: dict[str, type[ParameterSet]] = {
     'orders': Orders,
 }
 
-#: Of the generators that are spawned, the first of those that no part draws from any more, and
-#: their number.
+#: First and number of the spawned generators from which no part draws any more.
 UNUSED_FROM, UNUSED = 13, 2
 
-#: Parts that every scene has, with their defaults if its file does not name them.
+#: Parts that every scene has, with default values if the file does not name them.
 ALWAYS = ('motion', 'contact', 'skin', 'electronics')
 
 
 class Sampling(ParameterSet):
-    """The parameters of a scene file beside its steps and parts."""
+    """The parameters of a scene file that belong to no part."""
 
     sample_rate_hz: float = parameter(380.0, 'Rate of the samples.', (1.0, 1e6, 'Hz'))
     step_s: float = parameter(
@@ -71,17 +70,14 @@ NOT_PARTS = ('steps', *Sampling.__dataclass_fields__)
 
 
 def spawned(trial: np.random.Generator) -> dict[str, np.random.Generator]:
-    """Return the generator of each part, which is spawned for its place among all parts."""
+    """Return the generator of each part, which depends on the part's place among all parts."""
     children = trial.spawn(len(PARTS) + UNUSED)
     del children[UNUSED_FROM : UNUSED_FROM + UNUSED]
     return dict(zip(PARTS, children, strict=True))
 
 
 def read_parts(description: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the parts in the content of a scene file, and those that every scene has.
-
-    An error names an unknown part, or the part and the parameter of a value that is not allowed.
-    """
+    """Return the parts in the content of a scene file, and those that every scene has."""
     parts: dict[str, Any] = {name: PARTS[name]() for name in ALWAYS}
     for name, content in description.items():
         if name in NOT_PARTS:
@@ -95,7 +91,7 @@ def read_parts(description: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def check_parts(parts: Mapping[str, Any], steps: Sequence[Step], sample_rate_hz: float) -> None:
-    """Raise an error for parts of a scene that contradict each other, or its steps."""
+    """Raise an error for parts of a scene that contradict each other or the steps."""
     aliases = 'texture' in parts and not parts['electronics'].bandwidth_hz
     velocities_m_s = [step.velocity_m_s for step in steps]
     if 'orders' in parts:
@@ -116,9 +112,10 @@ def check_parts(parts: Mapping[str, Any], steps: Sequence[Step], sample_rate_hz:
         texture: Texture = parts['texture']
         highest_hz = fastest_m_s / texture.spatial_period_m * (1 + len(texture.harmonics))
         if highest_hz > sample_rate_hz / 2:
-            what = f'texture: ridges pass at up to {highest_hz:.4g} Hz, which aliases'
-            text = f'below {sample_rate_hz / 2:g} Hz, or with bandwidth_hz of the part electronics'
-            refuse(what, text)
+            refuse(
+                f'texture: ridges pass at up to {highest_hz:.4g} Hz, which aliases',
+                f'below {sample_rate_hz / 2:g} Hz, or with bandwidth_hz of the part electronics',
+            )
     if 'contact_noise' in parts:
         highest_hz = parts['contact_noise'].band_hz[1]
         what = f'contact_noise: parameter band_hz ends at {highest_hz:g} Hz'
@@ -132,8 +129,8 @@ def check_grip(parts: Mapping[str, Any], force_n: float, where: str = 'friction'
     """Raise an error for a normal force under which the motion of the skin is not determined.
 
     Friction must not fall with velocity faster than the skin's damping rises: each patch would
-    stick and slip by itself, too fast for any step. And something must determine how fast skin
-    without damping moves when it begins to slip.
+    stick and slip by itself, too fast for any step. With damped bristles the skin must be damped,
+    too, or nothing determines its velocity when it begins to slip.
     """
     friction, skin = parts['friction'], parts['skin']
     load_n = parts['contact'].largest_load_n(force_n)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""A scene: combines its parts and produces samples; and scene files by their names."""
+"""A scene, which makes samples of its parts; and scene files by their names."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -30,15 +30,15 @@ from slip_detector.scenes.electronics import Frontend, taxel_positions
 from slip_detector.scenes.friction import Friction
 from slip_detector.scenes.mechanics import STAGE_TIMES, SceneConstants, State, advance
 from slip_detector.scenes.parts import Sampling, check_grip, check_parts, read_parts, spawned
-from slip_detector.scenes.surface import NO_RIDGES, NO_ROUGHNESS, FreeObject
+from slip_detector.scenes.surface import FreeObject, RidgeNumbers, RoughNumbers
 
 
 class Scene:
     """A simulated fingertip with the forces and motions that act on it.
 
     A scene has the parts that its description names. Without ``friction`` the skin is not sheared,
-    without ``texture`` and ``roughness`` the surface is smooth, without ``object`` a plate moves
-    as the steps tell. Contact, motion, skin and electronics have defaults and are always there.
+    without ``texture`` and ``roughness`` the surface is smooth, and without ``object`` a plate
+    moves as the steps say. Contact, motion, skin and electronics are always there.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ class Scene:
         The content of a scene file: ``steps``, ``sample_rate_hz``, ``step_s`` and the parts.
     trial
         Generator of everything that differs from trial to trial: noise and phases. Each part
-        draws from its own child of it, so that no part changes the draws of another.
+        draws from a child generator of its own, so that no part changes the draws of another.
 
     Attributes
     ----------
@@ -57,9 +57,9 @@ class Scene:
     duration_s : float
         Duration of all steps.
     parts : dict
-        The parts of the description and those that are always there, by their names.
+        All parts, by their names.
     drive_numbers : DriveNumbers
-        What acts on the fingertip.
+        The forces and motions that act on the fingertip.
     constants : SceneConstants
     state : State
         The arguments of :func:`slip_detector.scenes.mechanics.advance`.
@@ -72,8 +72,6 @@ class Scene:
 
     Examples
     --------
-    >>> import numpy as np
-    >>> from slip_detector.scenes import Scene
     >>> press_and_slide = [{'force_n': 0.4}, {'duration_s': 0.5, 'velocity_m_s': 6.7e-3}]
     >>> scene = Scene({'steps': press_and_slide, 'friction': {}}, np.random.default_rng(0))
     >>> samples = scene.read(1000)
@@ -102,16 +100,16 @@ class Scene:
         shapes = (len(self.constants.patches), 4), 3, PAPER_CHANNELS, (PAPER_CHANNELS, 3)
         self.state = State(*(np.zeros(shape) for shape in shapes))
         self._next = 0
-        # Those that the last order asks for; each is appended when the one before has ended.
+        # The steps of the last order; each is appended when the step before has ended.
         self._steps_to_come: Iterator[motion.Step] = iter(())
         # Compile the functions now, so that the first read or order does not wait for it.
         self.read(0)
         motion.plate_at(0.0, self.drive_numbers.plate)
 
     def _scene_constants(
-        self, longest_step_s: float, of_texture: np.random.Generator
+        self, longest_step_s: float, ridge_trial: np.random.Generator
     ) -> SceneConstants:
-        """Build what does not change while the scene runs."""
+        """Return the inputs of the integrator that do not change while the scene runs."""
         parts, frontend, rate_hz = self.parts, self._frontend, self.sample_rate_hz
         friction: Friction | None = parts.get('friction')
         body: FreeObject | None = parts.get('object')
@@ -134,16 +132,15 @@ class Scene:
             contact=parts['contact'].numbers(),
             skin=parts['skin'].numbers(),
             friction=(friction or Friction()).numbers(),
-            ridges=parts['texture'].ridges(of_texture) if 'texture' in parts else NO_RIDGES,
-            rough=parts['roughness'].profile() if 'roughness' in parts else NO_ROUGHNESS,
+            ridges=parts['texture'].ridges(ridge_trial) if 'texture' in parts else RidgeNumbers(),
+            rough=parts['roughness'].profile() if 'roughness' in parts else RoughNumbers(),
             body=(body or FreeObject()).numbers(),
         )
 
     def hold_force(self, force_n: float) -> None:
-        """Command a normal force from the next sample on, in place of that of the steps.
+        """Command a normal force from the next sample on, in place of the steps' force.
 
-        For a grasp controller, while the scene runs. The force follows the command as the part
-        ``motion`` describes.
+        The force follows the command as the part ``motion`` describes.
 
         Raises
         ------
@@ -159,21 +156,14 @@ class Scene:
         self.drive_numbers = self.drive_numbers._replace(force=held)
 
     def order(self, what: str) -> None:
-        """Let the fingertip rest, slip, be tapped or pressed from the next sample on.
+        """Let the fingertip rest, slip, be tapped or be pressed from the next sample on.
 
-        The scene then goes on for 11 minutes, or until the next order.
+        The scene then lasts 11 minutes more, or until the next order.
 
         Raises
         ------
         ValueError
-            When it is none of these, or the scene has no part ``orders``.
-
-        Examples
-        --------
-        >>> scene = Scene({'steps': [{}], 'friction': {}, 'orders': {}}, np.random.default_rng(0))
-        >>> scene.order('dance')
-        Traceback (most recent call last):
-        ValueError: order is 'dance', allowed: rest, slip, taps, press
+            For any other order, or when the scene has no part ``orders``.
         """
         orders: motion.Orders | None = self.parts.get('orders')
         if orders is None or what not in motion.ORDERS:
@@ -210,8 +200,8 @@ class Scene:
         -------
         time_s, clean_v, position_m, sliding
             Times, shape (m,); volts without the baselines, shape (m, 16); position of the
-            surface, shape (m,); share of the load under which it slides, shape (m,). At the end of
-            the scene m is less than ``n``.
+            surface, shape (m,); share of the load under which the surface slides, shape (m,). At
+            the end of the scene m is less than ``n``.
         """
         first = self._next
         self._next = last = min(first + n, self.length)
@@ -220,10 +210,10 @@ class Scene:
         self._append_steps(last / self.sample_rate_hz)
         clean_v, position_m, sliding = np.empty((m, PAPER_CHANNELS)), np.empty(m), np.empty(m)
         begin = first == 0
-        # Step times are multiples since the scene's start: any cut into reads gives the same bits.
-        places = (max(k - 1, 0) * constants.steps_per_sample for k in (first, last))
-        of_steps = np.arange(*places)
-        stages_s = (of_steps[:, np.newaxis] + np.array(STAGE_TIMES)) * constants.step_s
+        # Steps are counted from the scene's start: any cut into reads gives the same bits.
+        ends = (max(k - 1, 0) * constants.steps_per_sample for k in (first, last))
+        steps = np.arange(*ends)[:, np.newaxis]
+        stages_s = (steps + np.array(STAGE_TIMES)) * constants.step_s
         if begin and m:
             stages_s = np.concatenate([np.zeros((1, 2)), stages_s])
         flat = motion.drive_at(stages_s.ravel(), self.drive_numbers)
@@ -235,9 +225,8 @@ class Scene:
     def read(self, n: int) -> Samples:
         """Return the next ``n`` samples with their labels, stamped from the scene's begin on.
 
-        The position is that of the platform, without the tremor of the hand, or of the object.
-        Any cut of a scene into reads gives the same bits. Fewer than ``n`` samples come only at
-        the end.
+        The position is that of the object, or of the platform without the tremor of the hand. Any
+        cut of a scene into reads gives the same bits. Only the end of a scene gives fewer samples.
         """
         time_s, clean_v, position_m, sliding = self.clean(n)
         force_n = self.force_n(time_s)
@@ -269,8 +258,6 @@ def load_scene(path: str | Path, trial: np.random.Generator) -> Scene:
 
     Examples
     --------
-    >>> import numpy as np
-    >>> from slip_detector.scenes import find_scene, load_scene
     >>> scene = load_scene(find_scene('plate_400um'), np.random.default_rng(0))
     >>> samples = scene.read(380)
     >>> samples.volts.shape, bool(samples.truth.any())
@@ -297,7 +284,6 @@ def find_scene(name: str) -> Path:
 
     Examples
     --------
-    >>> from slip_detector.scenes import find_scene
     >>> find_scene('taps').name, find_scene('my/own.yaml').name
     ('taps.yaml', 'own.yaml')
     """

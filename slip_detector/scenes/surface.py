@@ -52,8 +52,8 @@ def spread_load(force_n, centre_x_m, centre_y_m, positions_m, contact, rest_patc
 
     Hertz: p(r) = 3 F / (2 pi a^2) sqrt(1 - r^2 / a^2), a^3 proportional to F.
 
-    An extra element of ``loads_n`` gets the load of one patch of skin between the taxels; all of
-    these ``rest_patches`` together carry the rest of the force.
+    An extra element of ``loads_n`` gets the load of one of the ``rest_patches`` of skin between
+    the taxels, which together carry the rest of the force.
     """
     n = positions_m.shape[0]
     if not force_n > 0.0:
@@ -86,12 +86,9 @@ class FreeObject(CompiledSet):
 class RidgeNumbers(NamedTuple):
     """The numbers of a :class:`Texture` for compiled code; no amplitudes without ridges."""
 
-    wavenumber_rad_m: float
-    start_rad: float
-    amplitudes: Floats
-
-
-NO_RIDGES = RidgeNumbers(0.0, 0.0, np.zeros(0))
+    wavenumber_rad_m: float = 0.0
+    start_rad: float = 0.0
+    amplitudes: Floats = np.zeros(0)
 
 
 class Texture(ParameterSet):
@@ -132,7 +129,7 @@ def ridges_between(from_m, to_m, ridges):
     """Return the mean height of the ridges between two places, as a share of the indentation.
 
     If both places are equal, the result is the height there. A sensor of limited bandwidth reads
-    the mean over the distance of one step, even if ridges pass too fast to be resolved.
+    the mean over the distance of a step, even if ridges pass too fast to be resolved.
     """
     middle = ridges.start_rad + ridges.wavenumber_rad_m * 0.5 * (from_m + to_m)
     half = 0.5 * ridges.wavenumber_rad_m * (to_m - from_m)
@@ -161,12 +158,9 @@ class RoughNumbers(NamedTuple):
     and ``integral``, one element longer, is that of the heights from the first point to each.
     """
 
-    per_m: float
-    heights: Floats
-    integral: Floats
-
-
-NO_ROUGHNESS = RoughNumbers(0.0, np.zeros(0), np.zeros(0))
+    per_m: float = 0.0
+    heights: Floats = np.zeros(0)
+    integral: Floats = np.zeros(0)
 
 
 class Roughness(ParameterSet):
@@ -190,8 +184,8 @@ class Roughness(ParameterSet):
         profile -= profile.mean()
         heights = profile * (self.height_rms_m / self.indentation_m / profile.std())
         # Area under the Catmull-Rom cubic of four neighbours, between the second and the third.
-        before, one, two = np.roll(heights, 1), np.roll(heights, -1), np.roll(heights, -2)
-        areas = (13.0 * (heights + one) - before - two) / 24.0
+        before, after, next_after = (np.roll(heights, places) for places in (1, -1, -2))
+        areas = (13.0 * (heights + after) - before - next_after) / 24.0
         integral = np.concatenate([[0.0], np.cumsum(areas)])
         return RoughNumbers(POINTS_PER_LENGTH / self.correlation_m, heights, integral)
 
@@ -200,8 +194,8 @@ class Roughness(ParameterSet):
 def _cubic(place, heights):
     """Return the Catmull-Rom cubic of the four points around a place.
 
-    These are the number of the point below it, the height there, twice the factors of t, t^2 and
-    t^3 in it, and t, the distance of the place from that point.
+    The result is the number of the point below the place, the height of that point, twice the
+    factors of t, t^2 and t^3 in the cubic, and t, the distance of the place from that point.
     """
     n = heights.size
     below = np.floor(place)

@@ -14,9 +14,8 @@
 
 """Compiled functions are kept from run to run and never run stale; vectors are those of NumPy."""
 
-import importlib
+import fcntl
 import os
-import re
 import shutil
 import subprocess
 import sys
@@ -51,6 +50,7 @@ needs_numba = pytest.mark.skipif(not compiled.COMPILED, reason='without Numba no
 
 
 OUTER = """
+import sys
 import numpy as np
 from slip_detector.compiled import LANES, compiled, load, store
 from slip_detector.inner import value
@@ -59,10 +59,15 @@ from slip_detector.inner import value
 def outer(values):
     store(load(values, (0,)) + value(), values, (0,))
 
-if __name__ == '__main__':
-    values = np.ones(LANES)
-    outer(values)
-    print(values.mean(), sum(outer.stats.cache_hits.values()))
+@compiled
+def total(values):
+    return values.sum()
+
+values = np.ones(LANES)
+outer(values)
+for kind in sys.argv[1:]:
+    assert total(np.ones(5, kind)) == 5
+print(values.mean(), sum(sum(f.stats.cache_hits.values()) for f in (outer, total)))
 """
 
 INNER = """
@@ -74,82 +79,101 @@ def value():
 """
 
 
-@needs_numba
-def test_a_change_in_another_file_is_compiled_into_what_calls_it(tmp_path):
-    package = tmp_path / 'slip_detector'
-    shutil.copytree(PACKAGE / 'parameters', package / 'parameters')
-    (package / '__init__.py').touch()
-    path = Path(shutil.copy(compiled.__file__, package))
-    (package / 'outer.py').write_text(OUTER)
+class CopiedPackage:
+    """A package with two compiled functions, beside copies of what compiles them."""
 
-    def run(inner):
-        (package / 'inner.py').write_text(INNER.format(inner))
+    def __init__(self, folder):
+        self.folder, package = folder, folder / 'slip_detector'
+        shutil.copytree(PACKAGE / 'parameters', package / 'parameters')
+        (package / '__init__.py').touch()
+        self.compiled, self.inner = package / 'compiled.py', package / 'inner.py'
+        shutil.copy(compiled.__file__, package)
+        (package / 'outer.py').write_text(OUTER)
+        self.inner.write_text(INNER.format(1.0))
+        self.cache = package / '__pycache__'
+
+    def start(self, *words):
+        """Start a process that prints a mean, and how many functions were in the cache."""
+        environment = {**os.environ, 'NUMBA_CACHE_DIR': '', 'XDG_CACHE_HOME': '/dev/null/none'}
         # Python's own cache tells files apart by size and by second: a test is too quick for it.
-        command = [sys.executable, '-B', '-m', 'slip_detector.outer']
-        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
-        return done.stdout.split()
+        return subprocess.Popen(
+            [sys.executable, '-B', '-m', 'slip_detector.outer', *words], cwd=self.folder,
+            env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        )  # fmt: skip
 
-    assert run(1.0) == ['2.0', '0']
-    assert run(1.0) == ['2.0', '1']  # from the cache
-    assert run(2.0) == ['3.0', '0']
-    # The vectors are not compiled by themselves, but into all that use them.
-    path.write_text(path.read_text().replace("f'f{_name[-3:]}'", "'fsub'"))
-    assert run(2.0) == ['-1.0', '0']
-
-
-ONE = """
-from slip_detector.compiled import compiled
-
-@compiled
-def one():
-    return 1
-"""
+    def run(self, *words):
+        """Return what a process prints, and in which lines it says more than that it compiles."""
+        printed, said = self.start(*words).communicate()
+        lines = [line for line in said.splitlines() if not line.startswith('compiling ')]
+        return [*printed.split(), *lines]
 
 
 @pytest.fixture
-def cached_calls(tmp_path, monkeypatch):
-    """Return a function that imports a module anew, calls it, and tells if it was in the cache."""
-    (tmp_path / 'one_of_a_test.py').write_text(ONE)
-    monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.delenv('NUMBA_CACHE_DIR', raising=False)
-
-    def call():
-        sys.modules.pop('one_of_a_test', None)
-        one = importlib.import_module('one_of_a_test').one
-        assert one() == 1
-        return bool(one.stats.cache_hits)
-
-    yield call
-    sys.modules.pop('one_of_a_test', None)
+def package(tmp_path):
+    if not compiled.COMPILED:
+        pytest.skip('without Numba nothing is compiled')
+    return CopiedPackage(tmp_path)
 
 
-@needs_numba
-@pytest.mark.parametrize('damaged', [
-    lambda data: b'', lambda data: data[: len(data) // 2], lambda data: bytes(len(data)),
-    lambda data: data[:-99] + bytes([data[-99] ^ 1]) + data[-98:],
-], ids=['empty', 'cut', 'zeroed', 'flipped'])  # fmt: skip
-def test_what_is_damaged_in_the_cache_is_compiled_again(cached_calls, tmp_path, damaged):
-    assert [cached_calls(), cached_calls()] == [False, True]
-    (path,) = (tmp_path / '__pycache__').glob('*.nbc')
-    path.write_bytes(damaged(path.read_bytes()))
-    assert [cached_calls(), cached_calls()] == [False, True]
+def test_a_change_in_another_file_is_compiled_into_what_calls_it(package):
+    assert package.run() == ['2.0', '0']
+    assert package.run() == ['2.0', '1']  # from the cache
+    package.inner.write_text(INNER.format(2.0))
+    assert package.run() == ['3.0', '0']
+    # The vectors are not compiled by themselves, but into all that use them.
+    source = package.compiled.read_text()
+    package.compiled.write_text(source.replace("f'f{_name[-3:]}'", "'fsub'"))
+    assert package.run() == ['-1.0', '0']
 
 
-@needs_numba
-def test_without_a_cache_that_can_be_written_it_is_compiled_in_memory_and_said_once(
-    cached_calls, monkeypatch, caplog
-):
-    from numba.core.caching import CacheImpl
+def test_of_folders_with_compiled_code_those_used_last_are_kept(package):
+    for number in range(6):
+        other = package.cache / f'slip_detector-{number}'
+        other.mkdir(parents=True)
+        os.utime(other, (number, number))
+    package.run()
+    kept = {path.name for path in package.cache.glob('slip_detector-*/')}
+    assert kept > {f'slip_detector-{number}' for number in (3, 4, 5)}
+    assert len(kept) == 4
 
+
+def flipped(data):
+    return data[:-99] + bytes([data[-99] ^ 1]) + data[-98:]
+
+
+def test_a_damaged_file_is_dropped_with_its_folder_and_that_is_said(package):
+    package.run()
+    (folder,) = package.cache.glob('slip_detector-*/')
+    said = f'compiled code in {folder} is damaged and is dropped'
+    for file, damaged in (
+        ('*/*.nbc', flipped),
+        ('*/*.nbi', flipped),
+        ('*/*.nbc', lambda data: data[: len(data) // 2]),
+        ('checksums.json', lambda data: bytes(len(data))),
+    ):
+        path = next(folder.glob(file))
+        path.write_bytes(damaged(path.read_bytes()))
+        assert package.run() == ['2.0', '0', said]
+    assert package.run() == ['2.0', '1']
+
+
+def test_processes_that_start_at_once_on_an_empty_cache_all_leave_what_they_compiled(package):
+    kinds = ('f4', 'f8', 'i2', 'i4', 'i8', 'u8')
+    package.cache.mkdir()
+    with open(package.cache / 'slip_detector.lock', 'w') as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # All begin when this is closed.
+        started = [package.start(kind) for kind in kinds]
+    assert [process.communicate()[0].split()[0] for process in started] == ['2.0'] * len(kinds)
+    assert package.run(*kinds) == ['2.0', str(1 + len(kinds))]
+
+
+def test_without_a_cache_that_can_be_written_it_is_compiled_in_memory_and_said(package):
+    why = 'compiled code is not kept (/dev/null/none/slip_detector: Not a directory)'
     with full_disk(100):
-        assert [cached_calls(), cached_calls()] == [False, False]
-    monkeypatch.setattr(CacheImpl, '_locator_classes', [])
-    assert [cached_calls(), cached_calls()] == [False, False]
-    said = [line for line in caplog.messages if not line.startswith('compiling')]
-    assert [re.sub(r'/.*/', '...', line) for line in said] == [
-        'compiled code is not kept (...__pycache__ cannot be written): each start compiles',
-        'compiled code is not kept (no folder for it can be written): each start compiles',
-    ]
+        assert package.run() == ['2.0', '0', f'{why}: each start compiles']
+    shutil.rmtree(package.cache)
+    package.cache.touch()
+    assert package.run() == ['2.0', '0', f'{why}: each start compiles']
 
 
 def test_it_says_at_once_and_then_every_ten_seconds_that_it_compiles(monkeypatch, caplog):

@@ -24,6 +24,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from chain import reference_evidence
+from chain.chain_cases import bits, noise, quick_evidence
+from chain.reference import reference, vote_of
 from hypothesis import assume, given, note, settings
 from hypothesis import strategies as st
 
@@ -32,8 +35,6 @@ from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.chain.stages import WORD_ROWS
 from slip_detector.compiled import COMPILED
 from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
-from support import reference_evidence
-from support.chain_cases import bits, noise, quick_evidence
 from support.interpreted import interpreted
 from support.random_chains import (
     assert_same_votes,
@@ -43,7 +44,6 @@ from support.random_chains import (
     round_off,
     with_evidence,
 )
-from support.reference import reference, vote_of
 
 CHECKOUT = Path(chain_module.__file__).parents[2]
 
@@ -96,10 +96,10 @@ def assert_floor_follows(config, found, level_db, counts):
         before = np.concatenate([[least_db], now[:-1]])[: len(now)]
         off = []
         # A level next to the floor may be on either side of it.
-        for one in (level - ERROR_DB, level + ERROR_DB):
-            wanted = reference_evidence.moved_floor(before, one, config)
+        for side_db in (level - ERROR_DB, level + ERROR_DB):
+            wanted = reference_evidence.moved_floor(before, side_db, config)
             if not config.noise_floor_learnt:
-                wanted[:1] = one[:1]
+                wanted[:1] = side_db[:1]
             wanted = np.clip(wanted, least_db, least_db + config.noise_floor_range_db)
             off.append(np.abs(wanted - now))
         assert (np.minimum(*off) <= 1.01 * ERROR_DB).all()

@@ -18,13 +18,13 @@ import dataclasses
 
 import numpy as np
 import pytest
+from chain.chain_cases import QUICK_EVIDENCE, bits, noise
 from hypothesis import given
 from hypothesis import strategies as st
 
 from slip_detector.chain import layout, slip_chain
 from slip_detector.chain.slip_chain import SlipChain, check_memory
 from slip_detector.parameters.detector import ChainConfig
-from support.chain_cases import QUICK_EVIDENCE, bits, noise
 from support.config_cases import message_of
 
 # --- input and output ----------------------------------------------------------------------
@@ -86,7 +86,7 @@ def test_windows_beyond_the_memory_are_refused_before_any_is_taken(monkeypatch):
     assert 'take 365 GB of memory, allowed: ' in message
     # Rows that are kept count too.
     check_memory(ChainConfig(), kept_s=5.0)
-    monkeypatch.setattr(slip_chain, 'SHARE', 0.0)
+    monkeypatch.setattr(slip_chain, 'MEMORY_SHARE', 0.0)
     assert 'allowed: 0 GB' in message_of(check_memory, ChainConfig(), kept_s=5.0)
 
 
@@ -139,9 +139,9 @@ def test_noise_floors_are_taken_over_by_channel(learnt):
     )
     other = dataclasses.replace(config, disabled_channels=tuple(range(5, 21)), groups={}, gain=5.0)
     volts = np.random.default_rng(0).normal(size=(400, 40)) * np.geomspace(0.1, 10, 40)
-    chain, its = SlipChain(config), SlipChain(other)
-    taken = its.update(volts[::-1], floor=True).floor[-1]
-    chain.take_floors(its, volts)
+    chain, other_chain = SlipChain(config), SlipChain(other)
+    taken = other_chain.update(volts[::-1], floor=True).floor[-1]
+    chain.take_floors(other_chain, volts)
     found = chain.state[:, layout.FLOOR].flatten()[:40]
     enabled, known = np.arange(40) != 2, ~np.isin(np.arange(40), range(4, 20))
     scaled = taken - 20 * np.log10(5.0)

@@ -16,11 +16,11 @@
 
 import numpy as np
 import pytest
+from chain.chain_cases import noise
 
 from slip_detector.chain.filters import design, largest_pole_radius
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
-from support.chain_cases import noise
 
 # --- baselines and huge values -------------------------------------------------------------
 

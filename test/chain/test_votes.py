@@ -19,13 +19,13 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from chain.chain_cases import noise
 from hypothesis import given
 from hypothesis import strategies as st
 
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.chain.votes import NO_VOTE, find_statistics, vote_numbers
 from slip_detector.compiled import LANES
-from support.chain_cases import noise
 from support.random_chains import configs, recordings
 
 VOTES = ('all', 'mean', 1, 2, 3, 4)
@@ -56,27 +56,27 @@ def numbers_of(levels):
 @given(levels_of_a_row)
 def test_all_takes_the_least_and_a_count_the_largest_of_that_rank(levels):
     numbers = numbers_of(levels)
-    able = sorted((level for level in levels if level >= 0), reverse=True)
-    assert numbers['all'] == (able[-1] if able else 0.0)
+    voting = sorted((level for level in levels if level >= 0), reverse=True)
+    assert numbers['all'] == (voting[-1] if voting else 0.0)
     for count in (1, 2, 3, 4):
-        assert numbers[count] == (able[count - 1] if count <= len(able) else 0.0)
+        assert numbers[count] == (voting[count - 1] if count <= len(voting) else 0.0)
 
 
 @given(levels_of_a_row)
 def test_mean_takes_the_geometric_mean(levels):
     mean = numbers_of(levels)['mean']
-    able = [level for level in levels if level >= 0]
-    if not able or min(able) == 0.0:
+    voting = [level for level in levels if level >= 0]
+    if not voting or min(voting) == 0.0:
         assert mean == 0.0
-    elif max(able) == np.inf:
+    elif max(voting) == np.inf:
         assert mean == np.inf
     else:
-        assert min(able) <= mean <= max(able)
+        assert min(voting) <= mean <= max(voting)
         # Exact: the product of the levels is within a few roundings of the power of their mean.
-        product = np.prod([Fraction(level) for level in able])
+        product = np.prod([Fraction(level) for level in voting])
         off = abs(Fraction(mean) - Fraction(np.nextafter(mean, 0.0)))
         below, above = Fraction(mean) - 4 * off, Fraction(mean) + 4 * off
-        assert max(below, Fraction(0)) ** len(able) <= product <= above ** len(able)
+        assert max(below, Fraction(0)) ** len(voting) <= product <= above ** len(voting)
 
 
 @pytest.mark.parametrize('members', [1, 2, 3, 7, 515])

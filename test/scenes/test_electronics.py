@@ -44,11 +44,11 @@ def frontend(seed=0, rate_hz=380.0, parts=(), **parameters):
     return Frontend({'electronics': Electronics(**parameters), **dict(parts)}, children, rate_hz)
 
 
-def sampled(clean_v, **given):
+def sampled(clean_v, **values):
     """Return samples of clean voltages, without the baselines, and their times."""
-    rate_hz = given.get('rate_hz', 380.0)
+    rate_hz = values.get('rate_hz', 380.0)
     time_s = np.arange(len(clean_v)) / rate_hz
-    return frontend(**{'baseline_v': (0.0, 0.0), **given}).sample(
+    return frontend(**{'baseline_v': (0.0, 0.0), **values}).sample(
         clean_v, time_s, np.zeros(len(clean_v))
     )
 

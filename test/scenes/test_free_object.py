@@ -131,8 +131,8 @@ def test_a_grip_from_outside_changes_nothing_that_was_before(grip_n, at):
     plain = held(3.0, [{'duration_s': 0.3}])
     steered = held(3.0, [{'duration_s': 0.3}])
     before = [scene.clean(at) for scene in (plain, steered)]
-    for one, other in zip(*before, strict=True):
-        assert one.tobytes() == other.tobytes()
+    for plain_array, steered_array in zip(*before, strict=True):
+        assert plain_array.tobytes() == steered_array.tobytes()
     steered.hold_force(grip_n)
     settled_s = np.array([at / 1000.0 + 1.0])
     assert steered.force_n(settled_s)[0] == pytest.approx(grip_n, abs=1e-6)

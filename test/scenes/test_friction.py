@@ -180,5 +180,5 @@ def test_the_steepest_fall_is_that_of_the_stribeck_curve(kinetic, more, stribeck
         stribeck_velocity_m_s=stribeck_m_s,
     )
     w = np.linspace(0.0, 3.0, 3001) * stribeck_m_s
-    falls = -np.gradient([level_n(one, friction.numbers(), load_n) for one in w], w)
+    falls = -np.gradient([level_n(velocity, friction.numbers(), load_n) for velocity in w], w)
     assert friction.steepest_fall_n_s_m(load_n) == pytest.approx(falls.max(), rel=1e-4)

@@ -47,9 +47,9 @@ ROUGH = [
 
 #: The function of a surface, its numbers, and the distance of ridges or of points of the profile.
 SURFACES = st.one_of(
-    RIDGES.map(lambda of: (ridges_between, of, 2.0 * np.pi / of.wavenumber_rad_m)),
+    RIDGES.map(lambda ridges: (ridges_between, ridges, 2.0 * np.pi / ridges.wavenumber_rad_m)),
     st.sampled_from(
-        [(roughness_between, of, 1.0 / of.per_m) for of in map(Roughness.profile, ROUGH)]
+        [(roughness_between, rough, 1.0 / rough.per_m) for rough in map(Roughness.profile, ROUGH)]
     ),
 )
 

@@ -16,7 +16,7 @@
 
 After Romeo et al., 'Slippage Detection with Piezoresistive Tactile Sensors', Sensors 17 (2017)
 1844: band-pass, two stop-bands, rectify, raise to a power, RMS envelope, windowed mean, threshold;
-and the vote. What evidence makes of the envelope is in :mod:`support.reference_evidence`, a
+and the vote. What evidence makes of the envelope is in :mod:`chain.reference_evidence`, a
 function for each equation.
 
 Every rule is written out on its own, in the order it is stated, and for a whole recording at once;
@@ -26,10 +26,9 @@ nothing is shared with the fast kernel it is compared with.
 from types import SimpleNamespace
 
 import numpy as np
+from chain.reference_evidence import after_impact, low_band, mains_rows, take_off_mains
+from chain.reference_filters import filter_input, filter_sections, low_sections, run_filter
 from numpy.lib.stride_tricks import sliding_window_view
-
-from support.reference_evidence import after_impact, low_band, mains_rows, take_off_mains
-from support.reference_filters import filter_input, filter_sections, low_sections, run_filter
 
 
 def reference(volts, config):

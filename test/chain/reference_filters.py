@@ -14,7 +14,7 @@
 
 """The filters of the reference: what goes into them, their design and their run.
 
-Part of :mod:`support.reference`, written as plainly.
+Part of :mod:`chain.reference`, written as plainly.
 """
 
 import numpy as np

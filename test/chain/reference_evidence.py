@@ -14,7 +14,7 @@
 
 """The decision by evidence of the reference, a row at a time.
 
-Part of :mod:`support.reference`, written as plainly. Each function is one equation, so that each
+Part of :mod:`chain.reference`, written as plainly. Each function is one equation, so that each
 can be held against what the chain gives for it. Arrays have the shape (n, c), but for rows of an
 impact, (n,).
 """
