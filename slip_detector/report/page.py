@@ -48,7 +48,7 @@ from slip_detector.report.pictures import latency_figure, svg
 from slip_detector.tuning.tracks import Track
 
 #: Scripts of a page; each comes after those that it needs.
-SCRIPTS = ('drawing.js', 'timeline.js', 'report_lanes.js', 'report.js')
+SCRIPTS = ('numbers.js', 'drawing.js', 'timeline.js', 'bins.js', 'report_lanes.js', 'report.js')
 STYLES = ('drawing.css', 'report.css')
 
 #: Code of a bin without samples, and the highest code of a channel's range. Finer steps would make

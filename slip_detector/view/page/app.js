@@ -1,8 +1,8 @@
-// The live page: puts its parts together. Texts from the robot go into textContent, never into HTML.
+// The live page: joins its parts. Texts from the robot go into textContent, never into HTML.
 
 import {FingerCard} from './card.js';
 import {Connection} from './connection.js';
-import {News, Tool, tabs, write} from './elements.js';
+import {News, Tool, pageKey, tabs, update, write} from './elements.js';
 import {Parameters} from './parameters.js';
 import {Played} from './played.js';
 import {SpectrumPanel} from './spectrum.js';
@@ -20,7 +20,8 @@ class Drawings extends Tool {
 
 const connection = new Connection();
 const news = new News(element('news'));
-const parameters = new Parameters(connection), teach = new Teach(connection), drawings = new Drawings(connection, element('refusal'));
+const parameters = new Parameters(connection), teach = new Teach(connection);
+const drawings = new Drawings(connection, element('refusal'));
 new Played(connection);
 // The finger whose signals are shown, and the one that the user has chosen. The address keeps the
 // latter for when the page is loaded again.
@@ -28,16 +29,22 @@ let chosen = null, wanted = new URLSearchParams(location.hash.slice(1)).get('fin
 // Labels, by name, of fingers whose detectors have ended.
 let gone = {};
 const cards = new Map();
-const wishes = {onView: (changes) => connection.changeView(changes), onSet: (values) => drawings.ask('set', {values})};
+const wishes = {
+  onView: (changes) => connection.changeView(changes),
+  onSet: (values) => drawings.ask('set', {values}),
+};
 const traces = new Traces(wishes), spectrum = new SpectrumPanel(wishes);
-element('keep-rest').addEventListener('click', () => drawings.ask('keep_rest'));
+listen('keep-rest', 'click', () => drawings.ask('keep_rest'));
 
 // The tab's title has the state of a finger that slips, else of one that is not at rest.
+const TITLE_STATES = ['slip', 'lost', 'silent', 'noInput', 'paused', 'notValid', 'rest'];
+
 function showTitle() {
-  const order = ['slip', 'lost', 'silent', 'noInput', 'paused', 'notValid', 'rest'], rank = ({root}) => order.indexOf(root.dataset.state);
-  const [first] = [...cards.values()].filter(({state}) => state).sort((a, b) => rank(a) - rank(b));
-  const title = first ? `${first.badge.textContent} ${first.finger.label} \u00b7 slip_view` : 'slip_view';
-  if (document.title !== title) document.title = title;
+  const rank = ({root}) => TITLE_STATES.indexOf(root.dataset.state);
+  const known = [...cards.values()].filter(({state}) => state);
+  const [first] = known.sort((a, b) => rank(a) - rank(b));
+  const lead = first ? `${first.badge.textContent} ${first.finger.label} \u00b7 ` : '';
+  update(document, {title: `${lead}slip_view`});
 }
 
 function choose(name) {
@@ -57,9 +64,10 @@ function show(name) {
 
 function showChosen() {
   for (const [name, card] of cards) card.mark(name === chosen);
-  const finger = cards.get(chosen)?.finger, label = finger?.label ?? `${gone[chosen]}, which is gone`;
-  element('signals-title').textContent = `Signals of ${label}`;
-  element('tools-title').textContent = `Set up ${label}`;
+  const finger = cards.get(chosen)?.finger;
+  const label = finger?.label ?? `${gone[chosen]}, which is gone`;
+  write('signals-title', `Signals of ${label}`);
+  write('tools-title', `Set up ${label}`);
   if (finger) for (const part of [traces, spectrum]) part.show(finger);
   drawings.show();
 }
@@ -98,12 +106,13 @@ connection.on('fingers', ({fingers, gone: labels, read_only: readOnly}) => {
   element('no-finger').hidden = fingers.length > 0;
   const ended = Object.values(gone).join(', ');
   element('gone').hidden = !ended;
-  element('gone').textContent = `${ended}: its detector has ended. It comes back by itself when it is started again.`;
+  write('ended', ended);
   element('panels').hidden = !fingers.length;
   document.querySelector('main').classList.toggle('single', fingers.length === 1);
   connection.changeView({fingers: names});
-  // A finger that is gone may come back: meanwhile no other is chosen, or changes would go to that one.
-  const next = [wanted, chosen].find((name) => names.includes(name)) ?? (chosen in gone ? chosen : names[0] ?? null);
+  // A finger that is gone may come back: until then, changes are not to go to another one.
+  const stays = [wanted, chosen].find((name) => names.includes(name));
+  const next = stays ?? (chosen in gone ? chosen : names[0] ?? null);
   if (next !== chosen) show(next);
   else showChosen();
 });
@@ -116,7 +125,7 @@ connection.on('frame', ({header, arrays}) => {
   header.fingers.forEach((state, i) => {
     const card = cards.get(state.name);
     if (!card || arrays[`level/${i}`].length !== card.finger.channels.length) return;
-    card.show(state, {level: arrays[`level/${i}`], on: arrays[`on/${i}`], groups: arrays[`groups/${i}`]});
+    card.show(state, ...['level', 'on', 'groups'].map((part) => arrays[`${part}/${i}`]));
     news.note(card.finger.label, card.words);
   });
   showTitle();
@@ -127,22 +136,20 @@ connection.on('frame', ({header, arrays}) => {
 connection.on('age', (words) => write('age', words));
 connection.on('bag_places', ({places}) => (traces.places = places));
 
-tabs(document.querySelector('#signals [role=tablist]'), (panel) => spectrum.open(panel === 'spectrum'));
-tabs(document.querySelector('#tools [role=tablist]'));
+const [signalTabs, toolTabs] = document.querySelectorAll('[role=tablist]');
+tabs(signalTabs, (panel) => spectrum.open(panel === 'spectrum'));
+tabs(toolTabs);
 
-element('to-threshold').addEventListener('click', () => {
+listen('to-threshold', 'click', () => {
   element('traces-tab').click();
   traces.line.root.focus();
 });
 
-document.addEventListener('keydown', (event) => {
-  if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches('input, select, textarea')) return;
-  // They can be switched off, as speech input and accidental strokes trigger them (WCAG 2.1.4).
-  if (!element('keys-act').checked) return;
-  const finger = element('fingers').children[event.key - 1]?.dataset.finger, keys = element('keys');
+listen(document, 'keydown', (event) => {
+  const key = pageKey(event), finger = element('fingers').children[key - 1]?.dataset.finger;
   if (finger) choose(finger);
-  else if (event.key.toLowerCase() === 'p') traces.pauseOrGoOn();
-  else if (event.key === '?') keys.open = !keys.open;
+  else if (key === 'p') traces.pauseOrGoOn();
+  else if (key === '?') element('keys').toggleAttribute('open');
   else return;
   event.preventDefault();
 });

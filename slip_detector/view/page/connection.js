@@ -7,9 +7,8 @@ const CHECK_MS = 1000, MOST_CHECKS = 3;
 const OLD_S = 2;
 const UNREACHABLE = 'slip_view cannot be reached';
 
-// Return a binary frame, as slip_detector/view/view_request.py makes it, as {header, arrays}: the arrays
-// by name.
-function readFrame(buffer) {
+// Return a binary frame, which view_request.py makes, as {header, arrays}: the arrays by name.
+export function readFrame(buffer) {
   const length = new DataView(buffer).getUint32(0, true), arrays = {};
   const header = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
   let place = 4 + length;
@@ -30,18 +29,22 @@ export class Connection extends EventTarget {
     this.answers = new Map();
     this.requests = 0;
     this.view = {};
-    // Whether a frame waits to be drawn; when the next one was asked for, and the one that is shown.
+    // Whether a frame waits to be drawn; when it was asked for, and when the one that is shown.
     this.draws = false;
     this.askedMs = this.shownMs = NaN;
     // A hidden page asks for nothing.
-    document.addEventListener('visibilitychange', () => this.sendView());
+    listen(document, 'visibilitychange', () => this.sendView());
     setInterval(() => this.checkForFrames(), CHECK_MS);
+  }
+
+  emit(type, detail) {
+    this.dispatchEvent(new CustomEvent(type, {detail}));
   }
 
   say(words) {
     if (words === this.words) return;
     this.words = words;
-    this.dispatchEvent(new CustomEvent('state', {detail: words}));
+    this.emit('state', words);
   }
 
   // Count checks without a frame, if frames are due and none waits to be drawn.
@@ -51,19 +54,18 @@ export class Connection extends EventTarget {
     if (this.checks > MOST_CHECKS) this.say('slip_view does not answer');
     if (!due) this.shownMs = NaN;
     const seconds = Math.floor((performance.now() - this.shownMs) / 1000);
-    const detail = seconds >= OLD_S ? `, shown is ${seconds}\u00a0s old` : '';
-    this.dispatchEvent(new CustomEvent('age', {detail}));
+    this.emit('age', seconds >= OLD_S ? `, shown is ${seconds}\u00a0s old` : '');
   }
 
   get isOpen() {
     return this.socket?.readyState === WebSocket.OPEN;
   }
 
-  // take(message): called with each message of this type. A 'frame' is {header, arrays}; it comes once for
-  // each frame, when the browser draws. A 'state' is why there is no connection; '': there is. An 'age'
-  // says how old what is shown is, if it is old.
+  // take(message): called with each message of this type. A 'frame' is {header, arrays} and comes
+  // when the browser draws. A 'state' is why there is no connection; '': there is. An 'age' says
+  // how old what is shown is, if it is old.
   on(type, take) {
-    this.addEventListener(type, ({detail}) => take(detail));
+    listen(this, type, ({detail}) => take(detail));
   }
 
   open() {
@@ -78,7 +80,8 @@ export class Connection extends EventTarget {
     };
     socket.onmessage = ({data}) => this.take(data);
     socket.onclose = ({reason}) => {
-      for (const resolve of this.answers.values()) resolve({refusal: 'the connection to slip_view was lost'});
+      const refusal = 'the connection to slip_view was lost';
+      for (const resolve of this.answers.values()) resolve({refusal});
       this.answers.clear();
       this.explain(reason);
       setTimeout(() => this.open(), AGAIN_MS);
@@ -106,7 +109,7 @@ export class Connection extends EventTarget {
       this.answers.get(message.id)?.(message);
       this.answers.delete(message.id);
     }
-    this.dispatchEvent(new CustomEvent(message.type, {detail: message}));
+    this.emit(message.type, message);
   }
 
   draw(data) {
@@ -116,11 +119,11 @@ export class Connection extends EventTarget {
     // The next frame is made while this one is drawn.
     this.send({type: 'drawn'});
     [this.shownMs, this.askedMs] = [this.askedMs, performance.now()];
-    this.dispatchEvent(new CustomEvent('frame', {detail: readFrame(data)}));
+    this.emit('frame', readFrame(data));
   }
 
-  // Change what the page asks for: {fingers, finger, channels, window_s, pixels, spectrum, until_ns};
-  // those that are not given stay as they are.
+  // Change some of what the page asks for: fingers, finger, channels, window_s, pixels, spectrum,
+  // until_ns.
   changeView(changes) {
     const before = JSON.stringify(this.view);
     Object.assign(this.view, changes);

@@ -1,6 +1,7 @@
 // The picture of a recording: its signal, and its labels, each change of which is kept at once.
 
-import {Slider, button, write} from './elements.js';
+import {button, write} from './elements.js';
+import {Slider} from './slider.js';
 
 // A step of an end by keys, the shortest stretch that is seen, and the least range of the signal.
 const STEP_S = 0.01, LEAST_S = 0.5, LEAST_DB = 6;
@@ -26,9 +27,9 @@ export class RecordingTrace {
     const undo = button('Undo', () => this.takeBack(), {ariaLabel: `Undo ${name}`});
     this.edit = build('span.buttons', snap, undo);
     this.root = build('div.recording-trace', this.frame, this.words, this.edit);
-    this.frame.addEventListener('scroll', () => this.draw());
-    this.frame.addEventListener('wheel', (event) => this.onWheel(event), {passive: false});
-    this.frame.addEventListener('keydown', (event) => this.onKey(event));
+    listen(this.frame, 'scroll', () => this.draw());
+    listen(this.frame, 'wheel', (event) => this.onWheel(event), {passive: false});
+    listen(this.frame, 'keydown', (event) => this.onKey(event));
     new ResizeObserver(() => this.draw()).observe(this.picture);
   }
 
@@ -56,7 +57,7 @@ export class RecordingTrace {
   handle(i) {
     const inside = (s) => {
       const ends = [-STEP_S, ...this.pairs.flat(), this.trace.duration_s + STEP_S];
-      return Math.min(Math.max(s, ends[i] + STEP_S), ends[i + 2] - STEP_S);
+      return clamp(s, ends[i] + STEP_S, ends[i + 2] - STEP_S);
     };
     return new Slider({
       name: `${i % 2 ? 'End' : 'Start'} of the slip in ${this.name}`,
@@ -123,7 +124,7 @@ export class RecordingTrace {
   }
 
   onKey(event) {
-    if (!(event.key in ZOOMS) || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (!(event.key in ZOOMS) || isShortcut(event)) return;
     event.preventDefault();
     this.zoom(ZOOMS[event.key]);
   }
