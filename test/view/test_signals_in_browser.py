@@ -265,7 +265,7 @@ def test_the_spectrum_is_read_kept_as_rest_and_its_bands_are_dragged(serve):
     assert (8.0 < stop_hz < 20.0, others) == (True, (50.0, 180.0))
     # An edge stops where no band would be left, and says so.
     parts.press(low, *(12 * ['PageUp']))
-    expect(low).to_have_attribute('aria-valuetext', 'pass from 47.5 Hz: no band left')
+    expect(low).to_have_attribute('aria-valuetext', 'pass from 47.5 Hz: no farther')
     parts.press(low, 'Escape')
     # One more is put where there is none.
     add = parts.button(page, 'Add stop-band')

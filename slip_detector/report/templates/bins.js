@@ -21,8 +21,7 @@ function decode({channels: {length: channels}, bins, bin_rows: binRows, variants
   };
 }
 
-// Values as they are, then joined in twos, in fours and so on; in each resolution the channels
-// follow one another.
+// Values as they are, then joined in twos, in fours and so on; the channels follow one another.
 function halved(values, channels, n, join) {
   if (n <= 512) return [{values, n}];
   const half = Math.ceil(n / 2), next = new values.constructor(channels * half).map((_, k) => {
@@ -32,9 +31,8 @@ function halved(values, channels, n, join) {
   return [{values, n}, ...halved(next, channels, half, join)];
 }
 
-// What to draw between two rows, in bins of about a pixel: bin i begins at row i * rows; the bins
-// from first up to stop are drawn. low, high and codes have n values for each channel; those of a
-// channel begin at channel * n. binRows: the rows of a bin in the finest resolution.
+// What to draw between two rows, in bins of about a pixel: bins from first up to stop, of so many
+// rows each; of low, high and codes, the n values of a channel begin at channel * n.
 function binsBetween(from, to, {low, high, variants}, variant, binRows, rowsOfPixel) {
   const level = Math.max(0, Math.ceil(Math.log2(rowsOfPixel / binRows)));
   const size = Math.min(level, low.length - 1), rows = binRows * 2 ** size, {n} = low[size];

@@ -9,7 +9,7 @@ const LEVEL_OCTAVES = 5;
 
 const element = (id) => document.getElementById(id);
 
-// An element. kind: its tag with classes, as 'p.hint'; parts: texts and elements in it, properties.
+// An element of a tag with classes, as 'p.hint'; parts: texts and elements in it, properties.
 function build(kind, ...parts) {
   const [name, ...classes] = kind.split('.'), made = document.createElement(name);
   made.className = classes.join(' ');
@@ -20,8 +20,7 @@ function build(kind, ...parts) {
   return made;
 }
 
-// Call act(event) for each event of these types, as 'keydown keyup'; target: what the event comes
-// to, or its id.
+// Call act(event) for each event of these types, as 'keydown keyup', at a target or its id.
 function listen(target, types, act, options) {
   const place = typeof target === 'string' ? element(target) : target;
   for (const type of types.split(' ')) place.addEventListener(type, act, options);
@@ -65,8 +64,7 @@ function bars(context, xOf, times, top, height, color) {
   }
 }
 
-// Paint the values from first up to stop; value i reaches from xOf(i) to xOf(i + 1). Neighbours of
-// the same colour are painted as one; the colour null paints nothing.
+// Paint the values from first up to stop, neighbours of the same colour as one; null: no colour.
 function paintRuns(context, top, height, first, stop, colorAt, xOf) {
   let start = first, color = null;
   const fill = (i) => {

@@ -32,8 +32,7 @@ function rangeOf(values) {
   return least <= most ? [least, most] : null;
 }
 
-// A range that grows at once, with a margin on either side, but shrinks only when less than this
-// share of it is wanted: curves would jump with a range that followed each value.
+// A range that grows at once, with a margin, but shrinks only when less than a share is wanted.
 function steady(before, [least, most], share, margin = 0) {
   const size = most - least;
   const holdsAll = before && least >= before[0] && most <= before[1];
@@ -47,8 +46,7 @@ const TICKS_S = [
   1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 36000, 86400, 864000,
 ];
 
-// The ticks of an axis that are so many seconds apart at least: {times, digits}; digits are those
-// after the point that tell one tick from the next.
+// The ticks of an axis, so many seconds apart at least, and the digits that tell them apart.
 function ticksBetween(from, to, least_s) {
   const times = [], step = TICKS_S.find((s) => s >= least_s) ?? TICKS_S.at(-1);
   const digits = step >= 1 ? 0 : Math.min(3, Math.ceil(-Math.log10(step) - 1e-9));

@@ -53,16 +53,13 @@ function clock(seconds, digits = 3) {
   return timeText(Number(seconds.toFixed(digits)), digits).slice(duration() < 3600 ? 3 : 0);
 }
 
-// What is at a code of a level, in words.
 function wordsOf(code) {
   const ratio = (2 ** ((code - THRESHOLD_CODE) / CODES_OF_OCTAVE)).toPrecision(2);
   return `level / threshold ${code ? (code === 1 ? '\u2264 ' : '') + ratio : 'not valid'}`;
 }
 
-// What channels show: volts or level.
 const signalShown = () => element('signal').value;
 
-// Say how finely channels are drawn.
 function showScale() {
   const {bin_rows: bin, rate_hz: rate, channels} = now(), {groups} = variantNow();
   const disabled = channels.length - new Set(groups.flatMap(({members}) => members)).size;
@@ -72,7 +69,6 @@ function showScale() {
   element('resolution').textContent = how + left;
 }
 
-// The lanes from top to bottom.
 function lanesOf(bins) {
   const {channels, truth, variants} = now(), {groups} = variantNow();
   const n = groups.flatMap(({members}) => members).length;
@@ -131,7 +127,6 @@ function paintUnderAll(pen) {
   context.fillRect(xOf(start), 0, Math.max(xOf(end) - xOf(start), 1), upper + height);
   context.fillStyle = INK;
   context.fillRect(xOf(start), 0, 1, bottom);
-  // The alarm's line is dashed.
   const alarm = latency === null ? null : xOf(start + latency);
   for (let y = 0; alarm !== null && y < bottom; y += 7) context.fillRect(alarm, y, 1, 4);
 }

@@ -1,8 +1,5 @@
-// A timeline: lanes from top to bottom over one axis of time. It draws axis and curves, shows where
-// the pointer is, and lets the user zoom, move and select an interval; the page itself paints what
-// is not a curve, such as a decision that is ON or OFF.
-//
-// Times are seconds. Positions are CSS pixels from the upper left corner of the timeline.
+// A timeline: lanes over one axis of time, in seconds. It draws axis and curves, shows where the
+// pointer is, and lets the user zoom, move and select; the page itself paints what is no curve.
 
 const AXIS_HEIGHT = 22, NAMES_WIDTH = 92, RIGHT_MARGIN = 16, TICK_SPACE = 90;
 const CURVE = '#3d5a73', GRID = '#dfe3e6', TEXT = '#23292e';
@@ -16,12 +13,9 @@ const POINTS = {
 };
 
 class Timeline {
-  // tickText(seconds, digits): the text at a tick, with so many digits after the point.
   // onInterval(from, to, how): the user wants to see another interval; how: 'zoom', 'move',
-  // 'choose', or 'whole', with from -Infinity and to Infinity.
-  // onPoint(seconds, lane): the pointer, or keys, have moved to this place; null: it has left.
-  // margin: pixels at the right of the lanes. The buttons of the page with the ids zoom-in and
-  // zoom-out zoom.
+  // 'choose', or 'whole', which is infinite. onPoint(seconds, lane): pointer or keys have moved
+  // here; null: the pointer has left. margin: pixels at the right of the lanes.
   constructor(root, {tickText, onInterval, onPoint, margin = RIGHT_MARGIN}) {
     Object.assign(this, {root, tickText, onInterval, onPoint, margin});
     this.lanes = [];
@@ -84,10 +78,8 @@ class Timeline {
   }
 
   // Set the lanes from top to bottom: {name, note, kind, height, curve, colors, below, paint,
-  // paintScale}. curve: the number of the lane's curves, true for one. colors: those of its curves,
-  // if they are not the usual one. below: pixels that stay free under the curves. paint(pen, lane):
-  // paints the rest, under the curves, paintScale(pen, lane) what is beside the lanes, with
-  // pen.context; pen.xOf(seconds), pen.right, lane.top and lane.height are in pixels.
+  // paintScale}. curve: the number of curves. below: pixels that stay free under the curves.
+  // paint(pen, lane) paints the rest, under the curves, paintScale what is beside the lanes.
   setLanes(lanes) {
     let top = AXIS_HEIGHT;
     for (const lane of lanes) {
@@ -104,17 +96,14 @@ class Timeline {
       const name = build('div.lane-name', lane.name);
       if (lane.kind) name.classList.add(lane.kind);
       Object.assign(name.style, {top: `${lane.top}px`, height: `${lane.height}px`});
-      // The colour of a single curve is shown beside the name.
       if (lane.colors?.length === 1) name.style.boxShadow = `inset 4px 0 ${lane.colors[0]}`;
       if (lane.note && lane.height >= 26) name.append(build('small', lane.note));
       return name;
     }));
   }
 
-  // Draw an interval of time. x: rising times. curves: those of all lanes, in order, as
-  // {low, high, range}. low, high: the lowest and the highest values from each time to the next,
-  // null where there are none. range: the values at the bottom and the top of the lane.
-  // paint(pen): paints what lies under all lanes.
+  // Draw an interval: at the times x the curves of all lanes, {low, high, range}, with null where
+  // nothing is; range: the values at bottom and top. paint(pen) paints what lies under all lanes.
   draw({from, to, x, curves, paint}) {
     Object.assign(this, {from, to, curves});
     const {context, width} = fitted(this.canvas), {height} = this;
@@ -147,7 +136,6 @@ class Timeline {
     }
   }
 
-  // Where a value is in a lane with this range.
   static yOf({top, height, below}, [least, most], value) {
     return top + 1 + (most - value) / (most - least) * (height - below - 2);
   }
@@ -170,8 +158,7 @@ class Timeline {
     context.stroke();
   }
 
-  // Let the wheel zoom at the pointer, dragging move the interval, two fingers do both, as what is
-  // under them stays there, and dragging with Shift select another.
+  // The wheel zooms, dragging moves, two fingers do both, dragging with Shift selects.
   listen() {
     const {over} = this, grips = new Map();
     const xOf = (event) => event.clientX - over.getBoundingClientRect().left;

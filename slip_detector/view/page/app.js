@@ -1,6 +1,6 @@
 // The live page: joins its parts. Texts from the robot go into textContent, never into HTML.
 
-import {FingerCard} from './card.js';
+import {FingerCard, STATES} from './card.js';
 import {Connection} from './connection.js';
 import {News, Tool, pageKey, tabs, update, write} from './elements.js';
 import {Parameters} from './parameters.js';
@@ -23,8 +23,7 @@ const news = new News(element('news'));
 const parameters = new Parameters(connection), teach = new Teach(connection);
 const drawings = new Drawings(connection, element('refusal'));
 new Played(connection);
-// The finger whose signals are shown, and the one that the user has chosen. The address keeps the
-// latter for when the page is loaded again.
+// The finger whose signals are shown, and the one that the user has chosen: the address keeps it.
 let chosen = null, wanted = new URLSearchParams(location.hash.slice(1)).get('finger');
 // Labels, by name, of fingers whose detectors have ended.
 let gone = {};
@@ -37,10 +36,8 @@ const traces = new Traces(wishes), spectrum = new SpectrumPanel(wishes);
 listen('keep-rest', 'click', () => drawings.ask('keep_rest'));
 
 // The tab's title has the state of a finger that slips, else of one that is not at rest.
-const TITLE_STATES = ['slip', 'lost', 'silent', 'noInput', 'paused', 'notValid', 'rest'];
-
 function showTitle() {
-  const rank = ({root}) => TITLE_STATES.indexOf(root.dataset.state);
+  const order = Object.keys(STATES), rank = ({root}) => order.indexOf(root.dataset.state);
   const known = [...cards.values()].filter(({state}) => state);
   const [first] = known.sort((a, b) => rank(a) - rank(b));
   const lead = first ? `${first.badge.textContent} ${first.finger.label} \u00b7 ` : '';
@@ -54,7 +51,6 @@ function choose(name) {
 }
 
 function show(name) {
-  // Changes of the finger that was shown end before.
   for (const line of [traces.line, ...spectrum.lines.values()]) line.settle();
   chosen = name;
   connection.changeView({finger: name ?? '', until_ns: null});

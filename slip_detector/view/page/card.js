@@ -1,17 +1,16 @@
 // The card of one finger: its picture, in which each taxel stands at its place with its level as a
 // fill, its groups, and its state in words. The style sheet says how taxels look.
 
-import {update, write} from './elements.js';
+import {partsOf, update, write} from './elements.js';
 
-// Words and mark of each state; the first that applies is shown. The shapes of the marks tell
-// states apart without colours.
-const STATES = {
+// Words and mark of each state; of several fingers, the title of the page has the first one.
+export const STATES = {
+  slip: {mark: '\u25b2', words: 'SLIP'},
   lost: {mark: '\u2715', words: 'not connected'},
   silent: {mark: '\u2715', words: 'detector silent'},
   noInput: {mark: '\u2715', words: 'no input'},
   paused: {mark: '\u2016', words: 'paused'},
   notValid: {mark: '?', words: 'not valid'},
-  slip: {mark: '\u25b2', words: 'SLIP'},
   rest: {mark: '\u25cb', words: 'rest'},
 };
 // Shortest time between two updates of the channels in words.
@@ -23,11 +22,9 @@ const LEVELS = [
 const VOTES = {all: 'all of them', mean: 'their geometric mean'};
 
 export class FingerCard {
-  // onChoose(): the user wants to see the finger's traces. onChannel(channel): the taxel of a
-  // channel, counted from 1, was clicked. onTake(): the detector is to take samples as they come.
+  // Called for the finger's traces, for the channel of a taxel, and to take samples as they come.
   constructor({onChoose, onChannel, onTake}) {
-    this.root = element('card').content.firstElementChild.cloneNode(true);
-    for (const part of this.root.querySelectorAll('[class]')) this[part.className] = part;
+    Object.assign(this, partsOf('card'));
     listen(this.title, 'click', onChoose);
     listen(this.take, 'click', onTake);
     listen(this.inWords, 'toggle', () => this.showChannels());
@@ -68,7 +65,6 @@ export class FingerCard {
     placeTaxels(this.taxels, finger.positions_m);
   }
 
-  // The finger's state in a frame, and its arrays there.
   show(state, level, on, groups) {
     this.state = state;
     this.channels = Array.from(level, (ratio, c) => ({
@@ -93,7 +89,6 @@ export class FingerCard {
     if (performance.now() - this.worded > WORDS_MS) this.showChannels();
   }
 
-  // For users who cannot see the picture.
   showChannels() {
     if (!this.inWords.open || !this.channels) return;
     this.worded = performance.now();
@@ -133,8 +128,7 @@ export class FingerCard {
     update(this.taxels, {ariaLabel: `${this.finger.label}: ${this.words}`});
   }
 
-  // lines: [level, name, message] of each. What is wrong stands at the top; of decisions the badge
-  // tells sooner.
+  // What is wrong stands at the top; of decisions the badge tells sooner.
   showDiagnostics(lines) {
     const wrong = lines.filter(([level]) => level).sort(([a], [b]) => b - a);
     const listed = wrong.length ? wrong : lines.filter(([, name]) => name !== 'decisions');
@@ -173,7 +167,6 @@ const seconds = (age) => (
   age < 120 ? `${age.toFixed(age < 10 ? 1 : 0)} s` : `${Math.floor(age / 60)} min`);
 
 // Show a channel in its taxel: levels from 1/32 of the threshold, in steps that are hardly seen.
-// What stays the same is not painted again.
 function showTaxel(taxel, {level, on, valid, disabled}) {
   const share = clamp(1 + Math.log2(level) / LEVEL_OCTAVES, 0, 1);
   const shows = disabled ? 'disabled' : !valid ? 'invalid' : on ? 'on' : 'level';
@@ -182,8 +175,7 @@ function showTaxel(taxel, {level, on, valid, disabled}) {
   update(taxel.style, {backgroundSize: fill});
 }
 
-// Place taxels in units of the least distance of two. positions: of each channel [x, y, z] in
-// metres, no two the same. The two axes along which the finger is largest are shown.
+// Place taxels in units of the least distance of two, along the two axes of the largest extents.
 function placeTaxels(taxels, positions) {
   const extents = [0, 1, 2].map((axis) => {
     const [least, most] = rangeOf(positions.map((position) => position[axis]));

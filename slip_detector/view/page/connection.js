@@ -19,13 +19,11 @@ export function readFrame(buffer) {
   return {header, arrays};
 }
 
-// Dispatches each message as an event of its type.
 export class Connection extends EventTarget {
   constructor() {
     super();
     this.words = null;
     this.checks = 0;
-    // By the number of a request, what its answer is passed to.
     this.answers = new Map();
     this.requests = 0;
     this.view = {};
@@ -61,9 +59,8 @@ export class Connection extends EventTarget {
     return this.socket?.readyState === WebSocket.OPEN;
   }
 
-  // take(message): called with each message of this type. A 'frame' is {header, arrays} and comes
-  // when the browser draws. A 'state' is why there is no connection; '': there is. An 'age' says
-  // how old what is shown is, if it is old.
+  // Let take(message) be called with each message of this type, with a 'frame' when the browser
+  // draws, with a 'state', why there is no connection, or '', and with an 'age' of what is old.
   on(type, take) {
     listen(this, type, ({detail}) => take(detail));
   }
@@ -92,7 +89,6 @@ export class Connection extends EventTarget {
     // A WebSocket does not pass on why the server refuses it.
     const why = reason || await fetch(`/live${location.search}`)
       .then((answer) => (answer.status === 403 ? answer.text() : '')).catch(() => '');
-    // The connection may be open again meanwhile.
     if (!this.isOpen) this.say(`${why.trim() || UNREACHABLE}; trying again`);
   }
 
@@ -114,7 +110,6 @@ export class Connection extends EventTarget {
 
   draw(data) {
     this.draws = false;
-    // A frame from before the connection was lost is old.
     if (!this.isOpen) return;
     // The next frame is made while this one is drawn.
     this.send({type: 'drawn'});
@@ -122,8 +117,7 @@ export class Connection extends EventTarget {
     this.emit('frame', readFrame(data));
   }
 
-  // Change some of what the page asks for: fingers, finger, channels, window_s, pixels, spectrum,
-  // until_ns.
+  // Change some of what the page asks for.
   changeView(changes) {
     const before = JSON.stringify(this.view);
     Object.assign(this.view, changes);

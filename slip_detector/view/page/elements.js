@@ -1,8 +1,14 @@
-// Makes the elements of the page, tabs and announcements.
+// Makes the elements of the page: tabs, sliders, announcements.
 
-// A button; properties: those that differ from the usual ones.
 export const button = (words, onclick, properties = {}) => (
   build('button', words, {type: 'button', onclick, ...properties}));
+
+// What a template holds: its root, and by class the parts in it.
+export function partsOf(id) {
+  const root = element(id).content.firstElementChild.cloneNode(true), parts = {root};
+  for (const part of root.querySelectorAll('[class]')) parts[part.className] = part;
+  return parts;
+}
 
 // Set properties only where they differ: the browser would lay out, paint or read aloud again.
 export function update(target, properties) {
@@ -24,8 +30,7 @@ export function pageKey(event) {
   return acts ? event.key.toLowerCase() : '';
 }
 
-// Let a button be held. A click without a pointer comes from Enter or a screen reader, which
-// cannot hold one: it presses, and the next one releases.
+// Let a button be held. Enter and screen readers cannot: one click presses, the next one releases.
 export function holdable(held, {press, release, isHeld}) {
   listen(held, 'pointerdown', (event) => {
     if (event.button) return;
@@ -48,8 +53,7 @@ export function tableRow([heading, ...cells]) {
 // Names this page in requests, so that it knows its own changes from those of others.
 export const PAGE = crypto.getRandomValues(new Uint32Array(2)).join('-');
 
-// A part with controls: the fingers by their labels, requests, and the line that shows why one was
-// refused.
+// A part with controls: fingers by their labels, requests, and the line of why one was refused.
 export class Tool {
   constructor(connection, line) {
     Object.assign(this, {connection, line, finger: null, labels: {}, readOnly: false});
@@ -64,11 +68,7 @@ export class Tool {
       this.show();
     });
     // A refusal is about the parameters as they were.
-    connection.on('parameters', ({fingers}) => {
-      const newest = fingers[this.finger]?.changes[0]?.[0];
-      if (newest !== this.newest) this.refuse('');
-      this.newest = newest;
-    });
+    connection.on('parameters', () => this.refuse(''));
   }
 
   choose(finger) {
@@ -82,8 +82,7 @@ export class Tool {
     return this.readOnly || Boolean(this.connection.words);
   }
 
-  // Send a request about the chosen finger, or another one; resolves with the answer. beside: what
-  // the answer stands beside, if not where it stood before.
+  // Resolves with the answer to a request. beside: what a refusal is to stand beside from now on.
   async ask(type, content, beside) {
     const {finger, line: {parentElement: place}} = this;
     this.refuse('');
@@ -102,8 +101,7 @@ export class Tool {
   }
 }
 
-// Tabs as the ARIA Authoring Practices describe them: one tab stop, arrows choose.
-// list: the element of role tablist. onChoose(id): called when the panel of this id is shown.
+// Tabs as the ARIA Authoring Practices describe them; onChoose(id): the panel of this id is shown.
 export function tabs(list, onChoose = () => {}) {
   const all = [...list.querySelectorAll('[role=tab]')];
   const panelOf = (tab) => tab.getAttribute('aria-controls');
@@ -121,7 +119,6 @@ export function tabs(list, onChoose = () => {}) {
 }
 
 // Make the buttons of a group one tab stop: arrows, Home and End go from one to another.
-// onMove(button): called with the one that has the focus then.
 export function oneTabStop(group, onMove = () => {}) {
   const buttons = () => [...group.querySelectorAll('button')];
   listen(group, 'keydown', (event) => {
@@ -138,15 +135,14 @@ export function oneTabStop(group, onMove = () => {}) {
   });
 }
 
-// The height that a part of the signals may have so that the page, unscrolled, shows all of it
-// with so much below it.
+// The height of a part of the signals of which the page, unscrolled, shows all and so much below.
 export function heightFor(part, below) {
   const boxOf = (each) => each.getBoundingClientRect();
   const above = boxOf(part).top - boxOf(element('signals')).top;
   return window.innerHeight - below - window.scrollY - boxOf(element('fingers')).bottom - above;
 }
 
-// Changes in this time are one announcement: slip may come and go many times a second.
+// Changes in this time are one announcement.
 const GATHERED_MS = 1500;
 
 // Announces changes of the fingers to screen readers, without interrupting them.
@@ -168,5 +164,122 @@ export class News {
     if (fresh.length) this.region.textContent = lines.join(' ');
     this.announced = new Map([...this.announced, ...this.present]);
     this.present.clear();
+  }
+}
+
+// A value moved by keys is set by Enter, or this time after the last key.
+const KEYS_MS = 700;
+// Longest time between the answer to a change and the message with the new value.
+const ANSWERED_MS = 500;
+const STEPS = {
+  ArrowUp: 1, ArrowRight: 1, ArrowDown: -1, ArrowLeft: -1, PageUp: 10, PageDown: -10,
+};
+
+// A line in a drawing that is dragged, or moved by keys; for screen readers it is a slider.
+export class Slider {
+  // valueOf(pixel): the value at a pixel of the slider's parent. words(value): its label.
+  // step(value, steps): the value so many steps up. onMove(): called when the line has moved.
+  // onSet(value): called when it is released; resolves when the change was answered.
+  constructor({name, vertical, ...calls}) {
+    Object.assign(this, {vertical, ...calls});
+    const direction = vertical ? 'vertical' : 'horizontal', aria = {ariaOrientation: direction};
+    this.label = build('span.label');
+    this.root = build(`div.slider.${direction}`, this.label, aria, {role: 'slider', tabIndex: 0});
+    this.root.ariaLabel = name;
+    // The value that the user has chosen, until the detector has it or has refused it; else null.
+    this.chosen = null;
+    this.drop();
+    listen(this.root, 'pointerdown', (event) => this.grip(event));
+    listen(this.root, 'pointermove', ({clientX, clientY}) => {
+      const {left, top} = this.root.parentElement.getBoundingClientRect();
+      if (this.gripped) this.move(this.valueOf(vertical ? clientY - top : clientX - left));
+    });
+    listen(this.root, 'pointerup', () => this.gripped && this.set());
+    listen(this.root, 'pointercancel', () => this.leave());
+    listen(this.root, 'keydown', (event) => this.onKey(event));
+    listen(this.root, 'blur', () => this.timer && this.set());
+  }
+
+  allow(allowed) {
+    this.root.ariaDisabled = String(!allowed);
+  }
+
+  get moving() {
+    return this.gripped || this.timer !== null;
+  }
+
+  // Show a value, unless the user has chosen another one; returns the one that is shown.
+  show(value, least, most) {
+    if (value !== this.value && !this.moving) this.chosen = null;
+    this.value = value;
+    const seen = this.chosen ?? value, words = this.words(seen);
+    write(this.label, words);
+    Object.assign(this.root, {ariaValueNow: `${seen}`, ariaValueText: words});
+    Object.assign(this.root, {ariaValueMin: `${least}`, ariaValueMax: `${most}`});
+    return seen;
+  }
+
+  place(pixel) {
+    this.root.style[this.vertical ? 'top' : 'left'] = `${pixel}px`;
+  }
+
+  move(value) {
+    this.chosen = value;
+    this.onMove();
+  }
+
+  // The line stays where it was released until the detector reports its value.
+  async set() {
+    const {chosen} = this;
+    this.drop();
+    if (chosen === null) return;
+    if (chosen !== this.value) await this.onSet(chosen);
+    setTimeout(() => {
+      if (this.chosen === chosen && !this.moving) this.leave();
+    }, ANSWERED_MS);
+  }
+
+  leave() {
+    this.drop();
+    this.move(null);
+  }
+
+  // Before the line shows another finger: set a value chosen by keys, abandon a drag.
+  settle() {
+    if (this.timer) this.set();
+    this.leave();
+  }
+
+  close() {
+    this.drop();
+    this.root.remove();
+  }
+
+  drop() {
+    clearTimeout(this.timer);
+    this.gripped = false;
+    this.timer = null;
+  }
+
+  grip(event) {
+    if (event.button || this.root.ariaDisabled === 'true') return;
+    event.preventDefault();
+    event.stopPropagation();
+    this.root.focus();
+    this.root.setPointerCapture(event.pointerId);
+    this.gripped = true;
+  }
+
+  onKey(event) {
+    if (this.root.ariaDisabled === 'true' || isShortcut(event)) return;
+    if (event.key in STEPS) {
+      this.move(this.step(this.chosen ?? this.value, STEPS[event.key]));
+      clearTimeout(this.timer);
+      this.timer = setTimeout(() => this.set(), KEYS_MS);
+    } else if (event.key === 'Enter') this.set();
+    else if (event.key === 'Escape') this.leave();
+    else return;
+    event.preventDefault();
+    event.stopPropagation();
   }
 }

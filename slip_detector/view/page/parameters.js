@@ -16,10 +16,9 @@ export class Parameters extends Tool {
   constructor(connection) {
     super(connection, element('parameters-refusal'));
     this.latest = {folder: '', fingers: {}};
-    // By finger: values typed but not set yet, by name (null: to be deleted); and the number of
-    // the last change in the list.
+    // Values typed but not set yet, by name; null: to be deleted. Those of other fingers are kept.
     this.edits = new Map();
-    this.lastChange = new Map();
+    this.kept = {};
     this.rows = new Map();
     this.sections = element('parameter-values');
     this.search = element('parameter-search');
@@ -32,7 +31,7 @@ export class Parameters extends Tool {
       preset && this.ask('preset', {preset})));
     listen('parameter-values', 'submit', (event) => this.submit(event));
     listen('discard', 'click', () => {
-      this.edits.delete(this.finger);
+      this.edits.clear();
       this.refuse('');
       this.show();
     });
@@ -54,10 +53,9 @@ export class Parameters extends Tool {
     listen('file-name', 'input', () => (element('replace-file').hidden = true));
   }
 
-  // What was typed for another finger stays.
   choose(finger) {
     this.keepRows([]);
-    element('changes').replaceChildren();
+    this.edits = this.kept[finger] ??= new Map();
     element('saved').textContent = '';
     element('file-name').value = (this.labels[finger] ?? '').replace(/\W+|__+/g, '_');
     super.choose(finger);
@@ -75,12 +73,11 @@ export class Parameters extends Tool {
   show() {
     const {finger, labels: {[finger]: label = finger}} = this, panel = this.latest.fingers[finger];
     const usable = Boolean(panel) && !panel.gone && !this.locked;
-    const edits = this.edits.get(finger) ?? new Map();
     if (panel) {
-      this.showRows(panel, edits, usable);
-      this.showChanges(panel);
+      this.showRows(panel, usable);
+      this.showChanges(panel.changes);
     }
-    const n = edits.size, differs = panel?.differs ?? [];
+    const n = this.edits.size, differs = panel?.differs ?? [];
     write('parameters-state', this.stateWords(panel, label));
     write('set-all', n ? `Set ${n} ${n === 1 ? 'value' : 'values'}` : 'Set');
     write('undoes', panel?.undo ? `Undo takes back: ${panel.undo}.` : '');
@@ -112,8 +109,8 @@ export class Parameters extends Tool {
     ].filter(Boolean).join(' ');
   }
 
-  showRows(panel, edits, usable) {
-    const listed = panel.headings.flatMap(
+  showRows(panel, usable) {
+    const {edits} = this, listed = panel.headings.flatMap(
       ({heading, parameters}) => parameters.map((parameter) => [heading, parameter]));
     const names = new Set(listed.map(([, {name}]) => name));
     for (const [name, text] of edits) {
@@ -159,31 +156,25 @@ export class Parameters extends Tool {
 
   // text: what was typed; undefined: keep the detector's value; null: delete the parameter.
   edit(name, text) {
-    const edits = this.edits.get(this.finger) ?? new Map();
-    this.edits.set(this.finger, edits);
-    if (text === undefined) edits.delete(name);
-    else edits.set(name, text);
+    if (text === undefined) this.edits.delete(name);
+    else this.edits.set(name, text);
     this.refuse('');
     this.show();
   }
 
-  showChanges(panel) {
-    const newest = panel.changes[0]?.[0] ?? 0;
-    // After a restart, slip_view counts changes from the beginning.
-    const last = Math.min(this.lastChange.get(this.finger) ?? newest, newest);
-    const list = element('changes');
-    this.lastChange.set(this.finger, newest);
-    for (const [, by, words] of panel.changes.filter(([number]) => number > last).reverse()) {
-      list.append(build('li', `${LEADS[by] ?? 'Changed on another page'}: ${words}.`));
-      if (list.children.length > 5) list.firstChild.remove();
-    }
+  // The last changes, the newest below; a list that stays the same is not read aloud again.
+  showChanges(changes) {
+    const wordsOf = ([, by, words]) => `${LEADS[by] ?? 'Changed on another page'}: ${words}.`;
+    const lines = changes.slice(0, 5).reverse().map(wordsOf), list = element('changes');
+    if (String(lines) === this.listed) return;
+    this.listed = String(lines);
+    list.replaceChildren(...lines.map((line) => build('li', line)));
   }
 
   async submit(event) {
     event.preventDefault();
-    const edits = this.edits.get(this.finger);
-    if (!edits?.size || element('set-all').disabled) return;
-    const sent = new Map(edits);
+    const {edits} = this, sent = new Map(edits);
+    if (!sent.size || element('set-all').disabled) return;
     const {refusal} = await this.ask('set', {values: Object.fromEntries(sent)});
     if (refusal) return;
     for (const [name, text] of sent) if (edits.get(name) === text) edits.delete(name);
@@ -230,8 +221,7 @@ class ParameterRow {
     }
   }
 
-  // Show the server's description, of a new group its name alone. edit: what was typed; undefined:
-  // nothing; null: delete the parameter.
+  // Show the server's description, of a new group its name alone, and what was typed.
   show(parameter, edit, usable, file) {
     const {text, unit = '', allowed, meaning = '', in_file: inFile, read_only: fixed} = parameter;
     const removed = edit === null, where = file ? 'In the file' : 'As first seen';

@@ -88,7 +88,7 @@ export class Played extends RecordingTrace {
     Object.assign(this.band.style, {left, width});
   }
 
-  // Add a slip, joined with those that it meets. pixel_s: seconds of a pixel, if it was set by eye.
+  // Add a slip, joined with those that it meets; pixel_s is there if it was set by eye.
   add(from, to, pixel_s) {
     const meets = ([start, end]) => start <= Math.max(from, to) && end >= Math.min(from, to);
     const joined = rangeOf([from, to, ...this.pairs.filter(meets).flat()]);
@@ -101,10 +101,6 @@ export class Played extends RecordingTrace {
     const {refusal, said} = await this.request(type, content);
     this.said = refusal ? `Refused: ${refusal}` : said ?? '';
     if (this.trace && this.said) this.label(this.state.slip_s);
-  }
-
-  takeBack() {
-    return this.ask('undo', {});
   }
 
   describe() {

@@ -1,32 +1,26 @@
 // The picture of a recording: its signal, and its labels, each change of which is kept at once.
 
-import {button, write} from './elements.js';
-import {Slider} from './slider.js';
+import {Slider, partsOf, write} from './elements.js';
 
-// A step of an end by keys, the shortest stretch that is seen, and the least range of the signal.
+// A step by keys, the shortest stretch that is seen, and the least range of the signal.
 const STEP_S = 0.01, LEAST_S = 0.5, LEAST_DB = 6;
-// The width and the colour of each curve.
 const CURVES = {loudest: [1, '#6a7986'], median: [2, '#0b5a8c']};
 const ZOOMS = {'+': 2, '=': 2, '-': 0.5, Home: 0};
 // Traces are asked for one after the other, as many wait at once when a page opens.
 let turn = Promise.resolve();
 const percent = (share) => `${Number((100 * share).toPrecision(2))} %`;
 
-// The loudest and the median channel in dB, over the intervals of the label; under them a strip of
-// the level, and one of what the detector as it is would decide. It can be zoomed and scrolled.
+// The loudest and the median channel in dB over the label, a strip of the level, and the decision.
 export class RecordingTrace {
   // request(type, content): asks about this recording; resolves with the answer.
   constructor(name, request) {
-    Object.assign(this, {name, request, factor: 1, said: '', pairs: [], ends: [], before: []});
-    this.canvas = build('canvas', {role: 'img', ariaLabel: `Signal of ${name}`});
-    this.picture = build('div.trace', this.canvas);
-    this.frame = build('div.trace-frame', this.picture, {tabIndex: -1});
-    this.words = build('p.hint');
-    const title = 'Move the ends to where the signal changes, if that is found within 0.7 s';
-    const snap = button('Snap', () => this.ask('snap'), {ariaLabel: `Snap ${name}`, title});
-    const undo = button('Undo', () => this.takeBack(), {ariaLabel: `Undo ${name}`});
-    this.edit = build('span.buttons', snap, undo);
-    this.root = build('div.recording-trace', this.frame, this.words, this.edit);
+    Object.assign(this, {name, request, factor: 1, said: '', pairs: [], ends: []});
+    const {root, canvas, hint, buttons, snap, undo, ...rest} = partsOf('recording-trace');
+    Object.assign(this, {root, canvas, words: hint, edit: buttons});
+    Object.assign(this, {frame: rest['trace-frame'], picture: rest.trace});
+    canvas.ariaLabel = `Signal of ${name}`;
+    Object.assign(snap, {ariaLabel: `Snap ${name}`, onclick: () => this.ask('snap')});
+    Object.assign(undo, {ariaLabel: `Undo ${name}`, onclick: () => this.ask('undo_label')});
     listen(this.frame, 'scroll', () => this.draw());
     listen(this.frame, 'wheel', (event) => this.onWheel(event), {passive: false});
     listen(this.frame, 'keydown', (event) => this.onKey(event));
@@ -77,23 +71,15 @@ export class RecordingTrace {
     this.edit.hidden = !allowed;
   }
 
-  // Seconds of a pixel.
   get pixel_s() {
     return this.trace.duration_s / this.picture.clientWidth;
   }
 
   async ask(type, content = {slip_s: this.pairs}) {
-    const {pairs} = this, {refusal, said} = await this.request(type, content);
+    const {refusal, said} = await this.request(type, content);
     if (refusal) return;
-    this.before.push(pairs);
     this.said = said ? `Saved: ${said}` : 'Saved';
     await this.load();
-  }
-
-  async takeBack() {
-    const before = this.before.slice(0, -1);
-    if (this.before.length) await this.ask('label', {slip_s: this.before.at(-1)});
-    this.before = before;
   }
 
   // Say in how much of the slip, and of the rest, the detector is ON.

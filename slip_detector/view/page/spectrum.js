@@ -1,7 +1,6 @@
 // The spectrum of a channel, the one at rest behind it, and the bands of the chain to be dragged.
 
-import {button, heightFor, update, write} from './elements.js';
-import {Slider} from './slider.js';
+import {Slider, button, heightFor, update, write} from './elements.js';
 
 const AXIS_WIDTH = 40, AXIS_DEPTH = 24, LABEL_SIZE = 18, RIGHT = 16, TOP = 8;
 const HEIGHT = {least: 240, most: 560};
@@ -16,13 +15,10 @@ const STEPS = {ArrowLeft: -1, ArrowRight: 1, PageUp: 20, PageDown: -20};
 export class SpectrumPanel {
   constructor({onView, onSet}) {
     Object.assign(this, {onView, onSet, channel: null, isOpen: false, keyed: null});
-    this.lines = new Map();
-    this.range = [-100, 0];
-    this.choice = element('spectrum-channel');
-    this.mains = element('mains');
-    this.root = element('spectrum-plot');
-    this.frame = element('spectrum-frame');
-    this.readout = element('spectrum-readout');
+    Object.assign(this, {lines: new Map(), range: [-100, 0], mains: element('mains')});
+    const [choice, root, frame, readout] = ['channel', 'plot', 'frame', 'readout'].map(
+      (part) => element(`spectrum-${part}`));
+    Object.assign(this, {choice, root, frame, readout});
     listen(this.choice, 'change', () => this.choose(Number(this.choice.value)));
     listen(this.mains, 'change', async () => {
       const {refusal} = await onSet({mains_hz: Number(this.mains.value)});
@@ -79,26 +75,22 @@ export class SpectrumPanel {
     this.draw();
   }
 
-  // The edges that can be dragged: value, limits, why an edge stops there, and what sets it.
+  // The edges that can be dragged, from where to where, and what sets them.
   edges() {
     const {passband_hz: pass, stopbands_hz: stops, activity_hz: [active = 0]} = this.finger;
-    const {nyquist} = this, least = Math.max(LEAST_HZ, LEAST_SHARE * nyquist);
-    const lowest = [least, 'lowest'], highest = [nyquist * 0.999, 'half the rate'];
-    const lowestPass = active > least ? [active, 'activity is below'] : lowest;
-    const edgesOf = (band, short, [from, to], bottom, set) => {
-      const top = [(to || nyquist) * 0.95, 'no band left'], above = [from * 1.05, 'no band left'];
-      const low = {name: `${band}, low edge`, short: `${short} from`, value: from};
-      const high = {name: `${band}, high edge`, short: `${short} to`, value: to};
-      return [
-        {...low, limits: [bottom, top], set: (hz) => set([hz, to])},
-        {...high, limits: [above, highest], set: (hz) => set([from, hz])},
-      ];
-    };
-    const edges = edgesOf('Pass-band', 'pass', pass, lowestPass, (band) => (
-      this.onSet({passband_hz: band})));
-    stops.forEach((stop, i) => edges.push(...edgesOf(
-      `Stop-band ${i + 1}`, `stop ${i + 1}`, stop, lowest, (band) => (
-        this.setStops(stops.with(i, band))))));
+    const {nyquist} = this, lowest = Math.max(LEAST_HZ, LEAST_SHARE * nyquist);
+    const edgesOf = (band, short, [from, to], least, set) => [
+      {name: `${band}, low edge`, short: `${short} from`, value: from,
+        least, most: (to || nyquist) * 0.95, set: (hz) => set([hz, to])},
+      {name: `${band}, high edge`, short: `${short} to`, value: to,
+        least: from * 1.05, most: nyquist * 0.999, set: (hz) => set([from, hz])},
+    ];
+    const setPass = (band) => this.onSet({passband_hz: band});
+    const edges = edgesOf('Pass-band', 'pass', pass, Math.max(lowest, active), setPass);
+    stops.forEach((stop, i) => {
+      const setStop = (band) => this.setStops(stops.with(i, band)), short = `stop ${i + 1}`;
+      edges.push(...edgesOf(`Stop-band ${i + 1}`, short, stop, lowest, setStop));
+    });
     return edges;
   }
 
@@ -125,8 +117,8 @@ export class SpectrumPanel {
     const edge = () => this.edges().find((each) => each.name === name);
     const isOpen = (hz) => name === 'Pass-band, high edge' && hz >= this.nyquist * OPEN_SHARE;
     const inside = (hz) => {
-      const [[least, low], [most, high]] = edge().limits, within = clamp(hz, least, most);
-      line.why = hz < least ? `: ${low}` : hz > most ? `: ${high}` : '';
+      const {least, most} = edge(), within = clamp(hz, least, most);
+      line.why = hz === within ? '' : ': no farther';
       if (isOpen(hz)) return 0;
       const value = rounded(within);
       return value < least || value > most ? Number(within.toPrecision(4)) : value;
@@ -170,7 +162,6 @@ export class SpectrumPanel {
     const none = {show: false}, font = '12px system-ui, sans-serif';
     const grid = {stroke: GRID, width: 1};
     const axis = {stroke: TEXT, font, grid, ticks: none, labelSize: LABEL_SIZE, labelFont: font};
-    // Of the ticks of powers of ten, those of 1, 2 and 5 have words.
     const wordsOf = (hz) => (hz === null || !/^[125]/.test(hz.toExponential()) ? '' : String(hz));
     const reach = () => [this.leastHz(), this.nyquist];
     return {
@@ -219,7 +210,7 @@ export class SpectrumPanel {
       this.plot.setScale('y', {min: this.range[0], max: this.range[1]});
     });
     const {over} = this.plot;
-    for (const {name, value, limits: [[least], [most]]} of this.edges()) {
+    for (const {name, value, least, most} of this.edges()) {
       const line = this.lines.get(name), hz = line.show(value, least, most);
       const pixel = this.plot.valToPos(hz || this.nyquist, 'x');
       line.place(over.offsetLeft + pixel);
@@ -237,7 +228,6 @@ export class SpectrumPanel {
       context.fillStyle = color;
       context.fillRect(xOf(low), top, xOf(high) - xOf(low), height);
     };
-    // The values of the edges: those to which they are dragged, or the detector's.
     const valueOf = ({name, value}) => this.lines.get(name)?.chosen ?? value;
     const [from, to, ...others] = this.edges().map(valueOf);
     context.save();
@@ -264,13 +254,11 @@ export class SpectrumPanel {
 
   describe() {
     const {channels, passband_hz: [low, high]} = this.finger, {now} = this;
-    const behind = this.rest ? ', with the one at rest behind it' : '';
+    const rest = this.rest ? ', with the one at rest behind it' : '';
     const strongest = now && `strongest at ${rounded((this.strongest() + 1) * now.step)} Hz`;
-    const ariaLabel = [
-      `Spectrum of ${channels[this.channel - 1]}${behind}`,
-      `pass-band ${low} to ${high || 'all above'} Hz`, strongest ?? 'too few samples yet',
-    ].join('; ');
-    update(this.root, {ariaLabel});
+    const lead = `Spectrum of ${channels[this.channel - 1]}${rest}`;
+    const band = `pass-band ${low} to ${high || 'all above'} Hz`;
+    update(this.root, {ariaLabel: [lead, band, strongest ?? 'too few samples yet'].join('; ')});
   }
 
   // Keys read the values at a frequency as the pointer does, beginning with the strongest one.
@@ -281,16 +269,15 @@ export class SpectrumPanel {
     const i = this.keyed === null ? this.strongest() : this.inside(this.keyed + step);
     this.key(i);
     this.plot.setCursor({left: this.plot.valToPos((i + 1) * this.now.step, 'x'), top: 0});
-    this.readout.textContent = this.wordsAt(i);
+    write(this.readout, this.wordsAt(i));
   }
 
-  // The number of the frequency, counted from 0, that keys have chosen; null: the pointer chooses.
+  // The number of the frequency that keys have chosen; null: the pointer chooses.
   key(i) {
     this.keyed = i;
     this.readout.ariaLive = i === null ? 'off' : 'polite';
   }
 
-  // The number of a frequency that there is.
   inside(i) {
     return clamp(i, 0, this.now.density.length - 1);
   }

@@ -6,12 +6,10 @@ const PARTS = {
   levels: {level: 'level/high', slip: 'slip'},
 };
 
-// The data of traces: columns of pixels, each with the lowest and the highest value in it. Column
-// k has the stamps from k * width up to, but not including, (k + 1) * width: what it has stays the
-// same while the page scrolls.
+// Columns of pixels, each with the lowest and the highest value in it. Column k has the stamps
+// from k * width up to, but not including, (k + 1) * width.
 export class Columns {
-  // kept: how many columns are kept at least. begun_s: the stamp at which times are 0; null: the
-  // whole minute before the first column, so that ticks are those of a clock.
+  // kept: at least so many columns. begun_s: the stamp of time 0; null: the first column's minute.
   constructor({width_ns: width, channels}, kept, begun_s) {
     Object.assign(this, {width_s: width / 1e9, channels, kept, begun_s});
     // The number of the first column that is kept, and of the one after the last.
@@ -20,7 +18,6 @@ export class Columns {
     this.parts = {low: each(), high: each(), level: each(), slip: [[]], truth: [[]]};
   }
 
-  // Null before the first column.
   get last_s() {
     return this.stop === null ? null : this.stop * this.width_s - this.begun_s;
   }
@@ -46,7 +43,7 @@ export class Columns {
     for (const values of Object.values(this.parts).flat()) values.splice(0, old);
   }
 
-  // Put the values of a part into their columns: those of each channel follow one another.
+  // The values of each channel follow one another.
   put(part, {first, count}, from) {
     part.forEach((values, c) => {
       for (let i = Math.max(0, this.base - first); i < count; i++) {

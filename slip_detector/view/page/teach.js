@@ -4,11 +4,9 @@
 import {Tool, button, holdable, pageKey, tableRow, write} from './elements.js';
 import {RecordingTrace} from './recording_trace.js';
 
-// Period, in milliseconds, at which the page reports that a slip is held; the server ends the slip
-// when the reports stop.
+// Period of the reports that a slip is held: the server ends it when they stop.
 const PRESSED_MS = 200;
 
-// How much to record of each kind.
 const LONG = [[60, 's'], [2, 'times']], TWENTY = [[20, 'slips']];
 const WANTED = {rest: LONG, slip: TWENTY, taps: LONG, press: LONG};
 const KIND_OF = {r: 'rest', t: 'taps', s: 'press'};
@@ -21,11 +19,10 @@ export class Teach extends Tool {
     this.latest = {fingers: {}, words: '', tuning: null};
     // The present recording, null if there is none; undefined until the server reports it.
     this.recording = undefined;
-    // Reports that the key is held, while it is; null otherwise.
+    // Reports that the key is held, while it is.
     this.pressed = null;
     this.buttons = {};
     for (const kind of Object.keys(WANTED)) this.buttons[kind] = element(`record-${kind}`);
-    // By name the pictures of the recordings of the finger.
     this.traces = new Map();
     connection.on('parameters', ({fingers}) => (
       this.loadTraces(fingers[this.finger]?.changes[0]?.[0] ?? '')));
@@ -146,7 +143,6 @@ export class Teach extends Tool {
     this.loadTraces(this.decided);
   }
 
-  // Ask about a recording; what is answered stands beside the list.
   askAbout(recording, type, content) {
     return this.ask(type, {recording, ...content}, element('recordings-frame'));
   }

@@ -1,8 +1,6 @@
-// Volts and levels of the chosen channels over the last seconds, live or paused. Times are in
-// seconds since a whole minute before the first column.
+// Volts and levels of the chosen channels over the last seconds, live or paused.
 
-import {button, heightFor, oneTabStop, write} from './elements.js';
-import {Slider} from './slider.js';
+import {Slider, button, heightFor, oneTabStop, write} from './elements.js';
 import {Columns, Stretch} from './stretch.js';
 
 // Lines are told apart by lightness, too.
@@ -10,15 +8,13 @@ const COLORS = [
   '#0072b2', '#9a4a00', '#00664b', '#7b2d6b', '#3a3a3a', '#4f7fb8', '#8a7400', '#a34a78',
 ];
 const SMALL = '11px system-ui, \'DejaVu Sans\', sans-serif', SLIP_HEIGHT = 16;
-// Pixels at the right for the scales; most channels that have a column for each pixel, as a slow
-// machine would not keep up with more.
+// Pixels at the right for the scales; of more channels, a column is two pixels wide.
 const SCALE_WIDTH = 60, MOST_FINE = 8;
 
 const wordsOfPower = (power) => (Math.abs(power) > 3 ? `1e${power}` : String(10 ** power));
 
 export class Traces {
-  // onView(changes): called to change what the server is asked for. onSet(values): called to set
-  // parameters; resolves when the change was answered.
+  // onView(changes): asks the server for another view. onSet(values): sets parameters.
   constructor({onView, onSet}) {
     Object.assign(this, {onView, root: element('timeline'), readout: element('trace-readout')});
     this.stretch = new Stretch();
@@ -168,8 +164,7 @@ export class Traces {
     });
   }
 
-  // What a channel's lane shows. The same scale has as many volts from bottom to top for all, not
-  // the same ones, as channels rest at different volts.
+  // The same scale has as many volts from bottom to top for all, which rest at different volts.
   scaleOf(channel) {
     const sizeOf = ([least, most]) => most - least, range = this.ranges.get(channel);
     if (!element('same-scale').checked) return range;
@@ -178,8 +173,7 @@ export class Traces {
     return [range[0] - more, range[1] + more];
   }
 
-  // The powers of ten between which levels are shown: with the threshold and all levels, at most
-  // five below the highest.
+  // The powers of ten between which levels are shown, at most five below the highest.
   levelRange(values) {
     const threshold = this.line.chosen ?? this.finger.threshold;
     const [low, high] = rangeOf([...values, threshold]), most = Math.log10(high);
@@ -207,7 +201,6 @@ export class Traces {
     return Timeline.yOf(this.levels, this.ranges.get('level'), Math.log10(level));
   }
 
-  // Paint what columns have, as colours of intervals.
   paintColumns({context, xOf}, top, height, values, colorOf) {
     const {seen: {x: [begin]}, columns: {width_s: width}} = this;
     const color = (i) => colorOf(values[i]);
@@ -296,7 +289,6 @@ const MOST_CHANNELS = 64;
 
 // Which channels of a finger have traces: a button for each, under its group.
 class ChannelChooser {
-  // root: an empty element. onChoose(): called when other channels are chosen.
   constructor(root, onChoose) {
     Object.assign(this, {root, onChoose});
     // By finger, its channels that were chosen last, counted from 1, in order.
