@@ -37,14 +37,15 @@ from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.matching import OnIntervals
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
-from slip_detector.parameters.files import file_errors_of, write_yaml
+from slip_detector.parameters.files import file_errors_of
 from slip_detector.parameters.fitting import rates_differ
-from slip_detector.recordings import labels, open_recording
+from slip_detector.recordings import Recording, labels, open_recording
 from slip_detector.recordings.writing import BagWriter
 from slip_detector.report.overview import MOST_CELLS, THRESHOLD_CODE, Overview
 from slip_detector.tuning.kinds import NOTHING_CHANGES
-from slip_detector.tuning.tracks import hold_out, track_of
+from slip_detector.tuning.tracks import Track, hold_out, track_of
 from slip_detector.view.detectors import Finger
+from slip_detector.view.hand_labels import HandLabels
 
 #: Kinds of recordings.
 KINDS = ('rest', 'slip', 'taps', 'press')
@@ -77,10 +78,10 @@ class RecordingSummary(NamedTuple):
     slips: int
     #: What is wrong with it; empty if nothing is.
     note: str = ''
-    #: How exact each end of its labels is; empty where that was not set here.
-    exact_s: tuple[float, ...] = ()
     #: Whether a person has marked its labels as a mistake.
     mistaken: bool = False
+    #: Its rate by its stamps, if that is known.
+    rate_hz: float | None = None
 
     @property
     def kind(self) -> str:
@@ -110,11 +111,10 @@ class RecordedFolder:
         self.recordings: dict[str, RecordingSummary] = {}
         #: Whether a search on them ended without a result before the page's server began.
         self.interrupted = False
-        # Of each whose labels were moved, how exact each end is that they have had.
-        self._exact_s = dict[str, dict[float, float]]()
-        #: Rate of the detector, and those of recordings by their stamps, as far as known.
+        # The labels of those that pages have changed.
+        self._labels: dict[str, HandLabels] = {}
+        #: Rate of the detector, if it is known.
         self.sample_rate_hz = math.nan
-        self.rates_hz: dict[str, float] = {}
 
     async def refresh(self, work: Callable[..., Awaitable[Any]] = asyncio.to_thread) -> None:
         """Update the list from the folder; ``work`` reads what is new or could not be used."""
@@ -135,9 +135,13 @@ class RecordedFolder:
         numbers = [_order(path.name)[1] for path in paths if _NAME.fullmatch(path.name)]
         return self.folder / f'{kind}_{max(numbers, default=0) + 1}'
 
-    def add(self, *recorded: RecordingSummary) -> None:
-        """Add recordings that were made, which need not be read."""
-        every = {**self.recordings, **{one.name: one for one in recorded}}
+    def add(self, made: RecordingSummary) -> None:
+        """Add a recording that was made; of its rows only the rate is read."""
+        if made.rate_hz is None:
+            with contextlib.suppress(ValueError):  # It cannot be read, which its note says.
+                rate_hz = open_recording(self.folder / made.name).sample_rate_hz
+                made = made._replace(rate_hz=rate_hz)
+        every = {**self.recordings, made.name: made}
         self.recordings = {name: every[name] for name in sorted(every, key=_order)}
 
     def path_of(self, name: object) -> Path:
@@ -165,7 +169,7 @@ class RecordedFolder:
             shutil.rmtree(path)
             (path.parent / labels.labels_name(path)).unlink(missing_ok=True)
         del self.recordings[path.name]
-        self._exact_s.pop(path.name, None)
+        self._labels.pop(path.name, None)
 
     def mark(self, name: object, mistaken: bool) -> None:
         """Mark a recording's labels as a mistake, or take that back.
@@ -177,7 +181,7 @@ class RecordedFolder:
         """
         path = self.path_of(name)
         labels.mark_mistaken(path, mistaken)
-        self.recordings[path.name] = self._summary(path.name)
+        self._list_again(path.name)
 
     def note_doubts(self, lines: Iterable[str]) -> None:
         """Note at recordings that a search has found nothing to change at their labels."""
@@ -193,52 +197,45 @@ class RecordedFolder:
         rows, rate_hz, _ = RecordingLoader(config).open(self.path_of(name), require_truth=False)
         return trace_of(config, rows, rate_hz)
 
-    def label(self, name: object, edges_s: object, by_s: float, *, snap: bool) -> dict[str, Any]:
-        """Take the ends of a recording's labels as a page has moved them, in seconds.
+    def label(self, name: object, slip_s: object, by_s: float) -> None:
+        """Take all labels of a recording as a page has them; may raise a ValueError."""
+        self._labels_of(name).change(slip_s, by_s)
+        self._list_again(str(name))
 
-        With ``snap`` they are moved to where the power changes, and what was found is returned in
-        words. They are written beside the recording. Ends that were moved are exact to ``by_s``,
-        the others as before.
+    def snap(self, name: object) -> str:
+        """Move the ends of labels to where the power changes; return what was found, in words."""
+        known, (_, track) = self._labels_of(name), self._read(str(name))
+        ends, said = known.snapped(track.samples, track.sample_rate_hz)
+        if ends != known.ends:
+            known.keep(ends)
+        self._list_again(str(name))
+        return said
 
-        Raises
-        ------
-        ValueError
-            When no recording has this name, the ends are not allowed, or cannot be written.
-        """
+    def undo_label(self, name: object) -> None:
+        """Take back the last change of labels; may raise a ValueError."""
+        self._labels_of(name).undo()
+        self._list_again(str(name))
+
+    def _labels_of(self, name: object) -> HandLabels:
         path = self.path_of(name)
-        file = path.parent / labels.labels_name(path)
-        wanted = labels.labels_from(file, {labels.KEY: edges_s})
-        wanted.check_end(self.recordings[path.name].duration_s + labels.BY_EYE_S, path)
-        recording = open_recording(path)
-        track = track_of(path.name, recording.rows(), recording.sample_rate_hz)
-        # The page has seen the ends as rows.
-        were_s = (np.ravel(track.slips) / track.sample_rate_hz).round(4).tolist()
-        before_s = self.recordings[path.name].exact_s or [recording.accuracy_s] * len(were_s)
-        # Ends before earlier changes count, too: a page may take changes back.
-        known = self._exact_s.setdefault(path.name, {})
-        known.update(zip(were_s, before_s, strict=False))
-        ends_s, said = wanted.edges_s, ''
-        if snap:
-            by_hand = ends_s, track.sample_rate_hz, labels.BY_HAND_S
-            ends_s, _, said = labels.snapped(track.samples, *by_hand)
-        ends_s = ends_s.round(4)
-        exact_s = [known.setdefault(end_s, by_s) for end_s in ends_s.ravel().tolist()]
-        document = {labels.KEY: ends_s.tolist(), labels.ACCURACY: max(exact_s, default=by_s)}
-        write_yaml(file, document, ['Moved by hand on the page of slip_view.'])
-        self.recordings[path.name] = self._summary(path.name)._replace(exact_s=tuple(exact_s))
-        return {'said': said}
+        if path.name not in self._labels:
+            file = path.parent / labels.labels_name(path)
+            recording, track = self._read(path.name)
+            # The page has seen the ends as rows.
+            edges_s = (np.reshape(track.slips, (-1, 2)) / track.sample_rate_hz).round(4)
+            known = edges_s, recording.accuracy_s, track.duration_s
+            self._labels[path.name] = HandLabels(file, *known, is_written=file.exists())
+        return self._labels[path.name]
+
+    def _list_again(self, name: str) -> None:
+        self.recordings[name] = self._summary(name)
 
     def off_rate(self, name: str) -> str:
         """Return why a recording's rate is not that of the detector; empty if it is."""
-        rate_hz = self.rates_hz.get(name, math.nan)
-        if not rates_differ(rate_hz, self.sample_rate_hz):
+        rate_hz = self.recordings[name].rate_hz
+        if rate_hz is None or not rates_differ(rate_hz, self.sample_rate_hz):
             return ''
         return f'has {rate_hz:.4g} Hz by its stamps, the detector {self.sample_rate_hz:g} Hz'
-
-    def measure_rate(self, name: str) -> None:
-        """Note the rate of a recording that was made."""
-        with contextlib.suppress(ValueError):  # It cannot be read, which its summary says.
-            self.rates_hz[name] = open_recording(self.folder / name).sample_rate_hz
 
     def held_out(self) -> list[str]:
         """Return the names of those that judge the result, of those that can be used."""
@@ -253,16 +250,19 @@ class RecordedFolder:
     def _summary(self, name: str) -> RecordingSummary:
         """Read how long a recording is, and how many slips it has."""
         try:
-            recording = open_recording(self.folder / name)
-            self.rates_hz[name] = recording.sample_rate_hz
-            track = track_of(name, recording.rows(), recording.sample_rate_hz)
+            recording, track = self._read(name)
         except ValueError as error:
             return RecordingSummary(name, 0.0, 0, str(error))
         slips = len(track.slips) if recording.is_labelled else 0
         note = NO_SLIP if name.startswith('slip_') and not (slips or recording.mistaken) else ''
         if recording.counts.damage:
             note = f'was not ended: {recording.counts.damage}'
-        return RecordingSummary(name, track.duration_s, slips, note, (), recording.mistaken)
+        how = note, recording.mistaken, recording.sample_rate_hz
+        return RecordingSummary(name, track.duration_s, slips, *how)
+
+    def _read(self, name: str) -> tuple[Recording, Track]:
+        recording = open_recording(self.folder / name)
+        return recording, track_of(name, recording.rows(), recording.sample_rate_hz)
 
 
 def trace_of(

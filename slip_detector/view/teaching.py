@@ -16,7 +16,6 @@
 """Records rest, slips, taps and presses of the fingers, and tunes on them, as a page requests."""
 
 import asyncio
-import functools
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -24,7 +23,6 @@ from typing import Any
 
 import numpy as np
 
-from slip_detector.recordings import labels
 from slip_detector.view.detectors import Finger
 from slip_detector.view.recordings import RecordedFolder, Recorder, RecordingSummary
 from slip_detector.view.server import MOST_NAME, Server
@@ -71,8 +69,9 @@ class Teaching:
         server.at_end.append(self.close)
         server.on_request('recordings', self._recordings, latest_only=True)
         server.on_request('trace', self._trace, latest_only=True)
-        server.on_request('snap', functools.partial(self._label, snap=True), changes=True)
-        server.on_request('label', functools.partial(self._label, snap=False), changes=True)
+        server.on_request('label', self._label, changes=True)
+        server.on_request('snap', self._snap, changes=True)
+        server.on_request('undo_label', self._undo_label, changes=True)
         server.on_request('teach', self._teach, changes=True)
         server.on_request('delete_recording', self._delete, changes=True)
         server.on_request('mark_recording', self._mark, changes=True)
@@ -238,7 +237,6 @@ class Teaching:
         if recorder.rows:
             folder, duration_s = self._folders[recorder.finger.name], recorder.duration_s
             folder.add(RecordingSummary(name, duration_s, int(recorder.has_slip), note))
-            folder.measure_rate(name)
             words[0] = f'{name} has {duration_s:.1f} s'
             if off_rate := folder.off_rate(name):
                 words.append(f'It {off_rate}, so it is not tuned on: record it again')
@@ -259,11 +257,18 @@ class Teaching:
         folder, config = self.folder_of(finger), self._detectors.finger_of(finger).config
         return await self._server.work(folder.trace, name, config)
 
-    async def _label(self, message: Message, snap: bool) -> dict[str, Any]:
+    async def _label(self, message: Message) -> None:
         folder, name = self.folder_of(message.get('finger')), message.get('recording')
-        pixel_s = min(number('pixel_s', message, 0.0, 1e9) or 0.0, labels.MOST_S)
-        of = name, message.get('slip_s'), max(labels.BY_EYE_S, pixel_s)
-        return await self._server.work(functools.partial(folder.label, *of, snap=snap))
+        pixel_s = number('pixel_s', message, 0.0, 1e9) or 0.0
+        await self._server.work(folder.label, name, message.get('slip_s'), pixel_s)
+
+    async def _snap(self, message: Message) -> dict[str, Any]:
+        folder, name = self.folder_of(message.get('finger')), message.get('recording')
+        return {'said': await self._server.work(folder.snap, name)}
+
+    async def _undo_label(self, message: Message) -> None:
+        folder, name = self.folder_of(message.get('finger')), message.get('recording')
+        await self._server.work(folder.undo_label, name)
 
     async def _teach(self, message: Message) -> None:
         finger, what = message.get('finger'), message.get('do')

@@ -1,0 +1,106 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The labels of a recording that pages change by hand."""
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from slip_detector.chain.samples import Floats, Samples
+from slip_detector.parameters.files import file_errors_of, write_yaml
+from slip_detector.recordings import labels
+
+#: Ends of slips, in order of time: seconds from the first sample, and how exact each is.
+Ends = list[tuple[float, float]]
+
+
+class HandLabels:
+    """Labels of which each change is written at once to the file beside the recording.
+
+    The recording itself stays as it is. Each end has an accuracy of its own; the file has that of
+    the least exact one.
+    """
+
+    def __init__(
+        self,
+        file: Path,
+        edges_s: Floats,
+        accuracy_s: float,
+        last_s: float,
+        *,
+        kind: str = '',
+        is_written: bool,
+    ) -> None:
+        self.file, self._last_s, self._kind = file, last_s, kind
+        self.ends: Ends = [(end_s, accuracy_s) for end_s in edges_s.ravel().tolist()]
+        self._before: list[Ends] = []
+        # The labels that the recording itself has: without a file they hold.
+        self._own = None if is_written else self.ends
+
+    @property
+    def pairs(self) -> Any:
+        """The labels as a list of [start, end]."""
+        return _pairs(self.ends)
+
+    @property
+    def accuracy_s(self) -> float:
+        """How exact the least exact end is."""
+        return _worst_s(self.ends)
+
+    def change(self, slip_s: object, by_s: float) -> None:
+        """Take all labels as a page has them; new ends are exact to ``by_s``."""
+        wanted = labels.labels_from(self.file, {labels.KEY: slip_s})
+        # A label that ended later would be refused where the recording is read.
+        last_s = math.floor(1e4 * self._last_s) / 1e4
+        ends_s = np.minimum(wanted.edges_s.round(4), last_s).ravel().tolist()
+        known, by_s = dict(self.ends), min(max(labels.BY_EYE_S, by_s), labels.MOST_S)
+        self.keep([(end_s, known.get(end_s, by_s)) for end_s in ends_s])
+
+    def snapped(self, rows: Samples, rate_hz: float) -> tuple[Ends, str]:
+        """Return the ends, moved to where the power of the signal changes, and that in words."""
+        by_hand = np.array(self.pairs), rate_hz, labels.BY_HAND_S
+        moved_s, found, said = labels.snapped(rows, *by_hand)
+        moved = zip(self.ends, moved_s.ravel().round(4).tolist(), found.flat, strict=True)
+        return [(s, labels.BY_EYE_S) if known else old for old, s, known in moved], said
+
+    def undo(self) -> None:
+        """Take back the last change, if any."""
+        if self._before:
+            self.keep(self._before[-1])
+            del self._before[-2:]
+
+    def keep(self, ends: Ends) -> None:
+        """Write other labels, and take them once they are written; may raise a ValueError."""
+        document: dict[str, Any] = {labels.KEY: _pairs(ends), labels.ACCURACY: _worst_s(ends)}
+        if self._kind and not ends:
+            document = {labels.KIND: self._kind}
+        labels.labels_from(self.file, dict(document))
+        if ends is self._own:
+            with file_errors_of(self.file, 'deleted'):
+                self.file.unlink(missing_ok=True)
+        else:
+            write_yaml(self.file, document, ['Labelled by hand on the page of slip_view.'])
+        self._before.append(self.ends)
+        self.ends = ends
+
+
+def _pairs(ends: Ends) -> Any:
+    return np.reshape([end_s for end_s, _ in ends], (-1, 2)).tolist()
+
+
+def _worst_s(ends: Ends) -> float:
+    return max((by_s for _, by_s in ends), default=0.0)
