@@ -88,7 +88,7 @@ class PlayedBag:
         self._whole, self.read_s, self.duration_s = False, 0.0, 0.0
         self.channel_names: tuple[str, ...] = ()
         # The labels, once all is read; the number of changes of them, detector and what is read.
-        self._labels = HandLabels(self.file, np.array([]), 0.0, 0.0, is_written=False)
+        self._labels = HandLabels(self.file, [], 0.0, False)
         self._changes, self._seen = 0, tuple[Any, ...]()
         self.speed, self.playing = 1.0, True
         # The place, the next row, what its stamp has more, and the time of the last call.
@@ -133,9 +133,9 @@ class PlayedBag:
             truth = np.concatenate([piece.truth for piece in self._pieces])
             changes = np.flatnonzero(np.diff(truth, prepend=False, append=False))
             ends_s = np.append(self._after_ns * 1e-9, self.duration_s)[changes].round(4)
-        known = recording.accuracy_s, self.duration_s
-        how: Any = {'kind': recording.kind, 'is_written': self._labelled}
-        self._labels = HandLabels(self.file, ends_s, *known, **how)
+        ends = [(end_s, recording.accuracy_s) for end_s in ends_s.ravel().tolist()]
+        how = self.duration_s, self._labelled, recording.kind
+        self._labels = HandLabels(self.file, ends, *how)
         self._whole = True
 
     def tick(self) -> None:

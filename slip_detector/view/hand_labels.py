@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from slip_detector.chain.samples import Floats, Samples
+from slip_detector.chain.samples import Samples
 from slip_detector.parameters.files import file_errors_of, write_yaml
 from slip_detector.recordings import labels
 
@@ -36,30 +36,22 @@ class HandLabels:
     """
 
     def __init__(
-        self,
-        file: Path,
-        edges_s: Floats,
-        accuracy_s: float,
-        last_s: float,
-        *,
-        kind: str = '',
-        is_written: bool,
+        self, file: Path, ends: Ends, last_s: float, is_written: bool, kind: str = ''
     ) -> None:
-        self.file, self._last_s, self._kind = file, last_s, kind
-        self.ends: Ends = [(end_s, accuracy_s) for end_s in edges_s.ravel().tolist()]
+        self.file, self.ends, self._last_s, self._kind = file, ends, last_s, kind
         self._before: list[Ends] = []
         # The labels that the recording itself has: without a file they hold.
-        self._own = None if is_written else self.ends
+        self._own = None if is_written else ends
 
     @property
     def pairs(self) -> Any:
         """The labels as a list of [start, end]."""
-        return _pairs(self.ends)
+        return np.reshape([end_s for end_s, _ in self.ends], (-1, 2)).tolist()
 
     @property
     def accuracy_s(self) -> float:
         """How exact the least exact end is."""
-        return _worst_s(self.ends)
+        return max((by_s for _, by_s in self.ends), default=0.0)
 
     def change(self, slip_s: object, by_s: float) -> None:
         """Take all labels as a page has them; new ends are exact to ``by_s``."""
@@ -84,23 +76,22 @@ class HandLabels:
             del self._before[-2:]
 
     def keep(self, ends: Ends) -> None:
-        """Write other labels, and take them once they are written; may raise a ValueError."""
-        document: dict[str, Any] = {labels.KEY: _pairs(ends), labels.ACCURACY: _worst_s(ends)}
-        if self._kind and not ends:
+        """Take other labels, if they can be written; may raise a ValueError."""
+        before, self.ends = self.ends, ends
+        try:
+            self._write()
+        except ValueError:
+            self.ends = before
+            raise
+        self._before.append(before)
+
+    def _write(self) -> None:
+        document: dict[str, Any] = {labels.KEY: self.pairs, labels.ACCURACY: self.accuracy_s}
+        if self._kind and not self.ends:
             document = {labels.KIND: self._kind}
         labels.labels_from(self.file, dict(document))
-        if ends is self._own:
+        if self.ends is self._own:
             with file_errors_of(self.file, 'deleted'):
                 self.file.unlink(missing_ok=True)
         else:
             write_yaml(self.file, document, ['Labelled by hand on the page of slip_view.'])
-        self._before.append(self.ends)
-        self.ends = ends
-
-
-def _pairs(ends: Ends) -> Any:
-    return np.reshape([end_s for end_s, _ in ends], (-1, 2)).tolist()
-
-
-def _worst_s(ends: Ends) -> float:
-    return max((by_s for _, by_s in ends), default=0.0)

@@ -202,14 +202,14 @@ class RecordedFolder:
         self._labels_of(name).change(slip_s, by_s)
         self._list_again(str(name))
 
-    def snap(self, name: object) -> str:
+    def snap(self, name: object) -> dict[str, str]:
         """Move the ends of labels to where the power changes; return what was found, in words."""
         known, (_, track) = self._labels_of(name), self._read(str(name))
         ends, said = known.snapped(track.samples, track.sample_rate_hz)
         if ends != known.ends:
             known.keep(ends)
         self._list_again(str(name))
-        return said
+        return {'said': said}
 
     def undo_label(self, name: object) -> None:
         """Take back the last change of labels; may raise a ValueError."""
@@ -222,9 +222,9 @@ class RecordedFolder:
             file = path.parent / labels.labels_name(path)
             recording, track = self._read(path.name)
             # The page has seen the ends as rows.
-            edges_s = (np.reshape(track.slips, (-1, 2)) / track.sample_rate_hz).round(4)
-            known = edges_s, recording.accuracy_s, track.duration_s
-            self._labels[path.name] = HandLabels(file, *known, is_written=file.exists())
+            ends_s = (np.ravel(track.slips) / track.sample_rate_hz).round(4).tolist()
+            ends = [(end_s, recording.accuracy_s) for end_s in ends_s]
+            self._labels[path.name] = HandLabels(file, ends, track.duration_s, file.exists())
         return self._labels[path.name]
 
     def _list_again(self, name: str) -> None:

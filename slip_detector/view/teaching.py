@@ -69,9 +69,8 @@ class Teaching:
         server.at_end.append(self.close)
         server.on_request('recordings', self._recordings, latest_only=True)
         server.on_request('trace', self._trace, latest_only=True)
-        server.on_request('label', self._label, changes=True)
-        server.on_request('snap', self._snap, changes=True)
-        server.on_request('undo_label', self._undo_label, changes=True)
+        for name in ('label', 'snap', 'undo_label'):
+            server.on_request(name, self._change_label, changes=True)
         server.on_request('teach', self._teach, changes=True)
         server.on_request('delete_recording', self._delete, changes=True)
         server.on_request('mark_recording', self._mark, changes=True)
@@ -257,18 +256,12 @@ class Teaching:
         folder, config = self.folder_of(finger), self._detectors.finger_of(finger).config
         return await self._server.work(folder.trace, name, config)
 
-    async def _label(self, message: Message) -> None:
+    async def _change_label(self, message: Message) -> Any:
         folder, name = self.folder_of(message.get('finger')), message.get('recording')
+        if message['type'] != 'label':
+            return await self._server.work(getattr(folder, message['type']), name)
         pixel_s = number('pixel_s', message, 0.0, 1e9) or 0.0
-        await self._server.work(folder.label, name, message.get('slip_s'), pixel_s)
-
-    async def _snap(self, message: Message) -> dict[str, Any]:
-        folder, name = self.folder_of(message.get('finger')), message.get('recording')
-        return {'said': await self._server.work(folder.snap, name)}
-
-    async def _undo_label(self, message: Message) -> None:
-        folder, name = self.folder_of(message.get('finger')), message.get('recording')
-        await self._server.work(folder.undo_label, name)
+        return await self._server.work(folder.label, name, message.get('slip_s'), pixel_s)
 
     async def _teach(self, message: Message) -> None:
         finger, what = message.get('finger'), message.get('do')

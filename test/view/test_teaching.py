@@ -280,7 +280,7 @@ async def test_tuning_runs_once_keeps_its_recordings_and_ends_with_the_server(tm
         for kind in ('delete_recording', 'mark_recording'):
             assert 'are being tuned on' in await one.ask(kind, recording='slip_1')
         run = one.teaching._run
-        while not run.step:
+        while not run.said['step']:
             await asyncio.sleep(0.02)
         assert one.latest()['tuning']['step'] == 'reading the recordings'
     assert run._process.returncode == -9
