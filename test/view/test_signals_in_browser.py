@@ -197,22 +197,6 @@ def test_a_gap_and_values_that_are_no_numbers_leave_traces_their_height(serve):
     assert reach_of_line(page) > 0.8 * before
 
 
-FAR_APART = """async () => {
-  const {Columns} = await import('/page/stretch.js'), none = {first: 0, count: 0};
-  const columns = new Columns({width_ns: 1e7, channels: [1]}, 1000, null);
-  for (const first of [0, 1e6]) {
-    const values = [first, 1], arrays = {'volts/low': values, 'volts/high': values, truth: values};
-    columns.take({samples: {first, count: 2}, levels: none}, arrays);
-  }
-  return columns.parts.low[0];
-}"""
-
-
-def test_of_what_came_before_a_long_gap_no_column_is_kept(serve):
-    _, page = serve(SimulatedDetectors())
-    assert page.evaluate(FAR_APART) == [1e6, 1]
-
-
 def rows_with_lines(*frequencies_hz):
     """Return noise with lines in channels 1 to 8."""
     seconds = np.arange(3800) / 380.0
