@@ -81,11 +81,10 @@ export class FingerCard {
       chip.classList.toggle('on', Boolean(groups[g]));
       write(count, `${votes}/${valid.length}${groups[g] ? ' ON' : ''}`);
     });
-    const {onset_age_s: age, slip, valid} = state;
-    const began = () => (
-      slip ? `slip since ${seconds(age)}` : `last slip began ${seconds(age)} ago`);
-    const since = age === null ? 'no slip so far' : began();
-    write(this.onset, `${valid ? 'valid' : 'not valid'}; ${since}`);
+    const {onset_age_s: age, slip, valid} = state, ago = seconds(age ?? 0);
+    const began = slip ? `slip since ${ago}` : `last slip began ${ago} ago`;
+    const words = age === null ? 'no slip so far' : began;
+    write(this.onset, `${valid ? 'valid' : 'not valid'}; ${words}`);
     if (performance.now() - this.worded > WORDS_MS) this.showChannels();
   }
 
@@ -114,8 +113,8 @@ export class FingerCard {
       this.root.dataset.state = name;
       this.badge.replaceChildren(build('span.mark', mark, {ariaHidden: 'true'}), ` ${words}`);
     }
-    const never = 'no sample has come yet', last = 'as it was last';
-    const noInput = unfit || (age === null ? never : `no sample for ${seconds(age)}`);
+    const none = age === null ? 'no sample has come yet' : `no sample for ${seconds(age)}`;
+    const last = 'as it was last', noInput = unfit || none;
     const veil = {lost: last, paused: last, silent, noInput}[name] ?? '';
     write(this.veil, veil);
     const isDead = (_, c) => !veil && !this.channels[c].valid && !this.channels[c].disabled;

@@ -214,8 +214,8 @@ export class Slider {
     this.value = value;
     const seen = this.chosen ?? value, words = this.words(seen);
     write(this.label, words);
-    Object.assign(this.root, {ariaValueNow: `${seen}`, ariaValueText: words});
-    Object.assign(this.root, {ariaValueMin: `${least}`, ariaValueMax: `${most}`});
+    const ends = {ariaValueMin: `${least}`, ariaValueMax: `${most}`};
+    Object.assign(this.root, {ariaValueNow: `${seen}`, ariaValueText: words, ...ends});
     return seen;
   }
 
