@@ -34,7 +34,8 @@ function readOut(seconds, lane) {
   element('readout').textContent = words.join(' \u00b7 ');
 }
 
-const ticked = () => everyEvent().filter(([, , [kind]]) => shown.has(kind));
+const isTicked = ([, , [kind]]) => element('kinds').children[kind].firstChild.checked;
+const ticked = () => everyEvent().filter(isTicked);
 
 function fillList() {
   const unlabelled = header.recordings.some(({truth}) => !truth);
@@ -114,27 +115,20 @@ function choose(what, value) {
   redraw();
 }
 
-// A box or a button of a group with its label; onChange(box) is called when it changes.
-function choice(properties, label, onChange) {
-  const onchange = ({target}) => onChange(target);
-  return build('label', build('input', {...properties, onchange}), label);
-}
+// A box or a button of a group with its label.
+const choice = (properties, label) => build('label', build('input', properties), label);
 
 function start() {
   element('recording').append(...header.recordings.map(({name}, r) => new Option(name, r)));
   // What matters most is seen first: kinds are in this order.
   const [first] = everyEvent().sort((a, b) => a[2][0] - b[2][0]);
-  if (first?.[2][0] === DETECTED) shown.add(DETECTED);
-  element('variant-choice').append(...names.map((name, v) => {
-    const properties = {type: 'radio', name: 'variant', value: v, checked: v === view.variant};
-    return choice(properties, ` ${name}`, () => choose('variant', v));
+  element('variant-choice').append(...names.map((name, value) => {
+    const checked = value === view.variant, onchange = () => choose('variant', value);
+    return choice({type: 'radio', name: 'variant', value, checked, onchange}, ` ${name}`);
   }));
   element('kinds').append(...KINDS.map((_, kind) => {
-    const properties = {type: 'checkbox', checked: shown.has(kind)};
-    return choice(properties, build(`span.kind-${kind}`), (box) => {
-      shown[box.checked ? 'add' : 'delete'](kind);
-      fillList();
-    });
+    const checked = kind !== DETECTED || first?.[2][0] === DETECTED;
+    return choice({type: 'checkbox', checked, onchange: fillList}, build(`span.kind-${kind}`));
   }));
   listen('recording', 'change', ({target}) => choose('recording', Number(target.value)));
   listen('whole', 'click', whole);

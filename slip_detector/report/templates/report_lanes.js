@@ -13,7 +13,6 @@ const header = JSON.parse(element('header').textContent);
 const recordings = header.recordings.map(() => null);
 const names = header.variants;
 const view = {recording: 0, variant: names.length - 1, from: 0, to: 1, chosen: null};
-const shown = new Set([0, 1, 2, ONSET]);
 let pending = false, drawn = null;
 
 const now = () => header.recordings[view.recording];

@@ -28,11 +28,9 @@ let chosen = null, wanted = new URLSearchParams(location.hash.slice(1)).get('fin
 // Labels, by name, of fingers whose detectors have ended.
 let gone = {};
 const cards = new Map();
-const wishes = {
-  onView: (changes) => connection.changeView(changes),
-  onSet: (values) => drawings.ask('set', {values}),
-};
-const traces = new Traces(wishes), spectrum = new SpectrumPanel(wishes);
+const changeView = (changes) => connection.changeView(changes);
+const set = (values) => drawings.ask('set', {values});
+const traces = new Traces(changeView, set), spectrum = new SpectrumPanel(changeView, set);
 listen('keep-rest', 'click', () => drawings.ask('keep_rest'));
 
 // The tab's title has the state of a finger that slips, else of one that is not at rest.
@@ -86,14 +84,7 @@ connection.on('fingers', ({fingers, gone: labels, read_only: readOnly}) => {
     cards.delete(name);
   }
   fingers.forEach((finger, i) => {
-    const card = cards.get(finger.name) ?? new FingerCard({
-      onChoose: () => choose(finger.name),
-      onTake: () => drawings.ask('take_input', {finger: finger.name}),
-      onChannel: (channel) => {
-        choose(finger.name);
-        traces.chooser.toggle(channel);
-      },
-    });
+    const card = cards.get(finger.name) ?? new FingerCard();
     cards.set(finger.name, card);
     card.describe(finger, readOnly);
     const place = element('fingers').children[i] ?? null;
@@ -135,6 +126,14 @@ connection.on('bag_places', ({places}) => (traces.places = places));
 const [signalTabs, toolTabs] = document.querySelectorAll('[role=tablist]');
 tabs(signalTabs, (panel) => spectrum.open(panel === 'spectrum'));
 tabs(toolTabs);
+
+listen('fingers', 'click', ({target}) => {
+  const finger = target.closest('.finger')?.dataset.finger;
+  const channel = Number(target.dataset.channel);
+  if (target.matches('.take')) drawings.ask('take_input', {finger});
+  else if (channel || target.matches('.title')) choose(finger);
+  if (channel) traces.chooser.toggle(channel);
+});
 
 listen('to-threshold', 'click', () => {
   element('traces-tab').click();

@@ -22,17 +22,12 @@ const LEVELS = [
 const VOTES = {all: 'all of them', mean: 'their geometric mean'};
 
 export class FingerCard {
-  // Called for the finger's traces, for the channel of a taxel, and to take samples as they come.
-  constructor({onChoose, onChannel, onTake}) {
+  constructor() {
     Object.assign(this, partsOf('card'));
-    listen(this.title, 'click', onChoose);
-    listen(this.take, 'click', onTake);
-    listen(this.inWords, 'toggle', () => this.showChannels());
     this.worded = -Infinity;
-    listen(this.taxels, 'click pointermove', ({type, target}) => {
-      const channel = Number(target.dataset.channel);
-      if (channel && type === 'click') onChannel(channel);
-      else if (channel && this.channels) target.title = this.wordsOf(channel);
+    listen(this.inWords, 'toggle', () => this.showChannels());
+    listen(this.taxels, 'pointermove', ({target, target: {dataset: {channel}}}) => {
+      if (channel && this.channels) target.title = this.wordsOf(Number(channel));
     });
   }
 

@@ -72,9 +72,8 @@ export class Parameters extends Tool {
 
   show() {
     const {finger, labels: {[finger]: label = finger}} = this, panel = this.latest.fingers[finger];
-    const usable = Boolean(panel) && !panel.gone && !this.locked;
     if (panel) {
-      this.showRows(panel, usable);
+      this.showRows(panel);
       this.showChanges(panel.changes);
     }
     const n = this.edits.size, differs = panel?.differs ?? [];
@@ -84,18 +83,13 @@ export class Parameters extends Tool {
     write('as-in-file', panel?.file ? 'As in the file' : 'As first seen');
     write('save-folder', this.latest.folder && `It is written to ${this.latest.folder}`);
     const title = differs.length ? `Differs: ${differs.join(', ')}` : 'Nothing differs';
-    const undo = usable && panel.undo, toFile = usable && differs.length;
-    const save = panel && !this.locked;
     element('as-in-file').title = title;
-    const enabled = {
-      'set-all': usable && n, discard: n, undo, 'as-in-file': toFile, save, 'replace-file': save,
-      'group-name': usable, 'add-group': usable,
-    };
+    const isFixed = !panel || panel.gone || this.locked;
+    for (const each of document.querySelectorAll('.usable')) each.disabled = isFixed;
+    element('saving-usable').disabled = !panel || this.locked;
+    const enabled = {'set-all': n, discard: n, undo: panel?.undo, 'as-in-file': differs.length};
     for (const [id, on] of Object.entries(enabled)) element(id).disabled = !on;
-    for (const preset of this.presets) {
-      preset.ariaPressed = String(preset.value === panel?.preset);
-      preset.disabled = !usable;
-    }
+    for (const each of this.presets) each.ariaPressed = String(each.value === panel?.preset);
   }
 
   stateWords(panel, label) {
@@ -109,7 +103,7 @@ export class Parameters extends Tool {
     ].filter(Boolean).join(' ');
   }
 
-  showRows(panel, usable) {
+  showRows(panel) {
     const {edits} = this, listed = panel.headings.flatMap(
       ({heading, parameters}) => parameters.map((parameter) => [heading, parameter]));
     const names = new Set(listed.map(([, {name}]) => name));
@@ -121,7 +115,7 @@ export class Parameters extends Tool {
     for (const [heading, parameter] of listed) {
       const {name, text} = parameter;
       if (edits.get(name) === text) edits.delete(name);
-      this.rowOf(heading, parameter).show(parameter, edits.get(name), usable, panel.file);
+      this.rowOf(heading, parameter).show(parameter, edits.get(name), panel.file);
     }
     this.keepRows(listed.map(([, {name}]) => name));
     const words = this.search.value.trim().toLowerCase();
@@ -174,7 +168,7 @@ export class Parameters extends Tool {
   async submit(event) {
     event.preventDefault();
     const {edits} = this, sent = new Map(edits);
-    if (!sent.size || element('set-all').disabled) return;
+    if (!sent.size) return;
     const {refusal} = await this.ask('set', {values: Object.fromEntries(sent)});
     if (refusal) return;
     for (const [name, text] of sent) if (edits.get(name) === text) edits.delete(name);
@@ -222,7 +216,7 @@ class ParameterRow {
   }
 
   // Show the server's description, of a new group its name alone, and what was typed.
-  show(parameter, edit, usable, file) {
+  show(parameter, edit, file) {
     const {text, unit = '', allowed, meaning = '', in_file: inFile, read_only: fixed} = parameter;
     const removed = edit === null, where = file ? 'In the file' : 'As first seen';
     Object.assign(this, {present: text, removed});
@@ -239,9 +233,7 @@ class ParameterRow {
     write(this.notes, notes.filter(Boolean).join(' '));
     this.root.classList.toggle('edited', edit !== undefined);
     this.root.classList.toggle('removed', removed);
-    this.field.disabled = !usable || fixed || removed;
-    if (!this.remove) return;
-    write(this.remove, removed ? 'Keep' : 'Remove');
-    this.remove.disabled = !usable;
+    this.field.disabled = fixed || removed;
+    if (this.remove) write(this.remove, removed ? 'Keep' : 'Remove');
   }
 }

@@ -13,7 +13,8 @@ const OPEN_SHARE = 0.98, LEAST_HZ = 0.1, LEAST_SHARE = 2e-4;
 const STEPS = {ArrowLeft: -1, ArrowRight: 1, PageUp: 20, PageDown: -20};
 
 export class SpectrumPanel {
-  constructor({onView, onSet}) {
+  // onView(changes): asks the server for another view. onSet(values): sets parameters.
+  constructor(onView, onSet) {
     Object.assign(this, {onView, onSet, channel: null, isOpen: false, keyed: null});
     Object.assign(this, {lines: new Map(), range: [-100, 0], mains: element('mains')});
     const [choice, root, frame, readout] = ['channel', 'plot', 'frame', 'readout'].map(
@@ -55,8 +56,8 @@ export class SpectrumPanel {
 
   allowChanges(allowed) {
     this.allowed = allowed;
-    this.mains.disabled = element('keep-rest').disabled = !allowed;
-    if (this.finger) this.updateBands();
+    element('bands').disabled = element('removers').disabled = !allowed;
+    for (const line of this.lines.values()) line.allow(allowed);
   }
 
   choose(channel) {
@@ -101,12 +102,12 @@ export class SpectrumPanel {
       this.lines = new Map(edges.map(({name, short}) => [name, this.lineOf(name, short)]));
       edges.forEach(({name}, row) => this.lines.get(name).root.style.setProperty('--row', row));
     }
-    for (const line of this.lines.values()) line.allow(this.allowed);
-    const {stopbands_hz: stops, mains_hz: mains} = this.finger, disabled = !this.allowed;
+    this.allowChanges(this.allowed);
+    const {stopbands_hz: stops, mains_hz: mains} = this.finger;
     element('removers').replaceChildren(...stops.map(([low, high], i) => button(
       `Remove stop-band ${i + 1}: ${low} to ${high} Hz`,
-      () => this.setStops(stops.toSpliced(i, 1)), {disabled})));
-    element('add-stopband').disabled = disabled || !this.room();
+      () => this.setStops(stops.toSpliced(i, 1)))));
+    element('add-stopband').disabled = !this.room();
     const isListed = [...this.mains.options].some(({value}) => Number(value) === mains);
     if (!isListed) this.mains.append(new Option(`mains ${mains} Hz`, mains));
     this.mains.value = mains;

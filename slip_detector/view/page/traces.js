@@ -15,7 +15,7 @@ const wordsOfPower = (power) => (Math.abs(power) > 3 ? `1e${power}` : String(10 
 
 export class Traces {
   // onView(changes): asks the server for another view. onSet(values): sets parameters.
-  constructor({onView, onSet}) {
+  constructor(onView, onSet) {
     Object.assign(this, {onView, root: element('timeline'), readout: element('trace-readout')});
     this.stretch = new Stretch();
     // By channel, counted from 1, and of the levels: what is shown from bottom to top.
