@@ -217,9 +217,8 @@ class ViewRequest:
             self._next[part] = stop
             header[stream] = {'first': first, 'count': stop - first}
             edges_ns = np.arange(first, stop + 1) * width_ns
-            low, arrays[f'{values}/high'] = rows.columns(values, edges_ns, channels, overdue_ns)
-            if values == 'volts':
-                arrays['volts/low'] = low
+            low, high = rows.columns(values, edges_ns, channels, overdue_ns)
+            arrays |= {'low': low, 'high': high} if values == 'volts' else {'level': high}
             arrays[state] = rows.columns(state, edges_ns, only, overdue_ns)[1][0] > 0.0
         return header
 

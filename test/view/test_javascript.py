@@ -105,7 +105,7 @@ def test_columns_follow_one_another_and_a_long_gap_leaves_none_of_before():
         const columns = new Columns({{width_ns: 1e8, channels: [1]}}, 50, null);
         const take = (first, values) => columns.take(
           {{samples: {{first, count: values.length}}, levels: {NO_SAMPLES}}},
-          {{'volts/low': values, 'volts/high': values.map((v) => v + 1), truth: values}});
+          {{low: values, high: values.map((v) => v + 1), truth: values}});
         take(1000, [1, 2, NaN]);
         take(1003, [4]);
         const low = [...columns.parts.low[0]], seen = columns.between(40, 40.15);
@@ -123,7 +123,7 @@ def test_only_the_newest_columns_are_kept():
         const columns = new Columns({{width_ns: 1e9, channels: [3, 5]}}, 4, 0);
         for (let first = 60; first < 70; first++) columns.take(
           {{samples: {NO_SAMPLES}, levels: {{first, count: 1}}}},
-          {{'level/high': [first, -first], slip: [1]}});
+          {{level: [first, -first], slip: [1]}});
         say([columns.base, columns.last_s, columns.parts.level, columns.between(0, 99).x]);
     """)
     assert kept == [66, 70, [[66, 67, 68, 69], [-66, -67, -68, -69]], [66, 67, 68, 69]]

@@ -158,11 +158,12 @@ export class News {
   }
 
   say() {
-    const isNew = ([label, words]) => words !== this.announced.get(label);
-    const fresh = [...this.present].filter(isNew);
-    const lines = fresh.map(([label, words]) => `${label}: ${words}.`);
-    if (fresh.length) this.region.textContent = lines.join(' ');
-    this.announced = new Map([...this.announced, ...this.present]);
+    const lines = [];
+    for (const [label, words] of this.present) {
+      if (words !== this.announced.get(label)) lines.push(`${label}: ${words}.`);
+      this.announced.set(label, words);
+    }
+    if (lines.length) this.region.textContent = lines.join(' ');
     this.present.clear();
   }
 }

@@ -96,8 +96,8 @@ export class SpectrumPanel {
   }
 
   updateBands() {
-    const edges = this.edges(), names = String(edges.map(({name}) => name));
-    if (names !== String([...this.lines.keys()])) {
+    const edges = this.edges();
+    if (edges.length !== this.lines.size) {
       for (const line of this.lines.values()) line.close();
       this.lines = new Map(edges.map(({name, short}) => [name, this.lineOf(name, short)]));
       edges.forEach(({name}, row) => this.lines.get(name).root.style.setProperty('--row', row));

@@ -1,10 +1,7 @@
 // What traces show: columns of pixels, and the stretch of time of them.
 
-// What comes with each stream of a frame: by the name of a part its array.
-const PARTS = {
-  samples: {low: 'volts/low', high: 'volts/high', truth: 'truth'},
-  levels: {level: 'level/high', slip: 'slip'},
-};
+// The arrays that come with each stream of a frame.
+const PARTS = {samples: ['low', 'high', 'truth'], levels: ['level', 'slip']};
 
 // Columns of pixels, each with the lowest and the highest value in it. Column k has the stamps
 // from k * width up to, but not including, (k + 1) * width.
@@ -34,9 +31,7 @@ export class Columns {
     this.stop = stop;
     this.begun_s ??= 60 * Math.floor(this.base * this.width_s / 60);
     for (const [stream, parts] of Object.entries(PARTS)) {
-      for (const [part, name] of Object.entries(parts)) {
-        this.put(this.parts[part], traces[stream], arrays[name]);
-      }
+      for (const part of parts) this.put(this.parts[part], traces[stream], arrays[part]);
     }
     const old = Math.max(0, this.stop - this.base - this.kept);
     this.base += old;
