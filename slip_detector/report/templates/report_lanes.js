@@ -63,8 +63,8 @@ function showScale() {
   const {bin_rows: bin, rate_hz: rate, channels} = now(), {groups} = variantNow();
   const disabled = channels.length - new Set(groups.flatMap(({members}) => members)).size;
   const left = disabled ? ` Disabled channels, ${disabled} of them, are left out.` : '';
-  const ofEach = `Drawn from the lowest and highest of each ${(1e3 * bin / rate).toFixed(0)} ms.`;
-  const how = bin === 1 ? 'Each row is drawn when zoomed in.' : ofEach;
+  const each = `the lowest and highest of each ${(1e3 * bin / rate).toFixed(0)} ms`;
+  const how = bin === 1 ? 'Each row is drawn when zoomed in.' : `Drawn from ${each}.`;
   element('resolution').textContent = how + left;
 }
 
@@ -94,11 +94,11 @@ function lanesOf(bins) {
 const xOfRow = (pen) => (row) => pen.xOf(row / now().rate_hz);
 
 function paintEvents({context, xOf}, lane) {
-  Object.assign(context, {textAlign: 'center', textBaseline: 'middle'});
+  context.textAlign = 'center';
   // The most important kinds are drawn last, on top of the others.
   for (const [kind, start] of [...eventsOf(view.recording)].sort((a, b) => b[0] - a[0])) {
     context.fillStyle = KINDS[kind][2];
-    context.font = `${kind === DETECTED ? 9 : 13}px system-ui, sans-serif`;
+    context.font = `${kind === DETECTED ? 9 : 13}px ${FONT}`;
     context.fillText(KINDS[kind][1], xOf(start), lane.top + lane.height / 2);
   }
 }
@@ -151,8 +151,7 @@ function redraw() {
 function draw(data) {
   const {rate_hz: rate, step_v: step, bin_rows: binRows} = now(), {from, to} = view;
   const width = Math.max(root.clientWidth - NAMES_WIDTH - RIGHT_MARGIN, 1);
-  const rowsOfPixel = (to - from) * rate / width;
-  const ends = [from * rate, to * rate];
+  const ends = [from * rate, to * rate], rowsOfPixel = (to - from) * rate / width;
   const bins = binsBetween(...ends, data, view.variant, binRows, rowsOfPixel);
   const {first, stop, rows} = bins;
   drawn = {...bins, data};

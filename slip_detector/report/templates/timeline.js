@@ -2,15 +2,13 @@
 // pointer is, and lets the user zoom, move and select; the page itself paints what is no curve.
 
 const AXIS_HEIGHT = 22, NAMES_WIDTH = 92, RIGHT_MARGIN = 16, TICK_SPACE = 90;
-const CURVE = '#3d5a73', GRID = '#dfe3e6', TEXT = '#23292e';
+const CURVE = '#3d5a73', GRID = '#dfe3e6', TEXT = '#23292e', FONT = 'system-ui, sans-serif';
 
 // Keys that move the interval, by shares of it, and keys that zoom, by factors.
 const MOVES = {ArrowLeft: -0.1, ArrowRight: 0.1, PageUp: -0.9, PageDown: 0.9};
 const ZOOMS = {'+': 0.5, '=': 0.5, '-': 2};
 // With Shift, keys that move the pointer: to the right by a share of the interval, down by lanes.
-const POINTS = {
-  ArrowLeft: [-0.01, 0], ArrowRight: [0.01, 0], ArrowUp: [0, -1], ArrowDown: [0, 1],
-};
+const POINTS = {ArrowLeft: [-0.01, 0], ArrowRight: [0.01, 0], ArrowUp: [0, -1], ArrowDown: [0, 1]};
 
 class Timeline {
   // onInterval(from, to, how): the user wants to see another interval; how: 'zoom', 'move',
@@ -20,7 +18,6 @@ class Timeline {
     Object.assign(this, {root, tickText, onInterval, onPoint, margin});
     this.lanes = [];
     this.names = build('div.lane-names');
-    // What is pressed, and in it the line at the pointer and what is being selected.
     [this.cursor, this.selected] = [build('div.cursor', {hidden: true}), build('div.selected')];
     this.over = build('div.over', this.cursor, this.selected, {style: `right: ${margin}px`});
     this.canvas = build('canvas');
@@ -40,9 +37,8 @@ class Timeline {
   }
 
   point(seconds, lane) {
-    const {from, to} = this;
-    this.pointedShare = seconds === null ? undefined : (seconds - from) / (to - from);
-    this.pointedLane = lane;
+    const {from, to} = this, share = (seconds - from) / (to - from);
+    Object.assign(this, {pointedShare: seconds === null ? undefined : share, pointedLane: lane});
     this.cursor.hidden = seconds === null;
     this.cursor.style.left = `${100 * (this.pointedShare ?? 0)}%`;
     this.onPoint(seconds, lane);
@@ -112,6 +108,7 @@ class Timeline {
     const pen = {context, xOf, left: NAMES_WIDTH, right, top, bottom: height};
     const tick_s = TICK_SPACE * (to - from) / (right - NAMES_WIDTH);
     const {times, digits} = ticksBetween(from, to, tick_s);
+    context.textBaseline = 'middle';
     context.save();
     context.rect(NAMES_WIDTH, top, right - NAMES_WIDTH, height);
     context.clip();
@@ -129,11 +126,8 @@ class Timeline {
     }
     context.restore();
     for (const lane of this.lanes) lane.paintScale?.(pen, lane);
-    Object.assign(context, {font: '12px system-ui, sans-serif', fillStyle: TEXT});
-    Object.assign(context, {textAlign: 'center', textBaseline: 'middle'});
-    for (const seconds of times) {
-      context.fillText(this.tickText(seconds, digits), xOf(seconds), top / 2);
-    }
+    Object.assign(context, {font: `12px ${FONT}`, fillStyle: TEXT, textAlign: 'center'});
+    for (const s of times) context.fillText(this.tickText(s, digits), xOf(s), top / 2);
   }
 
   static yOf({top, height, below}, [least, most], value) {

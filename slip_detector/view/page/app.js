@@ -12,9 +12,8 @@ import {Traces} from './traces.js';
 // The drawings, in which parameters are set, too; why one is refused is shown at the top.
 class Drawings extends Tool {
   show() {
-    const here = this.finger in this.labels;
-    traces.line.allow(here && !this.locked);
-    spectrum.allowChanges(here && !this.locked);
+    const allowed = this.finger in this.labels && !this.locked;
+    for (const each of [traces.line, spectrum]) each.allow(allowed);
   }
 }
 
@@ -90,11 +89,7 @@ connection.on('fingers', ({fingers, gone: labels, read_only: readOnly}) => {
     const place = element('fingers').children[i] ?? null;
     if (place !== card.root) element('fingers').insertBefore(card.root, place);
   });
-  element('no-finger').hidden = fingers.length > 0;
-  const ended = Object.values(gone).join(', ');
-  element('gone').hidden = !ended;
-  write('ended', ended);
-  element('panels').hidden = !fingers.length;
+  write('ended', Object.values(gone).join(', '));
   document.querySelector('main').classList.toggle('single', fingers.length === 1);
   connection.changeView({fingers: names});
   // A finger that is gone may come back: until then, changes are not to go to another one.
@@ -124,7 +119,7 @@ connection.on('age', (words) => write('age', words));
 connection.on('bag_places', ({places}) => (traces.places = places));
 
 const [signalTabs, toolTabs] = document.querySelectorAll('[role=tablist]');
-tabs(signalTabs, (panel) => spectrum.open(panel === 'spectrum'));
+tabs(signalTabs, (id) => spectrum.open(id === 'spectrum-tab'));
 tabs(toolTabs);
 
 listen('fingers', 'click', ({target}) => {

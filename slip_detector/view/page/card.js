@@ -15,23 +15,18 @@ export const STATES = {
 };
 // Shortest time between two updates of the channels in words.
 const WORDS_MS = 1000;
-// Of diagnostics.
-const LEVELS = [
-  ['\u2713', 'all well'], ['\u25b2', 'warning'], ['\u2715', 'error'], ['\u2715', 'stale'],
-];
+const LEVELS = ['all well', 'warning', 'error', 'stale'], MARKS = '\u2713\u25b2\u2715\u2715';
 const VOTES = {all: 'all of them', mean: 'their geometric mean'};
 
 export class FingerCard {
   constructor() {
-    Object.assign(this, partsOf('card'));
-    this.worded = -Infinity;
+    Object.assign(this, partsOf('card'), {worded: -Infinity});
     listen(this.inWords, 'toggle', () => this.showChannels());
     listen(this.taxels, 'pointermove', ({target, target: {dataset: {channel}}}) => {
       if (channel && this.channels) target.title = this.wordsOf(Number(channel));
     });
   }
 
-  // Show the server's description of the finger, which changes with the detector's parameters.
   describe(finger, readOnly) {
     this.finger = finger;
     const {offer, label, channels} = finger;
@@ -127,8 +122,8 @@ export class FingerCard {
     const wrong = lines.filter(([level]) => level).sort(([a], [b]) => b - a);
     const listed = wrong.length ? wrong : lines.filter(([, name]) => name !== 'decisions');
     this.diagnostics.replaceChildren(...listed.map(([level, name, message]) => {
-      const [mark, ariaLabel] = LEVELS[level] ?? ['?', 'unknown'];
-      const lead = build('span.mark', mark, {role: 'img', ariaLabel});
+      const ariaLabel = LEVELS[level] ?? 'unknown';
+      const lead = build('span.mark', MARKS[level] ?? '?', {role: 'img', ariaLabel});
       return build(`li.level-${level}`, lead, ` ${name}: ${message}`);
     }));
     (wrong.length ? this.dead : this.notice).after(this.diagnostics);

@@ -1,8 +1,7 @@
 // The connection to slip_view: messages by type, frames, and requests.
 
-const AGAIN_MS = 1000;
 // Frames come many times a second: after so many checks without one, slip_view counts as hung.
-const CHECK_MS = 1000, MOST_CHECKS = 3;
+const AGAIN_MS = 1000, CHECK_MS = 1000, MOST_CHECKS = 3;
 // From so many seconds on the page says how old what it shows is.
 const OLD_S = 2;
 const UNREACHABLE = 'slip_view cannot be reached';
@@ -22,15 +21,10 @@ export function readFrame(buffer) {
 export class Connection extends EventTarget {
   constructor() {
     super();
-    this.words = null;
-    this.checks = 0;
-    this.answers = new Map();
-    this.requests = 0;
-    this.view = {};
+    Object.assign(this, {words: null, checks: 0, requests: 0, answers: new Map(), view: {}});
     // Whether a frame waits to be drawn; when it was asked for, and when the one that is shown.
     this.draws = false;
     this.askedMs = this.shownMs = NaN;
-    // A hidden page asks for nothing.
     listen(document, 'visibilitychange', () => this.sendView());
     setInterval(() => this.checkForFrames(), CHECK_MS);
   }

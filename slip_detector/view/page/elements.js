@@ -101,17 +101,16 @@ export class Tool {
   }
 }
 
-// Tabs as the ARIA Authoring Practices describe them; onChoose(id): the panel of this id is shown.
+// Tabs as the ARIA Authoring Practices describe them; onChoose(id): the tab of this id is chosen.
 export function tabs(list, onChoose = () => {}) {
   const all = [...list.querySelectorAll('[role=tab]')];
-  const panelOf = (tab) => tab.getAttribute('aria-controls');
   const choose = (chosen) => {
     for (const tab of all) {
       tab.ariaSelected = String(tab === chosen);
       tab.tabIndex = tab === chosen ? 0 : -1;
-      element(panelOf(tab)).hidden = tab !== chosen;
+      element(tab.getAttribute('aria-controls')).hidden = tab !== chosen;
     }
-    onChoose(panelOf(chosen));
+    onChoose(chosen.id);
   };
   listen(list, 'click', ({target}) => all.includes(target) && choose(target));
   oneTabStop(list, choose);
@@ -172,9 +171,7 @@ export class News {
 const KEYS_MS = 700;
 // Longest time between the answer to a change and the message with the new value.
 const ANSWERED_MS = 500;
-const STEPS = {
-  ArrowUp: 1, ArrowRight: 1, ArrowDown: -1, ArrowLeft: -1, PageUp: 10, PageDown: -10,
-};
+const STEPS = {ArrowUp: 1, ArrowRight: 1, ArrowDown: -1, ArrowLeft: -1, PageUp: 10, PageDown: -10};
 
 // A line in a drawing that is dragged, or moved by keys; for screen readers it is a slider.
 export class Slider {

@@ -1,6 +1,6 @@
 // The parameters of the chosen detector, which decides what is allowed: shown, set, undone, saved.
 
-import {PAGE, Tool, button, update, write} from './elements.js';
+import {PAGE, Tool, button, partsOf, update, write} from './elements.js';
 
 // The heading of what is changed most often and of the groups: on top, and open at first.
 const FIRST_HEADING = 'Threshold and vote';
@@ -65,9 +65,7 @@ export class Parameters extends Tool {
     super.refuse(words);
     // Another name that contains that of a parameter does not count.
     const named = words.split(/[\s,;:]+/);
-    for (const [name, {field}] of this.rows) {
-      field.setAttribute('aria-invalid', String(named.includes(name)));
-    }
+    for (const [name, {field}] of this.rows) field.ariaInvalid = String(named.includes(name));
   }
 
   show() {
@@ -82,11 +80,10 @@ export class Parameters extends Tool {
     write('undoes', panel?.undo ? `Undo takes back: ${panel.undo}.` : '');
     write('as-in-file', panel?.file ? 'As in the file' : 'As first seen');
     write('save-folder', this.latest.folder && `It is written to ${this.latest.folder}`);
-    const title = differs.length ? `Differs: ${differs.join(', ')}` : 'Nothing differs';
-    element('as-in-file').title = title;
-    const isFixed = !panel || panel.gone || this.locked;
-    for (const each of document.querySelectorAll('.usable')) each.disabled = isFixed;
-    element('saving-usable').disabled = !panel || this.locked;
+    element('as-in-file').title = differs.length ? `Differs: ${differs.join(', ')}` : '';
+    const [actions, values, saving] = document.querySelectorAll('#tools fieldset');
+    saving.disabled = !panel || this.locked;
+    actions.disabled = values.disabled = saving.disabled || panel.gone;
     const enabled = {'set-all': n, discard: n, undo: panel?.undo, 'as-in-file': differs.length};
     for (const [id, on] of Object.entries(enabled)) element(id).disabled = !on;
     for (const each of this.presets) each.ariaPressed = String(each.value === panel?.preset);
@@ -124,7 +121,6 @@ export class Parameters extends Tool {
     }
   }
 
-  // Remove the rows of all other names.
   keepRows(names) {
     for (const [name, {root}] of this.rows) {
       if (names.includes(name)) continue;
@@ -195,13 +191,11 @@ class ParameterRow {
   // onEdit(text): the user typed this; undefined: keep the detector's value; null: delete it.
   constructor({name, choices = []}, onEdit) {
     const id = `parameter-${name.replace(/\s/g, '_')}`;
-    this.root = element('parameter').content.firstElementChild.cloneNode(true);
-    [this.label, this.unit, this.notes, this.meaning] = this.root.children;
+    Object.assign(this, partsOf('parameter'));
     Object.assign(this.label, {textContent: name, htmlFor: id});
     [this.notes.id, this.meaning.id] = [`${id}-notes`, `${id}-meaning`];
-    const kept = {id, spellcheck: false, autocomplete: 'off'};
     const options = choices.map((choice) => new Option(choice));
-    this.field = build(choices.length ? 'select' : 'input', ...options, kept);
+    this.field = build(options.length ? 'select' : 'input', ...options, {id, spellcheck: false});
     this.field.setAttribute('aria-describedby', `${id}-notes ${id}-meaning`);
     listen(this.field, 'input', ({target: {value}}) => (
       onEdit(value === this.present ? undefined : value)));

@@ -142,8 +142,7 @@ export class RecordingTrace {
       }
       context.stroke();
     }
-    Object.assign(context, {font: '11px system-ui, sans-serif', fillStyle: INK});
-    // A small picture has no room for its scale.
+    Object.assign(context, {font: `11px ${FONT}`, fillStyle: INK});
     const scale = height > 60 && rest !== null ? [[most, 11], [rest, below - 3]] : [];
     for (const [db, y] of scale) context.fillText(`${Math.round(db)} dB`, 3, y);
   }

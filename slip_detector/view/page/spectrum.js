@@ -54,7 +54,7 @@ export class SpectrumPanel {
     this.layOut();
   }
 
-  allowChanges(allowed) {
+  allow(allowed) {
     this.allowed = allowed;
     element('bands').disabled = element('removers').disabled = !allowed;
     for (const line of this.lines.values()) line.allow(allowed);
@@ -102,7 +102,7 @@ export class SpectrumPanel {
       this.lines = new Map(edges.map(({name, short}) => [name, this.lineOf(name, short)]));
       edges.forEach(({name}, row) => this.lines.get(name).root.style.setProperty('--row', row));
     }
-    this.allowChanges(this.allowed);
+    this.allow(this.allowed);
     const {stopbands_hz: stops, mains_hz: mains} = this.finger;
     element('removers').replaceChildren(...stops.map(([low, high], i) => button(
       `Remove stop-band ${i + 1}: ${low} to ${high} Hz`,
@@ -154,37 +154,26 @@ export class SpectrumPanel {
     const height = clamp(heightFor(this.frame, 110), HEIGHT.least, HEIGHT.most);
     this.frame.style.height = `${height}px`;
     this.plot ??= new uPlot(this.options(width, height), [[1], [null], [null]], this.root);
-    const isSame = this.plot.width === width && this.plot.height === height;
-    if (!isSame) this.plot.setSize({width, height});
+    this.plot.setSize({width, height});
     this.draw();
   }
 
   options(width, height) {
-    const none = {show: false}, font = '12px system-ui, sans-serif';
-    const grid = {stroke: GRID, width: 1};
+    const none = {show: false}, font = `12px ${FONT}`, grid = {stroke: GRID, width: 1};
     const axis = {stroke: TEXT, font, grid, ticks: none, labelSize: LABEL_SIZE, labelFont: font};
     const wordsOf = (hz) => (hz === null || !/^[125]/.test(hz.toExponential()) ? '' : String(hz));
-    const reach = () => [this.leastHz(), this.nyquist];
+    const x = {time: false, distr: 3, auto: false, range: () => [this.leastHz(), this.nyquist]};
     return {
       width, height, legend: none, padding: [TOP, RIGHT, 0, 0],
-      scales: {
-        x: {time: false, distr: 3, auto: false, range: reach},
-        y: {auto: false, range: () => this.range},
-      },
+      scales: {x, y: {auto: false, range: () => this.range}},
       axes: [
         {...axis, size: AXIS_DEPTH, label: 'frequency, Hz', space: 24,
           filter: (_, splits) => splits, values: (_, splits) => splits.map(wordsOf)},
         {...axis, size: AXIS_WIDTH, label: 'dB of 1 V/\u221aHz'},
       ],
-      series: [
-        {},
-        {...REST, fillTo: () => this.range[0], points: none},
-        {...NOW, points: none},
-      ],
+      series: [{}, {...REST, fillTo: () => this.range[0], points: none}, {...NOW, points: none}],
       cursor: {y: false, points: none, drag: {x: false, y: false}, bind: {dblclick: () => null}},
-      hooks: {
-        drawClear: [(plot) => this.paintBands(plot)], setCursor: [(plot) => this.readOut(plot)],
-      },
+      hooks: {drawClear: [() => this.paintBands()], setCursor: [() => this.readOut()]},
     };
   }
 
@@ -195,7 +184,6 @@ export class SpectrumPanel {
 
   draw() {
     if (!this.plot || !this.frame.clientWidth) return;
-    // Both curves at the frequencies of the present spectrum.
     const {now, rest} = this, density = now?.density ?? [null];
     const x = density.map((_, i) => (i + 1) * (now?.step ?? 1));
     const shadow = x.map((hz) => this.restAt(hz) ?? null);
@@ -221,8 +209,8 @@ export class SpectrumPanel {
     this.describe();
   }
 
-  paintBands(plot) {
-    const {ctx: context, bbox: {left, top, width, height}} = plot;
+  paintBands() {
+    const {plot} = this, {ctx: context, bbox: {left, top, width, height}} = plot;
     const ratio = width / plot.over.clientWidth || 1;
     const xOf = (hz) => clamp(plot.valToPos(hz, 'x', true), left, left + width);
     const fill = (low, high, color) => {
@@ -291,10 +279,10 @@ export class SpectrumPanel {
     return this.now.density.indexOf(Math.max(...this.now.density));
   }
 
-  readOut(plot) {
+  readOut() {
     // A value chosen by keys stays until the next key, as a screen reader reads it aloud.
     if (this.keyed !== null) return;
-    const {left} = plot.cursor, {now} = this;
+    const {now, plot} = this, {left} = plot.cursor;
     const i = now && Math.round(plot.posToVal(left, 'x') / now.step) - 1;
     write(this.readout, left < 0 || !now ? '\u00a0' : this.wordsAt(this.inside(i)));
   }

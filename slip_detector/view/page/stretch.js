@@ -66,9 +66,8 @@ export class Columns {
 const WINDOW_S = {least: 0.5, most: 60, first: 10}, LEAST_S = 0.02;
 
 export class Stretch {
-  constructor() {
-    this.goOn(WINDOW_S.first);
-  }
+  live = true;
+  window_s = WINDOW_S.first;
 
   goOn(window_s = this.window_s) {
     this.live = true;
@@ -88,10 +87,9 @@ export class Stretch {
     else if (how === 'zoom' && this.live) this.goOn(to - from);
     else if (this.live) this.pause();
     if (this.live) return;
-    const span = clamp(to - from, LEAST_S, WINDOW_S.most), end = (from + to + span) / 2;
+    const span = clamp(to - from, LEAST_S, WINDOW_S.most), {paused_s: last} = this;
     // There is nothing after the beginning of the pause, and nothing older than what is kept.
-    const {paused_s: last} = this;
-    this.to = clamp(end, last - WINDOW_S.most + span, last + 0.05 * span);
+    this.to = clamp((from + to + span) / 2, last - WINDOW_S.most + span, last + 0.05 * span);
     this.from = this.to - span;
     this.window_s = span;
   }

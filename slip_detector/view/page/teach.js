@@ -42,9 +42,8 @@ export class Teach extends Tool {
     });
     listen('stop-tuning', 'click', ({target}) => this.ask('stop_tuning', {}, target));
     listen('apply', 'click', ({target}) => {
-      const {kept, answer} = this.latest.tuning ?? {};
-      const sure = !kept || confirm(`${answer[0]} Apply it nevertheless?`);
-      if (sure) this.ask('apply_tuning', {}, target);
+      const {kept, answer: [why] = []} = this.latest.tuning ?? {};
+      if (!kept || confirm(`${why} Apply it nevertheless?`)) this.ask('apply_tuning', {}, target);
     });
     const {slip} = this.buttons, isHeld = () => this.pressed !== null;
     holdable(slip, {press: () => this.press(), release: () => this.release(), isHeld});

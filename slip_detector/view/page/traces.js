@@ -3,7 +3,6 @@
 import {Slider, button, heightFor, oneTabStop, write} from './elements.js';
 import {Columns, Stretch} from './stretch.js';
 
-// Lines are told apart by lightness, too.
 const COLORS = [
   '#0072b2', '#9a4a00', '#00664b', '#7b2d6b', '#3a3a3a', '#4f7fb8', '#8a7400', '#a34a78',
 ];
@@ -18,7 +17,7 @@ export class Traces {
   constructor(onView, onSet) {
     Object.assign(this, {onView, root: element('timeline'), readout: element('trace-readout')});
     this.stretch = new Stretch();
-    // By channel, counted from 1, and of the levels: what is shown from bottom to top.
+    // By channel, counted from 1, and of 'level': what is shown from bottom to top.
     this.ranges = new Map();
     this.chooser = new ChannelChooser(element('chooser'), () => this.layOut());
     this.line = new Slider({
@@ -107,18 +106,16 @@ export class Traces {
       name, height: SLIP_HEIGHT,
       paint: (pen, {top}) => this.paintBits(pen, top, SLIP_HEIGHT - 1, name, color),
     });
+    const paint = (pen, lane) => this.paintStrip(pen, lane);
+    const paintScale = (pen, lane) => this.paintVolts(pen, lane);
     const lanes = channels.map((c, channel) => ({
-      name: this.finger.channels[c - 1], kind: 'channel', height, curve: 1,
-      colors: [colors[channel]], below: STRIP + 3, channel,
-      paint: (pen, lane) => this.paintStrip(pen, lane),
-      paintScale: (pen, lane) => this.paintVolts(pen, lane),
+      name: this.finger.channels[c - 1], kind: 'channel', height, curve: 1, below: STRIP + 3,
+      colors: [colors[channel]], channel, paint, paintScale,
     }));
-    this.levels = {
-      name: 'level', note: this.unit ? 'evidence, dB s' : 'of each channel', height: levels,
-      curve: n, colors, below: 2,
-      paintScale: (pen, lane) => (
-        this.paintScale(pen, lane, this.ranges.get('level'), 1, wordsOfPower)),
-    };
+    const powers = (pen, lane) => (
+      this.paintScale(pen, lane, this.ranges.get('level'), 1, wordsOfPower));
+    const note = this.unit ? 'evidence, dB s' : 'of each channel', curves = {curve: n, colors};
+    this.levels = {name: 'level', note, height: levels, ...curves, below: 2, paintScale: powers};
     const truth = this.truth ? [band('truth', LABEL)] : [];
     this.timeline.setLanes([band('slip', ON), ...truth, ...lanes, this.levels]);
     this.laidOut = this.truth;
@@ -220,8 +217,7 @@ export class Traces {
 
   // Round values at the right of a lane, where no curve is.
   paintScale({context, right}, lane, range, step, words) {
-    const style = {font: SMALL, textBaseline: 'middle', textAlign: 'left', fillStyle: INK};
-    Object.assign(context, style);
+    Object.assign(context, {font: SMALL, textAlign: 'left', fillStyle: INK});
     for (let n = Math.ceil(range[0] / step), last = Infinity; n * step <= range[1]; n++) {
       const y = Timeline.yOf(lane, range, n * step);
       if (last - y < 12) continue;
@@ -238,8 +234,7 @@ export class Traces {
     const step = power * [0.5, 1, 2, 5].find((n) => n * power * 4 > most - least);
     const [factor, unit] = Math.max(-least, most) < 0.1 ? [1e3, 'mV'] : [1, 'V'];
     const digits = Math.max(0, -Math.floor(Math.log10(step * factor)));
-    const words = (value) => `${(value * factor).toFixed(digits)} ${unit}`;
-    this.paintScale(pen, lane, scale, step, words);
+    this.paintScale(pen, lane, scale, step, (v) => `${(v * factor).toFixed(digits)} ${unit}`);
   }
 
   tickText(seconds, digits = 3) {
