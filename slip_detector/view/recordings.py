@@ -23,7 +23,7 @@ import contextlib
 import math
 import re
 import shutil
-from collections.abc import Awaitable, Callable, Iterable
+from collections.abc import Awaitable, Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -239,9 +239,19 @@ class RecordedFolder:
 
     def held_out(self) -> list[str]:
         """Return the names of those that judge the result, of those that can be used."""
-        usable = [one for n, one in self.recordings.items() if one.usable and not self.off_rate(n)]
-        of_kinds = ([one.name for one in usable if one.kind == kind] for kind in KINDS)
-        return [name for names in of_kinds for name in hold_out(names)[1]]
+        usable = [each for each in self.described() if each['usable']]
+        by_kind = ([each['name'] for each in usable if each['kind'] == kind] for kind in KINDS)
+        return [name for names in by_kind for name in hold_out(names)[1]]
+
+    def described(self) -> list[dict[str, Any]]:
+        """Return what a page shows of each recording; one of another rate cannot be used."""
+        described = []
+        for name, summary in self.recordings.items():
+            off_rate = self.off_rate(name)
+            note = '; '.join(filter(None, (summary.note, off_rate)))
+            state = {'note': note, 'usable': summary.usable and not off_rate}
+            described.append({**summary._asdict(), 'kind': summary.kind, **state})
+        return described
 
     def _bags(self) -> set[str]:
         paths = self.folder.glob('*/*.mcap')
@@ -404,17 +414,21 @@ class Recorder:
         n = len(volts)
         if self.interrupted or self.failure or not n:
             return
+        with self._noting_failure():
+            self._bag.write(Samples(volts, stamps_ns, np.full(n, self.slipping)))
+            self._bag.flush()
+            self._bag.path.stat()  # Another program may have removed it.
+            self._next_row = rows.appended
+            self.rows += n
+            self.has_slip |= self.slipping
+
+    @contextlib.contextmanager
+    def _noting_failure(self) -> Iterator[None]:
         try:
             with file_errors_of(self.path):
-                self._bag.write(Samples(volts, stamps_ns, np.full(n, self.slipping)))
-                self._bag.flush()
-                self._bag.path.stat()  # Another program may have removed it.
+                yield
         except ValueError as error:
             self.failure = str(error)
-            return
-        self._next_row = rows.appended
-        self.rows += n
-        self.has_slip |= self.slipping
 
     def label(self, slipping: bool) -> None:
         """Set whether the rows from now on are labelled as slip."""
@@ -424,12 +438,9 @@ class Recorder:
     def close(self) -> None:
         """End the recording; one without rows is removed."""
         self.write()
-        try:
-            with file_errors_of(self.path):
-                if self.rows and not self.failure:
-                    self._bag.close()
-        except ValueError as error:
-            self.failure = str(error)
+        if self.rows and not self.failure:
+            with self._noting_failure():
+                self._bag.close()
         self._bag.abort()  # Closes what is still open.
         if not self.rows:
             shutil.rmtree(self.path, ignore_errors=True)

@@ -212,10 +212,10 @@ class Server:
             call()
         fingers = sorted(self.detectors.fingers.values(), key=lambda finger: finger.name)
         gone = {name: each.label for name, each in self.detectors.gone.items()}
-        shown = {'fingers': [finger.description() for finger in fingers], 'gone': gone}
-        self.broadcast('fingers', {**shown, 'read_only': self.access.read_only})
+        described = {'fingers': [finger.description() for finger in fingers], 'gone': gone}
+        self.broadcast('fingers', {**described, 'read_only': self.access.read_only})
         # That no samples come is no fault of a finger whose recording stands still.
-        lines = {one.name: () if one.paused else one.diagnostics for one in fingers}
+        lines = {each.name: () if each.paused else each.diagnostics for each in fingers}
         self.broadcast('diagnostics', {'fingers': lines})
         for page in list(self.pages):
             try:
@@ -328,7 +328,7 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         self.server.pages.add(self)
         self._stream: Any = getattr(self.ws_connection, 'stream', None)
         held = self.server.connections
-        held.strangers = [one for one in held.strangers if one is not self._stream]
+        held.strangers = [each for each in held.strangers if each is not self._stream]
 
     def on_close(self) -> None:
         """Forget the page."""

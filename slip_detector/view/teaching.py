@@ -186,16 +186,10 @@ class Teaching:
 
     def _listed(self, finger: str, folder: RecordedFolder) -> Mapping[str, Any]:
         writing = self._recorder and self._recorder.path
-        recordings = []
-        for name, one in folder.recordings.items():
-            if folder.folder / name != writing:
-                off_rate = folder.off_rate(name)
-                note = '; '.join(filter(None, (one.note, off_rate)))
-                its = {'kind': one.kind, 'usable': one.usable and not off_rate, 'note': note}
-                recordings.append({**one._asdict(), **its})
+        all_there = folder.described()
         return {
             'folder': str(folder.folder),
-            'recordings': recordings,
+            'recordings': [each for each in all_there if folder.folder / each['name'] != writing],
             'held_out': folder.held_out(),
             'obeys': self._detectors.order(finger),
             'interrupted': folder.interrupted,
@@ -205,8 +199,8 @@ class Teaching:
         """Return the finger to record; a slip that only waits for the rest after it is ended."""
         finger, recorder = self._detectors.finger_of(name), self._recorder
         if recorder is not None and (self._ends_ns is None or recorder.finger is not finger):
-            its = f'{recorder.path.name} of {recorder.finger.label}'
-            raise ValueError(f'{its} is being recorded: end it first')
+            present = f'{recorder.path.name} of {recorder.finger.label}'
+            raise ValueError(f'{present} is being recorded: end it first')
         self.stop()
         return finger
 

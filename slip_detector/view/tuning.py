@@ -78,9 +78,9 @@ class TuneRun:
     async def run(self) -> None:
         """Note what the command prints until it ends; an error is noted in ``failed``."""
         try:
-            given = writable_folder(self._folder / 'tuning') / 'running.yaml'
-            write_yaml(given, self._config.to_document(), ['Written by slip_view: what runs.'])
-            files = self._folder, '--config', given, '--out', given.with_name('tuned.yaml')
+            running = writable_folder(self._folder / 'tuning') / 'running.yaml'
+            write_yaml(running, self._config.to_document(), ['Written by slip_view: what runs.'])
+            files = self._folder, '--config', running, '--out', running.with_name('tuned.yaml')
             # Ctrl-C in the terminal is for slip_view.
             with subprocess.Popen(
                 [*COMMAND, *map(str, files)], stdout=PIPE, stderr=STDOUT, start_new_session=True

@@ -121,9 +121,9 @@ export class RecordingTrace {
     const {context, width, height} = fitted(canvas), {pixel_s: pixel} = this, {bin_s: bin} = trace;
     const xOf = (s) => s / pixel - scrollLeft, ends = this.pairs.flat();
     const below = height - 2 * STRIP - 1;
-    const shown = this.ends.map((end, i) => end.show(ends[i], 0, trace.duration_s));
-    this.ends.forEach((end, i) => end.place(shown[i] / pixel));
-    bars(context, xOf, shown, 0, height, TRUTH);
+    const seen = this.ends.map((end, i) => end.show(ends[i], 0, trace.duration_s));
+    this.ends.forEach((end, i) => end.place(seen[i] / pixel));
+    bars(context, xOf, seen, 0, height, TRUTH);
     bars(context, xOf, [trace.read_s, trace.duration_s], 0, height, HATCHING);
     bars(context, xOf, trace.on_s.flat(), height - STRIP, STRIP, ON);
     const first = Math.max(0, Math.floor(scrollLeft * pixel / bin) - 1);

@@ -108,21 +108,21 @@ export class Teach extends Tool {
   }
 
   show() {
-    const {finger, latest, labels} = this, its = latest.fingers[finger] ?? {recordings: []};
+    const {finger, latest, labels} = this, known = latest.fingers[finger] ?? {recordings: []};
     // After a restart, the server has not listed the recordings yet.
-    if (finger in labels && !its.folder) this.connection.request('recordings', {finger});
-    const {recordings, held_out: heldOut, folder, obeys, interrupted} = its;
+    if (finger in labels && !known.folder) this.connection.request('recordings', {finger});
+    const {recordings, held_out: heldOut, folder, obeys, interrupted} = known;
     write('teach-words', latest.words);
     element('obeys').hidden = !obeys;
     write('recordings-folder', folder ? `In ${folder}.` : '');
-    const shown = JSON.stringify([recordings, heldOut, this.locked]);
-    if (shown !== this.shown) this.showList(recordings, heldOut);
-    this.shown = shown;
+    const listed = JSON.stringify([recordings, heldOut, this.locked]);
+    if (listed !== this.listed) this.showList(recordings, heldOut);
+    this.listed = listed;
     for (const [kind, wanted] of Object.entries(WANTED)) {
-      const some = recordings.filter((one) => one.kind === kind && one.usable);
+      const made = recordings.filter((each) => each.kind === kind && each.usable);
       // Rounded down: what is nearly enough is not enough.
-      const tenths = Math.floor(10 * some.reduce((sum, one) => sum + one.duration_s, 0));
-      const has = {s: (tenths / 10).toFixed(1), times: some.length, slips: some.length};
+      const tenths = Math.floor(10 * made.reduce((sum, each) => sum + each.duration_s, 0));
+      const has = {s: (tenths / 10).toFixed(1), times: made.length, slips: made.length};
       const missing = wanted.filter(([n, unit]) => has[unit] < n);
       const words = missing.map(([n, unit]) => `${has[unit]} of ${n}\u00a0${unit}`);
       const place = this.buttons[kind].querySelector('.progress-words');
@@ -198,13 +198,13 @@ export class Teach extends Tool {
   // slips: the number of recordings with slips; interrupted: whether an earlier search can go on.
   showTuning(slips, interrupted) {
     const {tuning} = this.latest, locked = this.locked || !(this.finger in this.labels);
-    const mine = tuning?.finger === this.finger ? tuning : null, runs = Boolean(tuning?.running);
-    const {answer = [], table = [], lines = [], failed, changes, kept} = mine ?? {};
+    const run = tuning?.finger === this.finger ? tuning : null, runs = Boolean(tuning?.running);
+    const {answer = [], table = [], lines = [], failed, changes, kept} = run ?? {};
     element('tune').disabled = locked || runs || slips < LEAST_SLIPS;
     write('tune', interrupted ? 'Go on' : 'Tune');
     element('stop-tuning').disabled = locked || !runs || tuning.stopping;
-    Object.assign(element('tuning-progress'), {hidden: !mine?.running, value: mine?.share ?? 0});
-    write('tuning-step', this.stepWords(tuning, mine, slips, interrupted));
+    Object.assign(element('tuning-progress'), {hidden: !run?.running, value: run?.share ?? 0});
+    write('tuning-step', this.stepWords(tuning, run, slips, interrupted));
     write('tuning-failed', failed ? `Tuning failed: ${failed}. What was recorded is kept.` : '');
     write('tuning-answer', answer[0] ?? '');
     write('tuning-worse', answer.slice(1).join(' '));
@@ -218,12 +218,12 @@ export class Teach extends Tool {
     this.awaits &&= !answer.length;
   }
 
-  stepWords(tuning, mine, slips, interrupted) {
-    if (mine?.stopping) return 'stopping; the best result so far is evaluated and kept';
-    if (mine?.running) return mine.step;
+  stepWords(tuning, run, slips, interrupted) {
+    if (run?.stopping) return 'stopping; the best result so far is evaluated and kept';
+    if (run?.running) return run.step;
     if (tuning?.running) return 'another finger is being tuned';
-    if (mine?.kept) return '';
-    if (mine?.answer.length) return 'Done. Save, below, writes what runs after Apply.';
+    if (run?.kept) return '';
+    if (run?.answer.length) return 'Done. Save, below, writes what runs after Apply.';
     if (interrupted) return 'A search was interrupted: Go on uses what it has found so far.';
     return slips < LEAST_SLIPS ? 'Tuning needs two slips at least; twenty are good.' : '';
   }
