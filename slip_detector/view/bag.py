@@ -79,7 +79,6 @@ class PlayedBag:
         self._server, self.path, self._finger = server, path, finger
         self._loader = RecordingLoader(config, driver)
         file = labels.find_labels(driver.recording_labels, path)
-        self._labelled = file is not None
         self.file = file or path.parent / labels.labels_name(path)
         # What is read: the rows in pieces, the number of the first row of each, and when each row
         # comes after the first one. Whether that is all, and how long it is or may be.
@@ -88,7 +87,7 @@ class PlayedBag:
         self._whole, self.read_s, self.duration_s = False, 0.0, 0.0
         self.channel_names: tuple[str, ...] = ()
         # The labels, once all is read; the number of changes of them, detector and what is read.
-        self._labels = HandLabels(self.file, [], 0.0, False)
+        self._labels = HandLabels(self.file, [], 0.0, self._all_rows)
         self._changes, self._seen = 0, tuple[Any, ...]()
         self.speed, self.playing = 1.0, True
         # The place, the next row, what its stamp has more, and the time of the last call.
@@ -127,14 +126,14 @@ class PlayedBag:
             self.read_s = float(after_ns[-1] * 1e-9)
             self.duration_s = max(self.duration_s, self.read_s)
         self.duration_s = self.read_s
-        if self._labelled:
+        if self.file.exists():
             ends_s = labels.read_labels(self.file).edges_s
         else:
             truth = np.concatenate([piece.truth for piece in self._pieces])
             changes = np.flatnonzero(np.diff(truth, prepend=False, append=False))
             ends_s = np.append(self._after_ns * 1e-9, self.duration_s)[changes].round(4)
         ends = [(end_s, recording.accuracy_s) for end_s in ends_s.ravel().tolist()]
-        how = self.duration_s, self._labelled, recording.kind
+        how = self.duration_s, self._all_rows, recording.kind
         self._labels = HandLabels(self.file, ends, *how)
         self._whole = True
 
@@ -208,6 +207,9 @@ class PlayedBag:
         offset = self._firsts[first]
         return pieces[0].then(*pieces[1:]).take(slice(begin - offset, stop - offset))
 
+    def _all_rows(self) -> tuple[Samples, float]:
+        return self._rows(0, len(self._after_ns)), self._rate_hz
+
     def _row_at(self, at_s: float, side: Any) -> int:
         return int(np.searchsorted(self._after_ns, round(at_s * 1e9), side))
 
@@ -250,12 +252,7 @@ class PlayedBag:
 
     async def _snap(self, message: Message) -> dict[str, Any]:
         """Move the ends to where the power of the signal changes, if that is found."""
-        before, rows = self._labels.ends, self._rows(0, len(self._after_ns))
-        ends, said = await self._server.work(self._labels.snapped, rows, self._rate_hz)
-        if not before or before is not self._labels.ends:  # A page has changed them meanwhile.
-            return {}
-        self._known_labels().keep(ends)
-        return {'said': said}
+        return await self._server.work(self._known_labels().snap)
 
     async def _undo(self, message: Message) -> None:
         self._known_labels().undo()

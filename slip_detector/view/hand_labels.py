@@ -15,6 +15,7 @@
 """The labels of a recording that pages change by hand."""
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,9 @@ from slip_detector.recordings import labels
 #: Ends of slips, in order of time: seconds from the first sample, and how exact each is.
 Ends = list[tuple[float, float]]
 
+#: Returns all rows of a recording, and their rate.
+Rows = Callable[[], tuple[Samples, float]]
+
 
 class HandLabels:
     """Labels of which each change is written at once to the file beside the recording.
@@ -35,13 +39,12 @@ class HandLabels:
     the least exact one.
     """
 
-    def __init__(
-        self, file: Path, ends: Ends, last_s: float, is_written: bool, kind: str = ''
-    ) -> None:
-        self.file, self.ends, self._last_s, self._kind = file, ends, last_s, kind
+    def __init__(self, file: Path, ends: Ends, last_s: float, rows: Rows, kind: str = '') -> None:
+        self.file, self.ends, self._kind = file, ends, kind
+        self._last_s, self._rows = last_s, rows
         self._before: list[Ends] = []
         # The labels that the recording itself has: without a file they hold.
-        self._own = None if is_written else ends
+        self._own = None if file.exists() else ends
 
     @property
     def pairs(self) -> Any:
@@ -62,12 +65,18 @@ class HandLabels:
         known, by_s = dict(self.ends), min(max(labels.BY_EYE_S, by_s), labels.MOST_S)
         self.keep([(end_s, known.get(end_s, by_s)) for end_s in ends_s])
 
-    def snapped(self, rows: Samples, rate_hz: float) -> tuple[Ends, str]:
-        """Return the ends, moved to where the power of the signal changes, and that in words."""
+    def snap(self) -> dict[str, str]:
+        """Move the ends to where the power of the signal changes; return what was found."""
+        before, (samples, rate_hz) = self.ends, self._rows()
         by_hand = np.array(self.pairs), rate_hz, labels.BY_HAND_S
-        moved_s, found, said = labels.snapped(rows, *by_hand)
-        moved = zip(self.ends, moved_s.ravel().round(4).tolist(), found.flat, strict=True)
-        return [(s, labels.BY_EYE_S) if known else old for old, s, known in moved], said
+        moved_s, found, said = labels.snapped(samples, *by_hand)
+        moved = zip(before, moved_s.ravel().round(4).tolist(), found.flat, strict=True)
+        ends = [(s, labels.BY_EYE_S) if known else old for old, s, known in moved]
+        if before is not self.ends:  # A page has changed them meanwhile.
+            return {}
+        if ends != before:
+            self.keep(ends)
+        return {'said': said}
 
     def undo(self) -> None:
         """Take back the last change, if any."""

@@ -181,7 +181,7 @@ class RecordedFolder:
         """
         path = self.path_of(name)
         labels.mark_mistaken(path, mistaken)
-        self._list_again(path.name)
+        self.recordings[path.name] = self._summary(path.name)
 
     def note_doubts(self, lines: Iterable[str]) -> None:
         """Note at recordings that a search has found nothing to change at their labels."""
@@ -197,38 +197,19 @@ class RecordedFolder:
         rows, rate_hz, _ = RecordingLoader(config).open(self.path_of(name), require_truth=False)
         return trace_of(config, rows, rate_hz)
 
-    def label(self, name: object, slip_s: object, by_s: float) -> None:
-        """Take all labels of a recording as a page has them; may raise a ValueError."""
-        self._labels_of(name).change(slip_s, by_s)
-        self._list_again(str(name))
-
-    def snap(self, name: object) -> dict[str, str]:
-        """Move the ends of labels to where the power changes; return what was found, in words."""
-        known, (_, track) = self._labels_of(name), self._read(str(name))
-        ends, said = known.snapped(track.samples, track.sample_rate_hz)
-        if ends != known.ends:
-            known.keep(ends)
-        self._list_again(str(name))
-        return {'said': said}
-
-    def undo_label(self, name: object) -> None:
-        """Take back the last change of labels; may raise a ValueError."""
-        self._labels_of(name).undo()
-        self._list_again(str(name))
-
-    def _labels_of(self, name: object) -> HandLabels:
+    def change_labels(self, name: object, change: Callable[[HandLabels], Any]) -> Any:
+        """Return the result of a function that changes the labels of a recording."""
         path = self.path_of(name)
         if path.name not in self._labels:
-            file = path.parent / labels.labels_name(path)
-            recording, track = self._read(path.name)
+            file, (recording, track) = path.parent / labels.labels_name(path), _read(path)
             # The page has seen the ends as rows.
             ends_s = (np.ravel(track.slips) / track.sample_rate_hz).round(4).tolist()
             ends = [(end_s, recording.accuracy_s) for end_s in ends_s]
-            self._labels[path.name] = HandLabels(file, ends, track.duration_s, file.exists())
-        return self._labels[path.name]
-
-    def _list_again(self, name: str) -> None:
-        self.recordings[name] = self._summary(name)
+            known = HandLabels(file, ends, track.duration_s, lambda: _rows(path))
+            self._labels[path.name] = known
+        result = change(self._labels[path.name])
+        self.recordings[path.name] = self._summary(path.name)
+        return result
 
     def off_rate(self, name: str) -> str:
         """Return why a recording's rate is not that of the detector; empty if it is."""
@@ -260,7 +241,7 @@ class RecordedFolder:
     def _summary(self, name: str) -> RecordingSummary:
         """Read how long a recording is, and how many slips it has."""
         try:
-            recording, track = self._read(name)
+            recording, track = _read(self.folder / name)
         except ValueError as error:
             return RecordingSummary(name, 0.0, 0, str(error))
         slips = len(track.slips) if recording.is_labelled else 0
@@ -270,9 +251,15 @@ class RecordedFolder:
         how = note, recording.mistaken, recording.sample_rate_hz
         return RecordingSummary(name, track.duration_s, slips, *how)
 
-    def _read(self, name: str) -> tuple[Recording, Track]:
-        recording = open_recording(self.folder / name)
-        return recording, track_of(name, recording.rows(), recording.sample_rate_hz)
+
+def _read(path: Path) -> tuple[Recording, Track]:
+    recording = open_recording(path)
+    return recording, track_of(path.name, recording.rows(), recording.sample_rate_hz)
+
+
+def _rows(path: Path) -> tuple[Samples, float]:
+    _, track = _read(path)
+    return track.samples, track.sample_rate_hz
 
 
 def trace_of(

@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from slip_detector.view.detectors import Finger
+from slip_detector.view.hand_labels import HandLabels
 from slip_detector.view.recordings import RecordedFolder, Recorder, RecordingSummary
 from slip_detector.view.server import MOST_NAME, Server
 from slip_detector.view.tuning import TuneRun, was_interrupted
@@ -252,10 +253,13 @@ class Teaching:
 
     async def _change_label(self, message: Message) -> Any:
         folder, name = self.folder_of(message.get('finger')), message.get('recording')
-        if message['type'] != 'label':
-            return await self._server.work(getattr(folder, message['type']), name)
         pixel_s = number('pixel_s', message, 0.0, 1e9) or 0.0
-        return await self._server.work(folder.label, name, message.get('slip_s'), pixel_s)
+        changes: dict[str, Callable[[HandLabels], Any]] = {
+            'label': lambda known: known.change(message.get('slip_s'), pixel_s),
+            'snap': HandLabels.snap,
+            'undo_label': HandLabels.undo,
+        }
+        return await self._server.work(folder.change_labels, name, changes[message['type']])
 
     async def _teach(self, message: Message) -> None:
         finger, what = message.get('finger'), message.get('do')
