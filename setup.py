@@ -72,6 +72,8 @@ setup(
             'hypothesis',
             'mpmath>=1.2',
             'mypy',
+            # It looks at the JavaScript of the pages.
+            'oxlint',
             'playwright',
             # The launch_testing of Jazzy, where a ROS installation brings it, stops pytest 9
             # before any test (launch 3.4.12 no longer does).

@@ -201,10 +201,10 @@ async def _tuned(
     await recorded.refresh()
     run = TuneRun(recorded, 'index', running)
     await run.run()
-    said = [*run.lines, run.failed, run.kept] + [
-        f'{row[0]}: {row[1]} -> {row[2]} {row[3]}' for row in run.table
+    said = [*run.said['lines'], run.failed, run.said['kept']] + [
+        f'{row[0]}: {row[1]} -> {row[2]} {row[3]}' for row in run.said['table']
     ]
-    return said, None if run.kept else run.found
+    return said, None if run.said['kept'] else run.found
 
 
 def _figures(judged: Session, still: Mapping[str, Session], config: DetectorConfig) -> Any:

@@ -46,7 +46,7 @@ from slip_detector.report.overview import OUTCOMES, Codes, Overview, Volts
 from slip_detector.tuning.tracks import Track
 
 #: Scripts of a page; each comes after the scripts that it needs.
-SCRIPTS = ('drawing.js', 'timeline.js', 'report_lanes.js', 'report.js')
+SCRIPTS = ('numbers.js', 'drawing.js', 'timeline.js', 'bins.js', 'report_lanes.js', 'report.js')
 STYLES = ('drawing.css', 'report.css')
 
 #: Code of a bin without samples, and the highest code of a channel's range. Finer steps would make

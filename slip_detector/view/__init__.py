@@ -12,4 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The live page: what a browser shows of the fingers, and the requests that it may send."""
+"""The live page: what a browser shows of the fingers, and the requests that it may send.
+
+Others use :class:`.server.Server` with :class:`.access.Access` and :class:`.detectors.Detectors`,
+and what answers requests: :class:`.teaching.Teaching`, :class:`.parameters.ParameterRequests` and
+:class:`.bag.PlayedBag`. They are imported from their files, as most load much.
+"""

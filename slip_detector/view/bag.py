@@ -28,8 +28,8 @@ from slip_detector.chain.samples import Floats, Samples, Stamps
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.parameters import ChainConfig, DetectorConfig, DriverConfig
 from slip_detector.parameters.fields import shown
-from slip_detector.parameters.files import file_errors_of, write_yaml
 from slip_detector.recordings import labels
+from slip_detector.view.hand_labels import HandLabels
 from slip_detector.view.recordings import trace_of
 from slip_detector.view.server import Server
 from slip_detector.view.view_request import Message, number
@@ -48,17 +48,13 @@ JUMP_S = 1.0
 #: hour one is shorter than an end that is set by eye may be off.
 BINS = 32_000
 
-Ends = list[tuple[float, float]]
-
 
 class PlayedBag:
     """A recording that pages play, stop and move, and whose labels they change.
 
-    :meth:`read` reads it; meanwhile what is read can be seen and played. The recording itself
-    stays as it is. Each change of a label is written at once to the file of labels beside it,
-    which is made if there is none. Each end has an accuracy of its own: of one given by a key the
-    lateness of hands at the speed that was played, of one set on the trace 0.1 s, or a pixel if
-    that is longer; the file has the largest.
+    :meth:`read` reads it; meanwhile what is read can be seen and played. An end of a label that is
+    given by a key is as exact as hands are at the speed that was played; one that is set on the
+    trace to 0.1 s, or a pixel if that is longer.
 
     Parameters
     ----------
@@ -83,7 +79,6 @@ class PlayedBag:
         self._server, self.path, self._finger = server, path, finger
         self._loader = RecordingLoader(config, driver)
         file = labels.find_labels(driver.recording_labels, path)
-        self._labelled = file is not None
         self.file = file or path.parent / labels.labels_name(path)
         # What is read: the rows in pieces, the number of the first row of each, and when each row
         # comes after the first one. Whether that is all, and how long it is or may be.
@@ -91,10 +86,8 @@ class PlayedBag:
         self._after_ns: Stamps = np.array([], np.int64)
         self._whole, self.read_s, self.duration_s = False, 0.0, 0.0
         self.channel_names: tuple[str, ...] = ()
-        # The ends of all labels, in seconds from the first sample, and how exact each is; those
-        # before each change; and the number of changes of labels, detector and what is read.
-        self._ends, self._before = Ends(), list[Ends]()
-        self._unlabelled: Ends | None = None
+        # The labels, once all is read; the number of changes of them, detector and what is read.
+        self._labels = HandLabels(self.file, [], 0.0, self._all_rows)
         self._changes, self._seen = 0, tuple[Any, ...]()
         self.speed, self.playing = 1.0, True
         # The place, the next row, what its stamp has more, and the time of the last call.
@@ -104,8 +97,9 @@ class PlayedBag:
         server.each_tick.append(self.tick)
         server.on_request('bag_trace', self._trace, latest_only=True)
         server.on_request('bag_snap', self._snap, changes=True, latest_only=True)
-        for kind, answer in {'play': self._play, 'label': self._label, 'undo': self._undo}.items():
-            server.on_request(f'bag_{kind}', answer, changes=True)
+        server.on_request('bag_play', self._play, changes=True)
+        server.on_request('bag_label', self._label, changes=True)
+        server.on_request('bag_undo_label', self._undo, changes=True)
 
     def read(self) -> None:
         """Read the recording, beside the server's loop.
@@ -118,7 +112,7 @@ class PlayedBag:
         opened = self._loader.open(self.path, require_truth=False)
         recording, n_bytes = opened.recording, 0
         self.channel_names = self._loader.chain_config.channel_names or recording.channel_names
-        self._rate_hz, self._kind = opened.sample_rate_hz, recording.kind
+        self._rate_hz = opened.sample_rate_hz
         self.duration_s = (recording.n_rows or 0) / recording.sample_rate_hz
         for piece in opened.rows:
             n_bytes += piece.volts.nbytes
@@ -132,14 +126,15 @@ class PlayedBag:
             self.read_s = float(after_ns[-1] * 1e-9)
             self.duration_s = max(self.duration_s, self.read_s)
         self.duration_s = self.read_s
-        if self._labelled:
+        if self.file.exists():
             ends_s = labels.read_labels(self.file).edges_s
         else:
             truth = np.concatenate([piece.truth for piece in self._pieces])
             changes = np.flatnonzero(np.diff(truth, prepend=False, append=False))
             ends_s = np.append(self._after_ns * 1e-9, self.duration_s)[changes].round(4)
-        self._ends = [(end_s, recording.accuracy_s) for end_s in ends_s.ravel().tolist()]
-        self._unlabelled = None if self._labelled else self._ends
+        ends = [(end_s, recording.accuracy_s) for end_s in ends_s.ravel().tolist()]
+        how = self.duration_s, self._all_rows, recording.kind
+        self._labels = HandLabels(self.file, ends, *how)
         self._whole = True
 
     def tick(self) -> None:
@@ -150,7 +145,8 @@ class PlayedBag:
             finger.paused = not self.playing or self._next == len(self._after_ns)
         # While it is read, the trace is computed anew when four times as much is there.
         amount = len(self._after_ns).bit_length() // 2
-        if (seen := (finger and finger.config, amount, self._whole)) != self._seen:
+        seen = finger and finger.config, amount, self._whole, *self._labels.ends
+        if seen != self._seen:
             self._seen = seen
             self._changes += 1
         far = f'reading {self.read_s / 60:.0f} of {self.duration_s / 60:.0f} min'
@@ -158,7 +154,7 @@ class PlayedBag:
         state: dict[str, Any] = {'name': self.path.name, 'labels': str(self.file)}
         state |= {'at_s': round(self._at_s, 3), 'speed': self.speed, 'playing': self.playing}
         state |= {'reading': reading, 'duration_s': self.duration_s}
-        state |= {'changes': self._changes, 'slip_s': _pairs(self._ends)}
+        state |= {'changes': self._changes, 'slip_s': self._labels.pairs}
         self._server.broadcast('bag_places', {'places': self._places})
         self._server.broadcast('bag', state)
 
@@ -202,7 +198,7 @@ class PlayedBag:
         traced = trace_of(config, rows, self._rate_hz, BINS)
         read_s = traced['duration_s']
         times = {'read_s': read_s, 'duration_s': max(read_s, self.duration_s)}
-        return {**traced, **times, 'slip_s': _pairs(self._ends)}
+        return {**traced, **times, 'slip_s': self._labels.pairs}
 
     def _rows(self, begin: int, stop: int) -> Samples:
         """Return some rows of what is read."""
@@ -211,31 +207,22 @@ class PlayedBag:
         offset = self._firsts[first]
         return pieces[0].then(*pieces[1:]).take(slice(begin - offset, stop - offset))
 
+    def _all_rows(self) -> tuple[Samples, float]:
+        return self._rows(0, len(self._after_ns)), self._rate_hz
+
     def _row_at(self, at_s: float, side: Any) -> int:
         return int(np.searchsorted(self._after_ns, round(at_s * 1e9), side))
 
     def _label_of(self, rows: Samples) -> dict[str, Any]:
         """Return the present labels of rows, see :func:`.label_at`."""
-        ends_ns = np.rint([1e9 * end_s for end_s, _ in self._ends]).astype(np.int64)
+        ends_ns = np.rint(1e9 * np.ravel(self._labels.pairs)).astype(np.int64)
         after_ns = rows.stamps_ns - self._pieces[0].stamps_ns[0]
-        return labels.label_at(after_ns, ends_ns, _worst_s(self._ends))
+        return labels.label_at(after_ns, ends_ns, self._labels.accuracy_s)
 
-    def _keep(self, ends: Ends) -> None:
-        """Write other labels, and take them once they are written."""
+    def _known_labels(self) -> HandLabels:
         if not self._whole:  # Those in the recording itself are not known yet.
             raise ValueError(f'{self.path.name} is being read, allowed: labels when all is read')
-        document: dict[str, Any] = {labels.KEY: _pairs(ends), labels.ACCURACY: _worst_s(ends)}
-        if self._kind and not ends:
-            document = {labels.KIND: self._kind}
-        labels.labels_from(self.file, dict(document))
-        if ends is self._unlabelled:  # No labels are not the same as no slips.
-            with file_errors_of(self.file, 'deleted'):
-                self.file.unlink(missing_ok=True)
-        else:
-            write_yaml(self.file, document, ['Labelled by hand on the page of slip_view.'])
-        self._before.append(self._ends)
-        self._ends = ends
-        self._changes += 1
+        return self._labels
 
     # What pages request.
 
@@ -259,35 +246,13 @@ class PlayedBag:
 
     async def _label(self, message: Message) -> None:
         """Take all labels as a page has them; ``pixel_s`` is there if by eye, else by a key."""
-        wanted = labels.labels_from(self.file, {labels.KEY: message.get('slip_s')})
         pixel_s = number('pixel_s', message, 0.0, 1e9)
         late_s = labels.BY_HAND_S * self.speed if pixel_s is None else pixel_s
-        by_s = min(max(labels.BY_EYE_S, late_s), labels.MOST_S)
-        # A label that ended later would be refused where the recording is read.
-        last_s = math.floor(1e4 * self.duration_s) / 1e4
-        known, ends_s = dict(self._ends), np.minimum(wanted.edges_s.round(4), last_s).ravel()
-        self._keep([(end_s, known.get(end_s, by_s)) for end_s in ends_s.tolist()])
+        self._known_labels().change(message.get('slip_s'), late_s)
 
     async def _snap(self, message: Message) -> dict[str, Any]:
         """Move the ends to where the power of the signal changes, if that is found."""
-        before, rows = self._ends, self._rows(0, len(self._after_ns))
-        by_hand = rows, np.array(_pairs(before)), self._rate_hz, labels.BY_HAND_S
-        moved_s, found, said = await self._server.work(labels.snapped, *by_hand)
-        if not before or before is not self._ends:  # A page has changed them meanwhile.
-            return {}
-        ends = zip(before, moved_s.ravel().round(4).tolist(), found.flat, strict=True)
-        self._keep([(s, labels.BY_EYE_S) if known else old for old, s, known in ends])
-        return {'said': said}
+        return await self._server.work(self._known_labels().snap)
 
     async def _undo(self, message: Message) -> None:
-        if self._before:
-            self._keep(self._before[-1])
-            del self._before[-2:]
-
-
-def _pairs(ends: Ends) -> Any:
-    return np.reshape([end_s for end_s, _ in ends], (-1, 2)).tolist()
-
-
-def _worst_s(ends: Ends) -> float:
-    return max((by_s for _, by_s in ends), default=0.0)
+        self._known_labels().undo()

@@ -23,7 +23,7 @@ import contextlib
 import math
 import re
 import shutil
-from collections.abc import Awaitable, Callable, Iterable
+from collections.abc import Awaitable, Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -37,14 +37,15 @@ from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.matching import OnIntervals
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
-from slip_detector.parameters.files import file_errors_of, write_yaml
+from slip_detector.parameters.files import file_errors_of
 from slip_detector.parameters.fitting import rates_differ
-from slip_detector.recordings import labels, open_recording
+from slip_detector.recordings import Recording, labels, open_recording
 from slip_detector.recordings.writing import BagWriter
 from slip_detector.report.overview import MOST_CELLS, THRESHOLD_CODE, Overview
 from slip_detector.tuning.kinds import NOTHING_CHANGES
-from slip_detector.tuning.tracks import hold_out, track_of
+from slip_detector.tuning.tracks import Track, hold_out, track_of
 from slip_detector.view.detectors import Finger
+from slip_detector.view.hand_labels import HandLabels
 
 #: Kinds of recordings.
 KINDS = ('rest', 'slip', 'taps', 'press')
@@ -77,10 +78,10 @@ class RecordingSummary(NamedTuple):
     slips: int
     #: What is wrong with it; empty if nothing is.
     note: str = ''
-    #: How exact each end of its labels is; empty where that was not set here.
-    exact_s: tuple[float, ...] = ()
     #: Whether a person has marked its labels as a mistake.
     mistaken: bool = False
+    #: Its rate by its stamps, if that is known.
+    rate_hz: float | None = None
 
     @property
     def kind(self) -> str:
@@ -110,11 +111,10 @@ class RecordedFolder:
         self.recordings: dict[str, RecordingSummary] = {}
         #: Whether a search on them ended without a result before the page's server began.
         self.interrupted = False
-        # Of each whose labels were moved, how exact each end is that they have had.
-        self._exact_s = dict[str, dict[float, float]]()
-        #: Rate of the detector, and those of recordings by their stamps, as far as known.
+        # The labels of those that pages have changed.
+        self._labels: dict[str, HandLabels] = {}
+        #: Rate of the detector, if it is known.
         self.sample_rate_hz = math.nan
-        self.rates_hz: dict[str, float] = {}
 
     async def refresh(self, work: Callable[..., Awaitable[Any]] = asyncio.to_thread) -> None:
         """Update the list from the folder; ``work`` reads what is new or could not be used."""
@@ -135,9 +135,13 @@ class RecordedFolder:
         numbers = [_order(path.name)[1] for path in paths if _NAME.fullmatch(path.name)]
         return self.folder / f'{kind}_{max(numbers, default=0) + 1}'
 
-    def add(self, *recorded: RecordingSummary) -> None:
-        """Add recordings that were made, which need not be read."""
-        every = {**self.recordings, **{one.name: one for one in recorded}}
+    def add(self, made: RecordingSummary) -> None:
+        """Add a recording that was made; of its rows only the rate is read."""
+        if made.rate_hz is None:
+            with contextlib.suppress(ValueError):  # It cannot be read, which its note says.
+                rate_hz = open_recording(self.folder / made.name).sample_rate_hz
+                made = made._replace(rate_hz=rate_hz)
+        every = {**self.recordings, made.name: made}
         self.recordings = {name: every[name] for name in sorted(every, key=_order)}
 
     def path_of(self, name: object) -> Path:
@@ -165,7 +169,7 @@ class RecordedFolder:
             shutil.rmtree(path)
             (path.parent / labels.labels_name(path)).unlink(missing_ok=True)
         del self.recordings[path.name]
-        self._exact_s.pop(path.name, None)
+        self._labels.pop(path.name, None)
 
     def mark(self, name: object, mistaken: bool) -> None:
         """Mark a recording's labels as a mistake, or take that back.
@@ -193,58 +197,42 @@ class RecordedFolder:
         rows, rate_hz, _ = RecordingLoader(config).open(self.path_of(name), require_truth=False)
         return trace_of(config, rows, rate_hz)
 
-    def label(self, name: object, edges_s: object, by_s: float, *, snap: bool) -> dict[str, Any]:
-        """Take the ends of a recording's labels as a page has moved them, in seconds.
-
-        With ``snap`` they are moved to where the power changes, and what was found is returned in
-        words. They are written beside the recording. Ends that were moved are exact to ``by_s``,
-        the others as before.
-
-        Raises
-        ------
-        ValueError
-            When no recording has this name, the ends are not allowed, or cannot be written.
-        """
+    def change_labels(self, name: object, change: Callable[[HandLabels], Any]) -> Any:
+        """Return the result of a function that changes the labels of a recording."""
         path = self.path_of(name)
-        file = path.parent / labels.labels_name(path)
-        wanted = labels.labels_from(file, {labels.KEY: edges_s})
-        wanted.check_end(self.recordings[path.name].duration_s + labels.BY_EYE_S, path)
-        recording = open_recording(path)
-        track = track_of(path.name, recording.rows(), recording.sample_rate_hz)
-        # The page has seen the ends as rows.
-        were_s = (np.ravel(track.slips) / track.sample_rate_hz).round(4).tolist()
-        before_s = self.recordings[path.name].exact_s or [recording.accuracy_s] * len(were_s)
-        # Ends before earlier changes count, too: a page may take changes back.
-        known = self._exact_s.setdefault(path.name, {})
-        known.update(zip(were_s, before_s, strict=False))
-        ends_s, said = wanted.edges_s, ''
-        if snap:
-            by_hand = ends_s, track.sample_rate_hz, labels.BY_HAND_S
-            ends_s, _, said = labels.snapped(track.samples, *by_hand)
-        ends_s = ends_s.round(4)
-        exact_s = [known.setdefault(end_s, by_s) for end_s in ends_s.ravel().tolist()]
-        document = {labels.KEY: ends_s.tolist(), labels.ACCURACY: max(exact_s, default=by_s)}
-        write_yaml(file, document, ['Moved by hand on the page of slip_view.'])
-        self.recordings[path.name] = self._summary(path.name)._replace(exact_s=tuple(exact_s))
-        return {'said': said}
+        if path.name not in self._labels:
+            file, (recording, track) = path.parent / labels.labels_name(path), _read(path)
+            # The page has seen the ends as rows.
+            ends_s = (np.ravel(track.slips) / track.sample_rate_hz).round(4).tolist()
+            ends = [(end_s, recording.accuracy_s) for end_s in ends_s]
+            known = HandLabels(file, ends, track.duration_s, lambda: _rows(path))
+            self._labels[path.name] = known
+        result = change(self._labels[path.name])
+        self.recordings[path.name] = self._summary(path.name)
+        return result
 
     def off_rate(self, name: str) -> str:
         """Return why a recording's rate is not that of the detector; empty if it is."""
-        rate_hz = self.rates_hz.get(name, math.nan)
-        if not rates_differ(rate_hz, self.sample_rate_hz):
+        rate_hz = self.recordings[name].rate_hz
+        if rate_hz is None or not rates_differ(rate_hz, self.sample_rate_hz):
             return ''
         return f'has {rate_hz:.4g} Hz by its stamps, the detector {self.sample_rate_hz:g} Hz'
 
-    def measure_rate(self, name: str) -> None:
-        """Note the rate of a recording that was made."""
-        with contextlib.suppress(ValueError):  # It cannot be read, which its summary says.
-            self.rates_hz[name] = open_recording(self.folder / name).sample_rate_hz
-
     def held_out(self) -> list[str]:
         """Return the names of those that judge the result, of those that can be used."""
-        usable = [one for n, one in self.recordings.items() if one.usable and not self.off_rate(n)]
-        of_kinds = ([one.name for one in usable if one.kind == kind] for kind in KINDS)
-        return [name for names in of_kinds for name in hold_out(names)[1]]
+        usable = [each for each in self.described() if each['usable']]
+        by_kind = ([each['name'] for each in usable if each['kind'] == kind] for kind in KINDS)
+        return [name for names in by_kind for name in hold_out(names)[1]]
+
+    def described(self) -> list[dict[str, Any]]:
+        """Return what a page shows of each recording; one of another rate cannot be used."""
+        described = []
+        for name, summary in self.recordings.items():
+            off_rate = self.off_rate(name)
+            note = '; '.join(filter(None, (summary.note, off_rate)))
+            state = {'note': note, 'usable': summary.usable and not off_rate}
+            described.append({**summary._asdict(), 'kind': summary.kind, **state})
+        return described
 
     def _bags(self) -> set[str]:
         paths = self.folder.glob('*/*.mcap')
@@ -253,16 +241,25 @@ class RecordedFolder:
     def _summary(self, name: str) -> RecordingSummary:
         """Read how long a recording is, and how many slips it has."""
         try:
-            recording = open_recording(self.folder / name)
-            self.rates_hz[name] = recording.sample_rate_hz
-            track = track_of(name, recording.rows(), recording.sample_rate_hz)
+            recording, track = _read(self.folder / name)
         except ValueError as error:
             return RecordingSummary(name, 0.0, 0, str(error))
         slips = len(track.slips) if recording.is_labelled else 0
         note = NO_SLIP if name.startswith('slip_') and not (slips or recording.mistaken) else ''
         if recording.counts.damage:
             note = f'was not ended: {recording.counts.damage}'
-        return RecordingSummary(name, track.duration_s, slips, note, (), recording.mistaken)
+        how = note, recording.mistaken, recording.sample_rate_hz
+        return RecordingSummary(name, track.duration_s, slips, *how)
+
+
+def _read(path: Path) -> tuple[Recording, Track]:
+    recording = open_recording(path)
+    return recording, track_of(path.name, recording.rows(), recording.sample_rate_hz)
+
+
+def _rows(path: Path) -> tuple[Samples, float]:
+    _, track = _read(path)
+    return track.samples, track.sample_rate_hz
 
 
 def trace_of(
@@ -404,17 +401,21 @@ class Recorder:
         n = len(volts)
         if self.interrupted or self.failure or not n:
             return
+        with self._noting_failure():
+            self._bag.write(Samples(volts, stamps_ns, np.full(n, self.slipping)))
+            self._bag.flush()
+            self._bag.path.stat()  # Another program may have removed it.
+            self._next_row = rows.appended
+            self.rows += n
+            self.has_slip |= self.slipping
+
+    @contextlib.contextmanager
+    def _noting_failure(self) -> Iterator[None]:
         try:
             with file_errors_of(self.path):
-                self._bag.write(Samples(volts, stamps_ns, np.full(n, self.slipping)))
-                self._bag.flush()
-                self._bag.path.stat()  # Another program may have removed it.
+                yield
         except ValueError as error:
             self.failure = str(error)
-            return
-        self._next_row = rows.appended
-        self.rows += n
-        self.has_slip |= self.slipping
 
     def label(self, slipping: bool) -> None:
         """Set whether the rows from now on are labelled as slip."""
@@ -424,12 +425,9 @@ class Recorder:
     def close(self) -> None:
         """End the recording; one without rows is removed."""
         self.write()
-        try:
-            with file_errors_of(self.path):
-                if self.rows and not self.failure:
-                    self._bag.close()
-        except ValueError as error:
-            self.failure = str(error)
+        if self.rows and not self.failure:
+            with self._noting_failure():
+                self._bag.close()
         self._bag.abort()  # Closes what is still open.
         if not self.rows:
             shutil.rmtree(self.path, ignore_errors=True)

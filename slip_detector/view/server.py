@@ -26,7 +26,7 @@ import traceback
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from tornado import web, websocket
 from tornado.httpserver import HTTPServer
@@ -94,6 +94,16 @@ T = TypeVar('T')
 Answer = Callable[[Message], Awaitable[Mapping[str, Any] | None]]
 
 
+class Request(NamedTuple):
+    """How the requests of one type are answered."""
+
+    answer: Answer
+    #: Whether it changes the robot, a file, or what other pages see.
+    changes: bool
+    #: Whether a page that asks again, or leaves, needs no answer any more.
+    latest_only: bool
+
+
 def in_one_line(record: logging.LogRecord) -> bool:
     """Make one line of a record, whatever a page has sent: of an error, what it is and where."""
     text = record.getMessage()
@@ -117,13 +127,11 @@ class Server:
         #: Awaited before the pages are closed.
         self.at_end: list[Callable[[], Awaitable[None]]] = []
         self.pages: set[LivePage] = set()
-        #: By kind of request its answer, and whether it changes what others see.
-        self.requests: dict[str, tuple[Answer, bool]] = {}
-        #: Kinds of which a page gets only what it asked for last.
-        self.latest_only: list[str] = []
+        #: By type what pages may request.
+        self.requests: dict[str, Request] = {}
         self._worker = ThreadPoolExecutor(1, 'slow requests')
         self.on_request('keep_rest', self._keep_rest, changes=True, latest_only=True)
-        #: The present content of each kind, for a page that is opened later.
+        #: By topic the present content, for a page that is opened later.
         self.news: dict[str, str] = {}
         application = web.Application(
             [
@@ -143,22 +151,13 @@ class Server:
         self.connections = Connections(self._http)
 
     def on_request(
-        self, kind: str, answer: Answer, *, changes: bool = False, latest_only: bool = False
+        self, name: str, answer: Answer, *, changes: bool = False, latest_only: bool = False
     ) -> None:
-        """Let a function answer the requests of one kind.
+        """Let a function answer the requests of this type; see :class:`Request`.
 
-        Parameters
-        ----------
-        kind, answer
-            The kind, and what answers. It does what takes long by :meth:`work`.
-        changes
-            Whether it changes the robot, a file, or what other pages see.
-        latest_only
-            Whether a page that asks again, or leaves, needs no answer any more.
+        The function does what takes long by :meth:`work`.
         """
-        self.requests[kind] = answer, changes
-        if latest_only:
-            self.latest_only.append(kind)
+        self.requests[name] = Request(answer, changes, latest_only)
 
     async def work(self, function: Callable[..., T], *arguments: Any) -> T:
         """Return the result of a function that takes long, beside the loop, one at a time.
@@ -167,16 +166,16 @@ class Server:
         """
         return await asyncio.get_running_loop().run_in_executor(self._worker, function, *arguments)
 
-    def broadcast(self, kind: str, content: Mapping[str, Any]) -> None:
+    def broadcast(self, topic: str, content: Mapping[str, Any]) -> None:
         """Send this content to all pages, also to those that are opened later.
 
         Nothing is sent if the content has not changed. A slow page gets only the latest content.
         """
-        text = json.dumps({'type': kind, **content}, allow_nan=False)
-        if self.news.get(kind) != text:
-            self.news[kind] = text
+        text = json.dumps({'type': topic, **content}, allow_nan=False)
+        if self.news.get(topic) != text:
+            self.news[topic] = text
             for page in self.pages:
-                page.news[kind] = text
+                page.news[topic] = text
 
     def listen(self, port: int) -> int:
         """Listen at the port, 0 for any that is free, and return it.
@@ -213,10 +212,10 @@ class Server:
             call()
         fingers = sorted(self.detectors.fingers.values(), key=lambda finger: finger.name)
         gone = {name: each.label for name, each in self.detectors.gone.items()}
-        shown = {'fingers': [finger.description() for finger in fingers], 'gone': gone}
-        self.broadcast('fingers', {**shown, 'read_only': self.access.read_only})
+        described = {'fingers': [finger.description() for finger in fingers], 'gone': gone}
+        self.broadcast('fingers', {**described, 'read_only': self.access.read_only})
         # That no samples come is no fault of a finger whose recording stands still.
-        lines = {one.name: () if one.paused else one.diagnostics for one in fingers}
+        lines = {each.name: () if each.paused else each.diagnostics for each in fingers}
         self.broadcast('diagnostics', {'fingers': lines})
         for page in list(self.pages):
             try:
@@ -242,24 +241,30 @@ class Server:
 
     async def answer(self, message: Message) -> dict[str, Any]:
         """Answer a request of a page."""
-        kind = message.get('type')
         answer = {'type': 'answer', 'id': message.get('id'), 'refusal': ''}
         try:
             json.dumps(message, ensure_ascii=False).encode()  # No halves of characters.
-            if not isinstance(kind, str) or kind not in self.requests:
+            request = self.request_of(message)
+            if request is None:
                 known = ', '.join(sorted(self.requests))
-                raise ValueError(f'{str(kind)[:40]} is no request, allowed: {known}')
-            act, changes = self.requests[kind]
-            if changes and self.access.read_only:
+                raise ValueError(
+                    f'{str(message.get("type"))[:40]} is no request, allowed: {known}'
+                )
+            if request.changes and self.access.read_only:
                 raise ValueError(READ_ONLY)
-            answer.update(await act(message) or {})
+            answer.update(await request.answer(message) or {})
         except (ValueError, RecursionError) as error:
             answer['refusal'] = str(error)
         except Exception as error:
             # The page must not wait for ever.
-            logging.getLogger(__name__).exception('a request failed: %s', kind)
+            logging.getLogger(__name__).exception('a request failed: %s', message['type'])
             answer['refusal'] = f'slip_view has failed at this, its log says where: {error!r}'
         return {**answer, 'refusal': one_line(answer['refusal'])}
+
+    def request_of(self, message: Message) -> Request | None:
+        """Return what a page requests; None if there is no such request."""
+        name = message.get('type')
+        return self.requests.get(name) if isinstance(name, str) else None
 
     async def _keep_rest(self, message: Message) -> None:
         await self.work(self.detectors.finger_of(message.get('finger')).keep_rest)
@@ -313,17 +318,17 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         #: When it last answered a ping, and had read all else.
         self._alive_s = time.monotonic()
         self._answers: set[asyncio.Task[None]] = set()
-        #: By kind of request the latest, if only that counts.
-        self._latest: dict[str, asyncio.Task[dict[str, Any]]] = {}
+        #: The latest of each request of which only that counts.
+        self._latest: dict[Request, asyncio.Task[dict[str, Any]]] = {}
 
     def open(self, *args: str, **kwargs: str) -> None:
-        """Prepare to send the page the present content of each kind."""
+        """Prepare to send the page the present content of each topic."""
         self.set_nodelay(True)
         self.news = dict(self.server.news)
         self.server.pages.add(self)
         self._stream: Any = getattr(self.ws_connection, 'stream', None)
         held = self.server.connections
-        held.strangers = [one for one in held.strangers if one is not self._stream]
+        held.strangers = [each for each in held.strangers if each is not self._stream]
 
     def on_close(self) -> None:
         """Forget the page."""
@@ -354,11 +359,12 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         else:
             if len(self._answers) >= MOST_UNANSWERED:
                 await asyncio.wait(self._answers, return_when=asyncio.FIRST_COMPLETED)
-            kind, begun = content.get('type'), asyncio.create_task(self.server.answer(content))
-            if kind in self.server.latest_only:
-                if before := self._latest.get(kind):
+            begun = asyncio.create_task(self.server.answer(content))
+            request = self.server.request_of(content)
+            if request and request.latest_only:
+                if before := self._latest.get(request):
                     before.cancel()
-                self._latest[kind] = begun
+                self._latest[request] = begun
             task = asyncio.create_task(self._answer(content, begun))
             self._answers.add(task)
             task.add_done_callback(self._answers.discard)

@@ -16,7 +16,6 @@
 """Records rest, slips, taps and presses of the fingers, and tunes on them, as a page requests."""
 
 import asyncio
-import functools
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -24,8 +23,8 @@ from typing import Any
 
 import numpy as np
 
-from slip_detector.recordings import labels
 from slip_detector.view.detectors import Finger
+from slip_detector.view.hand_labels import HandLabels
 from slip_detector.view.recordings import RecordedFolder, Recorder, RecordingSummary
 from slip_detector.view.server import MOST_NAME, Server
 from slip_detector.view.tuning import TuneRun, was_interrupted
@@ -71,8 +70,8 @@ class Teaching:
         server.at_end.append(self.close)
         server.on_request('recordings', self._recordings, latest_only=True)
         server.on_request('trace', self._trace, latest_only=True)
-        server.on_request('snap', functools.partial(self._label, snap=True), changes=True)
-        server.on_request('label', functools.partial(self._label, snap=False), changes=True)
+        for name in ('label', 'snap', 'undo_label'):
+            server.on_request(name, self._change_label, changes=True)
         server.on_request('teach', self._teach, changes=True)
         server.on_request('delete_recording', self._delete, changes=True)
         server.on_request('mark_recording', self._mark, changes=True)
@@ -188,16 +187,10 @@ class Teaching:
 
     def _listed(self, finger: str, folder: RecordedFolder) -> Mapping[str, Any]:
         writing = self._recorder and self._recorder.path
-        recordings = []
-        for name, one in folder.recordings.items():
-            if folder.folder / name != writing:
-                off_rate = folder.off_rate(name)
-                note = '; '.join(filter(None, (one.note, off_rate)))
-                its = {'kind': one.kind, 'usable': one.usable and not off_rate, 'note': note}
-                recordings.append({**one._asdict(), **its})
+        all_there = folder.described()
         return {
             'folder': str(folder.folder),
-            'recordings': recordings,
+            'recordings': [each for each in all_there if folder.folder / each['name'] != writing],
             'held_out': folder.held_out(),
             'obeys': self._detectors.order(finger),
             'interrupted': folder.interrupted,
@@ -207,8 +200,8 @@ class Teaching:
         """Return the finger to record; a slip that only waits for the rest after it is ended."""
         finger, recorder = self._detectors.finger_of(name), self._recorder
         if recorder is not None and (self._ends_ns is None or recorder.finger is not finger):
-            its = f'{recorder.path.name} of {recorder.finger.label}'
-            raise ValueError(f'{its} is being recorded: end it first')
+            present = f'{recorder.path.name} of {recorder.finger.label}'
+            raise ValueError(f'{present} is being recorded: end it first')
         self.stop()
         return finger
 
@@ -238,7 +231,6 @@ class Teaching:
         if recorder.rows:
             folder, duration_s = self._folders[recorder.finger.name], recorder.duration_s
             folder.add(RecordingSummary(name, duration_s, int(recorder.has_slip), note))
-            folder.measure_rate(name)
             words[0] = f'{name} has {duration_s:.1f} s'
             if off_rate := folder.off_rate(name):
                 words.append(f'It {off_rate}, so it is not tuned on: record it again')
@@ -259,11 +251,15 @@ class Teaching:
         folder, config = self.folder_of(finger), self._detectors.finger_of(finger).config
         return await self._server.work(folder.trace, name, config)
 
-    async def _label(self, message: Message, snap: bool) -> dict[str, Any]:
+    async def _change_label(self, message: Message) -> Any:
         folder, name = self.folder_of(message.get('finger')), message.get('recording')
-        pixel_s = min(number('pixel_s', message, 0.0, 1e9) or 0.0, labels.MOST_S)
-        of = name, message.get('slip_s'), max(labels.BY_EYE_S, pixel_s)
-        return await self._server.work(functools.partial(folder.label, *of, snap=snap))
+        pixel_s = number('pixel_s', message, 0.0, 1e9) or 0.0
+        changes: dict[str, Callable[[HandLabels], Any]] = {
+            'label': lambda known: known.change(message.get('slip_s'), pixel_s),
+            'snap': HandLabels.snap,
+            'undo_label': HandLabels.undo,
+        }
+        return await self._server.work(folder.change_labels, name, changes[message['type']])
 
     async def _teach(self, message: Message) -> None:
         finger, what = message.get('finger'), message.get('do')

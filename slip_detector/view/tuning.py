@@ -26,7 +26,6 @@ from typing import IO, Any, cast
 
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.files import writable_folder, write_yaml
-from slip_detector.report.tables import Row
 from slip_detector.view.detectors import Values, to_decide_as
 from slip_detector.view.recordings import RecordedFolder
 
@@ -34,8 +33,8 @@ from slip_detector.view.recordings import RecordedFolder
 SLIP_TUNE = 'import sys; from slip_detector.commands.command_line import tune; sys.exit(tune())'
 COMMAND = 'nice', '-n', '10', sys.executable, '-c', SLIP_TUNE, '--json'
 
-#: What a page shows of a run as it is.
-DESCRIBED = 'finger', 'running', 'step', 'share', 'lines', 'answer', 'table', 'kept'
+#: What a run has said before its command has printed anything.
+NOTHING_SAID = {'step': '', 'share': 0.0, 'lines': [], 'answer': [], 'table': [], 'kept': ''}
 
 
 def was_interrupted(recorded: Path, config: DetectorConfig) -> bool:
@@ -67,24 +66,21 @@ class TuneRun:
         self._process: subprocess.Popen[bytes] | None = None
         #: Whether it has not ended, and was stopped.
         self.running, self.stopping = True, False
-        #: What is left out, what was learnt, and which steps did not work.
-        self.lines: list[str] = []
-        #: The present step, why the run failed, and why what was found should not be applied.
-        self.step = self.failed = self.kept = ''
-        #: Share of the search that is done, 0 to 1.
-        self.share = 0.0
-        #: The result in a sentence or two, and the running and the tuned detector side by side.
-        self.answer: list[str] = []
-        self.table: list[Row] = []
+        #: What the command has printed: the present ``step``, the ``share`` of the search that is
+        #: done, ``lines`` on what was noticed, and at the end the ``answer``, a ``table`` of the
+        #: running and the tuned detector, and why what was found should not be applied, ``kept``.
+        self.said: dict[str, Any] = dict(NOTHING_SAID)
+        #: Why the run failed.
+        self.failed = ''
         #: The tuned parameters, once they were compared.
         self.found: DetectorConfig | None = None
 
     async def run(self) -> None:
         """Note what the command prints until it ends; an error is noted in ``failed``."""
         try:
-            given = writable_folder(self._folder / 'tuning') / 'running.yaml'
-            write_yaml(given, self._config.to_document(), ['Written by slip_view: what runs.'])
-            files = self._folder, '--config', given, '--out', given.with_name('tuned.yaml')
+            running = writable_folder(self._folder / 'tuning') / 'running.yaml'
+            write_yaml(running, self._config.to_document(), ['Written by slip_view: what runs.'])
+            files = self._folder, '--config', running, '--out', running.with_name('tuned.yaml')
             # Ctrl-C in the terminal is for slip_view.
             with subprocess.Popen(
                 [*COMMAND, *map(str, files)], stdout=PIPE, stderr=STDOUT, start_new_session=True
@@ -94,7 +90,7 @@ class TuneRun:
         except ValueError as error:
             self.failed = str(error)
         finally:
-            self.running, self.step = False, ''
+            self.running, self.said['step'] = False, ''
 
     async def _follow(self, process: subprocess.Popen[bytes]) -> None:
         output, complaint = cast(IO[bytes], process.stdout), 'the search ended before it was done'
@@ -103,13 +99,10 @@ class TuneRun:
                 if not line.startswith(b'{'):
                     complaint = line.decode(errors='replace').strip()
                     continue
-                said = json.loads(line)
-                self.step, self.share, self.lines = said['step'], said['share'], said['lines']
-                self._recorded.note_doubts(self.lines)
-                if 'changes' in said:
-                    self.kept, self.table = said['kept'], [(*row,) for row in said['table']]
-                    self.answer = said['answer']
-                    found = {**self._config.to_parameters(), **said['changes']}
+                self.said |= json.loads(line)
+                self._recorded.note_doubts(self.said['lines'])
+                if 'changes' in self.said:
+                    found = {**self._config.to_parameters(), **self.said['changes']}
                     self.found = DetectorConfig.from_parameters(found)
             code = await asyncio.to_thread(process.wait)
         finally:
@@ -151,7 +144,9 @@ class TuneRun:
     def described(self) -> dict[str, Any]:
         """Return the state of the run, for the page."""
         return {
-            **{name: getattr(self, name) for name in DESCRIBED},
+            **self.said,
+            'finger': self.finger,
+            'running': self.running,
             'stopping': self.stopping and self.running,
             'failed': '' if self.running else self.failed,
             'changes': len(self.to_apply(self._config)),

@@ -150,8 +150,8 @@ class ViewRequest:
             self._next.clear()
         arrays: Arrays = {}
         now_s = time.monotonic()
-        shown = [detectors.fingers[name] for name in self.fingers if name in detectors.fingers]
-        states = [self._state(i, finger, now_s, arrays) for i, finger in enumerate(shown)]
+        present = [detectors.fingers[name] for name in self.fingers if name in detectors.fingers]
+        states = [self._state(i, finger, now_s, arrays) for i, finger in enumerate(present)]
         header: dict[str, Any] = {'fingers': states}
         if finger := detectors.fingers.get(self.finger):
             header['traces'] = self._traces(finger, past or finger.track, arrays)
@@ -217,9 +217,8 @@ class ViewRequest:
             self._next[part] = stop
             header[stream] = {'first': first, 'count': stop - first}
             edges_ns = np.arange(first, stop + 1) * width_ns
-            low, arrays[f'{values}/high'] = rows.columns(values, edges_ns, channels, overdue_ns)
-            if values == 'volts':
-                arrays['volts/low'] = low
+            low, high = rows.columns(values, edges_ns, channels, overdue_ns)
+            arrays |= {'low': low, 'high': high} if values == 'volts' else {'level': high}
             arrays[state] = rows.columns(state, edges_ns, only, overdue_ns)[1][0] > 0.0
         return header
 
@@ -241,10 +240,10 @@ def _age_s(now_s: float, at_s: float | None) -> float | None:
     return None if at_s is None or math.isinf(at_s) else round(now_s - at_s, 3)
 
 
-def _list(name: str, message: Message, of: str, allows: Callable[[Any], bool]) -> list[Any]:
+def _list(name: str, message: Message, what: str, allows: Callable[[Any], bool]) -> list[Any]:
     values = message.get(name, [])
     if not isinstance(values, list) or not all(map(allows, values)):
-        raise ValueError(f'{name} is {str(values)[:40]}, allowed: a list of {of}')
+        raise ValueError(f'{name} is {str(values)[:40]}, allowed: a list of {what}')
     return values
 
 

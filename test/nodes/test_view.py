@@ -79,7 +79,7 @@ def test_a_scene_is_played_and_all_ends_with_a_signal(bench, tmp_path):
             false += state['valid'] and not state['slip']
             if traces['levels']['count']:
                 assert traces['name'] == names[0]
-                assert arrays['level/high'].shape == (1, traces['levels']['count'])
+                assert arrays['level'].shape == (1, traces['levels']['count'])
         # One page more, which is open when it ends.
         for number in (signal.SIGINT, signal.SIGTERM):
             process.signal(number)
@@ -158,7 +158,7 @@ def test_a_bag_of_ros_1_with_messages_of_a_sensor_is_played_to_its_detector(benc
             valid = valid or header['fingers'][0]['valid']
             assert header['fingers'][0]['unfit'] == ''
             if header['traces']['samples']['count']:
-                low = np.nanmin(arrays['volts/low'], axis=1)
+                low = np.nanmin(arrays['low'], axis=1)
         assert low == pytest.approx([1.0, 5.0], abs=0.01)
 
     with_page(address, see)

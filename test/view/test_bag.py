@@ -149,7 +149,7 @@ def test_a_label_is_kept_beside_the_recording_which_stays_as_it_is(tmp_path, nam
     assert played.ask('trace')['slip_s'] == [pytest.approx(SLIP_S, abs=0.05)]
     for _ in range(4):
         assert file.exists()
-        assert played.ask('undo')['refusal'] == ''
+        assert played.ask('undo_label')['refusal'] == ''
     assert not file.exists()
     assert [path.read_bytes() for path in files] == before
 
@@ -175,7 +175,7 @@ def test_labels_that_exist_are_shown_and_changed_in_their_file(tmp_path):
     assert played.ask('trace')['slip_s'] == [[1.0, 2.5]]
     played.ask('label', slip_s=[[1.0, 2.5], [4.0, 5.0]], pixel_s=0.0)
     assert read_labels(file).edges_s.tolist() == [[1.0, 2.5], [4.0, 5.0]]
-    played.ask('undo')
+    played.ask('undo_label')
     assert read_labels(file).edges_s.tolist() == [[1.0, 2.5]]
     assert read_labels(file).accuracy_s == 0.05
     # Without a file, those in the recording itself.

@@ -40,9 +40,8 @@ def tuned(served):
     """Let the tuning of the finger have found something."""
     run = TuneRun(RecordedFolder(None), parts.NAME, DetectorConfig())
     run.running, run.found = False, DetectorConfig(threshold=0.25)
-    run.answer = ['Finds 9 of 10 slips (before: 8).']
-    apply, _ = served.server.requests['apply_tuning']
-    apply.__self__._run = run
+    run.said['answer'] = ['Finds 9 of 10 slips (before: 8).']
+    served.server.requests['apply_tuning'].answer.__self__._run = run
 
 
 def click_at_the_edge(page, name):

@@ -43,17 +43,17 @@ async def test_a_stopped_search_keeps_what_it_found_judged_by_what_was_held_out(
     run = TuneRun(RecordedFolder(recorded), 'index', DetectorConfig())
     task, steps = asyncio.create_task(run.run()), ['']
     while not task.done():
-        steps += [run.step] if run.step != steps[-1] else []
-        if run.share > 0.2:
+        steps += [run.said['step']] if run.said['step'] != steps[-1] else []
+        if run.said['share'] > 0.2:
             run.stop()
         await asyncio.sleep(0.02)
     assert 'comparing on what was held out' in steps
-    assert any('mains of 50 Hz' in line for line in run.lines)
-    assert 'Stopped early.' in run.lines
-    rows = {row[0]: row for row in run.table}
+    assert any('mains of 50 Hz' in line for line in run.said['lines'])
+    assert 'Stopped early.' in run.said['lines']
+    rows = {row[0]: row for row in run.said['table']}
     assert rows[heading('false_time_percent')][3] == 'better'
     found = DetectorConfig.from_yaml(recorded / 'tuning' / 'tuned.yaml').to_parameters()
-    assert run.answer[0].startswith('Finds 2 of 2 slips')
+    assert run.said['answer'][0].startswith('Finds 2 of 2 slips')
     changes = run.to_apply(DetectorConfig())
     assert run.described()['changes'] == len(changes)
     assert {**DetectorConfig().to_parameters(), **changes} == found
@@ -66,7 +66,10 @@ async def test_what_is_not_taken_can_be_applied_nevertheless(tmp_path, monkeypat
     monkeypatch.setattr(tuning, 'COMMAND', (sys.executable, '-c', code))
     run = TuneRun(RecordedFolder(tmp_path), 'index', DetectorConfig())
     await run.run()
-    assert (run.kept, run.to_apply(DetectorConfig())) == ('it is worse', {'threshold': 0.1})
+    assert (run.said['kept'], run.to_apply(DetectorConfig())) == (
+        'it is worse',
+        {'threshold': 0.1},
+    )
 
 
 async def test_a_run_that_is_stopped_before_the_search_found_nothing(recorded):

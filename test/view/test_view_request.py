@@ -55,13 +55,13 @@ def test_a_past_stretch_ends_where_it_was_asked_to_though_the_track_goes_on():
     samples, width_ns = traces['samples'], traces['width_ns']
     end_ns = (samples['first'] + samples['count']) * width_ns
     assert end_ns == pytest.approx(until_ns, abs=2 * width_ns)
-    assert np.isfinite(arrays['volts/low']).any()
+    assert np.isfinite(arrays['low']).any()
     finger.track.samples.clear()
     detectors.simulated[NAME].play(1.0)
     assert columns(view, detectors, past)[0]['samples']['count'] == 0
     again = requested(window_s=0.5, pixels=500, until_ns=until_ns)
-    low = columns(again, detectors, past)[1]['volts/low']
-    assert np.array_equal(low, arrays['volts/low'], equal_nan=True)
+    low = columns(again, detectors, past)[1]['low']
+    assert np.array_equal(low, arrays['low'], equal_nan=True)
 
 
 @settings(max_examples=15)
@@ -71,13 +71,13 @@ def test_columns_are_the_same_however_frames_cut_them(cuts):
     parts, stops = [], []
     for cut in [*cuts, 0.0]:
         traces, arrays = columns(first, detectors)
-        parts.append(arrays['volts/high'])
+        parts.append(arrays['high'])
         stops.append(traces['samples']['first'] + traces['samples']['count'])
         detectors.simulated[NAME].play(cut)
     last_traces, last = columns(requested(window_s=4.0, pixels=300), detectors)
     assert stops == sorted(stops)
     together = np.concatenate(parts, axis=1)
-    whole = last['volts/high'][:, : together.shape[1]]
+    whole = last['high'][:, : together.shape[1]]
     assert np.array_equal(together[:, : whole.shape[1]], whole, equal_nan=True)
     assert last_traces['channels'] == [1, 3]
 
@@ -93,7 +93,7 @@ def test_messages_that_come_on_time_leave_no_hole_and_a_gap_is_one(rate_hz, batc
     track.add_samples(Samples(ones, rows_ns))
     track.add_levels(ends_ns, ones[:40], ones[:40] > 0.0, ones[:40, 0] > 0.0)
     traces, arrays = columns(requested(window_s=window_s), detectors)
-    streams = {'samples': ('volts/low', rows_ns), 'levels': ('level/high', ends_ns)}
+    streams = {'samples': ('low', rows_ns), 'levels': ('level', ends_ns)}
     for stream, (name, stamps_ns) in streams.items():
         begins_ns = traces[stream]['first'] + np.arange(traces[stream]['count'])
         begins_ns *= traces['width_ns']

@@ -1,7 +1,7 @@
-// Colours, texts and functions to draw intervals of time. The report and the live page load this
-// script before their own.
+// Colours, elements and drawings of intervals of time, for the report and the live page.
 
-const ON = '#d55e00', GROUP_ON = '#e58a4e', TRUTH = '#b9d7ec', LABEL = '#7fb2d6', INK = '#23292e';
+const ON = '#d55e00', GROUP_ON = '#e58a4e', TRUTH = '#b9d7ec', LABEL = '#7fb2d6';
+const INK = '#23292e';
 // Height in pixels of the strip under a curve that shows how near its channel is to the threshold.
 const STRIP = 4;
 // Levels are shown from 1/32 to 32 times the threshold.
@@ -9,7 +9,7 @@ const LEVEL_OCTAVES = 5;
 
 const element = (id) => document.getElementById(id);
 
-// An element: its kind with its classes, as 'p.hint'; texts and elements that it contains; properties.
+// An element of a tag with classes, as 'p.hint'; parts: texts and elements in it, properties.
 function build(kind, ...parts) {
   const [name, ...classes] = kind.split('.'), made = document.createElement(name);
   made.className = classes.join(' ');
@@ -20,25 +20,14 @@ function build(kind, ...parts) {
   return made;
 }
 
-function volts(value) {
-  const size = Math.abs(value);
-  if (size && (size < 1e-3 || size >= 1e5)) return `${value.toExponential(2)} V`;
-  return size < 0.1 ? `${(1e3 * value).toPrecision(3)} mV` : `${value.toPrecision(size >= 1000 ? 6 : 4)} V`;
+// Call act(event) for each event of these types, as 'keydown keyup', at a target or its id.
+function listen(target, types, act, options) {
+  const place = typeof target === 'string' ? element(target) : target;
+  for (const type of types.split(' ')) place.addEventListener(type, act, options);
 }
 
-// The time of a clock in UTC with so many digits after the point: hh:mm:ss.
-const timeText = (seconds, digits) => new Date(Math.round(1000 * seconds)).toISOString().slice(11, digits ? 20 + digits : 19);
-
-// The lowest and the highest of values; null where there is none.
-function rangeOf(values) {
-  let least = Infinity, most = -Infinity;
-  for (const value of values) {
-    if (value == null) continue;
-    if (value < least) least = value;
-    if (value > most) most = value;
-  }
-  return least <= most ? [least, most] : null;
-}
+// Whether a key is pressed for the browser or the system.
+const isShortcut = ({ctrlKey, altKey, metaKey}) => ctrlKey || altKey || metaKey;
 
 // Fit a canvas to its size on the page; returns its context, in CSS pixels, and that size.
 function fitted(canvas) {
@@ -49,8 +38,7 @@ function fitted(canvas) {
   return {context, width, height};
 }
 
-// Shades of levels below the threshold, darker towards it. Few shades are enough, and need fewer
-// rectangles.
+// Shades of levels below the threshold, darker towards it: few, which need fewer rectangles.
 const SHADES = Array.from({length: 2 * LEVEL_OCTAVES + 1}, (_, i) => {
   const near = i / (2 * LEVEL_OCTAVES);
   return `rgb(${[95, 109, 119].map((dark) => Math.round(238 + (dark - 238) * near)).join()})`;
@@ -76,8 +64,7 @@ function bars(context, xOf, times, top, height, color) {
   }
 }
 
-// Paint the values from first up to stop; value i reaches from xOf(i) to xOf(i + 1). Neighbours of
-// the same colour are painted as one; the colour null paints nothing.
+// Paint the values from first up to stop, neighbours of the same colour as one; null: no colour.
 function paintRuns(context, top, height, first, stop, colorAt, xOf) {
   let start = first, color = null;
   const fill = (i) => {

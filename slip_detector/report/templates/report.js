@@ -2,8 +2,8 @@
 
 function showSpan(from, to) {
   const least = 10 / now().rate_hz, whole = duration();
-  const span = Math.min(Math.max(to - from, least), Math.max(whole, least));
-  const start = Math.min(Math.max((from + to - span) / 2, 0), Math.max(whole - span, 0));
+  const span = clamp(to - from, least, Math.max(whole, least));
+  const start = clamp((from + to - span) / 2, 0, Math.max(whole - span, 0));
   [view.from, view.to] = [start, start + span];
   redraw();
 }
@@ -16,8 +16,8 @@ const timeline = new Timeline(root, {
   onPoint: (seconds, lane) => seconds !== null && readOut(seconds, lane),
 });
 
-document.addEventListener('keydown', (event) => {
-  if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches('select, input')) return;
+listen(document, 'keydown', (event) => {
+  if (isShortcut(event) || event.target.matches('select, input')) return;
   if (event.key === 'n') step(1);
   if (event.key === 'p') step(-1);
 });
@@ -28,13 +28,14 @@ function readOut(seconds, lane) {
   const c = lane?.channel, i = Math.floor(seconds * rate / drawn.rows), at = c * drawn.n + i;
   if (lane?.curve && i >= drawn.first && i < drawn.stop) {
     const [low, high] = [drawn.low[at], drawn.high[at]].map((code) => lowest[c] + step[c] * code);
-    words.push(drawn.low[at] === NO_SAMPLE ? 'no sample' : high > low ? `${volts(low)} to ${volts(high)}` : volts(low));
+    words.push(drawn.low[at] === NO_SAMPLE ? 'no sample' : voltsBetween(low, high));
     words.push(wordsOf(drawn.codes[at]));
   }
   element('readout').textContent = words.join(' \u00b7 ');
 }
 
-const ticked = () => everyEvent().filter(([, , [kind]]) => shown.has(kind));
+const isTicked = ([, , [kind]]) => element('kinds').children[kind].firstChild.checked;
+const ticked = () => everyEvent().filter(isTicked);
 
 function fillList() {
   const unlabelled = header.recordings.some(({truth}) => !truth);
@@ -54,18 +55,25 @@ function fillList() {
   for (const [r, i, [kind, start, end, latency, parts, note]] of ticked()) {
     if (r !== above) across('', header.recordings[r].name, 'td.name');
     above = r;
-    const [name, mark] = KINDS[kind], link = build(`a.kind-${kind}`, `${mark} ${name}`, {href: `#event-${view.variant}-${r}-${i}`});
-    row(`${r}-${i}`, ...[link, clock(start), ms(end - start), ms(latency)].map((cell) => build('td', cell)));
-    const where = [...Object.entries(parts).map(([name, s]) => `${name} ${ms(s)}`), note].filter(Boolean);
-    if (where.length) across(`${r}-${i}`, where.join(', '), 'td.where');
+    const [name, mark] = KINDS[kind], key = `${r}-${i}`;
+    const href = `#event-${view.variant}-${key}`;
+    const link = build(`a.kind-${kind}`, `${mark} ${name}`, {href});
+    const cells = [link, clock(start), ms(end - start), ms(latency)];
+    row(key, ...cells.map((cell) => build('td', cell)));
+    const stages = Object.entries(parts).map(([stage, s]) => `${stage} ${ms(s)}`);
+    const where = [...stages, note].filter(Boolean).join(', ');
+    if (where) across(key, where, 'td.where');
   }
-  if (!body.children.length) across('', all.length ? 'none of the kinds that are ticked' : 'no events');
+  const none = all.length ? 'none of the kinds that are ticked' : 'no events';
+  if (!body.children.length) across('', none);
   markChosen();
 }
 
 function markChosen() {
   const key = view.chosen && `${view.recording}-${eventsOf(view.recording).indexOf(view.chosen)}`;
-  for (const row of document.querySelectorAll('#event-list tbody tr')) row.classList.toggle('chosen', row.dataset.event === key);
+  for (const row of document.querySelectorAll('#event-list tbody tr')) {
+    row.classList.toggle('chosen', row.dataset.event === key);
+  }
   const chosen = document.querySelector('#event-list tr.chosen');
   if (chosen) element('event-scroll').scrollTop = chosen.offsetTop - 50;
 }
@@ -82,7 +90,8 @@ function go(v, r, i, scroll = true) {
 }
 
 function step(by) {
-  const rows = ticked(), at = rows.findIndex(([r, , event]) => r === view.recording && event === view.chosen);
+  const rows = ticked(), {recording, chosen} = view;
+  const at = rows.findIndex(([r, , event]) => r === recording && event === chosen);
   const to = at < 0 ? (by > 0 ? 0 : rows.length - 1) : at + by;
   if (rows[to]) go(view.variant, ...rows[to]);
 }
@@ -106,36 +115,31 @@ function choose(what, value) {
   redraw();
 }
 
-// A box or a button of a group with its label; ticked(box) is called when it changes.
-function choice(properties, label, ticked) {
-  const box = build('input', properties);
-  box.addEventListener('change', () => ticked(box));
-  return build('label', box, label);
-}
+// A box or a button of a group with its label.
+const choice = (properties, label) => build('label', build('input', properties), label);
 
 function start() {
   element('recording').append(...header.recordings.map(({name}, r) => new Option(name, r)));
   // What matters most is seen first: kinds are in this order.
   const [first] = everyEvent().sort((a, b) => a[2][0] - b[2][0]);
-  if (first?.[2][0] === DETECTED) shown.add(DETECTED);
-  element('variant-choice').append(...names.map((name, v) => choice(
-    {type: 'radio', name: 'variant', value: v, checked: v === view.variant}, ` ${name}`, () => choose('variant', v))));
-  element('kinds').append(...KINDS.map((_, kind) => choice(
-    {type: 'checkbox', checked: shown.has(kind)}, build(`span.kind-${kind}`), (box) => {
-      shown[box.checked ? 'add' : 'delete'](kind);
-      fillList();
-    })));
-  const on = (id, event, act) => element(id).addEventListener(event, act);
-  on('recording', 'change', ({target}) => choose('recording', Number(target.value)));
-  on('whole', 'click', whole);
-  on('previous', 'click', () => step(-1));
-  on('next', 'click', () => step(1));
-  on('event-list', 'click', ({target}) => {
+  element('variant-choice').append(...names.map((name, value) => {
+    const checked = value === view.variant, onchange = () => choose('variant', value);
+    return choice({type: 'radio', name: 'variant', value, checked, onchange}, ` ${name}`);
+  }));
+  element('kinds').append(...KINDS.map((_, kind) => {
+    const checked = kind !== DETECTED || first?.[2][0] === DETECTED;
+    return choice({type: 'checkbox', checked, onchange: fillList}, build(`span.kind-${kind}`));
+  }));
+  listen('recording', 'change', ({target}) => choose('recording', Number(target.value)));
+  listen('whole', 'click', whole);
+  listen('previous', 'click', () => step(-1));
+  listen('next', 'click', () => step(1));
+  listen('event-list', 'click', ({target}) => {
     const key = target.closest('tr')?.dataset.event;
     if (key) go(view.variant, ...key.split('-').map(Number));
   });
-  on('signal', 'change', redraw);
-  window.addEventListener('hashchange', fromHash);
+  listen('signal', 'change', redraw);
+  listen(window, 'hashchange', fromHash);
   fillList();
   showScale();
   whole();
@@ -143,12 +147,10 @@ function start() {
   fromHash();
   new ResizeObserver(redraw).observe(element('drawing'));
   // A canvas does not follow the width of paper.
-  for (const [event, width] of [['beforeprint', '700px'], ['afterprint', '']]) {
-    window.addEventListener(event, () => {
-      root.style.width = width;
-      draw(drawn.data);
-    });
-  }
+  listen(window, 'beforeprint afterprint', ({type}) => {
+    root.style.width = type === 'beforeprint' ? '700px' : '';
+    draw(drawn.data);
+  });
 }
 
 start();

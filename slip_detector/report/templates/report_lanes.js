@@ -1,11 +1,11 @@
-'use strict';
 // A report's timeline: its data, which page.py encodes, and what is drawn of them.
 
-const NO_SAMPLE = 0xffff;
-const KINDS = [['missed', '\u2715', '#a3347f'], ['false alarm', '\u25bc', '#d55e00'],
-  ['late', '\u25c6', '#e69f00'], ['detected', '\u25cf', '#009e73'], ['onset', '\u25bc', '#0072b2']];
+const KINDS = [
+  ['missed', '\u2715', '#a3347f'], ['false alarm', '\u25bc', '#d55e00'],
+  ['late', '\u25c6', '#e69f00'], ['detected', '\u25cf', '#009e73'], ['onset', '\u25bc', '#0072b2'],
+];
 const DETECTED = 3, ONSET = 4;
-// The code of a level that equals the threshold, and the range of codes that a lane of levels shows.
+// The code of a level at the threshold, and the range of codes that a lane of levels shows.
 const THRESHOLD_CODE = 128, CODES_OF_OCTAVE = 16;
 const LEVEL_CODES = [-1, 1].map((sign) => THRESHOLD_CODE + sign * CODES_OF_OCTAVE * LEVEL_OCTAVES);
 const root = element('timeline');
@@ -13,7 +13,6 @@ const header = JSON.parse(element('header').textContent);
 const recordings = header.recordings.map(() => null);
 const names = header.variants;
 const view = {recording: 0, variant: names.length - 1, from: 0, to: 1, chosen: null};
-const shown = new Set([0, 1, 2, ONSET]);
 let pending = false, drawn = null;
 
 const now = () => header.recordings[view.recording];
@@ -31,52 +30,12 @@ async function load(r) {
   return decode(header.recordings[r], new Uint8Array(await new Response(stream).arrayBuffer()));
 }
 
-function decode({channels: {length: channels}, bins, bin_rows: binRows, variants}, bytes) {
-  let at = 0;
-  const next = (n) => bytes.subarray(at, at += n);
-  const volts = () => {
-    const low = next(channels * bins), high = next(channels * bins);
-    return new Uint16Array(low).map((code, i) => code | (high[i] << 8));
-  };
-  // A bin without samples has the code NO_SAMPLE, the highest one, in both.
-  const higherVolts = (a, b) => (a === NO_SAMPLE ? b : b === NO_SAMPLE || a > b ? a : b);
-  const low = volts(), high = binRows > 1 ? volts() : low;
-  return {
-    low: halved(low, channels, bins, Math.min),
-    high: halved(high, channels, bins, higherVolts),
-    variants: variants.map(() => halved(next(channels * bins), channels, bins, Math.max)),
-  };
-}
-
-// The values in all resolutions: as they are, then joined in twos, in fours and so on; in each the
-// channels follow one another.
-function halved(values, channels, n, join) {
-  if (n <= 512) return [{values, n}];
-  const half = Math.ceil(n / 2), next = new values.constructor(channels * half).map((_, k) => {
-    const c = Math.floor(k / half), i = c * n + 2 * (k - c * half);
-    return join(values[i], values[Math.min(i + 1, c * n + n - 1)]);
-  });
-  return [{values, n}, ...halved(next, channels, half, join)];
-}
-
-// What to draw between two rows, in bins of about a pixel: {rows, n, first, stop, low, high, codes}. Bin i
-// begins at row i * rows; the bins from first up to stop are drawn. low, high and codes have n
-// values for each channel; those of a channel begin at channel * n.
-function binsOf(data, from, to, rowsOfPixel) {
-  const {bin_rows: binRows} = now(), level = Math.max(0, Math.ceil(Math.log2(rowsOfPixel / binRows)));
-  const size = Math.min(level, data.low.length - 1), rows = binRows * 2 ** size;
-  const {values: low, n} = data.low[size], codes = data.variants[view.variant][size].values;
-  // One more at either end, so that curves reach the edge.
-  const first = Math.max(0, Math.floor(from / rows) - 1), stop = Math.max(first, Math.min(n, Math.ceil(to / rows) + 1));
-  return {rows, n, first, stop, low, high: data.high[size].values, codes};
-}
-
 // A channel's curve in view, as Timeline.draw takes it, and the range of codes that it has.
 function curve({rows, n, first, stop, ...bins}, channel) {
   const signal = signalShown(), [least, most] = LEVEL_CODES;
   const code = (value) => {
     if (signal === 'volts') return value === NO_SAMPLE ? null : value;
-    return value ? Math.max(least, Math.min(most, value)) : null;
+    return value ? clamp(value, least, most) : null;
   };
   const [low, high] = ['low', 'high'].map((end) => {
     const codes = signal === 'volts' ? bins[end] : bins.codes;
@@ -93,38 +52,38 @@ function clock(seconds, digits = 3) {
   return timeText(Number(seconds.toFixed(digits)), digits).slice(duration() < 3600 ? 3 : 0);
 }
 
-// What is at a code of a level, in words.
 function wordsOf(code) {
   const ratio = (2 ** ((code - THRESHOLD_CODE) / CODES_OF_OCTAVE)).toPrecision(2);
   return `level / threshold ${code ? (code === 1 ? '\u2264 ' : '') + ratio : 'not valid'}`;
 }
 
-// What channels show: volts or level.
 const signalShown = () => element('signal').value;
 
-// Say how finely channels are drawn.
 function showScale() {
   const {bin_rows: bin, rate_hz: rate, channels} = now(), {groups} = variantNow();
   const disabled = channels.length - new Set(groups.flatMap(({members}) => members)).size;
   const left = disabled ? ` Disabled channels, ${disabled} of them, are left out.` : '';
-  element('resolution').textContent = bin === 1 ? `Each row is drawn when zoomed in.${left}`
-    : `Drawn from the lowest and highest of each ${(1e3 * bin / rate).toFixed(0)} ms.${left}`;
+  const each = `the lowest and highest of each ${(1e3 * bin / rate).toFixed(0)} ms`;
+  const how = bin === 1 ? 'Each row is drawn when zoomed in.' : `Drawn from ${each}.`;
+  element('resolution').textContent = how + left;
 }
 
-// The lanes from top to bottom.
 function lanesOf(bins) {
   const {channels, truth, variants} = now(), {groups} = variantNow();
   const n = groups.flatMap(({members}) => members).length;
-  const height = Math.max(18, Math.min(60, Math.floor((window.innerHeight - 330) / Math.max(n, 1))));
+  const height = clamp(Math.floor((window.innerHeight - 330) / Math.max(n, 1)), 18, 60);
   const intervals = (rows, color) => (pen, lane) => (
     bars(pen.context, xOfRow(pen), rows, lane.top, lane.height - 1, color));
   const channel = (c) => ({
-    name: channels[c], height, channel: c, kind: 'channel', curve: true, below: STRIP + 3, paint: paintStrip(bins),
+    name: channels[c], height, channel: c, kind: 'channel', curve: true, below: STRIP + 3,
+    paint: paintStrip(bins),
   });
   const lanes = [{name: 'events', height: 16, paint: paintEvents}];
   if (truth) lanes.push({name: 'label', height: 16, paint: intervals(truth, LABEL)});
-  variants.forEach(({slip}, v) => lanes.push(
-    {name: names.length > 1 ? `slip ${names[v]}` : 'slip', height: 16, paint: intervals(slip, ON)}));
+  variants.forEach(({slip}, v) => {
+    const name = names.length > 1 ? `slip ${names[v]}` : 'slip';
+    lanes.push({name, height: 16, paint: intervals(slip, ON)});
+  });
   for (const {name, on, members} of groups) {
     lanes.push({name, height: 14, kind: 'group', paint: intervals(on, GROUP_ON)});
     lanes.push(...members.map((member) => channel(member - 1)));
@@ -135,11 +94,11 @@ function lanesOf(bins) {
 const xOfRow = (pen) => (row) => pen.xOf(row / now().rate_hz);
 
 function paintEvents({context, xOf}, lane) {
-  Object.assign(context, {textAlign: 'center', textBaseline: 'middle'});
+  context.textAlign = 'center';
   // The most important kinds are drawn last, on top of the others.
   for (const [kind, start] of [...eventsOf(view.recording)].sort((a, b) => b[0] - a[0])) {
     context.fillStyle = KINDS[kind][2];
-    context.font = `${kind === DETECTED ? 9 : 13}px system-ui, sans-serif`;
+    context.font = `${kind === DETECTED ? 9 : 13}px ${FONT}`;
     context.fillText(KINDS[kind][1], xOf(start), lane.top + lane.height / 2);
   }
 }
@@ -154,7 +113,8 @@ const paintStrip = ({rows, n, first, stop, codes}) => (pen, lane) => {
     const code = codes[lane.channel * n + i];
     return code ? shade((code - THRESHOLD_CODE) / CODES_OF_OCTAVE) : HATCHING;
   };
-  paintRuns(context, lane.top + lane.height - STRIP - 1, STRIP, first, stop, colorAt, (i) => xOf(i * rows));
+  const strip = lane.top + lane.height - STRIP - 1;
+  paintRuns(context, strip, STRIP, first, stop, colorAt, (i) => xOf(i * rows));
 };
 
 function paintUnderAll(pen) {
@@ -166,8 +126,8 @@ function paintUnderAll(pen) {
   context.fillRect(xOf(start), 0, Math.max(xOf(end) - xOf(start), 1), upper + height);
   context.fillStyle = INK;
   context.fillRect(xOf(start), 0, 1, bottom);
-  // The alarm's line is dashed.
-  for (let y = 0; latency !== null && y < bottom; y += 7) context.fillRect(xOf(start + latency), y, 1, 4);
+  const alarm = latency === null ? null : xOf(start + latency);
+  for (let y = 0; alarm !== null && y < bottom; y += 7) context.fillRect(alarm, y, 1, 4);
 }
 
 function redraw() {
@@ -189,10 +149,12 @@ function redraw() {
 }
 
 function draw(data) {
-  const {rate_hz: rate, step_v: step} = now(), {from, to} = view;
+  const {rate_hz: rate, step_v: step, bin_rows: binRows} = now(), {from, to} = view;
   const width = Math.max(root.clientWidth - NAMES_WIDTH - RIGHT_MARGIN, 1);
-  const rowsOfPixel = (to - from) * rate / width;
-  const bins = drawn = {...binsOf(data, from * rate, to * rate, rowsOfPixel), data};
+  const ends = [from * rate, to * rate], rowsOfPixel = (to - from) * rate / width;
+  const bins = binsBetween(...ends, data, view.variant, binRows, rowsOfPixel);
+  const {first, stop, rows} = bins;
+  drawn = {...bins, data};
   const lanes = lanesOf(bins), channels = lanes.filter((lane) => lane.curve);
   const curves = channels.map((lane) => curve(bins, lane.channel));
   if (signalShown() === 'volts') {
@@ -206,9 +168,10 @@ function draw(data) {
   timeline.setLanes(lanes);
   timeline.draw({
     from, to, curves, paint: paintUnderAll,
-    x: Array.from({length: bins.stop - bins.first + 1}, (_, i) => (bins.first + i) * bins.rows / rate),
+    x: Array.from({length: stop - first + 1}, (_, i) => (first + i) * rows / rate),
   });
-  Object.assign(root.dataset, {fromS: from, toS: to, recording: view.recording, variant: view.variant});
+  const {recording, variant} = view;
+  Object.assign(root.dataset, {fromS: from, toS: to, recording, variant});
   root.ariaBusy = String(pending);
   document.documentElement.dataset.readyMs ??= performance.now();
 }

@@ -1,61 +1,52 @@
-// A timeline: lanes from top to bottom over one axis of time. It draws axis and curves, shows where
-// the pointer is, and lets the user zoom, move and select an interval; the page itself paints what
-// is not a curve, such as a decision that is ON or OFF.
-//
-// Times are seconds. Positions are CSS pixels from the upper left corner of the timeline.
+// A timeline: lanes over one axis of time, in seconds. It draws axis and curves, shows where the
+// pointer is, and lets the user zoom, move and select; the page itself paints what is no curve.
 
 const AXIS_HEIGHT = 22, NAMES_WIDTH = 92, RIGHT_MARGIN = 16, TICK_SPACE = 90;
-const CURVE = '#3d5a73', GRID = '#dfe3e6', TEXT = '#23292e';
-
-// Seconds from tick to tick: 1, 2 and 5 times powers of ten below a second, then those of a clock.
-const TICKS_S = [
-  ...[1e-4, 1e-3, 1e-2, 1e-1].flatMap((power) => [power, 2 * power, 5 * power]),
-  1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 36000, 86400, 864000,
-];
+const CURVE = '#3d5a73', GRID = '#dfe3e6', TEXT = '#23292e', FONT = 'system-ui, sans-serif';
 
 // Keys that move the interval, by shares of it, and keys that zoom, by factors.
-const MOVES = {ArrowLeft: -0.1, ArrowRight: 0.1, PageUp: -0.9, PageDown: 0.9}, ZOOMS = {'+': 0.5, '=': 0.5, '-': 2};
+const MOVES = {ArrowLeft: -0.1, ArrowRight: 0.1, PageUp: -0.9, PageDown: 0.9};
+const ZOOMS = {'+': 0.5, '=': 0.5, '-': 2};
 // With Shift, keys that move the pointer: to the right by a share of the interval, down by lanes.
 const POINTS = {ArrowLeft: [-0.01, 0], ArrowRight: [0.01, 0], ArrowUp: [0, -1], ArrowDown: [0, 1]};
 
 class Timeline {
-  // tickText(seconds, digits): the text at a tick, with so many digits after the point.
-  // onInterval(from, to, how): the user wants to see another interval; how: 'zoom', 'move', 'choose', or
-  // 'whole', with from -Infinity and to Infinity.
-  // onPoint(seconds, lane): the pointer, or keys, have moved to this place; null: it has left.
-  // margin: pixels at the right of the lanes. The buttons of the page with the ids zoom-in and
-  // zoom-out zoom.
+  // onInterval(from, to, how): the user wants to see another interval; how: 'zoom', 'move',
+  // 'choose', or 'whole', which is infinite. onPoint(seconds, lane): pointer or keys have moved
+  // here; null: the pointer has left. margin: pixels at the right of the lanes.
   constructor(root, {tickText, onInterval, onPoint, margin = RIGHT_MARGIN}) {
     Object.assign(this, {root, tickText, onInterval, onPoint, margin});
     this.lanes = [];
     this.names = build('div.lane-names');
-    // What is pressed, and in it the line at the pointer and what is being selected.
     [this.cursor, this.selected] = [build('div.cursor', {hidden: true}), build('div.selected')];
     this.over = build('div.over', this.cursor, this.selected, {style: `right: ${margin}px`});
     this.canvas = build('canvas');
     root.append(this.canvas, this.names, this.over);
     this.listen();
-    root.addEventListener('dblclick', () => onInterval(-Infinity, Infinity, 'whole'));
-    root.addEventListener('keydown', (event) => this.onKey(event));
-    for (const kind of ['pointerleave', 'blur']) root.addEventListener(kind, () => this.point(null));
-    for (const [id, factor] of [['zoom-in', 0.5], ['zoom-out', 2]]) element(id).addEventListener('click', () => this.zoom(factor));
+    listen(root, 'dblclick', () => onInterval(-Infinity, Infinity, 'whole'));
+    listen(root, 'keydown', (event) => this.onKey(event));
+    listen(root, 'pointerleave blur', () => this.point(null));
+    listen('zoom-in', 'click', () => this.zoom(0.5));
+    listen('zoom-out', 'click', () => this.zoom(2));
   }
 
-  // The time at the place that is pointed at, in seconds, or null; it changes while the drawing scrolls.
+  // The time that is pointed at, in seconds, or null; it changes while the drawing scrolls.
   get pointed() {
-    return this.pointedShare === undefined ? null : this.from + this.pointedShare * (this.to - this.from);
+    const {pointedShare: share, from, to} = this;
+    return share === undefined ? null : from + share * (to - from);
   }
 
   point(seconds, lane) {
-    this.pointedShare = seconds === null ? undefined : (seconds - this.from) / (this.to - this.from);
-    this.pointedLane = lane;
+    const {from, to} = this, share = (seconds - from) / (to - from);
+    Object.assign(this, {pointedShare: seconds === null ? undefined : share, pointedLane: lane});
     this.cursor.hidden = seconds === null;
     this.cursor.style.left = `${100 * (this.pointedShare ?? 0)}%`;
     this.onPoint(seconds, lane);
   }
 
   zoom(factor, at = (this.from + this.to) / 2) {
-    if (this.curves) this.onInterval(at - (at - this.from) * factor, at + (this.to - at) * factor, 'zoom');
+    const from = at - (at - this.from) * factor, to = at + (this.to - at) * factor;
+    if (this.curves) this.onInterval(from, to, 'zoom');
   }
 
   move(share) {
@@ -63,16 +54,16 @@ class Timeline {
     this.onInterval(this.from + by, this.to + by, 'move');
   }
 
-  // Move the cursor as if the pointer moved, beginning near the end of the first lane with a curve.
+  // Move the cursor as the pointer does, beginning near the end of the first lane with a curve.
   pointElsewhere([share, down]) {
     const {lanes} = this, before = lanes.indexOf(this.pointedLane);
-    const lane = lanes[before < 0 ? lanes.findIndex(({curve}) => curve) : Math.min(Math.max(before + down, 0), lanes.length - 1)];
-    const at = Math.min(Math.max((this.pointedShare ?? 0.9) + share, 0), 1), seconds = this.from + at * (this.to - this.from);
-    this.point(seconds, lane);
+    const next = before < 0 ? lanes.findIndex(({curve}) => curve) : before + down;
+    const at = clamp((this.pointedShare ?? 0.9) + share, 0, 1);
+    this.point(this.from + at * (this.to - this.from), lanes[clamp(next, 0, lanes.length - 1)]);
   }
 
   onKey(event) {
-    if (event.ctrlKey || event.metaKey || event.altKey || !this.curves) return;
+    if (isShortcut(event) || !this.curves) return;
     const {key, shiftKey} = event;
     if (shiftKey && key in POINTS) this.pointElsewhere(POINTS[key]);
     else if (!shiftKey && key in MOVES) this.move(MOVES[key]);
@@ -83,10 +74,8 @@ class Timeline {
   }
 
   // Set the lanes from top to bottom: {name, note, kind, height, curve, colors, below, paint,
-  // paintScale}. curve: the number of the lane's curves, true for one. colors: those of its curves,
-  // if they are not the usual one. below: pixels that stay free under the curves. paint(pen, lane):
-  // paints the rest, under the curves, paintScale(pen, lane) what is beside the lanes, with
-  // pen.context; pen.xOf(seconds), pen.right, lane.top and lane.height are in pixels.
+  // paintScale}. curve: the number of curves. below: pixels that stay free under the curves.
+  // paint(pen, lane) paints the rest, under the curves, paintScale what is beside the lanes.
   setLanes(lanes) {
     let top = AXIS_HEIGHT;
     for (const lane of lanes) {
@@ -103,24 +92,23 @@ class Timeline {
       const name = build('div.lane-name', lane.name);
       if (lane.kind) name.classList.add(lane.kind);
       Object.assign(name.style, {top: `${lane.top}px`, height: `${lane.height}px`});
-      // The colour of a single curve is shown beside the name.
       if (lane.colors?.length === 1) name.style.boxShadow = `inset 4px 0 ${lane.colors[0]}`;
       if (lane.note && lane.height >= 26) name.append(build('small', lane.note));
       return name;
     }));
   }
 
-  // Draw an interval of time. x: rising times. curves: those of all lanes, in order, as
-  // {low, high, range}. low, high: the lowest and the highest values from each time to the next,
-  // null where there are none. range: the values at the bottom and the top of the lane.
-  // paint(pen): paints what lies under all lanes.
+  // Draw an interval: at the times x the curves of all lanes, {low, high, range}, with null where
+  // nothing is; range: the values at bottom and top. paint(pen) paints what lies under all lanes.
   draw({from, to, x, curves, paint}) {
     Object.assign(this, {from, to, curves});
     const {context, width} = fitted(this.canvas), {height} = this;
     const right = width - this.margin, top = AXIS_HEIGHT;
     const xOf = (seconds) => NAMES_WIDTH + (seconds - from) / (to - from) * (right - NAMES_WIDTH);
     const pen = {context, xOf, left: NAMES_WIDTH, right, top, bottom: height};
-    const ticks = this.ticks((to - from) / (right - NAMES_WIDTH));
+    const tick_s = TICK_SPACE * (to - from) / (right - NAMES_WIDTH);
+    const {times, digits} = ticksBetween(from, to, tick_s);
+    context.textBaseline = 'middle';
     context.save();
     context.rect(NAMES_WIDTH, top, right - NAMES_WIDTH, height);
     context.clip();
@@ -128,7 +116,7 @@ class Timeline {
     context.fillRect(NAMES_WIDTH, top, right - NAMES_WIDTH, height);
     paint(pen);
     context.fillStyle = GRID;
-    for (const [seconds] of ticks) context.fillRect(Math.round(xOf(seconds)), top, 1, height);
+    for (const seconds of times) context.fillRect(Math.round(xOf(seconds)), top, 1, height);
     const columns = x.map((seconds) => Math.round(xOf(seconds)) + 0.5), rest = curves.values();
     for (const lane of this.lanes) {
       lane.paint?.(pen, lane);
@@ -138,19 +126,10 @@ class Timeline {
     }
     context.restore();
     for (const lane of this.lanes) lane.paintScale?.(pen, lane);
-    Object.assign(context, {font: '12px system-ui, sans-serif', fillStyle: TEXT, textAlign: 'center', textBaseline: 'middle'});
-    for (const [seconds, words] of ticks) context.fillText(words, xOf(seconds), top / 2);
+    Object.assign(context, {font: `12px ${FONT}`, fillStyle: TEXT, textAlign: 'center'});
+    for (const s of times) context.fillText(this.tickText(s, digits), xOf(s), top / 2);
   }
 
-  // The times of ticks, each with its words, given the seconds of a pixel.
-  ticks(pixel_s) {
-    const found = [], step = TICKS_S.find((s) => s >= TICK_SPACE * pixel_s) ?? TICKS_S.at(-1);
-    const digits = step >= 1 ? 0 : Math.min(3, Math.ceil(-Math.log10(step) - 1e-9));
-    for (let n = Math.ceil(this.from / step); n * step <= this.to; n++) found.push(n * step);
-    return found.map((seconds) => [seconds, this.tickText(seconds, digits)]);
-  }
-
-  // Where a value is in a lane with this range.
   static yOf({top, height, below}, [least, most], value) {
     return top + 1 + (most - value) / (most - least) * (height - below - 2);
   }
@@ -158,8 +137,8 @@ class Timeline {
   // A curve is one line: in each column from the lowest to the highest value, and on to the next.
   paintCurve(context, left, lane, {low, high, range}, strokeStyle) {
     const bottom = lane.top + lane.height - lane.below - 1;
-    const inside = (y) => Math.max(lane.top, Math.min(bottom, Math.round(y))) + 0.5;
-    const yOf = (value) => inside(Timeline.yOf(lane, range, value));
+    const yOf = (value) => (
+      clamp(Math.round(Timeline.yOf(lane, range, value)), lane.top, bottom) + 0.5);
     Object.assign(context, {strokeStyle, lineWidth: 1});
     context.beginPath();
     for (let i = 0; i < low.length; i++) {
@@ -173,17 +152,17 @@ class Timeline {
     context.stroke();
   }
 
-  // Let the wheel zoom at the pointer, dragging move the interval, two fingers do both, as what is
-  // under them stays there, and dragging with Shift select another.
+  // The wheel zooms, dragging moves, two fingers do both, dragging with Shift selects.
   listen() {
     const {over} = this, grips = new Map();
     const xOf = (event) => event.clientX - over.getBoundingClientRect().left;
     const timeAt = (x) => this.from + x / over.clientWidth * (this.to - this.from);
     const under = (event) => {
       const y = event.clientY - this.root.getBoundingClientRect().top;
-      return [timeAt(xOf(event)), this.lanes.find((lane) => y >= lane.top && y < lane.top + lane.height + 2)];
+      const isAt = ({top, height}) => y >= top && y < top + height + 2;
+      return [timeAt(xOf(event)), this.lanes.find(isAt)];
     };
-    over.addEventListener('wheel', (event) => {
+    listen(over, 'wheel', (event) => {
       event.preventDefault();
       if (Math.abs(event.deltaX) > Math.abs(event.deltaY)) this.move(event.deltaX / 1000);
       else this.zoom(Math.exp(event.deltaY * 0.002), under(event)[0]);
@@ -194,33 +173,37 @@ class Timeline {
       moving = isMoving;
       for (const grip of grips.values()) grip.seconds = timeAt(grip.x);
     };
-    const select = (left, width) => Object.assign(this.selected.style, {left: `${left}px`, width: `${width}px`});
-    over.addEventListener('pointerdown', (event) => {
+    const select = (left, width) => (
+      Object.assign(this.selected.style, {left: `${left}px`, width: `${width}px`}));
+    listen(over, 'pointerdown', (event) => {
       if (event.button || !this.curves) return;
       over.setPointerCapture(event.pointerId);
       if (event.shiftKey) selects = xOf(event);
       else grips.set(event.pointerId, {x: xOf(event)});
       hold(grips.size > 1);
     });
-    over.addEventListener('pointermove', (event) => {
+    listen(over, 'pointermove', (event) => {
       if (!this.curves) return;
       this.point(...under(event));
       const grip = grips.get(event.pointerId), x = xOf(event);
       if (selects !== null) select(Math.min(selects, x), Math.abs(x - selects));
       if (!grip || !(moving ||= Math.abs(x - grip.x) > 3)) return;
       grip.x = x;
-      const [first, second] = grips.values(), apart = second && Math.max(Math.abs(second.x - first.x), 1);
-      const span = second ? Math.abs(second.seconds - first.seconds) / apart * over.clientWidth : this.to - this.from;
+      const [first, second] = grips.values();
+      let span = this.to - this.from;
+      if (second) {
+        const apart = Math.max(Math.abs(second.x - first.x), 1);
+        span = Math.abs(second.seconds - first.seconds) / apart * over.clientWidth;
+      }
       const from = first.seconds - first.x / over.clientWidth * span;
       this.onInterval(from, from + span, second ? 'zoom' : 'move');
     });
-    const release = (event) => {
+    listen(over, 'pointerup pointercancel', (event) => {
       const x = xOf(event), ends = [selects, x].map(timeAt).sort((a, b) => a - b);
       if (selects !== null && Math.abs(x - selects) > 3) this.onInterval(...ends, 'choose');
       selects = null;
       select(0, 0);
       if (grips.delete(event.pointerId)) hold(false);
-    };
-    for (const kind of ['pointerup', 'pointercancel']) over.addEventListener(kind, release);
+    });
   }
 }

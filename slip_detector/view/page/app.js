@@ -1,8 +1,8 @@
-// The live page: puts its parts together. Texts from the robot go into textContent, never into HTML.
+// The live page: joins its parts. Texts from the robot go into textContent, never into HTML.
 
-import {FingerCard} from './card.js';
+import {FingerCard, STATES} from './card.js';
 import {Connection} from './connection.js';
-import {News, Tool, tabs, write} from './elements.js';
+import {News, Tool, pageKey, tabs, update, write} from './elements.js';
 import {Parameters} from './parameters.js';
 import {Played} from './played.js';
 import {SpectrumPanel} from './spectrum.js';
@@ -12,32 +12,33 @@ import {Traces} from './traces.js';
 // The drawings, in which parameters are set, too; why one is refused is shown at the top.
 class Drawings extends Tool {
   show() {
-    const here = this.finger in this.labels;
-    traces.line.allow(here && !this.locked);
-    spectrum.allowChanges(here && !this.locked);
+    const allowed = this.finger in this.labels && !this.locked;
+    for (const each of [traces.line, spectrum]) each.allow(allowed);
   }
 }
 
 const connection = new Connection();
 const news = new News(element('news'));
-const parameters = new Parameters(connection), teach = new Teach(connection), drawings = new Drawings(connection, element('refusal'));
+const parameters = new Parameters(connection), teach = new Teach(connection);
+const drawings = new Drawings(connection, element('refusal'));
 new Played(connection);
-// The finger whose signals are shown, and the one that the user has chosen. The address keeps the
-// latter for when the page is loaded again.
+// The finger whose signals are shown, and the one that the user has chosen: the address keeps it.
 let chosen = null, wanted = new URLSearchParams(location.hash.slice(1)).get('finger');
 // Labels, by name, of fingers whose detectors have ended.
 let gone = {};
 const cards = new Map();
-const wishes = {onView: (changes) => connection.changeView(changes), onSet: (values) => drawings.ask('set', {values})};
-const traces = new Traces(wishes), spectrum = new SpectrumPanel(wishes);
-element('keep-rest').addEventListener('click', () => drawings.ask('keep_rest'));
+const changeView = (changes) => connection.changeView(changes);
+const set = (values) => drawings.ask('set', {values});
+const traces = new Traces(changeView, set), spectrum = new SpectrumPanel(changeView, set);
+listen('keep-rest', 'click', () => drawings.ask('keep_rest'));
 
 // The tab's title has the state of a finger that slips, else of one that is not at rest.
 function showTitle() {
-  const order = ['slip', 'lost', 'silent', 'noInput', 'paused', 'notValid', 'rest'], rank = ({root}) => order.indexOf(root.dataset.state);
-  const [first] = [...cards.values()].filter(({state}) => state).sort((a, b) => rank(a) - rank(b));
-  const title = first ? `${first.badge.textContent} ${first.finger.label} \u00b7 slip_view` : 'slip_view';
-  if (document.title !== title) document.title = title;
+  const order = Object.keys(STATES), rank = ({root}) => order.indexOf(root.dataset.state);
+  const known = [...cards.values()].filter(({state}) => state);
+  const [first] = known.sort((a, b) => rank(a) - rank(b));
+  const lead = first ? `${first.badge.textContent} ${first.finger.label} \u00b7 ` : '';
+  update(document, {title: `${lead}slip_view`});
 }
 
 function choose(name) {
@@ -47,7 +48,6 @@ function choose(name) {
 }
 
 function show(name) {
-  // Changes of the finger that was shown end before.
   for (const line of [traces.line, ...spectrum.lines.values()]) line.settle();
   chosen = name;
   connection.changeView({finger: name ?? '', until_ns: null});
@@ -57,9 +57,10 @@ function show(name) {
 
 function showChosen() {
   for (const [name, card] of cards) card.mark(name === chosen);
-  const finger = cards.get(chosen)?.finger, label = finger?.label ?? `${gone[chosen]}, which is gone`;
-  element('signals-title').textContent = `Signals of ${label}`;
-  element('tools-title').textContent = `Set up ${label}`;
+  const finger = cards.get(chosen)?.finger;
+  const label = finger?.label ?? `${gone[chosen]}, which is gone`;
+  write('signals-title', `Signals of ${label}`);
+  write('tools-title', `Set up ${label}`);
   if (finger) for (const part of [traces, spectrum]) part.show(finger);
   drawings.show();
 }
@@ -82,28 +83,18 @@ connection.on('fingers', ({fingers, gone: labels, read_only: readOnly}) => {
     cards.delete(name);
   }
   fingers.forEach((finger, i) => {
-    const card = cards.get(finger.name) ?? new FingerCard({
-      onChoose: () => choose(finger.name),
-      onTake: () => drawings.ask('take_input', {finger: finger.name}),
-      onChannel: (channel) => {
-        choose(finger.name);
-        traces.chooser.toggle(channel);
-      },
-    });
+    const card = cards.get(finger.name) ?? new FingerCard();
     cards.set(finger.name, card);
     card.describe(finger, readOnly);
     const place = element('fingers').children[i] ?? null;
     if (place !== card.root) element('fingers').insertBefore(card.root, place);
   });
-  element('no-finger').hidden = fingers.length > 0;
-  const ended = Object.values(gone).join(', ');
-  element('gone').hidden = !ended;
-  element('gone').textContent = `${ended}: its detector has ended. It comes back by itself when it is started again.`;
-  element('panels').hidden = !fingers.length;
+  write('ended', Object.values(gone).join(', '));
   document.querySelector('main').classList.toggle('single', fingers.length === 1);
   connection.changeView({fingers: names});
-  // A finger that is gone may come back: meanwhile no other is chosen, or changes would go to that one.
-  const next = [wanted, chosen].find((name) => names.includes(name)) ?? (chosen in gone ? chosen : names[0] ?? null);
+  // A finger that is gone may come back: until then, changes are not to go to another one.
+  const stays = [wanted, chosen].find((name) => names.includes(name));
+  const next = stays ?? (chosen in gone ? chosen : names[0] ?? null);
   if (next !== chosen) show(next);
   else showChosen();
 });
@@ -116,7 +107,7 @@ connection.on('frame', ({header, arrays}) => {
   header.fingers.forEach((state, i) => {
     const card = cards.get(state.name);
     if (!card || arrays[`level/${i}`].length !== card.finger.channels.length) return;
-    card.show(state, {level: arrays[`level/${i}`], on: arrays[`on/${i}`], groups: arrays[`groups/${i}`]});
+    card.show(state, ...['level', 'on', 'groups'].map((part) => arrays[`${part}/${i}`]));
     news.note(card.finger.label, card.words);
   });
   showTitle();
@@ -127,22 +118,28 @@ connection.on('frame', ({header, arrays}) => {
 connection.on('age', (words) => write('age', words));
 connection.on('bag_places', ({places}) => (traces.places = places));
 
-tabs(document.querySelector('#signals [role=tablist]'), (panel) => spectrum.open(panel === 'spectrum'));
-tabs(document.querySelector('#tools [role=tablist]'));
+const [signalTabs, toolTabs] = document.querySelectorAll('[role=tablist]');
+tabs(signalTabs, (id) => spectrum.open(id === 'spectrum-tab'));
+tabs(toolTabs);
 
-element('to-threshold').addEventListener('click', () => {
+listen('fingers', 'click', ({target}) => {
+  const finger = target.closest('.finger')?.dataset.finger;
+  const channel = Number(target.dataset.channel);
+  if (target.matches('.take')) drawings.ask('take_input', {finger});
+  else if (channel || target.matches('.title')) choose(finger);
+  if (channel) traces.chooser.toggle(channel);
+});
+
+listen('to-threshold', 'click', () => {
   element('traces-tab').click();
   traces.line.root.focus();
 });
 
-document.addEventListener('keydown', (event) => {
-  if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches('input, select, textarea')) return;
-  // They can be switched off, as speech input and accidental strokes trigger them (WCAG 2.1.4).
-  if (!element('keys-act').checked) return;
-  const finger = element('fingers').children[event.key - 1]?.dataset.finger, keys = element('keys');
+listen(document, 'keydown', (event) => {
+  const key = pageKey(event), finger = element('fingers').children[key - 1]?.dataset.finger;
   if (finger) choose(finger);
-  else if (event.key.toLowerCase() === 'p') traces.pauseOrGoOn();
-  else if (event.key === '?') keys.open = !keys.open;
+  else if (key === 'p') traces.pauseOrGoOn();
+  else if (key === '?') element('keys').toggleAttribute('open');
   else return;
   event.preventDefault();
 });

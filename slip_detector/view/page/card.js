@@ -1,63 +1,52 @@
-// The card of one finger: its picture, in which each taxel stands at its place with its level as a fill,
-// its groups, and its state in words. The style sheet says how taxels look.
+// The card of one finger: its picture, in which each taxel stands at its place with its level as a
+// fill, its groups, and its state in words. The style sheet says how taxels look.
 
-import {write} from './elements.js';
+import {partsOf, update, write} from './elements.js';
 
-// Words and mark of each state; the first that applies is shown. The shapes of the marks tell states
-// apart without colours.
-const STATES = {
+// Words and mark of each state; of several fingers, the title of the page has the first one.
+export const STATES = {
+  slip: {mark: '\u25b2', words: 'SLIP'},
   lost: {mark: '\u2715', words: 'not connected'},
   silent: {mark: '\u2715', words: 'detector silent'},
   noInput: {mark: '\u2715', words: 'no input'},
   paused: {mark: '\u2016', words: 'paused'},
   notValid: {mark: '?', words: 'not valid'},
-  slip: {mark: '\u25b2', words: 'SLIP'},
   rest: {mark: '\u25cb', words: 'rest'},
 };
 // Shortest time between two updates of the channels in words.
 const WORDS_MS = 1000;
-// Of diagnostics.
-const LEVELS = [['\u2713', 'all well'], ['\u25b2', 'warning'], ['\u2715', 'error'], ['\u2715', 'stale']];
+const LEVELS = ['all well', 'warning', 'error', 'stale'], MARKS = '\u2713\u25b2\u2715\u2715';
 const VOTES = {all: 'all of them', mean: 'their geometric mean'};
 
 export class FingerCard {
-  // onChoose(): the user wants to see the finger's traces. onChannel(channel): the taxel of a channel,
-  // counted from 1, was clicked. onTake(): the detector is to take the samples as they come.
-  constructor({onChoose, onChannel, onTake}) {
-    this.root = element('card').content.firstElementChild.cloneNode(true);
-    for (const part of this.root.querySelectorAll('[class]')) this[part.className] = part;
-    this.title.addEventListener('click', onChoose);
-    this.take.addEventListener('click', onTake);
-    this.inWords.addEventListener('toggle', () => this.showChannels());
-    this.worded = -Infinity;
-    const at = (kind, act) => this.taxels.addEventListener(kind, ({target}) => {
-      if (target !== this.taxels) act(Number(target.dataset.channel), target);
+  constructor() {
+    Object.assign(this, partsOf('card'), {worded: -Infinity});
+    listen(this.inWords, 'toggle', () => this.showChannels());
+    listen(this.taxels, 'pointermove', ({target, target: {dataset: {channel}}}) => {
+      if (channel && this.channels) target.title = this.wordsOf(Number(channel));
     });
-    at('click', onChannel);
-    at('pointermove', (channel, taxel) => this.channels && (taxel.title = this.wordsOf(channel)));
   }
 
-  // Show the server's description of the finger, which changes with the detector's parameters.
   describe(finger, readOnly) {
     this.finger = finger;
-    Object.assign(this.take, {
-      textContent: finger.offer, hidden: !finger.offer, disabled: readOnly, ariaLabel: `${finger.offer}: ${finger.label}`,
-    });
+    const {offer, label, channels} = finger;
+    write(this.take, offer);
+    Object.assign(this.take, {disabled: readOnly, ariaLabel: `${offer}: ${label}`});
     this.root.dataset.finger = finger.name;
-    write(this.title, finger.label);
+    write(this.title, label);
     write(this.notice, finger.notice);
-    this.notice.hidden = !finger.notice;
-    const taxels = finger.channels.map((_, c) => {
+    const taxels = channels.map((_, c) => {
       const taxel = build('i.taxel');
       taxel.dataset.channel = c + 1;
       return taxel;
     });
+    const vote = VOTES[finger.vote] ?? `${finger.vote} of them`;
     this.chips = Object.entries(finger.groups).map(([name, members]) => {
       const count = build('span.count'), chip = build('li.group', build('span.name', name), count);
-      chip.title = `${name}: ${members.map((c) => finger.channels[c - 1]).join(', ')}; vote: ${VOTES[finger.vote] ?? `${finger.vote} of them`}`;
-      const mark = (on) => members.forEach((c) => taxels[c - 1].classList.toggle('marked', on));
-      chip.addEventListener('pointerenter', () => mark(true));
-      chip.addEventListener('pointerleave', () => mark(false));
+      chip.title = `${name}: ${members.map((c) => channels[c - 1]).join(', ')}; vote: ${vote}`;
+      listen(chip, 'pointerenter pointerleave', ({type}) => {
+        for (const c of members) taxels[c - 1].classList.toggle('marked', type === 'pointerenter');
+      });
       return {chip, count, members};
     });
     this.groups.replaceChildren(...this.chips.map(({chip}) => chip));
@@ -66,8 +55,7 @@ export class FingerCard {
     placeTaxels(this.taxels, finger.positions_m);
   }
 
-  // The finger's state in a frame, and its arrays there.
-  show(state, {level, on, groups}) {
+  show(state, level, on, groups) {
     this.state = state;
     this.channels = Array.from(level, (ratio, c) => ({
       level: ratio, on: Boolean(on[c]), valid: !Number.isNaN(ratio),
@@ -83,26 +71,28 @@ export class FingerCard {
       chip.classList.toggle('on', Boolean(groups[g]));
       write(count, `${votes}/${valid.length}${groups[g] ? ' ON' : ''}`);
     });
-    const {onset_age_s: age, slip, valid} = state;
-    const since = age === null ? 'no slip so far'
-      : slip ? `slip since ${seconds(age)}` : `last slip began ${seconds(age)} ago`;
-    write(this.onset, `${valid ? 'valid' : 'not valid'}; ${since}`);
+    const {onset_age_s: age, slip, valid} = state, ago = seconds(age ?? 0);
+    const began = slip ? `slip since ${ago}` : `last slip began ${ago} ago`;
+    const words = age === null ? 'no slip so far' : began;
+    write(this.onset, `${valid ? 'valid' : 'not valid'}; ${words}`);
     if (performance.now() - this.worded > WORDS_MS) this.showChannels();
   }
 
-  // For users who cannot see the picture.
   showChannels() {
     if (!this.inWords.open || !this.channels) return;
     this.worded = performance.now();
     const {list} = this;
     while (list.children.length > this.channels.length) list.lastChild.remove();
-    this.channels.forEach((_, c) => write(list.children[c] ?? list.appendChild(build('li')), this.wordsOf(c + 1)));
+    this.channels.forEach((_, c) => {
+      write(list.children[c] ?? list.appendChild(build('li')), this.wordsOf(c + 1));
+    });
   }
 
   stateName() {
     const {slip, valid, sample_age_s: age, silent, paused} = this.state;
     if (silent) return 'silent';
-    if (age === null || age > Math.max(this.finger.input_timeout_s, 0.25)) return paused ? 'paused' : 'noInput';
+    const comes = age !== null && age <= Math.max(this.finger.input_timeout_s, 0.25);
+    if (!comes) return paused ? 'paused' : 'noInput';
     if (!valid) return 'notValid';
     return slip ? 'slip' : 'rest';
   }
@@ -113,27 +103,28 @@ export class FingerCard {
       this.root.dataset.state = name;
       this.badge.replaceChildren(build('span.mark', mark, {ariaHidden: 'true'}), ` ${words}`);
     }
-    const noSample = unfit || (age === null ? 'no sample has come yet' : `no sample for ${seconds(age)}`);
-    const veil = {lost: 'as it was last', paused: 'as it was last', silent, noInput: noSample}[name] ?? '';
+    const none = age === null ? 'no sample has come yet' : `no sample for ${seconds(age)}`;
+    const last = 'as it was last', noInput = unfit || none;
+    const veil = {lost: last, paused: last, silent, noInput}[name] ?? '';
     write(this.veil, veil);
-    this.veil.hidden = !veil;
-    const dead = veil ? [] : this.finger.channels.filter((_, c) => !this.channels[c].valid && !this.channels[c].disabled);
+    const isDead = (_, c) => !veil && !this.channels[c].valid && !this.channels[c].disabled;
+    const dead = this.finger.channels.filter(isDead);
     const deadWords = dead.length ? `${channelWords(dead)} not valid` : '';
     // The line is always there, so that nothing below it moves when a channel fails.
     this.dead.classList.toggle('some', dead.length > 0);
     write(this.dead, deadWords ? `\u2715 ${deadWords}` : veil ? '' : '\u2713 all channels valid');
     this.words = [words, veil, deadWords].filter(Boolean).join(', ');
-    const label = `${this.finger.label}: ${this.words}`;
-    if (this.taxels.ariaLabel !== label) this.taxels.ariaLabel = label;
+    update(this.taxels, {ariaLabel: `${this.finger.label}: ${this.words}`});
   }
 
-  // lines: [level, name, message] of each. What is wrong stands at the top; of decisions the badge tells sooner.
+  // What is wrong stands at the top; of decisions the badge tells sooner.
   showDiagnostics(lines) {
     const wrong = lines.filter(([level]) => level).sort(([a], [b]) => b - a);
-    const shown = wrong.length ? wrong : lines.filter(([, name]) => name !== 'decisions');
-    this.diagnostics.replaceChildren(...shown.map(([level, name, message]) => {
-      const [mark, ariaLabel] = LEVELS[level] ?? ['?', 'unknown'];
-      return build(`li.level-${level}`, build('span.mark', mark, {role: 'img', ariaLabel}), ` ${name}: ${message}`);
+    const listed = wrong.length ? wrong : lines.filter(([, name]) => name !== 'decisions');
+    this.diagnostics.replaceChildren(...listed.map(([level, name, message]) => {
+      const ariaLabel = LEVELS[level] ?? 'unknown';
+      const lead = build('span.mark', MARKS[level] ?? '?', {role: 'img', ariaLabel});
+      return build(`li.level-${level}`, lead, ` ${name}: ${message}`);
     }));
     (wrong.length ? this.dead : this.notice).after(this.diagnostics);
   }
@@ -145,16 +136,19 @@ export class FingerCard {
 
   wordsOf(channel) {
     const {level, on, valid, disabled} = this.channels[channel - 1];
-    const group = Object.entries(this.finger.groups).find(([, members]) => members.includes(channel));
+    const {groups, channels} = this.finger;
+    const group = Object.keys(groups).find((name) => groups[name].includes(channel));
     const ratio = level < 0.005 ? 'less than 0.01' : level.toPrecision(2);
-    const state = disabled ? 'disabled' : valid ? `${ratio} of the threshold${on ? ', ON' : ''}` : 'not valid';
-    return [this.finger.channels[channel - 1], group && `group ${group[0]}`, state].filter(Boolean).join(', ');
+    const known = valid ? `${ratio} of the threshold${on ? ', ON' : ''}` : 'not valid';
+    const state = disabled ? 'disabled' : known;
+    return [channels[channel - 1], group && `group ${group}`, state].filter(Boolean).join(', ');
   }
 }
 
 function channelWords(names) {
-  const shown = names.slice(0, 4).join(', ');
-  return names.length > 4 ? `${shown} and ${names.length - 4} more are` : `${shown} ${names.length > 1 ? 'are' : 'is'}`;
+  const first = names.slice(0, 4).join(', ');
+  if (names.length > 4) return `${first} and ${names.length - 4} more are`;
+  return `${first} ${names.length > 1 ? 'are' : 'is'}`;
 }
 
 // Rounded so that a running number can be read.
@@ -162,17 +156,15 @@ const seconds = (age) => (
   age < 120 ? `${age.toFixed(age < 10 ? 1 : 0)} s` : `${Math.floor(age / 60)} min`);
 
 // Show a channel in its taxel: levels from 1/32 of the threshold, in steps that are hardly seen.
-// What stays the same is not painted again.
 function showTaxel(taxel, {level, on, valid, disabled}) {
-  const share = Math.max(0, Math.min(1, 1 + Math.log2(level) / LEVEL_OCTAVES));
+  const share = clamp(1 + Math.log2(level) / LEVEL_OCTAVES, 0, 1);
   const shows = disabled ? 'disabled' : !valid ? 'invalid' : on ? 'on' : 'level';
   const fill = shows === 'level' ? `100% ${Math.round(32 * share) / 0.32}%` : '';
-  if (taxel.dataset.shows !== shows) taxel.dataset.shows = shows;
-  if (taxel.style.backgroundSize !== fill) taxel.style.backgroundSize = fill;
+  update(taxel.dataset, {shows});
+  update(taxel.style, {backgroundSize: fill});
 }
 
-// Place taxels in units of the least distance of two. positions: of each channel [x, y, z] in
-// metres, no two the same. The two axes along which the finger is largest are shown.
+// Place taxels in units of the least distance of two, along the two axes of the largest extents.
 function placeTaxels(taxels, positions) {
   const extents = [0, 1, 2].map((axis) => {
     const [least, most] = rangeOf(positions.map((position) => position[axis]));
@@ -184,7 +176,7 @@ function placeTaxels(taxels, positions) {
   // As taxels are drawn as squares, the distance of two is the larger of those along the axes.
   const distances = points.flatMap(([x, y], i) => points.slice(0, i).map(
     ([other, above]) => Math.max(Math.abs(x - other), Math.abs(y - above)) || Infinity));
-  const unit = distances.reduce((least, distance) => Math.min(least, distance), Infinity);
+  const [unit] = rangeOf(distances) ?? [Infinity];
   // The outermost taxels have half a unit to the edge.
   taxels.style.cssText = `--wide: ${across.size / unit + 1}; --high: ${along.size / unit + 1}`;
   points.forEach(([x, y], c) => {

@@ -1,15 +1,13 @@
 // The connection to slip_view: messages by type, frames, and requests.
 
-const AGAIN_MS = 1000;
 // Frames come many times a second: after so many checks without one, slip_view counts as hung.
-const CHECK_MS = 1000, MOST_CHECKS = 3;
+const AGAIN_MS = 1000, CHECK_MS = 1000, MOST_CHECKS = 3;
 // From so many seconds on the page says how old what it shows is.
 const OLD_S = 2;
 const UNREACHABLE = 'slip_view cannot be reached';
 
-// Return a binary frame, as slip_detector/view/view_request.py makes it, as {header, arrays}: the arrays
-// by name.
-function readFrame(buffer) {
+// Return a binary frame, which view_request.py makes, as {header, arrays}: the arrays by name.
+export function readFrame(buffer) {
   const length = new DataView(buffer).getUint32(0, true), arrays = {};
   const header = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
   let place = 4 + length;
@@ -20,28 +18,25 @@ function readFrame(buffer) {
   return {header, arrays};
 }
 
-// Dispatches each message as an event of its type.
 export class Connection extends EventTarget {
   constructor() {
     super();
-    this.words = null;
-    this.checks = 0;
-    // By the number of a request, what its answer is passed to.
-    this.answers = new Map();
-    this.requests = 0;
-    this.view = {};
-    // Whether a frame waits to be drawn; when the next one was asked for, and the one that is shown.
+    Object.assign(this, {words: null, checks: 0, requests: 0, answers: new Map(), view: {}});
+    // Whether a frame waits to be drawn; when it was asked for, and when the one that is shown.
     this.draws = false;
     this.askedMs = this.shownMs = NaN;
-    // A hidden page asks for nothing.
-    document.addEventListener('visibilitychange', () => this.sendView());
+    listen(document, 'visibilitychange', () => this.sendView());
     setInterval(() => this.checkForFrames(), CHECK_MS);
+  }
+
+  emit(type, detail) {
+    this.dispatchEvent(new CustomEvent(type, {detail}));
   }
 
   say(words) {
     if (words === this.words) return;
     this.words = words;
-    this.dispatchEvent(new CustomEvent('state', {detail: words}));
+    this.emit('state', words);
   }
 
   // Count checks without a frame, if frames are due and none waits to be drawn.
@@ -51,19 +46,17 @@ export class Connection extends EventTarget {
     if (this.checks > MOST_CHECKS) this.say('slip_view does not answer');
     if (!due) this.shownMs = NaN;
     const seconds = Math.floor((performance.now() - this.shownMs) / 1000);
-    const detail = seconds >= OLD_S ? `, shown is ${seconds}\u00a0s old` : '';
-    this.dispatchEvent(new CustomEvent('age', {detail}));
+    this.emit('age', seconds >= OLD_S ? `, shown is ${seconds}\u00a0s old` : '');
   }
 
   get isOpen() {
     return this.socket?.readyState === WebSocket.OPEN;
   }
 
-  // take(message): called with each message of this type. A 'frame' is {header, arrays}; it comes once for
-  // each frame, when the browser draws. A 'state' is why there is no connection; '': there is. An 'age'
-  // says how old what is shown is, if it is old.
+  // Let take(message) be called with each message of this type, with a 'frame' when the browser
+  // draws, with a 'state', why there is no connection, or '', and with an 'age' of what is old.
   on(type, take) {
-    this.addEventListener(type, ({detail}) => take(detail));
+    listen(this, type, ({detail}) => take(detail));
   }
 
   open() {
@@ -78,7 +71,8 @@ export class Connection extends EventTarget {
     };
     socket.onmessage = ({data}) => this.take(data);
     socket.onclose = ({reason}) => {
-      for (const resolve of this.answers.values()) resolve({refusal: 'the connection to slip_view was lost'});
+      const refusal = 'the connection to slip_view was lost';
+      for (const resolve of this.answers.values()) resolve({refusal});
       this.answers.clear();
       this.explain(reason);
       setTimeout(() => this.open(), AGAIN_MS);
@@ -89,7 +83,6 @@ export class Connection extends EventTarget {
     // A WebSocket does not pass on why the server refuses it.
     const why = reason || await fetch(`/live${location.search}`)
       .then((answer) => (answer.status === 403 ? answer.text() : '')).catch(() => '');
-    // The connection may be open again meanwhile.
     if (!this.isOpen) this.say(`${why.trim() || UNREACHABLE}; trying again`);
   }
 
@@ -106,21 +99,19 @@ export class Connection extends EventTarget {
       this.answers.get(message.id)?.(message);
       this.answers.delete(message.id);
     }
-    this.dispatchEvent(new CustomEvent(message.type, {detail: message}));
+    this.emit(message.type, message);
   }
 
   draw(data) {
     this.draws = false;
-    // A frame from before the connection was lost is old.
     if (!this.isOpen) return;
     // The next frame is made while this one is drawn.
     this.send({type: 'drawn'});
     [this.shownMs, this.askedMs] = [this.askedMs, performance.now()];
-    this.dispatchEvent(new CustomEvent('frame', {detail: readFrame(data)}));
+    this.emit('frame', readFrame(data));
   }
 
-  // Change what the page asks for: {fingers, finger, channels, window_s, pixels, spectrum, until_ns};
-  // those that are not given stay as they are.
+  // Change some of what the page asks for.
   changeView(changes) {
     const before = JSON.stringify(this.view);
     Object.assign(this.view, changes);

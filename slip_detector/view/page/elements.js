@@ -1,38 +1,59 @@
-// Makes the elements of the page, tabs and announcements.
+// Makes the elements of the page: tabs, sliders, announcements.
 
-// A button; properties: those that differ from the usual ones.
-export function button(words, act, properties = {}) {
-  const made = build('button', words, {type: 'button', ...properties});
-  made.addEventListener('click', act);
-  return made;
+export const button = (words, onclick, properties = {}) => (
+  build('button', words, {type: 'button', onclick, ...properties}));
+
+// What a template holds: its root, and by class the parts in it.
+export function partsOf(id) {
+  const root = element(id).content.firstElementChild.cloneNode(true), parts = {root};
+  for (const part of root.querySelectorAll('[class]')) parts[part.className] = part;
+  return parts;
 }
 
-// Set the text of an element, or of the one with this id, only if it has changed: a screen reader would read it
-// again, and the browser lay it out.
+// Set properties only where they differ: the browser would lay out, paint or read aloud again.
+export function update(target, properties) {
+  for (const [name, value] of Object.entries(properties)) {
+    if (target[name] !== value) target[name] = value;
+  }
+}
+
+// Set the text of an element, or of the one with this id.
 export function write(where, words) {
-  const place = typeof where === 'string' ? element(where) : where;
-  if (place.textContent !== words) place.textContent = words;
+  update(typeof where === 'string' ? element(where) : where, {textContent: words});
 }
 
-// Let a button be held. A click without a pointer comes from Enter or a screen reader, which cannot hold one: it presses,
-// and the next one releases.
+// The key that is meant for the page wherever the focus is, in lower case; else ''.
+export function pageKey(event) {
+  const isTyped = event.target.matches('input:not([type=range]), select, textarea');
+  // They can be switched off, as speech input and accidental strokes trigger them (WCAG 2.1.4).
+  const acts = element('keys-act').checked && !isShortcut(event) && !isTyped;
+  return acts ? event.key.toLowerCase() : '';
+}
+
+// Let a button be held. Enter and screen readers cannot: one click presses, the next one releases.
 export function holdable(held, {press, release, isHeld}) {
-  held.addEventListener('pointerdown', (event) => {
+  listen(held, 'pointerdown', (event) => {
     if (event.button) return;
     held.setPointerCapture(event.pointerId);
     press();
   });
-  for (const end of ['pointerup', 'pointercancel']) held.addEventListener(end, release);
-  held.addEventListener('contextmenu', (event) => event.preventDefault());
-  held.addEventListener('click', ({detail}) => detail || (isHeld() ? release() : press()));
+  listen(held, 'pointerup pointercancel', release);
+  listen(held, 'contextmenu', (event) => event.preventDefault());
+  listen(held, 'click', ({detail}) => detail || (isHeld() ? release() : press()));
   // A hidden page does not notice that the button, or its key, is released.
-  window.addEventListener('blur', release);
-  document.addEventListener('visibilitychange', release);
+  listen(window, 'blur', release);
+  listen(document, 'visibilitychange', release);
 }
 
-export const tableRow = ([heading, ...cells]) => build('tr', build('th', heading, {scope: 'row'}), ...cells.map((cell) => build('td', cell)));
+export function tableRow([heading, ...cells]) {
+  const first = build('th', heading, {scope: 'row'});
+  return build('tr', first, ...cells.map((cell) => build('td', cell)));
+}
 
-// A part with controls: the fingers by their labels, requests, and the line that shows why one was refused.
+// Names this page in requests, so that it knows its own changes from those of others.
+export const PAGE = crypto.getRandomValues(new Uint32Array(2)).join('-');
+
+// A part with controls: fingers by their labels, requests, and the line of why one was refused.
 export class Tool {
   constructor(connection, line) {
     Object.assign(this, {connection, line, finger: null, labels: {}, readOnly: false});
@@ -47,11 +68,7 @@ export class Tool {
       this.show();
     });
     // A refusal is about the parameters as they were.
-    connection.on('parameters', ({fingers}) => {
-      const newest = fingers[this.finger]?.changes[0]?.[0];
-      if (newest !== this.newest) this.refuse('');
-      this.newest = newest;
-    });
+    connection.on('parameters', () => this.refuse(''));
   }
 
   choose(finger) {
@@ -65,51 +82,45 @@ export class Tool {
     return this.readOnly || Boolean(this.connection.words);
   }
 
-  // Send a request about the chosen finger, or another one; resolves with the answer. beside: what the answer
-  // stands beside, if not where it stood before.
+  // Resolves with the answer to a request. beside: what a refusal is to stand beside from now on.
   async ask(type, content, beside) {
+    const {finger, line: {parentElement: place}} = this;
     this.refuse('');
-    beside?.after(this.line.parentElement);
-    const answer = await this.connection.request(type, {finger: this.finger, page: PAGE, ...content});
+    beside?.after(place);
+    const answer = await this.connection.request(type, {finger, page: PAGE, ...content});
     if (answer.refusal) this.refuse(answer.refusal);
-    if (beside) this.line.parentElement.scrollIntoView({block: 'nearest'});
+    if (beside) place.scrollIntoView({block: 'nearest'});
     return answer;
   }
 
   refuse(words) {
-    this.line.replaceChildren(words && `Refused: ${words}`, button('', () => this.refuse(''), {className: 'dismiss', ariaLabel: 'Dismiss'}));
+    const properties = {className: 'dismiss', ariaLabel: 'Dismiss'};
+    const dismiss = button('', () => this.refuse(''), properties);
+    this.line.replaceChildren(words && `Refused: ${words}`, dismiss);
     this.line.hidden = !words;
   }
 }
 
-// Names this page in requests, so that it knows its own changes from those of others.
-export const PAGE = crypto.getRandomValues(new Uint32Array(2)).join('-');
-
-// Tabs as the ARIA Authoring Practices describe them: one tab stop, arrows choose.
-// list: the element with the role tablist. onChoose(id): called when the panel of this id is shown.
+// Tabs as the ARIA Authoring Practices describe them; onChoose(id): the tab of this id is chosen.
 export function tabs(list, onChoose = () => {}) {
   const all = [...list.querySelectorAll('[role=tab]')];
-  const panelOf = (tab) => tab.getAttribute('aria-controls');
   const choose = (chosen) => {
     for (const tab of all) {
       tab.ariaSelected = String(tab === chosen);
       tab.tabIndex = tab === chosen ? 0 : -1;
-      element(panelOf(tab)).hidden = tab !== chosen;
+      element(tab.getAttribute('aria-controls')).hidden = tab !== chosen;
     }
-    onChoose(panelOf(chosen));
+    onChoose(chosen.id);
   };
-  list.addEventListener('click', ({target}) => {
-    if (all.includes(target)) choose(target);
-  });
+  listen(list, 'click', ({target}) => all.includes(target) && choose(target));
   oneTabStop(list, choose);
   choose(all[0]);
 }
 
 // Make the buttons of a group one tab stop: arrows, Home and End go from one to another.
-// onMove(button): called with the one that has the focus then.
 export function oneTabStop(group, onMove = () => {}) {
   const buttons = () => [...group.querySelectorAll('button')];
-  group.addEventListener('keydown', (event) => {
+  listen(group, 'keydown', (event) => {
     const all = buttons(), at = all.indexOf(event.target);
     const next = {ArrowRight: at + 1, ArrowLeft: at - 1, Home: 0, End: -1}[event.key];
     if (next === undefined) return;
@@ -118,27 +129,22 @@ export function oneTabStop(group, onMove = () => {}) {
     to.focus();
     onMove(to);
   });
-  group.addEventListener('focusin', ({target}) => {
-    for (const one of buttons()) one.tabIndex = one === target ? 0 : -1;
+  listen(group, 'focusin', ({target}) => {
+    for (const each of buttons()) each.tabIndex = each === target ? 0 : -1;
   });
 }
 
-// The height that a part of the signals may have so that the page, unscrolled, shows all of it with so much below it.
-export const heightFor = (part, below) => window.innerHeight - below - window.scrollY - element('fingers').getBoundingClientRect().bottom
-  + element('signals').getBoundingClientRect().top - part.getBoundingClientRect().top;
-
-// A range that grows at once, with a margin on either side, but shrinks only when less than this share of
-// it is wanted: one that followed each value would make curves jump.
-export function steady(before, [least, most], share, margin = 0) {
-  const size = most - least;
-  const fits = before && least >= before[0] && most <= before[1] && size > share * (before[1] - before[0]);
-  return fits ? before : [least - margin * size, most + margin * size];
+// The height of a part of the signals of which the page, unscrolled, shows all and so much below.
+export function heightFor(part, below) {
+  const boxOf = (each) => each.getBoundingClientRect();
+  const above = boxOf(part).top - boxOf(element('signals')).top;
+  return window.innerHeight - below - window.scrollY - boxOf(element('fingers')).bottom - above;
 }
 
-// Announces changes of the fingers to screen readers, without interrupting them; those within so many
-// milliseconds together, as slip may come and go many times a second.
+// Changes in this time are one announcement.
 const GATHERED_MS = 1500;
 
+// Announces changes of the fingers to screen readers, without interrupting them.
 export class News {
   constructor(region) {
     Object.assign(this, {region, announced: new Map(), present: new Map()});
@@ -151,9 +157,12 @@ export class News {
   }
 
   say() {
-    const fresh = [...this.present].filter(([label, words]) => words !== this.announced.get(label));
-    if (fresh.length) this.region.textContent = fresh.map(([label, words]) => `${label}: ${words}.`).join(' ');
-    this.announced = new Map([...this.announced, ...this.present]);
+    const lines = [];
+    for (const [label, words] of this.present) {
+      if (words !== this.announced.get(label)) lines.push(`${label}: ${words}.`);
+      this.announced.set(label, words);
+    }
+    if (lines.length) this.region.textContent = lines.join(' ');
     this.present.clear();
   }
 }
@@ -161,33 +170,32 @@ export class News {
 // A value moved by keys is set by Enter, or this time after the last key.
 const KEYS_MS = 700;
 // Longest time between the answer to a change and the message with the new value.
-const SHOWN_MS = 500;
+const ANSWERED_MS = 500;
 const STEPS = {ArrowUp: 1, ArrowRight: 1, ArrowDown: -1, ArrowLeft: -1, PageUp: 10, PageDown: -10};
 
 // A line in a drawing that is dragged, or moved by keys; for screen readers it is a slider.
 export class Slider {
-  // vertical: whether the line is moved up and down, else to the left and right.
-  // valueOf(pixel): the value at a pixel of the slider's parent. words(value): the label of a value.
-  // step(value, steps): the value so many steps up or down. onMove(): called when the line has moved.
+  // valueOf(pixel): the value at a pixel of the slider's parent. words(value): its label.
+  // step(value, steps): the value so many steps up. onMove(): called when the line has moved.
   // onSet(value): called when it is released; resolves when the change was answered.
-  constructor({name, vertical, valueOf, words, step, onMove, onSet}) {
-    Object.assign(this, {vertical, valueOf, words, step, onMove, onSet});
-    const direction = vertical ? 'vertical' : 'horizontal';
+  constructor({name, vertical, ...calls}) {
+    Object.assign(this, {vertical, ...calls});
+    const direction = vertical ? 'vertical' : 'horizontal', aria = {ariaOrientation: direction};
     this.label = build('span.label');
-    this.root = build(`div.slider.${direction}`, this.label, {role: 'slider', tabIndex: 0, ariaLabel: name, ariaOrientation: direction});
+    this.root = build(`div.slider.${direction}`, this.label, aria, {role: 'slider', tabIndex: 0});
+    this.root.ariaLabel = name;
     // The value that the user has chosen, until the detector has it or has refused it; else null.
     this.chosen = null;
     this.drop();
-    const on = (kind, act) => this.root.addEventListener(kind, act);
-    on('pointerdown', (event) => this.grip(event));
-    on('pointermove', ({clientX, clientY}) => {
-      const box = this.root.parentElement.getBoundingClientRect();
-      if (this.gripped) this.move(this.valueOf(vertical ? clientY - box.top : clientX - box.left));
+    listen(this.root, 'pointerdown', (event) => this.grip(event));
+    listen(this.root, 'pointermove', ({clientX, clientY}) => {
+      const {left, top} = this.root.parentElement.getBoundingClientRect();
+      if (this.gripped) this.move(this.valueOf(vertical ? clientY - top : clientX - left));
     });
-    on('pointerup', () => this.gripped && this.set());
-    on('pointercancel', () => this.leave());
-    on('keydown', (event) => this.onKey(event));
-    on('blur', () => this.timer && this.set());
+    listen(this.root, 'pointerup', () => this.gripped && this.set());
+    listen(this.root, 'pointercancel', () => this.leave());
+    listen(this.root, 'keydown', (event) => this.onKey(event));
+    listen(this.root, 'blur', () => this.timer && this.set());
   }
 
   allow(allowed) {
@@ -202,10 +210,11 @@ export class Slider {
   show(value, least, most) {
     if (value !== this.value && !this.moving) this.chosen = null;
     this.value = value;
-    const shown = this.chosen ?? value, words = this.words(shown);
+    const seen = this.chosen ?? value, words = this.words(seen);
     write(this.label, words);
-    Object.assign(this.root, {ariaValueNow: `${shown}`, ariaValueMin: `${least}`, ariaValueMax: `${most}`, ariaValueText: words});
-    return shown;
+    const ends = {ariaValueMin: `${least}`, ariaValueMax: `${most}`};
+    Object.assign(this.root, {ariaValueNow: `${seen}`, ariaValueText: words, ...ends});
+    return seen;
   }
 
   place(pixel) {
@@ -225,13 +234,12 @@ export class Slider {
     if (chosen !== this.value) await this.onSet(chosen);
     setTimeout(() => {
       if (this.chosen === chosen && !this.moving) this.leave();
-    }, SHOWN_MS);
+    }, ANSWERED_MS);
   }
 
   leave() {
     this.drop();
-    this.chosen = null;
-    this.onMove();
+    this.move(null);
   }
 
   // Before the line shows another finger: set a value chosen by keys, abandon a drag.
@@ -261,7 +269,7 @@ export class Slider {
   }
 
   onKey(event) {
-    if (this.root.ariaDisabled === 'true' || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (this.root.ariaDisabled === 'true' || isShortcut(event)) return;
     if (event.key in STEPS) {
       this.move(this.step(this.chosen ?? this.value, STEPS[event.key]));
       clearTimeout(this.timer);
@@ -273,6 +281,3 @@ export class Slider {
     event.stopPropagation();
   }
 }
-
-// A value with three significant digits, as it is set.
-export const rounded = (value) => Number(value.toPrecision(3));

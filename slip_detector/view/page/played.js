@@ -1,6 +1,6 @@
 // The recording that slip_view --bag plays: its trace, the place in it, and its labels.
 
-import {holdable, write} from './elements.js';
+import {holdable, pageKey, write} from './elements.js';
 import {RecordingTrace} from './recording_trace.js';
 
 // A shorter move of the pointer is a click, a shorter slip a mistake.
@@ -18,23 +18,26 @@ export class Played extends RecordingTrace {
     this.root.append(this.frame, part('place'), this.words);
     connection.on('bag', (state) => this.show(state));
     connection.on('fingers', ({read_only: readOnly}) => this.allow(!readOnly));
-    const on = (place, kinds, act) => kinds.split(' ').forEach((kind) => place.addEventListener(kind, act));
-    on(part('play'), 'click', () => this.ask('play', {playing: !this.state.playing}));
-    for (const [what, name] of [['place', 'to_s'], ['speed', 'speed']]) on(part(what), 'change', ({target}) => this.ask('play', {[name]: Number(target.value)}));
-    for (const [what, by] of [['shorter', 2], ['longer', 0.5]]) on(part(what), 'click', () => this.zoom(by));
-    on(part('remove'), 'click', () => this.ask('label', {slip_s: this.pairs.filter((pair) => !this.isHere(pair))}));
-    holdable(part('hold'), {press: () => this.press(true), release: () => this.press(false), isHeld: () => this.held !== null});
-    on(document, 'keydown keyup', ({type, key, repeat, ctrlKey, metaKey, altKey, target}) => {
-      const meant = key.toLowerCase() === 'l' && !repeat && !ctrlKey && !metaKey && !altKey && !target.matches('input:not([type=range]), textarea');
-      if (meant && element('keys-act').checked) this.press(type === 'keydown');
+    const playFrom = ({target}) => this.ask('play', {[target.name]: Number(target.value)});
+    listen('bag-play', 'click', () => this.ask('play', {playing: !this.state.playing}));
+    for (const id of ['bag-place', 'bag-speed']) listen(id, 'change', playFrom);
+    listen('bag-shorter', 'click', () => this.zoom(2));
+    listen('bag-longer', 'click', () => this.zoom(0.5));
+    listen('bag-remove', 'click', () => (
+      this.ask('label', {slip_s: this.pairs.filter((pair) => !this.isHere(pair))})));
+    const press = () => this.press(true), release = () => this.press(false);
+    holdable(part('hold'), {press, release, isHeld: () => this.held !== null});
+    listen(document, 'keydown keyup', (event) => {
+      if (pageKey(event) === 'l' && !event.repeat) this.press(event.type === 'keydown');
     });
-    on(this.picture, 'pointerdown pointermove pointerup pointercancel', (event) => this.onPointer(event));
+    const types = 'pointerdown pointermove pointerup pointercancel';
+    listen(this.picture, types, (event) => this.onPointer(event));
   }
 
   // A click goes to a place; a drag is a label.
   onPointer({type, button: which, clientX, pointerId}) {
     const {left, width} = this.picture.getBoundingClientRect(), {drag} = this;
-    const to = Math.min(Math.max((clientX - left) / width, 0), 1) * this.trace?.duration_s;
+    const to = clamp((clientX - left) / width, 0, 1) * this.trace?.duration_s;
     if (type === 'pointermove') return drag && this.mark(drag.from, to);
     this.drag = type === 'pointerdown' && !which && this.trace ? {from: to, x: clientX} : null;
     this.mark();
@@ -80,15 +83,17 @@ export class Played extends RecordingTrace {
 
   // Show what is to become a label; without ends: nothing.
   mark(from = 0, to = from) {
-    const share = 100 / this.trace?.duration_s;
-    Object.assign(this.band.style, {left: `${share * Math.min(from, to)}%`, width: `${share * Math.abs(to - from)}%`});
+    const percent = (seconds) => `${100 * seconds / this.trace?.duration_s}%`;
+    const left = percent(Math.min(from, to)), width = percent(Math.abs(to - from));
+    Object.assign(this.band.style, {left, width});
   }
 
-  // Add a slip, and make one of it and those that it meets. pixel_s: seconds of a pixel, if it was set by eye.
+  // Add a slip, joined with those that it meets; pixel_s is there if it was set by eye.
   add(from, to, pixel_s) {
     const meets = ([start, end]) => start <= Math.max(from, to) && end >= Math.min(from, to);
-    const ends = [from, to, ...this.pairs.filter(meets).flat()];
-    if (this.allowed) this.ask('label', {slip_s: [...this.pairs.filter((pair) => !meets(pair)), [Math.min(...ends), Math.max(...ends)]], pixel_s});
+    const joined = rangeOf([from, to, ...this.pairs.filter(meets).flat()]);
+    const slip_s = [...this.pairs.filter((pair) => !meets(pair)), joined];
+    if (this.allowed) this.ask('label', {slip_s, pixel_s});
   }
 
   // Ask for a change, which comes as news to all pages.
@@ -96,10 +101,6 @@ export class Played extends RecordingTrace {
     const {refusal, said} = await this.request(type, content);
     this.said = refusal ? `Refused: ${refusal}` : said ?? '';
     if (this.trace && this.said) this.label(this.state.slip_s);
-  }
-
-  takeBack() {
-    return this.ask('undo', {});
   }
 
   describe() {

@@ -1,34 +1,29 @@
 // The picture of a recording: its signal, and its labels, each change of which is kept at once.
 
-import {Slider, button, write} from './elements.js';
+import {Slider, partsOf, write} from './elements.js';
 
-// A step of an end by keys, the shortest stretch that is seen, and the least range of the signal.
+// A step by keys, the shortest stretch that is seen, and the least range of the signal.
 const STEP_S = 0.01, LEAST_S = 0.5, LEAST_DB = 6;
-// The width and the colour of each curve.
 const CURVES = {loudest: [1, '#6a7986'], median: [2, '#0b5a8c']};
 const ZOOMS = {'+': 2, '=': 2, '-': 0.5, Home: 0};
 // Traces are asked for one after the other, as many wait at once when a page opens.
 let turn = Promise.resolve();
 const percent = (share) => `${Number((100 * share).toPrecision(2))} %`;
 
-// The loudest and the median channel in dB, over the intervals of the label; under them a strip of
-// the level, and one of what the detector as it is would decide. It can be zoomed and scrolled.
+// The loudest and the median channel in dB over the label, a strip of the level, and the decision.
 export class RecordingTrace {
   // request(type, content): asks about this recording; resolves with the answer.
   constructor(name, request) {
-    Object.assign(this, {name, request, factor: 1, said: '', pairs: [], ends: [], before: []});
-    this.canvas = build('canvas', {role: 'img', ariaLabel: `Signal of ${name}`});
-    this.picture = build('div.trace', this.canvas);
-    this.frame = build('div.trace-frame', this.picture, {tabIndex: -1});
-    this.words = build('p.hint');
-    const title = 'Move the ends to where the signal changes, if that is found within 0.7 s';
-    const snap = button('Snap', () => this.ask('snap'), {ariaLabel: `Snap ${name}`, title});
-    const undo = button('Undo', () => this.takeBack(), {ariaLabel: `Undo ${name}`});
-    this.edit = build('span.buttons', snap, undo);
-    this.root = build('div.recording-trace', this.frame, this.words, this.edit);
-    this.frame.addEventListener('scroll', () => this.draw());
-    this.frame.addEventListener('wheel', (event) => this.onWheel(event), {passive: false});
-    this.frame.addEventListener('keydown', (event) => this.onKey(event));
+    Object.assign(this, {name, request, factor: 1, said: '', pairs: [], ends: []});
+    const {root, canvas, hint, buttons, snap, undo, ...rest} = partsOf('recording-trace');
+    Object.assign(this, {root, canvas, words: hint, edit: buttons});
+    Object.assign(this, {frame: rest['trace-frame'], picture: rest.trace});
+    canvas.ariaLabel = `Signal of ${name}`;
+    Object.assign(snap, {ariaLabel: `Snap ${name}`, onclick: () => this.ask('snap')});
+    Object.assign(undo, {ariaLabel: `Undo ${name}`, onclick: () => this.ask('undo_label')});
+    listen(this.frame, 'scroll', () => this.draw());
+    listen(this.frame, 'wheel', (event) => this.onWheel(event), {passive: false});
+    listen(this.frame, 'keydown', (event) => this.onKey(event));
     new ResizeObserver(() => this.draw()).observe(this.picture);
   }
 
@@ -56,7 +51,7 @@ export class RecordingTrace {
   handle(i) {
     const inside = (s) => {
       const ends = [-STEP_S, ...this.pairs.flat(), this.trace.duration_s + STEP_S];
-      return Math.min(Math.max(s, ends[i] + STEP_S), ends[i + 2] - STEP_S);
+      return clamp(s, ends[i] + STEP_S, ends[i + 2] - STEP_S);
     };
     return new Slider({
       name: `${i % 2 ? 'End' : 'Start'} of the slip in ${this.name}`,
@@ -76,23 +71,15 @@ export class RecordingTrace {
     this.edit.hidden = !allowed;
   }
 
-  // Seconds of a pixel.
   get pixel_s() {
     return this.trace.duration_s / this.picture.clientWidth;
   }
 
   async ask(type, content = {slip_s: this.pairs}) {
-    const {pairs} = this, {refusal, said} = await this.request(type, content);
+    const {refusal, said} = await this.request(type, content);
     if (refusal) return;
-    this.before.push(pairs);
     this.said = said ? `Saved: ${said}` : 'Saved';
     await this.load();
-  }
-
-  async takeBack() {
-    const before = this.before.slice(0, -1);
-    if (this.before.length) await this.ask('label', {slip_s: this.before.at(-1)});
-    this.before = before;
   }
 
   // Say in how much of the slip, and of the rest, the detector is ON.
@@ -123,7 +110,7 @@ export class RecordingTrace {
   }
 
   onKey(event) {
-    if (!(event.key in ZOOMS) || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (!(event.key in ZOOMS) || isShortcut(event)) return;
     event.preventDefault();
     this.zoom(ZOOMS[event.key]);
   }
@@ -134,9 +121,9 @@ export class RecordingTrace {
     const {context, width, height} = fitted(canvas), {pixel_s: pixel} = this, {bin_s: bin} = trace;
     const xOf = (s) => s / pixel - scrollLeft, ends = this.pairs.flat();
     const below = height - 2 * STRIP - 1;
-    const shown = this.ends.map((end, i) => end.show(ends[i], 0, trace.duration_s));
-    this.ends.forEach((end, i) => end.place(shown[i] / pixel));
-    bars(context, xOf, shown, 0, height, TRUTH);
+    const seen = this.ends.map((end, i) => end.show(ends[i], 0, trace.duration_s));
+    this.ends.forEach((end, i) => end.place(seen[i] / pixel));
+    bars(context, xOf, seen, 0, height, TRUTH);
     bars(context, xOf, [trace.read_s, trace.duration_s], 0, height, HATCHING);
     bars(context, xOf, trace.on_s.flat(), height - STRIP, STRIP, ON);
     const first = Math.max(0, Math.floor(scrollLeft * pixel / bin) - 1);
@@ -155,8 +142,7 @@ export class RecordingTrace {
       }
       context.stroke();
     }
-    Object.assign(context, {font: '11px system-ui, sans-serif', fillStyle: INK});
-    // A small picture has no room for its scale.
+    Object.assign(context, {font: `11px ${FONT}`, fillStyle: INK});
     const scale = height > 60 && rest !== null ? [[most, 11], [rest, below - 3]] : [];
     for (const [db, y] of scale) context.fillText(`${Math.round(db)} dB`, 3, y);
   }

@@ -1,14 +1,12 @@
 // What traces show: columns of pixels, and the stretch of time of them.
 
-// What comes with each stream of a frame: by the name of a part its array.
-const PARTS = {samples: {low: 'volts/low', high: 'volts/high', truth: 'truth'}, levels: {level: 'level/high', slip: 'slip'}};
+// The arrays that come with each stream of a frame.
+const PARTS = {samples: ['low', 'high', 'truth'], levels: ['level', 'slip']};
 
-// The data of traces: columns of pixels, each with the lowest and the highest value in it. Column k
-// has the stamps from k * width up to, but not including, (k + 1) * width, so that its content does not
-// change while the page scrolls.
+// Columns of pixels, each with the lowest and the highest value in it. Column k has the stamps
+// from k * width up to, but not including, (k + 1) * width.
 export class Columns {
-  // kept: how many columns are kept at least. begun_s: the stamp at which times are 0; null: the
-  // whole minute before the first column, so that ticks are those of a clock.
+  // kept: at least so many columns. begun_s: the stamp of time 0; null: the first column's minute.
   constructor({width_ns: width, channels}, kept, begun_s) {
     Object.assign(this, {width_s: width / 1e9, channels, kept, begun_s});
     // The number of the first column that is kept, and of the one after the last.
@@ -17,7 +15,6 @@ export class Columns {
     this.parts = {low: each(), high: each(), level: each(), slip: [[]], truth: [[]]};
   }
 
-  // Null before the first column.
   get last_s() {
     return this.stop === null ? null : this.stop * this.width_s - this.begun_s;
   }
@@ -26,7 +23,7 @@ export class Columns {
     const came = [traces.samples, traces.levels].filter(({count}) => count);
     if (!came.length) return;
     const stop = Math.max(...came.map(({first, count}) => first + count));
-    // After a long gap, in which the page was hidden or no samples came, nothing of before is kept.
+    // After a gap that is longer than what is kept, nothing of before is kept.
     if (this.base === null || stop > this.stop + this.kept) {
       this.base = Math.max(Math.min(...came.map(({first}) => first)), stop - this.kept);
       for (const values of Object.values(this.parts).flat()) values.length = 0;
@@ -34,14 +31,14 @@ export class Columns {
     this.stop = stop;
     this.begun_s ??= 60 * Math.floor(this.base * this.width_s / 60);
     for (const [stream, parts] of Object.entries(PARTS)) {
-      for (const [part, name] of Object.entries(parts)) this.put(this.parts[part], traces[stream], arrays[name]);
+      for (const part of parts) this.put(this.parts[part], traces[stream], arrays[part]);
     }
     const old = Math.max(0, this.stop - this.base - this.kept);
     this.base += old;
     for (const values of Object.values(this.parts).flat()) values.splice(0, old);
   }
 
-  // Put the values of a part into their columns: those of one channel, or of each, after the other.
+  // The values of each channel follow one another.
   put(part, {first, count}, from) {
     part.forEach((values, c) => {
       for (let i = Math.max(0, this.base - first); i < count; i++) {
@@ -54,24 +51,27 @@ export class Columns {
   // The columns between two times: x, their beginnings in seconds, and of each part its values.
   between(from, to) {
     const at = (seconds) => Math.floor((seconds + this.begun_s) / this.width_s) - this.base;
-    const first = Math.max(0, at(from)), stop = Math.max(first, Math.min(at(to) + 2, this.stop - this.base));
-    const x = Array.from({length: stop - first}, (_, i) => (this.base + first + i) * this.width_s - this.begun_s);
-    const inside = ([name, all]) => [name, all.map((values) => values.slice(first, stop))];
-    return {x, ...Object.fromEntries(Object.entries(this.parts).map(inside))};
+    const first = Math.max(0, at(from));
+    const stop = Math.max(first, Math.min(at(to) + 2, this.stop - this.base));
+    const secondsOf = (column) => (this.base + column) * this.width_s - this.begun_s;
+    const seen = {x: Array.from({length: stop - first}, (_, i) => secondsOf(first + i))};
+    for (const [part, each] of Object.entries(this.parts)) {
+      seen[part] = each.map((values) => values.slice(first, stop));
+    }
+    return seen;
   }
 }
 
-// The stretch of time that traces show, live or paused. Times are those of the columns, in seconds.
+// The stretch of time that traces show, live or paused, in the seconds of the columns.
 const WINDOW_S = {least: 0.5, most: 60, first: 10}, LEAST_S = 0.02;
 
 export class Stretch {
-  constructor() {
-    this.goOn(WINDOW_S.first);
-  }
+  live = true;
+  window_s = WINDOW_S.first;
 
   goOn(window_s = this.window_s) {
     this.live = true;
-    this.window_s = Math.min(Math.max(window_s, WINDOW_S.least), WINDOW_S.most);
+    this.window_s = clamp(window_s, WINDOW_S.least, WINDOW_S.most);
   }
 
   pause() {
@@ -87,9 +87,9 @@ export class Stretch {
     else if (how === 'zoom' && this.live) this.goOn(to - from);
     else if (this.live) this.pause();
     if (this.live) return;
-    const span = Math.min(Math.max(to - from, LEAST_S), WINDOW_S.most), end = (from + to + span) / 2;
+    const span = clamp(to - from, LEAST_S, WINDOW_S.most), {paused_s: last} = this;
     // There is nothing after the beginning of the pause, and nothing older than what is kept.
-    this.to = Math.min(Math.max(end, this.paused_s - WINDOW_S.most + span), this.paused_s + 0.05 * span);
+    this.to = clamp((from + to + span) / 2, last - WINDOW_S.most + span, last + 0.05 * span);
     this.from = this.to - span;
     this.window_s = span;
   }

@@ -1,29 +1,28 @@
-// Volts and levels of the chosen channels over the last seconds, live or paused. Times are in seconds
-// since a whole minute before the first column.
+// Volts and levels of the chosen channels over the last seconds, live or paused.
 
-import {Slider, button, heightFor, oneTabStop, rounded, steady} from './elements.js';
+import {Slider, button, heightFor, oneTabStop, write} from './elements.js';
 import {Columns, Stretch} from './stretch.js';
 
-// Lines are told apart by lightness, too.
-const COLORS = ['#0072b2', '#9a4a00', '#00664b', '#7b2d6b', '#3a3a3a', '#4f7fb8', '#8a7400', '#a34a78'];
-const SMALL = '11px system-ui, \'DejaVu Sans\', sans-serif', SLIP_HEIGHT = 16, LEVEL_HEIGHT = {least: 110, most: 240};
-// Pixels at the right for the scales; most channels that have a column for each pixel.
+const COLORS = [
+  '#0072b2', '#9a4a00', '#00664b', '#7b2d6b', '#3a3a3a', '#4f7fb8', '#8a7400', '#a34a78',
+];
+const SMALL = '11px system-ui, \'DejaVu Sans\', sans-serif', SLIP_HEIGHT = 16;
+// Pixels at the right for the scales; of more channels, a column is two pixels wide.
 const SCALE_WIDTH = 60, MOST_FINE = 8;
 
 const wordsOfPower = (power) => (Math.abs(power) > 3 ? `1e${power}` : String(10 ** power));
 
 export class Traces {
-  // onView(changes): called to change what the server is asked for. onSet(values): called to set
-  // parameters; resolves when the change was answered.
-  constructor({onView, onSet}) {
-    this.onView = onView;
-    this.root = element('timeline');
-    this.readout = element('trace-readout');
+  // onView(changes): asks the server for another view. onSet(values): sets parameters.
+  constructor(onView, onSet) {
+    Object.assign(this, {onView, root: element('timeline'), readout: element('trace-readout')});
     this.stretch = new Stretch();
+    // By channel, counted from 1, and of 'level': what is shown from bottom to top.
     this.ranges = new Map();
     this.chooser = new ChannelChooser(element('chooser'), () => this.layOut());
     this.line = new Slider({
-      name: 'Threshold', vertical: true, words: (value) => `threshold ${rounded(value)}${this.unit}`,
+      name: 'Threshold', vertical: true,
+      words: (value) => `threshold ${rounded(value)}${this.unit}`,
       valueOf: (y) => this.allowed(this.levelAt(y)),
       step: (value, steps) => this.allowed(value * 1.05 ** steps),
       onMove: () => this.draw(),
@@ -39,13 +38,14 @@ export class Traces {
       },
       onPoint: () => this.readOut(),
     });
-    element('pause').addEventListener('click', () => this.pauseOrGoOn());
-    for (const id of ['same-scale', 'hold-scale']) element(id).addEventListener('change', () => this.draw());
+    listen('pause', 'click', () => this.pauseOrGoOn());
+    for (const id of ['same-scale', 'hold-scale']) listen(id, 'change', () => this.draw());
     new ResizeObserver(() => this.layOut()).observe(this.root);
   }
 
   show(finger) {
-    if (finger.name !== this.finger?.name || finger.channels.length !== this.finger.channels.length) {
+    const {name, channels} = this.finger ?? {};
+    if (finger.name !== name || finger.channels.length !== channels.length) {
       this.columns = this.stretch.columns = null;
       this.stretch.goOn();
       this.ranges.clear();
@@ -65,16 +65,14 @@ export class Traces {
 
   ask() {
     if (!this.finger) return;
-    // Of many channels a column is two pixels wide, or a slow machine would not keep up.
-    const wide = this.chooser.channels.length > MOST_FINE ? 2 : 1, width = this.root.clientWidth - NAMES_WIDTH - SCALE_WIDTH;
-    const pixels = Math.max(10, Math.min(4000, Math.ceil(width / wide)));
-    const {live, window_s, to} = this.stretch;
-    this.onView({
-      channels: this.chooser.channels, window_s, pixels,
-      until_ns: live || !this.columns ? null : Math.round((to + this.columns.begun_s) * 1e9),
-    });
-    element('pause').textContent = live ? 'Pause' : 'Go on';
-    element('trace-span').textContent = `${rounded(window_s)} s${live ? '' : ', paused'}`;
+    const {live, window_s, to} = this.stretch, {channels} = this.chooser;
+    const width = this.root.clientWidth - NAMES_WIDTH - SCALE_WIDTH;
+    const pixels = clamp(Math.ceil(width / (channels.length > MOST_FINE ? 2 : 1)), 10, 4000);
+    const end_s = live || !this.columns ? null : to + this.columns.begun_s;
+    const until_ns = end_s === null ? null : Math.round(end_s * 1e9);
+    this.onView({channels, window_s, pixels, until_ns});
+    write('pause', live ? 'Pause' : 'Go on');
+    write('trace-span', `${rounded(window_s)} s${live ? '' : ', paused'}`);
     // While the traces scroll, the values under the pointer change too often to be read aloud.
     this.readout.ariaLive = live ? 'off' : 'polite';
     this.draw();
@@ -88,7 +86,8 @@ export class Traces {
       // Paused traces show the track as it was, even if it was begun again since.
       const goesOn = this.columns && (!this.stretch.live || beginning === this.beginning);
       const kept = Math.ceil(this.stretch.window_s * 1e9 / width_ns) + 4;
-      this.columns = this.stretch.columns = new Columns(traces, kept, goesOn ? this.columns.begun_s : null);
+      this.columns = new Columns(traces, kept, goesOn ? this.columns.begun_s : null);
+      this.stretch.columns = this.columns;
       [this.key, this.beginning] = [key, beginning];
     }
     this.columns.take(traces, arrays);
@@ -98,27 +97,27 @@ export class Traces {
 
   layOut() {
     if (!this.finger || !this.root.clientWidth) return;
-    const {channels} = this.chooser, n = channels.length, free = Math.max(heightFor(this.root, 60), 300);
-    const levels = Math.max(LEVEL_HEIGHT.least, Math.min(LEVEL_HEIGHT.most, Math.round(free * 0.35)));
-    const height = Math.max(18, Math.min(120, Math.floor((free - levels - 2 * SLIP_HEIGHT - 30) / n)));
+    const {channels} = this.chooser, n = channels.length;
+    const free = Math.max(heightFor(this.root, 60), 300);
+    const levels = clamp(Math.round(free * 0.35), 110, 240);
+    const height = clamp(Math.floor((free - levels - 2 * SLIP_HEIGHT - 30) / n), 18, 120);
     const colors = channels.map((_, i) => COLORS[i % COLORS.length]);
     const band = (name, color) => ({
-      name, height: SLIP_HEIGHT, paint: (pen, {top}) => this.paintBits(pen, top, SLIP_HEIGHT - 1, name, color),
+      name, height: SLIP_HEIGHT,
+      paint: (pen, {top}) => this.paintBits(pen, top, SLIP_HEIGHT - 1, name, color),
     });
-    this.levels = {
-      name: 'level', note: this.unit ? 'evidence, dB s' : 'of each channel', height: levels, curve: n, colors, below: 2,
-      paintScale: (pen, lane) => this.paintScale(pen, lane, this.ranges.get('level'), 1, wordsOfPower),
-    };
-    this.timeline.setLanes([
-      band('slip', ON),
-      ...(this.truth ? [band('truth', LABEL)] : []),
-      ...channels.map((c, i) => ({
-        name: this.finger.channels[c - 1], kind: 'channel', height, curve: 1, colors: [colors[i]],
-        below: STRIP + 3, channel: i, paint: (pen, lane) => this.paintStrip(pen, lane),
-        paintScale: (pen, lane) => this.paintVolts(pen, lane),
-      })),
-      this.levels,
-    ]);
+    const paint = (pen, lane) => this.paintStrip(pen, lane);
+    const paintScale = (pen, lane) => this.paintVolts(pen, lane);
+    const lanes = channels.map((c, channel) => ({
+      name: this.finger.channels[c - 1], kind: 'channel', height, curve: 1, below: STRIP + 3,
+      colors: [colors[channel]], channel, paint, paintScale,
+    }));
+    const powers = (pen, lane) => (
+      this.paintScale(pen, lane, this.ranges.get('level'), 1, wordsOfPower));
+    const note = this.unit ? 'evidence, dB s' : 'of each channel', curves = {curve: n, colors};
+    this.levels = {name: 'level', note, height: levels, ...curves, below: 2, paintScale: powers};
+    const truth = this.truth ? [band('truth', LABEL)] : [];
+    this.timeline.setLanes([band('slip', ON), ...truth, ...lanes, this.levels]);
     this.laidOut = this.truth;
     this.root.style.height = `${this.timeline.height}px`;
     this.ask();
@@ -126,22 +125,27 @@ export class Traces {
 
   draw() {
     const {columns, chooser: {channels}} = this;
-    if (!this.root.clientWidth || columns?.begun_s == null || String(columns.channels) !== String(channels)) return;
+    if (!this.root.clientWidth || columns?.begun_s == null) return;
+    if (String(columns.channels) !== String(channels)) return;
     if (this.laidOut !== this.truth) return this.layOut();
     const [from, to] = this.stretch.ends(), seen = this.seen = columns.between(from, to);
     this.fitVolts(channels, seen);
-    const curves = channels.map((c, i) => ({low: seen.low[i], high: seen.high[i], range: this.scaleOf(c)}));
+    const curves = channels.map((c, i) => (
+      {low: seen.low[i], high: seen.high[i], range: this.scaleOf(c)}));
     const range = this.levelRange(seen.level.flat());
     for (const values of seen.level) {
-      const low = values.map((level) => (level == null ? level : Math.max(range[0], Math.log10(level))));
+      const low = values.map((level) => (
+        level == null ? null : Math.max(range[0], Math.log10(level))));
       curves.push({low, high: low, range});
     }
     this.timeline.draw({
-      from, to, curves, paint: (pen) => this.paintBits(pen, pen.top, pen.bottom, 'truth', '#e8f2f9'),
+      from, to, curves,
+      paint: (pen) => this.paintBits(pen, pen.top, pen.bottom, 'truth', '#e8f2f9'),
       // Without columns there is still an axis, with which the user can move elsewhere.
       x: seen.x.length ? seen.x : [from, to],
     });
-    this.line.place(this.levelY(this.line.show(this.finger.threshold, ...range.map((power) => 10 ** power))));
+    const threshold = this.line.show(this.finger.threshold, ...range.map((power) => 10 ** power));
+    this.line.place(this.levelY(threshold));
     this.readOut();
     Object.assign(this.root.dataset, {fromS: from, toS: to});
   }
@@ -155,31 +159,33 @@ export class Traces {
       const flat = least === most ? 1e-6 * (1 + Math.abs(least)) : 0;
       this.ranges.set(c, steady(before, [least - flat, most + flat], 0.45, 0.1));
     });
-    this.widest = Math.max(...channels.map((c) => this.ranges.get(c)[1] - this.ranges.get(c)[0]));
   }
 
-  // What a channel's lane shows. The same scale has as many volts from bottom to top for all, not
-  // the same ones, as channels rest at different volts.
+  // The same scale has as many volts from bottom to top for all, which rest at different volts.
   scaleOf(channel) {
-    const [least, most] = this.ranges.get(channel);
-    const more = element('same-scale').checked ? (this.widest - (most - least)) / 2 : 0;
-    return [least - more, most + more];
+    const sizeOf = ([least, most]) => most - least, range = this.ranges.get(channel);
+    if (!element('same-scale').checked) return range;
+    const ranges = this.chooser.channels.map((c) => this.ranges.get(c));
+    const more = (Math.max(...ranges.map(sizeOf)) - sizeOf(range)) / 2;
+    return [range[0] - more, range[1] + more];
   }
 
-  // The powers of ten between which levels are shown. They include the threshold and all levels, but
-  // go at most five powers below the highest.
+  // The powers of ten between which levels are shown, at most five below the highest.
   levelRange(values) {
-    const threshold = this.line.chosen ?? this.finger.threshold, [low, high] = rangeOf(values) ?? [threshold, threshold];
-    const most = Math.log10(Math.max(high, threshold)), least = Math.log10(Math.max(Math.min(low, threshold), 10 ** (most - 5)));
+    const threshold = this.line.chosen ?? this.finger.threshold;
+    const [low, high] = rangeOf([...values, threshold]), most = Math.log10(high);
+    const least = Math.log10(Math.max(low, 10 ** (most - 5)));
     const wanted = [Math.floor(2 * (least - 0.1)) / 2, Math.ceil(2 * (most + 0.1)) / 2];
     // While the threshold is dragged, the range may grow but does not shrink.
-    this.ranges.set('level', steady(this.ranges.get('level'), wanted, this.line.chosen === null ? 0.6 : 0));
+    const share = this.line.chosen === null ? 0.6 : 0;
+    this.ranges.set('level', steady(this.ranges.get('level'), wanted, share));
     return this.ranges.get('level');
   }
 
   levelAt(y) {
-    const [least, most] = this.ranges.get('level'), [bottom, top] = [least, most].map((power) => this.levelY(10 ** power));
-    return 10 ** (least + Math.max(0, Math.min(1, (bottom - y) / (bottom - top))) * (most - least));
+    const [least, most] = this.ranges.get('level');
+    const bottom = this.levelY(10 ** least), top = this.levelY(10 ** most);
+    return 10 ** (least + clamp((bottom - y) / (bottom - top), 0, 1) * (most - least));
   }
 
   // The threshold of evidence is below its limit.
@@ -192,10 +198,10 @@ export class Traces {
     return Timeline.yOf(this.levels, this.ranges.get('level'), Math.log10(level));
   }
 
-  // Paint what columns have, as colours of intervals.
   paintColumns({context, xOf}, top, height, values, colorOf) {
     const {seen: {x: [begin]}, columns: {width_s: width}} = this;
-    paintRuns(context, top, height, 0, values.length, (i) => colorOf(values[i]), (i) => xOf(begin + i * width));
+    const color = (i) => colorOf(values[i]);
+    paintRuns(context, top, height, 0, values.length, color, (i) => xOf(begin + i * width));
   }
 
   paintBits(pen, top, height, name, color) {
@@ -204,19 +210,21 @@ export class Traces {
 
   // A strip under a channel's volts whose colour tells how near the level is to the threshold.
   paintStrip(pen, {top, height, channel}) {
-    const colorOf = (level) => (level == null ? HATCHING : shade(Math.log2(level / this.finger.threshold)));
+    const {threshold} = this.finger;
+    const colorOf = (level) => (level == null ? HATCHING : shade(Math.log2(level / threshold)));
     this.paintColumns(pen, top + height - STRIP - 1, STRIP, this.seen.level[channel], colorOf);
   }
 
   // Round values at the right of a lane, where no curve is.
   paintScale({context, right}, lane, range, step, words) {
-    Object.assign(context, {font: SMALL, textBaseline: 'middle', textAlign: 'left', fillStyle: INK});
+    Object.assign(context, {font: SMALL, textAlign: 'left', fillStyle: INK});
     for (let n = Math.ceil(range[0] / step), last = Infinity; n * step <= range[1]; n++) {
       const y = Timeline.yOf(lane, range, n * step);
       if (last - y < 12) continue;
       last = y;
       context.fillRect(right, y, 4, 1);
-      context.fillText(words(n * step), right + 7, Math.max(lane.top + 5, Math.min(lane.top + lane.height - 5, y)));
+      const middle = clamp(y, lane.top + 5, lane.top + lane.height - 5);
+      context.fillText(words(n * step), right + 7, middle);
     }
   }
 
@@ -226,7 +234,7 @@ export class Traces {
     const step = power * [0.5, 1, 2, 5].find((n) => n * power * 4 > most - least);
     const [factor, unit] = Math.max(-least, most) < 0.1 ? [1e3, 'mV'] : [1, 'V'];
     const digits = Math.max(0, -Math.floor(Math.log10(step * factor)));
-    this.paintScale(pen, lane, scale, step, (value) => `${(value * factor).toFixed(digits)} ${unit}`);
+    this.paintScale(pen, lane, scale, step, (v) => `${(v * factor).toFixed(digits)} ${unit}`);
   }
 
   tickText(seconds, digits = 3) {
@@ -238,28 +246,32 @@ export class Traces {
     }
     // The time of day if the stamps are dates; simulated time begins at zero.
     if (total < 1e9) return `${total.toFixed(digits)} s`;
-    return timeText(Number(total.toFixed(digits)) - 60 * new Date(1000 * total).getTimezoneOffset(), digits);
+    const zone_s = 60 * new Date(1000 * total).getTimezoneOffset();
+    return timeText(Number(total.toFixed(digits)) - zone_s, digits);
   }
 
   readOut() {
-    const {pointed} = this.timeline;
-    this.readout.textContent = pointed === null || !this.seen ? '\u00a0' : this.wordsAt(pointed, this.timeline.pointedLane).join(' \u00b7 ');
+    const {pointed, pointedLane} = this.timeline, isRead = pointed !== null && this.seen;
+    write(this.readout, isRead ? this.wordsAt(pointed, pointedLane).join(' \u00b7 ') : '\u00a0');
   }
 
   wordsAt(seconds, lane) {
-    const {x, low, high, level, ...bits} = this.seen, at = Math.floor((seconds - x[0]) / this.columns.width_s);
+    const {x, low, high, level, ...bits} = this.seen, {threshold, channels: names} = this.finger;
+    const at = Math.floor((seconds - x[0]) / this.columns.width_s);
     const levelWords = (i) => {
       const value = level[i][at];
-      return value == null ? 'not valid' : `level ${rounded(value)}${this.unit}, ${rounded(value / this.finger.threshold)} of the threshold`;
+      if (value == null) return 'not valid';
+      return `level ${rounded(value)}${this.unit}, ${rounded(value / threshold)} of the threshold`;
     };
     const words = [this.tickText(seconds)];
     if (lane?.channel !== undefined) {
       const [least, most] = [low, high].map((values) => values[lane.channel][at]);
-      const read = least == null ? 'no sample' : most > least ? `${volts(least)} to ${volts(most)}` : volts(least);
+      const read = least == null ? 'no sample' : voltsBetween(least, most);
       words.push(lane.name, read, levelWords(lane.channel));
     } else if (lane === this.levels) {
-      const loudest = [...level.keys()].filter((i) => level[i][at] != null).sort((a, b) => level[b][at] - level[a][at]);
-      for (const i of loudest.slice(0, 4)) words.push(`${this.finger.channels[this.chooser.channels[i] - 1]} ${levelWords(i)}`);
+      const valid = [...level.keys()].filter((i) => level[i][at] != null);
+      const loudest = valid.sort((a, b) => level[b][at] - level[a][at]).slice(0, 4);
+      words.push(...loudest.map((i) => `${names[this.chooser.channels[i] - 1]} ${levelWords(i)}`));
     } else if (lane) {
       words.push(`${lane.name} ${bits[lane.name][0][at] ? 'ON' : 'OFF'}`);
     }
@@ -272,7 +284,6 @@ const MOST_CHANNELS = 64;
 
 // Which channels of a finger have traces: a button for each, under its group.
 class ChannelChooser {
-  // root: an empty element. onChoose(): called when other channels are chosen.
   constructor(root, onChoose) {
     Object.assign(this, {root, onChoose});
     // By finger, its channels that were chosen last, counted from 1, in order.
@@ -289,22 +300,26 @@ class ChannelChooser {
     const described = JSON.stringify([name, channels, groups, disabled]);
     if (described === this.described) return;
     Object.assign(this, {described, name});
-    const grouped = Object.values(groups).flat();
-    const others = channels.map((_, c) => c + 1).filter((c) => !grouped.includes(c) && !disabled.includes(c));
-    const sets = [...Object.entries(groups), ...(others.length ? [['no group', others]] : [])];
+    const grouped = Object.values(groups).flat(), every = channels.map((_, c) => c + 1);
+    const others = every.filter((c) => !grouped.includes(c) && !disabled.includes(c));
+    const sets = Object.entries(groups);
+    if (others.length) sets.push(['no group', others]);
     this.root.replaceChildren(...sets.map(([set, members]) => {
-      const whole = button(set, () => this.choose(members), {className: 'whole-set', title: `The traces of ${set} and of no other`});
-      return build('span.channel-set', whole, ...members.map((c) => {
-        const one = button(String(c), () => this.toggle(c), {ariaLabel: `Traces of ${channels[c - 1]}`, title: channels[c - 1]});
-        one.dataset.channel = c;
-        return one;
-      }));
+      const whole = {className: 'whole-set', title: `The traces of ${set} and of no other`};
+      const each = members.map((c) => this.buttonOf(c, channels[c - 1]));
+      return build('span.channel-set', button(set, () => this.choose(members), whole), ...each);
     }));
-    this.root.querySelectorAll('button').forEach((one, i) => {
-      one.tabIndex = i ? -1 : 0;
-    });
-    const kept = this.channels;
-    this.choose(kept.length && kept.at(-1) <= channels.length ? kept : (Object.values(groups)[0] ?? [1]).slice(0, 4));
+    this.root.querySelectorAll('button').forEach((each, i) => (each.tabIndex = i ? -1 : 0));
+    const kept = this.channels, first = Object.values(groups)[0] ?? [1];
+    const fits = kept.length && kept.at(-1) <= channels.length;
+    this.choose(fits ? kept : first.slice(0, 4));
+  }
+
+  buttonOf(channel, name) {
+    const properties = {ariaLabel: `Traces of ${name}`, title: name};
+    const made = button(String(channel), () => this.toggle(channel), properties);
+    made.dataset.channel = channel;
+    return made;
   }
 
   // Add or remove a channel; the last one stays.
@@ -316,8 +331,8 @@ class ChannelChooser {
 
   choose(channels) {
     this.kept.set(this.name, channels.slice(0, MOST_CHANNELS).sort((a, b) => a - b));
-    for (const one of this.root.querySelectorAll('[data-channel]')) {
-      one.ariaPressed = String(this.channels.includes(Number(one.dataset.channel)));
+    for (const each of this.root.querySelectorAll('[data-channel]')) {
+      each.ariaPressed = String(this.channels.includes(Number(each.dataset.channel)));
     }
     this.onChoose();
   }

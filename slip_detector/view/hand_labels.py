@@ -1,0 +1,106 @@
+# Copyright 2026 The slip_detector maintainers
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""The labels of a recording that pages change by hand."""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from slip_detector.chain.samples import Samples
+from slip_detector.parameters.files import file_errors_of, write_yaml
+from slip_detector.recordings import labels
+
+#: Ends of slips, in order of time: seconds from the first sample, and how exact each is.
+Ends = list[tuple[float, float]]
+
+#: Returns all rows of a recording, and their rate.
+Rows = Callable[[], tuple[Samples, float]]
+
+
+class HandLabels:
+    """Labels of which each change is written at once to the file beside the recording.
+
+    The recording itself stays as it is. Each end has an accuracy of its own; the file has that of
+    the least exact one.
+    """
+
+    def __init__(self, file: Path, ends: Ends, last_s: float, rows: Rows, kind: str = '') -> None:
+        self.file, self.ends, self._kind = file, ends, kind
+        self._last_s, self._rows = last_s, rows
+        self._before: list[Ends] = []
+        # The labels that the recording itself has: without a file they hold.
+        self._own = None if file.exists() else ends
+
+    @property
+    def pairs(self) -> Any:
+        """The labels as a list of [start, end]."""
+        return np.reshape([end_s for end_s, _ in self.ends], (-1, 2)).tolist()
+
+    @property
+    def accuracy_s(self) -> float:
+        """How exact the least exact end is."""
+        return max((by_s for _, by_s in self.ends), default=0.0)
+
+    def change(self, slip_s: object, by_s: float) -> None:
+        """Take all labels as a page has them; new ends are exact to ``by_s``."""
+        wanted = labels.labels_from(self.file, {labels.KEY: slip_s})
+        # A label that ended later would be refused where the recording is read.
+        last_s = math.floor(1e4 * self._last_s) / 1e4
+        ends_s = np.minimum(wanted.edges_s.round(4), last_s).ravel().tolist()
+        known, by_s = dict(self.ends), min(max(labels.BY_EYE_S, by_s), labels.MOST_S)
+        self.keep([(end_s, known.get(end_s, by_s)) for end_s in ends_s])
+
+    def snap(self) -> dict[str, str]:
+        """Move the ends to where the power of the signal changes; return what was found."""
+        before, (samples, rate_hz) = self.ends, self._rows()
+        by_hand = np.array(self.pairs), rate_hz, labels.BY_HAND_S
+        moved_s, found, said = labels.snapped(samples, *by_hand)
+        moved = zip(before, moved_s.ravel().round(4).tolist(), found.flat, strict=True)
+        ends = [(s, labels.BY_EYE_S) if known else old for old, s, known in moved]
+        if before is not self.ends:  # A page has changed them meanwhile.
+            return {}
+        if ends != before:
+            self.keep(ends)
+        return {'said': said}
+
+    def undo(self) -> None:
+        """Take back the last change, if any."""
+        if self._before:
+            self.keep(self._before[-1])
+            del self._before[-2:]
+
+    def keep(self, ends: Ends) -> None:
+        """Take other labels, if they can be written; may raise a ValueError."""
+        before, self.ends = self.ends, ends
+        try:
+            self._write()
+        except ValueError:
+            self.ends = before
+            raise
+        self._before.append(before)
+
+    def _write(self) -> None:
+        document: dict[str, Any] = {labels.KEY: self.pairs, labels.ACCURACY: self.accuracy_s}
+        if self._kind and not self.ends:
+            document = {labels.KIND: self._kind}
+        labels.labels_from(self.file, dict(document))
+        if self.ends is self._own:
+            with file_errors_of(self.file, 'deleted'):
+                self.file.unlink(missing_ok=True)
+        else:
+            write_yaml(self.file, document, ['Labelled by hand on the page of slip_view.'])
