@@ -141,8 +141,8 @@ def test_a_stretch_is_live_paused_zoomed_and_never_leaves_what_is_kept():
         after(() => stretch.change(90, 95, 'move'));
         after(() => (stretch.columns.last_s = 130));
         after(() => stretch.change(500, 510, 'move'));
-        after(() => stretch.change(-500, -490, 'choose'));
-        after(() => stretch.change(50, 50, 'choose'));
+        after(() => stretch.change(-500, -490, 'zoom'));
+        after(() => stretch.change(50, 50, 'zoom'));
         after(() => stretch.change(-Infinity, Infinity, 'whole'));
         after(() => stretch.change(0, 1e9, 'zoom'));
         say(ends);

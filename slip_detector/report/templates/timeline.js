@@ -12,14 +12,14 @@ const POINTS = {ArrowLeft: [-0.01, 0], ArrowRight: [0.01, 0], ArrowUp: [0, -1], 
 
 class Timeline {
   // onInterval(from, to, how): the user wants to see another interval; how: 'zoom', 'move',
-  // 'choose', or 'whole', which is infinite. onPoint(seconds, lane): pointer or keys have moved
-  // here; null: the pointer has left. margin: pixels at the right of the lanes.
+  // or 'whole', which is infinite. onPoint(seconds, lane): pointer or keys have moved here; null:
+  // the pointer has left. margin: pixels at the right of the lanes.
   constructor(root, {tickText, onInterval, onPoint, margin = RIGHT_MARGIN}) {
     Object.assign(this, {root, tickText, onInterval, onPoint, margin});
     this.lanes = [];
     this.names = build('div.lane-names');
-    [this.cursor, this.selected] = [build('div.cursor', {hidden: true}), build('div.selected')];
-    this.over = build('div.over', this.cursor, this.selected, {style: `right: ${margin}px`});
+    this.cursor = build('div.cursor', {hidden: true});
+    this.over = build('div.over', this.cursor, {style: `right: ${margin}px`});
     this.canvas = build('canvas');
     root.append(this.canvas, this.names, this.over);
     this.listen();
@@ -152,7 +152,7 @@ class Timeline {
     context.stroke();
   }
 
-  // The wheel zooms, dragging moves, two fingers do both, dragging with Shift selects.
+  // The wheel zooms, dragging moves, two fingers do both.
   listen() {
     const {over} = this, grips = new Map();
     const xOf = (event) => event.clientX - over.getBoundingClientRect().left;
@@ -167,26 +167,22 @@ class Timeline {
       if (Math.abs(event.deltaX) > Math.abs(event.deltaY)) this.move(event.deltaX / 1000);
       else this.zoom(Math.exp(event.deltaY * 0.002), under(event)[0]);
     }, {passive: false});
-    let moving = false, selects = null;
+    let moving = false;
     // Other fingers than before hold what is under them now.
     const hold = (isMoving) => {
       moving = isMoving;
       for (const grip of grips.values()) grip.seconds = timeAt(grip.x);
     };
-    const select = (left, width) => (
-      Object.assign(this.selected.style, {left: `${left}px`, width: `${width}px`}));
     listen(over, 'pointerdown', (event) => {
       if (event.button || !this.curves) return;
       over.setPointerCapture(event.pointerId);
-      if (event.shiftKey) selects = xOf(event);
-      else grips.set(event.pointerId, {x: xOf(event)});
+      grips.set(event.pointerId, {x: xOf(event)});
       hold(grips.size > 1);
     });
     listen(over, 'pointermove', (event) => {
       if (!this.curves) return;
       this.point(...under(event));
       const grip = grips.get(event.pointerId), x = xOf(event);
-      if (selects !== null) select(Math.min(selects, x), Math.abs(x - selects));
       if (!grip || !(moving ||= Math.abs(x - grip.x) > 3)) return;
       grip.x = x;
       const [first, second] = grips.values();
@@ -198,12 +194,8 @@ class Timeline {
       const from = first.seconds - first.x / over.clientWidth * span;
       this.onInterval(from, from + span, second ? 'zoom' : 'move');
     });
-    listen(over, 'pointerup pointercancel', (event) => {
-      const x = xOf(event), ends = [selects, x].map(timeAt).sort((a, b) => a - b);
-      if (selects !== null && Math.abs(x - selects) > 3) this.onInterval(...ends, 'choose');
-      selects = null;
-      select(0, 0);
-      if (grips.delete(event.pointerId)) hold(false);
+    listen(over, 'pointerup pointercancel', ({pointerId}) => {
+      if (grips.delete(pointerId)) hold(false);
     });
   }
 }

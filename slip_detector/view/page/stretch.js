@@ -81,7 +81,7 @@ export class Stretch {
     this.paused_s = this.columns.last_s;
   }
 
-  // Show another interval; how: 'zoom', 'move', 'choose' or 'whole', as Timeline has it.
+  // Show another interval; how: 'zoom', 'move' or 'whole', as Timeline has it.
   change(from, to, how) {
     if (how === 'whole') this.goOn(WINDOW_S.first);
     else if (how === 'zoom' && this.live) this.goOn(to - from);
