@@ -1,6 +1,6 @@
 // The spectrum of a channel, the one at rest behind it, and the bands of the chain to be dragged.
 
-import {Slider, button, heightFor, update, write} from './elements.js';
+import {Slider, heightFor, update, write} from './elements.js';
 
 const AXIS_WIDTH = 40, AXIS_DEPTH = 24, LABEL_SIZE = 18, RIGHT = 16, TOP = 8;
 const HEIGHT = {least: 240, most: 560};
@@ -25,8 +25,6 @@ export class SpectrumPanel {
       const {refusal} = await onSet({mains_hz: Number(this.mains.value)});
       if (refusal) this.updateBands();
     });
-    listen('add-stopband', 'click', () => (
-      this.setStops([...this.finger.stopbands_hz, this.room()])));
     listen(this.root, 'keydown', (event) => this.onKey(event));
     listen(this.root, 'blur pointermove', () => this.key(null));
     new ResizeObserver(() => this.layOut()).observe(this.frame);
@@ -36,10 +34,6 @@ export class SpectrumPanel {
     this.isOpen = isOpen;
     this.ask();
     this.layOut();
-  }
-
-  setStops(stops) {
-    return this.onSet({stopbands_hz: stops.flat()});
   }
 
   show(finger) {
@@ -56,7 +50,7 @@ export class SpectrumPanel {
 
   allow(allowed) {
     this.allowed = allowed;
-    element('bands').disabled = element('removers').disabled = !allowed;
+    element('bands').disabled = !allowed;
     for (const line of this.lines.values()) line.allow(allowed);
   }
 
@@ -89,8 +83,8 @@ export class SpectrumPanel {
     const setPass = (band) => this.onSet({passband_hz: band});
     const edges = edgesOf('Pass-band', 'pass', pass, Math.max(lowest, active), setPass);
     stops.forEach((stop, i) => {
-      const setStop = (band) => this.setStops(stops.with(i, band)), short = `stop ${i + 1}`;
-      edges.push(...edgesOf(`Stop-band ${i + 1}`, short, stop, lowest, setStop));
+      const setStop = (band) => this.onSet({stopbands_hz: stops.with(i, band).flat()});
+      edges.push(...edgesOf(`Stop-band ${i + 1}`, `stop ${i + 1}`, stop, lowest, setStop));
     });
     return edges;
   }
@@ -103,11 +97,7 @@ export class SpectrumPanel {
       edges.forEach(({name}, row) => this.lines.get(name).root.style.setProperty('--row', row));
     }
     this.allow(this.allowed);
-    const {stopbands_hz: stops, mains_hz: mains} = this.finger;
-    element('removers').replaceChildren(...stops.map(([low, high], i) => button(
-      `Remove stop-band ${i + 1}: ${low} to ${high} Hz`,
-      () => this.setStops(stops.toSpliced(i, 1)))));
-    element('add-stopband').disabled = !this.room();
+    const {mains_hz: mains} = this.finger;
     const isListed = [...this.mains.options].some(({value}) => Number(value) === mains);
     if (!isListed) this.mains.append(new Option(`mains ${mains} Hz`, mains));
     this.mains.value = mains;
@@ -134,18 +124,6 @@ export class SpectrumPanel {
     line.root.classList.add(name.split(/[ ,]/)[0].toLowerCase());
     this.frame.append(line.root);
     return line;
-  }
-
-  // Where one more stop-band has room: above the pass-band, else in it; undefined: nowhere.
-  room() {
-    const {passband_hz: [low, high], stopbands_hz: stops} = this.finger;
-    const highest = rounded(this.nyquist * 0.98), rising = stops.toSorted(([a], [b]) => a - b);
-    const upwards = (from) => {
-      for (const [begin, end] of rising) if (begin < from * 1.1 && end > from) from = end;
-      const next = stops.flat().filter((edge) => edge > from);
-      return [rounded(from), Math.min(rounded(from * 1.25), highest, ...next)];
-    };
-    return [high || this.nyquist / 2, low].map(upwards).find(([begin, end]) => end > begin * 1.02);
   }
 
   layOut() {
