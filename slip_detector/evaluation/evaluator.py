@@ -30,7 +30,6 @@ from slip_detector.parameters.detector import default_channel_names
 from slip_detector.parameters.fields import refuse
 from slip_detector.parameters.files import as_yaml
 from slip_detector.parameters.fitting import fitting
-from slip_detector.parameters.sets import changed
 from slip_detector.recordings import Recording, RecordingCounts, open_recording, rates_differ
 from slip_detector.recordings.decisions import write_decisions
 from slip_detector.recordings.labels import labels_name
@@ -152,7 +151,7 @@ class RecordingLoader(NamedTuple):
         """Return the content of a parameter file that suits a recording."""
         config, names = self.chain_config, recording.channel_names
         values = fitting(config, len(names), recording.sample_rate_hz, names)
-        its = {**changed(config, values).to_parameters(), **recording.input}
+        its = {**config.with_values(values).to_parameters(), **recording.input}
         document = DetectorConfig.from_parameters(its).to_document(whole=False)
         document |= self.recording_config.to_document(whole=False)
         said = 'save it as my_sensor.yaml, then add --config my_sensor.yaml'

@@ -16,7 +16,7 @@
 
 import itertools
 import sys
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
 from rcl_interfaces import msg
@@ -25,9 +25,9 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from slip_detector.nodes.rclpy_internals import answer_with, given_parameters
-from slip_detector.parameters.fields import allowed
-from slip_detector.parameters.sections import OF_RCLPY, parameters_for
-from slip_detector.parameters.sets import ConfigType, ParameterSet, changed, replace_groups
+from slip_detector.parameters.fields import allowed, name_list
+from slip_detector.parameters.sections import is_of_rclpy, parameters_for
+from slip_detector.parameters.sets import ConfigType, ParameterSet
 
 
 def declare(
@@ -69,7 +69,8 @@ def declare(
     own |= given.keys()
     given |= {
         each.name: [] if each.type_ == Parameter.Type.NOT_SET else each.value
-        for each in _ours(given_parameters(node))
+        for each in given_parameters(node)
+        if not is_of_rclpy(each.name)
     }
     config = config_class.from_parameters(given, own=own, warn=node.get_logger().warning)
     for name, value in config.to_parameters().items():
@@ -133,47 +134,44 @@ def follow_changes(
     fields = current().__dataclass_fields__
     fixed = {name for name in current().to_parameters() if node.describe_parameter(name).read_only}
 
-    def set_all(parameters: list[Parameter]) -> msg.SetParametersResult:
-        """Set all of them or none; numbers get the types of their parameters, as 1 becomes 1.0.
+    def set_all(parameters: Sequence[Any]) -> msg.SetParametersResult:
+        """Set parameters, given as messages, all or none, and what gives way to them.
 
         rclpy checks only afterwards: its messages on types and ranges do not tell what is allowed.
         """
+        given = {each.name: Parameter.from_parameter_msg(each) for each in parameters}
+        ours = {name: each.value for name, each in given.items() if not is_of_rclpy(name)}
         try:
-            config = changed(current(), {each.name: each.value for each in _ours(parameters)})
+            config = current().with_values(ours)
             check(config)
         except ValueError as error:
             return msg.SetParametersResult(successful=False, reason=str(error))
-        values = config.to_parameters()
-        typed = [
-            Parameter(each.name, value=values[each.name]) if each.name in values else each
-            for each in parameters
-        ]
-        result = node.set_parameters_atomically(typed)
+        before, after = current().to_parameters(), config.to_parameters()
+        differing = [n for n in {**before, **after} if before.get(n) != after.get(n)]
+        changes = [Parameter(name, value=after.get(name)) for name in differing]
+        changes += [given[name] for name in given.keys() - ours.keys()]
+        result = node.set_parameters_atomically(changes)
         if result.successful:
             apply(config)
+            if gave_way := sorted({*differing} - ours.keys()):
+                node.get_logger().warning(f'changed with it: {name_list(gave_way)}')
         return result
 
-    def take_all(request: Any, response: Any) -> Any:
-        parameters = [Parameter.from_parameter_msg(each) for each in request.parameters]
-        response.result = set_all(parameters)
+    def answer_whole(request: Any, response: Any) -> Any:
+        response.result = set_all(request.parameters)
         return response
 
-    def take(request: Any, response: Any) -> Any:
-        parameters = [Parameter.from_parameter_msg(each) for each in request.parameters]
-        values = {
-            each.name: each.value
-            for each in parameters
+    def answer_each(request: Any, response: Any) -> Any:
+        ours = [
+            each
+            for each in request.parameters
             if each.name.partition('.')[0] in fields and each.name not in fixed
-        }
-        whole = replace_groups(current(), values)
-        result = set_all([Parameter(name, value=value) for name, value in whole.items()])
-        for each in parameters:
-            response.results.append(result if each.name in values else set_all([each]))
+        ]
+        result = set_all(ours)
+        response.results = [
+            result if each in ours else set_all([each]) for each in request.parameters
+        ]
         return response
 
-    answer_with(node, SetParametersAtomically, take_all)
-    answer_with(node, SetParameters, take)
-
-
-def _ours(parameters: Iterable[Parameter]) -> list[Parameter]:
-    return [each for each in parameters if each.name.partition('.')[0] not in OF_RCLPY]
+    answer_with(node, SetParametersAtomically, answer_whole)
+    answer_with(node, SetParameters, answer_each)

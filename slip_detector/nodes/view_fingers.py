@@ -105,10 +105,13 @@ class RemoteDetector:
         described = (await self._ask('describe_parameters', names=names)).descriptors
         read_only = frozenset(each.name for each in described if each.read_only)
         meanings = {each.name: each.description for each in described}
-        return Reading(await self._get(names), read_only, meanings)
+        read = map(
+            parameter_value_to_python, (await self._ask('get_parameters', names=names)).values
+        )
+        return Reading(dict(zip(names, read, strict=True)), read_only, meanings)
 
-    async def set(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Set parameters, all or none, None deletes one; return what they are now."""
+    async def set(self, values: Mapping[str, Any]) -> None:
+        """Set parameters, all or none; None deletes one."""
         try:
             parameters = [_message_of(*each) for each in values.items()]
         except (AssertionError, TypeError, ValueError, OverflowError) as error:
@@ -120,11 +123,6 @@ class RemoteDetector:
             raise ValueError(f'it is not known whether this was set: {error}') from None
         if not answer.result.successful:
             raise ValueError(answer.result.reason or 'refused')
-        return await self._get(list(values))
-
-    async def _get(self, names: list[str]) -> dict[str, Any]:
-        values = (await self._ask('get_parameters', names=names)).values
-        return dict(zip(names, map(parameter_value_to_python, values), strict=True))
 
     async def _ask(self, service: str, again_s: float = ASK_AGAIN_S, **request: Any) -> Any:
         """Return the answer of a service; a question is asked again until it is answered."""
@@ -209,8 +207,8 @@ class RosDetectors(Detectors):
         if remote is None:
             raise ValueError(f'{name} is gone')
         async with remote.asking:
-            self.panels[name].update(await remote.set(values), by)
-        remote.changed.set()
+            await remote.set(values)
+            self._note(name, await remote.read(), by)
 
     def order(self, name: str, what: str = '') -> bool:
         """Tell a simulated finger what to do, where a scene listens; return whether one does."""
@@ -284,7 +282,7 @@ class RosDetectors(Detectors):
             started, remote.started = remote.started, False
             try:
                 async with remote.asking:
-                    self._note(remote.name, await remote.read(), started)
+                    self._note(remote.name, await remote.read(), RESTART if started else OUTSIDE)
             except ValueError as error:
                 # The detector hangs, starts or ends, or is of another version: ask again.
                 words = f'{remote.name} cannot be shown: {error}'
@@ -293,17 +291,17 @@ class RosDetectors(Detectors):
                 await asyncio.sleep(SEARCH_S)
                 remote.changed.set()
 
-    def _note(self, name: str, reading: Reading, started: bool) -> None:
-        """Note the parameters of a node; if it is a detector, show it as a finger."""
+    def _note(self, name: str, reading: Reading, by: str) -> None:
+        """Note the parameters of a node, and who changed them; show a detector as a finger."""
         if not reading.values.keys() >= OF_A_DETECTOR:
             return
         panel = self.panels[name]
-        panel.read(reading, RESTART if started else OUTSIDE)
+        panel.read(reading, by)
         config = panel.config
         finger = self.fingers.get(name) or self.gone.pop(name, None)
         if finger is None:
             finger = Finger(name, config)
-        elif started:
+        elif by == RESTART:
             finger.started_again(config)
         else:
             finger.update_config(config)

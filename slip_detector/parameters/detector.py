@@ -15,9 +15,21 @@
 """The parameters of the slip chain and of the detector node that runs it."""
 
 import functools
+import itertools
 from collections import Counter
+from collections.abc import Mapping
+from typing import Any
 
-from slip_detector.parameters.fields import parameter, shown
+from slip_detector.parameters.fields import (
+    convert,
+    parameter,
+    read_floors,
+    read_groups,
+    read_paths,
+    read_topic_names,
+    read_vote,
+    shown,
+)
 from slip_detector.parameters.sets import ParameterSet
 
 #: Lowest band edge, as a fraction of the sample rate; below it, round-off ruins the filter.
@@ -36,6 +48,9 @@ WHOLE_PERIODS = 1e-3
 #: Allowed values of the parameters ``common_mode`` and ``decision``.
 COMMON_MODES = ('none', 'median', 'mean')
 DECISIONS = ('mean', 'evidence')
+
+#: Lists that are empty, or describe each channel.
+BY_CHANNEL = ('channel_names', 'taxel_positions_m')
 
 #: Number of channels of the paper's fingertip.
 PAPER_CHANNELS = 16
@@ -89,6 +104,7 @@ class ChainConfig(ParameterSet):
         (),
         'Names of the channels in the input; empty: ch1, ch2, ..., and the input may have any.',
         allows='letters, digits, _',
+        read=read_topic_names,
         affects='decision',
     )
     disabled_channels: tuple[int, ...] = parameter(
@@ -154,6 +170,7 @@ class ChainConfig(ParameterSet):
         'Smallest envelope of the noise: one number, or one per channel; evidence needs it.',
         (1e-30, 1e30),
         allows='1e-30 to 1e+30; one number, or one for each channel',
+        read=read_floors,
     )
     noise_floor_learnt: bool = of_evidence(
         False, 'Whether the floor begins at noise_floor; else at the first envelope above it.'
@@ -224,11 +241,13 @@ class ChainConfig(ParameterSet):
         'all',
         'When a group is ON: all channels, k of them, or mean (geometric, of level / threshold).',
         allows='all, mean, or 1 to the size of the smallest group',
+        read=read_vote,
     )
     groups: dict[str, tuple[int, ...]] = parameter(
         {},
         'Channels (from 1) of each group; none given: Table 1 for 16 channels, else one, all.',
         allows='each enabled channel in one group',
+        read=read_groups,
         affects='decision display',
     )
 
@@ -240,6 +259,40 @@ class ChainConfig(ParameterSet):
         self._check_channels()
         self._check_filters()
         self._check_decision()
+
+    def _changes_beside(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Return what else changes with these values, by flat names; None deletes a group.
+
+        Groups that are given replace those with which they share a channel. With another number of
+        channels, what was set for single channels is dropped.
+
+        Examples
+        --------
+        >>> config = ChainConfig(channels=3, groups={'a': [1], 'b': [2], 'c': [3]})
+        >>> config.with_values({'groups.d': [2, 3]}).groups
+        {'a': (1,), 'd': (2, 3)}
+        >>> config.with_values({'channels': 2}).groups
+        {'all': (1, 2)}
+        """
+        fields = self.__dataclass_fields__
+        channels = values.get('channels', self.channels)
+        channels = convert(channels, fields['channels'], 'parameter channels')
+        groups = {n[7:]: members for n, members in values.items() if n.startswith('groups.')}
+        wanted = {name: members for name, members in groups.items() if members is not None}
+        wanted = convert(wanted, fields['groups'], 'parameter groups')
+        taken = set(itertools.chain(*wanted.values()))
+        changes: dict[str, Any] = {}
+        for name, members in self.groups.items():
+            fits = groups or channels == self.channels
+            if not fits or max(members) > channels or taken.intersection(members):
+                changes[f'groups.{name}'] = None
+        if channels != self.channels:
+            changes |= {name: [] for name in BY_CHANNEL if name in fields}
+            if max(self.disabled_channels, default=0) > channels:
+                changes['disabled_channels'] = []
+            if len(self.noise_floor) > 1 and 'noise_floor' not in values:
+                changes |= {'noise_floor': [min(self.noise_floor)], 'noise_floor_learnt': False}
+        return changes
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -381,6 +434,7 @@ class DetectorConfig(ChainConfig):
         'position',
         'Field of the message that has the channels, or a list of several, side by side.',
         allows='paths such as position, pillars[].fz, tactiles[0].pressure, tactiles[].pac[:]',
+        read=read_paths,
         affects='input display',
     )
     input_timeout_s: float = parameter(

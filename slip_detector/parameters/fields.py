@@ -19,7 +19,7 @@ import dataclasses
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NoReturn, get_args, get_origin
 
 Field = dataclasses.Field[Any]
@@ -27,9 +27,6 @@ Field = dataclasses.Field[Any]
 #: Allowed names of channels and groups; they become parts of topic names, which have at most 247
 #: characters.
 NAME_PATTERN = re.compile('[A-Za-z][A-Za-z0-9_]{0,63}')
-
-#: Texts that may be given as a list, whose items are then joined by commas.
-PATHS = ('input_field', 'recording_field')
 
 #: Most characters of a value that a message shows.
 LONGEST_SHOWN = 200
@@ -46,6 +43,7 @@ def parameter(
     affects: str = '',
     searched_with: tuple[str, ...] = (),
     rising: bool = False,
+    read: Callable[..., Any] | None = None,
 ) -> Any:
     """Return a dataclass field that describes one parameter; conversion and checks read it.
 
@@ -74,6 +72,9 @@ def parameter(
         The decisions with which the tuner searches the parameter.
     rising
         Whether each number of a list must be above the one before it.
+    read
+        Converts and checks a value, if not as all values of the type of the default; it gets what
+        :func:`convert` does.
 
     Examples
     --------
@@ -91,6 +92,7 @@ def parameter(
         **{'default': default, 'meaning': meaning, 'low': low, 'high': high, 'unit': unit},
         **{'choices': choices, 'allows': allows, 'heading': heading},
         **{'affects': affects.split(), 'searched_with': searched_with, 'rising': rising},
+        'read': read,
     }
     if isinstance(default, dict):
         return dataclasses.field(default_factory=default.copy, metadata=metadata)
@@ -177,7 +179,7 @@ def refuse(what: str, allowed_text: str) -> NoReturn:
     raise ValueError(f'{what}, allowed: {allowed_text}')
 
 
-def converted(value: Any, field: Field, where: str) -> Any:
+def convert(value: Any, field: Field, where: str) -> Any:
     """Convert a value from YAML, ROS or Python to the type of its parameter.
 
     Parameters
@@ -198,30 +200,13 @@ def converted(value: Any, field: Field, where: str) -> Any:
     --------
     >>> from slip_detector.parameters import ChainConfig
     >>> stopbands = ChainConfig.__dataclass_fields__['stopbands_hz']
-    >>> converted([0.5, 7, '48', 52], stopbands, 'parameter stopbands_hz')
+    >>> convert([0.5, 7, '48', 52], stopbands, 'parameter stopbands_hz')
     ((0.5, 7.0), (48.0, 52.0))
     """
-    kind, items, value = field.type, get_args(field.type), _of_python(value)
-    if field.name == 'vote':
-        return _vote(value, where)
-    if get_origin(kind) is dict:
-        return _groups(value, where)
-    if kind in (int, float):
-        return _number(value, kind, where, field)
-    if field.name in PATHS and not _is_single(value):
-        value = ', '.join(map(str, value))
-    if kind in (bool, str):
-        choices = field.metadata['choices'] or (value,)
-        if isinstance(value, kind) and value in choices and '\0' not in str(value):
-            return value
-        _refuse_value(value, where, allowed(field) or 'text')
-    if field.name == 'noise_floor' and _is_single(value):
-        value = [value]
-    if _is_single(value):
-        _refuse_value(value, where, 'a list')
-    if items[0] is str:
-        return _names(value, where, for_topics=field.name == 'channel_names')
-    return _numbers(value, items, where, field)
+    items = get_args(field.type)
+    usual = _read_names if items[:1] == (str,) else _read_numbers if items else _read_choice
+    read = field.metadata['read'] or (_read_number if field.type in (int, float) else usual)
+    return read(_of_python(value), field, where)
 
 
 def _of_python(value: Any) -> Any:
@@ -237,29 +222,38 @@ def _refuse_value(value: Any, where: str, allowed_text: str) -> NoReturn:
     refuse(f'{where} is {shown(value)}', allowed_text)
 
 
-def _number(value: Any, kind: Any, where: str, field: Field | None = None) -> Any:
-    """Return a value as int or float, within the bounds of its field."""
+def _number(value: Any, kind: Any, where: str) -> Any:
+    """Return a value as int or float."""
+    value = _of_python(value)
     # A number in quotes is a text.
-    able = int | float if kind is int else int | float | str
-    number, value = math.nan, _of_python(value)
-    if isinstance(value, able) and not isinstance(value, bool):
+    types = int | float if kind is int else int | float | str
+    number = math.nan
+    if isinstance(value, types) and not isinstance(value, bool):
         with contextlib.suppress(ValueError, OverflowError):
             number = float(value)
     if math.isnan(number) or (kind is int and not number.is_integer()):
         _refuse_value(value, where, 'a whole number' if kind is int else 'a number')
-    if field is not None:
-        low, high = field.metadata['low'], field.metadata['high']
-        if low is not None and not low <= number <= high:
-            refuse(f'{where} is {number:g} {field.metadata["unit"]}'.rstrip(), allowed(field))
     return kind(value)
 
 
-def _numbers(values: Iterable[Any], items: tuple[Any, ...], where: str, field: Field) -> Any:
+def _read_number(value: Any, field: Field, where: str, kind: Any = None) -> Any:
+    """Return a number of a kind, that of the field or of its items, within the field's bounds."""
+    number = _number(value, kind or field.type, where)
+    low, high = field.metadata['low'], field.metadata['high']
+    if low is not None and not low <= number <= high:
+        refuse(f'{where} is {number:g} {field.metadata["unit"]}'.rstrip(), allowed(field))
+    return number
+
+
+def _read_numbers(value: Any, field: Field, where: str) -> Any:
     """Return numbers as a tuple, or as a tuple of pairs, which may be given as a flat list."""
+    if _is_single(value):
+        _refuse_value(value, where, 'a list')
+    items = get_args(field.type)
     pairs = get_origin(items[0]) is tuple
-    flat = [n for v in values for n in (v if pairs and not _is_single(v) else (v,))]
+    flat = [n for v in value for n in (v if pairs and not _is_single(v) else (v,))]
     kind = int if items[0] is int else float
-    numbers = tuple(_number(item, kind, where, field) for item in flat)
+    numbers = tuple(_read_number(item, field, where, kind) for item in flat)
     if pairs and len(numbers) % 2:
         refuse(f'{where} has {len(numbers)} numbers', 'pairs [low, high]')
     if Ellipsis not in items and len(numbers) != len(items):
@@ -269,7 +263,26 @@ def _numbers(values: Iterable[Any], items: tuple[Any, ...], where: str, field: F
     return tuple(zip(numbers[::2], numbers[1::2], strict=True)) if pairs else numbers
 
 
-def _vote(value: Any, where: str) -> str | int:
+def read_floors(value: Any, field: Field, where: str) -> Any:
+    """Return numbers, also a single one, as a tuple."""
+    return _read_numbers([value] if _is_single(value) else value, field, where)
+
+
+def _read_choice(value: Any, field: Field, where: str) -> Any:
+    """Return a text or a Boolean that is one of the field's choices, if it has any."""
+    choices, kind = field.metadata['choices'] or (value,), type(field.metadata['default'])
+    if isinstance(value, kind) and value in choices and '\0' not in str(value):
+        return value
+    _refuse_value(value, where, allowed(field) or 'text')
+
+
+def read_paths(value: Any, field: Field, where: str) -> Any:
+    """Return a text; a list of paths is joined by commas."""
+    return _read_choice(value if _is_single(value) else ', '.join(map(str, value)), field, where)
+
+
+def read_vote(value: Any, field: Field, where: str) -> str | int:
+    """Return a vote: ``all``, ``mean``, or a number of channels."""
     if value in ('all', 'mean'):
         return str(value)
     if not isinstance(value, bool) and re.fullmatch('0*[1-9][0-9]{0,8}', str(value)):
@@ -277,23 +290,33 @@ def _vote(value: Any, where: str) -> str | int:
     _refuse_value(value, where, 'all, mean, or a whole number from 1')
 
 
-def _names(values: Iterable[Any], where: str, for_topics: bool = True) -> tuple[str, ...]:
-    """Return names, each once; those of channels and groups become parts of topic names."""
-    names = tuple(map(_of_python, values))
+def _read_names(value: Any, field: Field, where: str) -> tuple[str, ...]:
+    """Return texts, none of them empty, each once."""
+    if _is_single(value):
+        _refuse_value(value, where, 'a list')
+    names = tuple(map(_of_python, value))
     for name in names:
-        if not isinstance(name, str) or not (NAME_PATTERN.fullmatch(name) if for_topics else name):
-            text = 'up to 64 letters, digits, _, letter first' if for_topics else 'a list of names'
-            refuse(f'{where} has {shown(name)}', text)
-    doubled = [name for name, count in Counter(names).items() if count > 1]
-    if doubled:
-        refuse(f'{where} has {shown(min(doubled))} twice', 'each name once')
+        if not isinstance(name, str) or not name:
+            refuse(f'{where} has {shown(name)}', 'a list of names')
+    repeated = [name for name, count in Counter(names).items() if count > 1]
+    if repeated:
+        refuse(f'{where} has {shown(min(repeated))} twice', 'each name once')
     return names
 
 
-def _groups(value: Any, where: str) -> dict[str, tuple[int, ...]]:
+def read_topic_names(value: Any, field: Field, where: str) -> tuple[str, ...]:
+    """Return names that can become parts of topic names, each once."""
+    for name in () if _is_single(value) else value:
+        if not isinstance(name, str) or not NAME_PATTERN.fullmatch(name):
+            refuse(f'{where} has {shown(name)}', 'up to 64 letters, digits, _, letter first')
+    return _read_names(value, field, where)
+
+
+def read_groups(value: Any, field: Field, where: str) -> dict[str, tuple[int, ...]]:
+    """Return the members of each group by its name."""
     if not isinstance(value, Mapping) or any(_is_single(_of_python(v)) for v in value.values()):
         _refuse_value(value, where, 'a list of channel numbers per name')
     return {
         name: tuple(_number(member, int, f'{where}.{name}') for member in value[name])
-        for name in _names(value, where)
+        for name in read_topic_names(value, field, where)
     }

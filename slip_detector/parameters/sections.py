@@ -37,6 +37,12 @@ Section = tuple[str, dict[str, Any]]
 #: Parameters that rclpy itself declares and reads for every node.
 OF_RCLPY = ('use_sim_time', 'start_type_description_service')
 
+
+def is_of_rclpy(name: str) -> bool:
+    """Return whether rclpy itself has a parameter, by its flat name."""
+    return name.partition('.')[0] in OF_RCLPY
+
+
 #: What stands in place of a node's name in a section for all nodes.
 ALL = ('**', '*')
 

@@ -29,7 +29,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from slip_detector.parameters import sections
-from slip_detector.parameters.fields import Field, converted, refuse, shown, shown_name
+from slip_detector.parameters.fields import Field, convert, refuse, shown, shown_name
 
 LOG = logging.getLogger(__name__)
 
@@ -73,7 +73,7 @@ class ParameterSet:
     def __post_init__(self) -> None:
         """Convert and check every field on its own."""
         for field in dataclasses.fields(self):
-            value = converted(getattr(self, field.name), field, f'parameter {field.name}')
+            value = convert(getattr(self, field.name), field, f'parameter {field.name}')
             object.__setattr__(self, field.name, value)
 
     def require(self, holds: bool, name: str, allowed_text: str, what: str = '') -> None:
@@ -204,6 +204,33 @@ class ParameterSet:
         every = sections.SECTIONS.get(cls.NODE, cls).from_parameters(values, str(path), own)
         return cls(**{name: getattr(every, name) for name in cls.__dataclass_fields__})
 
+    def with_values(self: ConfigType, values: Mapping[str, Any]) -> ConfigType:
+        """Return a copy with other values, by flat names; None deletes a group.
+
+        Values that they replace give way, as a channel leaves its group for another.
+
+        Raises
+        ------
+        ValueError
+            For an unknown name, values that are not allowed, or a parameter that cannot be
+            deleted.
+
+        Examples
+        --------
+        >>> from slip_detector.parameters import GraspConfig
+        >>> GraspConfig().with_values({'grip_n': 2}).grip_n
+        2.0
+        """
+        merged = {**self.to_parameters(), **self._changes_beside(values), **values}
+        for name, value in values.items():
+            if value is None and not name.startswith('groups.'):
+                refuse(f'parameter {name} cannot be deleted', 'groups.<name>')
+        return self.from_parameters({n: v for n, v in merged.items() if v is not None})
+
+    def _changes_beside(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Return what else changes with these values, by flat names; None deletes a group."""
+        return {}
+
     def to_parameters(self) -> dict[str, Any]:
         """Return names and values in the form that ROS uses: flat lists, ``groups.TP``."""
         return sections.flattened(self._as_in_yaml())
@@ -230,46 +257,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, tuple):
         return [n for item in value for n in (item if isinstance(item, tuple) else (item,))]
     return value
-
-
-def changed(config: ConfigType, values: Mapping[str, Any]) -> ConfigType:
-    """Return a configuration with some parameters changed, by flat names; None deletes a group.
-
-    Raises
-    ------
-    ValueError
-        For an unknown name, values that are not allowed, or a parameter that cannot be deleted.
-
-    Examples
-    --------
-    >>> from slip_detector.parameters import ChainConfig
-    >>> groups = {'groups.a': [2], 'groups.all': None}
-    >>> changed(ChainConfig(channels=2), {'disabled_channels': [1], **groups}).groups
-    {'a': (2,)}
-    """
-    for name, value in values.items():
-        if value is None and not name.startswith('groups.'):
-            raise ValueError(f'parameter {name} cannot be deleted, allowed: groups.<name>')
-    given = {**config.to_parameters(), **values}
-    return type(config).from_parameters({n: v for n, v in given.items() if v is not None})
-
-
-def replace_groups(config: ParameterSet, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the values to set for a request that cannot delete groups, as a file that is loaded.
-
-    Its groups replace all others where they do not fit beside them.
-
-    Examples
-    --------
-    >>> from slip_detector.parameters import ChainConfig
-    >>> config = ChainConfig(channels=2, groups={'a': [1], 'b': [2]})
-    >>> replace_groups(config, {'channels': 1, 'groups.a': [1]})
-    {'groups.b': None, 'channels': 1, 'groups.a': [1]}
-    """
-    if any(name.startswith('groups.') for name in values):
-        try:
-            changed(config, values)
-        except ValueError:
-            names = [name for name in config.to_parameters() if name.startswith('groups.')]
-            return {name: None for name in names if name not in values} | {**values}
-    return {**values}

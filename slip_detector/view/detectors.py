@@ -303,8 +303,8 @@ class ParameterPanel:
     Examples
     --------
     >>> panel = ParameterPanel()
-    >>> panel.read(Reading({'threshold': 0.5, 'gain': 1.0}, frozenset(), {}))
-    >>> panel.update({'threshold': 0.25}, by='page 1')
+    >>> panel.read(Reading({'threshold': 0.5}, frozenset(), {}))
+    >>> panel.read(Reading({'threshold': 0.25}, frozenset(), {}), by='page 1')
     >>> panel.changes[-1].by
     'page 1'
     >>> panel.to_undo(), panel.as_in_file()
@@ -325,35 +325,27 @@ class ParameterPanel:
         self.count = 0
 
     def read(self, reading: Reading, by: str = RESTART) -> None:
-        """Update everything from the detector's answer.
+        """Note what the detector has now, and who changed it.
 
         A detector that was started again has the values of its file. This counts as a change:
         undoing it restores what had been set before the restart.
         """
+        before, self.values = self.values, dict(reading.values)
         self.read_only, self.meanings = reading.read_only, reading.meanings
-        if self.values:
-            gone = dict.fromkeys(self.values.keys() - reading.values.keys())
-            self.update({**gone, **reading.values}, by)
-        else:
-            self.values = dict(reading.values)
         if self.file_values is None:
             self.file_values = dict(reading.values)
-
-    def update(self, values: Mapping[str, Any], by: str = OUTSIDE) -> None:
-        """Note values that the detector has now, None: deleted."""
-        after = {name: value for name, value in values.items() if self.values.get(name) != value}
-        if not after:
+        after = self.values
+        names = [name for name in {**before, **after} if before.get(name) != after.get(name)]
+        if not before or not names:
             return
-        before = {name: self.values.get(name) for name in after}
-        self.changes.append(Change(before, after, by))
+        change = Change({n: before.get(n) for n in names}, {n: after.get(n) for n in names}, by)
+        self.changes.append(change)
         self.count += 1
-        merged = {**self.values, **after}
-        self.values = {name: value for name, value in merged.items() if value is not None}
-        before, after = self._settable(before), self._settable(after)
-        if by != RESTART and self.history and self.history[-1].before == after:
+        settable = Change(self._settable(change.before), self._settable(change.after), by)
+        if by != RESTART and self.history and self.history[-1].before == settable.after:
             self.history.pop()
-        elif after:
-            self.history.append(Change(before, after, by))
+        elif settable.after:
+            self.history.append(settable)
 
     @property
     def config(self) -> DetectorConfig:

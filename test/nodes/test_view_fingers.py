@@ -168,9 +168,9 @@ def test_a_detector_of_another_version_is_refused_with_the_reason_and_not_shown(
     async def test(it):
         values = dict.fromkeys(('sample_rate_hz', 'channels', 'threshold', 'heartbeat_hz'), -1.0)
         with pytest.raises(ValueError, match=r'parameter .* allowed: '):
-            it.detectors._note(INDEX, Reading(values, frozenset(), {}), started=True)
+            it.detectors._note(INDEX, Reading(values, frozenset(), {}), RESTART)
         # Another node that publishes slip_onset is no detector.
-        it.detectors._note('/relay', Reading({'threshold': 1.0}, frozenset(), {}), started=True)
+        it.detectors._note('/relay', Reading({'threshold': 1.0}, frozenset(), {}), RESTART)
         assert not it.detectors.fingers
         assert [*it.detectors.panels] == [INDEX]
 

@@ -76,11 +76,13 @@ def test_all_parameters_are_read_and_set_or_refused_as_a_whole(bench, remote):
             set_all(values)
     some = {'threshold': 1, 'stopbands_hz': [0.5, 7.25], 'channel_names': [], 'vote': 'mean'}
     some['noise_floor'] = [0.5]
-    assert set_all(some) == some
+    set_all(some)
+    assert some.items() <= read(remote).values.items()
     others = {f'groups.{name}': None for name in ('TP', 'TD', 'LR', 'LU')} | {'channels': 2}
     others |= {'noise_floor': [1, 0.5], 'groups.front': [2, 1]}
-    assert set_all(others) == others
+    set_all(others)
     values = read(remote).values
+    assert (values['channels'], values['noise_floor']) == (2, [1.0, 0.5])
     assert (values['threshold'], values['gain']) == (1.0, 100.0)
     assert {name for name in values if name.startswith('groups.')} == {'groups.front'}
 
@@ -90,7 +92,7 @@ def test_a_detector_that_hangs_or_is_gone_is_reported_within_the_deadline(
 ):
     process = bench.start('slip_detector')
     read(remote)
-    assert asyncio.run(remote.set({'threshold': 0.25})) == {'threshold': 0.25}
+    asyncio.run(remote.set({'threshold': 0.25}))
     process.signal(signal.SIGSTOP)
     monkeypatch.setattr(view_fingers, 'ANSWER_S', 1.0)
     with pytest.raises(ValueError, match='is not known whether this was set: /slip_detector has'):

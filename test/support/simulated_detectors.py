@@ -30,7 +30,7 @@ from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.sources import open_source
 from slip_detector.view.access import Access
-from slip_detector.view.detectors import Detectors, Diagnosis, Finger, Reading
+from slip_detector.view.detectors import OUTSIDE, Detectors, Diagnosis, Finger, Reading
 from slip_detector.view.server import Server
 
 
@@ -92,6 +92,17 @@ class SimulatedFinger:
         self.finger.update_config(config)
 
 
+def reading_of(config):
+    """Return what a detector with a configuration answers."""
+    return Reading(config.to_parameters(), frozenset(['autostart']), {})
+
+
+def change_outside(panel, values):
+    """Let another program set parameters of a detector; None deletes one."""
+    now = {n: v for n, v in {**panel.values, **values}.items() if v is not None}
+    panel.read(Reading(now, panel.read_only, panel.meanings), OUTSIDE)
+
+
 class SimulatedDetectors(Detectors):
     """Simulated fingers, in real time while a page watches, or as the test says.
 
@@ -121,7 +132,7 @@ class SimulatedDetectors(Detectors):
         finger = self.fingers[name] = Finger(name, config)
         finger.diagnostics = (Diagnosis(0, 'input', 'simulated samples'),)
         self.simulated[name] = SimulatedFinger(finger, **simulation)
-        self.panels[name].read(Reading(config.to_parameters(), frozenset(['autostart']), {}))
+        self.panels[name].read(reading_of(config))
         return self.simulated[name]
 
     def remove(self, label):
@@ -143,14 +154,11 @@ class SimulatedDetectors(Detectors):
 
     async def change(self, name, values, by):
         simulated = self.simulated[name]
-        present = {**simulated.finger.config.to_parameters(), **values}
-        present = {name: value for name, value in present.items() if value is not None}
-        config = DetectorConfig.from_parameters(present)
+        config = simulated.finger.config.with_values(values)
         if config.autostart != simulated.finger.config.autostart:
             raise ValueError('Trying to set a read-only parameter: autostart.')
         simulated.change(config)
-        now = config.to_parameters()
-        self.panels[name].update({name: now.get(name) for name in values}, by)
+        self.panels[name].read(reading_of(config), by)
 
 
 @contextlib.asynccontextmanager

@@ -31,8 +31,10 @@ from slip_detector.view.detectors import (
     drawn_positions,
     least_distance_m,
 )
+from support.simulated_detectors import change_outside
 
 VALUES = {**DetectorConfig().to_parameters(), 'use_sim_time': False}
+
 READ_ONLY = frozenset(['autostart'])
 
 
@@ -101,13 +103,13 @@ def test_undoing_again_and_again_leads_back_through_every_state():
     panel = panel_of({'threshold': 1, 'gain': 1, 'groups.a': 1})
     states = [panel.values]
     for values in ({'threshold': 2}, {'gain': None, 'groups.b': 3}, {'threshold': 1, 'vote': 2}):
-        panel.update(values)
+        change_outside(panel, values)
         states.append(panel.values)
-    panel.update({'vote': 2})
+    change_outside(panel, {'vote': 2})
     assert panel.count == 3
     while panel.to_undo():
         assert panel.values == states.pop()
-        panel.update(panel.to_undo())
+        change_outside(panel, panel.to_undo())
     assert [panel.values] == states
 
 
@@ -115,24 +117,24 @@ def test_restoring_the_file_sets_all_that_differs_and_can_be_set():
     file_values = DetectorConfig(threshold=0.3, autostart=False).to_parameters()
     panel = panel_of(file_values=file_values)
     assert panel.as_in_file() == {'threshold': 0.3}
-    panel.update({'groups.TP': None, 'groups.mine': [1], 'threshold': 0.3})
+    change_outside(panel, {'groups.TP': None, 'groups.mine': [1], 'threshold': 0.3})
     wanted = panel.as_in_file()
     assert wanted == {'groups.TP': file_values['groups.TP'], 'groups.mine': None}
-    panel.update(wanted)
+    change_outside(panel, wanted)
     assert panel.as_in_file() == {}
     without_file = panel_of()
-    without_file.update({'threshold': 0.3})
+    change_outside(without_file, {'threshold': 0.3})
     assert without_file.as_in_file() == {'threshold': 0.5}
 
 
 def test_values_lost_in_a_restart_are_reported_and_can_be_set_again_by_undo():
     panel = panel_of()
-    panel.update({'threshold': 0.3})
+    change_outside(panel, {'threshold': 0.3})
     again = {**VALUES, 'autostart': False}
     panel.read(Reading(again, READ_ONLY, {}))
     assert panel.changes[-1].by == RESTART
     assert panel.changes[-1].after == {'threshold': 0.5, 'autostart': False}
     assert panel.to_undo() == {'threshold': 0.3}
-    panel.update(panel.to_undo())
+    change_outside(panel, panel.to_undo())
     assert panel.values['threshold'] == 0.3
     assert panel.to_undo() == {'threshold': 0.5}

@@ -176,7 +176,7 @@ def test_pages_get_changes_with_their_author_and_hear_that_a_detector_is_gone(tm
     server = server_of(tmp_path)
     ask(server, type='set', page='1-2', values={'threshold': 0.25, 'gain': '7'})
     server.tick()
-    words = '"page 1-2", "threshold from 0.5 to 0.25, gain from 100 to 7'
+    words = '"page 1-2", "gain from 100 to 7, threshold from 0.5 to 0.25'
     assert words in server.news['parameters']
     server.detectors.remove('index')
     server.tick()
