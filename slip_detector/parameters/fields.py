@@ -19,7 +19,7 @@ import dataclasses
 import math
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NoReturn, get_args, get_origin
 
 Field = dataclasses.Field[Any]
@@ -91,8 +91,8 @@ def parameter(
     metadata = {
         **{'default': default, 'meaning': meaning, 'low': low, 'high': high, 'unit': unit},
         **{'choices': choices, 'allows': allows, 'heading': heading},
-        **{'affects': affects.split(), 'searched_with': searched_with, 'rising': rising},
-        'read': read,
+        **{'affects': affects.split(), 'searched_with': searched_with},
+        **{'rising': rising, 'read': read},
     }
     if isinstance(default, dict):
         return dataclasses.field(default_factory=default.copy, metadata=metadata)
@@ -204,8 +204,9 @@ def convert(value: Any, field: Field, where: str) -> Any:
     ((0.5, 7.0), (48.0, 52.0))
     """
     items = get_args(field.type)
-    usual = _read_names if items[:1] == (str,) else _read_numbers if items else _read_choice
-    read = field.metadata['read'] or (_read_number if field.type in (int, float) else usual)
+    read_list = _read_names if items[:1] == (str,) else _read_numbers
+    read_single = _read_number if field.type in (int, float) else _read_choice
+    read = field.metadata['read'] or (read_list if items else read_single)
     return read(_of_python(value), field, where)
 
 
@@ -222,9 +223,16 @@ def _refuse_value(value: Any, where: str, allowed_text: str) -> NoReturn:
     refuse(f'{where} is {shown(value)}', allowed_text)
 
 
-def _number(value: Any, kind: Any, where: str) -> Any:
-    """Return a value as int or float."""
-    value = _of_python(value)
+def _items(value: Any, where: str) -> Iterable[Any]:
+    """Return a value that is a list."""
+    if _is_single(value):
+        _refuse_value(value, where, 'a list')
+    return value  # type: ignore[no-any-return]
+
+
+def _read_number(value: Any, field: Field, where: str, kind: Any = None) -> Any:
+    """Return a number of a kind, that of the field or of its items, within the field's bounds."""
+    value, kind = _of_python(value), kind or field.type
     # A number in quotes is a text.
     types = int | float if kind is int else int | float | str
     number = math.nan
@@ -233,25 +241,17 @@ def _number(value: Any, kind: Any, where: str) -> Any:
             number = float(value)
     if math.isnan(number) or (kind is int and not number.is_integer()):
         _refuse_value(value, where, 'a whole number' if kind is int else 'a number')
-    return kind(value)
-
-
-def _read_number(value: Any, field: Field, where: str, kind: Any = None) -> Any:
-    """Return a number of a kind, that of the field or of its items, within the field's bounds."""
-    number = _number(value, kind or field.type, where)
     low, high = field.metadata['low'], field.metadata['high']
     if low is not None and not low <= number <= high:
         refuse(f'{where} is {number:g} {field.metadata["unit"]}'.rstrip(), allowed(field))
-    return number
+    return kind(value)
 
 
 def _read_numbers(value: Any, field: Field, where: str) -> Any:
     """Return numbers as a tuple, or as a tuple of pairs, which may be given as a flat list."""
-    if _is_single(value):
-        _refuse_value(value, where, 'a list')
     items = get_args(field.type)
     pairs = get_origin(items[0]) is tuple
-    flat = [n for v in value for n in (v if pairs and not _is_single(v) else (v,))]
+    flat = [n for v in _items(value, where) for n in (v if pairs and not _is_single(v) else (v,))]
     kind = int if items[0] is int else float
     numbers = tuple(_read_number(item, field, where, kind) for item in flat)
     if pairs and len(numbers) % 2:
@@ -292,9 +292,7 @@ def read_vote(value: Any, field: Field, where: str) -> str | int:
 
 def _read_names(value: Any, field: Field, where: str) -> tuple[str, ...]:
     """Return texts, none of them empty, each once."""
-    if _is_single(value):
-        _refuse_value(value, where, 'a list')
-    names = tuple(map(_of_python, value))
+    names = tuple(map(_of_python, _items(value, where)))
     for name in names:
         if not isinstance(name, str) or not name:
             refuse(f'{where} has {shown(name)}', 'a list of names')
@@ -306,7 +304,7 @@ def _read_names(value: Any, field: Field, where: str) -> tuple[str, ...]:
 
 def read_topic_names(value: Any, field: Field, where: str) -> tuple[str, ...]:
     """Return names that can become parts of topic names, each once."""
-    for name in () if _is_single(value) else value:
+    for name in _items(value, where):
         if not isinstance(name, str) or not NAME_PATTERN.fullmatch(name):
             refuse(f'{where} has {shown(name)}', 'up to 64 letters, digits, _, letter first')
     return _read_names(value, field, where)
@@ -317,6 +315,6 @@ def read_groups(value: Any, field: Field, where: str) -> dict[str, tuple[int, ..
     if not isinstance(value, Mapping) or any(_is_single(_of_python(v)) for v in value.values()):
         _refuse_value(value, where, 'a list of channel numbers per name')
     return {
-        name: tuple(_number(member, int, f'{where}.{name}') for member in value[name])
+        name: tuple(_read_number(c, field, f'{where}.{name}', int) for c in value[name])
         for name in read_topic_names(value, field, where)
     }

@@ -14,6 +14,7 @@
 
 """ROS parameter files: which of their sections are for which node or command."""
 
+import pkgutil
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
@@ -22,9 +23,14 @@ from typing import Any, NamedTuple
 from slip_detector.parameters.fields import refuse, shown, shown_name
 from slip_detector.parameters.files import read_yaml
 
-#: The parameter set of each section of a parameter file of this package, by the name of its node
-#: or command; ``slip_detector.parameters``, which defines the sets, enters them.
-SECTIONS: dict[str, Any] = {}
+#: The parameter set of each section of a parameter file, by the name of its node or command.
+SECTIONS = {
+    'slip_detector': 'slip_detector.parameters.detector:DetectorConfig',
+    'slip_driver': 'slip_detector.parameters.driver:DriverConfig',
+    'slip_evaluate': 'slip_detector.parameters.evaluation:EvaluationConfig',
+    'slip_tune': 'slip_detector.parameters.evaluation:TuneConfig',
+    'grasp_controller': 'slip_detector.parameters.grasp:GraspConfig',
+}
 
 #: What ROS takes for the full name of a node, with ``*`` for any name and ``**`` for any names.
 _NAME = r'(\*\*?|[A-Za-z_][A-Za-z0-9_]{0,254})'
@@ -45,6 +51,11 @@ def is_of_rclpy(name: str) -> bool:
 
 #: What stands in place of a node's name in a section for all nodes.
 ALL = ('**', '*')
+
+
+def set_of(node: str) -> Any:
+    """Return the parameter set of a node or command of this package."""
+    return pkgutil.resolve_name(SECTIONS[node])
 
 
 def node_of(section: str) -> str:
@@ -163,7 +174,6 @@ def parameters_for(path: str | Path, executable: str, node: str = '') -> Given:
 
     Examples
     --------
-    >>> import slip_detector.parameters
     >>> from slip_detector.parameters.files import shared_folder
     >>> file = shared_folder() / 'config' / 'slip_detector.yaml'
     >>> parameters_for(file, 'slip_detector').values['groups.TP']
@@ -223,9 +233,8 @@ def nodes_that_know(name: str) -> list[str]:
 
     Examples
     --------
-    >>> import slip_detector.parameters
     >>> nodes_that_know('sample_rate_hz'), nodes_that_know('channels')
     (['slip_detector'], ['slip_detector', 'slip_driver'])
     """
     head = name.partition('.')[0]
-    return [node for node, its in SECTIONS.items() if head in its.__dataclass_fields__]
+    return [node for node in SECTIONS if head in set_of(node).__dataclass_fields__]

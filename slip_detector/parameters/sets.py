@@ -139,27 +139,24 @@ class ParameterSet:
         lead, known = f'{where}: ' if where else '', cls.__dataclass_fields__
         values: dict[str, Any] = {}
         groups: dict[str, Any] = {}
+        for name, value in parameters.items():
+            head, _, tail = name.partition('.')
+            if name in known:
+                values[name] = value
+            elif head == 'groups' in known and tail:
+                groups[tail] = value
+            else:
+                is_own = own is None or name in own
+                hint = cls._hint(name, is_own)
+                label = f'parameter {shown_name(name)} = {shown(value)}'
+                if is_own:
+                    raise ValueError(f'{lead}unknown {label}; {hint}')
+                if hint:
+                    warn(f'{lead}left out: {label}, given to all nodes; {hint}')
+        if groups and 'groups' in values:
+            refuse(f'{lead}parameter groups is given beside groups.<name>', 'one of both')
         try:
-            for key, value in parameters.items():
-                name = str(key)  # In YAML a name may be a number.
-                head, _, tail = name.partition('.')
-                if name in known:
-                    values[name] = value
-                elif head == 'groups' in known and tail:
-                    groups[tail] = value
-                else:
-                    is_own = own is None or name in own
-                    hint = cls._hint(name, is_own)
-                    label = f'parameter {shown_name(name)} = {shown(value)}'
-                    if is_own:
-                        raise ValueError(f'unknown {label}; {hint}')
-                    if hint:
-                        warn(f'{lead}left out: {label}, given to all nodes; {hint}')
-            if groups:
-                if 'groups' in values:
-                    refuse('parameter groups is given beside groups.<name>', 'one of both')
-                values['groups'] = groups
-            return cls(**values)
+            return cls(**values, **({'groups': groups} if groups else {}))
         except ValueError as error:
             raise ValueError(f'{lead}{error}') from None
 
@@ -201,8 +198,9 @@ class ParameterSet:
             a value that is not allowed; names the file.
         """
         values, own, _ = sections.parameters_for(path, cls.NODE, node)
-        every = sections.SECTIONS.get(cls.NODE, cls).from_parameters(values, str(path), own)
-        return cls(**{name: getattr(every, name) for name in cls.__dataclass_fields__})
+        whole_set = sections.set_of(cls.NODE) if cls.NODE in sections.SECTIONS else cls
+        whole = whole_set.from_parameters(values, str(path), own)
+        return cls(**{name: getattr(whole, name) for name in cls.__dataclass_fields__})
 
     def with_values(self: ConfigType, values: Mapping[str, Any]) -> ConfigType:
         """Return a copy with other values, by flat names; None deletes a group.
