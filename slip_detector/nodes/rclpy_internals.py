@@ -24,7 +24,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NoReturn
 
 import rclpy
@@ -227,25 +227,18 @@ def receiver(subscription: Subscription, at_most: int) -> Callable[[], None]:
     return receive
 
 
-def send_request(client: Client, request: Any) -> int:
-    """Send a request to a service without waiting; return the number of the request.
-
-    Relies on ``send_request`` of the handle.
-    """
-    with client.handle:
-        return int(client.handle.send_request(request))
-
-
-def take_answer(client: Client) -> tuple[int, Any] | None:
-    """Return the number of an answered request and its answer; None if there is none.
+def take_answers(clients: Iterable[Client]) -> None:
+    """Complete the futures of requests that have been answered.
 
     With rclpy, an executor has to gather all entities of the node for that. Relies on
     ``take_response`` of the handle, which returns the header, with the ``request_id``, and the
-    answer, or None twice.
+    answer, or None twice; and on ``get_pending_request`` of the client, which returns the future.
     """
-    with client.handle:
-        header, answer = client.handle.take_response(client.srv_type.Response)
-    return None if header is None else (header.request_id.sequence_number, answer)
+    for client in clients:
+        with client.handle:
+            header, answer = client.handle.take_response(client.srv_type.Response)
+        if header is not None:
+            client.get_pending_request(header.request_id.sequence_number).set_result(answer)
 
 
 def leave(takedowns: Sequence[Callable[[], object]], code: int) -> NoReturn:

@@ -19,21 +19,22 @@ import asyncio
 import contextlib
 import math
 import time
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from rcl_interfaces import srv
 from rcl_interfaces.msg import ParameterEvent
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node, NodeNameNonExistentError
 from rclpy.parameter import Parameter, parameter_value_to_python
+from rclpy.parameter_client import AsyncParameterClient
+from rclpy.task import Future
 from std_msgs.msg import String
 
 from slip_detector.nodes.finger_topics import FingerTopics, PolledTopics
 from slip_detector.nodes.inputs import publishing_nodes
 from slip_detector.nodes.messages import event_qos, state_qos
-from slip_detector.nodes.rclpy_internals import send_request, take_answer
+from slip_detector.nodes.rclpy_internals import take_answers
 from slip_detector.parameters.fields import shown
 from slip_detector.view.detectors import OUTSIDE, RESTART, Detectors, Diagnosis, Finger, Reading
 
@@ -57,37 +58,27 @@ LOG_S = 60.0
 POLL_S = 0.01
 
 #: A node that publishes ``slip_onset`` and has these parameters is a detector.
-OF_A_DETECTOR = {'sample_rate_hz', 'channels', 'threshold', 'heartbeat_hz'}
+PARAMETERS_OF_A_DETECTOR = {'sample_rate_hz', 'channels', 'threshold', 'heartbeat_hz'}
 
 #: The middleware's name for a node that it does not know yet.
 UNKNOWN = '_NODE_NAME_UNKNOWN_'
 
-SERVICES = {
-    'list_parameters': srv.ListParameters,
-    'describe_parameters': srv.DescribeParameters,
-    'get_parameters': srv.GetParameters,
-    'set_parameters_atomically': srv.SetParametersAtomically,
-}
-
 
 class RemoteDetector:
-    """The parameter services of one node, called without blocking the event loop.
+    """The parameters of one node, asked for without blocking the event loop.
 
-    No node has to be spun: each call takes its answers itself. Errors are ValueErrors.
+    The node of the page is not spun: a question takes its answers itself. Errors are ValueErrors.
     """
 
     def __init__(self, node: Node, name: str) -> None:
         self._node, self.name = node, name
-        self._clients = {
-            service: node.create_client(kind, f'{name}/{service}')
-            for service, kind in SERVICES.items()
-        }
-        #: Its publishers: a new one tells that it was started again.
+        others = set(node.clients)
+        self._parameters = AsyncParameterClient(node, name)
+        self._clients = set(node.clients) - others
+        #: The publishers of the node; a new one shows that the node was started again.
         self.publishers: set[bytes] = set()
-        #: Whether it was started since its parameters were read.
-        self.started = False
-        #: Set when its parameters have to be read; what then reads them.
-        self.changed = asyncio.Event()
+        #: Set when the parameters have to be read; what then reads them.
+        self.outdated = asyncio.Event()
         self.reads: asyncio.Task[None] | None = None
         #: Held from a question until the answer is noted.
         self.asking = asyncio.Lock()
@@ -96,19 +87,18 @@ class RemoteDetector:
         """Destroy the clients; requests under way end with an error."""
         if self.reads is not None:
             self.reads.cancel()
-        for client in self._clients.values():
+        for client in self._clients:
             self._node.destroy_client(client)
 
     async def read(self) -> Reading:
         """Return all parameters of the node."""
-        names = (await self._ask('list_parameters')).result.names
-        described = (await self._ask('describe_parameters', names=names)).descriptors
+        names = (await self._ask(self._parameters.list_parameters)).result.names
+        described = (await self._ask(self._parameters.describe_parameters, names)).descriptors
         read_only = frozenset(each.name for each in described if each.read_only)
         meanings = {each.name: each.description for each in described}
-        read = map(
-            parameter_value_to_python, (await self._ask('get_parameters', names=names)).values
-        )
-        return Reading(dict(zip(names, read, strict=True)), read_only, meanings)
+        messages = (await self._ask(self._parameters.get_parameters, names)).values
+        values = dict(zip(names, map(parameter_value_to_python, messages), strict=True))
+        return Reading(values, read_only, meanings)
 
     async def set(self, values: Mapping[str, Any]) -> None:
         """Set parameters, all or none; None deletes one."""
@@ -116,29 +106,29 @@ class RemoteDetector:
             parameters = [_message_of(*each) for each in values.items()]
         except (AssertionError, TypeError, ValueError, OverflowError) as error:
             raise ValueError(f'this cannot be sent to the detector: {error}') from None
+        ask = self._parameters.set_parameters_atomically
         try:
-            service = 'set_parameters_atomically'
-            answer = await self._ask(service, again_s=math.inf, parameters=parameters)
+            result = (await self._ask(ask, parameters, again_s=math.inf)).result
         except ValueError as error:
             raise ValueError(f'it is not known whether this was set: {error}') from None
-        if not answer.result.successful:
-            raise ValueError(answer.result.reason or 'refused')
+        if not result.successful:
+            raise ValueError(result.reason or 'refused')
 
-    async def _ask(self, service: str, again_s: float = ASK_AGAIN_S, **request: Any) -> Any:
-        """Return the answer of a service; a question is asked again until it is answered."""
-        client = self._clients[service]
-        numbers: set[int] = set()
+    async def _ask(
+        self, ask: Callable[..., Future], *arguments: Any, again_s: float = ASK_AGAIN_S
+    ) -> Any:
+        """Return the answer to a question, which is asked again until it is answered."""
+        asked: list[Future] = []
         ask_s = time.monotonic()
         until_s = ask_s + ANSWER_S
         with contextlib.suppress(InvalidHandle):  # The node has ended.
             while (now_s := time.monotonic()) < until_s:
-                if now_s >= ask_s and client.service_is_ready():
-                    numbers.add(send_request(client, SERVICES[service].Request(**request)))
+                if now_s >= ask_s and self._parameters.services_are_ready():
+                    asked.append(ask(*arguments))
                     ask_s = now_s + again_s
-                while answer := take_answer(client):
-                    # An answer to an earlier question has come too late.
-                    if answer[0] in numbers:
-                        return answer[1]
+                take_answers(self._clients)
+                for answer in filter(Future.done, asked):
+                    return answer.result()
                 await asyncio.sleep(POLL_S)
             raise ValueError(f'{self.name} has not answered for {ANSWER_S:g} s')
         raise ValueError(f'{self.name} ended before it answered')
@@ -183,7 +173,7 @@ class RosDetectors(Detectors):
             finger = self.fingers[name]
             self._watched[name] = FingerTopics(self._node, finger, self._input_of(finger))
             # Its parameters may have changed while it was not watched.
-            self._remotes[name].changed.set()
+            self._remotes[name].outdated.set()
         if self._watched and not self._shared:
             qos = event_qos(depth=1000)
             self._shared.add(DiagnosticArray, '/diagnostics', qos, self._on_diagnostics)
@@ -242,13 +232,12 @@ class RosDetectors(Detectors):
         for name in self._remotes.keys() - found.keys():
             self._forget(name)
         for name, publishers in found.items():
-            if name not in self._remotes:
+            remote = self._remotes.get(name)
+            if remote is None or publishers - remote.publishers:  # It was started.
+                if remote is not None:
+                    remote.close()
                 remote = self._remotes[name] = RemoteDetector(self._node, name)
                 remote.reads = asyncio.create_task(self._follow(remote))
-            remote = self._remotes[name]
-            if publishers - remote.publishers:
-                remote.started = True
-                remote.changed.set()
             remote.publishers = publishers
         since_s = time.monotonic() - DIAGNOSIS_S
         for topics in self._watched.values():
@@ -276,24 +265,24 @@ class RosDetectors(Detectors):
     # Their parameters.
 
     async def _follow(self, remote: RemoteDetector) -> None:
-        """Read the parameters of a node whenever they may have changed."""
-        while await remote.changed.wait():
-            remote.changed.clear()
-            started, remote.started = remote.started, False
+        """Read the parameters of a node that was started, and whenever they may have changed."""
+        by = RESTART
+        while True:
+            remote.outdated.clear()
             try:
                 async with remote.asking:
-                    self._note(remote.name, await remote.read(), RESTART if started else OUTSIDE)
+                    self._note(remote.name, await remote.read(), by)
+                by = OUTSIDE
+                await remote.outdated.wait()
             except ValueError as error:
                 # The detector hangs, starts or ends, or is of another version: ask again.
                 words = f'{remote.name} cannot be shown: {error}'
                 self._node.get_logger().warning(words, throttle_duration_sec=LOG_S)
-                remote.started |= started
                 await asyncio.sleep(SEARCH_S)
-                remote.changed.set()
 
     def _note(self, name: str, reading: Reading, by: str) -> None:
         """Note the parameters of a node, and who changed them; show a detector as a finger."""
-        if not reading.values.keys() >= OF_A_DETECTOR:
+        if not reading.values.keys() >= PARAMETERS_OF_A_DETECTOR:
             return
         panel = self.panels[name]
         panel.read(reading, by)
@@ -312,7 +301,7 @@ class RosDetectors(Detectors):
         # One that declares what it had before is starting: it is read when it publishes.
         new = {each.name for each in event.new_parameters}
         if event.node in self.fingers and not self.panels[event.node].values.keys() & new:
-            self._remotes[event.node].changed.set()
+            self._remotes[event.node].outdated.set()
 
     # Their diagnostics.
 
