@@ -203,10 +203,7 @@ def convert(value: Any, field: Field, where: str) -> Any:
     >>> convert([0.5, 7, '48', 52], stopbands, 'parameter stopbands_hz')
     ((0.5, 7.0), (48.0, 52.0))
     """
-    items = get_args(field.type)
-    read_list = _read_names if items[:1] == (str,) else _read_numbers
-    read_single = _read_number if field.type in (int, float) else _read_choice
-    read = field.metadata['read'] or (read_list if items else read_single)
+    read = field.metadata['read'] or _READERS.get(field.type, _read_numbers)
     return read(_of_python(value), field, where)
 
 
@@ -248,24 +245,24 @@ def _read_number(value: Any, field: Field, where: str, kind: Any = None) -> Any:
 
 
 def _read_numbers(value: Any, field: Field, where: str) -> Any:
-    """Return numbers as a tuple, or as a tuple of pairs, which may be given as a flat list."""
+    """Return numbers as a tuple, or as a tuple of pairs, which may be given as a flat list.
+
+    A single number is a list where the list may have any length.
+    """
     items = get_args(field.type)
-    pairs = get_origin(items[0]) is tuple
+    pairs, is_open = get_origin(items[0]) is tuple, Ellipsis in items
+    if is_open and not pairs and _is_single(value):
+        value = [value]
     flat = [n for v in _items(value, where) for n in (v if pairs and not _is_single(v) else (v,))]
     kind = int if items[0] is int else float
     numbers = tuple(_read_number(item, field, where, kind) for item in flat)
     if pairs and len(numbers) % 2:
         refuse(f'{where} has {len(numbers)} numbers', 'pairs [low, high]')
-    if Ellipsis not in items and len(numbers) != len(items):
+    if not is_open and len(numbers) != len(items):
         refuse(f'{where} has {len(numbers)} numbers', f'{len(items)}')
     if field.metadata['rising'] and list(numbers) != sorted({*numbers}):
         _refuse_value(numbers, where, 'each number above the one before it')
     return tuple(zip(numbers[::2], numbers[1::2], strict=True)) if pairs else numbers
-
-
-def read_floors(value: Any, field: Field, where: str) -> Any:
-    """Return numbers, also a single one, as a tuple."""
-    return _read_numbers([value] if _is_single(value) else value, field, where)
 
 
 def _read_choice(value: Any, field: Field, where: str) -> Any:
@@ -281,7 +278,7 @@ def read_paths(value: Any, field: Field, where: str) -> Any:
     return _read_choice(value if _is_single(value) else ', '.join(map(str, value)), field, where)
 
 
-def read_vote(value: Any, field: Field, where: str) -> str | int:
+def _read_vote(value: Any, field: Field, where: str) -> str | int:
     """Return a vote: ``all``, ``mean``, or a number of channels."""
     if value in ('all', 'mean'):
         return str(value)
@@ -290,7 +287,7 @@ def read_vote(value: Any, field: Field, where: str) -> str | int:
     _refuse_value(value, where, 'all, mean, or a whole number from 1')
 
 
-def _read_names(value: Any, field: Field, where: str) -> tuple[str, ...]:
+def _read_texts(value: Any, field: Field, where: str) -> tuple[str, ...]:
     """Return texts, none of them empty, each once."""
     names = tuple(map(_of_python, _items(value, where)))
     for name in names:
@@ -302,19 +299,29 @@ def _read_names(value: Any, field: Field, where: str) -> tuple[str, ...]:
     return names
 
 
-def read_topic_names(value: Any, field: Field, where: str) -> tuple[str, ...]:
+def read_names(value: Any, field: Field, where: str) -> tuple[str, ...]:
     """Return names that can become parts of topic names, each once."""
     for name in _items(value, where):
         if not isinstance(name, str) or not NAME_PATTERN.fullmatch(name):
             refuse(f'{where} has {shown(name)}', 'up to 64 letters, digits, _, letter first')
-    return _read_names(value, field, where)
+    return _read_texts(value, field, where)
 
 
-def read_groups(value: Any, field: Field, where: str) -> dict[str, tuple[int, ...]]:
+def _read_groups(value: Any, field: Field, where: str) -> dict[str, tuple[int, ...]]:
     """Return the members of each group by its name."""
     if not isinstance(value, Mapping) or any(_is_single(_of_python(v)) for v in value.values()):
         _refuse_value(value, where, 'a list of channel numbers per name')
     return {
         name: tuple(_read_number(c, field, f'{where}.{name}', int) for c in value[name])
-        for name in read_topic_names(value, field, where)
+        for name in read_names(value, field, where)
     }
+
+
+#: What reads the values of a type; all other types are lists of numbers.
+_READERS: dict[Any, Callable[[Any, Field, str], Any]] = {
+    **dict.fromkeys((int, float), _read_number),
+    **dict.fromkeys((bool, str), _read_choice),
+    tuple[str, ...]: _read_texts,
+    str | int: _read_vote,
+    dict[str, tuple[int, ...]]: _read_groups,
+}

@@ -29,7 +29,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from slip_detector.parameters import sections
-from slip_detector.parameters.fields import Field, convert, refuse, shown, shown_name
+from slip_detector.parameters.fields import Field, allowed, convert, refuse, shown, shown_name
 
 LOG = logging.getLogger(__name__)
 
@@ -76,23 +76,26 @@ class ParameterSet:
             value = convert(getattr(self, field.name), field, f'parameter {field.name}')
             object.__setattr__(self, field.name, value)
 
-    def require(self, holds: bool, name: str, allowed_text: str, what: str = '') -> None:
+    def require(self, holds: bool, name: str, allowed_text: str = '', what: str = '') -> None:
         """Raise the ValueError of a parameter that does not go with the others.
 
         Parameters
         ----------
         holds
-            Whether it does.
-        name, allowed_text
-            The parameter, and what is allowed.
+            Whether the parameter goes with the others.
+        name
+            The name of the parameter.
+        allowed_text
+            What is allowed; empty: as the field says.
         what
-            What is wrong with it; empty: its value.
+            What is wrong with the parameter; empty: its value.
         """
         if not holds:
-            value, unit = getattr(self, name), self.__dataclass_fields__[name].metadata['unit']
+            value, field = getattr(self, name), self.__dataclass_fields__[name]
             is_number = isinstance(value, (int, float))
-            text = f'{value:g} {unit}'.rstrip() if is_number else shown(value)
-            refuse(f'parameter {name} {what or f"is {text}"}', allowed_text)
+            text = f'{value:g} {field.metadata["unit"]}' if is_number else shown(value)
+            what = what or f'is {text}'.rstrip()
+            refuse(f'parameter {name} {what}', allowed_text or allowed(field))
 
     def limits(self) -> dict[str, str]:
         """Return what is allowed beside the other parameters, by the names of those so limited.
@@ -105,7 +108,7 @@ class ParameterSet:
         """
         found: dict[str, str] = {}
         again: Any = copy.copy(self)
-        vars(again)['require'] = lambda _, name, text, what='': found.setdefault(name, text)
+        vars(again)['require'] = lambda _, name, text='', what='': found.setdefault(name, text)
         again.__post_init__()
         return found
 
