@@ -57,16 +57,12 @@ def declare(
         For an unknown name given to this node, a value that is not allowed, or a parameter file
         for nodes with other names.
     """
-    pairs = [*itertools.pairwise([*sys.argv, *(cli_args or [])])]
-    # Of `-p slip_detector:threshold:=0.5`; without a node's name it is for all nodes.
-    rules = [text.partition(':=')[0] for option, text in pairs if option in ('-p', '--param')]
-    own = {rule.rpartition(':')[2] for rule in rules if ':' in rule}
     given: dict[str, Any] = {}
-    for option, path in pairs:
-        if option == '--params-file':
-            found = parameters_for(path, config_class.NODE, node.get_fully_qualified_name())
-            given |= {name: found.values[name] for name in found.own}
-    own |= given.keys()
+    for path in _options('--params-file', arguments=cli_args):
+        given |= parameters_for(path, config_class.NODE, node.get_fully_qualified_name()).own
+    # Of `-p slip_detector:threshold:=0.5`; without a node's name it is for all nodes.
+    rules = [text.partition(':=')[0] for text in _options('-p', '--param', arguments=cli_args)]
+    own = given.keys() | {rule.rpartition(':')[2] for rule in rules if ':' in rule}
     given |= {
         each.name: [] if each.type_ == Parameter.Type.NOT_SET else each.value
         for each in given_parameters(node)
@@ -95,11 +91,16 @@ def declare(
     return config
 
 
+def _options(*names: str, arguments: Sequence[str] | None = None) -> list[str]:
+    """Return the values of options of the command line, and of further arguments."""
+    pairs = itertools.pairwise([*sys.argv, *(arguments or ())])
+    return [value for option, value in pairs if option in names]
+
+
 def tell_of_other_names(nodes: Sequence[Node], executable: str) -> None:
     """Warn of sections in parameter files for nodes like these that this process does not have."""
     names = [node.get_fully_qualified_name() for node in nodes]
-    paths = [path for option, path in itertools.pairwise(sys.argv) if option == '--params-file']
-    for path in paths:
+    for path in _options('--params-file'):
         first, *rest = (parameters_for(path, executable, name).unmatched for name in names)
         if others := [section for section in first if all(section in its for its in rest)]:
             words = f'{path}: no node of this process has the name of {", ".join(others)}'

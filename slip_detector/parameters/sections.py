@@ -141,10 +141,10 @@ def check_values(parameters: Mapping[str, Any], where: object) -> None:
 class Given(NamedTuple):
     """What a ROS parameter file has for a node of this package."""
 
-    #: Flat names (``groups.TP``) and values, without the parameters of rclpy.
+    #: Values by flat names (``groups.TP``), without the parameters of rclpy.
     values: dict[str, Any]
-    #: Those of the names that are given to this node, and not to all nodes.
-    own: set[str]
+    #: Those that are given to this node, and not to all nodes.
+    own: dict[str, Any]
     #: Sections that are for other nodes, though they end with its name or its executable's.
     unmatched: list[str]
 
@@ -204,7 +204,7 @@ def parameters_for(path: str | Path, executable: str, node: str = '') -> Given:
     if twice and not for_node:
         what = f'{path}: has {", ".join(sorted(twice))} for {executable} and for all nodes'
         refuse(what, f'a section for this node, {node}')
-    return Given(_values_in(every, [*for_all, *(for_node or for_default)]), {*own}, unmatched)
+    return Given(_values_in(every, [*for_all, *(for_node or for_default)]), own, unmatched)
 
 
 def _values_in(every: Iterable[Section], names: Collection[str]) -> dict[str, Any]:
