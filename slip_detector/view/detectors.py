@@ -51,8 +51,8 @@ DESCRIBED = (
     'stopbands_hz', 'mains_hz', 'evidence_limit_db_s',
 )  # fmt: skip
 
-#: Parameters of the decision.
-OF_THE_CHAIN = {each.name for each in fields(ChainConfig)}
+#: Parameters of the chain, on which its decisions depend.
+CHAIN_PARAMETERS = {each.name for each in fields(ChainConfig)}
 
 #: Pitch of the grid for a finger without taxel positions; the taxels of tactile fingertips are one
 #: to seven millimetres apart.
@@ -252,29 +252,29 @@ def _apart(taxel_positions_m: tuple[float, ...]) -> Floats:
     return positions
 
 
-def to_decide_as(
-    found: DetectorConfig, config: DetectorConfig, kept: Collection[str] = ()
+def decision_changes(
+    config: DetectorConfig, wanted: DetectorConfig, kept: Collection[str] = ()
 ) -> dict[str, Any]:
-    """Return the values to set so that a detector decides as another one; None to delete one.
+    """Return the values to set so that a detector decides as another; None deletes a group.
 
     Parameters
     ----------
-    found
-        The configuration that is wanted.
     config
-        The one that the detector has.
+        The configuration that the detector has.
+    wanted
+        The configuration whose decisions are wanted.
     kept
-        Fields of the decision that stay as they are, as all others do.
+        Parameters of the chain that stay as they are, as all others do.
 
     Examples
     --------
-    >>> to_decide_as(DetectorConfig(threshold=0.25, gain=2.0), DetectorConfig(), kept=['gain'])
+    >>> decision_changes(DetectorConfig(), DetectorConfig(threshold=0.25, gain=2.0), ['gain'])
     {'threshold': 0.25}
     """
-    now, wanted = config.to_parameters(), found.to_parameters()
-    ours = OF_THE_CHAIN.difference(kept)
-    names = [name for name in {**now, **wanted} if name.partition('.')[0] in ours]
-    return {name: wanted.get(name) for name in names if now.get(name) != wanted.get(name)}
+    before, after = config.to_parameters(), wanted.to_parameters()
+    changing = CHAIN_PARAMETERS.difference(kept)
+    names = [name for name in {**before, **after} if name.partition('.')[0] in changing]
+    return {name: after.get(name) for name in names if before.get(name) != after.get(name)}
 
 
 class Reading(NamedTuple):

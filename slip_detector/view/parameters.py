@@ -35,7 +35,7 @@ from slip_detector.parameters import sections
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.fields import allowed, shortened, shown, under_headings
 from slip_detector.parameters.files import read_yaml, shared_folder, writable_folder, write_yaml
-from slip_detector.view.detectors import Change, ParameterPanel, Values, to_decide_as
+from slip_detector.view.detectors import Change, ParameterPanel, Values, decision_changes
 from slip_detector.view.server import MOST_NAME, Server
 from slip_detector.view.view_request import Message
 
@@ -51,12 +51,12 @@ ALLOWED_NAME = 'a letter, then letters (a-z), digits, single _, at most 64'
 PRESETS = {'paper': 'slip_detector', 'onset': 'onset', 'sure': 'sure', 'grasp': 'grasp'}
 
 #: Returns the values to set that a request asks for.
-ValuesOf = Callable[[ParameterPanel, Message], Values]
+ReadRequest = Callable[[ParameterPanel, Message], Values]
 
 _FIELDS = {field.name: field for field in dataclasses.fields(DetectorConfig)}
 
-#: What describes the sensor: no preset changes it.
-_OF_THE_SENSOR = {field.name for field in under_headings(ChainConfig)['Samples']}
+#: Parameters that describe the sensor: no preset changes them.
+_SENSOR_PARAMETERS = {field.name for field in under_headings(ChainConfig)['Samples']}
 
 
 class ParameterRequests:
@@ -71,9 +71,9 @@ class ParameterRequests:
     files
         The parameter files that the detectors were started with: one for all, or one for each
         namespace, named after it.
-    otherwise
-        What the detectors have otherwise than in the file, as they were started so. It is not
-        saved: what the file says of this is kept.
+    overrides
+        Values with which the detectors were started in place of those of the file. They are not
+        saved: the values of the file are kept.
     """
 
     def __init__(
@@ -81,35 +81,34 @@ class ParameterRequests:
         server: Server,
         folder: Path,
         files: Sequence[Path] = (),
-        otherwise: Mapping[str, Any] | None = None,
+        overrides: Mapping[str, Any] | None = None,
     ) -> None:
         self._server, self._folder, self._files = server, folder.resolve(), files
-        self._otherwise = otherwise or {}
-        #: By detector, what changes with all that a page shows of it.
-        self._shown: dict[str, tuple[Any, ...]] = {}
+        self._overrides = overrides or {}
+        #: By detector, a state that differs whenever a page has to be told something else.
+        self._states: dict[str, tuple[Any, ...]] = {}
         server.each_tick.append(self._broadcast)
-        for kind, values_of in {
-            'set': self._typed,
+        for request, read in {
+            'set': self._read_typed,
             'undo': lambda panel, message: panel.to_undo(),
-            'as_in_file': self._as_in_file,
+            'as_in_file': self._read_as_in_file,
             'take_input': lambda _, message: server.detectors.finger_of(message['finger']).to_fit,
             'preset': lambda panel, message: to_preset(str(message.get('preset')), panel.config),
         }.items():
-            server.on_request(kind, functools.partial(self._change, values_of), changes=True)
+            server.on_request(request, functools.partial(self._change, read), changes=True)
         server.on_request('save', self._save, changes=True)
 
     def _broadcast(self) -> None:
         """Send the pages the parameters if something has changed."""
-        detectors = self._server.detectors
-        panels = detectors.panels.items()
-        shown = {n: (each.count, each.file_values, n in detectors.fingers) for n, each in panels}
-        if shown == self._shown:
+        fingers, panels = self._server.detectors.fingers, self._server.detectors.panels.items()
+        states = {n: (each.count, each.file_values, n in fingers) for n, each in panels}
+        if states == self._states:
             return
-        for name in shown.keys() - self._shown.keys():
-            # What cannot be read is reported when the file is needed.
+        for name in states.keys() - self._states.keys():
+            # A file that cannot be read is reported when it is needed.
             with contextlib.suppress(ValueError):
                 self._read_file(name)
-        self._shown = shown
+        self._states = states
         described = {name: self._described(name, panel) for name, panel in panels}
         self._server.broadcast('parameters', {'folder': str(self._folder), 'fingers': described})
 
@@ -135,7 +134,7 @@ class ParameterRequests:
         """Read the present content of a detector's file."""
         if file := self._file_of(name):
             config, panel = DetectorConfig.from_yaml(file, name), self._panel(name)
-            panel.file_values = {**config.to_parameters(), **self._otherwise}
+            panel.file_values = {**config.to_parameters(), **self._overrides}
 
     def _panel(self, name: object) -> ParameterPanel:
         panel = self._server.detectors.panels.get(name) if isinstance(name, str) else None
@@ -143,20 +142,20 @@ class ParameterRequests:
             raise ValueError(f'finger is {shown(name)}, allowed: one that is shown')
         return panel
 
-    async def _change(self, values_of: ValuesOf, message: Message) -> None:
+    async def _change(self, read: ReadRequest, message: Message) -> None:
         """Set the values that a request asks for, if any."""
-        if values := values_of(self._panel(message.get('finger')), message):
+        if values := read(self._panel(message.get('finger')), message):
             page = f'page {message.get("page")}'[:MOST_NAME]
             await self._server.detectors.change(message['finger'], values, page)
 
-    def _typed(self, panel: ParameterPanel, message: Message) -> Values:
+    def _read_typed(self, panel: ParameterPanel, message: Message) -> Values:
         """Return values that were typed or dragged."""
         values = message.get('values')
         if not isinstance(values, dict) or not values:
             raise ValueError(f'values is {shown(values)}, allowed: a value for each name')
-        return {n: typed(n, v) if isinstance(v, str) else v for n, v in values.items()}
+        return {n: read_text(n, v) if isinstance(v, str) else v for n, v in values.items()}
 
-    def _as_in_file(self, panel: ParameterPanel, message: Message) -> Values:
+    def _read_as_in_file(self, panel: ParameterPanel, message: Message) -> Values:
         self._read_file(message['finger'])
         return panel.as_in_file()
 
@@ -171,11 +170,10 @@ class ParameterRequests:
         configs = {each: self._panel(each).config for each in names}
         if not FILE_NAME.fullmatch(name):
             raise ValueError(f'name is {shown(name)}, allowed: {ALLOWED_NAME}')
-        if self._otherwise:
+        if self._overrides:
             (file,) = self._files
-            in_file = DetectorConfig.from_yaml(file)
-            kept = {key: getattr(in_file, key) for key in self._otherwise}
-            configs = {each: dataclasses.replace(one, **kept) for each, one in configs.items()}
+            kept = {n: vars(DetectorConfig.from_yaml(file))[n] for n in self._overrides}
+            configs = {n: dataclasses.replace(config, **kept) for n, config in configs.items()}
         path = writable_folder(self._folder) / f'{name}.yaml'
         if path.exists() and message.get('replace') is not True:
             return {'taken': f'{path}: already exists'}
@@ -194,19 +192,19 @@ def preset(name: str) -> DetectorConfig:
 
 
 def to_preset(name: str, config: DetectorConfig) -> dict[str, Any]:
-    """Return the values to set so that a detector decides as with a preset, None to delete one.
+    """Return the values to set so that a detector decides as with a preset; None deletes a group.
 
-    What describes its sensor stays, and its groups do if the preset is for another number of
-    channels.
+    The values that describe the sensor stay. The groups stay too if the preset is for another
+    number of channels.
 
     Examples
     --------
     >>> to_preset('paper', DetectorConfig(sample_rate_hz=500.0, threshold=0.25))
     {'threshold': 0.5}
     """
-    found = preset(name)
-    kept = {'groups'} if config.channels != found.channels else set()
-    return to_decide_as(found, config, _OF_THE_SENSOR | kept)
+    wanted = preset(name)
+    kept = {'groups'} if config.channels != wanted.channels else set()
+    return decision_changes(config, wanted, _SENSOR_PARAMETERS | kept)
 
 
 def _preset_of(panel: ParameterPanel) -> str:
@@ -280,14 +278,14 @@ def text_of(value: Any) -> str:
     return str(value)
 
 
-def typed(name: str, text: str) -> Any:
-    """Return the value of text typed for a parameter; the detector decides if it is allowed.
+def read_text(name: str, text: str) -> Any:
+    """Return the value of a text that was typed; the detector decides if the value is allowed.
 
     Examples
     --------
-    >>> typed('stopbands_hz', '[0.5, 7], [50, 180]'), typed('vote', ' 2'), typed('vote', 'all')
-    ([0.5, 7, 50, 180], 2, 'all')
-    >>> typed('threshold', 'low')
+    >>> read_text('stopbands_hz', '[0.5, 7], [50, 180]'), read_text('vote', ' 2')
+    ([0.5, 7, 50, 180], 2)
+    >>> read_text('threshold', 'low')
     'low'
     """
     text = text.strip()

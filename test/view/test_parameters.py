@@ -33,8 +33,8 @@ from slip_detector.view.parameters import (
     described_panel,
     parameter_file,
     preset,
+    read_text,
     text_of,
-    typed,
 )
 from slip_detector.view.server import Server
 from support.random_chains import configs
@@ -46,9 +46,9 @@ NAME = '/index/slip_detector'
 NO_NAMES = None, '..', '../a', '/tmp/a', 'a.b', '', 'a\0', 'a\n', '-rf', 'Ä', 'a' * 65, 'a__b'
 
 
-def server_of(tmp_path, files=(), labels=('index',), otherwise=None, **access):
+def server_of(tmp_path, files=(), labels=('index',), overrides=None, **access):
     server = Server(SimulatedDetectors(labels, real_time=False), Access(**access))
-    ParameterRequests(server, tmp_path / 'saved', files, otherwise)
+    ParameterRequests(server, tmp_path / 'saved', files, overrides)
     (tmp_path / 'saved').mkdir()
     return server
 
@@ -60,7 +60,7 @@ def ask(server, **message):
 @given(chain=configs())
 def test_a_shown_value_typed_again_is_unchanged(chain):
     config = DetectorConfig(**vars(chain))
-    retyped = {n: typed(n, text_of(v)) for n, v in config.to_parameters().items()}
+    retyped = {n: read_text(n, text_of(v)) for n, v in config.to_parameters().items()}
     assert DetectorConfig.from_parameters(retyped) == config
 
 
@@ -157,11 +157,11 @@ def test_a_saved_file_is_named_and_replaced_on_request(tmp_path):
     assert DetectorConfig.from_yaml(saved) == DetectorConfig(threshold=0.25)
 
 
-def test_what_a_detector_has_otherwise_than_its_file_as_it_was_started_so_is_not_saved(tmp_path):
+def test_values_with_which_a_detector_was_started_in_place_of_its_file_are_not_saved(tmp_path):
     file = tmp_path / 'sensor.yaml'
     config = DetectorConfig(input_field='data', gain=7.0)
     write_yaml(file, config.to_document())
-    server = server_of(tmp_path, [file], otherwise={'input_field': 'position'})
+    server = server_of(tmp_path, [file], overrides={'input_field': 'position'})
     server.tick()
     assert ask(server, type='as_in_file')['refusal'] == ''
     panel = server.detectors.panels[NAME]
