@@ -46,9 +46,8 @@ BY_CHANNEL = ('channel_names', 'taxel_positions_m')
 #: Number of channels of the paper's fingertip.
 PAPER_CHANNELS = 16
 
-#: The paper's Table 1. The paper does not explain the letters; our reading: T are units that sense
-#: shear across the finger, of the proximal (P) or the distal (D) sensors; L are units that sense
-#: shear along the finger, of the radial (R) or the ulnar (U) sensors.
+#: The groups of the paper's Table 1. Units T sense shear across the finger, units L along it. The
+#: paper does not explain P, D, R and U: probably the proximal, distal, radial and ulnar sensors.
 PAPER_GROUPS: dict[str, tuple[int, ...]] = {
     'TP': (14, 16, 11, 9),
     'TD': (1, 3, 8, 6),
@@ -56,7 +55,7 @@ PAPER_GROUPS: dict[str, tuple[int, ...]] = {
     'LU': (2, 4, 15, 13),
 }
 
-# What a parameter affects, and with which decisions the tuner searches it.
+# Parameters by what they affect, and by the decisions with which the tuner searches them.
 searched = functools.partial(parameter, searched_with=DECISIONS)
 decision_parameter = functools.partial(parameter, affects='decision')
 searched_decision = functools.partial(parameter, affects='decision', searched_with=DECISIONS)
@@ -148,11 +147,11 @@ class ChainConfig(ParameterSet):
     exponent: int = searched(3, 'Power of the rectified signal (Eq. 3-5).', (1, 6))
     envelope_window_s: float = window(0.04, 'RMS window (Eq. 6-8).', searched_with=DECISIONS)
     decision_window_s: float = window(
-        0.04, 'Window of the mean that the threshold is for.', searched_with=('mean',)
+        0.04, 'Window of the mean that is compared with the threshold.', searched_with=('mean',)
     )
     decision: str = searched(
         'mean',
-        'What the threshold is for: the mean envelope, or evidence (docs/method.md).',
+        'What is compared with the threshold: the mean envelope, or evidence (docs/method.md).',
         choices=DECISIONS,
         heading='Decision',
     )
@@ -163,10 +162,13 @@ class ChainConfig(ParameterSet):
         allows='1e-30 to 1e+30; one number, or one for each channel',
     )
     noise_floor_learnt: bool = of_evidence(
-        False, 'Whether the floor begins at noise_floor; else at the first envelope above it.'
+        False,
+        'Whether the floor begins at noise_floor; else at the first envelope above noise_floor.',
     )
     noise_floor_range_db: float = of_evidence(
-        60.0, 'How far the floor may rise above noise_floor; 15 dB if learnt.', (0.0, 300.0, 'dB')
+        60.0,
+        'How far the floor may rise above noise_floor; 15 dB suit a learnt floor.',
+        (0.0, 300.0, 'dB'),
     )
     noise_floor_rate_db_s: float = of_evidence(
         0.43, 'How fast the floor rises; it falls nine times as fast.', (0.0, 1000.0, 'dB/s')
@@ -198,7 +200,7 @@ class ChainConfig(ParameterSet):
     )
     contact_level_v: float = of_evidence(
         0.0,
-        'RMS in activity_band_hz from which a channel touches; no evidence without; 0: no check.',
+        'RMS in activity_band_hz from which a channel touches; slip needs contact; 0: no check.',
         (0.0, 1e12, 'V'),
         heading='Contact and activity',
     )
@@ -219,7 +221,7 @@ class ChainConfig(ParameterSet):
         0.0, 'How far activity may lift the floor; 0: it does not.', (0.0, 300.0, 'dB')
     )
     common_rank: int = of_evidence(
-        0, 'Excess of the channel of this rank, quietest first, taken off all; 0: none.', (0, 64)
+        0, 'Rank, quietest first, of the channel whose excess is taken off all; 0: none.', (0, 64)
     )
     threshold: float = searched_decision(
         0.5,
@@ -310,7 +312,7 @@ class ChainConfig(ParameterSet):
 
     @property
     def low_band_hz(self) -> tuple[float, ...]:
-        """The band whose level contact or activity need; empty if they are not looked at.
+        """The band whose level contact or activity need; empty if neither is configured.
 
         Examples
         --------
@@ -428,7 +430,7 @@ class DetectorConfig(ChainConfig):
         0.5, 'slip_valid becomes false within this time after a sample.', (0.01, 3600.0, 's')
     )
     max_age_s: float = parameter(
-        0.0, 'Stamps this far off the clock: slip_valid is false; 0: no check.', (0.0, 3600.0, 's')
+        0.0, 'Age of a stamp from which slip_valid is false; 0: no check.', (0.0, 3600.0, 's')
     )
     heartbeat_hz: float = parameter(10.0, 'Least rate of slip, slip_valid.', (0.1, 1000.0, 'Hz'))
     publish_groups: bool = parameter(True, 'Publish slip/group/<name>.', affects='display')

@@ -60,7 +60,7 @@ def parameter(
     choices
         The allowed values of a text.
     allows
-        The allowed values in words, where bounds and choices do not tell them.
+        The allowed values in words, where bounds and choices do not say them.
     heading
         Heading over this parameter and the following ones, up to the next heading, in
         docs/parameters.md and on the live page.
@@ -73,8 +73,8 @@ def parameter(
     rising
         Whether each number of a list must be above the one before it.
     read
-        Converts and checks a value, if not as all values of the type of the default; it gets what
-        :func:`convert` does.
+        A function that converts and checks a value, called as :func:`convert`; None: the function
+        for values of this type.
 
     Examples
     --------

@@ -145,15 +145,16 @@ class Given(NamedTuple):
     values: dict[str, Any]
     #: Those that are given to this node, and not to all nodes.
     own: dict[str, Any]
-    #: Sections that are for other nodes, though they end with its name or its executable's.
+    #: Sections for other nodes that end with the name of the node or of its executable.
     unmatched: list[str]
 
 
 def parameters_for(path: str | Path, executable: str, node: str = '') -> Given:
     """Return what a ROS parameter file has for a node.
 
-    ROS ignores sections that do not match, so that the node would run with its defaults. A node
-    of another name than its executable's is given what is for that, if nothing is for itself.
+    ROS ignores sections that do not match, and the node would run with its defaults. A node with
+    another name than its executable is given the values for the executable, unless the file has
+    values for the node.
 
     Parameters
     ----------

@@ -98,7 +98,7 @@ class ParameterSet:
             refuse(f'parameter {name} {what}', allowed_text or allowed(field))
 
     def limits(self) -> dict[str, str]:
-        """Return what is allowed beside the other parameters, by the names of those so limited.
+        """Return what the other parameters allow, by the names of the parameters that they limit.
 
         Examples
         --------
@@ -129,15 +129,15 @@ class ParameterSet:
         where
             Prefix of messages, for example the path of a file.
         own
-            Names that are given to this node and not to all nodes of the robot; None: all.
+            Names of the values that are for this node, not for all nodes of the robot; None: all.
         warn
-            Is called for unknown names that are given to all nodes and may have been meant for
-            this one: nearly a name of this set, or a quality of service.
+            A function for warnings of an unknown name among the values for all nodes that is
+            nearly a name of this set, or is a quality of service.
 
         Raises
         ------
         ValueError
-            For a value that is not allowed, or an unknown name that is given to this node.
+            For a value that is not allowed, or an unknown name of a value for this node.
         """
         lead, known = f'{where}: ' if where else '', cls.__dataclass_fields__
         values: dict[str, Any] = {}
@@ -165,7 +165,7 @@ class ParameterSet:
 
     @classmethod
     def _hint(cls, name: str, is_own: bool) -> str:
-        """Return what an unknown name may mean; empty if it need not mean anything here."""
+        """Return what an unknown name may mean; empty if it may be a name of another node."""
         if name.startswith('qos_overrides'):  # As other nodes of rclpy have them.
             return 'the quality of service of the topics cannot be changed'
         owners = sections.nodes_that_know(name) if cls.NODE else []
@@ -183,9 +183,9 @@ class ParameterSet:
     def from_yaml(cls: type[ConfigType], path: str | Path, node: str = '') -> ConfigType:
         """Read the node's section of a ROS parameter file.
 
-        The whole section is checked, also if this set of the package has only some of the
-        parameters. Of the sections for all nodes (``/**``) only parameters of this node are taken;
-        on what may have been meant for it there is a warning on the log.
+        The whole section is checked, also if this set has only some of the parameters of the node.
+        Of the sections for all nodes (``/**``) only parameters of this node are taken; a warning
+        is logged for a name there that is nearly one of them.
 
         Parameters
         ----------
@@ -239,11 +239,11 @@ class ParameterSet:
     def to_document(self, whole: bool = True) -> dict[str, Any]:
         """Return the content of a ROS parameter file that :meth:`from_yaml` and the node read.
 
-        If it is not to be whole, it has only what differs from the defaults.
+        The file has all parameters, or only those that differ from the defaults.
         """
-        its, usual = self._as_in_yaml(), {} if whole else type(self)()._as_in_yaml()
-        its = {name: value for name, value in its.items() if whole or value != usual[name]}
-        return {f'/**/{self.NODE}': {'ros__parameters': its}} if its else {}
+        defaults = {} if whole else type(self)()._as_in_yaml()
+        values = {n: v for n, v in self._as_in_yaml().items() if whole or v != defaults[n]}
+        return {f'/**/{self.NODE}': {'ros__parameters': values}} if values else {}
 
     def _as_in_yaml(self) -> dict[str, Any]:
         return {
