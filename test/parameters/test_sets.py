@@ -20,6 +20,8 @@ import re
 
 import pytest
 import yaml
+from hypothesis import assume, given
+from hypothesis import strategies as st
 
 from slip_detector.parameters import ChainConfig, DetectorConfig
 from slip_detector.parameters.fields import parameter
@@ -27,6 +29,7 @@ from slip_detector.parameters.files import shared_folder, write_yaml
 from slip_detector.parameters.sections import parameters_for
 from slip_detector.parameters.sets import ParameterSet
 from support.config_cases import SETS, message_of
+from support.random_chains import configs
 
 # --- names and values ------------------------------------------------------------------------
 
@@ -114,6 +117,20 @@ ORDERS = {
 def test_only_groups_can_be_deleted():
     said = 'parameter threshold cannot be deleted, allowed: groups.<name>'
     assert message_of(DetectorConfig().with_values, {'threshold': None}) == said
+
+
+@given(configs(), configs(), st.booleans())
+def test_any_configuration_becomes_any_other_by_the_values_that_differ(
+    config, other, keeps_sensor
+):
+    if keeps_sensor:
+        kept = {name: getattr(config, name) for name in ('channels', 'disabled_channels')}
+        other = ChainConfig(**{**vars(other), **kept, 'vote': 'all', 'groups': config.groups})
+    # Other channels without a word of groups are those of another sensor.
+    assume(config.channels == other.channels or config.groups != other.groups)
+    before, after = config.to_parameters(), other.to_parameters()
+    names = [name for name in {**before, **after} if before.get(name) != after.get(name)]
+    assert config.with_values({name: after.get(name) for name in names}) == other
 
 
 @pytest.mark.parametrize('order', ORDERS)
