@@ -37,7 +37,7 @@ from slip_detector.nodes.messages import STEADY, sensor_qos
 from slip_detector.nodes.outputs import Outputs
 from slip_detector.nodes.parameters import declare, follow_changes
 from slip_detector.nodes.rclpy_internals import ROS_ERRORS, destroy_state_machine
-from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters.detector import FIXED_PARAMETERS, DetectorConfig
 from slip_detector.parameters.fields import name_list
 
 #: Number of checks of the input within ``input_timeout_s``, and the share of the timeout after
@@ -99,7 +99,7 @@ class Detector(LifecycleNode):
     def __init__(self, cli_args: list[str] | None = None) -> None:
         super().__init__('slip_detector', allow_undeclared_parameters=True, cli_args=cli_args)
         # The configuration that was set last; it is active once its filters are built.
-        self.requested = declare(self, DetectorConfig, ('autostart',), cli_args)
+        self.requested = declare(self, DetectorConfig, FIXED_PARAMETERS, cli_args)
         self._check(self.requested)
         follow_changes(self, lambda: self.requested, self._check, self._apply)
         self._configured = False

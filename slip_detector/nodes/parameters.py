@@ -135,26 +135,25 @@ def follow_changes(
     fields = current().__dataclass_fields__
     fixed = {name for name in current().to_parameters() if node.describe_parameter(name).read_only}
 
-    def set_all(parameters: Sequence[Any]) -> msg.SetParametersResult:
+    def set_all(requested: Sequence[Any]) -> msg.SetParametersResult:
         """Set parameters, given as messages, all or none, and what gives way to them.
 
         rclpy checks only afterwards: its messages on types and ranges do not tell what is allowed.
         """
-        given = {each.name: Parameter.from_parameter_msg(each) for each in parameters}
+        given = {each.name: Parameter.from_parameter_msg(each) for each in requested}
         ours = {name: each.value for name, each in given.items() if not is_of_rclpy(name)}
         try:
             config = current().with_values(ours)
             check(config)
         except ValueError as error:
             return msg.SetParametersResult(successful=False, reason=str(error))
-        before, after = current().to_parameters(), config.to_parameters()
-        differing = [n for n in {**before, **after} if before.get(n) != after.get(n)]
-        changes = [Parameter(name, value=after.get(name)) for name in differing]
-        changes += [given[name] for name in given.keys() - ours.keys()]
-        result = node.set_parameters_atomically(changes)
+        changes = current().changes_to(config)
+        parameters = [Parameter(name, value=value) for name, value in changes.items()]
+        parameters += [given[name] for name in given.keys() - ours.keys()]
+        result = node.set_parameters_atomically(parameters)
         if result.successful:
             apply(config)
-            if gave_way := sorted({*differing} - ours.keys()):
+            if gave_way := sorted(changes.keys() - ours.keys()):
                 node.get_logger().warning(f'changed with it: {name_list(gave_way)}')
         return result
 

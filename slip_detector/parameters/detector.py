@@ -20,7 +20,14 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
-from slip_detector.parameters.fields import convert, parameter, read_names, read_paths, shown
+from slip_detector.parameters.fields import (
+    convert,
+    names_that_affect,
+    parameter,
+    read_names,
+    read_paths,
+    shown,
+)
 from slip_detector.parameters.sets import ParameterSet
 
 #: Lowest band edge, as a fraction of the sample rate; below it, round-off ruins the filter.
@@ -435,7 +442,9 @@ class DetectorConfig(ChainConfig):
     heartbeat_hz: float = parameter(10.0, 'Least rate of slip, slip_valid.', (0.1, 1000.0, 'Hz'))
     publish_groups: bool = parameter(True, 'Publish slip/group/<name>.', affects='display')
     publish_channels: bool = parameter(True, 'Publish slip/channel/<name>.')
-    autostart: bool = parameter(True, 'Activate itself; else a lifecycle manager does it.')
+    autostart: bool = parameter(
+        True, 'Activate itself; else a lifecycle manager does it.', affects='start'
+    )
     taxel_positions_m: tuple[float, ...] = parameter(
         (),
         'x, y, z of each channel in the frame of the samples, for drawing; empty: in a grid.',
@@ -450,3 +459,7 @@ class DetectorConfig(ChainConfig):
         numbers, wanted = len(self.taxel_positions_m), 3 * self.channels
         text = f'{wanted}, three for each channel, or none'
         self.require(numbers in (0, wanted), 'taxel_positions_m', text, f'has {numbers} numbers')
+
+
+#: Parameters of the detector that cannot change while the node runs.
+FIXED_PARAMETERS = names_that_affect(DetectorConfig, 'start')

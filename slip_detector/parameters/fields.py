@@ -67,7 +67,7 @@ def parameter(
     affects
         What a change reaches, separated by spaces: ``input``, other samples than before;
         ``decision``, what the chain makes of the envelope without any state of its own;
-        ``display``, the topics that the live page listens to.
+        ``display``, the topics that the live page listens to; ``start``, only how a node starts.
     searched_with
         The decisions with which the tuner searches the parameter.
     rising

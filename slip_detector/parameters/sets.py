@@ -228,6 +228,19 @@ class ParameterSet:
                 refuse(f'parameter {name} cannot be deleted', 'groups.<name>')
         return self.from_parameters({n: v for n, v in merged.items() if v is not None})
 
+    def changes_to(self, other: 'ParameterSet') -> dict[str, Any]:
+        """Return the values with which this becomes another configuration; None deletes a group.
+
+        Examples
+        --------
+        >>> from slip_detector.parameters import GraspConfig
+        >>> GraspConfig().changes_to(GraspConfig(grip_n=2))
+        {'grip_n': 2.0}
+        """
+        before, after = self.to_parameters(), other.to_parameters()
+        names = [name for name in {**before, **after} if before.get(name) != after.get(name)]
+        return {name: after.get(name) for name in names}
+
     def _changes_beside(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Return what else changes with these values, by flat names; None deletes a group."""
         return {}

@@ -32,15 +32,12 @@ from pathlib import Path
 from typing import Any, get_args
 
 from slip_detector.parameters import sections
-from slip_detector.parameters.detector import ChainConfig, DetectorConfig
-from slip_detector.parameters.fields import allowed, shortened, shown, under_headings
+from slip_detector.parameters.detector import FIXED_PARAMETERS, ChainConfig, DetectorConfig
+from slip_detector.parameters.fields import Field, allowed, shortened, shown, under_headings
 from slip_detector.parameters.files import read_yaml, shared_folder, writable_folder, write_yaml
-from slip_detector.view.detectors import Change, ParameterPanel, Values, decision_changes
+from slip_detector.view.detectors import ParameterPanel, Values, decision_changes
 from slip_detector.view.server import MOST_NAME, Server
 from slip_detector.view.view_request import Message
-
-#: Heading of the parameters that do not belong to this package.
-OF_ROS = 'Of every node'
 
 #: Names that a page may give to a file. Of several parameter files, the launch files use the names
 #: as namespaces.
@@ -101,7 +98,7 @@ class ParameterRequests:
     def _broadcast(self) -> None:
         """Send the pages the parameters if something has changed."""
         fingers, panels = self._server.detectors.fingers, self._server.detectors.panels.items()
-        states = {n: (each.count, each.file_values, n in fingers) for n, each in panels}
+        states = {n: (each.count, each.file, n in fingers) for n, each in panels}
         if states == self._states:
             return
         for name in states.keys() - self._states.keys():
@@ -120,9 +117,11 @@ class ParameterRequests:
             'headings': described_panel(panel),
             'file': str(self._file_of(name) or ''),
             'differs': sorted(panel.as_in_file()),
-            'preset': _preset_of(panel),
-            'undo': words_of(Change(last.after, last.before, last.by)) if last else '',
-            'changes': [(panel.count - i, each.by, words_of(each)) for i, each in latest],
+            'preset': _preset_of(panel.config),
+            'undo': words_of(last.after, last.before) if last else '',
+            'changes': [
+                (panel.count - i, each.by, words_of(each.before, each.after)) for i, each in latest
+            ],
         }
 
     def _file_of(self, name: str) -> Path | None:
@@ -133,8 +132,8 @@ class ParameterRequests:
     def _read_file(self, name: str) -> None:
         """Read the present content of a detector's file."""
         if file := self._file_of(name):
-            config, panel = DetectorConfig.from_yaml(file, name), self._panel(name)
-            panel.file_values = {**config.to_parameters(), **self._overrides}
+            config = DetectorConfig.from_yaml(file, name)
+            self._panel(name).file = dataclasses.replace(config, **self._overrides)
 
     def _panel(self, name: object) -> ParameterPanel:
         panel = self._server.detectors.panels.get(name) if isinstance(name, str) else None
@@ -207,58 +206,63 @@ def to_preset(name: str, config: DetectorConfig) -> dict[str, Any]:
     return decision_changes(config, wanted, _SENSOR_PARAMETERS | kept)
 
 
-def _preset_of(panel: ParameterPanel) -> str:
+def _preset_of(config: DetectorConfig) -> str:
     """Return the preset with which a detector decides; empty for none."""
     with contextlib.suppress(ValueError):  # The package may be installed without its files.
-        return next((name for name in PRESETS if not to_preset(name, panel.config)), '')
+        return next((name for name in PRESETS if not to_preset(name, config)), '')
     return ''
 
 
 def described_panel(panel: ParameterPanel) -> list[dict[str, Any]]:
     """Return what a page shows of a panel: headings, each with its parameters in order."""
-    headings = {f.name: word for word, of in under_headings(DetectorConfig).items() for f in of}
-    rows: dict[str, list[dict[str, Any]]] = {word: [] for word in (*headings.values(), OF_ROS)}
-    order = [*headings, *sorted({name.partition('.')[0] for name in panel.values} - {*headings})]
-    limits: dict[str, str] = {}
-    with contextlib.suppress(ValueError):  # The detector may be of another version.
-        limits = panel.config.limits()
-    for name in sorted(panel.values, key=lambda name: order.index(name.partition('.')[0])):
-        rows[headings.get(name.partition('.')[0], OF_ROS)].append(_row(panel, name, limits))
-    return [{'heading': word, 'parameters': each} for word, each in rows.items() if each]
+    config, limits, in_file = panel.config, panel.config.limits(), panel.file.to_parameters()
+    values = config.to_parameters()
+    described = []
+    for heading, fields in under_headings(DetectorConfig).items():
+        names = [
+            (field, n) for field in fields for n in values if n.partition('.')[0] == field.name
+        ]
+        rows = [
+            _row(field, name, values[name], in_file.get(name), limits) for field, name in names
+        ]
+        described.append({'heading': heading, 'parameters': rows})
+    return described
 
 
-def _row(panel: ParameterPanel, name: str, limits: Mapping[str, str]) -> dict[str, Any]:
-    head, value = name.partition('.')[0], panel.values[name]
-    field, limit, in_file = _FIELDS.get(head), limits.get(head, ''), panel.file_values or {}
-    of_ros = {'unit': '', 'choices': (), 'meaning': panel.meanings.get(name, '')}
-    its = field.metadata if field else of_ros
-    always = allowed(field).removesuffix(f' {its["unit"]}') if field else ''
+def _row(
+    field: Field, name: str, value: Any, in_file: Any, limits: Mapping[str, str]
+) -> dict[str, Any]:
+    """Return what a page shows of a parameter, with its value in the file or None."""
+    limit, unit = limits.get(field.name, ''), field.metadata['unit']
+    always, choices = allowed(field).removesuffix(f' {unit}'), field.metadata['choices']
     return {
         'name': name,
         'text': text_of(value),
-        'in_file': text_of(in_file[name]) if name in in_file else None,
-        'unit': its['unit'],
-        'meaning': its['meaning'],
+        'in_file': None if in_file is None else text_of(in_file),
+        'unit': unit,
+        'meaning': field.metadata['meaning'],
         'allowed': always if limit in always else f'{always}; now {limit}',
-        'choices': ['true', 'false'] if isinstance(value, bool) else list(its['choices']),
-        'read_only': name in panel.read_only,
+        'choices': ['true', 'false'] if isinstance(value, bool) else list(choices),
+        'read_only': name in FIXED_PARAMETERS,
     }
 
 
-def words_of(change: Change) -> str:
-    """Return a change in words, without its author.
+def words_of(before: DetectorConfig, after: DetectorConfig) -> str:
+    """Return a change in words.
 
     Examples
     --------
-    >>> words_of(Change({'gain': 1.0, 'groups.a': None}, {'gain': 9.5, 'groups.a': [1]}, ''))
-    'gain from 1 to 9.5, groups.a from nothing to 1'
+    >>> one, other = DetectorConfig(channels=1), DetectorConfig(channels=1, groups={'a': [1]})
+    >>> words_of(one, other)
+    'groups.all from 1 to nothing, groups.a from nothing to 1'
     """
 
-    def words(value: Any) -> str:
-        return 'nothing' if value is None else shortened(text_of(value)) or 'empty'
+    def words(values: Mapping[str, Any], name: str) -> str:
+        return shortened(text_of(values[name])) or 'empty' if name in values else 'nothing'
 
-    now = change.after.items()
-    return ', '.join(f'{n} from {words(change.before[n])} to {words(value)}' for n, value in now)
+    old, new = before.to_parameters(), after.to_parameters()
+    names = before.changes_to(after)
+    return ', '.join(f'{n} from {words(old, n)} to {words(new, n)}' for n in names)
 
 
 def text_of(value: Any) -> str:

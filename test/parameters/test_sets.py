@@ -128,9 +128,7 @@ def test_any_configuration_becomes_any_other_by_the_values_that_differ(
         other = ChainConfig(**{**vars(other), **kept, 'vote': 'all', 'groups': config.groups})
     # Other channels without a word of groups are those of another sensor.
     assume(config.channels == other.channels or config.groups != other.groups)
-    before, after = config.to_parameters(), other.to_parameters()
-    names = [name for name in {**before, **after} if before.get(name) != after.get(name)]
-    assert config.with_values({name: after.get(name) for name in names}) == other
+    assert config.with_values(config.changes_to(other)) == other
 
 
 @pytest.mark.parametrize('order', ORDERS)

@@ -30,7 +30,7 @@ from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.sources import open_source
 from slip_detector.view.access import Access
-from slip_detector.view.detectors import OUTSIDE, Detectors, Diagnosis, Finger, Reading
+from slip_detector.view.detectors import RESTART, Detectors, Diagnosis
 from slip_detector.view.server import Server
 
 
@@ -92,17 +92,6 @@ class SimulatedFinger:
         self.finger.update_config(config)
 
 
-def reading_of(config):
-    """Return what a detector with a configuration answers."""
-    return Reading(config.to_parameters(), frozenset(['autostart']), {})
-
-
-def change_outside(panel, values):
-    """Let another program set parameters of a detector; None deletes one."""
-    now = {n: v for n, v in {**panel.values, **values}.items() if v is not None}
-    panel.read(Reading(now, panel.read_only, panel.meanings), OUTSIDE)
-
-
 class SimulatedDetectors(Detectors):
     """Simulated fingers, in real time while a page watches, or as the test says.
 
@@ -128,11 +117,10 @@ class SimulatedDetectors(Detectors):
     def add(self, label, config, **simulation):
         """Add a finger; return its simulation."""
         name = f'/{label}/slip_detector'
-        self.gone.pop(name, None)
-        finger = self.fingers[name] = Finger(name, config)
+        self.note_config(name, config, RESTART)
+        finger = self.fingers[name]
         finger.diagnostics = (Diagnosis(0, 'input', 'simulated samples'),)
         self.simulated[name] = SimulatedFinger(finger, **simulation)
-        self.panels[name].read(reading_of(config))
         return self.simulated[name]
 
     def remove(self, label):
@@ -158,7 +146,7 @@ class SimulatedDetectors(Detectors):
         if config.autostart != simulated.finger.config.autostart:
             raise ValueError('Trying to set a read-only parameter: autostart.')
         simulated.change(config)
-        self.panels[name].read(reading_of(config), by)
+        self.panels[name].read(config, by)
 
 
 @contextlib.asynccontextmanager

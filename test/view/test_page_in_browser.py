@@ -29,7 +29,7 @@ from slip_detector.view.server import NO_TOKEN
 from support import page_parts as parts
 from support.browsers import PATIENCE_MS, expect
 from support.finger_states import STATES, rest_rows, slip_rows
-from support.simulated_detectors import SimulatedDetectors, change_outside, served_beside
+from support.simulated_detectors import SimulatedDetectors, served_beside
 from support.training import write_recordings
 
 #: Rules of WCAG 2.2 up to level AA, contrast among them, and what is good practice beyond.
@@ -319,7 +319,8 @@ def test_axe_finds_nothing_in_any_panel(played, violations, tmp_path):
     expect(page.get_by_role('slider')).to_have_count(8)  # Two are the ends of the label.
     assert violations(page) == []
     parts.tab(page, 'Parameters').click()
-    served.call(change_outside, served.detectors.panels[parts.NAME], {'threshold': 0.4})
+    panel = served.detectors.panels[parts.NAME]
+    served.call(panel.read, panel.config.with_values({'threshold': 0.4}), 'outside')
     # No file is known.
     expect(page.locator('[data-name="threshold"]')).to_contain_text('As first seen: 0.5.')
     assert violations(page) == []

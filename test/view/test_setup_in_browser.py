@@ -26,7 +26,7 @@ from slip_detector.recordings.labels import read_labels
 from support import page_parts as parts
 from support.browsers import expect
 from support.finger_states import rest_rows
-from support.simulated_detectors import SimulatedDetectors, change_outside
+from support.simulated_detectors import SimulatedDetectors
 from support.training import true_slip_s, write_recordings
 
 
@@ -77,7 +77,8 @@ def test_parameters_are_set_together_refused_undone_and_saved(serve, open_page, 
     expect(parts.changes(other)).to_contain_text('Changed on another page: threshold')
     expect(row(other, 'threshold')).to_contain_text('Not set yet; the detector has 0.25.')
     expect(parts.field(other, 'threshold')).to_have_value('0.9')
-    served.call(change_outside, served.detectors.panels[parts.NAME], {'gain': 5.0})
+    panel = served.detectors.panels[parts.NAME]
+    served.call(panel.read, panel.config.with_values({'gain': 5.0}), 'outside')
     expect(parts.changes(page)).to_contain_text('Changed by another program: gain from 100 to 5.')
     expect(page.locator('#parameters')).to_contain_text('Undo takes back: gain from')
     parts.tool(page, 'Undo').click()

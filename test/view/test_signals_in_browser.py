@@ -27,7 +27,7 @@ from slip_detector.view.server import FRAME_S
 from support import page_parts as parts
 from support.browsers import expect
 from support.finger_states import rest_rows
-from support.simulated_detectors import SimulatedDetectors, change_outside
+from support.simulated_detectors import SimulatedDetectors
 
 #: Pixels of the names at the left and of the scales at the right.
 NAMES_WIDTH, RIGHT_MARGIN = 92, 60
@@ -288,10 +288,8 @@ def test_the_spectrum_is_read_kept_as_rest_and_its_bands_are_dragged(serve):
     mains.evaluate('(mains) => mains.append(new Option("mains 61 Hz", 61))')
     refusal, detectors = page.locator('#refusal'), served.detectors
     panel = detectors.panels[parts.NAME]
-    for change in (
-        lambda: change_outside(panel, {'gain': 5.0}),
-        lambda: detectors.remove('index'),
-    ):
+    other = panel.config.with_values({'gain': 5.0})
+    for change in (lambda: panel.read(other, 'outside'), lambda: detectors.remove('index')):
         mains.select_option('mains 61 Hz')
         expect(refusal).to_contain_text('parameter mains_hz is 61 Hz')
         expect(mains).to_have_value('60')
