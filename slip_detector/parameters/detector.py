@@ -15,20 +15,16 @@
 """The parameters of the slip chain and of the detector node that runs it."""
 
 import functools
-import itertools
 from collections import Counter
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from slip_detector.parameters.fields import (
-    convert,
-    names_that_affect,
-    parameter,
-    read_names,
-    read_paths,
-    shown,
-)
+from slip_detector.parameters import fields
+from slip_detector.parameters.fields import parameter, shown
 from slip_detector.parameters.sets import ParameterSet
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 #: Lowest band edge, as a fraction of the sample rate; below it, round-off ruins the filter.
 LOWEST_EDGE = 1e-5
@@ -47,8 +43,8 @@ WHOLE_PERIODS = 1e-3
 COMMON_MODES = ('none', 'median', 'mean')
 DECISIONS = ('mean', 'evidence')
 
-#: Lists that are empty, or describe each channel.
-BY_CHANNEL = ('channel_names', 'taxel_positions_m')
+#: Lists of channels, or of what each channel has.
+BY_CHANNEL = ('channel_names', 'disabled_channels', 'taxel_positions_m')
 
 #: Number of channels of the paper's fingertip.
 PAPER_CHANNELS = 16
@@ -101,7 +97,7 @@ class ChainConfig(ParameterSet):
         (),
         'Names of the channels in the input; empty: ch1, ch2, ..., and the input may have any.',
         allows='letters, digits, _',
-        read=read_names,
+        read=fields.read_names,
         affects='decision',
     )
     disabled_channels: tuple[int, ...] = parameter(
@@ -257,39 +253,29 @@ class ChainConfig(ParameterSet):
         self._check_filters()
         self._check_decision()
 
-    def _changes_beside(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Return what else changes with these values, by flat names; None deletes a group.
+    def with_values(self, values: Mapping[str, Any]) -> 'Self':
+        """Return a copy with other values, by flat names; None deletes a group.
 
-        Groups that are given replace those with which they share a channel. With another number of
-        channels, what was set for single channels is dropped.
+        If channels or groups do not fit beside what was set for single channels, they replace it.
 
         Examples
         --------
-        >>> config = ChainConfig(channels=3, groups={'a': [1], 'b': [2], 'c': [3]})
-        >>> config.with_values({'groups.d': [2, 3]}).groups
-        {'a': (1,), 'd': (2, 3)}
+        >>> config = ChainConfig(channels=3, groups={'a': [1, 2], 'b': [3]})
+        >>> config.with_values({'groups.c': [1, 2, 3]}).groups
+        {'c': (1, 2, 3)}
         >>> config.with_values({'channels': 2}).groups
         {'all': (1, 2)}
         """
-        fields = self.__dataclass_fields__
-        channels = values.get('channels', self.channels)
-        channels = convert(channels, fields['channels'], 'parameter channels')
-        groups = {n[7:]: members for n, members in values.items() if n.startswith('groups.')}
-        wanted = {name: members for name, members in groups.items() if members is not None}
-        wanted = convert(wanted, fields['groups'], 'parameter groups')
-        taken = set(itertools.chain(*wanted.values()))
-        changes: dict[str, Any] = {}
-        for name, members in self.groups.items():
-            fits = groups or channels == self.channels
-            if not fits or max(members) > channels or taken.intersection(members):
-                changes[f'groups.{name}'] = None
-        if channels != self.channels:
-            changes |= {name: [] for name in BY_CHANNEL if name in fields}
-            if max(self.disabled_channels, default=0) > channels:
-                changes['disabled_channels'] = []
-            if len(self.noise_floor) > 1 and 'noise_floor' not in values:
-                changes |= {'noise_floor': [min(self.noise_floor)], 'noise_floor_learnt': False}
-        return changes
+        try:
+            return super().with_values(values)
+        except ValueError:
+            if not {name.partition('.')[0] for name in values} & {'channels', 'groups'}:
+                raise
+        replaced: dict[str, Any] = {f'groups.{name}': None for name in self.groups}
+        replaced |= {name: [] for name in BY_CHANNEL if name in self.__dataclass_fields__}
+        if len(self.noise_floor) > 1 and 'noise_floor' not in values:
+            replaced |= {'noise_floor': [min(self.noise_floor)], 'noise_floor_learnt': False}
+        return super().with_values({**replaced, **values})
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -430,7 +416,7 @@ class DetectorConfig(ChainConfig):
         'position',
         'Field of the message that has the channels, or a list of several, side by side.',
         allows='paths such as position, pillars[].fz, tactiles[0].pressure, tactiles[].pac[:]',
-        read=read_paths,
+        read=fields.read_paths,
         affects='input display',
     )
     input_timeout_s: float = parameter(
@@ -462,4 +448,4 @@ class DetectorConfig(ChainConfig):
 
 
 #: Parameters of the detector that cannot change while the node runs.
-FIXED_PARAMETERS = names_that_affect(DetectorConfig, 'start')
+FIXED_PARAMETERS = fields.names_that_affect(DetectorConfig, 'start')

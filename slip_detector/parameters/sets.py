@@ -34,7 +34,7 @@ from slip_detector.parameters.fields import Field, allowed, convert, refuse, sho
 LOG = logging.getLogger(__name__)
 
 if TYPE_CHECKING:
-    from typing_extensions import dataclass_transform
+    from typing_extensions import Self, dataclass_transform
 else:  # Python 3.10 has none.
 
     def dataclass_transform(**_):
@@ -205,10 +205,8 @@ class ParameterSet:
         whole = whole_set.from_parameters(values, str(path), own)
         return cls(**{name: getattr(whole, name) for name in cls.__dataclass_fields__})
 
-    def with_values(self: ConfigType, values: Mapping[str, Any]) -> ConfigType:
+    def with_values(self, values: Mapping[str, Any]) -> 'Self':
         """Return a copy with other values, by flat names; None deletes a group.
-
-        Values that they replace give way, as a channel leaves its group for another.
 
         Raises
         ------
@@ -222,7 +220,7 @@ class ParameterSet:
         >>> GraspConfig().with_values({'grip_n': 2}).grip_n
         2.0
         """
-        merged = {**self.to_parameters(), **self._changes_beside(values), **values}
+        merged = {**self.to_parameters(), **values}
         for name, value in values.items():
             if value is None and not name.startswith('groups.'):
                 refuse(f'parameter {name} cannot be deleted', 'groups.<name>')
@@ -240,10 +238,6 @@ class ParameterSet:
         before, after = self.to_parameters(), other.to_parameters()
         names = [name for name in {**before, **after} if before.get(name) != after.get(name)]
         return {name: after.get(name) for name in names}
-
-    def _changes_beside(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Return what else changes with these values, by flat names; None deletes a group."""
-        return {}
 
     def to_parameters(self) -> dict[str, Any]:
         """Return names and values in the form that ROS uses: flat lists, ``groups.TP``."""

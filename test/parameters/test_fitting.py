@@ -37,10 +37,10 @@ def test_what_fits_stays_and_what_was_given_for_each_channel_is_dropped():
     sensor = {'channel_names': ['a', 'b'], 'disabled_channels': [2], 'mains_hz': 50.0}
     config = DetectorConfig(channels=2, **sensor, taxel_positions_m=[0.0] * 6, **evidence)
     one_group = {'channels': 6, 'vote': 2, 'groups.all': [1, 2, 3, 4, 5, 6]}
-    assert fitting(config, 6, 380.0) == one_group | {'disabled_channels': []}
-    fits = config.with_values(one_group | {'disabled_channels': []})
+    assert fitting(config, 6, 380.0) == one_group
+    fits = config.with_values(one_group)
     assert (fits.noise_floor, fits.noise_floor_learnt) == ((1e-3,), False)
-    assert fits.channel_names == fits.taxel_positions_m == ()
+    assert fits.channel_names == fits.disabled_channels == fits.taxel_positions_m == ()
     # At this rate there are no whole mains periods, and the bands do not fit.
     low = {'sample_rate_hz': 33.0, 'passband_hz': [11.0, 0.0], 'stopbands_hz': [], 'mains_hz': 0.0}
     unnamed = [f'ch{channel}' for channel in range(1, 17)]

@@ -73,7 +73,9 @@ def test_parameters_are_set_together_refused_undone_and_saved(serve, open_page, 
     # Two pages tell each other what they change.
     parts.field(other, 'threshold').fill('0.9')
     set_values(page, threshold='0.25', passband_hz='10, 60')
-    expect(parts.changes(page)).to_contain_text('Set: threshold from 0.5 to 0.25, ')
+    expect(parts.changes(page)).to_contain_text(
+        'Set: passband_hz from 7, 50 to 10, 60, threshold from 0.5'
+    )
     expect(parts.changes(other)).to_contain_text('Changed on another page: threshold')
     expect(row(other, 'threshold')).to_contain_text('Not set yet; the detector has 0.25.')
     expect(parts.field(other, 'threshold')).to_have_value('0.9')
