@@ -25,9 +25,10 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from slip_detector.nodes.rclpy_internals import answer_with, given_parameters
+from slip_detector.parameters.detector import FIXED_PARAMETERS, DetectorConfig
 from slip_detector.parameters.fields import allowed, name_list
 from slip_detector.parameters.sections import is_of_rclpy, parameters_for
-from slip_detector.parameters.sets import ConfigType, ParameterSet
+from slip_detector.parameters.sets import ConfigType
 
 
 def declare(
@@ -109,11 +110,11 @@ def tell_of_other_names(nodes: Sequence[Node], executable: str) -> None:
 
 def follow_changes(
     node: Node,
-    current: Callable[[], ParameterSet],
-    check: Callable[[Any], None],
-    apply: Callable[[Any], None],
+    current: Callable[[], DetectorConfig],
+    check: Callable[[DetectorConfig], None],
+    apply: Callable[[DetectorConfig], None],
 ) -> None:
-    """Let the parameter services change a node's configuration.
+    """Let the parameter services change the configuration of a detector.
 
     All values of a request are taken or none. The ordinary service leaves out parameters of other
     nodes and those that cannot be changed, and answers each of these by itself.
@@ -132,11 +133,9 @@ def follow_changes(
     apply
         Gets the new configuration once the parameters have changed.
     """
-    fields = current().__dataclass_fields__
-    fixed = {name for name in current().to_parameters() if node.describe_parameter(name).read_only}
 
     def set_all(requested: Sequence[Any]) -> msg.SetParametersResult:
-        """Set parameters, given as messages, all or none, and what gives way to them.
+        """Set parameters, given as messages, and what they replace: all or none.
 
         rclpy checks only afterwards: its messages on types and ranges do not tell what is allowed.
         """
@@ -153,8 +152,8 @@ def follow_changes(
         result = node.set_parameters_atomically(parameters)
         if result.successful:
             apply(config)
-            if gave_way := sorted(changes.keys() - ours.keys()):
-                node.get_logger().warning(f'changed with it: {name_list(gave_way)}')
+            if replaced := sorted(changes.keys() - ours.keys()):
+                node.get_logger().warning(f'changed as well: {name_list(replaced)}')
         return result
 
     def answer_whole(request: Any, response: Any) -> Any:
@@ -162,11 +161,8 @@ def follow_changes(
         return response
 
     def answer_each(request: Any, response: Any) -> Any:
-        ours = [
-            each
-            for each in request.parameters
-            if each.name.partition('.')[0] in fields and each.name not in fixed
-        ]
+        settable = current().__dataclass_fields__.keys() - FIXED_PARAMETERS
+        ours = [each for each in request.parameters if each.name.partition('.')[0] in settable]
         result = set_all(ours)
         response.results = [
             result if each in ours else set_all([each]) for each in request.parameters

@@ -241,18 +241,19 @@ class ParameterSet:
 
     def to_parameters(self) -> dict[str, Any]:
         """Return names and values in the form that ROS uses: flat lists, ``groups.TP``."""
-        return sections.flattened(self._as_in_yaml())
+        return sections.flattened(self.to_yaml())
 
     def to_document(self, whole: bool = True) -> dict[str, Any]:
         """Return the content of a ROS parameter file that :meth:`from_yaml` and the node read.
 
         The file has all parameters, or only those that differ from the defaults.
         """
-        defaults = {} if whole else type(self)()._as_in_yaml()
-        values = {n: v for n, v in self._as_in_yaml().items() if whole or v != defaults[n]}
+        defaults = {} if whole else type(self)().to_yaml()
+        values = {n: v for n, v in self.to_yaml().items() if whole or v != defaults[n]}
         return {f'/**/{self.NODE}': {'ros__parameters': values}} if values else {}
 
-    def _as_in_yaml(self) -> dict[str, Any]:
+    def to_yaml(self) -> dict[str, Any]:
+        """Return names and values in the form of a YAML file: flat lists, nested groups."""
         return {
             field.name: _plain(getattr(self, field.name)) for field in dataclasses.fields(self)
         }

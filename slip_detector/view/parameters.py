@@ -27,7 +27,6 @@ import functools
 import re
 import shlex
 from collections.abc import Callable, Collection, Mapping, Sequence
-from itertools import chain
 from pathlib import Path
 from typing import Any, get_args
 
@@ -309,7 +308,7 @@ def _scalar(text: str) -> Any:
     return {'true': True, 'false': False}.get(text, text)
 
 
-def parameter_file(configs: Mapping[str, DetectorConfig], given: Path | None = None) -> Values:
+def parameter_file(configs: Mapping[str, DetectorConfig], file: Path | None = None) -> Values:
     """Return the content of a parameter file for detectors with these configurations.
 
     Parameters
@@ -317,8 +316,9 @@ def parameter_file(configs: Mapping[str, DetectorConfig], given: Path | None = N
     configs
         By the full names of the detectors. A single one is written for a detector in any
         namespace; several are written each for the detector of that name.
-    given
-        The file they were started with, if any: its sections for other nodes are copied.
+    file
+        The file with which the detectors were started, if any: its sections for other nodes are
+        copied, and so is what rclpy reads for the detectors, such as use_sim_time.
 
     Raises
     ------
@@ -332,21 +332,23 @@ def parameter_file(configs: Mapping[str, DetectorConfig], given: Path | None = N
     (['/**/slip_detector'], 0.25)
     """
     document: dict[str, Any] = {}
-    every = [*sections.sections_of(read_yaml(given) if given else {}, str(given))]
+    in_file = [*sections.sections_of(read_yaml(file) if file else {}, str(file))]
     detectors, alone = {*map(sections.node_of, configs)}, [DetectorConfig.NODE]
-    for section, its in every:
-        to_all = sections.node_of(section) in sections.ALL
-        kept = {n: its[n] for n in its if not to_all or sections.nodes_that_know(n) != alone}
+    for section, values in in_file:
+        for_all = sections.node_of(section) in sections.ALL
+        kept = {
+            n: values[n] for n in values if not for_all or sections.nodes_that_know(n) != alone
+        }
         if kept and sections.node_of(section) not in detectors:
             document[section] = {'ros__parameters': kept}
     # Last, because of two sections for a node the later one holds.
     for name, config in configs.items():
         section = name if len(configs) > 1 else f'/**/{sections.node_of(name)}'
-        (values,) = config.to_document().values()
-        # Parameters that rclpy itself reads, such as use_sim_time, are kept.
-        given_to_it = [its.items() for of, its in every if sections.matches(of, name)]
-        kept = {key: value for key, value in chain(*given_to_it) if key in sections.OF_RCLPY}
-        document[section] = {'ros__parameters': {**kept, **values['ros__parameters']}}
+        kept = {}
+        for other, values in in_file:
+            if sections.matches(other, name):
+                kept |= {n: value for n, value in values.items() if sections.is_of_rclpy(n)}
+        document[section] = {'ros__parameters': {**kept, **config.to_yaml()}}
     return document
 
 
