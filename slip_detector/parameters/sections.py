@@ -191,15 +191,14 @@ def parameters_for(path: str | Path, executable: str, node: str = '') -> Given:
     if not node and len(named) > 1:
         refuse(f'{path}: has sections for {", ".join(named)}', 'one namespace')
     default = f'{node.rpartition("/")[0]}/{executable}'
-    for_node = [name for name in alike if not node or matches(name, node)]
+    matching = [name for name, _ in every if not node or matches(name, node)]
+    for_node = [name for name in alike if name in matching]
     for_default = [name for name in alike if matches(name, default)]
     unmatched = [name for name in alike if name not in for_node + for_default]
     if unmatched and not for_node + for_default:
         what = f'{path}: has sections for {", ".join(unmatched)}, none for this node, {node}'
         refuse(what, f'{node} or /**/{node_of(node)}')
-    for_all = [
-        name for name, _ in every if node_of(name) in ALL and (not node or matches(name, node))
-    ]
+    for_all = [name for name in matching if node_of(name) in ALL]
     own = _values_in(every, for_node or for_default)
     twice = own.keys() & _values_in(every, for_all).keys()
     if twice and not for_node:
