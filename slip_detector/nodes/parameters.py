@@ -58,18 +58,18 @@ def declare(
         For an unknown name given to this node, a value that is not allowed, or a parameter file
         for nodes with other names.
     """
-    given: dict[str, Any] = {}
+    values: dict[str, Any] = {}
     for path in _options('--params-file', arguments=cli_args):
-        given |= parameters_for(path, config_class.NODE, node.get_fully_qualified_name()).own
+        values |= parameters_for(path, config_class.NODE, node.get_fully_qualified_name()).own
     # Of `-p slip_detector:threshold:=0.5`; without a node's name it is for all nodes.
     rules = [text.partition(':=')[0] for text in _options('-p', '--param', arguments=cli_args)]
-    own = given.keys() | {rule.rpartition(':')[2] for rule in rules if ':' in rule}
-    given |= {
+    own = values.keys() | {rule.rpartition(':')[2] for rule in rules if ':' in rule}
+    values |= {
         each.name: [] if each.type_ == Parameter.Type.NOT_SET else each.value
         for each in given_parameters(node)
         if not is_of_rclpy(each.name)
     }
-    config = config_class.from_parameters(given, own=own, warn=node.get_logger().warning)
+    config = config_class.from_parameters(values, own=own, warn=node.get_logger().warning)
     for name, value in config.to_parameters().items():
         field = config_class.__dataclass_fields__[name.partition('.')[0]]
         unit = f' [{field.metadata["unit"]}]' if field.metadata['unit'] else ''
@@ -103,8 +103,8 @@ def tell_of_other_names(nodes: Sequence[Node], executable: str) -> None:
     names = [node.get_fully_qualified_name() for node in nodes]
     for path in _options('--params-file'):
         first, *rest = (parameters_for(path, executable, name).unmatched for name in names)
-        if others := [section for section in first if all(section in its for its in rest)]:
-            words = f'{path}: no node of this process has the name of {", ".join(others)}'
+        if absent := [section for section in first if all(section in each for each in rest)]:
+            words = f'{path}: no node of this process has the name of {", ".join(absent)}'
             nodes[0].get_logger().warning(words)
 
 
@@ -139,20 +139,20 @@ def follow_changes(
 
         rclpy checks only afterwards: its messages on types and ranges do not tell what is allowed.
         """
-        given = {each.name: Parameter.from_parameter_msg(each) for each in requested}
-        ours = {name: each.value for name, each in given.items() if not is_of_rclpy(name)}
+        parameters = [Parameter.from_parameter_msg(each) for each in requested]
+        of_rclpy = [each for each in parameters if is_of_rclpy(each.name)]
+        values = {each.name: each.value for each in parameters if each not in of_rclpy}
         try:
-            config = current().with_values(ours)
+            config = current().with_values(values)
             check(config)
         except ValueError as error:
             return msg.SetParametersResult(successful=False, reason=str(error))
         changes = current().changes_to(config)
-        parameters = [Parameter(name, value=value) for name, value in changes.items()]
-        parameters += [given[name] for name in given.keys() - ours.keys()]
-        result = node.set_parameters_atomically(parameters)
+        to_set = [Parameter(name, value=value) for name, value in changes.items()]
+        result = node.set_parameters_atomically(to_set + of_rclpy)
         if result.successful:
             apply(config)
-            if replaced := sorted(changes.keys() - ours.keys()):
+            if replaced := sorted(changes.keys() - values.keys()):
                 node.get_logger().warning(f'changed as well: {name_list(replaced)}')
         return result
 
@@ -162,10 +162,10 @@ def follow_changes(
 
     def answer_each(request: Any, response: Any) -> Any:
         settable = current().__dataclass_fields__.keys() - FIXED_PARAMETERS
-        ours = [each for each in request.parameters if each.name.partition('.')[0] in settable]
-        result = set_all(ours)
+        together = [each for each in request.parameters if each.name.partition('.')[0] in settable]
+        result = set_all(together)
         response.results = [
-            result if each in ours else set_all([each]) for each in request.parameters
+            result if each in together else set_all([each]) for each in request.parameters
         ]
         return response
 

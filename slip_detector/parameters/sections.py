@@ -16,7 +16,7 @@
 
 import pkgutil
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -138,7 +138,7 @@ def check_values(parameters: Mapping[str, Any], where: object) -> None:
             refuse(f'{where}: {shown_name(name)} is {said}', text)
 
 
-class Given(NamedTuple):
+class FileParameters(NamedTuple):
     """What a ROS parameter file has for a node of this package."""
 
     #: Values by flat names (``groups.TP``), without the parameters of rclpy.
@@ -149,7 +149,7 @@ class Given(NamedTuple):
     unmatched: list[str]
 
 
-def parameters_for(path: str | Path, executable: str, node: str = '') -> Given:
+def parameters_for(path: str | Path, executable: str, node: str = '') -> FileParameters:
     """Return what a ROS parameter file has for a node.
 
     ROS ignores sections that do not match, and the node would run with its defaults. A node with
@@ -180,36 +180,37 @@ def parameters_for(path: str | Path, executable: str, node: str = '') -> Given:
     >>> parameters_for(file, 'slip_detector').values['groups.TP']
     [14, 16, 11, 9]
     """
-    every = [
-        (section, {n: value for n, value in flattened(parameters).items() if n not in OF_RCLPY})
-        for section, parameters in sections_of(read_yaml(path), path)
+    sections = [
+        (section, {n: value for n, value in flattened(values).items() if not is_of_rclpy(n)})
+        for section, values in sections_of(read_yaml(path), path)
     ]
-    alike = [name for name, _ in every if node_of(name) in (executable, node_of(node))]
-    if not alike and not any(node_of(name) in (*SECTIONS, *ALL) for name, _ in every):
+    names = [name for name, _ in sections]
+    candidates = [name for name in names if node_of(name) in (executable, node_of(node))]
+    if not candidates and not any(node_of(name) in (*SECTIONS, *ALL) for name in names):
         refuse(f'{path}: has no section of this package', ', '.join(SECTIONS))
-    named = [name for name in alike if '*' not in name]
-    if not node and len(named) > 1:
-        refuse(f'{path}: has sections for {", ".join(named)}', 'one namespace')
+    full_names = [name for name in candidates if '*' not in name]
+    if not node and len(full_names) > 1:
+        refuse(f'{path}: has sections for {", ".join(full_names)}', 'one namespace')
     default = f'{node.rpartition("/")[0]}/{executable}'
-    matching = [name for name, _ in every if not node or matches(name, node)]
-    for_node = [name for name in alike if name in matching]
-    for_default = [name for name in alike if matches(name, default)]
-    unmatched = [name for name in alike if name not in for_node + for_default]
+    matching = [name for name in names if not node or matches(name, node)]
+    for_node = [name for name in candidates if name in matching]
+    for_default = [name for name in candidates if matches(name, default)]
+    unmatched = [name for name in candidates if name not in for_node + for_default]
     if unmatched and not for_node + for_default:
         what = f'{path}: has sections for {", ".join(unmatched)}, none for this node, {node}'
         refuse(what, f'{node} or /**/{node_of(node)}')
+
+    def values_in(chosen: Collection[str]) -> dict[str, Any]:
+        """Return the values in some sections; of two the later one holds."""
+        return {n: v for name, values in sections if name in chosen for n, v in values.items()}
+
     for_all = [name for name in matching if node_of(name) in ALL]
-    own = _values_in(every, for_node or for_default)
-    twice = own.keys() & _values_in(every, for_all).keys()
+    own = values_in(for_node or for_default)
+    twice = own.keys() & values_in(for_all).keys()
     if twice and not for_node:
         what = f'{path}: has {", ".join(sorted(twice))} for {executable} and for all nodes'
         refuse(what, f'a section for this node, {node}')
-    return Given(_values_in(every, [*for_all, *(for_node or for_default)]), own, unmatched)
-
-
-def _values_in(every: Iterable[Section], names: Collection[str]) -> dict[str, Any]:
-    """Return the values in some of the sections of a file; of two the later one holds."""
-    return {n: value for name, its in every if name in names for n, value in its.items()}
+    return FileParameters(values_in([*for_all, *(for_node or for_default)]), own, unmatched)
 
 
 def flattened(values: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
