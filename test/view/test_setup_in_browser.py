@@ -76,7 +76,7 @@ def test_parameters_are_set_together_refused_undone_and_saved(serve, open_page, 
     expect(parts.changes(page)).to_contain_text(
         'Set: passband_hz from 7, 50 to 10, 60, threshold from 0.5'
     )
-    expect(parts.changes(other)).to_contain_text('Changed on another page: threshold')
+    expect(parts.changes(other)).to_contain_text('Changed on another page: passband_hz')
     expect(row(other, 'threshold')).to_contain_text('Not set yet; the detector has 0.25.')
     expect(parts.field(other, 'threshold')).to_have_value('0.9')
     panel = served.detectors.panels[parts.NAME]
