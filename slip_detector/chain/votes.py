@@ -51,7 +51,7 @@ from slip_detector.compiled import (
     store,
 )
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.fields import converted
+from slip_detector.parameters.fields import convert
 
 #: The values of the parameter ``common_mode`` as numbers, in the order of ``COMMON_MODES``.
 NO_COMMON_MODE, MEDIAN, MEAN = range(3)
@@ -239,7 +239,7 @@ def vote_numbers(votes: Sequence[str | int]) -> NDArray[np.int64]:
     array([ 0, -1,  2])
     """
     field = ChainConfig.__dataclass_fields__['vote']
-    checked = [converted(vote, field, 'vote') for vote in votes]
+    checked = [convert(vote, field, 'vote') for vote in votes]
     numbers = [{'all': VOTE_ALL, 'mean': VOTE_MEAN}.get(vote, vote) for vote in checked]
     return np.array(numbers, dtype=np.int64)
 

@@ -29,7 +29,6 @@ from slip_detector.parameters.detector import default_channel_names
 from slip_detector.parameters.fields import refuse
 from slip_detector.parameters.files import as_yaml
 from slip_detector.parameters.fitting import fitting
-from slip_detector.parameters.sets import changed
 from slip_detector.recordings import Recording, RecordingCounts, open_recording, rates_differ
 from slip_detector.recordings.labels import labels_name
 
@@ -134,7 +133,7 @@ class RecordingLoader(NamedTuple):
         """Return the content of a parameter file that suits a recording."""
         config, names = self.chain_config, recording.channel_names
         values = fitting(config, len(names), recording.sample_rate_hz, names)
-        parameters = {**changed(config, values).to_parameters(), **recording.input}
+        parameters = {**config.with_values(values).to_parameters(), **recording.input}
         document = DetectorConfig.from_parameters(parameters).to_document(whole=False)
         document |= self.recording_config.to_document(whole=False)
         advice = 'save it as my_sensor.yaml, then add --config my_sensor.yaml'

@@ -37,7 +37,7 @@ from slip_detector.nodes.messages import STEADY, sensor_qos
 from slip_detector.nodes.outputs import Outputs
 from slip_detector.nodes.parameters import declare, follow_changes
 from slip_detector.nodes.rclpy_internals import ROS_ERRORS, destroy_state_machine
-from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters.detector import FIXED_PARAMETERS, DetectorConfig
 from slip_detector.parameters.fields import name_list
 
 #: Number of checks of the input within ``input_timeout_s``, and the share of the timeout after
@@ -56,11 +56,11 @@ LISTEN_S = 1.0
 #: were heard in turns.
 SEVERAL_S = 1.0
 
-#: Period of the reports in seconds, and shortest time between two log messages of the same kind.
+#: Period of the reports in seconds, and shortest time between two log messages of an event.
 REPORT_S = LOG_S = 1.0
 
-#: Longest time, in seconds, between two heartbeats that is waited for: that of the lowest
-#: ``heartbeat_hz``. A publisher that offers no deadline counts as such a slow one.
+#: Longest time between two heartbeats, in seconds, for which the node waits: that of the lowest
+#: ``heartbeat_hz``. A publisher that offers no deadline counts as one with this heartbeat.
 SLOWEST_S = 20.0
 
 #: Most channel names in a log message.
@@ -99,7 +99,7 @@ class Detector(LifecycleNode):
     def __init__(self, cli_args: list[str] | None = None) -> None:
         super().__init__('slip_detector', allow_undeclared_parameters=True, cli_args=cli_args)
         # The configuration that was set last; it is active once its filters are built.
-        self.requested = declare(self, DetectorConfig, ('autostart',), cli_args)
+        self.requested = declare(self, DetectorConfig, FIXED_PARAMETERS, cli_args)
         self._check(self.requested)
         follow_changes(self, lambda: self.requested, self._check, self._apply)
         self._configured = False
@@ -119,7 +119,7 @@ class Detector(LifecycleNode):
         self._active = config = self.requested
         self._chain = LiveChain(config)
         self._health = Health(config)
-        self._logged_s: dict[str, float] = {}  # By kind of event.
+        self._logged_s: dict[str, float] = {}  # By event.
         self._outputs = Outputs(self, config)
         self._configured = True
         count, groups = config.channels - len(config.disabled_channels), ', '.join(config.groups)
@@ -133,19 +133,19 @@ class Detector(LifecycleNode):
         self._chain.reset()
         self._forget_input()
         self._diagnostics = Diagnostics(self)
-        # Whether a sample has come since the last check, and for how long none had before. The
-        # timeout begins with the first check.
+        # Whether a sample has come since the last check, how long before that no sample came, and
+        # the time of the last check. The timeout begins with the first check.
         self._heard, self._silent_ns, self._now_ns = True, 0, 0
         # By the machine's clock: the last check, and when the clock of the timeout last moved.
         self._checked_ns = self._moved_ns = time.monotonic_ns()
-        # When the last message came, and was sent by another clock; by that clock, when those were
-        # sent that wait since this node was held up.
+        # When the last message came, by the machine's clock, and when it was sent, by the clock of
+        # the sender. By that clock, when the messages were sent that wait while this node hangs.
         self._came_ns, self._sent_ns, self._waiting_ns = 0, 0, range(0)
         self._listen_s = time.monotonic() + LISTEN_S
         self._senders = Senders(lambda: max(SEVERAL_S, self._active.input_timeout_s))
         self._start_timers()
-        # The heartbeat of another detector that publishes on the same topics, and the longest
-        # deadline of them all. As it is asked for in the report, one period of that is added.
+        # The heartbeats of all detectors that publish on the same topics, and the longest of their
+        # deadlines. One period of the report is added, as the deadlines are read there.
         self._deadline_s = 0.0
         self._detectors = Senders(lambda: REPORT_S + 1.5 * self._deadline_s)
         self._heartbeats = self.create_subscription(
@@ -215,7 +215,7 @@ class Detector(LifecycleNode):
             self._forget_input()
         self._stamp_grid.max_gap_s = config.max_gap_s
         self._start_timers()
-        self._check_silence()  # Where changes never end, its timer never is due.
+        self._check_silence()  # Where changes never end, the timer for this is never due.
         return True
 
     # Timers.
@@ -247,11 +247,11 @@ class Detector(LifecycleNode):
     def _check_input(self) -> None:
         """Subscribe to the input; use a chain that was built."""
         if self._samples is None:
-            # Subscribers that have heard another detector before hear false first.
+            # Subscribers that have heard another detector before first hear false from this one.
             outputs, now_s = self._outputs, time.monotonic()
             self._beat()
             if outputs.slip_subscribers() and outputs.received():
-                # Others of the same process are known soon.
+                # The subscribers of other detectors in this process are discovered soon.
                 self._listen_s = min(self._listen_s, now_s + SWAP_S)
             if now_s >= self._listen_s:
                 self._listen()
@@ -263,7 +263,7 @@ class Detector(LifecycleNode):
         timeout_ns = round(1e9 * self._active.input_timeout_s)
         steady_ns = time.monotonic_ns()
         if steady_ns - self._checked_ns > timeout_ns:
-            # What came before is too old, and so is some of what was sent since then.
+            # The samples of before are too old, and so are some that were sent since then.
             self._heard = False
             away_ns = steady_ns - self._came_ns
             self._waiting_ns = range(self._sent_ns + 1, self._sent_ns + away_ns)
@@ -416,9 +416,8 @@ class Detector(LifecycleNode):
         self._names = names if self._names is None else self._names
         if names == self._names or not self._input.has_names:
             return True
-        found = name_list(names, NAMES) or 'without names'
-        wanted = name_list(self._names, NAMES) or 'without names'
-        words = f'the channels of a message are {found}, allowed: {wanted}: dropped'
+        lists = [name_list(each, NAMES) or 'without names' for each in (names, self._names)]
+        words = f'the channels of a message are {lists[0]}, allowed: {lists[1]}: dropped'
         self._note('dropped, wrong names', words, len(rows))
         return False
 
@@ -433,10 +432,10 @@ class Detector(LifecycleNode):
         self._health.restart()
         return rows
 
-    def _note(self, kind: str, what: str, count: int = 1) -> None:
-        """Count events of a kind, and log one of them a second."""
+    def _note(self, event: str, words: str, count: int = 1) -> None:
+        """Count an event, and log it once a second."""
         totals, now_s = self._health.totals, time.monotonic()
-        totals[kind] += count
-        if now_s - self._logged_s.get(kind, -math.inf) >= LOG_S:
-            self._logged_s[kind] = now_s
-            self.get_logger().warning(f'{what} ({totals[kind]} so far)')
+        totals[event] += count
+        if now_s - self._logged_s.get(event, -math.inf) >= LOG_S:
+            self._logged_s[event] = now_s
+            self.get_logger().warning(f'{words} ({totals[event]} so far)')

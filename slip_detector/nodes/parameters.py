@@ -16,7 +16,7 @@
 
 import itertools
 import sys
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import Any
 
 from rcl_interfaces import msg
@@ -25,9 +25,10 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from slip_detector.nodes.rclpy_internals import answer_with, given_parameters
-from slip_detector.parameters.fields import allowed
-from slip_detector.parameters.sections import OF_RCLPY, parameters_for
-from slip_detector.parameters.sets import ConfigType, ParameterSet, changed, replace_groups
+from slip_detector.parameters.detector import FIXED_PARAMETERS, DetectorConfig
+from slip_detector.parameters.fields import allowed, name_list
+from slip_detector.parameters.sections import is_of_rclpy, parameters_for
+from slip_detector.parameters.sets import ConfigType
 
 
 def declare(
@@ -57,21 +58,18 @@ def declare(
         For an unknown name given to this node, a value that is not allowed, or a parameter file
         for nodes with other names.
     """
-    pairs = [*itertools.pairwise([*sys.argv, *(cli_args or [])])]
+    values: dict[str, Any] = {}
+    for path in _options('--params-file', arguments=cli_args):
+        values |= parameters_for(path, config_class.NODE, node.get_fully_qualified_name()).own
     # Of `-p slip_detector:threshold:=0.5`; without a node's name it is for all nodes.
-    rules = [text.partition(':=')[0] for option, text in pairs if option in ('-p', '--param')]
-    own = {rule.rpartition(':')[2] for rule in rules if ':' in rule}
-    given: dict[str, Any] = {}
-    for option, path in pairs:
-        if option == '--params-file':
-            found = parameters_for(path, config_class.NODE, node.get_fully_qualified_name())
-            given |= {name: found.values[name] for name in found.own}
-    own |= given.keys()
-    given |= {
+    rules = [text.partition(':=')[0] for text in _options('-p', '--param', arguments=cli_args)]
+    own = values.keys() | {rule.rpartition(':')[2] for rule in rules if ':' in rule}
+    values |= {
         each.name: [] if each.type_ == Parameter.Type.NOT_SET else each.value
-        for each in _ours(given_parameters(node))
+        for each in given_parameters(node)
+        if not is_of_rclpy(each.name)
     }
-    config = config_class.from_parameters(given, own=own, warn=node.get_logger().warning)
+    config = config_class.from_parameters(values, own=own, warn=node.get_logger().warning)
     for name, value in config.to_parameters().items():
         field = config_class.__dataclass_fields__[name.partition('.')[0]]
         unit = f' [{field.metadata["unit"]}]' if field.metadata['unit'] else ''
@@ -94,24 +92,29 @@ def declare(
     return config
 
 
+def _options(*names: str, arguments: Sequence[str] | None = None) -> list[str]:
+    """Return the values of options of the command line, and of further arguments."""
+    pairs = itertools.pairwise([*sys.argv, *(arguments or ())])
+    return [value for option, value in pairs if option in names]
+
+
 def tell_of_other_names(nodes: Sequence[Node], executable: str) -> None:
     """Warn of sections in parameter files for nodes like these that this process does not have."""
     names = [node.get_fully_qualified_name() for node in nodes]
-    paths = [path for option, path in itertools.pairwise(sys.argv) if option == '--params-file']
-    for path in paths:
+    for path in _options('--params-file'):
         first, *rest = (parameters_for(path, executable, name).unmatched for name in names)
-        if others := [section for section in first if all(section in its for its in rest)]:
-            words = f'{path}: no node of this process has the name of {", ".join(others)}'
+        if absent := [section for section in first if all(section in each for each in rest)]:
+            words = f'{path}: no node of this process has the name of {", ".join(absent)}'
             nodes[0].get_logger().warning(words)
 
 
 def follow_changes(
     node: Node,
-    current: Callable[[], ParameterSet],
-    check: Callable[[Any], None],
-    apply: Callable[[Any], None],
+    current: Callable[[], DetectorConfig],
+    check: Callable[[DetectorConfig], None],
+    apply: Callable[[DetectorConfig], None],
 ) -> None:
-    """Let the parameter services change a node's configuration.
+    """Let the parameter services change the configuration of a detector.
 
     All values of a request are taken or none. The ordinary service leaves out parameters of other
     nodes and those that cannot be changed, and answers each of these by itself.
@@ -130,50 +133,41 @@ def follow_changes(
     apply
         Gets the new configuration once the parameters have changed.
     """
-    fields = current().__dataclass_fields__
-    fixed = {name for name in current().to_parameters() if node.describe_parameter(name).read_only}
 
-    def set_all(parameters: list[Parameter]) -> msg.SetParametersResult:
-        """Set all of them or none; numbers get the types of their parameters, as 1 becomes 1.0.
+    def set_all(requested: Sequence[Any]) -> msg.SetParametersResult:
+        """Set parameters, given as messages, and what they replace: all or none.
 
         rclpy checks only afterwards: its messages on types and ranges do not tell what is allowed.
         """
+        parameters = [Parameter.from_parameter_msg(each) for each in requested]
+        of_rclpy = [each for each in parameters if is_of_rclpy(each.name)]
+        values = {each.name: each.value for each in parameters if each not in of_rclpy}
         try:
-            config = changed(current(), {each.name: each.value for each in _ours(parameters)})
+            config = current().with_values(values)
             check(config)
         except ValueError as error:
             return msg.SetParametersResult(successful=False, reason=str(error))
-        values = config.to_parameters()
-        typed = [
-            Parameter(each.name, value=values[each.name]) if each.name in values else each
-            for each in parameters
-        ]
-        result = node.set_parameters_atomically(typed)
+        changes = current().changes_to(config)
+        to_set = [Parameter(name, value=value) for name, value in changes.items()]
+        result = node.set_parameters_atomically(to_set + of_rclpy)
         if result.successful:
             apply(config)
+            if replaced := sorted(changes.keys() - values.keys()):
+                node.get_logger().warning(f'changed as well: {name_list(replaced)}')
         return result
 
-    def take_all(request: Any, response: Any) -> Any:
-        parameters = [Parameter.from_parameter_msg(each) for each in request.parameters]
-        response.result = set_all(parameters)
+    def answer_whole(request: Any, response: Any) -> Any:
+        response.result = set_all(request.parameters)
         return response
 
-    def take(request: Any, response: Any) -> Any:
-        parameters = [Parameter.from_parameter_msg(each) for each in request.parameters]
-        values = {
-            each.name: each.value
-            for each in parameters
-            if each.name.partition('.')[0] in fields and each.name not in fixed
-        }
-        whole = replace_groups(current(), values)
-        result = set_all([Parameter(name, value=value) for name, value in whole.items()])
-        for each in parameters:
-            response.results.append(result if each.name in values else set_all([each]))
+    def answer_each(request: Any, response: Any) -> Any:
+        settable = current().__dataclass_fields__.keys() - FIXED_PARAMETERS
+        together = [each for each in request.parameters if each.name.partition('.')[0] in settable]
+        result = set_all(together)
+        response.results = [
+            result if each in together else set_all([each]) for each in request.parameters
+        ]
         return response
 
-    answer_with(node, SetParametersAtomically, take_all)
-    answer_with(node, SetParameters, take)
-
-
-def _ours(parameters: Iterable[Parameter]) -> list[Parameter]:
-    return [each for each in parameters if each.name.partition('.')[0] not in OF_RCLPY]
+    answer_with(node, SetParametersAtomically, answer_whole)
+    answer_with(node, SetParameters, answer_each)

@@ -35,8 +35,9 @@ from slip_detector.nodes.finger_topics import FingerTopics, PolledTopics
 from slip_detector.nodes.inputs import publishing_nodes
 from slip_detector.nodes.messages import event_qos, state_qos
 from slip_detector.nodes.rclpy_internals import take_answers
+from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.fields import shown
-from slip_detector.view.detectors import OUTSIDE, RESTART, Detectors, Diagnosis, Finger, Reading
+from slip_detector.view.detectors import OUTSIDE, RESTART, Detectors, Diagnosis, Finger
 
 #: Period, in seconds, at which detectors are looked for.
 SEARCH_S = 1.0
@@ -90,16 +91,14 @@ class RemoteDetector:
         for client in self._clients:
             self._node.destroy_client(client)
 
-    async def read(self) -> Reading:
-        """Return all parameters of the node."""
+    async def read(self) -> dict[str, Any]:
+        """Return all parameters of the node by name."""
         names = (await self._ask(self._parameters.list_parameters)).result.names
-        described = (await self._ask(self._parameters.describe_parameters, names)).descriptors
-        read_only = frozenset(each.name for each in described if each.read_only)
-        meanings = {each.name: each.description for each in described}
-        return Reading(await self._get(names), read_only, meanings)
+        messages = (await self._ask(self._parameters.get_parameters, names)).values
+        return dict(zip(names, map(parameter_value_to_python, messages), strict=True))
 
-    async def set(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Set parameters, all or none, None deletes one; return what they are now."""
+    async def set(self, values: Mapping[str, Any]) -> None:
+        """Set parameters, all or none; None deletes one."""
         try:
             parameters = [_message_of(*each) for each in values.items()]
         except (AssertionError, TypeError, ValueError, OverflowError) as error:
@@ -111,11 +110,6 @@ class RemoteDetector:
             raise ValueError(f'it is not known whether this was set: {error}') from None
         if not result.successful:
             raise ValueError(result.reason or 'refused')
-        return await self._get(list(values))
-
-    async def _get(self, names: list[str]) -> dict[str, Any]:
-        values = (await self._ask(self._parameters.get_parameters, names)).values
-        return dict(zip(names, map(parameter_value_to_python, values), strict=True))
 
     async def _ask(
         self, ask: Callable[..., Future], *arguments: Any, again_s: float = ASK_AGAIN_S
@@ -203,8 +197,8 @@ class RosDetectors(Detectors):
         if remote is None:
             raise ValueError(f'{name} is gone')
         async with remote.asking:
-            self.panels[name].update(await remote.set(values), by)
-        remote.outdated.set()
+            await remote.set(values)
+            self._note(name, await remote.read(), by)
 
     def order(self, name: str, what: str = '') -> bool:
         """Tell a simulated finger what to do, where a scene listens; return whether one does."""
@@ -286,27 +280,19 @@ class RosDetectors(Detectors):
                 self._node.get_logger().warning(words, throttle_duration_sec=LOG_S)
                 await asyncio.sleep(SEARCH_S)
 
-    def _note(self, name: str, reading: Reading, by: str) -> None:
-        """Note the parameters of a node; if it is a detector, show it as a finger."""
-        if not reading.values.keys() >= PARAMETERS_OF_A_DETECTOR:
-            return
-        panel = self.panels[name]
-        panel.read(reading, by)
-        config = panel.config
-        finger = self.fingers.get(name) or self.gone.pop(name, None)
-        if finger is None:
-            finger = Finger(name, config)
-        elif by == RESTART:
-            finger.started_again(config)
-        else:
-            finger.update_config(config)
-        self.fingers[name] = finger
+    def _note(self, name: str, values: Mapping[str, Any], by: str) -> None:
+        """Note the parameters of a node, and who changed them; show a detector as a finger."""
+        if values.keys() >= PARAMETERS_OF_A_DETECTOR:
+            fields = DetectorConfig.__dataclass_fields__
+            known = {n: value for n, value in values.items() if n.partition('.')[0] in fields}
+            self.note_config(name, DetectorConfig.from_parameters(known), by)
 
     def _note_event(self, event: ParameterEvent) -> None:
         """Read the parameters of a detector that reports a change."""
         # A node that declares known parameters is starting: it is read when it publishes.
         new = {each.name for each in event.new_parameters}
-        if event.node in self.fingers and not self.panels[event.node].values.keys() & new:
+        finger = self.fingers.get(event.node)
+        if finger is not None and not finger.config.to_parameters().keys() & new:
             self._remotes[event.node].outdated.set()
 
     # Their diagnostics.

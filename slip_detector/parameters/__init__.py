@@ -14,14 +14,10 @@
 
 """Parameters as fields of frozen dataclasses: what all sets share, and one file for each set."""
 
-from slip_detector.parameters import sections
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.driver import DriverConfig, RecordingConfig
 from slip_detector.parameters.evaluation import EvaluationConfig, TuneConfig
 from slip_detector.parameters.grasp import GraspConfig
-
-SETS = DetectorConfig, DriverConfig, EvaluationConfig, TuneConfig, GraspConfig
-sections.SECTIONS.update((each.NODE, each) for each in SETS)
 
 __all__ = [
     'ChainConfig',

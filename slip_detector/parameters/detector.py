@@ -16,9 +16,15 @@
 
 import functools
 from collections import Counter
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
+from slip_detector.parameters import fields
 from slip_detector.parameters.fields import parameter, shown
 from slip_detector.parameters.sets import ParameterSet
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
 
 #: Lowest band edge, as a fraction of the sample rate; below it, round-off ruins the filter.
 LOWEST_EDGE = 1e-5
@@ -37,12 +43,14 @@ WHOLE_PERIODS = 1e-3
 COMMON_MODES = ('none', 'median', 'mean')
 DECISIONS = ('mean', 'evidence')
 
+#: Lists of channels, or of what each channel has.
+BY_CHANNEL = ('channel_names', 'disabled_channels', 'taxel_positions_m')
+
 #: Number of channels of the paper's fingertip.
 PAPER_CHANNELS = 16
 
-#: The paper's Table 1. The paper does not explain the letters; our reading: T are units that sense
-#: shear across the finger, of the proximal (P) or the distal (D) sensors; L are units that sense
-#: shear along the finger, of the radial (R) or the ulnar (U) sensors.
+#: The groups of the paper's Table 1. Units T sense shear across the finger, units L along it. The
+#: paper does not explain P, D, R and U: probably the proximal, distal, radial and ulnar sensors.
 PAPER_GROUPS: dict[str, tuple[int, ...]] = {
     'TP': (14, 16, 11, 9),
     'TD': (1, 3, 8, 6),
@@ -50,7 +58,7 @@ PAPER_GROUPS: dict[str, tuple[int, ...]] = {
     'LU': (2, 4, 15, 13),
 }
 
-# What a parameter affects, and with which decisions the tuner searches it.
+# Parameters by what they affect, and by the decisions with which the tuner searches them.
 searched = functools.partial(parameter, searched_with=DECISIONS)
 decision_parameter = functools.partial(parameter, affects='decision')
 searched_decision = functools.partial(parameter, affects='decision', searched_with=DECISIONS)
@@ -89,6 +97,7 @@ class ChainConfig(ParameterSet):
         (),
         'Names of the channels in the input; empty: ch1, ch2, ..., and the input may have any.',
         allows='letters, digits, _',
+        read=fields.read_names,
         affects='decision',
     )
     disabled_channels: tuple[int, ...] = parameter(
@@ -141,11 +150,11 @@ class ChainConfig(ParameterSet):
     exponent: int = searched(3, 'Power of the rectified signal (Eq. 3-5).', (1, 6))
     envelope_window_s: float = window(0.04, 'RMS window (Eq. 6-8).', searched_with=DECISIONS)
     decision_window_s: float = window(
-        0.04, 'Window of the mean that the threshold is for.', searched_with=('mean',)
+        0.04, 'Window of the mean that is compared with the threshold.', searched_with=('mean',)
     )
     decision: str = searched(
         'mean',
-        'What the threshold is for: the mean envelope, or evidence (docs/method.md).',
+        'What is compared with the threshold: the mean envelope, or evidence (docs/method.md).',
         choices=DECISIONS,
         heading='Decision',
     )
@@ -156,10 +165,13 @@ class ChainConfig(ParameterSet):
         allows='1e-30 to 1e+30; one number, or one for each channel',
     )
     noise_floor_learnt: bool = of_evidence(
-        False, 'Whether the floor begins at noise_floor; else at the first envelope above it.'
+        False,
+        'Whether the floor begins at noise_floor; else at the first envelope above noise_floor.',
     )
     noise_floor_range_db: float = of_evidence(
-        60.0, 'How far the floor may rise above noise_floor; 15 dB if learnt.', (0.0, 300.0, 'dB')
+        60.0,
+        'How far the floor may rise above noise_floor; 15 dB suit a learnt floor.',
+        (0.0, 300.0, 'dB'),
     )
     noise_floor_rate_db_s: float = of_evidence(
         0.43, 'How fast the floor rises; it falls nine times as fast.', (0.0, 1000.0, 'dB/s')
@@ -191,7 +203,7 @@ class ChainConfig(ParameterSet):
     )
     contact_level_v: float = of_evidence(
         0.0,
-        'RMS in activity_band_hz from which a channel touches; no evidence without; 0: no check.',
+        'RMS in activity_band_hz from which a channel touches; slip needs contact; 0: no check.',
         (0.0, 1e12, 'V'),
         heading='Contact and activity',
     )
@@ -212,7 +224,7 @@ class ChainConfig(ParameterSet):
         0.0, 'How far activity may lift the floor; 0: it does not.', (0.0, 300.0, 'dB')
     )
     common_rank: int = of_evidence(
-        0, 'Excess of the channel of this rank, quietest first, taken off all; 0: none.', (0, 64)
+        0, 'Rank, quietest first, of the channel whose excess is taken off all; 0: none.', (0, 64)
     )
     threshold: float = searched_decision(
         0.5,
@@ -240,6 +252,30 @@ class ChainConfig(ParameterSet):
         self._check_channels()
         self._check_filters()
         self._check_decision()
+
+    def with_values(self, values: Mapping[str, Any]) -> 'Self':
+        """Return a copy with other values, by flat names; None deletes a group.
+
+        If channels or groups do not fit beside what was set for single channels, they replace it.
+
+        Examples
+        --------
+        >>> config = ChainConfig(channels=3, groups={'a': [1, 2], 'b': [3]})
+        >>> config.with_values({'groups.c': [1, 2, 3]}).groups
+        {'c': (1, 2, 3)}
+        >>> config.with_values({'channels': 2}).groups
+        {'all': (1, 2)}
+        """
+        try:
+            return super().with_values(values)
+        except ValueError:
+            if not {name.partition('.')[0] for name in values} & {'channels', 'groups'}:
+                raise
+        replaced: dict[str, Any] = {f'groups.{name}': None for name in self.groups}
+        replaced |= {name: [] for name in BY_CHANNEL if name in self.__dataclass_fields__}
+        if len(self.noise_floor) > 1 and 'noise_floor' not in values:
+            replaced |= {'noise_floor': [min(self.noise_floor)], 'noise_floor_learnt': False}
+        return super().with_values({**replaced, **values})
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -269,7 +305,7 @@ class ChainConfig(ParameterSet):
 
     @property
     def low_band_hz(self) -> tuple[float, ...]:
-        """The band whose level contact or activity need; empty if they are not looked at.
+        """The band whose level contact or activity need; empty if neither is configured.
 
         Examples
         --------
@@ -327,11 +363,10 @@ class ChainConfig(ParameterSet):
         if high:
             text = 'an even number (a band-pass has two edges of equal degree)'
             self.require(self.passband_degree % 2 == 0, 'passband_degree', text)
-        self.require(self.stopband_degree % 2 == 0, 'stopband_degree', 'even, 2 to 20')
+        self.require(self.stopband_degree % 2 == 0, 'stopband_degree')
         pairs, most = len(self.stopbands_hz), MOST_STOPBANDS
         self.require(pairs <= most, 'stopbands_hz', f'at most {most}', f'has {pairs} pairs')
-        text = f'0, or up to 1000 with whole periods in at most {LONGEST_COMB_S:g} s of rows'
-        self.require(not self.mains_hz or self.mains_rows > 0, 'mains_hz', text)
+        self.require(not self.mains_hz or self.mains_rows > 0, 'mains_hz')
         text = f'at least one sample ({1 / self.sample_rate_hz:.6g} s)'
         for name in ('envelope_window_s', 'decision_window_s'):
             self.require(getattr(self, name) * self.sample_rate_hz >= 1 - 1e-6, name, text)
@@ -341,8 +376,8 @@ class ChainConfig(ParameterSet):
         floors, channels = len(self.noise_floor), self.channels
         evidence = self.decision == 'evidence'
         text = f'one number, or {channels}, one for each channel'
-        allowed = (1, channels) if evidence else range(channels + 1)
-        self.require(floors in allowed, 'noise_floor', text, f'has {floors} numbers')
+        numbers = (1, channels) if evidence else range(channels + 1)
+        self.require(floors in numbers, 'noise_floor', text, f'has {floors} numbers')
         if not evidence:
             return
         offset_db, limit_db_s = self.evidence_offset_db, self.evidence_limit_db_s
@@ -381,18 +416,21 @@ class DetectorConfig(ChainConfig):
         'position',
         'Field of the message that has the channels, or a list of several, side by side.',
         allows='paths such as position, pillars[].fz, tactiles[0].pressure, tactiles[].pac[:]',
+        read=fields.read_paths,
         affects='input display',
     )
     input_timeout_s: float = parameter(
         0.5, 'slip_valid becomes false within this time after a sample.', (0.01, 3600.0, 's')
     )
     max_age_s: float = parameter(
-        0.0, 'Stamps this far off the clock: slip_valid is false; 0: no check.', (0.0, 3600.0, 's')
+        0.0, 'Age of a stamp from which slip_valid is false; 0: no check.', (0.0, 3600.0, 's')
     )
     heartbeat_hz: float = parameter(10.0, 'Least rate of slip, slip_valid.', (0.1, 1000.0, 'Hz'))
     publish_groups: bool = parameter(True, 'Publish slip/group/<name>.', affects='display')
     publish_channels: bool = parameter(True, 'Publish slip/channel/<name>.')
-    autostart: bool = parameter(True, 'Activate itself; else a lifecycle manager does it.')
+    autostart: bool = parameter(
+        True, 'Activate itself; else a lifecycle manager does it.', affects='start'
+    )
     taxel_positions_m: tuple[float, ...] = parameter(
         (),
         'x, y, z of each channel in the frame of the samples, for drawing; empty: in a grid.',
@@ -407,3 +445,7 @@ class DetectorConfig(ChainConfig):
         numbers, wanted = len(self.taxel_positions_m), 3 * self.channels
         text = f'{wanted}, three for each channel, or none'
         self.require(numbers in (0, wanted), 'taxel_positions_m', text, f'has {numbers} numbers')
+
+
+#: Parameters of the detector that cannot change while the node runs.
+FIXED_PARAMETERS = fields.names_that_affect(DetectorConfig, 'start')

@@ -14,7 +14,7 @@
 
 """The parameters of the driver node, and those of them that describe a recording."""
 
-from slip_detector.parameters.fields import parameter
+from slip_detector.parameters.fields import parameter, read_paths
 from slip_detector.parameters.sets import ParameterSet
 
 
@@ -34,7 +34,9 @@ class RecordingConfig(ParameterSet):
 
     recording_topic: str = parameter('', 'Topic of a bag with the samples; empty: any voltages.')
     recording_field: str = parameter(
-        '', 'Field of its messages with the channels, as input_field; empty: position or data.'
+        '',
+        'Field of its messages with the channels, as input_field; empty: position or data.',
+        read=read_paths,
     )
     recording_labels: str = parameter(
         '', 'YAML file of the slips, or a folder of such; empty: <name>.labels.yaml beside it.'

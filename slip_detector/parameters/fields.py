@@ -19,7 +19,7 @@ import dataclasses
 import math
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NoReturn, get_args, get_origin
 
 Field = dataclasses.Field[Any]
@@ -27,9 +27,6 @@ Field = dataclasses.Field[Any]
 #: Allowed names of channels and groups; they become parts of topic names, which have at most 247
 #: characters.
 NAME_PATTERN = re.compile('[A-Za-z][A-Za-z0-9_]{0,63}')
-
-#: Texts that may be given as a list, whose items are then joined by commas.
-PATHS = ('input_field', 'recording_field')
 
 #: Most characters of a value that a message shows.
 LONGEST_SHOWN = 200
@@ -46,6 +43,7 @@ def parameter(
     affects: str = '',
     searched_with: tuple[str, ...] = (),
     rising: bool = False,
+    read: Callable[..., Any] | None = None,
 ) -> Any:
     """Return a dataclass field that describes one parameter; conversion and checks read it.
 
@@ -62,18 +60,21 @@ def parameter(
     choices
         The allowed values of a text.
     allows
-        The allowed values in words, where bounds and choices do not tell them.
+        The allowed values in words, where bounds and choices do not say them.
     heading
         Heading over this parameter and the following ones, up to the next heading, in
         docs/parameters.md and on the live page.
     affects
         What a change reaches, separated by spaces: ``input``, other samples than before;
         ``decision``, what the chain makes of the envelope without any state of its own;
-        ``display``, the topics that the live page listens to.
+        ``display``, the topics that the live page listens to; ``start``, only how a node starts.
     searched_with
         The decisions with which the tuner searches the parameter.
     rising
         Whether each number of a list must be above the one before it.
+    read
+        A function that converts and checks a value, called as :func:`convert`; None: the function
+        for values of this type.
 
     Examples
     --------
@@ -90,7 +91,8 @@ def parameter(
     metadata = {
         **{'default': default, 'meaning': meaning, 'low': low, 'high': high, 'unit': unit},
         **{'choices': choices, 'allows': allows, 'heading': heading},
-        **{'affects': affects.split(), 'searched_with': searched_with, 'rising': rising},
+        **{'affects': affects.split(), 'searched_with': searched_with},
+        **{'rising': rising, 'read': read},
     }
     if isinstance(default, dict):
         return dataclasses.field(default_factory=default.copy, metadata=metadata)
@@ -177,7 +179,7 @@ def refuse(what: str, allowed_text: str) -> NoReturn:
     raise ValueError(f'{what}, allowed: {allowed_text}')
 
 
-def converted(value: Any, field: Field, where: str) -> Any:
+def convert(value: Any, field: Field, where: str) -> Any:
     """Convert a value from YAML, ROS or Python to the type of its parameter.
 
     Parameters
@@ -198,30 +200,11 @@ def converted(value: Any, field: Field, where: str) -> Any:
     --------
     >>> from slip_detector.parameters import ChainConfig
     >>> stopbands = ChainConfig.__dataclass_fields__['stopbands_hz']
-    >>> converted([0.5, 7, '48', 52], stopbands, 'parameter stopbands_hz')
+    >>> convert([0.5, 7, '48', 52], stopbands, 'parameter stopbands_hz')
     ((0.5, 7.0), (48.0, 52.0))
     """
-    kind, items, value = field.type, get_args(field.type), _of_python(value)
-    if field.name == 'vote':
-        return _vote(value, where)
-    if get_origin(kind) is dict:
-        return _groups(value, where)
-    if kind in (int, float):
-        return _number(value, kind, where, field)
-    if field.name in PATHS and not _is_single(value):
-        value = ', '.join(map(str, value))
-    if kind in (bool, str):
-        choices = field.metadata['choices'] or (value,)
-        if isinstance(value, kind) and value in choices and '\0' not in str(value):
-            return value
-        _refuse_value(value, where, allowed(field) or 'text')
-    if field.name == 'noise_floor' and _is_single(value):
-        value = [value]
-    if _is_single(value):
-        _refuse_value(value, where, 'a list')
-    if items[0] is str:
-        return _names(value, where, for_topics=field.name == 'channel_names')
-    return _numbers(value, items, where, field)
+    read = field.metadata['read'] or _READERS.get(field.type, _read_numbers)
+    return read(_of_python(value), field, where)
 
 
 def _of_python(value: Any) -> Any:
@@ -237,39 +220,66 @@ def _refuse_value(value: Any, where: str, allowed_text: str) -> NoReturn:
     refuse(f'{where} is {shown(value)}', allowed_text)
 
 
-def _number(value: Any, kind: Any, where: str, field: Field | None = None) -> Any:
-    """Return a value as int or float, within the bounds of its field."""
+def _items(value: Any, where: str) -> Iterable[Any]:
+    """Return a value that is a list."""
+    if _is_single(value):
+        _refuse_value(value, where, 'a list')
+    return value  # type: ignore[no-any-return]
+
+
+def _read_number(value: Any, field: Field, where: str, kind: Any = None) -> Any:
+    """Return a number of a kind, that of the field or of its items, within the field's bounds."""
+    value, kind = _of_python(value), kind or field.type
     # A number in quotes is a text.
-    able = int | float if kind is int else int | float | str
-    number, value = math.nan, _of_python(value)
-    if isinstance(value, able) and not isinstance(value, bool):
+    types = int | float if kind is int else int | float | str
+    number = math.nan
+    if isinstance(value, types) and not isinstance(value, bool):
         with contextlib.suppress(ValueError, OverflowError):
             number = float(value)
     if math.isnan(number) or (kind is int and not number.is_integer()):
         _refuse_value(value, where, 'a whole number' if kind is int else 'a number')
-    if field is not None:
-        low, high = field.metadata['low'], field.metadata['high']
-        if low is not None and not low <= number <= high:
-            refuse(f'{where} is {number:g} {field.metadata["unit"]}'.rstrip(), allowed(field))
+    low, high = field.metadata['low'], field.metadata['high']
+    if low is not None and not low <= number <= high:
+        refuse(f'{where} is {number:g} {field.metadata["unit"]}'.rstrip(), allowed(field))
     return kind(value)
 
 
-def _numbers(values: Iterable[Any], items: tuple[Any, ...], where: str, field: Field) -> Any:
-    """Return numbers as a tuple, or as a tuple of pairs, which may be given as a flat list."""
-    pairs = get_origin(items[0]) is tuple
-    flat = [n for v in values for n in (v if pairs and not _is_single(v) else (v,))]
+def _read_numbers(value: Any, field: Field, where: str) -> Any:
+    """Return numbers as a tuple, or as a tuple of pairs, which may be given as a flat list.
+
+    A single number is a list where the list may have any length.
+    """
+    items = get_args(field.type)
+    pairs, is_open = get_origin(items[0]) is tuple, Ellipsis in items
+    if is_open and not pairs and _is_single(value):
+        value = [value]
+    flat = [n for v in _items(value, where) for n in (v if pairs and not _is_single(v) else (v,))]
     kind = int if items[0] is int else float
-    numbers = tuple(_number(item, kind, where, field) for item in flat)
+    numbers = tuple(_read_number(item, field, where, kind) for item in flat)
     if pairs and len(numbers) % 2:
         refuse(f'{where} has {len(numbers)} numbers', 'pairs [low, high]')
-    if Ellipsis not in items and len(numbers) != len(items):
+    if not is_open and len(numbers) != len(items):
         refuse(f'{where} has {len(numbers)} numbers', f'{len(items)}')
     if field.metadata['rising'] and list(numbers) != sorted({*numbers}):
         _refuse_value(numbers, where, 'each number above the one before it')
     return tuple(zip(numbers[::2], numbers[1::2], strict=True)) if pairs else numbers
 
 
-def _vote(value: Any, where: str) -> str | int:
+def _read_choice(value: Any, field: Field, where: str) -> Any:
+    """Return a text or a Boolean that is one of the field's choices, if it has any."""
+    choices, kind = field.metadata['choices'] or (value,), type(field.metadata['default'])
+    if isinstance(value, kind) and value in choices and '\0' not in str(value):
+        return value
+    _refuse_value(value, where, allowed(field) or 'text')
+
+
+def read_paths(value: Any, field: Field, where: str) -> Any:
+    """Return a text; a list of paths is joined by commas."""
+    return _read_choice(value if _is_single(value) else ', '.join(map(str, value)), field, where)
+
+
+def _read_vote(value: Any, field: Field, where: str) -> str | int:
+    """Return a vote: ``all``, ``mean``, or a number of channels."""
     if value in ('all', 'mean'):
         return str(value)
     if not isinstance(value, bool) and re.fullmatch('0*[1-9][0-9]{0,8}', str(value)):
@@ -277,23 +287,41 @@ def _vote(value: Any, where: str) -> str | int:
     _refuse_value(value, where, 'all, mean, or a whole number from 1')
 
 
-def _names(values: Iterable[Any], where: str, for_topics: bool = True) -> tuple[str, ...]:
-    """Return names, each once; those of channels and groups become parts of topic names."""
-    names = tuple(map(_of_python, values))
+def _read_texts(value: Any, field: Field, where: str) -> tuple[str, ...]:
+    """Return texts, none of them empty, each once."""
+    names = tuple(map(_of_python, _items(value, where)))
     for name in names:
-        if not isinstance(name, str) or not (NAME_PATTERN.fullmatch(name) if for_topics else name):
-            text = 'up to 64 letters, digits, _, letter first' if for_topics else 'a list of names'
-            refuse(f'{where} has {shown(name)}', text)
-    doubled = [name for name, count in Counter(names).items() if count > 1]
-    if doubled:
-        refuse(f'{where} has {shown(min(doubled))} twice', 'each name once')
+        if not isinstance(name, str) or not name:
+            refuse(f'{where} has {shown(name)}', 'a list of names')
+    repeated = [name for name, count in Counter(names).items() if count > 1]
+    if repeated:
+        refuse(f'{where} has {shown(min(repeated))} twice', 'each name once')
     return names
 
 
-def _groups(value: Any, where: str) -> dict[str, tuple[int, ...]]:
+def read_names(value: Any, field: Field, where: str) -> tuple[str, ...]:
+    """Return names that can become parts of topic names, each once."""
+    for name in _items(value, where):
+        if not isinstance(name, str) or not NAME_PATTERN.fullmatch(name):
+            refuse(f'{where} has {shown(name)}', 'up to 64 letters, digits, _, letter first')
+    return _read_texts(value, field, where)
+
+
+def _read_groups(value: Any, field: Field, where: str) -> dict[str, tuple[int, ...]]:
+    """Return the members of each group by its name."""
     if not isinstance(value, Mapping) or any(_is_single(_of_python(v)) for v in value.values()):
         _refuse_value(value, where, 'a list of channel numbers per name')
     return {
-        name: tuple(_number(member, int, f'{where}.{name}') for member in value[name])
-        for name in _names(value, where)
+        name: tuple(_read_number(c, field, f'{where}.{name}', int) for c in value[name])
+        for name in read_names(value, field, where)
     }
+
+
+#: What reads the values of a type; all other types are lists of numbers.
+_READERS: dict[Any, Callable[[Any, Field, str], Any]] = {
+    **dict.fromkeys((int, float), _read_number),
+    **dict.fromkeys((bool, str), _read_choice),
+    tuple[str, ...]: _read_texts,
+    str | int: _read_vote,
+    dict[str, tuple[int, ...]]: _read_groups,
+}

@@ -20,7 +20,6 @@ from collections.abc import Sequence
 from typing import Any
 
 from slip_detector.parameters.detector import LOWEST_EDGE, ChainConfig, default_channel_names
-from slip_detector.parameters.sets import changed, replace_groups
 
 #: Largest difference between the rates of samples and of the chain, as a share. With a larger one,
 #: bands and windows would differ noticeably from the configured ones.
@@ -63,11 +62,11 @@ def rates_differ(rate_hz: float, chain_rate_hz: float) -> bool:
 def fitting(
     config: ChainConfig, channels: int, rate_hz: float, names: Sequence[str] = ()
 ) -> dict[str, Any]:
-    """Return the values to set so that a configuration fits a sensor; None deletes a group.
+    """Return the values to set so that a configuration fits a sensor.
 
-    What fits stays. Other channels become one group, in which two have to agree, and what was
-    given for each channel is dropped. Where a band does not fit the rate, all above 20 Hz passes,
-    and stop-bands, contact and activity are left out; so is the mains, if the rate has none.
+    What fits stays. Other channels become one group, in which two have to agree. Where a band does
+    not fit the rate, all above 20 Hz passes, and stop-bands, contact and activity are left out; so
+    is the mains, if the rate has none.
 
     Parameters
     ----------
@@ -83,10 +82,6 @@ def fitting(
     --------
     >>> for name, value in fitting(ChainConfig(), 3, 200.0).items():
     ...     print(name, value)
-    groups.TP None
-    groups.TD None
-    groups.LR None
-    groups.LU None
     sample_rate_hz 200.0
     channels 3
     groups.all [1, 2, 3]
@@ -100,26 +95,22 @@ def fitting(
     values |= {name: max(now[name], 1 / rate_hz) for name in now if name.endswith('_window_s')}
     if channels != config.channels:
         values |= {'channels': channels, 'groups.all': [*range(1, channels + 1)]}
-        values |= {name: [] for name in ('disabled_channels', 'taxel_positions_m') if name in now}
         vote = VOTE if config.vote == 'all' else config.vote
         values['vote'] = vote if vote == 'mean' else min(int(vote), channels)
         if config.decision == 'evidence':
             values |= {n: min(now[n], channels) for n in ('impact_channels', 'contact_channels')}
-        if len(config.noise_floor) > 1:  # Learnt for each channel.
-            values |= {'noise_floor': [min(config.noise_floor)], 'noise_floor_learnt': False}
     from_hz = max(min(PASS_FROM_HZ, PASS_SHARE * rate_hz), LOWEST_EDGE * rate_hz)
     high_pass: dict[str, Any] = {'passband_hz': [from_hz, 0.0], 'stopbands_hz': []}
     high_pass |= {'contact_level_v': 0.0, 'activity_cap_db': 0.0}
     unnamed = tuple(names) == default_channel_names(channels)
-    given = [] if unnamed else [*names] or now['channel_names']
+    known = [] if unnamed else [*names] or now['channel_names']
     # Of each, the first that fits is taken; the last one always does.
-    for its_names, bands, mains_hz in itertools.product(
-        [given, []], [{}, high_pass], [config.mains_hz, 0.0]
+    for channel_names, bands, mains_hz in itertools.product(
+        [known, []], [{}, high_pass], [config.mains_hz, 0.0]
     ):
-        some = values | bands | {'channel_names': its_names, 'mains_hz': mains_hz}
-        wanted = replace_groups(config, some)
+        wanted = values | bands | {'channel_names': channel_names, 'mains_hz': mains_hz}
         differing = {name: value for name, value in wanted.items() if value != now.get(name)}
         with contextlib.suppress(ValueError):
-            changed(config, differing)
+            config.with_values(differing)
             break
     return differing

@@ -14,17 +14,23 @@
 
 """ROS parameter files: which of their sections are for which node or command."""
 
+import pkgutil
 import re
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from slip_detector.parameters.fields import refuse, shown, shown_name
 from slip_detector.parameters.files import read_yaml
 
-#: The parameter set of each section of a parameter file of this package, by the name of its node
-#: or command; ``slip_detector.parameters``, which defines the sets, enters them.
-SECTIONS: dict[str, Any] = {}
+#: The parameter set of each section of a parameter file, by the name of its node or command.
+SECTIONS = {
+    'slip_detector': 'slip_detector.parameters.detector:DetectorConfig',
+    'slip_driver': 'slip_detector.parameters.driver:DriverConfig',
+    'slip_evaluate': 'slip_detector.parameters.evaluation:EvaluationConfig',
+    'slip_tune': 'slip_detector.parameters.evaluation:TuneConfig',
+    'grasp_controller': 'slip_detector.parameters.grasp:GraspConfig',
+}
 
 #: What ROS takes for the full name of a node, with ``*`` for any name and ``**`` for any names.
 _NAME = r'(\*\*?|[A-Za-z_][A-Za-z0-9_]{0,254})'
@@ -37,8 +43,19 @@ Section = tuple[str, dict[str, Any]]
 #: Parameters that rclpy itself declares and reads for every node.
 OF_RCLPY = ('use_sim_time', 'start_type_description_service')
 
+
+def is_of_rclpy(name: str) -> bool:
+    """Return whether rclpy itself has a parameter, by its flat name."""
+    return name.partition('.')[0] in OF_RCLPY
+
+
 #: What stands in place of a node's name in a section for all nodes.
 ALL = ('**', '*')
+
+
+def set_of(node: str) -> Any:
+    """Return the parameter set of a node or command of this package."""
+    return pkgutil.resolve_name(SECTIONS[node])
 
 
 def node_of(section: str) -> str:
@@ -121,22 +138,23 @@ def check_values(parameters: Mapping[str, Any], where: object) -> None:
             refuse(f'{where}: {shown_name(name)} is {said}', text)
 
 
-class Given(NamedTuple):
+class FileParameters(NamedTuple):
     """What a ROS parameter file has for a node of this package."""
 
-    #: Flat names (``groups.TP``) and values, without the parameters of rclpy.
+    #: Values by flat names (``groups.TP``), without the parameters of rclpy.
     values: dict[str, Any]
-    #: Those of the names that are given to this node, and not to all nodes.
-    own: set[str]
-    #: Sections that are for other nodes, though they end with its name or its executable's.
+    #: Those that are given to this node, and not to all nodes.
+    own: dict[str, Any]
+    #: Sections for other nodes that end with the name of the node or of its executable.
     unmatched: list[str]
 
 
-def parameters_for(path: str | Path, executable: str, node: str = '') -> Given:
+def parameters_for(path: str | Path, executable: str, node: str = '') -> FileParameters:
     """Return what a ROS parameter file has for a node.
 
-    ROS ignores sections that do not match, so that the node would run with its defaults. A node
-    of another name than its executable's is given what is for that, if nothing is for itself.
+    ROS ignores sections that do not match, and the node would run with its defaults. A node with
+    another name than its executable is given the values for the executable, unless the file has
+    values for the node.
 
     Parameters
     ----------
@@ -157,43 +175,42 @@ def parameters_for(path: str | Path, executable: str, node: str = '') -> Given:
 
     Examples
     --------
-    >>> import slip_detector.parameters
     >>> from slip_detector.parameters.files import shared_folder
     >>> file = shared_folder() / 'config' / 'slip_detector.yaml'
     >>> parameters_for(file, 'slip_detector').values['groups.TP']
     [14, 16, 11, 9]
     """
-    every = [
-        (section, {n: value for n, value in flattened(parameters).items() if n not in OF_RCLPY})
-        for section, parameters in sections_of(read_yaml(path), path)
+    sections = [
+        (section, {n: value for n, value in flattened(values).items() if not is_of_rclpy(n)})
+        for section, values in sections_of(read_yaml(path), path)
     ]
-    alike = [name for name, _ in every if node_of(name) in (executable, node_of(node))]
-    if not alike and not any(node_of(name) in (*SECTIONS, *ALL) for name, _ in every):
+    names = [name for name, _ in sections]
+    candidates = [name for name in names if node_of(name) in (executable, node_of(node))]
+    if not candidates and not any(node_of(name) in (*SECTIONS, *ALL) for name in names):
         refuse(f'{path}: has no section of this package', ', '.join(SECTIONS))
-    named = [name for name in alike if '*' not in name]
-    if not node and len(named) > 1:
-        refuse(f'{path}: has sections for {", ".join(named)}', 'one namespace')
+    full_names = [name for name in candidates if '*' not in name]
+    if not node and len(full_names) > 1:
+        refuse(f'{path}: has sections for {", ".join(full_names)}', 'one namespace')
     default = f'{node.rpartition("/")[0]}/{executable}'
-    for_node = [name for name in alike if not node or matches(name, node)]
-    for_default = [name for name in alike if matches(name, default)]
-    unmatched = [name for name in alike if name not in for_node + for_default]
+    matching = [name for name in names if not node or matches(name, node)]
+    for_node = [name for name in candidates if name in matching]
+    for_default = [name for name in candidates if matches(name, default)]
+    unmatched = [name for name in candidates if name not in for_node + for_default]
     if unmatched and not for_node + for_default:
         what = f'{path}: has sections for {", ".join(unmatched)}, none for this node, {node}'
         refuse(what, f'{node} or /**/{node_of(node)}')
-    for_all = [
-        name for name, _ in every if node_of(name) in ALL and (not node or matches(name, node))
-    ]
-    own = _values_in(every, for_node or for_default)
-    twice = own.keys() & _values_in(every, for_all).keys()
+
+    def values_in(chosen: Collection[str]) -> dict[str, Any]:
+        """Return the values in some sections; of two the later one holds."""
+        return {n: v for name, values in sections if name in chosen for n, v in values.items()}
+
+    for_all = [name for name in matching if node_of(name) in ALL]
+    own = values_in(for_node or for_default)
+    twice = own.keys() & values_in(for_all).keys()
     if twice and not for_node:
         what = f'{path}: has {", ".join(sorted(twice))} for {executable} and for all nodes'
         refuse(what, f'a section for this node, {node}')
-    return Given(_values_in(every, [*for_all, *(for_node or for_default)]), {*own}, unmatched)
-
-
-def _values_in(every: Iterable[Section], names: Collection[str]) -> dict[str, Any]:
-    """Return the values in some of the sections of a file; of two the later one holds."""
-    return {n: value for name, its in every if name in names for n, value in its.items()}
+    return FileParameters(values_in([*for_all, *(for_node or for_default)]), own, unmatched)
 
 
 def flattened(values: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
@@ -217,9 +234,8 @@ def nodes_that_know(name: str) -> list[str]:
 
     Examples
     --------
-    >>> import slip_detector.parameters
     >>> nodes_that_know('sample_rate_hz'), nodes_that_know('channels')
     (['slip_detector'], ['slip_detector', 'slip_driver'])
     """
     head = name.partition('.')[0]
-    return [node for node, its in SECTIONS.items() if head in its.__dataclass_fields__]
+    return [node for node in SECTIONS if head in set_of(node).__dataclass_fields__]

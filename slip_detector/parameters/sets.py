@@ -29,12 +29,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from slip_detector.parameters import sections
-from slip_detector.parameters.fields import Field, converted, refuse, shown, shown_name
+from slip_detector.parameters.fields import Field, allowed, convert, refuse, shown, shown_name
 
 LOG = logging.getLogger(__name__)
 
 if TYPE_CHECKING:
-    from typing_extensions import dataclass_transform
+    from typing_extensions import Self, dataclass_transform
 else:  # Python 3.10 has none.
 
     def dataclass_transform(**_):
@@ -73,29 +73,32 @@ class ParameterSet:
     def __post_init__(self) -> None:
         """Convert and check every field on its own."""
         for field in dataclasses.fields(self):
-            value = converted(getattr(self, field.name), field, f'parameter {field.name}')
+            value = convert(getattr(self, field.name), field, f'parameter {field.name}')
             object.__setattr__(self, field.name, value)
 
-    def require(self, holds: bool, name: str, allowed_text: str, what: str = '') -> None:
+    def require(self, holds: bool, name: str, allowed_text: str = '', what: str = '') -> None:
         """Raise the ValueError of a parameter that does not go with the others.
 
         Parameters
         ----------
         holds
-            Whether it does.
-        name, allowed_text
-            The parameter, and what is allowed.
+            Whether the parameter goes with the others.
+        name
+            The name of the parameter.
+        allowed_text
+            What is allowed; empty: as the field says.
         what
-            What is wrong with it; empty: its value.
+            What is wrong with the parameter; empty: its value.
         """
         if not holds:
-            value, unit = getattr(self, name), self.__dataclass_fields__[name].metadata['unit']
+            value, field = getattr(self, name), self.__dataclass_fields__[name]
             is_number = isinstance(value, (int, float))
-            text = f'{value:g} {unit}'.rstrip() if is_number else shown(value)
-            refuse(f'parameter {name} {what or f"is {text}"}', allowed_text)
+            text = f'{value:g} {field.metadata["unit"]}' if is_number else shown(value)
+            what = what or f'is {text}'.rstrip()
+            refuse(f'parameter {name} {what}', allowed_text or allowed(field))
 
     def limits(self) -> dict[str, str]:
-        """Return what is allowed beside the other parameters, by the names of those so limited.
+        """Return what the other parameters allow, by the names of the parameters that they limit.
 
         Examples
         --------
@@ -105,7 +108,7 @@ class ParameterSet:
         """
         found: dict[str, str] = {}
         again: Any = copy.copy(self)
-        vars(again)['require'] = lambda _, name, text, what='': found.setdefault(name, text)
+        vars(again)['require'] = lambda _, name, text='', what='': found.setdefault(name, text)
         again.__post_init__()
         return found
 
@@ -126,46 +129,43 @@ class ParameterSet:
         where
             Prefix of messages, for example the path of a file.
         own
-            Names that are given to this node and not to all nodes of the robot; None: all.
+            Names of the values that are for this node, not for all nodes of the robot; None: all.
         warn
-            Is called for unknown names that are given to all nodes and may have been meant for
-            this one: nearly a name of this set, or a quality of service.
+            A function for warnings of an unknown name among the values for all nodes that is
+            nearly a name of this set, or is a quality of service.
 
         Raises
         ------
         ValueError
-            For a value that is not allowed, or an unknown name that is given to this node.
+            For a value that is not allowed, or an unknown name of a value for this node.
         """
         lead, known = f'{where}: ' if where else '', cls.__dataclass_fields__
         values: dict[str, Any] = {}
         groups: dict[str, Any] = {}
+        for name, value in parameters.items():
+            head, _, tail = name.partition('.')
+            if name in known:
+                values[name] = value
+            elif head == 'groups' in known and tail:
+                groups[tail] = value
+            else:
+                is_own = own is None or name in own
+                hint = cls._hint(name, is_own)
+                label = f'parameter {shown_name(name)} = {shown(value)}'
+                if is_own:
+                    raise ValueError(f'{lead}unknown {label}; {hint}')
+                if hint:
+                    warn(f'{lead}left out: {label}, given to all nodes; {hint}')
+        if groups and 'groups' in values:
+            refuse(f'{lead}parameter groups is given beside groups.<name>', 'one of both')
         try:
-            for key, value in parameters.items():
-                name = str(key)  # In YAML a name may be a number.
-                head, _, tail = name.partition('.')
-                if name in known:
-                    values[name] = value
-                elif head == 'groups' in known and tail:
-                    groups[tail] = value
-                else:
-                    is_own = own is None or name in own
-                    hint = cls._hint(name, is_own)
-                    label = f'parameter {shown_name(name)} = {shown(value)}'
-                    if is_own:
-                        raise ValueError(f'unknown {label}; {hint}')
-                    if hint:
-                        warn(f'{lead}left out: {label}, given to all nodes; {hint}')
-            if groups:
-                if 'groups' in values:
-                    refuse('parameter groups is given beside groups.<name>', 'one of both')
-                values['groups'] = groups
-            return cls(**values)
+            return cls(**values, **({'groups': groups} if groups else {}))
         except ValueError as error:
             raise ValueError(f'{lead}{error}') from None
 
     @classmethod
     def _hint(cls, name: str, is_own: bool) -> str:
-        """Return what an unknown name may mean; empty if it need not mean anything here."""
+        """Return what an unknown name may mean; empty if it may be a name of another node."""
         if name.startswith('qos_overrides'):  # As other nodes of rclpy have them.
             return 'the quality of service of the topics cannot be changed'
         owners = sections.nodes_that_know(name) if cls.NODE else []
@@ -183,9 +183,9 @@ class ParameterSet:
     def from_yaml(cls: type[ConfigType], path: str | Path, node: str = '') -> ConfigType:
         """Read the node's section of a ROS parameter file.
 
-        The whole section is checked, also if this set of the package has only some of the
-        parameters. Of the sections for all nodes (``/**``) only parameters of this node are taken;
-        on what may have been meant for it there is a warning on the log.
+        The whole section is checked, also if this set has only some of the parameters of the node.
+        Of the sections for all nodes (``/**``) only parameters of this node are taken; a warning
+        is logged for a name there that is nearly one of them.
 
         Parameters
         ----------
@@ -201,23 +201,59 @@ class ParameterSet:
             a value that is not allowed; names the file.
         """
         values, own, _ = sections.parameters_for(path, cls.NODE, node)
-        every = sections.SECTIONS.get(cls.NODE, cls).from_parameters(values, str(path), own)
-        return cls(**{name: getattr(every, name) for name in cls.__dataclass_fields__})
+        whole_set = sections.set_of(cls.NODE) if cls.NODE in sections.SECTIONS else cls
+        whole = whole_set.from_parameters(values, str(path), own)
+        return cls(**{name: getattr(whole, name) for name in cls.__dataclass_fields__})
+
+    def with_values(self, values: Mapping[str, Any]) -> 'Self':
+        """Return a copy with other values, by flat names; None deletes a group.
+
+        Raises
+        ------
+        ValueError
+            For an unknown name, values that are not allowed, or a parameter that cannot be
+            deleted.
+
+        Examples
+        --------
+        >>> from slip_detector.parameters import GraspConfig
+        >>> GraspConfig().with_values({'grip_n': 2}).grip_n
+        2.0
+        """
+        merged = {**self.to_parameters(), **values}
+        for name, value in values.items():
+            if value is None and not name.startswith('groups.'):
+                refuse(f'parameter {name} cannot be deleted', 'groups.<name>')
+        return self.from_parameters({n: v for n, v in merged.items() if v is not None})
+
+    def changes_to(self, other: 'ParameterSet') -> dict[str, Any]:
+        """Return the values with which this becomes another configuration; None deletes a group.
+
+        Examples
+        --------
+        >>> from slip_detector.parameters import GraspConfig
+        >>> GraspConfig().changes_to(GraspConfig(grip_n=2))
+        {'grip_n': 2.0}
+        """
+        before, after = self.to_parameters(), other.to_parameters()
+        names = [name for name in {**before, **after} if before.get(name) != after.get(name)]
+        return {name: after.get(name) for name in names}
 
     def to_parameters(self) -> dict[str, Any]:
         """Return names and values in the form that ROS uses: flat lists, ``groups.TP``."""
-        return sections.flattened(self._as_in_yaml())
+        return sections.flattened(self.to_yaml())
 
     def to_document(self, whole: bool = True) -> dict[str, Any]:
         """Return the content of a ROS parameter file that :meth:`from_yaml` and the node read.
 
-        If it is not to be whole, it has only what differs from the defaults.
+        The file has all parameters, or only those that differ from the defaults.
         """
-        its, usual = self._as_in_yaml(), {} if whole else type(self)()._as_in_yaml()
-        its = {name: value for name, value in its.items() if whole or value != usual[name]}
-        return {f'/**/{self.NODE}': {'ros__parameters': its}} if its else {}
+        defaults = {} if whole else type(self)().to_yaml()
+        values = {n: v for n, v in self.to_yaml().items() if whole or v != defaults[n]}
+        return {f'/**/{self.NODE}': {'ros__parameters': values}} if values else {}
 
-    def _as_in_yaml(self) -> dict[str, Any]:
+    def to_yaml(self) -> dict[str, Any]:
+        """Return names and values in the form of a YAML file: flat lists, nested groups."""
         return {
             field.name: _plain(getattr(self, field.name)) for field in dataclasses.fields(self)
         }
@@ -230,46 +266,3 @@ def _plain(value: Any) -> Any:
     if isinstance(value, tuple):
         return [n for item in value for n in (item if isinstance(item, tuple) else (item,))]
     return value
-
-
-def changed(config: ConfigType, values: Mapping[str, Any]) -> ConfigType:
-    """Return a configuration with some parameters changed, by flat names; None deletes a group.
-
-    Raises
-    ------
-    ValueError
-        For an unknown name, values that are not allowed, or a parameter that cannot be deleted.
-
-    Examples
-    --------
-    >>> from slip_detector.parameters import ChainConfig
-    >>> groups = {'groups.a': [2], 'groups.all': None}
-    >>> changed(ChainConfig(channels=2), {'disabled_channels': [1], **groups}).groups
-    {'a': (2,)}
-    """
-    for name, value in values.items():
-        if value is None and not name.startswith('groups.'):
-            raise ValueError(f'parameter {name} cannot be deleted, allowed: groups.<name>')
-    given = {**config.to_parameters(), **values}
-    return type(config).from_parameters({n: v for n, v in given.items() if v is not None})
-
-
-def replace_groups(config: ParameterSet, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the values to set for a request that cannot delete groups, as a file that is loaded.
-
-    Its groups replace all others where they do not fit beside them.
-
-    Examples
-    --------
-    >>> from slip_detector.parameters import ChainConfig
-    >>> config = ChainConfig(channels=2, groups={'a': [1], 'b': [2]})
-    >>> replace_groups(config, {'channels': 1, 'groups.a': [1]})
-    {'groups.b': None, 'channels': 1, 'groups.a': [1]}
-    """
-    if any(name.startswith('groups.') for name in values):
-        try:
-            changed(config, values)
-        except ValueError:
-            names = [name for name in config.to_parameters() if name.startswith('groups.')]
-            return {name: None for name in names if name not in values} | {**values}
-    return {**values}

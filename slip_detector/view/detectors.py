@@ -18,7 +18,7 @@
 import functools
 import time
 from abc import ABC, abstractmethod
-from collections import defaultdict, deque
+from collections import deque
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, NamedTuple
@@ -27,7 +27,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from slip_detector.chain.samples import Bools, Floats
-from slip_detector.parameters.detector import ChainConfig, DetectorConfig
+from slip_detector.parameters.detector import FIXED_PARAMETERS, ChainConfig, DetectorConfig
 from slip_detector.view.track import LiveTrack, Spectrum, spectrum
 
 #: Missing heartbeats after which a detector counts as ended or hung.
@@ -51,8 +51,8 @@ DESCRIBED = (
     'stopbands_hz', 'mains_hz', 'evidence_limit_db_s',
 )  # fmt: skip
 
-#: Parameters of the decision.
-OF_THE_CHAIN = {each.name for each in fields(ChainConfig)}
+#: Parameters of the chain, on which its decisions depend.
+CHAIN_PARAMETERS = {each.name for each in fields(ChainConfig)}
 
 #: Pitch of the grid for a finger without taxel positions; the taxels of tactile fingertips are one
 #: to seven millimetres apart.
@@ -252,128 +252,89 @@ def _apart(taxel_positions_m: tuple[float, ...]) -> Floats:
     return positions
 
 
-def to_decide_as(
-    found: DetectorConfig, config: DetectorConfig, kept: Collection[str] = ()
+def decision_changes(
+    config: DetectorConfig, wanted: DetectorConfig, kept: Collection[str] = ()
 ) -> dict[str, Any]:
-    """Return the values to set so that a detector decides as another one; None to delete one.
+    """Return the values to set so that a detector decides as another; None deletes a group.
 
     Parameters
     ----------
-    found
-        The configuration that is wanted.
     config
-        The one that the detector has.
+        The configuration that the detector has.
+    wanted
+        The configuration whose decisions are wanted.
     kept
-        Fields of the decision that stay as they are, as all others do.
+        Parameters of the chain that stay as they are, as all others do.
 
     Examples
     --------
-    >>> to_decide_as(DetectorConfig(threshold=0.25, gain=2.0), DetectorConfig(), kept=['gain'])
+    >>> decision_changes(DetectorConfig(), DetectorConfig(threshold=0.25, gain=2.0), ['gain'])
     {'threshold': 0.25}
     """
-    now, wanted = config.to_parameters(), found.to_parameters()
-    ours = OF_THE_CHAIN.difference(kept)
-    names = [name for name in {**now, **wanted} if name.partition('.')[0] in ours]
-    return {name: wanted.get(name) for name in names if now.get(name) != wanted.get(name)}
-
-
-class Reading(NamedTuple):
-    """The answer of a detector that is asked for its parameters."""
-
-    #: Values in the form that ROS uses, by name.
-    values: dict[str, Any]
-    #: Names of those that cannot change while the node runs.
-    read_only: frozenset[str]
-    #: Descriptions, by name.
-    meanings: dict[str, str]
+    changes, changing = config.changes_to(wanted), CHAIN_PARAMETERS.difference(kept)
+    return {name: changes[name] for name in changes if name.partition('.')[0] in changing}
 
 
 class Change(NamedTuple):
-    """Parameters that changed at once, by name; None: the parameter does not exist."""
+    """A change of a detector's configuration."""
 
-    before: dict[str, Any]
-    after: dict[str, Any]
-    #: The page, or ``OUTSIDE``, or ``RESTART``.
+    before: DetectorConfig
+    after: DetectorConfig
+    #: The author: a page, or ``OUTSIDE``, or ``RESTART``.
     by: str
 
 
 class ParameterPanel:
-    """The parameters of one detector, their changes, and the values of its file.
+    """The configuration of one detector, its changes, and the configuration in its file.
 
     Examples
     --------
-    >>> panel = ParameterPanel()
-    >>> panel.read(Reading({'threshold': 0.5, 'gain': 1.0}, frozenset(), {}))
-    >>> panel.update({'threshold': 0.25}, by='page 1')
+    >>> panel = ParameterPanel(DetectorConfig())
+    >>> panel.read(DetectorConfig(threshold=0.25), by='page 1')
     >>> panel.changes[-1].by
     'page 1'
     >>> panel.to_undo(), panel.as_in_file()
     ({'threshold': 0.5}, {'threshold': 0.5})
     """
 
-    def __init__(self) -> None:
-        #: The present values; empty until they are read.
-        self.values: dict[str, Any] = {}
-        #: Those of the parameter file; without a file, the first values that are read.
-        self.file_values: dict[str, Any] | None = None
-        self.read_only: frozenset[str] = frozenset()
-        self.meanings: dict[str, str] = {}
+    def __init__(self, config: DetectorConfig) -> None:
+        self.config = config
+        #: The configuration in the parameter file; without a file, the first one that was read.
+        self.file = config
         #: Changes that can be undone, and the latest changes, undone or not; the newest last.
         self.history: deque[Change] = deque(maxlen=MOST_CHANGES)
         self.changes: deque[Change] = deque(maxlen=LISTED_CHANGES)
         #: Number of changes so far.
         self.count = 0
 
-    def read(self, reading: Reading, by: str = RESTART) -> None:
-        """Update everything from the detector's answer.
+    def read(self, config: DetectorConfig, by: str) -> None:
+        """Note the configuration that the detector has now, and who changed it.
 
-        A detector that was started again has the values of its file. This counts as a change:
-        undoing it restores what had been set before the restart.
+        A detector that was started again has the configuration of its file. This counts as a
+        change: undoing it restores what had been set before the restart.
         """
-        self.read_only, self.meanings = reading.read_only, reading.meanings
-        if self.values:
-            gone = dict.fromkeys(self.values.keys() - reading.values.keys())
-            self.update({**gone, **reading.values}, by)
-        else:
-            self.values = dict(reading.values)
-        if self.file_values is None:
-            self.file_values = dict(reading.values)
-
-    def update(self, values: Mapping[str, Any], by: str = OUTSIDE) -> None:
-        """Note values that the detector has now, None: deleted."""
-        after = {name: value for name, value in values.items() if self.values.get(name) != value}
-        if not after:
+        if config == self.config:
             return
-        before = {name: self.values.get(name) for name in after}
-        self.changes.append(Change(before, after, by))
+        change = Change(self.config, config, by)
+        self.config = config
+        self.changes.append(change)
         self.count += 1
-        merged = {**self.values, **after}
-        self.values = {name: value for name, value in merged.items() if value is not None}
-        before, after = self._settable(before), self._settable(after)
-        if by != RESTART and self.history and self.history[-1].before == after:
+        if by != RESTART and self.history and self.history[-1].before == config:
             self.history.pop()
-        elif after:
-            self.history.append(Change(before, after, by))
-
-    @property
-    def config(self) -> DetectorConfig:
-        """The present values as a configuration."""
-        names = {each.name for each in fields(DetectorConfig)}
-        ours = {n: v for n, v in self.values.items() if n.partition('.')[0] in names}
-        return DetectorConfig.from_parameters(ours)
+        else:
+            self.history.append(change)
 
     def to_undo(self) -> dict[str, Any]:
         """Return the values that undo the last change; empty where there is none."""
-        return dict(self.history[-1].before) if self.history else {}
+        return self._changes_to(self.history[-1].before) if self.history else {}
 
     def as_in_file(self) -> dict[str, Any]:
         """Return the values that restore those of the file; empty if nothing differs."""
-        groups = [name for name in self.values if name.startswith('groups.')]
-        wanted = {**dict.fromkeys(groups), **(self.file_values or {})}
-        return self._settable({n: v for n, v in wanted.items() if self.values.get(n) != v})
+        return self._changes_to(self.file)
 
-    def _settable(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        return {name: value for name, value in values.items() if name not in self.read_only}
+    def _changes_to(self, wanted: DetectorConfig) -> dict[str, Any]:
+        changes = self.config.changes_to(wanted)
+        return {name: changes[name] for name in changes if name not in FIXED_PARAMETERS}
 
 
 class Detectors(ABC):
@@ -385,9 +346,8 @@ class Detectors(ABC):
         #: Fingers whose detectors have ended, by name, until they come back.
         self.gone: dict[str, Finger] = {}
         #: The panel of each detector by its name, also of one that has ended: its changes can be
-        #: set again when it comes back. Subclasses enter what they read, and changes that
-        #: detectors report.
-        self.panels: defaultdict[str, ParameterPanel] = defaultdict(ParameterPanel)
+        #: set again when it comes back.
+        self.panels: dict[str, ParameterPanel] = {}
 
     @abstractmethod
     def watch(self, names: Collection[str]) -> None:
@@ -396,6 +356,18 @@ class Detectors(ABC):
     @abstractmethod
     def poll(self) -> None:
         """Process what has arrived since the last call, without waiting."""
+
+    def note_config(self, name: str, config: DetectorConfig, by: str) -> None:
+        """Note the configuration that a detector has now, and who changed it."""
+        self.panels.setdefault(name, ParameterPanel(config)).read(config, by)
+        finger = self.fingers.get(name) or self.gone.pop(name, None)
+        if finger is None:
+            finger = Finger(name, config)
+        elif by == RESTART:
+            finger.started_again(config)
+        else:
+            finger.update_config(config)
+        self.fingers[name] = finger
 
     def order(self, name: str, what: str = '') -> bool:
         """Tell a simulated finger what to do, '': nothing; return whether it is one that obeys."""

@@ -27,20 +27,16 @@ import functools
 import re
 import shlex
 from collections.abc import Callable, Collection, Mapping, Sequence
-from itertools import chain
 from pathlib import Path
 from typing import Any, get_args
 
 from slip_detector.parameters import sections
-from slip_detector.parameters.detector import ChainConfig, DetectorConfig
-from slip_detector.parameters.fields import allowed, shortened, shown, under_headings
+from slip_detector.parameters.detector import FIXED_PARAMETERS, ChainConfig, DetectorConfig
+from slip_detector.parameters.fields import Field, allowed, shortened, shown, under_headings
 from slip_detector.parameters.files import read_yaml, shared_folder, writable_folder, write_yaml
-from slip_detector.view.detectors import Change, ParameterPanel, Values, to_decide_as
+from slip_detector.view.detectors import ParameterPanel, Values, decision_changes
 from slip_detector.view.server import MOST_NAME, Server
 from slip_detector.view.view_request import Message
-
-#: Heading of the parameters that do not belong to this package.
-OF_ROS = 'Of every node'
 
 #: Names that a page may give to a file. Of several parameter files, the launch files use the names
 #: as namespaces.
@@ -51,12 +47,12 @@ ALLOWED_NAME = 'a letter, then letters (a-z), digits, single _, at most 64'
 PRESETS = {'paper': 'slip_detector', 'onset': 'onset', 'sure': 'sure', 'grasp': 'grasp'}
 
 #: Returns the values to set that a request asks for.
-ValuesOf = Callable[[ParameterPanel, Message], Values]
+ReadRequest = Callable[[ParameterPanel, Message], Values]
 
 _FIELDS = {field.name: field for field in dataclasses.fields(DetectorConfig)}
 
-#: What describes the sensor: no preset changes it.
-_OF_THE_SENSOR = {field.name for field in under_headings(ChainConfig)['Samples']}
+#: Parameters that describe the sensor: no preset changes them.
+_SENSOR_PARAMETERS = {field.name for field in under_headings(ChainConfig)['Samples']}
 
 
 class ParameterRequests:
@@ -71,9 +67,9 @@ class ParameterRequests:
     files
         The parameter files that the detectors were started with: one for all, or one for each
         namespace, named after it.
-    otherwise
-        What the detectors have otherwise than in the file, as they were started so. It is not
-        saved: what the file says of this is kept.
+    overrides
+        Values with which the detectors were started in place of those of the file. They are not
+        saved: the values of the file are kept.
     """
 
     def __init__(
@@ -81,35 +77,34 @@ class ParameterRequests:
         server: Server,
         folder: Path,
         files: Sequence[Path] = (),
-        otherwise: Mapping[str, Any] | None = None,
+        overrides: Mapping[str, Any] | None = None,
     ) -> None:
         self._server, self._folder, self._files = server, folder.resolve(), files
-        self._otherwise = otherwise or {}
-        #: By detector, what changes with all that a page shows of it.
-        self._shown: dict[str, tuple[Any, ...]] = {}
+        self._overrides = overrides or {}
+        #: By detector, a state that differs whenever a page has to be told something else.
+        self._states: dict[str, tuple[Any, ...]] = {}
         server.each_tick.append(self._broadcast)
-        for kind, values_of in {
-            'set': self._typed,
+        for request, read in {
+            'set': self._read_typed,
             'undo': lambda panel, message: panel.to_undo(),
-            'as_in_file': self._as_in_file,
+            'as_in_file': self._read_as_in_file,
             'take_input': lambda _, message: server.detectors.finger_of(message['finger']).to_fit,
             'preset': lambda panel, message: to_preset(str(message.get('preset')), panel.config),
         }.items():
-            server.on_request(kind, functools.partial(self._change, values_of), changes=True)
+            server.on_request(request, functools.partial(self._change, read), changes=True)
         server.on_request('save', self._save, changes=True)
 
     def _broadcast(self) -> None:
         """Send the pages the parameters if something has changed."""
-        detectors = self._server.detectors
-        panels = detectors.panels.items()
-        shown = {n: (each.count, each.file_values, n in detectors.fingers) for n, each in panels}
-        if shown == self._shown:
+        fingers, panels = self._server.detectors.fingers, self._server.detectors.panels.items()
+        states = {n: (each.count, each.file, n in fingers) for n, each in panels}
+        if states == self._states:
             return
-        for name in shown.keys() - self._shown.keys():
-            # What cannot be read is reported when the file is needed.
+        for name in states.keys() - self._states.keys():
+            # A file that cannot be read is reported when it is needed.
             with contextlib.suppress(ValueError):
                 self._read_file(name)
-        self._shown = shown
+        self._states = states
         described = {name: self._described(name, panel) for name, panel in panels}
         self._server.broadcast('parameters', {'folder': str(self._folder), 'fingers': described})
 
@@ -121,9 +116,11 @@ class ParameterRequests:
             'headings': described_panel(panel),
             'file': str(self._file_of(name) or ''),
             'differs': sorted(panel.as_in_file()),
-            'preset': _preset_of(panel),
-            'undo': words_of(Change(last.after, last.before, last.by)) if last else '',
-            'changes': [(panel.count - i, each.by, words_of(each)) for i, each in latest],
+            'preset': _preset_of(panel.config),
+            'undo': words_of(last.after, last.before) if last else '',
+            'changes': [
+                (panel.count - i, each.by, words_of(each.before, each.after)) for i, each in latest
+            ],
         }
 
     def _file_of(self, name: str) -> Path | None:
@@ -134,8 +131,8 @@ class ParameterRequests:
     def _read_file(self, name: str) -> None:
         """Read the present content of a detector's file."""
         if file := self._file_of(name):
-            config, panel = DetectorConfig.from_yaml(file, name), self._panel(name)
-            panel.file_values = {**config.to_parameters(), **self._otherwise}
+            config = DetectorConfig.from_yaml(file, name)
+            self._panel(name).file = dataclasses.replace(config, **self._overrides)
 
     def _panel(self, name: object) -> ParameterPanel:
         panel = self._server.detectors.panels.get(name) if isinstance(name, str) else None
@@ -143,20 +140,20 @@ class ParameterRequests:
             raise ValueError(f'finger is {shown(name)}, allowed: one that is shown')
         return panel
 
-    async def _change(self, values_of: ValuesOf, message: Message) -> None:
+    async def _change(self, read: ReadRequest, message: Message) -> None:
         """Set the values that a request asks for, if any."""
-        if values := values_of(self._panel(message.get('finger')), message):
+        if values := read(self._panel(message.get('finger')), message):
             page = f'page {message.get("page")}'[:MOST_NAME]
             await self._server.detectors.change(message['finger'], values, page)
 
-    def _typed(self, panel: ParameterPanel, message: Message) -> Values:
+    def _read_typed(self, panel: ParameterPanel, message: Message) -> Values:
         """Return values that were typed or dragged."""
         values = message.get('values')
         if not isinstance(values, dict) or not values:
             raise ValueError(f'values is {shown(values)}, allowed: a value for each name')
-        return {n: typed(n, v) if isinstance(v, str) else v for n, v in values.items()}
+        return {n: read_text(n, v) if isinstance(v, str) else v for n, v in values.items()}
 
-    def _as_in_file(self, panel: ParameterPanel, message: Message) -> Values:
+    def _read_as_in_file(self, panel: ParameterPanel, message: Message) -> Values:
         self._read_file(message['finger'])
         return panel.as_in_file()
 
@@ -171,11 +168,10 @@ class ParameterRequests:
         configs = {each: self._panel(each).config for each in names}
         if not FILE_NAME.fullmatch(name):
             raise ValueError(f'name is {shown(name)}, allowed: {ALLOWED_NAME}')
-        if self._otherwise:
+        if self._overrides:
             (file,) = self._files
-            in_file = DetectorConfig.from_yaml(file)
-            kept = {key: getattr(in_file, key) for key in self._otherwise}
-            configs = {each: dataclasses.replace(one, **kept) for each, one in configs.items()}
+            kept = {n: vars(DetectorConfig.from_yaml(file))[n] for n in self._overrides}
+            configs = {n: dataclasses.replace(config, **kept) for n, config in configs.items()}
         path = writable_folder(self._folder) / f'{name}.yaml'
         if path.exists() and message.get('replace') is not True:
             return {'taken': f'{path}: already exists'}
@@ -194,73 +190,78 @@ def preset(name: str) -> DetectorConfig:
 
 
 def to_preset(name: str, config: DetectorConfig) -> dict[str, Any]:
-    """Return the values to set so that a detector decides as with a preset, None to delete one.
+    """Return the values to set so that a detector decides as with a preset; None deletes a group.
 
-    What describes its sensor stays, and its groups do if the preset is for another number of
-    channels.
+    The values that describe the sensor stay. The groups stay too if the preset is for another
+    number of channels.
 
     Examples
     --------
     >>> to_preset('paper', DetectorConfig(sample_rate_hz=500.0, threshold=0.25))
     {'threshold': 0.5}
     """
-    found = preset(name)
-    kept = {'groups'} if config.channels != found.channels else set()
-    return to_decide_as(found, config, _OF_THE_SENSOR | kept)
+    wanted = preset(name)
+    kept = {'groups'} if config.channels != wanted.channels else set()
+    return decision_changes(config, wanted, _SENSOR_PARAMETERS | kept)
 
 
-def _preset_of(panel: ParameterPanel) -> str:
+def _preset_of(config: DetectorConfig) -> str:
     """Return the preset with which a detector decides; empty for none."""
     with contextlib.suppress(ValueError):  # The package may be installed without its files.
-        return next((name for name in PRESETS if not to_preset(name, panel.config)), '')
+        return next((name for name in PRESETS if not to_preset(name, config)), '')
     return ''
 
 
 def described_panel(panel: ParameterPanel) -> list[dict[str, Any]]:
     """Return what a page shows of a panel: headings, each with its parameters in order."""
-    headings = {f.name: word for word, of in under_headings(DetectorConfig).items() for f in of}
-    rows: dict[str, list[dict[str, Any]]] = {word: [] for word in (*headings.values(), OF_ROS)}
-    order = [*headings, *sorted({name.partition('.')[0] for name in panel.values} - {*headings})]
-    limits: dict[str, str] = {}
-    with contextlib.suppress(ValueError):  # The detector may be of another version.
-        limits = panel.config.limits()
-    for name in sorted(panel.values, key=lambda name: order.index(name.partition('.')[0])):
-        rows[headings.get(name.partition('.')[0], OF_ROS)].append(_row(panel, name, limits))
-    return [{'heading': word, 'parameters': each} for word, each in rows.items() if each]
+    config, limits, in_file = panel.config, panel.config.limits(), panel.file.to_parameters()
+    values = config.to_parameters()
+    described = []
+    for heading, fields in under_headings(DetectorConfig).items():
+        names = [
+            (field, n) for field in fields for n in values if n.partition('.')[0] == field.name
+        ]
+        rows = [
+            _row(field, name, values[name], in_file.get(name), limits) for field, name in names
+        ]
+        described.append({'heading': heading, 'parameters': rows})
+    return described
 
 
-def _row(panel: ParameterPanel, name: str, limits: Mapping[str, str]) -> dict[str, Any]:
-    head, value = name.partition('.')[0], panel.values[name]
-    field, limit, in_file = _FIELDS.get(head), limits.get(head, ''), panel.file_values or {}
-    of_ros = {'unit': '', 'choices': (), 'meaning': panel.meanings.get(name, '')}
-    its = field.metadata if field else of_ros
-    always = allowed(field).removesuffix(f' {its["unit"]}') if field else ''
+def _row(
+    field: Field, name: str, value: Any, in_file: Any, limits: Mapping[str, str]
+) -> dict[str, Any]:
+    """Return what a page shows of a parameter, with its value in the file or None."""
+    limit, unit = limits.get(field.name, ''), field.metadata['unit']
+    always, choices = allowed(field).removesuffix(f' {unit}'), field.metadata['choices']
     return {
         'name': name,
         'text': text_of(value),
-        'in_file': text_of(in_file[name]) if name in in_file else None,
-        'unit': its['unit'],
-        'meaning': its['meaning'],
+        'in_file': None if in_file is None else text_of(in_file),
+        'unit': unit,
+        'meaning': field.metadata['meaning'],
         'allowed': always if limit in always else f'{always}; now {limit}',
-        'choices': ['true', 'false'] if isinstance(value, bool) else list(its['choices']),
-        'read_only': name in panel.read_only,
+        'choices': ['true', 'false'] if isinstance(value, bool) else list(choices),
+        'read_only': name in FIXED_PARAMETERS,
     }
 
 
-def words_of(change: Change) -> str:
-    """Return a change in words, without its author.
+def words_of(before: DetectorConfig, after: DetectorConfig) -> str:
+    """Return a change in words.
 
     Examples
     --------
-    >>> words_of(Change({'gain': 1.0, 'groups.a': None}, {'gain': 9.5, 'groups.a': [1]}, ''))
-    'gain from 1 to 9.5, groups.a from nothing to 1'
+    >>> one, other = DetectorConfig(channels=1), DetectorConfig(channels=1, groups={'a': [1]})
+    >>> words_of(one, other)
+    'groups.all from 1 to nothing, groups.a from nothing to 1'
     """
 
-    def words(value: Any) -> str:
-        return 'nothing' if value is None else shortened(text_of(value)) or 'empty'
+    def words(values: Mapping[str, Any], name: str) -> str:
+        return shortened(text_of(values[name])) or 'empty' if name in values else 'nothing'
 
-    now = change.after.items()
-    return ', '.join(f'{n} from {words(change.before[n])} to {words(value)}' for n, value in now)
+    old, new = before.to_parameters(), after.to_parameters()
+    names = before.changes_to(after)
+    return ', '.join(f'{n} from {words(old, n)} to {words(new, n)}' for n in names)
 
 
 def text_of(value: Any) -> str:
@@ -280,14 +281,14 @@ def text_of(value: Any) -> str:
     return str(value)
 
 
-def typed(name: str, text: str) -> Any:
-    """Return the value of text typed for a parameter; the detector decides if it is allowed.
+def read_text(name: str, text: str) -> Any:
+    """Return the value of a text that was typed; the detector decides if the value is allowed.
 
     Examples
     --------
-    >>> typed('stopbands_hz', '[0.5, 7], [50, 180]'), typed('vote', ' 2'), typed('vote', 'all')
-    ([0.5, 7, 50, 180], 2, 'all')
-    >>> typed('threshold', 'low')
+    >>> read_text('stopbands_hz', '[0.5, 7], [50, 180]'), read_text('vote', ' 2')
+    ([0.5, 7, 50, 180], 2)
+    >>> read_text('threshold', 'low')
     'low'
     """
     text = text.strip()
@@ -307,7 +308,7 @@ def _scalar(text: str) -> Any:
     return {'true': True, 'false': False}.get(text, text)
 
 
-def parameter_file(configs: Mapping[str, DetectorConfig], given: Path | None = None) -> Values:
+def parameter_file(configs: Mapping[str, DetectorConfig], file: Path | None = None) -> Values:
     """Return the content of a parameter file for detectors with these configurations.
 
     Parameters
@@ -315,8 +316,9 @@ def parameter_file(configs: Mapping[str, DetectorConfig], given: Path | None = N
     configs
         By the full names of the detectors. A single one is written for a detector in any
         namespace; several are written each for the detector of that name.
-    given
-        The file they were started with, if any: its sections for other nodes are copied.
+    file
+        The file with which the detectors were started, if any: its sections for other nodes are
+        copied, and so is what rclpy reads for the detectors, such as use_sim_time.
 
     Raises
     ------
@@ -330,21 +332,23 @@ def parameter_file(configs: Mapping[str, DetectorConfig], given: Path | None = N
     (['/**/slip_detector'], 0.25)
     """
     document: dict[str, Any] = {}
-    every = [*sections.sections_of(read_yaml(given) if given else {}, str(given))]
+    in_file = [*sections.sections_of(read_yaml(file) if file else {}, str(file))]
     detectors, alone = {*map(sections.node_of, configs)}, [DetectorConfig.NODE]
-    for section, its in every:
-        to_all = sections.node_of(section) in sections.ALL
-        kept = {n: its[n] for n in its if not to_all or sections.nodes_that_know(n) != alone}
+    for section, values in in_file:
+        for_all = sections.node_of(section) in sections.ALL
+        kept = {
+            n: values[n] for n in values if not for_all or sections.nodes_that_know(n) != alone
+        }
         if kept and sections.node_of(section) not in detectors:
             document[section] = {'ros__parameters': kept}
     # Last, because of two sections for a node the later one holds.
     for name, config in configs.items():
         section = name if len(configs) > 1 else f'/**/{sections.node_of(name)}'
-        (values,) = config.to_document().values()
-        # Parameters that rclpy itself reads, such as use_sim_time, are kept.
-        given_to_it = [its.items() for of, its in every if sections.matches(of, name)]
-        kept = {key: value for key, value in chain(*given_to_it) if key in sections.OF_RCLPY}
-        document[section] = {'ros__parameters': {**kept, **values['ros__parameters']}}
+        kept = {}
+        for other, values in in_file:
+            if sections.matches(other, name):
+                kept |= {n: value for n, value in values.items() if sections.is_of_rclpy(n)}
+        document[section] = {'ros__parameters': {**kept, **config.to_yaml()}}
     return document
 
 

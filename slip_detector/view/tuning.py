@@ -26,7 +26,7 @@ from typing import IO, Any, cast
 
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.files import writable_folder, write_yaml
-from slip_detector.view.detectors import Values, to_decide_as
+from slip_detector.view.detectors import Values, decision_changes
 from slip_detector.view.recordings import RecordedFolder
 
 #: Starts ``slip_tune`` as the console script does, wherever that is, and gives way to the nodes.
@@ -129,7 +129,7 @@ class TuneRun:
             return {}
         if (config.names, config.sample_rate_hz) != (self.found.names, self.found.sample_rate_hz):
             raise ValueError('the detector has other channels or another rate now: tune it again')
-        return to_decide_as(self.found, config)
+        return decision_changes(config, self.found)
 
     def stop(self) -> None:
         """Stop the search; the best chain so far is judged and kept."""

@@ -22,7 +22,7 @@ import pytest
 import yaml
 
 from slip_detector.nodes.view import _parser as view_options
-from slip_detector.parameters.sections import SECTIONS
+from slip_detector.parameters.sections import set_of
 from slip_detector.recordings.labels import read_labels
 from slip_detector.scenes import load_scene
 from support.pages import DOCS, PAGES, README, ROOT, blocks, file_name, identifier
@@ -96,7 +96,7 @@ def test_every_file_that_is_shown_is_a_good_one(name, text, tmp_path):
     else:
         for section, parameters in content.items():
             file.write_text(yaml.safe_dump({section: parameters}), encoding='utf-8')
-            SECTIONS[section.rpartition('/')[2]].from_yaml(file)
+            set_of(section.rpartition('/')[2]).from_yaml(file)
 
 
 def test_the_options_of_the_live_page_are_those_of_its_command():

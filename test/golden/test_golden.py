@@ -38,7 +38,7 @@ from benchmarks.paper import protocol
 from slip_detector import ChainConfig, SlipChain
 from slip_detector.parameters import RecordingConfig
 from slip_detector.parameters.fields import allowed
-from slip_detector.parameters.sections import SECTIONS
+from slip_detector.parameters.sections import SECTIONS, set_of
 from slip_detector.scenes import load_scene
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -176,7 +176,7 @@ def figures_of_the_demo():
 
 def parameters():
     """Return what users see of each parameter, by its set."""
-    sets = sorted((RecordingConfig, *SECTIONS.values()), key=lambda kind: kind.__name__)
+    sets = sorted((RecordingConfig, *map(set_of, SECTIONS)), key=lambda kind: kind.__name__)
     return {
         kind.__name__: {
             field.name: {

@@ -45,10 +45,10 @@ def changes(states):
     return [b for a, b in zip([None, *data], data, strict=False) if a != b]
 
 
-def offline(rows, config=None, settled=None):
+def offline(rows):
     """Run the same rows through the chain without ROS, from rest."""
-    chain = SlipChain(config or DetectorConfig())
-    chain.update(rows[:1] if settled is None else settled)
+    chain = SlipChain(DetectorConfig())
+    chain.update(rows[:1])
     return chain.update(rows)
 
 

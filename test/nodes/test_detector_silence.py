@@ -32,7 +32,6 @@ from slip_detector.nodes.detector import SUCCESS, Detector
 from slip_detector.nodes.messages import heartbeat_qos
 from slip_detector.nodes.outputs import DEADLINE_BEATS
 from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.parameters.sets import changed
 from slip_detector.recordings.messages import JointStateWriter
 
 PERIOD_S = 1 / 380
@@ -181,7 +180,7 @@ def test_one_timeout_after_the_last_usable_sample_nothing_is_said_to_be_true(
     node.begin(begins)
     for change in [*changes, {'max_age_s': 100.0 * way.startswith('stamps of')}]:
         try:
-            config = changed(node.requested, change)
+            config = node.requested.with_values(change)
             node._check(config)
         except ValueError:  # It does not go with the others.
             continue
@@ -238,7 +237,7 @@ def test_no_change_in_the_middle_of_a_slip_interrupts_it_or_makes_an_onset(node)
         {'sample_rate_hz': 381.0},
     ):
         node.heard.clear()
-        node._apply(changed(node.requested, values))
+        node._apply(node.requested.with_values(values))
         node.play(0.5)
         slip = node.states('slip')
         # A chain that starts again is OFF at first; that it comes ON again is no onset.
@@ -286,7 +285,7 @@ def test_another_detector_whose_heart_beats_slowly_is_noticed_from_beat_to_beat(
     node, monkeypatch, own_hz
 ):
     node.begin()
-    node._apply(changed(CONFIG, {'heartbeat_hz': own_hz}))
+    node._apply(CONFIG.with_values({'heartbeat_hz': own_hz}))
     profiles = [heartbeat_qos(DEADLINE_BEATS / hz) for hz in (own_hz, 0.5)]
     beating = Mock(return_value=[Mock(qos_profile=profile) for profile in profiles])
     monkeypatch.setattr(node, 'get_publishers_info_by_topic', beating)

@@ -62,16 +62,28 @@ def test_ros_reads_the_values_that_the_commands_read(tmp_path_factory, written):
         assert repr(read_by_ros(path, 'slip_driver')) == repr(without_type(taken))
 
 
+#: Words that YAML takes for something else.
+WORDS = ('on', 'no', 'null', 'y', 'NaN', 'e1')
+
+
 @given(
     text=st.text(st.characters(exclude_characters='\0'), min_size=1)
-    | st.sampled_from(WRITTEN[9:]),
+    | st.sampled_from([*WRITTEN[9:], *WORDS]),
     number=st.floats(1e-6, 1e6),
-    names=st.permutations(('on', 'y', 'NaN', 'e1')),
+    names=st.permutations(WORDS),
+    stopbands=st.lists(st.tuples(st.floats(0.1, 9.0), st.floats(9.5, 180.0)), max_size=3),
 )
-def test_ros_reads_the_values_that_are_written(tmp_path_factory, text, number, names):
+def test_ros_and_the_commands_read_the_values_that_are_written(
+    tmp_path_factory, text, number, names, stopbands
+):
     path = tmp_path_factory.getbasetemp() / 'whole.yaml'
     groups = {name: [k] for k, name in enumerate(names, 1)}
-    detector = DetectorConfig(channels=4, channel_names=names, groups=groups, gain=number)
+    detector = DetectorConfig(
+        channels=6, groups=groups, gain=number, stopbands_hz=stopbands, channel_names=names,
+        noise_floor=[number], taxel_positions_m=[number / 1e6] * 18, publish_groups=False,
+    )  # fmt: skip
     for config in (detector, DriverConfig(frame_id=text, recording=text)):
         write_yaml(path, config.to_document())
         assert read_by_ros(path, config.NODE) == without_type(config.to_parameters())
+        assert type(config).from_yaml(path) == config
+    assert list(detector.from_parameters(detector.to_parameters()).groups) == names

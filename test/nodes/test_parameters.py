@@ -60,29 +60,12 @@ def test_what_was_given_is_declared_and_all_else_has_its_default(make):
 
 def test_numbers_have_their_range_in_the_description(make):
     node = make()
-    config = declare(node, DetectorConfig)
-    for name, field in DetectorConfig.__dataclass_fields__.items():
-        if name in config.to_parameters():
-            described = node.describe_parameter(name)
-            ranges = [*described.floating_point_range, *described.integer_range]
-            low, high = field.metadata['low'], field.metadata['high']
-            is_number = type(field.metadata['default']) in (int, float) and low is not None
-            found = [(one.from_value, one.to_value) for one in ranges]
-            assert found == ([(low, high)] if is_number else []), name
-    (channels,) = node.describe_parameter('channels').integer_range
-    assert (channels.from_value, channels.to_value) == (1, 1_000_000)
-
-
-def test_a_file_whose_sections_are_for_nodes_of_other_names_stops_the_start(bench, tmp_path):
-    file = tmp_path / 'robot.yaml'
-    # The second is for all nodes.
-    file.write_text(
-        'slip_driver: {ros__parameters: {source: udp}}\n/**: {ros__parameters: {a: 1}}\n'
-    )
-    words = ['--params-file', file, '-r', '__ns:=/index']
-    line = bench.start('slip_driver', *words).refusal()
-    said = 'has sections for slip_driver, none for this node, /index/slip_driver, allowed: '
-    assert line.startswith(f'slip_driver: {file}: {said}')
+    declare(node, DetectorConfig)
+    for name in ('channels', 'gain', 'passband_hz', 'decision'):
+        described, field = node.describe_parameter(name), DetectorConfig.__dataclass_fields__[name]
+        ranges = [*described.floating_point_range, *described.integer_range]
+        bounds = [(field.metadata['low'], field.metadata['high'])] * (name in ('channels', 'gain'))
+        assert [(each.from_value, each.to_value) for each in ranges] == bounds
 
 
 @pytest.mark.parametrize(

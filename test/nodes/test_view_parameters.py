@@ -23,7 +23,6 @@ import pytest
 from slip_detector.nodes import view_fingers
 from slip_detector.nodes.view_fingers import RemoteDetector
 from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.view.detectors import Reading
 
 
 @pytest.fixture
@@ -34,7 +33,7 @@ def remote(bench):
     remote.close()
 
 
-def read(remote) -> Reading:
+def read(remote):
     """Read as soon as the detector answers: it may take its time to start."""
 
     async def until_there():
@@ -47,13 +46,8 @@ def read(remote) -> Reading:
 
 def test_all_parameters_are_read_and_set_or_refused_as_a_whole(bench, remote):
     bench.start('slip_detector', parameters={'exponent': 2})
-    reading = read(remote)
-    wanted = {**DetectorConfig().to_parameters(), 'exponent': 2}
-    assert {name: reading.values[name] for name in wanted} == wanted
-    assert reading.values['use_sim_time'] is False
-    assert 'autostart' in reading.read_only
-    assert 'threshold' not in reading.read_only
-    assert reading.meanings['threshold'].startswith('Level above which a channel is ON')
+    wanted = DetectorConfig(exponent=2).to_parameters()
+    assert wanted.items() <= read(remote).items()
 
     def set_all(values):
         return asyncio.run(remote.set(values))
@@ -76,11 +70,13 @@ def test_all_parameters_are_read_and_set_or_refused_as_a_whole(bench, remote):
             set_all(values)
     some = {'threshold': 1, 'stopbands_hz': [0.5, 7.25], 'channel_names': [], 'vote': 'mean'}
     some['noise_floor'] = [0.5]
-    assert set_all(some) == some
+    set_all(some)
+    assert some.items() <= read(remote).items()
     others = {f'groups.{name}': None for name in ('TP', 'TD', 'LR', 'LU')} | {'channels': 2}
     others |= {'noise_floor': [1, 0.5], 'groups.front': [2, 1]}
-    assert set_all(others) == others
-    values = read(remote).values
+    set_all(others)
+    values = read(remote)
+    assert (values['channels'], values['noise_floor']) == (2, [1.0, 0.5])
     assert (values['threshold'], values['gain']) == (1.0, 100.0)
     assert {name for name in values if name.startswith('groups.')} == {'groups.front'}
 
@@ -90,7 +86,7 @@ def test_a_detector_that_hangs_or_is_gone_is_reported_within_the_deadline(
 ):
     process = bench.start('slip_detector')
     read(remote)
-    assert asyncio.run(remote.set({'threshold': 0.25})) == {'threshold': 0.25}
+    asyncio.run(remote.set({'threshold': 0.25}))
     process.signal(signal.SIGSTOP)
     monkeypatch.setattr(view_fingers, 'ANSWER_S', 1.0)
     with pytest.raises(ValueError, match='is not known whether this was set: /slip_detector has'):
@@ -100,7 +96,7 @@ def test_a_detector_that_hangs_or_is_gone_is_reported_within_the_deadline(
     # An answer that came too late is not taken for that to the next question.
     with pytest.raises(ValueError, match='is -1'):
         asyncio.run(remote.set({'threshold': -1}))
-    assert read(remote).values['threshold'] == 0.75
+    assert read(remote)['threshold'] == 0.75
     remote.close()
     with pytest.raises(ValueError, match='/slip_detector ended before it answered'):
         asyncio.run(remote.set({'threshold': 0.5}))

@@ -38,12 +38,9 @@ def test_groups_are_table_1_or_one_for_all_without_disabled_channels_and_emptied
     assert ChainConfig(channels=3, disabled_channels=[2]).groups == {'all': (1, 3)}
 
 
-@pytest.mark.parametrize(
-    ('seconds', 'samples'), [(0.0, 1), (0.001, 1), (0.0149, 1), (0.0151, 2), (1.0, 100)]
-)
-def test_a_time_is_rounded_to_samples_and_at_least_one(seconds, samples):
+def test_a_time_is_rounded_to_samples_and_at_least_one():
     config = ChainConfig(sample_rate_hz=100.0, stopbands_hz=(), passband_hz=(7, 45))
-    assert config.samples(seconds) == samples
+    assert [config.samples(s) for s in (0.0, 0.0149, 0.0151, 1.0)] == [1, 1, 2, 100]
 
 
 TWO = {'channels': 2}
@@ -54,7 +51,6 @@ HIGH_PASS = {'stopbands_hz': (), 'passband_degree': 1}
 #: Values that do not go together, and the message after the word parameter.
 REFUSED = [
     ({'passband_hz': (7, 7)}, 'passband_hz has 7 and 7 Hz, allowed: rising, 0.0038 Hz to below'),
-    ({'passband_hz': (200, 0)}, 'passband_hz has 200 Hz, allowed: rising'),
     ({'passband_hz': (7, -50)}, 'passband_hz has 7 and -50 Hz, allowed: rising'),
     ({'sample_rate_hz': 80}, 'passband_hz has 7 and 50 Hz, allowed: rising, 0.0008 Hz to below'),
     ({'stopbands_hz': ((1, 2), (7, 0.5))}, 'stopbands_hz has 7 and 0.5 Hz, allowed: rising'),
@@ -69,7 +65,6 @@ REFUSED = [
         {**TWO, 'groups': {'a': [1, 2], 'b': [2]}},
         'groups is wrong about channels [2], allowed: each of',
     ),
-    ({**TWO, 'groups': {'a': [0, 1, 2]}}, 'groups is wrong about channels [0], allowed: each of'),
     ({**TWO, 'groups': {'a': [1]}}, 'groups is wrong about channels [2], allowed: each of 1 to 2'),
     ({**TWO, 'groups': {'a': [1, 2], 'b': []}}, "groups is {'a': (1, 2), 'b': ()}, allowed: no"),
     ({'vote': 5}, 'vote is 5, allowed: at most 4, the enabled channels of the smallest group'),

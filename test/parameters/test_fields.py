@@ -14,25 +14,16 @@
 
 """The values of parameters: in the type of their parameter, or refused in one line."""
 
-import dataclasses
 import math
 
 import numpy as np
 import pytest
 
 from slip_detector.parameters import ChainConfig, DetectorConfig, DriverConfig, EvaluationConfig
-from slip_detector.parameters.fields import shown, under_headings
+from slip_detector.parameters.fields import shown
 from support.config_cases import message_of
 
 NAN, INF = math.nan, math.inf
-
-
-def test_fields_are_under_the_heading_before_them_in_the_order_of_the_set():
-    found = under_headings(DetectorConfig)
-    names = [field.name for fields in found.values() for field in fields]
-    assert names == [field.name for field in dataclasses.fields(DetectorConfig)]
-    assert {field.name for field in found['Threshold and vote']} == {'threshold', 'vote', 'groups'}
-    assert list(under_headings(DriverConfig)) == ['']
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,6 @@ from hypothesis import strategies as st
 
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
 from slip_detector.parameters.fitting import fitting
-from slip_detector.parameters.sets import changed
 from support.random_chains import configs
 
 
@@ -28,7 +27,7 @@ from support.random_chains import configs
 def test_any_configuration_fits_any_sensor_when_all_is_set_at_once(
     chain, channels, rate_hz, names
 ):
-    config = changed(chain, fitting(chain, channels, rate_hz, names))
+    config = chain.with_values(fitting(chain, channels, rate_hz, names))
     assert (config.channels, config.sample_rate_hz) == (channels, pytest.approx(rate_hz, rel=0.02))
     assert fitting(config, channels, rate_hz, names) == {}
 
@@ -38,9 +37,10 @@ def test_what_fits_stays_and_what_was_given_for_each_channel_is_dropped():
     sensor = {'channel_names': ['a', 'b'], 'disabled_channels': [2], 'mains_hz': 50.0}
     config = DetectorConfig(channels=2, **sensor, taxel_positions_m=[0.0] * 6, **evidence)
     one_group = {'channels': 6, 'vote': 2, 'groups.all': [1, 2, 3, 4, 5, 6]}
-    floor = {'noise_floor': [1e-3], 'noise_floor_learnt': False}
-    dropped = {'channel_names': [], 'disabled_channels': [], 'taxel_positions_m': []}
-    assert fitting(config, 6, 380.0) == one_group | floor | dropped
+    assert fitting(config, 6, 380.0) == one_group
+    fits = config.with_values(one_group)
+    assert (fits.noise_floor, fits.noise_floor_learnt) == ((1e-3,), False)
+    assert fits.channel_names == fits.disabled_channels == fits.taxel_positions_m == ()
     # At this rate there are no whole mains periods, and the bands do not fit.
     low = {'sample_rate_hz': 33.0, 'passband_hz': [11.0, 0.0], 'stopbands_hz': [], 'mains_hz': 0.0}
     unnamed = [f'ch{channel}' for channel in range(1, 17)]

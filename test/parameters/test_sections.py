@@ -47,7 +47,7 @@ def test_sections_for_all_nodes_count_and_those_of_other_nodes_do_not(write):
     assert DriverConfig.from_yaml(path) == DriverConfig(seed=3, channels=2)
     assert GraspConfig.from_yaml(path) == GraspConfig(limit_n=8.0)
     given = parameters_for(path, 'slip_detector', '/finger/slip_detector')
-    assert given.own == {'groups.left', 'groups.right'}
+    assert given.own == {'groups.left': [1], 'groups.right': [2]}
     assert given.values == {'channels': 2, 'limit_n': 8.0, 'groups.left': [1], 'groups.right': [2]}
 
 
@@ -91,7 +91,7 @@ def test_a_running_node_has_what_ros_would_give_it(write):
         config = DetectorConfig.from_yaml(path, f'/{finger}/slip_detector')
         assert config == DetectorConfig(threshold=threshold, gain=5.0, heartbeat_hz=20.0)
     given = parameters_for(path, 'slip_detector', '/little/slip_detector')
-    assert given.own == {'threshold', 'gain'}
+    assert given.own == {'threshold': 0.3, 'gain': 5.0}
     assert given.unmatched == ['/thumb/slip_detector', '/index/slip_detector']
     said = 'has sections for /thumb/slip_detector, /index/slip_detector, allowed: one namespace'
     assert message_of(ChainConfig.from_yaml, path) == f'{path}: {said}'
@@ -105,15 +105,15 @@ def test_a_file_with_sections_for_other_names_of_the_node_is_refused(write):
         'allowed: /index/slip_driver or /**/slip_driver'
     )
     path = write('/mine: {ros__parameters: {gain: 2, use_sim_time: true}}')
-    assert parameters_for(path, 'slip_detector', '/mine') == ({'gain': 2}, {'gain'}, [])
+    assert parameters_for(path, 'slip_detector', '/mine') == ({'gain': 2}, {'gain': 2}, [])
     empty = write('/**/slip_driver: {ros__parameters: {}}\n')
-    assert parameters_for(empty, 'slip_driver', '/index/slip_driver') == ({}, set(), [])
+    assert parameters_for(empty, 'slip_driver', '/index/slip_driver') == ({}, {}, [])
 
 
 def test_a_node_of_another_name_takes_what_is_for_its_executable_without_a_section(write):
     text = '/hand/slip_detector: {ros__parameters: {gain: 2}}\n'
     path = write(text)
-    assert parameters_for(path, 'slip_detector', '/hand/mine') == ({'gain': 2}, {'gain'}, [])
+    assert parameters_for(path, 'slip_detector', '/hand/mine') == ({'gain': 2}, {'gain': 2}, [])
     assert DetectorConfig.from_yaml(path, '/hand/mine') == DetectorConfig(gain=2)
     write(f'{text}/hand/mine: {{ros__parameters: {{vote: 2}}}}')
     assert parameters_for(path, 'slip_detector', '/hand/mine').values == {'vote': 2}

@@ -17,9 +17,9 @@
 import pytest
 
 from slip_detector.parameters import ChainConfig, RecordingConfig
-from slip_detector.parameters.sections import SECTIONS
+from slip_detector.parameters.sections import SECTIONS, set_of
 
-SETS = (ChainConfig, RecordingConfig, *SECTIONS.values())
+SETS = (ChainConfig, RecordingConfig, *map(set_of, SECTIONS))
 
 
 def message_of(build, *args, **values):

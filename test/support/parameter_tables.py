@@ -23,7 +23,7 @@ from pathlib import Path
 
 from slip_detector.parameters import ChainConfig, RecordingConfig
 from slip_detector.parameters.fields import allowed, under_headings
-from slip_detector.parameters.sections import SECTIONS
+from slip_detector.parameters.sections import SECTIONS, set_of
 from slip_detector.scenes.motion import Step
 from slip_detector.scenes.parts import PARTS, Sampling
 
@@ -44,7 +44,7 @@ def sections_of(config_class):
 TABLES = {
     ROOT / 'docs' / 'parameters.md': {
         each.__name__: sections_of(each)
-        for each in (ChainConfig, RecordingConfig, *SECTIONS.values())
+        for each in (ChainConfig, RecordingConfig, *map(set_of, SECTIONS))
     },
     ROOT / 'docs' / 'scenes.md': {
         'parts': {

@@ -30,7 +30,7 @@ from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.sources import open_source
 from slip_detector.view.access import Access
-from slip_detector.view.detectors import Detectors, Diagnosis, Finger, Reading
+from slip_detector.view.detectors import RESTART, Detectors, Diagnosis
 from slip_detector.view.server import Server
 
 
@@ -117,11 +117,10 @@ class SimulatedDetectors(Detectors):
     def add(self, label, config, **simulation):
         """Add a finger; return its simulation."""
         name = f'/{label}/slip_detector'
-        self.gone.pop(name, None)
-        finger = self.fingers[name] = Finger(name, config)
+        self.note_config(name, config, RESTART)
+        finger = self.fingers[name]
         finger.diagnostics = (Diagnosis(0, 'input', 'simulated samples'),)
         self.simulated[name] = SimulatedFinger(finger, **simulation)
-        self.panels[name].read(Reading(config.to_parameters(), frozenset(['autostart']), {}))
         return self.simulated[name]
 
     def remove(self, label):
@@ -143,14 +142,11 @@ class SimulatedDetectors(Detectors):
 
     async def change(self, name, values, by):
         simulated = self.simulated[name]
-        present = {**simulated.finger.config.to_parameters(), **values}
-        present = {name: value for name, value in present.items() if value is not None}
-        config = DetectorConfig.from_parameters(present)
+        config = simulated.finger.config.with_values(values)
         if config.autostart != simulated.finger.config.autostart:
             raise ValueError('Trying to set a read-only parameter: autostart.')
         simulated.change(config)
-        now = config.to_parameters()
-        self.panels[name].update({name: now.get(name) for name in values}, by)
+        self.panels[name].read(config, by)
 
 
 @contextlib.asynccontextmanager

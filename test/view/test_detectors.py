@@ -24,15 +24,16 @@ from slip_detector.chain.samples import Samples
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.view import detectors
 from slip_detector.view.detectors import (
+    OUTSIDE,
     RESTART,
     Finger,
     ParameterPanel,
-    Reading,
     drawn_positions,
     least_distance_m,
 )
 
 VALUES = {**DetectorConfig().to_parameters(), 'use_sim_time': False}
+
 READ_ONLY = frozenset(['autostart'])
 
 
@@ -90,49 +91,36 @@ def test_channels_that_share_a_place_are_drawn_on_a_circle_around_it():
     assert least_distance_m(drawn_positions(config)) == pytest.approx(0.002)
 
 
-def panel_of(values=VALUES, file_values=None):
-    panel = ParameterPanel()
-    panel.file_values = file_values
-    panel.read(Reading(values, READ_ONLY, {'use_sim_time': 'Whose clock it is.'}))
-    return panel
-
-
 def test_undoing_again_and_again_leads_back_through_every_state():
-    panel = panel_of({'threshold': 1, 'gain': 1, 'groups.a': 1})
-    states = [panel.values]
-    for values in ({'threshold': 2}, {'gain': None, 'groups.b': 3}, {'threshold': 1, 'vote': 2}):
-        panel.update(values)
-        states.append(panel.values)
-    panel.update({'vote': 2})
+    states = [
+        DetectorConfig(threshold=1.0),
+        DetectorConfig(threshold=2.0),
+        DetectorConfig(threshold=2.0, channels=2, groups={'a': [1], 'b': [2]}),
+        DetectorConfig(threshold=1.0, vote=1, channels=2, groups={'all': [1, 2]}),
+    ]
+    panel = ParameterPanel(states[0])
+    for config in [*states, states[-1]]:
+        panel.read(config, OUTSIDE)
     assert panel.count == 3
     while panel.to_undo():
-        assert panel.values == states.pop()
-        panel.update(panel.to_undo())
-    assert [panel.values] == states
+        assert panel.config == states.pop()
+        panel.read(panel.config.with_values(panel.to_undo()), OUTSIDE)
+    assert [panel.config] == states
 
 
 def test_restoring_the_file_sets_all_that_differs_and_can_be_set():
-    file_values = DetectorConfig(threshold=0.3, autostart=False).to_parameters()
-    panel = panel_of(file_values=file_values)
-    assert panel.as_in_file() == {'threshold': 0.3}
-    panel.update({'groups.TP': None, 'groups.mine': [1], 'threshold': 0.3})
-    wanted = panel.as_in_file()
-    assert wanted == {'groups.TP': file_values['groups.TP'], 'groups.mine': None}
-    panel.update(wanted)
+    panel = ParameterPanel(DetectorConfig(vote=2))
     assert panel.as_in_file() == {}
-    without_file = panel_of()
-    without_file.update({'threshold': 0.3})
-    assert without_file.as_in_file() == {'threshold': 0.5}
+    panel.file = DetectorConfig(threshold=0.3, autostart=False)
+    assert panel.as_in_file() == {'threshold': 0.3, 'vote': 'all'}
 
 
 def test_values_lost_in_a_restart_are_reported_and_can_be_set_again_by_undo():
-    panel = panel_of()
-    panel.update({'threshold': 0.3})
-    again = {**VALUES, 'autostart': False}
-    panel.read(Reading(again, READ_ONLY, {}))
+    panel = ParameterPanel(DetectorConfig())
+    panel.read(DetectorConfig(threshold=0.3), OUTSIDE)
+    panel.read(DetectorConfig(autostart=False), RESTART)
     assert panel.changes[-1].by == RESTART
-    assert panel.changes[-1].after == {'threshold': 0.5, 'autostart': False}
     assert panel.to_undo() == {'threshold': 0.3}
-    panel.update(panel.to_undo())
-    assert panel.values['threshold'] == 0.3
+    panel.read(panel.config.with_values(panel.to_undo()), OUTSIDE)
+    assert panel.config.threshold == 0.3
     assert panel.to_undo() == {'threshold': 0.5}

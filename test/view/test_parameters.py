@@ -20,21 +20,20 @@ import dataclasses
 import pytest
 import yaml
 from hypothesis import given
-from view.test_detectors import VALUES, panel_of
 
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.files import write_yaml
 from slip_detector.view.access import Access
+from slip_detector.view.detectors import ParameterPanel
 from slip_detector.view.parameters import (
-    OF_ROS,
     PRESETS,
     ParameterRequests,
     described_panel,
     parameter_file,
     preset,
+    read_text,
     text_of,
-    typed,
 )
 from slip_detector.view.server import Server
 from support.random_chains import configs
@@ -46,9 +45,9 @@ NAME = '/index/slip_detector'
 NO_NAMES = None, '..', '../a', '/tmp/a', 'a.b', '', 'a\0', 'a\n', '-rf', 'Ä', 'a' * 65, 'a__b'
 
 
-def server_of(tmp_path, files=(), labels=('index',), otherwise=None, **access):
+def server_of(tmp_path, files=(), labels=('index',), overrides=None, **access):
     server = Server(SimulatedDetectors(labels, real_time=False), Access(**access))
-    ParameterRequests(server, tmp_path / 'saved', files, otherwise)
+    ParameterRequests(server, tmp_path / 'saved', files, overrides)
     (tmp_path / 'saved').mkdir()
     return server
 
@@ -60,22 +59,21 @@ def ask(server, **message):
 @given(chain=configs())
 def test_a_shown_value_typed_again_is_unchanged(chain):
     config = DetectorConfig(**vars(chain))
-    retyped = {n: typed(n, text_of(v)) for n, v in config.to_parameters().items()}
+    retyped = {n: read_text(n, text_of(v)) for n, v in config.to_parameters().items()}
     assert DetectorConfig.from_parameters(retyped) == config
 
 
 def test_every_parameter_stands_under_the_heading_of_the_docs():
-    parts = described_panel(panel_of())
+    parts = described_panel(ParameterPanel(DetectorConfig()))
     rows = {row['name']: row for part in parts for row in part['parameters']}
-    assert rows.keys() == VALUES.keys()
-    assert (parts[0]['heading'], parts[-1]['heading']) == ('Samples', OF_ROS)
+    assert [*rows] == [*DetectorConfig().to_parameters()]
+    assert (parts[0]['heading'], parts[-1]['heading']) == ('Samples', 'Fingertip')
     band, threshold = rows['passband_hz'], rows['threshold']
     assert (band['text'], band['unit'], threshold['allowed']) == ('7, 50', 'Hz', '1e-30 to 1e+30')
     assert '; now rising, 0.0038 Hz to below 190 Hz' in band['allowed']
     assert rows['rectify']['choices'] == ['full', 'half']
     assert rows['publish_groups']['choices'] == ['true', 'false']
     assert rows['groups.TP']['meaning'].startswith('Channels (from 1) of each group')
-    assert rows['use_sim_time']['meaning'] == 'Whose clock it is.'
     assert [name for name, row in rows.items() if row['read_only']] == ['autostart']
 
 
@@ -157,15 +155,15 @@ def test_a_saved_file_is_named_and_replaced_on_request(tmp_path):
     assert DetectorConfig.from_yaml(saved) == DetectorConfig(threshold=0.25)
 
 
-def test_what_a_detector_has_otherwise_than_its_file_as_it_was_started_so_is_not_saved(tmp_path):
+def test_values_with_which_a_detector_was_started_in_place_of_its_file_are_not_saved(tmp_path):
     file = tmp_path / 'sensor.yaml'
     config = DetectorConfig(input_field='data', gain=7.0)
     write_yaml(file, config.to_document())
-    server = server_of(tmp_path, [file], otherwise={'input_field': 'position'})
+    server = server_of(tmp_path, [file], overrides={'input_field': 'position'})
     server.tick()
     assert ask(server, type='as_in_file')['refusal'] == ''
-    panel = server.detectors.panels[NAME]
-    assert (panel.values['input_field'], panel.values['gain']) == ('position', 7.0)
+    now = server.detectors.panels[NAME].config
+    assert (now.input_field, now.gain) == ('position', 7.0)
     assert ask(server, type='set', values={'threshold': 0.25})['refusal'] == ''
     assert ask(server, type='save', fingers=[NAME], name='kept')['refusal'] == ''
     saved = DetectorConfig.from_yaml(tmp_path / 'saved' / 'kept.yaml')
@@ -176,7 +174,7 @@ def test_pages_get_changes_with_their_author_and_hear_that_a_detector_is_gone(tm
     server = server_of(tmp_path)
     ask(server, type='set', page='1-2', values={'threshold': 0.25, 'gain': '7'})
     server.tick()
-    words = '"page 1-2", "threshold from 0.5 to 0.25, gain from 100 to 7'
+    words = '"page 1-2", "gain from 100 to 7, threshold from 0.5 to 0.25'
     assert words in server.news['parameters']
     server.detectors.remove('index')
     server.tick()

@@ -73,11 +73,14 @@ def test_parameters_are_set_together_refused_undone_and_saved(serve, open_page, 
     # Two pages tell each other what they change.
     parts.field(other, 'threshold').fill('0.9')
     set_values(page, threshold='0.25', passband_hz='10, 60')
-    expect(parts.changes(page)).to_contain_text('Set: threshold from 0.5 to 0.25, ')
-    expect(parts.changes(other)).to_contain_text('Changed on another page: threshold')
+    expect(parts.changes(page)).to_contain_text(
+        'Set: passband_hz from 7, 50 to 10, 60, threshold from 0.5'
+    )
+    expect(parts.changes(other)).to_contain_text('Changed on another page: passband_hz')
     expect(row(other, 'threshold')).to_contain_text('Not set yet; the detector has 0.25.')
     expect(parts.field(other, 'threshold')).to_have_value('0.9')
-    served.call(lambda: served.detectors.panels[parts.NAME].update({'gain': 5.0}))
+    panel = served.detectors.panels[parts.NAME]
+    served.call(panel.read, panel.config.with_values({'gain': 5.0}), 'outside')
     expect(parts.changes(page)).to_contain_text('Changed by another program: gain from 100 to 5.')
     expect(page.locator('#parameters')).to_contain_text('Undo takes back: gain from')
     parts.tool(page, 'Undo').click()

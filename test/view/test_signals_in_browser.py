@@ -242,7 +242,8 @@ def test_the_spectrum_is_read_kept_as_rest_and_its_bands_are_dragged(serve):
     mains.evaluate('(mains) => mains.append(new Option("mains 61 Hz", 61))')
     refusal, detectors = page.locator('#refusal'), served.detectors
     panel = detectors.panels[parts.NAME]
-    for change in (lambda: panel.update({'gain': 5.0}), lambda: detectors.remove('index')):
+    other = panel.config.with_values({'gain': 5.0})
+    for change in (lambda: panel.read(other, 'outside'), lambda: detectors.remove('index')):
         mains.select_option('mains 61 Hz')
         expect(refusal).to_contain_text('parameter mains_hz is 61 Hz')
         expect(mains).to_have_value('60')
