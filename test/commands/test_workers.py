@@ -98,7 +98,7 @@ def test_options_replace_parameters_of_recordings(tmp_path, monkeypatch):
     assert recording_config() == given
     words = ['--topic', '/biotac', '--field', 'pac', '--labels', 'l.yaml', '--resample']
     found = recording_config(*words).to_parameters()
-    read = [found[f'recording_{name}'] for name in workers.READING]
+    read = [found[f'recording_{name}'] for name in workers.RECORDING_OPTIONS]
     assert read == ['/biotac', 'pac', 'l.yaml', True]
 
 
