@@ -111,7 +111,7 @@ def joint_latencies_s(
         for rows in (track.kinds < SLIP, track.kinds == SLIP)
     )
     for begin, end in rests:
-        start = max(one.begin for one in track.stretches if one.begin <= begin)
+        start = max(one.start for one in track.stretches if one.start <= begin)
         later = [run for run in (slides if with_slide else rests) if run[0] >= end]
         if not later or end - start < settling_rows(chain):
             continue

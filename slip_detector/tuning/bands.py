@@ -109,7 +109,7 @@ def _levels_db(
     firsts = np.minimum(np.searchsorted(hz, edges_hz[:-1]), hz.size - 1)
     lasts = np.maximum(np.searchsorted(hz, edges_hz[1:]), firsts + 1)
     found: tuple[list[Floats], list[Floats]] = [], []
-    for begin, end, _ in track.stretches:
+    for begin, end in track.stretches:
         volts = enabled(track.volts[begin:end], chain)
         volts = forward_filled(volts, ~np.isfinite(volts))
         for start in range(0, end - begin - rows + 1, rows // 2):

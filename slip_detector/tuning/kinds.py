@@ -23,8 +23,7 @@ from slip_detector.chain.samples import Floats
 from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.fields import refuse
-from slip_detector.tuning.learning import envelopes
-from slip_detector.tuning.tracks import Track, at_rest, edges_of, enabled
+from slip_detector.tuning.tracks import Track, at_rest, edges_of, enabled, envelopes
 
 #: A finger that touches nothing stays below the level of contact for all but this share of time;
 #: one that slides is above it for all but the second share.

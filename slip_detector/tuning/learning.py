@@ -23,14 +23,21 @@ import numpy as np
 
 from slip_detector.chain.filters import settling_rows
 from slip_detector.chain.samples import Floats
-from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.evaluation.scores import REST, SLIP
 from slip_detector.parameters import ChainConfig, EvaluationConfig
 from slip_detector.parameters.fields import refuse
 from slip_detector.recordings.rates import forward_filled
 from slip_detector.tuning.sweep import sweep_thresholds, thresholds, vote_statistics
-from slip_detector.tuning.tracks import Track, at_rest, edges_of, enabled, faults_of, load_tracks
+from slip_detector.tuning.tracks import (
+    Track,
+    at_rest,
+    edges_of,
+    enabled,
+    envelopes,
+    faults_of,
+    load_tracks,
+)
 
 #: Confidence of the bounds of a rate.
 CONFIDENCE = 0.95
@@ -236,21 +243,6 @@ def learnt_floors(chain: ChainConfig, tracks: Sequence[Track]) -> tuple[float, .
     return tuple(float(f'{floor:.4g}') for floor in found)
 
 
-def envelopes(chain: ChainConfig, track: Track, most_rows: int | None = None) -> Floats:
-    """Return the envelope of the first rows of a recording, or of all; shape (n, c).
-
-    It is NaN where a channel is not valid, and while the chain settles.
-    """
-    settling, runner = settling_rows(chain), SlipChain(chain)
-    found = np.full(track.volts[:most_rows].shape, np.nan)
-    for begin, end, _ in track.stretches:
-        part = found[begin:end]
-        runner.reset()
-        result = runner.update(track.volts[begin : begin + len(part)], level=False)
-        part[settling:] = np.where(result.valid, result.envelope, np.nan)[settling:]
-    return found
-
-
 def find_mains(chain: ChainConfig, track: Track) -> tuple[float, str]:
     """Return the mains frequency whose multiples stand out from the noise on all channels.
 
@@ -271,7 +263,7 @@ def find_mains(chain: ChainConfig, track: Track) -> tuple[float, str]:
     'mains of 60 Hz: lines of 60 Hz (23 dB), 180 Hz (24 dB, seen at 140 Hz) on all channels'
     """
     rate_hz, rows = track.sample_rate_hz, round(SPECTRUM_S * track.sample_rate_hz)
-    begin, end, _ = max(track.stretches, key=lambda one: one.end - one.begin)
+    begin, end = max(track.stretches, key=lambda one: one.end - one.start)
     volts = enabled(track.volts, chain)[begin:end]
     volts = forward_filled(volts, ~np.isfinite(volts))
     volts = volts[:, np.ptp(volts, axis=0) > 0.0]
@@ -333,7 +325,7 @@ def steps_v(chain: ChainConfig, track: Track, rows: int = 1) -> Floats:
     low, high = chain.valid_range_v
     volts = enabled(track.volts, chain)
     found = np.zeros(volts.shape)
-    for begin, end, _ in track.stretches:
+    for begin, end in track.stretches:
         part = volts[begin:end]
         filled = forward_filled(part, ~((part >= low) & (part <= high)))
         steps = np.abs(filled[rows:] - filled[:-rows])
