@@ -29,7 +29,7 @@ from slip_detector.chain.samples import Floats, Ints, Samples
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.evaluation.matching import RowInterval
-from slip_detector.evaluation.scores import kinds_of
+from slip_detector.evaluation.scores import SLIP, kinds_of
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.fields import name_list, refuse
 from slip_detector.recordings import RecordingCounts, recording_sets
@@ -100,6 +100,11 @@ class Track:
     def duration_s(self) -> float:
         """Time of its rows, without gaps."""
         return len(self.volts) / self.sample_rate_hz
+
+    @property
+    def without_slip_s(self) -> float:
+        """Time of its rows that certainly have no slip."""
+        return float(np.count_nonzero(self.kinds < SLIP)) / self.sample_rate_hz
 
     def rows(self, first: int = 0, last: int = sys.maxsize) -> Iterator[Samples]:
         """Yield its stretches, or of these the rows from one index up to another."""

@@ -28,7 +28,8 @@ import pytest
 from slip_detector.commands.command_line import interrupts_noted
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.parameters.driver import RecordingConfig
-from slip_detector.tuning.search import Study, search
+from slip_detector.tuning.problem import Candidate, Problem
+from slip_detector.tuning.search import Study, candidate_of, search
 from slip_detector.tuning.tracks import TrainingFiles
 from slip_detector.tuning.verdict import TuningParameters, tune
 from support.limits import full_disk
@@ -46,6 +47,7 @@ from support.tuning_cases import (
 )
 
 PARAMETERS = TuningParameters(CHAIN, RecordingConfig(recording_truth_key='label'))
+FOUND, PROBLEM = Candidate(CHAIN, 3.0, {}), Problem([], CHAIN)
 X = {'x': optuna.distributions.FloatDistribution(0.0, 1.0)}
 
 
@@ -69,7 +71,7 @@ def test_a_search_tries_nothing_twice_and_the_same_in_parts_and_in_any_order(tmp
 
     def backwards(points):
         places = range(len(points) - 1, -1, -1)
-        return ((place, asked.candidates_at(points[place])) for place in places)
+        return ((place, asked.candidate_at(points[place])) for place in places)
 
     whole, storage = searched(asked, 45), str(tmp_path / 'study.journal')
     for trials in (3, 20, 21, 45, 45):
@@ -97,7 +99,7 @@ def test_stages_that_help_are_kept_while_others_are_tried():
     point, cost_ms = min(searched(asked), key=lambda one: one[1])
     assert (point['mains_hz'], point['impact']) == (60.0, 'learnt')
     for without in ({'mains_hz': 0.0}, {'impact': 'none'}):
-        assert all(one.cost_ms > 2 * cost_ms for one in asked.candidates_at({**point, **without}))
+        assert asked.candidate_at({**point, **without}).cost_ms > 2 * cost_ms
 
 
 @pytest.fixture
@@ -123,8 +125,8 @@ def test_another_process_gets_little_and_reads_the_recordings_once(files, monkey
     assert len(sent[0]) < 10_000 < there.problem.tracks[0].volts.nbytes
     monkeypatch.setattr(TrainingFiles, 'load', None)
     point = there.problem.space.starts()[0]
-    assert pickle.loads(sent[0])(point) == there.problem.candidates_at(point)
-    assert pickle.loads(sent[0])({**point, 'passband_low_hz': np.nan}) == []
+    assert pickle.loads(sent[0])(point) == there.problem.candidate_at(point)
+    assert pickle.loads(sent[0])({**point, 'passband_low_hz': np.nan}) is None
 
 
 def test_a_worker_that_finds_other_recordings_is_refused(files, tmp_path):
@@ -166,14 +168,13 @@ def test_a_first_interrupt_keeps_the_result_so_far_and_a_second_ends_at_once(fil
 def test_workers_of_one_study_read_each_others_trials(where, tmp_path):
     where = where.format(tmp_path)
     a, b = (Study(X, seed, where, 'a') for seed in range(2))
-    a.tell({'x': 0.25}, [{'cost_ms': 3.0}])
-    b.tell({'x': 0.5}, [{'cost_ms': 2.0}])
+    found = [Candidate(CHAIN, cost_ms, {'recall': 1.0}) for cost_ms in (3.0, 2.0)]
+    a.tell({'x': 0.25}, found[0])
+    b.tell({'x': 0.5}, found[1])
     assert (a.follow(), b.follow()) == (2, 2)
     for study in (a, b):
-        told = {
-            trial.params['x']: (trial.value, *trial.user_attrs['found']) for trial in study.trials
-        }
-        assert told == {0.25: (3.0, {'cost_ms': 3.0}), 0.5: (2.0, {'cost_ms': 2.0})}
+        told = {trial.params['x']: candidate_of(trial, PROBLEM) for trial in study.trials}
+        assert told == {0.25: found[0], 0.5: found[1]}
     assert Study(X, 0, where, 'other').follow() == 0
 
 
@@ -219,26 +220,26 @@ def test_what_a_killed_search_leaves_beside_a_journal_does_not_hold_up_the_next(
     )
     assert done.returncode == -signal.SIGKILL
     Path('out/study.journal.lock').symlink_to('out/study.journal')
-    Study(X, 0, 'out/study.journal').tell({'x': 0.25}, [{'cost_ms': 3.0}])
+    Study(X, 0, 'out/study.journal').tell({'x': 0.25}, FOUND)
 
 
 def test_damaged_trials_are_refused_in_one_line(files, tmp_path):
     path = tmp_path / 'study.journal'
     tune(files, PARAMETERS, 4, storage=str(path))
-    path.write_text(path.read_text().replace('"found"', '"fount"'))
-    with pytest.raises(ValueError, match=f"^storage {path}: is damaged .KeyError: 'found'.$"):
+    path.write_text(path.read_text().replace('"figures"', '"figure"'))
+    with pytest.raises(ValueError, match=f"^storage {path}: is damaged .KeyError: 'figures'.$"):
         tune(files, PARAMETERS, 5, storage=str(path))
 
 
 def test_a_full_disk_is_one_line_and_the_trials_before_it_are_kept(tmp_path):
     path = tmp_path / 'study.journal'
     study = Study(X, 0, str(path))
-    study.tell({'x': 0.25}, [{'cost_ms': 3.0}])
+    study.tell({'x': 0.25}, FOUND)
     whole = path.read_bytes()
     with (
         full_disk(len(whole) + 7),
         pytest.raises(ValueError, match=f'^storage {path}: File too large$'),
     ):
-        study.tell({'x': 0.5}, [{'cost_ms': 2.0}])
+        study.tell({'x': 0.5}, FOUND)
     path.write_bytes(whole)  # without the line that was cut off
     assert Study(X, 0, str(path)).follow() == 1
