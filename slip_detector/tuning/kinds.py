@@ -16,6 +16,7 @@
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -69,24 +70,6 @@ def plain_chain(chain: ChainConfig) -> ChainConfig:
     return dataclasses.replace(chain, decision='mean', gain=1.0, exponent=1)
 
 
-def low_chain(chain: ChainConfig) -> ChainConfig:
-    """Return a chain whose envelope is the low level that contact and activity look at.
-
-    Examples
-    --------
-    >>> low_chain(ChainConfig(mains_hz=50.0)).passband_hz
-    (8.0, 20.0)
-    """
-    return dataclasses.replace(
-        plain_chain(chain),
-        passband_hz=chain.activity_band_hz,
-        passband_degree=4,
-        stopbands_hz=(),
-        mains_hz=0.0,
-        rectify='full',
-    )
-
-
 def contact_level_v(chain: ChainConfig, tracks: Sequence[Track]) -> float:
     """Return a ``contact_level_v`` between a finger that touches nothing and one that slides.
 
@@ -98,13 +81,17 @@ def contact_level_v(chain: ChainConfig, tracks: Sequence[Track]) -> float:
     ValueError
         When no recording shows that, or touch makes no difference.
     """
-    low, held = low_chain(chain), chain.samples(chain.contact_hold_s)
+    band: dict[str, Any] = {'passband_hz': chain.activity_band_hz, 'passband_degree': 4}
+    band |= {'stopbands_hz': (), 'mains_hz': 0.0, 'rectify': 'full'}
+    low = dataclasses.replace(plain_chain(chain), **band)
+    held = chain.samples(chain.contact_hold_s)
     idle, slides = [np.zeros(0)], [np.zeros(0)]
     for track in tracks:
         levels = np.nan_to_num(envelopes(low, track))
         settled, touching = levels.any(axis=1), np.sort(levels, axis=1)[:, -chain.contact_channels]
         slides.append(_loudest(touching[settled & (track.kinds == SLIP)], held))
-        idle += [_loudest(touching[settled], held)] if track.kind == 'idle' else []
+        if track.kind == 'idle':
+            idle.append(_loudest(touching[settled], held))
     of_each = (np.concatenate(idle), 1.0 - IDLE_SHARE), (np.concatenate(slides), SLIDE_SHARE)
     idle_v, slide_v = (float(np.quantile(v, share)) if v.size else 0.0 for v, share in of_each)
     if not idle_v or slide_v < LEAST_CONTACT_RATIO * idle_v:
@@ -131,38 +118,26 @@ def contradictions(chain: ChainConfig, tracks: Sequence[Track]) -> tuple[list[st
         One on each contradiction.
     mistakes : list of Track
         The recordings in which none of the slips is one.
-
-    Examples
-    --------
-    >>> from slip_detector.chain.samples import Samples
-    >>> from slip_detector.tuning.tracks import track_of
-    >>> random, slip = np.random.default_rng(0), np.arange(1900) // 380 % 2 == 1
-    >>> volts = random.normal(0.0, np.where(slip, 1.0, 0.1), (16, 1900)).T
-    >>> rows = Samples.evenly(volts, 380.0, truth=slip)
-    >>> wrong = rows._replace(truth=np.zeros(1900, bool), kind='rest')
-    >>> tracks = [track_of('slips', [rows], 380.0), track_of('rest', [wrong], 380.0)]
-    >>> contradictions(ChainConfig(), tracks)
-    (['rest is labelled rest, but the level is as in a slide for 45 % of it'], [])
     """
-    every, resting = [_Levels(chain, track) for track in tracks], at_rest(tracks)
+    levels, resting = [_Levels(chain, track) for track in tracks], at_rest(tracks)
     sentences, mistakes = [], []
-    for track, mine in zip(tracks, every, strict=True):
-        others = [one for one in every if one is not mine]
-        known = [one.rest_db for one in others if one.track in resting and len(one.rest_db)]
+    for track, own in zip(tracks, levels, strict=True):
+        others = [each for each in levels if each is not own]
+        known = [each.rest_db for each in others if each.track in resting and len(each.rest_db)]
         if not known:
             continue
         floors_db = np.median(np.concatenate(known), axis=0)
-        slides_db = [db for one in others for _, db, _ in one.slips(floors_db)]
+        slides_db = [db for each in others for _, db, _ in each.slips(floors_db)]
         usual_db = float(np.median(slides_db)) if slides_db else 0.0
         if usual_db < LEAST_DB:
             continue
-        loud = _level_db(mine.rest_db, floors_db) > AS_LOUD * np.quantile(slides_db, QUIET_SLIPS)
+        loud = _level_db(own.rest_db, floors_db) > AS_LOUD * np.quantile(slides_db, QUIET_SLIPS)
         if track.kind in ('rest', 'idle') and loud.sum() > CONTRADICTED * loud.size:
             sentences.append(
                 f'{track.name} is labelled {track.kind}, but the level is as in a slide for '
                 f'{100 * loud.mean():.0f} % of it'
             )
-        slips = mine.slips(floors_db)
+        slips = own.slips(floors_db)
         most_db = min(NO_CHANGE * usual_db, NO_CHANGE_DB)
         still = [f'{at_s:.1f}' for at_s, _, rises_db in slips if rises_db < most_db]
         if still:
@@ -190,8 +165,8 @@ class _Levels:
         self.track = track
         self._rows = rows = max(round(BLOCK_S * track.sample_rate_hz), 1)
         whole = slice(len(track.volts) // rows * rows)
-        found = np.nan_to_num(enabled(envelopes(plain_chain(chain), track), chain))
-        squares = found[whole].reshape(-1, rows, found.shape[1]) ** 2
+        levels = np.nan_to_num(enabled(envelopes(plain_chain(chain), track), chain))
+        squares = levels[whole].reshape(-1, rows, levels.shape[1]) ** 2
         self._known = np.all(squares.any(axis=2), axis=1)
         self._db = 10.0 * np.log10(np.maximum(squares.mean(axis=1), LEAST_POWER))
         no_slip = (track.kinds[whole].reshape(-1, rows) < SLIP).all(axis=1)
@@ -199,14 +174,14 @@ class _Levels:
 
     def slips(self, floors_db: Floats) -> list[tuple[float, float, float]]:
         """Return when each slip begins, its level, and by how much that is above its own rest."""
-        found, rate_hz, rows = [], self.track.sample_rate_hz, self._rows
+        slips, rate_hz, rows = [], self.track.sample_rate_hz, self._rows
         levels_db, rests_db = (_level_db(db, floors_db) for db in (self._db, self.rest_db))
         rest_db = float(np.median(rests_db)) if rests_db.size else 0.0
         inexact = round(self.track.samples.accuracy_s * rate_hz)
         for start, end in edges_of(self.track.samples):
             blocks = slice(max(start - inexact, 0) // rows, (end + inexact) // rows + 1)
-            its_db = np.sort(levels_db[blocks][self._known[blocks]])
-            if its_db.size:
-                level_db = float(its_db[-min(LOUD_BLOCKS, (its_db.size + 1) // 2)])
-                found.append((start / rate_hz, level_db, level_db - rest_db))
-        return found
+            known_db = np.sort(levels_db[blocks][self._known[blocks]])
+            if known_db.size:
+                level_db = float(known_db[-min(LOUD_BLOCKS, (known_db.size + 1) // 2)])
+                slips.append((start / rate_hz, level_db, level_db - rest_db))
+        return slips

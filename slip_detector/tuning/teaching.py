@@ -20,7 +20,7 @@ from typing import Any
 
 from slip_detector.parameters import ChainConfig
 from slip_detector.tuning.bands import slip_bands
-from slip_detector.tuning.learning import learn_noise
+from slip_detector.tuning.noise import learn_noise
 from slip_detector.tuning.tracks import Track, at_rest
 
 #: Where the search for an unknown sensor begins, and its pass-band: from a frequency, or from a

@@ -24,7 +24,7 @@ from hypothesis import strategies as st
 
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.tuning.kinds import contact_level_v
-from slip_detector.tuning.learning import learnt_floors, slip_steps_v
+from slip_detector.tuning.noise import learnt_floors, slip_steps_v
 from slip_detector.tuning.space import SearchSpace, presets
 from support.tuning_cases import CHAIN, EVIDENCE, track, track_with
 

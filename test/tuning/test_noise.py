@@ -26,14 +26,13 @@ from slip_detector.chain.samples import Samples
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters import ChainConfig
-from slip_detector.tuning.learning import (
+from slip_detector.tuning.noise import (
     find_mains,
     learn_noise,
     learnt_floors,
-    quiet_threshold,
     slip_steps_v,
-    steps_v,
 )
+from slip_detector.tuning.quiet import quiet_threshold
 from slip_detector.tuning.tracks import track_of
 from support.tuning_cases import CHAIN, EVIDENCE, FLOOR, HIGH, RATE_HZ, slips, track, track_with
 
@@ -110,22 +109,6 @@ def test_noise_has_no_mains_nor_has_a_line_that_one_channel_lacks(seed):
         assert find_mains(PIEZO, rest(nothing))[0] == 0.0
     without = dataclasses.replace(PIEZO, disabled_channels=(4,))
     assert find_mains(without, rest(volts))[0] == 50.0
-
-
-@given(channels=st.integers(1, 4), rows=st.integers(1, 9), seed=st.integers(0, 2**32 - 1))
-def test_a_step_over_some_rows_is_one_that_so_many_channels_exceed(channels, rows, seed):
-    random = np.random.default_rng(seed)
-    volts = random.standard_normal((30, channels))
-    volts[random.random((30, channels)) < 0.2] = np.nan
-    filled = volts.copy()
-    for places, step in ((range(1, 30), -1), (range(28, -1, -1), 1)):
-        for k in places:
-            filled[k] = np.where(np.isnan(filled[k]), filled[k + step], filled[k])
-    expected = np.zeros((30, channels))
-    for k in range(rows, 30):
-        expected[k] = np.sort(np.nan_to_num(np.abs(filled[k] - filled[k - rows])))[::-1]
-    found = steps_v(ChainConfig(channels=channels), track_with(volts), rows)
-    np.testing.assert_allclose(found, expected)
 
 
 @pytest.mark.parametrize(('accuracy_s', 'below'), [(0.0, 9), (0.2, 8)])
