@@ -108,7 +108,7 @@ def joint_latencies_s(
             for run in np.flatnonzero(np.diff(rows, prepend=0, append=0)).reshape(-1, 2).tolist()
             if run[1] - run[0] >= least
         ]
-        for rows in (track.kinds < SLIP, track.kinds == SLIP)
+        for rows in (track.row_classes < SLIP, track.row_classes == SLIP)
     )
     for begin, end in rests:
         start = max(one.start for one in track.stretches if one.start <= begin)

@@ -113,7 +113,7 @@ def _levels_db(
         volts = enabled(track.volts[begin:end], chain)
         volts = forward_filled(volts, ~np.isfinite(volts))
         for start in range(0, end - begin - rows + 1, rows // 2):
-            slipping = track.kinds[begin + start : begin + start + rows] == SLIP
+            slipping = track.row_classes[begin + start : begin + start + rows] == SLIP
             slides = slipping.mean() >= SLIDING
             if not slides and np.asarray(track.samples.truth)[begin + start :][:rows].any():
                 continue

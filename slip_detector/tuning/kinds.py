@@ -89,7 +89,7 @@ def contact_level_v(chain: ChainConfig, tracks: Sequence[Track]) -> float:
     for track in tracks:
         levels = np.nan_to_num(envelopes(low, track))
         settled, touching = levels.any(axis=1), np.sort(levels, axis=1)[:, -chain.contact_channels]
-        slides.append(_loudest(touching[settled & (track.kinds == SLIP)], held))
+        slides.append(_loudest(touching[settled & (track.row_classes == SLIP)], held))
         if track.kind == 'idle':
             idle.append(_loudest(touching[settled], held))
     of_each = (np.concatenate(idle), 1.0 - IDLE_SHARE), (np.concatenate(slides), SLIDE_SHARE)
@@ -169,7 +169,7 @@ class _Levels:
         squares = levels[whole].reshape(-1, rows, levels.shape[1]) ** 2
         self._known = np.all(squares.any(axis=2), axis=1)
         self._db = 10.0 * np.log10(np.maximum(squares.mean(axis=1), LEAST_POWER))
-        no_slip = (track.kinds[whole].reshape(-1, rows) < SLIP).all(axis=1)
+        no_slip = (track.row_classes[whole].reshape(-1, rows) < SLIP).all(axis=1)
         self.rest_db = self._db[self._known & no_slip]
 
     def slips(self, floors_db: Floats) -> list[tuple[float, float, float]]:

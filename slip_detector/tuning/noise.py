@@ -97,12 +97,12 @@ def learnt_floors(chain: ChainConfig, tracks: Sequence[Track]) -> tuple[float, .
     the other floors.
     """
     plain, tracks = dataclasses.replace(chain, decision='mean'), at_rest(tracks)
-    kinds = [REST] if any((track.kinds == REST).any() for track in tracks) else range(SLIP)
+    classes = [REST] if any((track.row_classes == REST).any() for track in tracks) else range(SLIP)
     levels = []
     for track in tracks:
         most = max(MOST_ROWS // len(tracks), round(LEAST_S * track.sample_rate_hz))
         rows = envelopes(plain, track, settling_rows(plain) + most)
-        levels.append(rows[np.isin(track.kinds[: len(rows)], kinds)])
+        levels.append(rows[np.isin(track.row_classes[: len(rows)], classes)])
     columns = [column[np.isfinite(column)] for column in np.concatenate(levels).T]
     floors = np.array([np.quantile(one, BELOW_FLOOR) if one.size else 0.0 for one in columns])
     if not floors.any():

@@ -193,7 +193,7 @@ class Problem:
         digest = hashlib.sha256(repr(asked).encode())
         for track in self.tracks:
             digest.update(np.ascontiguousarray(track.volts).data)
-            digest.update(track.kinds.data)
+            digest.update(track.row_classes.data)
             digest.update(track.kind.encode())
         return f'{self.config.NODE}-{digest.hexdigest()[:16]}'
 

@@ -91,8 +91,9 @@ def thresholds(chain: ChainConfig, parts: Sequence[Part]) -> Floats:
     top = max(float(statistic.max()) for statistic, _ in parts)
     if not 0.0 < top < math.inf:
         return np.zeros(0)
-    quiet = np.concatenate([part[::STRIDE][one.kinds[::STRIDE] < SLIP] for part, one in parts])
-    rest = float(np.median(quiet)) if quiet.size else 0.0
+    sparse = slice(None, None, STRIDE)
+    quiet = [part[sparse][one.row_classes[sparse] < SLIP] for part, one in parts]
+    rest = float(np.median(np.concatenate(quiet))) if any(map(len, quiet)) else 0.0
     exponent, least_step, limit = chain.exponent, 0.0, math.inf
     if chain.decision == 'evidence':  # in decibels, so no power of the amplitude, and limited
         exponent, limit = 1, chain.evidence_limit_db_s
@@ -210,12 +211,12 @@ def sweep_thresholds(
 def count_scores(
     parts: Sequence[Part], threshold: float, config: EvaluationConfig, settling_rows: int
 ) -> ScoreCounts:
-    """Count the scores of tracks by kind, as an evaluation of a chain with that threshold does."""
+    """Count the scores of tracks by class, as an evaluation with that threshold does."""
     for statistic, track in parts:
-        kinds = track.kinds.copy()
+        classes = track.row_classes.copy()
         unscored = matching.unscored_rows(settling_rows, config, track.sample_rate_hz)
         for begin, end in track.stretches:
-            kinds[begin : min(begin + unscored, end)] = UNCERTAIN
+            classes[begin : min(begin + unscored, end)] = UNCERTAIN
         # The chain divides in the same way, so the scores equal an evaluation's to the bit.
-        _TALLY.add(statistic / threshold, kinds)
+        _TALLY.add(statistic / threshold, classes)
     return _TALLY.collect()

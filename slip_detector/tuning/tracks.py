@@ -69,8 +69,8 @@ class Track:
     faults: str = ''
 
     @functools.cached_property
-    def kinds(self) -> NDArray[np.int8]:
-        """Kind of each row, ``REST`` to ``UNCERTAIN``, see :mod:`.scores`; shape (n,)."""
+    def row_classes(self) -> NDArray[np.int8]:
+        """Class of each row, ``REST`` to ``UNCERTAIN``, see :mod:`.scores`; shape (n,)."""
         rows = self.samples
         return kinds_of(np.asarray(rows.truth), rows.moving, rows.certain, rows.kind)
 
@@ -104,7 +104,7 @@ class Track:
     @property
     def without_slip_s(self) -> float:
         """Time of its rows that certainly have no slip."""
-        return float(np.count_nonzero(self.kinds < SLIP)) / self.sample_rate_hz
+        return float(np.count_nonzero(self.row_classes < SLIP)) / self.sample_rate_hz
 
     def rows(self, first: int = 0, last: int = sys.maxsize) -> Iterator[Samples]:
         """Yield its stretches, or of these the rows from one index up to another."""

@@ -92,7 +92,7 @@ def test_honest_recordings_contradict_nothing_and_others_their_kind(family, chai
         (said,), _ = contradictions(chain, [*honest, rest, slides])
         assert said.startswith(f'rest {seed + 7} is labelled rest, but the level is as in a slide')
         truth = np.roll(honest[0].samples.truth, -round(1.5 * 380))
-        truth = (honest[0].kinds != SLIP) & truth & (np.cumsum(truth) < 300)
+        truth = (honest[0].row_classes != SLIP) & truth & (np.cumsum(truth) < 300)
         nothing = honest[0].samples._replace(truth=truth)
         missed = track_of('missed', [nothing], 380.0)
         (said,), mistakes = contradictions(chain, [*honest[1:], rest, missed])
