@@ -21,7 +21,6 @@ import sys
 from pathlib import Path
 
 import numpy as np
-import optuna
 import pytest
 import yaml
 
@@ -77,16 +76,6 @@ def test_changes_override_every_section_and_all_else_stays(tmp_path):
     assert '*' not in text.replace('/**', '')
     own = {'ros__parameters': {'threshold': [0.3]}}
     assert yaml.safe_load(text) == {'slip_driver': driver, '/**/slip_detector': own, '/**': own}
-
-
-def test_another_question_has_a_study_of_its_own(case, capsys):
-    folder, words = case
-    out = folder / 'out.yaml'
-    run(*words, '--out', out, '--trials', 4)
-    capsys.readouterr()
-    run(*words, '--out', out, '--trials', 2, '--held-out', words[0], '--verbose')
-    assert '2 trials, ' in capsys.readouterr().out
-    assert len(optuna.get_all_study_names(journal(f'{out}.study.journal'))) == 2
 
 
 def test_without_optuna_it_says_what_to_install(case, monkeypatch, capsys):

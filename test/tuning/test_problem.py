@@ -25,12 +25,11 @@ from hypothesis import strategies as st
 
 from slip_detector.chain.filters import settling_rows
 from slip_detector.compiled import COMPILED
-from slip_detector.evaluation.events import Events
 from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.evaluation import EvaluationConfig, TuneConfig
 from slip_detector.recordings.labels import label_at
-from slip_detector.tuning.problem import COMPARED, Candidate, Problem, worse_by, worse_figures
+from slip_detector.tuning.problem import COMPARED, Candidate, Problem, worse_figures
 from slip_detector.tuning.sweep import thresholds, vote_statistics
 from slip_detector.tuning.tracks import track_of
 from slip_detector.tuning.verdict import choose, judge
@@ -132,25 +131,6 @@ def test_each_figure_that_is_worse_is_named_and_of_a_chain_as_good_as_chance_onl
     assert worse_figures(bad, {**good, 'sooner_than_chance': 0.0}) == ['auc']
 
 
-FIGURE = st.sampled_from([0.0, 0.003, 0.01, 0.3, 0.9, 1.0, 20.0, 75.0, None])
-NAMES = [*COMPARED, 'sooner_than_chance']
-FIGURES = st.fixed_dictionaries(
-    dict.fromkeys(NAMES, FIGURE)
-    | dict.fromkeys(['matched', 'missed'], st.sampled_from([0, 3, 10]))
-)
-
-
-@given(st.lists(FIGURES, min_size=1, max_size=4), FIGURES)
-def test_many_thresholds_are_worse_by_as_much_as_each_of_them_alone(several, other):
-    of_all = {name: np.array([one[name] for one in several], np.float64) for name in COMPARED}
-    together = worse_by(of_all, other)
-    for k, one in enumerate(several):
-        alone = worse_by(one, other)
-        assert alone.keys() == together.keys()
-        for name, by in alone.items():
-            np.testing.assert_array_equal(by, together[name][k])
-
-
 @dataclasses.dataclass(frozen=True, eq=False)
 class Known(Problem):
     """A problem in which costs are known: as it is, of a quick chain; left out, by threshold."""
@@ -165,42 +145,45 @@ class Known(Problem):
         return of_each.mean(), (of_each.sum() - of_each) / (of_each.size - 1)
 
 
-def worsened(was, now):
-    """Return the figures that are worse by more than a step, or not defined any more."""
-    names = COMPARED if (was['sooner_than_chance'] or 0.0) > 0.0 else ['auc']
-    known = {name for name in names if was[name] is not None}
-    worse = {name for name in known if now[name] is None}
-    # What is ON for less of the rest has more alarms, and is ON less in slips by chance.
-    less = (was['false_time_percent'] or 0.0) - (now['false_time_percent'] or 0.0)
-    for name in known - worse:
-        change = COMPARED[name].sign * (now[name] - was[name])
-        change += max(less, 0.0) / 100 if name == 'coverage' else 0.0
-        excused = name == 'false_alarms_per_minute' and less > 0.1
-        worse |= {name} if change < -COMPARED[name].step and not excused else set()
-    return worse
-
-
 #: A chain that is good, one that is ON for half of the rest, and what is never ON.
 GOOD = compared(0.9, 0.9, 20.0, 1.0, 0.3, 0.9, 0.9) | {'matched': 9, 'missed': 1}
 HALF = compared(0.9, 0.99, 20.0, 4.0, 50.0, 0.7, 0.6) | {'matched': 9, 'missed': 1}
 BLIND = compared(0.0, 0.0, None, 0.0, 0.0, 0.7, 0.0) | {'matched': 0, 'missed': 10}
 
 
-@settings(max_examples=500)
-@example(GOOD, BLIND)
-@example(GOOD, {'recall': 1.0, 'false_time_percent': 3.0, 'coverage': 0.82})
-@example(HALF, {'false_time_percent': 1.0, 'coverage': 0.8})
-@example(HALF, {'false_time_percent': 1.0, 'false_alarms_per_minute': 6.0})
-@given(FIGURES | st.just(GOOD), st.dictionaries(st.sampled_from(NAMES), FIGURE))
-def test_the_best_is_taken_where_it_finds_slips_and_is_better_and_in_nothing_worse(was, changes):
-    now = {**was, **changes}
-    before, after = (Candidate(QUICK, 1.0, figures) for figures in (was, now))
+@pytest.mark.parametrize(
+    ('was', 'changes', 'kept'),
+    [
+        (GOOD, {}, 'is no better'),
+        (GOOD, {'recall': 1.0}, ''),
+        (GOOD, {'auc': 0.902}, ''),
+        (GOOD, {'auc': 0.9005}, 'is no better'),
+        (GOOD, {'recall': 1.0, 'latency_median_all_ms': 21.0}, 'is worse'),
+        (GOOD, {'recall': 1.0, 'latency_median_all_ms': None}, 'is worse'),
+        # What is ON for less of the rest may have more alarms, and be ON less in slips.
+        (GOOD, {'recall': 1.0, 'false_time_percent': 3.0, 'coverage': 0.82}, 'is worse'),
+        (HALF, {'false_time_percent': 1.0, 'coverage': 0.51}, ''),
+        (HALF, {'false_time_percent': 1.0, 'coverage': 0.49}, 'is worse'),
+        (HALF, {'false_time_percent': 1.0, 'false_alarms_per_minute': 6.0}, ''),
+        (GOOD, BLIND, 'is worse'),
+        (BLIND, {'auc': 0.9}, 'finds none of 10 slips'),
+        (BLIND, {'auc': 0.9, 'matched': 1}, 'is no better than guessing'),
+        # Of a chain that is no better than chance only the area counts.
+        (BLIND, {**GOOD, 'auc': 0.7}, ''),
+        (BLIND, {**GOOD, 'auc': 0.6}, 'is worse'),
+    ],
+)
+def test_the_best_is_taken_where_it_finds_slips_and_is_better_and_in_nothing_worse(
+    was, changes, kept
+):
+    before, after = (Candidate(QUICK, 1.0, figures) for figures in (was, {**was, **changes}))
     asked = Known([], costs=(before, after))
-    verdict, worse = judge(asked, [], after), worsened(was, now)
-    finds = now['matched'] > 0 and (now['sooner_than_chance'] or 0.0) > 0.0
-    taken = finds and not worse and bool(worsened(now, was))
-    assert verdict.chain is (QUICK if taken else asked.given)
-    assert bool(verdict.kept) == (not taken)
+    verdict = judge(asked, [], after)
+    assert verdict.chain is (asked.given if kept else QUICK)
+    assert verdict.kept == (
+        f'on what was held out, the best that was tried {kept}' if kept else ''
+    )
+    assert judge(asked, [], None).kept == 'nothing that was tried finds slips'
 
 
 def test_a_chain_does_not_gain_by_settling_for_longer():
@@ -236,23 +219,16 @@ def test_a_threshold_next_to_no_evidence_is_not_taken():
     assert found.chain.threshold > 3 * 0.25 * chain.envelope_window_s
 
 
-def test_the_threshold_for_a_recording_comes_from_the_others(monkeypatch):
-    chosen, at_one = [], Events.at_one
-    monkeypatch.setattr(Events, 'at_one', lambda self, k: chosen.append(k) or at_one(self, k))
-
+def test_the_threshold_for_a_recording_comes_from_the_others():
     def left_out(gain):
-        """Return the threshold for each recording, the first of which is as loud, and costs."""
+        """Return the costs where the first recording is louder than the others."""
         volts, truth = slips(1)
         tracks = [track_with(4.3 + gain * (volts - 4.3), truth), track(2), track(3), track(4)]
-        (parts,) = vote_statistics(CHAIN, [CHAIN.vote], tracks).values()
-        cost_ms, costs_ms = Problem(tracks).left_out(CHAIN)
-        return thresholds(CHAIN, parts)[chosen[-4:]], cost_ms, costs_ms
+        return Problem(tracks).left_out(CHAIN)
 
-    before, cost_ms, _ = left_out(1.0)
+    cost_ms, _ = left_out(1.0)
     # Louder noise costs time ON where the threshold is not its own; without it nothing changes.
-    after, more_ms, without_ms = left_out(4.0)
-    assert abs(math.log(after[0] / before[0], 1.03**CHAIN.exponent)) <= 1.0
-    assert after[1:].max() > 1.5 * before[1:].max()
+    more_ms, without_ms = left_out(4.0)
     assert more_ms > cost_ms + 100.0
     assert without_ms[0] < without_ms[1:].min()
 

@@ -25,7 +25,6 @@ import numpy as np
 import optuna
 import pytest
 
-from slip_detector.commands.command_line import interrupts_noted
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.tuning.problem import Candidate, Problem
@@ -136,32 +135,6 @@ def test_a_worker_that_finds_other_recordings_is_refused(files, tmp_path):
 
     with pytest.raises(ValueError, match=r'^/.*: a worker finds other recordings there, '):
         tune(files, PARAMETERS, 9, calls=elsewhere)
-
-
-def interrupted_at(*counts):
-    """Return what interrupts a search when it has tried so many chains."""
-    left = list(counts)
-
-    def progress(count, trials, best):
-        while left and count >= left[0]:
-            del left[0]
-            signal.raise_signal(signal.SIGINT)
-
-    return progress
-
-
-def test_a_first_interrupt_keeps_the_result_so_far_and_a_second_ends_at_once(files, capfd):
-    before = signal.getsignal(signal.SIGINT)
-    with interrupts_noted('stopping') as stop:
-        result = tune(files, PARAMETERS, 1000, progress=interrupted_at(12), stop=stop)
-    few = 'Only 9.21 s of rest are held out: false alarms hardly show in it'
-    assert {'Stopped early.', few} <= {*result.notes}
-    assert result.study.follow() == 12
-    assert [track.name for track in result.held] == ['b.npz']
-    with pytest.raises(KeyboardInterrupt), interrupts_noted('stopping') as stop:
-        tune(files, PARAMETERS, 1000, progress=interrupted_at(3, 3), stop=stop)
-    assert signal.getsignal(signal.SIGINT) is before
-    assert capfd.readouterr().err.count('stopping') == 2
 
 
 @pytest.mark.parametrize('where', ['{}/study.journal', 'sqlite:///{}/study.db'])
