@@ -30,13 +30,8 @@ from slip_detector.tuning.tracks import track_of
 from support.tuning_cases import CHAIN, EVIDENCE, slips, track_with
 
 
-def sliding(seed):
-    """Return slips at 14 Hz in noise that contact makes."""
-    return slips(seed, slip_hz=14.0)
-
-
 def test_contact_begins_above_a_finger_that_touches_nothing_and_below_one_that_slides():
-    volts, truth = sliding(1)
+    volts, truth = slips(1, slip_hz=14.0)
     idle = 4.3 + 0.002 * np.random.default_rng(2).standard_normal((4000, 4))
     of_idle = track_with(idle, kind='idle')
     level_v = contact_level_v(EVIDENCE, [track_with(volts, truth), of_idle])
@@ -44,17 +39,14 @@ def test_contact_begins_above_a_finger_that_touches_nothing_and_below_one_that_s
     assert not gated.update(idle, excess=True).excess.any()
     gated.reset()
     assert gated.update(volts, excess=True).excess[truth].any(axis=1).mean() > 0.8
+    # Where a finger always touches there is no level.
+    for more in ([], [track_with(volts, kind='idle')]):
+        with pytest.raises(ValueError, match=r'touches nothing has a level of .* allowed: 1\.2 t'):
+            contact_level_v(EVIDENCE, [track_with(volts, truth), *more])
     # A slide that sticks for half of its time is in contact by its loudest rows.
     sticks = np.arange(len(volts)) % 1140 < 703
     volts[sticks] = np.resize(idle, volts.shape)[sticks]
     assert contact_level_v(EVIDENCE, [track_with(volts, truth), of_idle]) > 0.0
-
-
-def test_where_a_finger_always_touches_there_is_no_level_of_contact():
-    volts, truth = sliding(1)
-    for more in ([], [track_with(volts, kind='idle')]):
-        with pytest.raises(ValueError, match=r'touches nothing has a level of .* allowed: 1\.2 t'):
-            contact_level_v(EVIDENCE, [track_with(volts, truth), *more])
 
 
 def played(parts, seed, name='plate_400um', kind=''):

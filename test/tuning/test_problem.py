@@ -20,46 +20,19 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import assume, example, given, settings
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from slip_detector.chain.filters import settling_rows
-from slip_detector.compiled import COMPILED
-from slip_detector.evaluation.figures import figures_of_merit
-from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.evaluation import EvaluationConfig, TuneConfig
 from slip_detector.recordings.labels import label_at
 from slip_detector.tuning.problem import COMPARED, Candidate, Problem, worse_figures
 from slip_detector.tuning.sweep import thresholds, vote_statistics
 from slip_detector.tuning.tracks import track_of
 from slip_detector.tuning.verdict import choose, judge
-from support.track_cases import EVALUATIONS, RATE_HZ, chains, recordings
-from support.tuning_cases import CHAIN, problem, slips, study_of, track, track_with
+from support.tuning_cases import CHAIN, RATE_HZ, problem, slips, study_of, track, track_with
 
 QUICK = dataclasses.replace(CHAIN, threshold=0.02)
-
-
-@settings(max_examples=40 if COMPILED else 3, deadline=None)
-@given(chains(), st.lists(recordings(), min_size=1, max_size=3), EVALUATIONS)
-def test_the_tuner_gives_a_chain_the_figures_of_the_evaluation_to_the_bit(
-    chain, several, evaluation
-):
-    kinds = zip(several, ('', 'press', 'rest'), strict=False)
-    several = [[piece._replace(kind=kind) for piece in pieces] for pieces, kind in kinds]
-    tracks = [track_of('a', pieces, RATE_HZ) for pieces in several]
-    assume(any(track.slips for track in tracks))
-    objective = Problem(tracks, evaluation=evaluation)
-    for candidate in filter(None, [objective.as_it_is(chain), objective.best(chain)]):
-        replay = Replay(candidate.chain, evaluation)
-        outcomes = [replay.run(pieces, RATE_HZ) for pieces in several]
-        expected = figures_of_merit(outcomes)
-        rest = [expected['auc_rest' if expected['auc_moving'] is None else 'auc_moving']]
-        press = [expected['auc_press']]
-        known = [area for area in rest + press if area is not None]
-        expected['auc'] = np.mean(known) if known else None
-        for name, figure in candidate.figures.items():
-            assert figure == expected[name], name
-        assert objective.as_it_is(candidate.chain).figures == candidate.figures
 
 
 def test_costs_are_latency_and_what_misses_false_alarms_and_wrong_time_count_for():
