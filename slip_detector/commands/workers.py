@@ -182,7 +182,7 @@ def processes(jobs: int | None = None) -> Iterator[Calls | None]:
             started[here] = process
             there.close()
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
-        yield functools.partial(_results, [*started])
+        yield functools.partial(_results, dict.fromkeys(started))
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
         for process in started.values():
@@ -191,16 +191,21 @@ def processes(jobs: int | None = None) -> Iterator[Calls | None]:
 
 
 def _results(
-    workers: Sequence[Any], function: Callable[[Any], Any], arguments: Sequence[Any]
+    workers: dict[Any, Any], function: Callable[[Any], Any], arguments: Sequence[Any]
 ) -> Iterator[tuple[int, Any]]:
-    """Let processes, by the connections to them, call a function; see :data:`Calls`."""
+    """Let processes call a function; see :data:`Calls`.
+
+    ``workers`` has the function that each process called last, by the connection to it: a function
+    is sent once, as it may hold much data.
+    """
     waiting, running = [*enumerate(arguments)], dict[Any, int]()
     try:
         while waiting or running:
-            for worker in workers:
+            for worker, last in workers.items():
                 if waiting and worker not in running:
                     running[worker], argument = waiting.pop(0)
-                    worker.send((function, argument))
+                    worker.send((None if last is function else function, argument))
+                    workers[worker] = function
             ready: Any = connection.wait([*running])
             for worker in ready:
                 refused, result = worker.recv()
@@ -216,9 +221,11 @@ def _results(
 def _make_calls(caller: Any) -> None:
     """Make calls, as the only thing of this process; it ends with the one that started it."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
+    function: Any = None
     with contextlib.suppress(EOFError):  # Nobody calls any more.
         while True:
-            function, argument = caller.recv()
+            other, argument = caller.recv()
+            function = other or function
             try:
                 done: Any = None, function(argument)
             except (ValueError, OSError) as error:

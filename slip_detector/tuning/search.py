@@ -27,15 +27,12 @@ next one.
 import contextlib
 import dataclasses
 import fcntl
-import functools
 import math
-import pickle
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from slip_detector.parameters.files import check_plain
-from slip_detector.tuning.hand_labels import snap_labels
 from slip_detector.tuning.problem import Candidate, Problem, searched
 
 #: Number of trials in a batch, which is the largest number of processes that are useful.
@@ -122,23 +119,6 @@ def search(
         best = min(points, key=study.cost_ms)
     while going:
         going = attempt([study.ask() for _ in range(min(BATCH, trials - study.follow()))])
-
-
-def candidate_at(pickled: bytes, point: Point) -> Candidate | None:
-    """Do :meth:`Problem.candidate_at` in another process, which reads the recordings itself."""
-    return _read_problem(pickled).candidate_at(point)
-
-
-@functools.lru_cache(maxsize=1)
-def _read_problem(pickled: bytes) -> Problem:
-    """Read the recordings of a problem, once for all of its trials."""
-    files, names, problem, name = pickle.loads(pickled)
-    tracks = [track for track in snap_labels(files.load()[0])[0] if track.name in names]
-    with_tracks: Problem = dataclasses.replace(problem, tracks=tracks)
-    if with_tracks.study_name() != name:
-        paths = ', '.join(files.paths)
-        raise ValueError(f'{paths}: a worker finds other recordings there, allowed: the same ones')
-    return with_tracks
 
 
 class Study:

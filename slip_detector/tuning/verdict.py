@@ -18,7 +18,6 @@ import dataclasses
 import functools
 import importlib.util
 import math
-import pickle
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
@@ -38,7 +37,7 @@ from slip_detector.tuning.problem import (
     better_than_chance,
     worse_figures,
 )
-from slip_detector.tuning.search import Calls, Study, candidate_at, candidate_of, search
+from slip_detector.tuning.search import Calls, Study, candidate_of, search
 from slip_detector.tuning.teaching import learn
 from slip_detector.tuning.tracks import Track, TrainingFiles
 
@@ -183,20 +182,15 @@ def tune(
     problem = parameters.problem(training, begin)
     values = sum(track.volts.size for track in training)
     many = trials or int(np.clip(VALUES / values, *TRIALS))
-    name = problem.study_name()
-    study = Study(problem.space.distributions, seed, storage, name)
+    study = Study(problem.space.distributions, seed, storage, problem.study_name())
 
     def show(count: int) -> None:
         with study.errors_in_one_line():  # Its trials may be damaged.
             progress(count, many, study.cheapest and candidate_of(study.cheapest, problem))
 
     show(study.follow())
-    results = None
-    if calls:
-        # It has a few kilobytes, without any rows.
-        names = {track.name for track in training}
-        pickled = pickle.dumps((files, names, dataclasses.replace(problem, tracks=()), name))
-        results = functools.partial(calls, functools.partial(candidate_at, pickled))
+    # Other processes get the recordings with the first call, but not what was learnt from them.
+    results = calls and functools.partial(calls, dataclasses.replace(problem).candidate_at)
     search(problem, study, many, stop, show, results)
     late_notes = []
     if stop():

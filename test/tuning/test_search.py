@@ -108,33 +108,17 @@ def files(tmp_path):
     return TrainingFiles([str(tmp_path)], RecordingLoader(*PARAMETERS[:3]))
 
 
-def test_another_process_gets_little_and_reads_the_recordings_once(files, monkeypatch):
-    sent = []
+def test_other_processes_find_the_same_and_are_sent_the_recordings_once(files):
+    functions = []
 
     def calls(function, points):
-        sent.append(pickle.dumps(function))
-        return enumerate(map(pickle.loads(sent[-1]), points))
+        functions.append(function)
+        return enumerate(map(pickle.loads(pickle.dumps(function)), points))
 
-    before = tune(files, PARAMETERS, 9)
-    there = tune(files, PARAMETERS, 9, calls=calls)
-    assert [trial.value for trial in there.study.trials] == [
-        trial.value for trial in before.study.trials
-    ]
-    assert len(sent) == 2
-    assert len(sent[0]) < 10_000 < there.problem.tracks[0].volts.nbytes
-    monkeypatch.setattr(TrainingFiles, 'load', None)
-    point = there.problem.space.starts()[0]
-    assert pickle.loads(sent[0])(point) == there.problem.candidate_at(point)
-    assert pickle.loads(sent[0])({**point, 'passband_low_hz': np.nan}) is None
-
-
-def test_a_worker_that_finds_other_recordings_is_refused(files, tmp_path):
-    def elsewhere(function, points):
-        write(tmp_path / 'a.npz', 3)
-        return enumerate(map(function, points))
-
-    with pytest.raises(ValueError, match=r'^/.*: a worker finds other recordings there, '):
-        tune(files, PARAMETERS, 9, calls=elsewhere)
+    here, there = tune(files, PARAMETERS, 9), tune(files, PARAMETERS, 9, calls=calls)
+    assert [one.value for one in here.study.trials] == [one.value for one in there.study.trials]
+    assert functions[0] is functions[-1]
+    assert len(functions) == 2
 
 
 @pytest.mark.parametrize('where', ['{}/study.journal', 'sqlite:///{}/study.db'])
