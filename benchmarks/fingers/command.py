@@ -69,8 +69,8 @@ from slip_detector.parameters.fields import refuse
 from slip_detector.parameters.files import find_parameter_file
 from slip_detector.recordings import open_recording
 from slip_detector.report.tables import number_text, text_table
+from slip_detector.tuning.learning import LOW_HZ, LOW_SHARE, learn
 from slip_detector.tuning.problem import searched
-from slip_detector.tuning.teaching import LOW_HZ, LOW_SHARE, learn
 from slip_detector.tuning.tracks import TrainingFiles, load_tracks
 from slip_detector.tuning.verdict import TuningParameters, tune
 

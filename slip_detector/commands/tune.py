@@ -44,8 +44,8 @@ from slip_detector.recordings import with_subfolders
 from slip_detector.recordings.labels import KINDS
 from slip_detector.report.answer import answer, bad_recordings, rounded
 from slip_detector.report.tables import compared, text_table
+from slip_detector.tuning.learning import learn_from_quiet
 from slip_detector.tuning.problem import Candidate, searched
-from slip_detector.tuning.quiet import learn_from_quiet
 from slip_detector.tuning.tracks import Track, TrainingFiles
 from slip_detector.tuning.verdict import TRIALS, TuningParameters, tune
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What rest and slips teach of a finger without a search: noise floors, mains, steps of slips."""
+"""What rest and slips teach of a finger: noise floors, mains, steps of slips, contact."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -61,6 +61,18 @@ LOWEST_LINE_HZ = 2.0
 
 #: Share of the slips that shows how large their steps are, and that where labels are by hand.
 SHARE_OF_SLIPS, SHARE_BY_HAND = 0.9, 0.8
+
+
+#: A finger that touches nothing stays below the level of contact for all but this share of time;
+#: one that slides is above it for all but the second share.
+IDLE_SHARE, SLIDE_SHARE = 0.05, 0.1
+
+#: The level of a finger that slides is at least so many times that of one that touches nothing.
+LEAST_CONTACT_RATIO = 1.2
+
+#: The level of contact is at most this many times that of a finger that touches nothing, so that
+#: contact is noticed as soon as a slide begins.
+MOST_RATIO = 2.0
 
 
 def learn_noise(
@@ -190,3 +202,43 @@ def slip_steps_v(chain: ChainConfig, tracks: Sequence[Track], rows: int = 1) -> 
     by_hand = any(track.samples.accuracy_s for track in tracks)
     share = SHARE_BY_HAND if by_hand else SHARE_OF_SLIPS
     return np.asarray(np.quantile(largest, share, axis=0, method='higher'))
+
+
+def plain_chain(chain: ChainConfig) -> ChainConfig:
+    """Return a chain whose envelope is the level in the pass-band."""
+    return dataclasses.replace(chain, decision='mean', gain=1.0, exponent=1)
+
+
+def contact_level_v(chain: ChainConfig, tracks: Sequence[Track]) -> float:
+    """Return a ``contact_level_v`` between a finger that touches nothing and one that slides.
+
+    What counts is the loudest row within ``contact_hold_s``, as contact lasts so long. A finger
+    touches nothing in recordings of the kind ``idle``.
+
+    Raises
+    ------
+    ValueError
+        When no recording shows that, or touch makes no difference.
+    """
+    band: dict[str, Any] = {'passband_hz': chain.activity_band_hz, 'passband_degree': 4}
+    band |= {'stopbands_hz': (), 'mains_hz': 0.0, 'rectify': 'full'}
+    low = dataclasses.replace(plain_chain(chain), **band)
+    held = chain.samples(chain.contact_hold_s)
+    idle, slides = [np.zeros(0)], [np.zeros(0)]
+    for track in tracks:
+        levels = np.nan_to_num(envelopes(low, track))
+        settled, touching = levels.any(axis=1), np.sort(levels, axis=1)[:, -chain.contact_channels]
+        slides.append(_loudest(touching[settled & (track.row_classes == SLIP)], held))
+        if track.kind == 'idle':
+            idle.append(_loudest(touching[settled], held))
+    of_each = (np.concatenate(idle), 1.0 - IDLE_SHARE), (np.concatenate(slides), SLIDE_SHARE)
+    idle_v, slide_v = (float(np.quantile(v, share)) if v.size else 0.0 for v, share in of_each)
+    if not idle_v or slide_v < LEAST_CONTACT_RATIO * idle_v:
+        what = f'a finger that touches nothing has a level of {idle_v:.4g}, one that slides of '
+        refuse(f'{what}{slide_v:.4g}', f'{LEAST_CONTACT_RATIO:g} times as much')
+    return float(f'{min(MOST_RATIO * idle_v, np.sqrt(idle_v * slide_v)):.4g}')
+
+
+def _loudest(levels: Floats, rows: int) -> Floats:
+    """Return the largest of each so many levels."""
+    return np.maximum.reduceat(levels, range(0, levels.size, rows)) if levels.size else levels

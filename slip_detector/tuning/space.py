@@ -30,8 +30,7 @@ from typing import Any
 from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
 from slip_detector.parameters.files import shared_folder
 from slip_detector.tuning.bands import slip_bands
-from slip_detector.tuning.kinds import contact_level_v
-from slip_detector.tuning.noise import MAINS_HZ, learnt_floors, slip_steps_v
+from slip_detector.tuning.noise import MAINS_HZ, contact_level_v, learnt_floors, slip_steps_v
 from slip_detector.tuning.sweep import rounded
 from slip_detector.tuning.tracks import Track
 

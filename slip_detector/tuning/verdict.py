@@ -28,8 +28,8 @@ from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.parameters import ChainConfig, EvaluationConfig, RecordingConfig, TuneConfig
 from slip_detector.parameters.fields import name_list, refuse
 from slip_detector.recordings.labels import ENDING, MISTAKEN
-from slip_detector.tuning.hand_labels import snap_labels
-from slip_detector.tuning.kinds import contradictions
+from slip_detector.tuning.labels import contradictions, snap_labels
+from slip_detector.tuning.learning import learn
 from slip_detector.tuning.problem import (
     COMPARED,
     Candidate,
@@ -38,7 +38,6 @@ from slip_detector.tuning.problem import (
     worse_figures,
 )
 from slip_detector.tuning.search import Calls, Study, candidate_of, search
-from slip_detector.tuning.teaching import learn
 from slip_detector.tuning.tracks import Track, TrainingFiles
 
 #: The chains that are compared on the recordings that were tuned on, the cheapest first.
@@ -131,7 +130,7 @@ def tune(
 ) -> TuningResult:
     """Learn of a finger, search for a better chain, and judge the best one by what is held out.
 
-    See :func:`.teaching.learn`, :func:`.search.search`, :func:`choose` and :func:`judge`.
+    See :func:`.learning.learn`, :func:`.search.search`, :func:`choose` and :func:`judge`.
 
     Parameters
     ----------
@@ -151,7 +150,7 @@ def tune(
         the first trial, and after each trial and each batch.
     doubt
         Called with lines on what is noticed: before the search on each recording that has faults,
-        is left out or contradicts its kind, see :func:`.kinds.contradictions`, and on what was
+        is left out or contradicts its kind, see :func:`.labels.contradictions`, and on what was
         learnt; after it on what the result cannot tell.
     stop
         Returns whether to end the search with the result so far; first called when the recordings

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is learnt from a recording at rest, and the steps of slips."""
+"""What recordings teach of a finger: floors and mains of rest, steps of slips, contact."""
 
 import dataclasses
 import re
@@ -24,21 +24,19 @@ from hypothesis import strategies as st
 
 from slip_detector.chain.samples import Samples
 from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters import ChainConfig
 from slip_detector.tuning.noise import (
+    contact_level_v,
     find_mains,
     learn_noise,
     learnt_floors,
     slip_steps_v,
 )
-from slip_detector.tuning.quiet import quiet_threshold
 from slip_detector.tuning.tracks import track_of
-from support.tuning_cases import CHAIN, EVIDENCE, FLOOR, HIGH, RATE_HZ, slips, track, track_with
+from support.tuning_cases import EVIDENCE, FLOOR, HIGH, RATE_HZ, slips, track, track_with
 
 PIEZO_HZ = 312.5
 PIEZO = ChainConfig(sample_rate_hz=PIEZO_HZ, channels=4, gain=1.0, **HIGH)
-SURE = dataclasses.replace(EVIDENCE, evidence_offset_db=4.0)
 NOISE_V = np.array([0.01, 0.03, 0.1, 0.02])
 
 
@@ -128,48 +126,6 @@ def test_the_steps_of_slips_are_those_that_nine_in_ten_stay_below_or_eight_of_a_
     assert slip_steps_v(ChainConfig(channels=3), tracks, rows=2).tolist() == largest.tolist()
 
 
-def alarms_at(chain, recording):
-    replay = Replay(chain)
-    return len(replay.run(recording.rows(), recording.sample_rate_hz).alarms)
-
-
-@pytest.mark.parametrize(('chain', 'vote'), [(CHAIN, 'all'), (SURE, 1)])
-def test_the_rate_holds_in_the_recording_and_in_another_but_not_below_the_threshold(chain, vote):
-    chain = dataclasses.replace(chain, vote=vote)
-    recording = track(1, duration_s=600.0, slips=False)
-    threshold, line = quiet_threshold(recording, chain, 60.0)
-    found = dataclasses.replace(chain, threshold=threshold)
-    alarms = alarms_at(found, recording)
-    assert f', {alarms} false alarms in 0.167 h: ' in line
-    upper = float(line.split(' to ')[1].split(' an hour')[0])
-    assert alarms / (1 / 6) <= upper <= 60.0
-    other = track(2, duration_s=600.0, slips=False)
-    assert alarms_at(found, other) <= 2 * 10
-    lower = dataclasses.replace(found, threshold=threshold / 1.5)
-    assert alarms_at(lower, recording) / (1 / 6) > 60.0
-
-
-def test_a_recording_that_cannot_show_the_rate_is_refused():
-    minute = track(5, duration_s=60.0, slips=False)
-    noisy = dataclasses.replace(SURE, noise_floor=(1e-6,), noise_floor_range_db=10.0)
-    silent = track_with(np.zeros((4560, 4)), name='seed 5')
-    for recording, chain, per_hour, line in (
-        (minute, CHAIN, 100.0, '5: lasts 0.0167 h, allowed: no slip, and at least 0.03 h to show'),
-        (track(6), CHAIN, 1000.0, '6: has slip, allowed: no slip'),
-        (minute, noisy, 200.0, '5: no threshold has that rate'),
-        (silent, CHAIN, 1000.0, '5: no threshold has that rate'),
-    ):
-        with pytest.raises(ValueError, match=f'^seed {line}'):
-            quiet_threshold(recording, chain, per_hour)
-
-
-def test_where_rest_makes_no_evidence_the_given_threshold_stays():
-    surer = dataclasses.replace(SURE, noise_floor=(1.0,))
-    found = quiet_threshold(track(5, duration_s=60.0, slips=False), surer, 200.0)
-    line = '0 false alarms in 0.0167 h: 0 to 180 an hour at 95% confidence'
-    assert found == (surer.threshold, f'threshold {surer.threshold:g}, {line}')
-
-
 def learn(rest_s=60.0, chain=EVIDENCE, mains_hz=60.0, hum_v=0.0):
     """Learn of a recording at rest, with hum."""
     volts, _ = slips(1, duration_s=rest_s, slips=False)
@@ -198,3 +154,22 @@ def test_rest_teaches_a_floor_for_each_channel_once_its_hum_is_removed():
     assert parameters.keys() == learnt.keys()
     with pytest.raises(ValueError, match=r'^rest: lasts 4 s, allowed: at least 5 s at rest'):
         learn(rest_s=4.0)
+
+
+def test_contact_begins_above_a_finger_that_touches_nothing_and_below_one_that_slides():
+    volts, truth = slips(1, slip_hz=14.0)
+    idle = 4.3 + 0.002 * np.random.default_rng(2).standard_normal((4000, 4))
+    of_idle = track_with(idle, kind='idle')
+    level_v = contact_level_v(EVIDENCE, [track_with(volts, truth), of_idle])
+    gated = SlipChain(dataclasses.replace(EVIDENCE, contact_level_v=level_v))
+    assert not gated.update(idle, excess=True).excess.any()
+    gated.reset()
+    assert gated.update(volts, excess=True).excess[truth].any(axis=1).mean() > 0.8
+    # Where a finger always touches there is no level.
+    for more in ([], [track_with(volts, kind='idle')]):
+        with pytest.raises(ValueError, match=r'touches nothing has a level of .* allowed: 1\.2 t'):
+            contact_level_v(EVIDENCE, [track_with(volts, truth), *more])
+    # A slide that sticks for half of its time is in contact by its loudest rows.
+    sticks = np.arange(len(volts)) % 1140 < 703
+    volts[sticks] = np.resize(idle, volts.shape)[sticks]
+    assert contact_level_v(EVIDENCE, [track_with(volts, truth), of_idle]) > 0.0

@@ -12,30 +12,19 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What recordings of kinds teach: when a finger touches, and which contradict their kind."""
+"""Labels held against the signal: moved to where it changes, and doubted where it does not."""
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from slip_detector.chain.samples import Floats
 from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.fields import refuse
+from slip_detector.recordings.labels import BY_EYE_S, label_at, snapped
+from slip_detector.tuning.noise import plain_chain
 from slip_detector.tuning.tracks import Track, at_rest, edges_of, enabled, envelopes
-
-#: A finger that touches nothing stays below the level of contact for all but this share of time;
-#: one that slides is above it for all but the second share.
-IDLE_SHARE, SLIDE_SHARE = 0.05, 0.1
-
-#: The level of a finger that slides is at least so many times that of one that touches nothing.
-LEAST_CONTACT_RATIO = 1.2
-
-#: The level of contact is at most this many times that of a finger that touches nothing, so that
-#: contact is noticed as soon as a slide begins.
-MOST_RATIO = 2.0
 
 #: Length of the blocks in which a recording is compared with its kind.
 BLOCK_S = 0.2
@@ -65,44 +54,52 @@ LEAST_POWER = 1e-60
 CONTRADICTED, AS_LOUD, QUIET_SLIPS = 0.2, 0.75, 0.25
 
 
-def plain_chain(chain: ChainConfig) -> ChainConfig:
-    """Return a chain whose envelope is the level in the pass-band."""
-    return dataclasses.replace(chain, decision='mean', gain=1.0, exponent=1)
+def snap_labels(tracks: list[Track]) -> tuple[list[Track], list[str]]:
+    """Move labels by hand to where the power of the signal changes; see :func:`.snapped`.
 
+    A recording whose ends are all found is exact to :data:`.BY_EYE_S` then; else it is as exact as
+    before. Labels that are as exact already stay as they are.
 
-def contact_level_v(chain: ChainConfig, tracks: Sequence[Track]) -> float:
-    """Return a ``contact_level_v`` between a finger that touches nothing and one that slides.
+    Returns
+    -------
+    tracks : list of Track
+        All of them, in their order.
+    sentences : list of str
+        One on each recording whose labels are by hand, and which ``accuracy_s`` fits hands that
+        are later than theirs.
 
-    What counts is the loudest row within ``contact_hold_s``, as contact lasts so long. A finger
-    touches nothing in recordings of the kind ``idle``.
-
-    Raises
-    ------
-    ValueError
-        When no recording shows that, or touch makes no difference.
+    Examples
+    --------
+    >>> from slip_detector.chain.samples import Samples
+    >>> from slip_detector.tuning.tracks import track_of
+    >>> volts = np.random.default_rng(1).normal(size=(1000, 4))
+    >>> volts[400:600] *= 5.0
+    >>> slip = (np.arange(1000) >= 425) & (np.arange(1000) < 620)
+    >>> rows = Samples.evenly(volts, 100.0, slip, accuracy_s=0.35)
+    >>> tracks, sentences = snap_labels([track_of('slip_1', [rows], 100.0)])
+    >>> tracks[0].slips, tracks[0].samples.accuracy_s
+    ((RowInterval(start=400, end=601),), 0.1)
+    >>> sentences
+    ['slip_1: start 4.25 -> 4.00 s, end 6.20 -> 6.01 s; ± 0.1 s']
     """
-    band: dict[str, Any] = {'passband_hz': chain.activity_band_hz, 'passband_degree': 4}
-    band |= {'stopbands_hz': (), 'mains_hz': 0.0, 'rectify': 'full'}
-    low = dataclasses.replace(plain_chain(chain), **band)
-    held = chain.samples(chain.contact_hold_s)
-    idle, slides = [np.zeros(0)], [np.zeros(0)]
-    for track in tracks:
-        levels = np.nan_to_num(envelopes(low, track))
-        settled, touching = levels.any(axis=1), np.sort(levels, axis=1)[:, -chain.contact_channels]
-        slides.append(_loudest(touching[settled & (track.row_classes == SLIP)], held))
-        if track.kind == 'idle':
-            idle.append(_loudest(touching[settled], held))
-    of_each = (np.concatenate(idle), 1.0 - IDLE_SHARE), (np.concatenate(slides), SLIDE_SHARE)
-    idle_v, slide_v = (float(np.quantile(v, share)) if v.size else 0.0 for v, share in of_each)
-    if not idle_v or slide_v < LEAST_CONTACT_RATIO * idle_v:
-        what = f'a finger that touches nothing has a level of {idle_v:.4g}, one that slides of '
-        refuse(f'{what}{slide_v:.4g}', f'{LEAST_CONTACT_RATIO:g} times as much')
-    return float(f'{min(MOST_RATIO * idle_v, np.sqrt(idle_v * slide_v)):.4g}')
-
-
-def _loudest(levels: Floats, rows: int) -> Floats:
-    """Return the largest of each so many levels."""
-    return np.maximum.reduceat(levels, range(0, levels.size, rows)) if levels.size else levels
+    done, sentences, late_s = [*tracks], list[str](), list[float]()
+    for k, track in enumerate(tracks):
+        rows, by_s = track.samples, track.samples.accuracy_s
+        if by_s <= BY_EYE_S or not track.slips or (np.diff(rows.stamps_ns) < 0).any():
+            continue
+        after_ns = np.append(rows.stamps_ns, rows.stamps_ns[-1] + 1) - rows.stamps_ns[0]
+        edges_s = after_ns[edges_of(rows)] * 1e-9
+        moved_s, found, said = snapped(rows, edges_s, track.sample_rate_hz, by_s)
+        now_s = BY_EYE_S if found.all() else by_s
+        label = label_at(after_ns[:-1], np.rint(1e9 * moved_s.ravel()).astype(np.int64), now_s)
+        done[k] = dataclasses.replace(track, samples=rows._replace(accuracy_s=now_s, **label))
+        sentences.append(f'{track.name}: {said}; ± {now_s:g} s')
+        if (off_s := np.abs(moved_s - edges_s).max()) > by_s:
+            late_s.append(off_s)
+    if 10 * len(late_s) > len(sentences):  # One of ten may be off by chance.
+        off = f'by up to {max(late_s):.2f} s: accuracy_s: {np.ceil(10 * max(late_s)) / 10:g} fits'
+        sentences.append(f'{len(late_s)} of {len(sentences)} labels by hand were off {off}')
+    return done, sentences
 
 
 def contradictions(chain: ChainConfig, tracks: Sequence[Track]) -> tuple[list[str], list[Track]]:
