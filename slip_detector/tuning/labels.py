@@ -39,7 +39,7 @@ LOUD_BLOCKS = 4
 #: Least difference of slips and rest, in dB, with which one can be told from the other.
 LEAST_DB = 6.0
 
-#: What is said of such slips.
+#: The sentence on slips in which nothing changes.
 NOTHING_CHANGES = 'nothing changes at its slips'
 
 #: Nothing changes in a slip in which the level rises by less than this share of what is usual in
@@ -67,39 +67,26 @@ def snap_labels(tracks: list[Track]) -> tuple[list[Track], list[str]]:
     sentences : list of str
         One on each recording whose labels are by hand, and which ``accuracy_s`` fits hands that
         are later than theirs.
-
-    Examples
-    --------
-    >>> from slip_detector.chain.samples import Samples
-    >>> from slip_detector.tuning.tracks import track_of
-    >>> volts = np.random.default_rng(1).normal(size=(1000, 4))
-    >>> volts[400:600] *= 5.0
-    >>> slip = (np.arange(1000) >= 425) & (np.arange(1000) < 620)
-    >>> rows = Samples.evenly(volts, 100.0, slip, accuracy_s=0.35)
-    >>> tracks, sentences = snap_labels([track_of('slip_1', [rows], 100.0)])
-    >>> tracks[0].slips, tracks[0].samples.accuracy_s
-    ((RowInterval(start=400, end=601),), 0.1)
-    >>> sentences
-    ['slip_1: start 4.25 -> 4.00 s, end 6.20 -> 6.01 s; ± 0.1 s']
     """
-    done, sentences, late_s = [*tracks], list[str](), list[float]()
+    snapped_tracks, sentences, late_s = [*tracks], list[str](), list[float]()
     for k, track in enumerate(tracks):
         rows, by_s = track.samples, track.samples.accuracy_s
         if by_s <= BY_EYE_S or not track.slips or (np.diff(rows.stamps_ns) < 0).any():
             continue
         after_ns = np.append(rows.stamps_ns, rows.stamps_ns[-1] + 1) - rows.stamps_ns[0]
         edges_s = after_ns[edges_of(rows)] * 1e-9
-        moved_s, found, said = snapped(rows, edges_s, track.sample_rate_hz, by_s)
-        now_s = BY_EYE_S if found.all() else by_s
+        moved_s, known, words = snapped(rows, edges_s, track.sample_rate_hz, by_s)
+        now_s = BY_EYE_S if known.all() else by_s
         label = label_at(after_ns[:-1], np.rint(1e9 * moved_s.ravel()).astype(np.int64), now_s)
-        done[k] = dataclasses.replace(track, samples=rows._replace(accuracy_s=now_s, **label))
-        sentences.append(f'{track.name}: {said}; ± {now_s:g} s')
+        rows = rows._replace(accuracy_s=now_s, **label)
+        snapped_tracks[k] = dataclasses.replace(track, samples=rows)
+        sentences.append(f'{track.name}: {words}; ± {now_s:g} s')
         if (off_s := np.abs(moved_s - edges_s).max()) > by_s:
             late_s.append(off_s)
     if 10 * len(late_s) > len(sentences):  # One of ten may be off by chance.
         off = f'by up to {max(late_s):.2f} s: accuracy_s: {np.ceil(10 * max(late_s)) / 10:g} fits'
         sentences.append(f'{len(late_s)} of {len(sentences)} labels by hand were off {off}')
-    return done, sentences
+    return snapped_tracks, sentences
 
 
 def contradictions(chain: ChainConfig, tracks: Sequence[Track]) -> tuple[list[str], list[Track]]:

@@ -74,12 +74,11 @@ def learn(
     chain: ChainConfig, tracks: Sequence[Track], step: Callable[[str], None]
 ) -> tuple[ChainConfig, list[str]]:
     """Learn bands, mains and noise of a finger; return where a search begins, and lines on it."""
-    chain, lines = beginning(chain), []
+    chain = beginning(chain)
     step('measuring where slides stand out')
     bands, line = slip_bands(chain, tracks)
-    low_hz, _ = chain.passband_hz
-    lines.append(line)
-    if bands and bands[0][1] and low_hz >= bands[0][1]:
+    lines, (low_hz, _) = [line], chain.passband_hz
+    if bands and 0.0 < bands[0][1] <= low_hz:
         lines.append(f'The given pass-band begins above them, at {low_hz:g} Hz')
     quiet = [track for track in tracks if not track.slips]
     if not quiet:
@@ -89,10 +88,10 @@ def learn(
     longest = max(resting or quiet, key=lambda track: track.duration_s)
     step(f'learning the noise of {longest.name}')
     try:
-        learnt, said = learn_noise(chain, tracks, longest)
+        parameters, more = learn_noise(chain, tracks, longest)
     except ValueError as error:
         return chain, [*lines, str(error)]
-    return dataclasses.replace(chain, **learnt), lines + said
+    return dataclasses.replace(chain, **parameters), lines + more
 
 
 def learn_from_quiet(

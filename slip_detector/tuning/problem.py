@@ -189,8 +189,8 @@ class Problem:
         """Return a name for the study that no other problem has, however recordings are named."""
         sets = (self.given, self.evaluation, self.config, self.running or self.given)
         shapes = [(track.stretches, track.sample_rate_hz) for track in self.tracks]
-        asked = ([one.to_parameters() for one in sets], self.figures, shapes)
-        digest = hashlib.sha256(repr(asked).encode())
+        known = [each.to_parameters() for each in sets], self.figures, shapes
+        digest = hashlib.sha256(repr(known).encode())
         for track in self.tracks:
             digest.update(np.ascontiguousarray(track.volts).data)
             digest.update(track.row_classes.data)
@@ -376,5 +376,5 @@ def _sum_over_kinds(swept: Events, what: int) -> Floats:
     """
     first = LASTING.index('rest') + 1
     parts = swept.lasting[1:first], swept.lasting[first:]  # the rest and the other kinds
-    shares = ([of[what] / of[0] for of in part if of[0].all()] for part in parts)
+    shares = ([kind[what] / kind[0] for kind in part if kind[0].all()] for part in parts)
     return np.asarray(sum(np.mean(part, axis=0) for part in shares if part))

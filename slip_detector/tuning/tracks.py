@@ -254,8 +254,10 @@ def load_tracks(
             try:
                 opened = loader.open(file, labelled)
                 names = opened.recording.channel_names
-                rows = (one._replace(kind=kind or one.kind, names=names) for one in opened.rows)
-                track = track_of(name, rows, opened.sample_rate_hz)
+                pieces = (
+                    piece._replace(kind=kind or piece.kind, names=names) for piece in opened.rows
+                )
+                track = track_of(name, pieces, opened.sample_rate_hz)
                 if track.samples.accuracy_s and not track.slips:  # What a key was for is unknown.
                     refuse(f'{file}: has no slip', 'one at least where labels are by hand')
             except ValueError as error:
@@ -330,12 +332,13 @@ class TrainingFiles(NamedTuple):
         for kind, path in self.of_kinds:
             training += load([path], labelled=False, kind=kind)
         held = load(self.left_out)
-        left_out = [f'Left out: {name_list(of, 3)}: {why}' for why, of in unusable.items()]
+        left_out = [f'Left out: {name_list(files, 3)}: {why}' for why, files in unusable.items()]
         notes = left_out + faults_of(training + held)
         if not self.left_out:
             training, held = held_out(training)
         # Of a kind that is not held out the end of the last recording is.
-        for kind in sorted({one.kind for one in training} - {'', *(one.kind for one in held)}):
+        lacking = {track.kind for track in training} - {track.kind for track in held}
+        for kind in sorted(lacking - {''}):
             last = max(k for k, track in enumerate(training) if track.kind == kind)
             row = round(TUNED_SHARE * len(training[last].volts))
             if 0 < row < len(training[last].volts):

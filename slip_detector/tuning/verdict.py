@@ -215,7 +215,7 @@ def _read(files: TrainingFiles, chain: ChainConfig) -> tuple[list[Track], list[T
     tracks, moved = snap_labels(training + held)
     sentences, mistakes = contradictions(chain, tracks)
     training, held = tracks[: len(training)], tracks[len(training) :]
-    wrong = [one for one in training if one in mistakes and one.samples.accuracy_s]
+    wrong = [track for track in training if track in mistakes and track.samples.accuracy_s]
     others = [track for track in training if track not in wrong]
     if wrong and any(track.slips for track in others):
         training = others
@@ -238,19 +238,18 @@ def choose(problem: Problem, trials: Sequence[Any]) -> Candidate | None:
     if not trials:
         return None
     cheapest = sorted(trials, key=lambda trial: trial.value)[:COMPARED_CHAINS]
-    tried = [(trial, candidate_of(trial, problem)) for trial in cheapest]
-    costs = [problem.left_out(candidate.chain) for _, candidate in tried]
+    tried = [candidate_of(trial, problem) for trial in cheapest]
+    costs = [problem.left_out(candidate.chain) for candidate in tried]
     best = min(range(len(tried)), key=lambda k: costs[k][0])
     best_ms, best_costs_ms = costs[best]
-    areas = ((one or {}).get('auc') or 0.0 for one in (tried[best][1].figures, problem.figures))
-    least_area = min(areas) - COMPARED['auc'].step
-    as_good = []
-    for (trial, candidate), (cost_ms, costs_ms) in zip(tried, costs, strict=True):
+    both = tried[best].figures, problem.figures or {'auc': None}
+    least_area = min(figures['auc'] or 0.0 for figures in both) - COMPARED['auc'].step
+    given, distances = problem.space.point(problem.given), dict[int, float]()
+    for k, (cost_ms, costs_ms) in enumerate(costs):
         error_ms = math.sqrt(costs_ms.size - 1) * float(np.std(costs_ms - best_costs_ms))
-        if cost_ms <= best_ms + error_ms and (candidate.figures['auc'] or 0.0) >= least_area:
-            as_good.append((trial, candidate))
-    given = problem.space.point(problem.given)
-    return min(as_good, key=lambda one: problem.space.distance(one[0].params, given))[1]
+        if cost_ms <= best_ms + error_ms and (tried[k].figures['auc'] or 0.0) >= least_area:
+            distances[k] = problem.space.distance(cheapest[k].params, given)
+    return tried[min(distances, key=lambda k: distances[k])]
 
 
 def judge(problem: Problem, held: Sequence[Track], best: Candidate | None) -> Verdict:
