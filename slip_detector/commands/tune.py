@@ -100,36 +100,38 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     return options
 
 
-def _observers(bar: Any, as_json: bool) -> dict[str, Callable[..., None]]:
-    """Return functions that show each step, what is noticed, and the trials so far."""
-    state: dict[str, Any] = {'step': 'reading the recordings', 'share': 0.0, 'lines': []}
+def _observer(bar: Any, as_json: bool) -> Callable[..., None]:
+    """Return a function that shows what a search tells; see :func:`.verdict.tune`."""
+    state: dict[str, Any] = {'step': '', 'share': 0.0, 'lines': []}
 
-    def show(lines: Sequence[str] = (), **changes: Any) -> None:
-        state.update(changes, lines=[*state['lines'], *lines])
+    def observe(
+        step: str = '',
+        lines: Sequence[str] = (),
+        count: int | None = None,
+        trials: int = 1,
+        best: Candidate | None = None,
+    ) -> None:
+        state['lines'] = [*state['lines'], *lines]
+        if count is not None:
+            step = f'{count} of {trials} trials'
+            if best:
+                matched, missed = best.figures['matched'], best.figures['missed']
+                percent = rounded(best.figures['false_time_percent'])
+                step += f', so far finds {matched} of {matched + missed} slips'
+                step += f', ON without slip {percent} %'
+            bar.total, before, state['share'] = trials, state['share'], count / trials
+            bar.update(count - bar.n)
+            if bar.disable and int(LINES * state['share']) > int(LINES * before):
+                lines = [*lines, step]
+        state['step'] = step or state['step']
         if as_json:
             print(json.dumps(state), flush=True)
         elif lines:
             bar.write('\n'.join(lines), file=sys.stderr)
         bar.set_description_str(state['step'])
 
-    def progress(count: int, trials: int, best: Candidate | None) -> None:
-        words = f'{count} of {trials} trials'
-        if best:
-            matched, missed = best.figures['matched'], best.figures['missed']
-            percent = rounded(best.figures['false_time_percent'])
-            words += f', so far finds {matched} of {matched + missed} slips, '
-            words += f'ON without slip {percent} %'
-        bar.total = trials
-        bar.update(count - bar.n)
-        due = int(LINES * count / trials) > int(LINES * state['share'])
-        show(
-            [words] if due and bar.disable and not as_json else [],
-            step=words,
-            share=count / trials,
-        )
-
-    show()
-    return {'progress': progress, 'doubt': show, 'step': lambda words: show(step=words)}
+    observe('reading the recordings')
+    return observe
 
 
 def _describe(tracks: Sequence[Track]) -> str:
@@ -152,8 +154,9 @@ def _search(
         workers.processes(options.jobs) as calls,
         workers.progress_bar(options.trials, 'trial') as bar,
     ):
-        more: Any = {**_observers(bar, options.json), 'stop': stop, 'calls': calls}
-        result = tune(files, parameters, options.trials, seed=options.seed, storage=where, **more)
+        study: Any = {'trials': options.trials, 'seed': options.seed, 'storage': where}
+        observe = _observer(bar, options.json)
+        result = tune(files, parameters, **study, observe=observe, stop=stop, calls=calls)
     # It takes a while to load.
     from slip_detector.report.page import replay_variant, write_page
 

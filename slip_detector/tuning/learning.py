@@ -71,11 +71,11 @@ def beginning(chain: ChainConfig) -> ChainConfig:
 
 
 def learn(
-    chain: ChainConfig, tracks: Sequence[Track], step: Callable[[str], None]
+    chain: ChainConfig, tracks: Sequence[Track], observe: Callable[..., None]
 ) -> tuple[ChainConfig, list[str]]:
     """Learn bands, mains and noise of a finger; return where a search begins, and lines on it."""
     chain = beginning(chain)
-    step('measuring where slides stand out')
+    observe(step='measuring where slides stand out')
     bands, line = slip_bands(chain, tracks)
     lines, (low_hz, _) = [line], chain.passband_hz
     if bands and 0.0 < bands[0][1] <= low_hz:
@@ -86,7 +86,7 @@ def learn(
     # A recording of rest shows the mains best, if it is long enough.
     resting = [track for track in at_rest(quiet) if track.duration_s >= LEAST_S]
     longest = max(resting or quiet, key=lambda track: track.duration_s)
-    step(f'learning the noise of {longest.name}')
+    observe(step=f'learning the noise of {longest.name}')
     try:
         parameters, more = learn_noise(chain, tracks, longest)
     except ValueError as error:

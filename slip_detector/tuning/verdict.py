@@ -122,11 +122,9 @@ def tune(
     *,
     seed: int = 0,
     storage: str | None = None,
-    progress: Callable[[int, int, Candidate | None], None] = lambda count, trials, best: None,
-    doubt: Callable[[list[str]], None] = lambda sentences: None,
+    observe: Callable[..., None] = lambda **news: None,
     stop: Callable[[], bool] = lambda: False,
     calls: Calls | None = None,
-    step: Callable[[str], None] = lambda words: None,
 ) -> TuningResult:
     """Learn of a finger, search for a better chain, and judge the best one by what is held out.
 
@@ -145,20 +143,18 @@ def tune(
         Seed of the search.
     storage
         The storage of the study, see :class:`Study`; None: in memory.
-    progress
-        Called with the number of trials so far, the number of all, and the cheapest chain, before
-        the first trial, and after each trial and each batch.
-    doubt
-        Called with lines on what is noticed: before the search on each recording that has faults,
-        is left out or contradicts its kind, see :func:`.labels.contradictions`, and on what was
-        learnt; after it on what the result cannot tell.
+    observe
+        Called with news by name. ``step``: words on a step, as it begins. ``count``, ``trials``
+        and ``best``: the number of trials so far, that of all, and the cheapest chain, if there is
+        one; before the first trial, and after each trial and each batch. ``lines``: before the
+        search on recordings that have faults, are left out or contradict their kind, see
+        :func:`.labels.contradictions`, and on what was learnt; after it on what the result cannot
+        tell.
     stop
         Returns whether to end the search with the result so far; first called when the recordings
         are read.
     calls
         Makes the calls for the points of a batch. None: they are made in this process.
-    step
-        Called with words on each step as it begins.
 
     Raises
     ------
@@ -173,11 +169,11 @@ def tune(
     if parameters.tune.trade:
         refuse('parameter trade is true', 'false; other weights ask for another compromise')
     training, held, notes = _read(files, parameters.chain)
-    begin, learnt = learn(parameters.chain, training, step)
+    begin, learnt = learn(parameters.chain, training, observe)
     notes += learnt
-    doubt(notes)
+    observe(lines=notes)
     stop()
-    step('searching')
+    observe(step='searching')
     problem = parameters.problem(training, begin)
     values = sum(track.volts.size for track in training)
     many = trials or int(np.clip(VALUES / values, *TRIALS))
@@ -185,7 +181,8 @@ def tune(
 
     def show(count: int) -> None:
         with study.errors_in_one_line():  # Its trials may be damaged.
-            progress(count, many, study.cheapest and candidate_of(study.cheapest, problem))
+            best = study.cheapest and candidate_of(study.cheapest, problem)
+            observe(count=count, trials=many, best=best)
 
     show(study.follow())
     # Other processes get the recordings with the first call, but not what was learnt from them.
@@ -200,12 +197,12 @@ def tune(
     if rest_s < LEAST_REST_S:
         few = f'Only {rest_s:.3g} s of rest are held out: false alarms hardly show in it'
         late_notes.append(few)
-    step('choosing the best, recording by recording')
+    observe(step='choosing the best, recording by recording')
     with study.errors_in_one_line():
         best = choose(problem, study.trials)
-    step('comparing on what was held out')
+    observe(step='comparing on what was held out')
     verdict = judge(problem, held, best)
-    doubt(late_notes)
+    observe(lines=late_notes)
     return TuningResult(problem, held, study, verdict, notes + late_notes)
 
 
