@@ -47,6 +47,14 @@ SHORTEST_WINDOW_S = 0.0025
 #: With fewer channels than this the common mode would be mostly signal.
 LEAST_SHARING = 3
 
+#: Kinds of recordings, and the parameters that are searched only where there is one of them; else
+#: nothing shows what the parameters are for, and they stay as they are given.
+SHOWN_BY_KINDS = (
+    ({'taps', 'press', 'roll'}, ('impact_s', 'common_rank')),
+    ({'idle'}, ('contact', 'contact_channels')),
+    ({'press', 'roll'}, ('activity', 'activity_cap_db', 'activity_range_db')),
+)
+
 #: How the names of the parameters of a point begin that only one decision has.
 DECISION_PREFIXES = {
     'mean': ('decision_window',),
@@ -135,26 +143,14 @@ class SearchSpace:
         for each_hz in MAINS_HZ:
             with contextlib.suppress(ValueError):  # The rate has no whole periods of it.
                 mains_hz.add(dataclasses.replace(given, mains_hz=each_hz).mains_hz)
-        kinds = {track.kind for track in self._tracks}
-        # What no recording shows is not searched, and stays as it is given.
-        shown_by_kinds: dict[str, Any] = {}
-        if kinds & {'taps', 'press', 'roll'}:
-            shown_by_kinds = {
-                'impact_s': OneOf(sorted({given.impact_s, *IMPACTS_S})),
-                'common_rank': Whole(0, max(MOST_RANK, given.common_rank)),
-            }
-        if 'idle' in kinds:
-            shown_by_kinds |= {
-                'contact': OneOf(_ways(given.contact_level_v, 'none', 'learnt')),
-                'contact_channels': Whole(1, channels, log=True),
-            }
-        if kinds & {'press', 'roll'}:
-            shown_by_kinds |= {
-                'activity': OneOf(_ways(given.activity_cap_db, 'none', 'searched')),
-                'activity_cap_db': Between(2.0, 20.0),
-                'activity_range_db': Between(-10.0, 30.0),
-            }
-        return shown_by_kinds | {
+        distributions = {
+            'impact_s': OneOf(sorted({given.impact_s, *IMPACTS_S})),
+            'common_rank': Whole(0, max(MOST_RANK, given.common_rank)),
+            'contact': OneOf(_ways(given.contact_level_v, 'none', 'learnt')),
+            'contact_channels': Whole(1, channels, log=True),
+            'activity': OneOf(_ways(given.activity_cap_db, 'none', 'searched')),
+            'activity_cap_db': Between(2.0, 20.0),
+            'activity_range_db': Between(-10.0, 30.0),
             'decision': OneOf(('mean', 'evidence')),
             'passband_low_hz': Between(LOWEST_LOW * rate, HIGHEST_LOW * rate, log=True),
             'passband_octaves': Between(0.5, WIDEST),
@@ -181,6 +177,11 @@ class SearchSpace:
             'impact_hold_s': Between(max(0.05, 1.0 / rate), 1.0, log=True),
             'common_mode': OneOf(COMMON_MODES if channels >= LEAST_SHARING else ('none',)),
         }
+        kinds = {track.kind for track in self._tracks}
+        for shown_by, names in SHOWN_BY_KINDS:
+            for name in names if not kinds & shown_by else ():
+                del distributions[name]
+        return distributions
 
     def chain(self, point: dict[str, Any]) -> ChainConfig:
         """Return the chain of a point, with the given threshold and vote.
