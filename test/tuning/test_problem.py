@@ -20,8 +20,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import assume, example, given
-from hypothesis import strategies as st
 
 from slip_detector.chain.filters import settling_rows
 from slip_detector.parameters.evaluation import EvaluationConfig, TuneConfig
@@ -73,13 +71,12 @@ def test_time_on_counts_beside_rest_by_the_mean_of_kinds_however_long_each_was_r
     of_kinds = [figures['press_on_percent'], figures['idle_on_percent']]
     assert of_kinds[0] > of_kinds[1] > 0.0
     free = TuneConfig(auc_costs_ms=0.0, false_time_costs_ms=0.0)
-    for many in range(3):
+    for many, more_percent in ((1, 0.0), (2, of_kinds[0]), (3, np.mean(of_kinds))):
         cost_ms, free_ms = (
-            Problem(tracks[: many + 1], config=config).as_it_is(often).cost_ms
+            Problem(tracks[:many], config=config).as_it_is(often).cost_ms
             for config in (dataclasses.replace(free, false_time_costs_ms=10.0), free)
         )
-        percent = alone_percent + (np.mean(of_kinds[:many]) if many else 0.0)
-        assert cost_ms - free_ms == pytest.approx(10.0 * percent)
+        assert cost_ms - free_ms == pytest.approx(10.0 * (alone_percent + more_percent))
 
 
 def test_a_figure_that_gets_worse_than_given_counts_tenfold():
@@ -96,12 +93,10 @@ def test_a_figure_that_gets_worse_than_given_counts_tenfold():
         assert cost_ms == pytest.approx(alone.cost_ms + more_ms)
 
 
-def test_each_figure_that_is_worse_is_named_and_of_a_chain_as_good_as_chance_only_the_area():
+def test_each_figure_that_is_worse_is_named():
     good = compared(1.0, 0.9, 20.0, 1.005, 0.5, 0.99, 1.0, press_on_percent=3.0)
     bad = compared(0.9, 0.8, None, 2.03, 1.5, 0.9, 0.5, press_on_percent=3.6)
     assert worse_figures(bad, good) == [*[*COMPARED][:5], 'press_on_percent', 'auc']
-    assert worse_figures(good, good) == worse_figures(good, bad) == []
-    assert worse_figures(bad, {**good, 'sooner_than_chance': 0.0}) == ['auc']
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -214,23 +209,23 @@ def trial_of(asked, k, octaves, auc=0.9):
     return SimpleNamespace(params=point, value=k, user_attrs=found)
 
 
-COSTS_MS = st.lists(st.floats(0.0, 500.0).map(round), min_size=5, max_size=5)
-
-
-@given(COSTS_MS, COSTS_MS)
-@example([90, 110, 100, 95, 105], [95, 115, 105, 100, 110])  # worse by the same in each: surely
-@example([20, 180, 100, 40, 160], [120, 90, 110, 130, 85])  # worse in some: maybe
-def test_the_nearest_of_those_within_a_standard_error_of_the_best_is_chosen(far, near):
-    asked = Known([], CHAIN, costs=((), far, near, [1e4] * 5))
+@pytest.mark.parametrize(
+    ('far_ms', 'near_ms', 'nearer'),
+    [
+        # Worse by the same in each recording: surely. Worse in some: maybe.
+        ([90, 110, 100, 95, 105], [95, 115, 105, 100, 110], False),
+        ([20, 180, 100, 40, 160], [120, 90, 110, 130, 85], True),
+    ],
+)
+def test_the_nearest_of_those_within_a_standard_error_of_the_best_is_chosen(
+    far_ms, near_ms, nearer
+):
+    asked = Known([], CHAIN, costs=((), far_ms, near_ms, [1e4] * 5))
     trials = [trial_of(asked, 1, 2.0), trial_of(asked, 2, 1.0), trial_of(asked, 3, 0.5)]
-    differences = np.subtract(near, far)
-    error_ms = np.std(differences, ddof=1) / math.sqrt(len(far))
-    assume(abs(abs(differences.mean()) - error_ms) > 1e-6)
-    assert choose(asked, trials).chain.threshold == (1.0 if differences.mean() > error_ms else 2.0)
+    assert choose(asked, trials).chain.threshold == 1.0 + nearer
     # Few slips do not excuse one that tells less of the many rows.
     asked = dataclasses.replace(asked, figures={'auc': 0.9})
-    blind = [trials[0], trial_of(asked, 2, 1.0, auc=0.8)]
-    assert choose(asked, blind).chain.threshold == (2.0 if differences.mean() < 0.0 else 1.0)
+    assert choose(asked, [trials[0], trial_of(asked, 2, 1.0, auc=0.8)]).chain.threshold == 1.0
 
 
 def test_with_scored_slips_in_one_recording_the_nearest_of_the_cheapest_is_chosen():
