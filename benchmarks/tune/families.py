@@ -137,8 +137,8 @@ def measure_families(
         # As slip_tune does: the search has a part of the tracks, the rest judges.
         training, held = held_out(play_scenes(descriptions, tuned_on))
         problem = parameters.problem(training)
-        study = Study(problem.space.distributions, seed=0)
-        search(problem, study, trials)
+        study = Study(problem, seed=0)
+        search(study, trials)
         verdict = judge(problem, held, choose(problem, study.trials))
         tracks = play_scenes(descriptions, reported_on)
         given, tuned = (figures_on(tracks, one) for one in (parameters.chain, verdict.chain))

@@ -30,7 +30,7 @@ import fcntl
 import math
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from slip_detector.parameters.files import check_plain
 from slip_detector.tuning.problem import Candidate, Problem, searched
@@ -51,8 +51,14 @@ Point = dict[str, Any]
 Calls = Callable[..., Iterator[tuple[int, Candidate | None]]]
 
 
+class Trial(NamedTuple):
+    """A point that was tried, and the cheapest chain there."""
+
+    point: Point
+    candidate: Candidate
+
+
 def search(
-    problem: Problem,
     study: 'Study',
     trials: int,
     stop: Callable[[], bool] = lambda: False,
@@ -63,8 +69,6 @@ def search(
 
     Parameters
     ----------
-    problem
-        The problem of the search.
     study
         The study that the trials belong to.
     trials
@@ -82,6 +86,7 @@ def search(
     ValueError
         When the storage fails; names it.
     """
+    problem = study.problem
     results = results or (lambda points: enumerate(map(problem.candidate_at, points)))
 
     def attempt(points: Sequence[Point]) -> bool:
@@ -126,20 +131,18 @@ class Study:
 
     Parameters
     ----------
-    distributions
-        The distributions of the search space, by name.
+    problem
+        The problem of the search; each has a study of its own in a storage.
     seed
         Seed of the sampler, different for each worker of a study.
     storage
         The URL of a database (``sqlite:///study.db``, ``postgresql://user@host/study``), or the
         path of a journal, which is made if it does not exist. None: the memory of this process.
-    name
-        Name of the study in its storage; each problem needs a name of its own.
 
     Attributes
     ----------
-    trials : list
-        All trials with a cost that this worker has read, as Optuna has them.
+    trials : list of Trial
+        All trials that found a chain, as far as this worker has read them.
 
     Raises
     ------
@@ -147,30 +150,25 @@ class Study:
         When the storage cannot be opened, or the last line of a journal is cut off; names it.
     """
 
-    def __init__(
-        self,
-        distributions: dict[str, Any],
-        seed: int,
-        storage: str | None = None,
-        name: str = 'slip_tune',
-    ) -> None:
+    def __init__(self, problem: Problem, seed: int, storage: str | None = None) -> None:
         import optuna
 
         optuna.logging.set_verbosity(optuna.logging.ERROR)
-        self._distributions, self._where = distributions, storage
+        self.problem, self._where = problem, storage
         # Points of a batch keep away from each other.
         sampler = optuna.samplers.TPESampler(seed=seed, n_startup_trials=0, constant_liar=True)
         self._copy = optuna.create_study(sampler=sampler)
-        self._asked, self._read, self.trials = list[Any](), 0, list[Any]()
+        self._asked, self._read, self.trials = list[Any](), 0, list[Trial]()
         self._costs_ms: dict[frozenset[Any], float] = {}
-        with self.errors_in_one_line():
+        with self._errors_in_one_line():
+            name, opened = problem.study_name(), storage and _open_storage(storage)
             self._shared = optuna.create_study(
-                storage=storage and _open_storage(storage), study_name=name, load_if_exists=True
+                storage=opened, study_name=name, load_if_exists=True
             )
         self.follow()
 
     @contextlib.contextmanager
-    def errors_in_one_line(self) -> Iterator[None]:
+    def _errors_in_one_line(self) -> Iterator[None]:
         """Turn the errors of all kinds of storages into one line that names the storage."""
         try:
             yield
@@ -186,16 +184,20 @@ class Study:
         """Read the new trials of all workers; return the number of all trials."""
         from optuna.trial import TrialState
 
-        with self.errors_in_one_line():
+        with self._errors_in_one_line():
             fresh = self._shared.get_trials(deepcopy=False)[self._read :]
             self._copy.add_trials(fresh)
+            for trial in fresh:
+                cost_ms = math.inf if trial.value is None else trial.value
+                self._costs_ms.setdefault(frozenset(trial.params.items()), cost_ms)
+                if trial.value is not None:
+                    kept = trial.user_attrs
+                    chain = dataclasses.replace(self.problem.given, **kept['parameters'])
+                    candidate = Candidate(chain, trial.value, kept['figures'])
+                    self.trials.append(Trial(trial.params, candidate))
         # What was asked for is among them; until now the sampler kept away from these points.
         while self._asked:
             self._copy.tell(self._asked.pop(), state=TrialState.FAIL)
-        for trial in fresh:
-            cost_ms = math.inf if trial.value is None else trial.value
-            self._costs_ms.setdefault(frozenset(trial.params.items()), cost_ms)
-        self.trials += [trial for trial in fresh if trial.value is not None]
         self._read += len(fresh)
         return self._read
 
@@ -209,34 +211,29 @@ class Study:
 
     def ask(self) -> Point:
         """Return the next point to try."""
-        self._asked.append(self._copy.ask(self._distributions))
+        self._asked.append(self._copy.ask(self.problem.space.distributions))
         return dict(self._asked[-1].params)
 
     def tell(self, point: Point, found: Candidate | None) -> None:
         """Store the candidate at a point, if there is one."""
         from optuna.trial import TrialState, create_trial
 
+        kept = found and {'parameters': searched(found.chain), 'figures': found.figures}
         trial = create_trial(
             state=TrialState.COMPLETE if found else TrialState.FAIL,
             value=found and found.cost_ms,
             params=point,
-            distributions=self._distributions,
-            user_attrs=found and {'parameters': searched(found.chain), 'figures': found.figures},
+            distributions=self.problem.space.distributions,
+            user_attrs=kept,
         )
-        with self.errors_in_one_line():
+        with self._errors_in_one_line():
             self._shared.add_trial(trial)
 
     @property
-    def cheapest(self) -> Any:
-        """The trial that costs least; None: there is none."""
-        return min(self.trials, key=lambda trial: trial.value, default=None)
-
-
-def candidate_of(trial: Any, problem: Problem) -> Candidate:
-    """Return the candidate of a trial that has a cost."""
-    attributes = trial.user_attrs
-    chain = dataclasses.replace(problem.given, **attributes['parameters'])
-    return Candidate(chain, trial.value, attributes['figures'])
+    def cheapest(self) -> Candidate | None:
+        """The chain that costs least, if there is any."""
+        candidates = [trial.candidate for trial in self.trials]
+        return min(candidates, key=lambda one: one.cost_ms, default=None)
 
 
 def _open_storage(storage: str) -> Any:

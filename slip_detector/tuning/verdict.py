@@ -19,7 +19,7 @@ import functools
 import importlib.util
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -37,7 +37,7 @@ from slip_detector.tuning.problem import (
     better_than_chance,
     worse_figures,
 )
-from slip_detector.tuning.search import Calls, Study, candidate_of, search
+from slip_detector.tuning.search import Calls, Study, Trial, search
 from slip_detector.tuning.tracks import Track, TrainingFiles
 
 #: The chains that are compared on the recordings that were tuned on, the cheapest first.
@@ -177,17 +177,15 @@ def tune(
     problem = parameters.problem(training, begin)
     values = sum(track.volts.size for track in training)
     many = trials or int(np.clip(VALUES / values, *TRIALS))
-    study = Study(problem.space.distributions, seed, storage, problem.study_name())
+    study = Study(problem, seed, storage)
 
     def show(count: int) -> None:
-        with study.errors_in_one_line():  # Its trials may be damaged.
-            best = study.cheapest and candidate_of(study.cheapest, problem)
-            observe(count=count, trials=many, best=best)
+        observe(count=count, trials=many, best=study.cheapest)
 
     show(study.follow())
     # Other processes get the recordings with the first call, but not what was learnt from them.
     results = calls and functools.partial(calls, dataclasses.replace(problem).candidate_at)
-    search(problem, study, many, stop, show, results)
+    search(study, many, stop, show, results)
     late_notes = []
     if stop():
         if not study.trials:
@@ -198,8 +196,7 @@ def tune(
         few = f'Only {rest_s:.3g} s of rest are held out: false alarms hardly show in it'
         late_notes.append(few)
     observe(step='choosing the best, recording by recording')
-    with study.errors_in_one_line():
-        best = choose(problem, study.trials)
+    best = choose(problem, study.trials)
     observe(step='comparing on what was held out')
     verdict = judge(problem, held, best)
     observe(lines=late_notes)
@@ -221,7 +218,7 @@ def _read(files: TrainingFiles, chain: ChainConfig) -> tuple[list[Track], list[T
     return training, held, notes + moved + sentences
 
 
-def choose(problem: Problem, trials: Sequence[Any]) -> Candidate | None:
+def choose(problem: Problem, trials: Sequence[Trial]) -> Candidate | None:
     """Return the result of a search; None where no trial found a chain.
 
     The cheapest chains are compared by what they cost in each recording with the threshold that
@@ -234,8 +231,8 @@ def choose(problem: Problem, trials: Sequence[Any]) -> Candidate | None:
     """
     if not trials:
         return None
-    cheapest = sorted(trials, key=lambda trial: trial.value)[:COMPARED_CHAINS]
-    tried = [candidate_of(trial, problem) for trial in cheapest]
+    cheapest = sorted(trials, key=lambda trial: trial.candidate.cost_ms)[:COMPARED_CHAINS]
+    tried = [trial.candidate for trial in cheapest]
     costs = [problem.left_out(candidate.chain) for candidate in tried]
     best = min(range(len(tried)), key=lambda k: costs[k][0])
     best_ms, best_costs_ms = costs[best]
@@ -245,7 +242,7 @@ def choose(problem: Problem, trials: Sequence[Any]) -> Candidate | None:
     for k, (cost_ms, costs_ms) in enumerate(costs):
         error_ms = math.sqrt(costs_ms.size - 1) * float(np.std(costs_ms - best_costs_ms))
         if cost_ms <= best_ms + error_ms and (tried[k].figures['auc'] or 0.0) >= least_area:
-            distances[k] = problem.space.distance(cheapest[k].params, given)
+            distances[k] = problem.space.distance(cheapest[k].point, given)
     return tried[min(distances, key=lambda k: distances[k])]
 
 

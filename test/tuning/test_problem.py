@@ -16,7 +16,6 @@
 
 import dataclasses
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -25,6 +24,7 @@ from slip_detector.chain.filters import settling_rows
 from slip_detector.parameters.evaluation import EvaluationConfig, TuneConfig
 from slip_detector.recordings.labels import label_at
 from slip_detector.tuning.problem import COMPARED, Candidate, Problem, worse_figures
+from slip_detector.tuning.search import Trial
 from slip_detector.tuning.sweep import thresholds, vote_statistics
 from slip_detector.tuning.tracks import track_of
 from slip_detector.tuning.verdict import choose, judge
@@ -203,10 +203,10 @@ def test_the_threshold_for_a_recording_comes_from_the_others():
 
 def trial_of(asked, k, octaves, auc=0.9):
     """Return the trial of a chain with a threshold at a distance from the given one."""
-    found = {'parameters': {'threshold': float(k)}, 'figures': {'auc': auc}}
     point = asked.space.point(CHAIN)
     point['passband_octaves'] += octaves
-    return SimpleNamespace(params=point, value=k, user_attrs=found)
+    chain = dataclasses.replace(CHAIN, threshold=float(k))
+    return Trial(point, Candidate(chain, k, {'auc': auc}))
 
 
 @pytest.mark.parametrize(

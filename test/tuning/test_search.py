@@ -22,13 +22,12 @@ import signal
 from pathlib import Path
 
 import numpy as np
-import optuna
 import pytest
 
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.tuning.problem import Candidate, Problem
-from slip_detector.tuning.search import Study, candidate_of, search
+from slip_detector.tuning.search import Study, Trial, search
 from slip_detector.tuning.tracks import TrainingFiles
 from slip_detector.tuning.verdict import TuningParameters, tune
 from support.limits import full_disk
@@ -46,8 +45,8 @@ from support.tuning_cases import (
 )
 
 PARAMETERS = TuningParameters(CHAIN, RecordingConfig(recording_truth_key='label'))
-FOUND, PROBLEM = Candidate(CHAIN, 3.0, {}), Problem([], CHAIN)
-X = {'x': optuna.distributions.FloatDistribution(0.0, 1.0)}
+PROBLEM, FOUND = Problem([], CHAIN), Candidate(CHAIN, 3.0, {'recall': 1.0})
+POINT = PROBLEM.space.point(CHAIN)
 
 
 class OnlyStages(Study):
@@ -59,10 +58,10 @@ class OnlyStages(Study):
 
 def searched(asked, trials=10_000, storage=None, results=None):
     """Search up to a number of trials, but not by chance; return point and cost of all."""
-    study = OnlyStages(asked.space.distributions, 0, storage)
+    study = OnlyStages(asked, 0, storage)
     with contextlib.suppress(LookupError):
-        search(asked, study, trials, results=results)
-    return [(trial.params, trial.value) for trial in study.trials]
+        search(study, trials, results=results)
+    return [(point, candidate.cost_ms) for point, candidate in study.trials]
 
 
 def test_a_search_tries_nothing_twice_and_the_same_in_parts_and_in_any_order(tmp_path):
@@ -76,7 +75,7 @@ def test_a_search_tries_nothing_twice_and_the_same_in_parts_and_in_any_order(tmp
     for trials in (3, 20, 21, 45, 45):
         parts = searched(asked, trials, storage, backwards)
     assert parts == whole
-    points = [sorted(trial.params.items()) for trial in study_of(asked, 300).trials]
+    points = [trial.point for trial in study_of(asked, 300).trials]
     assert all(point not in points[:k] for k, point in enumerate(points))
 
 
@@ -116,7 +115,7 @@ def test_other_processes_find_the_same_and_are_sent_the_recordings_once(files):
         return enumerate(map(pickle.loads(pickle.dumps(function)), points))
 
     here, there = tune(files, PARAMETERS, 9), tune(files, PARAMETERS, 9, calls=calls)
-    assert [one.value for one in here.study.trials] == [one.value for one in there.study.trials]
+    assert here.study.trials == there.study.trials
     assert functions[0] is functions[-1]
     assert len(functions) == 2
 
@@ -124,15 +123,14 @@ def test_other_processes_find_the_same_and_are_sent_the_recordings_once(files):
 @pytest.mark.parametrize('where', ['{}/study.journal', 'sqlite:///{}/study.db'])
 def test_workers_of_one_study_read_each_others_trials(where, tmp_path):
     where = where.format(tmp_path)
-    a, b = (Study(X, seed, where, 'a') for seed in range(2))
-    found = [Candidate(CHAIN, cost_ms, {'recall': 1.0}) for cost_ms in (3.0, 2.0)]
-    a.tell({'x': 0.25}, found[0])
-    b.tell({'x': 0.5}, found[1])
-    assert (a.follow(), b.follow()) == (2, 2)
-    for study in (a, b):
-        told = {trial.params['x']: candidate_of(trial, PROBLEM) for trial in study.trials}
-        assert told == {0.25: found[0], 0.5: found[1]}
-    assert Study(X, 0, where, 'other').follow() == 0
+    trials = [Trial({**POINT, 'exponent': k}, FOUND._replace(cost_ms=float(k))) for k in (2, 1)]
+    studies = [Study(PROBLEM, seed, where) for seed in range(2)]
+    for study, trial in zip(studies, trials, strict=True):
+        study.tell(*trial)
+    assert [study.follow() for study in studies] == [2, 2]
+    assert [study.trials for study in studies] == [trials, trials]
+    assert studies[0].cheapest == trials[1].candidate
+    assert Study(Problem([], EVIDENCE), 0, where).follow() == 0
 
 
 @pytest.mark.parametrize(
@@ -144,7 +142,7 @@ def test_what_is_no_storage_is_refused_in_one_line(where, tmp_path, monkeypatch)
     (tmp_path / 'folder.journal').mkdir()
     os.mkfifo(tmp_path / 'pipe')
     with pytest.raises(ValueError, match=f'^storage {where}: [^\n]+$'):
-        Study(X, 0, where)
+        Study(PROBLEM, 0, where)
 
 
 @pytest.mark.parametrize(
@@ -152,11 +150,11 @@ def test_what_is_no_storage_is_refused_in_one_line(where, tmp_path, monkeypatch)
 )
 def test_a_damaged_journal_is_refused_in_one_line_and_is_not_changed(more, tmp_path):
     path = tmp_path / 'study.journal'
-    Study(X, 0, str(path))
+    Study(PROBLEM, 0, str(path))
     damaged = path.read_text() + more
     path.write_text(damaged)
     with pytest.raises(ValueError, match=r'^storage .*study.journal: [^\n]{1,200}$') as refused:
-        Study(X, 0, str(path))
+        Study(PROBLEM, 0, str(path))
     said = 'is damaged (' if more.endswith('\n') else 'is cut off'
     assert said in str(refused.value)
     assert path.read_text() == damaged
@@ -171,13 +169,13 @@ def test_what_a_killed_search_leaves_beside_a_journal_does_not_hold_up_the_next(
     # Killed while it writes; and as Optuna's own lock is left.
     done = run_python(
         '-c',
-        'import os, signal; from slip_detector.tuning.search import Study, _JournalLock\n'
-        'Study({}, 0, "out/study.journal")\n_JournalLock("out/study.journal").acquire()\n'
+        'import os, signal\nfrom slip_detector.tuning.search import Problem, Study, _JournalLock\n'
+        'Study(Problem([]), 0, "out/study.journal")\n_JournalLock("out/study.journal").acquire()\n'
         'os.kill(os.getpid(), signal.SIGKILL)',
     )
     assert done.returncode == -signal.SIGKILL
     Path('out/study.journal.lock').symlink_to('out/study.journal')
-    Study(X, 0, 'out/study.journal').tell({'x': 0.25}, FOUND)
+    Study(PROBLEM, 0, 'out/study.journal').tell(POINT, FOUND)
 
 
 def test_damaged_trials_are_refused_in_one_line(files, tmp_path):
@@ -190,13 +188,13 @@ def test_damaged_trials_are_refused_in_one_line(files, tmp_path):
 
 def test_a_full_disk_is_one_line_and_the_trials_before_it_are_kept(tmp_path):
     path = tmp_path / 'study.journal'
-    study = Study(X, 0, str(path))
-    study.tell({'x': 0.25}, FOUND)
+    study = Study(PROBLEM, 0, str(path))
+    study.tell(POINT, FOUND)
     whole = path.read_bytes()
     with (
         full_disk(len(whole) + 7),
         pytest.raises(ValueError, match=f'^storage {path}: File too large$'),
     ):
-        study.tell({'x': 0.5}, FOUND)
+        study.tell({**POINT, 'exponent': 2}, FOUND)
     path.write_bytes(whole)  # without the line that was cut off
-    assert Study(X, 0, str(path)).follow() == 1
+    assert Study(PROBLEM, 0, str(path)).follow() == 1
