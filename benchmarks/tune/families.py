@@ -33,7 +33,7 @@ from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.files import read_yaml
 from slip_detector.scenes import Scene, find_scene
-from slip_detector.tuning.problem import searched
+from slip_detector.tuning.problem import searched_parameters
 from slip_detector.tuning.search import Study, search
 from slip_detector.tuning.tracks import Track, held_out, track_of
 from slip_detector.tuning.verdict import TuningParameters, choose, judge
@@ -147,7 +147,7 @@ def measure_families(
             'tuned': tuned,
             'kept': verdict.kept,
             'better': is_better(tuned, given),
-            'parameters': searched(verdict.chain),
+            'parameters': searched_parameters(verdict.chain),
         }
     return {'by_name': result, 'better': sum(one['better'] for one in result.values())}
 

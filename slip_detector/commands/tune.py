@@ -45,7 +45,7 @@ from slip_detector.recordings.labels import KINDS
 from slip_detector.report.answer import answer, bad_recordings, rounded
 from slip_detector.report.tables import compared, text_table
 from slip_detector.tuning.learning import learn_from_quiet
-from slip_detector.tuning.problem import Candidate, searched
+from slip_detector.tuning.problem import Candidate, searched_parameters
 from slip_detector.tuning.tracks import Track, TrainingFiles
 from slip_detector.tuning.verdict import TRIALS, TuningParameters, tune
 
@@ -183,7 +183,7 @@ def _search(
     changes = dict(pair for pair in found.to_parameters().items() if pair not in values)
     summary = {
         'step': '', 'share': 1.0, 'lines': notes, 'answer': answers, 'kept': verdict.kept,
-        'changes': {**searched(found), **changes}, 'table': rows,
+        'changes': {**searched_parameters(found), **changes}, 'table': rows,
     }  # fmt: skip
     other, taken = variants[::-1] if verdict.kept else variants
     # The figures of each recording are after those of each part.

@@ -44,7 +44,7 @@ NEW_SENSOR: dict[str, Any] = {
 LOW_HZ, LOW_SHARE = 20.0, 0.2
 
 #: In a shorter recording of rest the mains show no better than in a longer one of another kind.
-LEAST_S = 10.0
+LEAST_RESTING_S = 10.0
 
 #: Confidence of the bounds of a rate.
 CONFIDENCE = 0.95
@@ -84,7 +84,7 @@ def learn(
     if not quiet:
         return chain, [*lines, 'No noise learnt: there is no recording without slips']
     # A recording of rest shows the mains best, if it is long enough.
-    resting = [track for track in at_rest(quiet) if track.duration_s >= LEAST_S]
+    resting = [track for track in at_rest(quiet) if track.duration_s >= LEAST_RESTING_S]
     longest = max(resting or quiet, key=lambda track: track.duration_s)
     observe(step=f'learning the noise of {longest.name}')
     try:
@@ -137,12 +137,12 @@ def learn_from_quiet(
     lines = [*faults_of([track]), *lines]
     if per_hour is not None:
         chain = dataclasses.replace(chain, **learnt)
-        learnt['threshold'], line = quiet_threshold(track, chain, per_hour)
+        learnt['threshold'], line = learn_threshold(track, chain, per_hour)
         lines.append(f'On {track.name}, without slip: {line}')
     return learnt, lines
 
 
-def quiet_threshold(track: Track, chain: ChainConfig, per_hour: float) -> tuple[float, str]:
+def learn_threshold(track: Track, chain: ChainConfig, per_hour: float) -> tuple[float, str]:
     """Return the lowest threshold from which on the upper bound of the rate is low enough.
 
     With it comes a line with the rate and its bounds, at :data:`CONFIDENCE`. Where evidence is 0

@@ -62,7 +62,6 @@ LOWEST_LINE_HZ = 2.0
 #: Share of the slips that shows how large their steps are, and that where labels are by hand.
 SHARE_OF_SLIPS, SHARE_BY_HAND = 0.9, 0.8
 
-
 #: A finger that touches nothing stays below the level of contact for all but this share of time;
 #: one that slides is above it for all but the second share.
 IDLE_SHARE, SLIDE_SHARE = 0.05, 0.1
@@ -95,13 +94,13 @@ def learn_noise(
             learnt['mains_hz'] = mains_hz
         except ValueError as error:
             lines.append(f'mains_hz cannot remove it: {error}')
-    floors = learnt_floors(chain, tracks)
+    floors = learn_floors(chain, tracks)
     learnt |= {'noise_floor': list(floors), 'noise_floor_learnt': True}
     learnt['noise_floor_range_db'] = LEARNT_RANGE_DB
     return learnt, [*lines, f'Noise floors of {min(floors):.4g} to {max(floors):.4g}']
 
 
-def learnt_floors(chain: ChainConfig, tracks: Sequence[Track]) -> tuple[float, ...]:
+def learn_floors(chain: ChainConfig, tracks: Sequence[Track]) -> tuple[float, ...]:
     """Return the noise floor of each channel, below which two thirds of its envelopes at rest are.
 
     Rows with slip, and rows in which the chain settles or a channel is not valid, are not used;

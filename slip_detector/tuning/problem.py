@@ -122,6 +122,11 @@ def worse_figures(figures: Mapping[str, Any], other: Mapping[str, Any]) -> list[
     See :func:`worse_by`. The latency of the slips found is not compared, as it falls where late
     slips are missed.
 
+    Parameters
+    ----------
+    figures, other
+        Those of this chain and of another, see :data:`Figures`.
+
     Examples
     --------
     >>> before = {**dict.fromkeys(COMPARED, 1.0), 'sooner_than_chance': 1.0}
@@ -136,12 +141,24 @@ def worse_figures(figures: Mapping[str, Any], other: Mapping[str, Any]) -> list[
 
 
 def better_than_chance(figures: Mapping[str, Any]) -> bool:
-    """Return whether a chain finds slips sooner than decisions that do not depend on slip."""
+    """Return whether a chain finds slips sooner than decisions that do not depend on slip.
+
+    Parameters
+    ----------
+    figures
+        Those of the chain, see :data:`Figures`.
+    """
     return (figures['sooner_than_chance'] or 0.0) > 0.0
 
 
-def searched(chain: ChainConfig) -> dict[str, Any]:
-    """Return the parameters of a chain that a search changes, by name, as ROS has them."""
+def searched_parameters(chain: ChainConfig) -> dict[str, Any]:
+    """Return the parameters of a chain that a search changes, by name, as ROS has them.
+
+    Examples
+    --------
+    >>> searched_parameters(ChainConfig())['decision_window_s']
+    0.04
+    """
     parameters, decision = chain.to_parameters(), chain.decision
     fields = dataclasses.fields(chain)
     return {f.name: parameters[f.name] for f in fields if decision in f.metadata['searched_with']}

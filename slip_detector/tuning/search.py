@@ -33,7 +33,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from slip_detector.parameters.files import check_plain
-from slip_detector.tuning.problem import Candidate, Problem, searched
+from slip_detector.tuning.problem import Candidate, Problem, searched_parameters
 
 #: Number of trials in a batch, which is the largest number of processes that are useful.
 BATCH = 8
@@ -218,7 +218,7 @@ class Study:
         """Store the candidate at a point, if there is one."""
         from optuna.trial import TrialState, create_trial
 
-        kept = found and {'parameters': searched(found.chain), 'figures': found.figures}
+        kept = found and {'parameters': searched_parameters(found.chain), 'figures': found.figures}
         trial = create_trial(
             state=TrialState.COMPLETE if found else TrialState.FAIL,
             value=found and found.cost_ms,

@@ -30,7 +30,7 @@ from typing import Any
 from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
 from slip_detector.parameters.files import shared_folder
 from slip_detector.tuning.bands import slip_bands
-from slip_detector.tuning.noise import MAINS_HZ, contact_level_v, learnt_floors, slip_steps_v
+from slip_detector.tuning.noise import MAINS_HZ, contact_level_v, learn_floors, slip_steps_v
 from slip_detector.tuning.sweep import rounded
 from slip_detector.tuning.tracks import Track
 
@@ -255,7 +255,7 @@ class SearchSpace:
         if point['floors'] == 'given':
             floors, power = chain.noise_floor, chain.exponent / self._given.exponent
         else:
-            floors = learnt_floors(chain, self._tracks)
+            floors = learn_floors(chain, self._tracks)
         if scale == power == 1.0:
             return floors
         return tuple(rounded(scale**chain.exponent * floor**power) for floor in floors)

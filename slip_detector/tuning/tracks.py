@@ -114,7 +114,21 @@ class Track:
 
 
 def track_of(name: str, pieces: Iterable[Samples], sample_rate_hz: float) -> Track:
-    """Return a recording, whose labelled pieces have any length, as a track.
+    """Return a recording as a track.
+
+    Parameters
+    ----------
+    name
+        The name of the recording in errors and reports.
+    pieces
+        The whole recording with its labels, in pieces of any length.
+    sample_rate_hz
+        Rate of the recording.
+
+    Raises
+    ------
+    ValueError
+        When the recording has no rows; names it.
 
     Examples
     --------

@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from slip_detector.evaluation.replay import Replay
-from slip_detector.tuning.learning import quiet_threshold
+from slip_detector.tuning.learning import learn_threshold
 from support.tuning_cases import CHAIN, EVIDENCE, track, track_with
 
 SURE = dataclasses.replace(EVIDENCE, evidence_offset_db=4.0)
@@ -35,7 +35,7 @@ def alarms_at(chain, recording):
 def test_the_rate_holds_in_the_recording_and_in_another_but_not_below_the_threshold(chain, vote):
     chain = dataclasses.replace(chain, vote=vote)
     recording = track(1, duration_s=600.0, slips=False)
-    threshold, line = quiet_threshold(recording, chain, 60.0)
+    threshold, line = learn_threshold(recording, chain, 60.0)
     found = dataclasses.replace(chain, threshold=threshold)
     alarms = alarms_at(found, recording)
     assert f', {alarms} false alarms in 0.167 h: ' in line
@@ -58,11 +58,11 @@ def test_a_recording_that_cannot_show_the_rate_is_refused():
         (silent, CHAIN, 1000.0, '5: no threshold has that rate'),
     ):
         with pytest.raises(ValueError, match=f'^seed {line}'):
-            quiet_threshold(recording, chain, per_hour)
+            learn_threshold(recording, chain, per_hour)
 
 
 def test_where_rest_makes_no_evidence_the_given_threshold_stays():
     surer = dataclasses.replace(SURE, noise_floor=(1.0,))
-    found = quiet_threshold(track(5, duration_s=60.0, slips=False), surer, 200.0)
+    found = learn_threshold(track(5, duration_s=60.0, slips=False), surer, 200.0)
     line = '0 false alarms in 0.0167 h: 0 to 180 an hour at 95% confidence'
     assert found == (surer.threshold, f'threshold {surer.threshold:g}, {line}')

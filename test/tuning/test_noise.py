@@ -28,8 +28,8 @@ from slip_detector.parameters import ChainConfig
 from slip_detector.tuning.noise import (
     contact_level_v,
     find_mains,
+    learn_floors,
     learn_noise,
-    learnt_floors,
     slip_steps_v,
 )
 from slip_detector.tuning.tracks import track_of
@@ -59,7 +59,7 @@ def hum(mains_hz, rows, rate_hz, amplitudes):
 @pytest.mark.parametrize('window_rows', [1, 3, 16, 90])
 def test_at_the_floors_that_are_learnt_noise_makes_no_evidence(window_rows):
     chain = dataclasses.replace(PIEZO, envelope_window_s=window_rows / PIEZO_HZ)
-    floors = learnt_floors(chain, [rest(noise(20_000))])
+    floors = learn_floors(chain, [rest(noise(20_000))])
     learnt = {'noise_floor': floors, 'noise_floor_learnt': True, 'noise_floor_range_db': 15.0}
     chain = dataclasses.replace(chain, **FLOOR | learnt, evidence_offset_db=0.5)
     result = SlipChain(chain).update(noise(20_000, seed=1), excess=True)
@@ -72,10 +72,10 @@ def test_slips_and_bad_channels_take_no_part_in_the_floors():
     truth = np.zeros(len(loud), bool)
     truth[4000:7000] = True
     loud[truth] *= 50.0
-    plain = np.array(learnt_floors(PIEZO, [rest(quiet)]))
-    np.testing.assert_allclose(learnt_floors(PIEZO, [rest(loud, truth)]), plain, rtol=0.05)
+    plain = np.array(learn_floors(PIEZO, [rest(quiet)]))
+    np.testing.assert_allclose(learn_floors(PIEZO, [rest(loud, truth)]), plain, rtol=0.05)
     quiet[:, 1] = np.nan
-    found = learnt_floors(PIEZO, [rest(quiet)])
+    found = learn_floors(PIEZO, [rest(quiet)])
     assert found[1] == pytest.approx(np.median(plain[[0, 2, 3]]), rel=1e-3)
     np.testing.assert_allclose(np.delete(found, 1), np.delete(plain, 1), rtol=1e-9)
 
@@ -137,7 +137,7 @@ def learn(rest_s=60.0, chain=EVIDENCE, mains_hz=60.0, hum_v=0.0):
 
 def test_rest_teaches_a_floor_for_each_channel_once_its_hum_is_removed():
     parameters, lines = learn()
-    floors = list(learnt_floors(EVIDENCE, [track(1, duration_s=60.0, slips=False)]))
+    floors = list(learn_floors(EVIDENCE, [track(1, duration_s=60.0, slips=False)]))
     learnt = {'noise_floor': floors, 'noise_floor_learnt': True, 'noise_floor_range_db': 15.0}
     assert parameters == learnt
     assert 'no line of the mains is 12 dB above the noise' in lines

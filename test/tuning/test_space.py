@@ -22,7 +22,7 @@ import optuna
 import pytest
 
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.tuning.noise import contact_level_v, learnt_floors, slip_steps_v
+from slip_detector.tuning.noise import contact_level_v, learn_floors, slip_steps_v
 from slip_detector.tuning.space import SearchSpace, presets
 from support.tuning_cases import CHAIN, EVIDENCE, track, track_with
 
@@ -80,7 +80,7 @@ def test_floors_are_those_of_the_chain_s_own_band_on_what_is_tuned_on(which):
     space = SearchSpace(CHAIN, tracks)
     point = space.point(CHAIN) | {'decision': 'evidence', 'floors': which, 'passband_low_hz': 70.0}
     chain, scaled = space.chain(point), space.chain({**point, 'floor_scale': 2.0})
-    assert chain.noise_floor == learnt_floors(chain, tracks)
+    assert chain.noise_floor == learn_floors(chain, tracks)
     assert chain.noise_floor_learnt == (which == 'learnt')
     ratios = np.array(scaled.noise_floor) / chain.noise_floor
     np.testing.assert_allclose(ratios, 2.0**CHAIN.exponent, rtol=2e-3)
@@ -107,7 +107,7 @@ def test_a_search_begins_at_each_preset_with_the_floors_of_its_own_sensor():
         chain = space.chain(space.point(preset))
         assert (chain.decision, chain.groups) == (preset.decision, CHAIN.groups)
         if preset.decision == 'evidence':
-            assert chain.noise_floor == learnt_floors(chain, tracks)
+            assert chain.noise_floor == learn_floors(chain, tracks)
             assert chain.noise_floor_range_db == preset.noise_floor_range_db
 
 
