@@ -32,33 +32,33 @@ BLOCK_S = 0.2
 #: The level of a block is the one that a quarter of the channels exceed.
 CHANNELS_BELOW = 0.75
 
-#: The level of a slip is that of its fourth loudest block, or of the one in the middle of less
-#: than seven: two knocks are shorter.
+#: The level of a slip is that of its fourth loudest block, as two knocks last for less; the level
+#: of a slip of less than seven blocks is that of the middle one.
 LOUD_BLOCKS = 4
 
-#: Least difference of slips and rest, in dB, with which one can be told from the other.
+#: Least difference of slips and rest, in dB, with which they can be distinguished.
 LEAST_DB = 6.0
 
 #: The sentence on slips in which nothing changes.
 NOTHING_CHANGES = 'nothing changes at its slips'
 
-#: Nothing changes in a slip in which the level rises by less than this share of what is usual in
-#: others, and by less than so many dB.
+#: Nothing changes in a slip in which the level rises by less than this share of the usual rise in
+#: other slips, and by less than this number of dB.
 NO_CHANGE, NO_CHANGE_DB = 0.25, 3.0
 
-#: Power of a channel that gives none.
+#: The least power, which a channel without signal has.
 LEAST_POWER = 1e-60
 
-#: A recording contradicts that nothing slides if more than this share of it is as loud as slips:
-#: above rest by so much, in dB, of what all but a quarter of the slips are.
+#: A recording in which nothing slides is doubted if more than the first share of it is as loud as
+#: slips: above rest by the second share of the dB that all slips but the third share reach.
 CONTRADICTED, AS_LOUD, QUIET_SLIPS = 0.2, 0.75, 0.25
 
 
 def snap_labels(tracks: list[Track]) -> tuple[list[Track], list[str]]:
     """Move labels by hand to where the power of the signal changes; see :func:`.snapped`.
 
-    A recording whose ends are all found is exact to :data:`.BY_EYE_S` then; else it is as exact as
-    before. Labels that are as exact already stay as they are.
+    Then a recording in which all ends of slips are found is exact to :data:`.BY_EYE_S`, any other
+    as exact as before. Labels that are so exact already stay as they are.
 
     Returns
     -------
@@ -93,7 +93,7 @@ def contradictions(chain: ChainConfig, tracks: Sequence[Track]) -> tuple[list[st
     """Return which recordings contradict their kind, by the power in the chain's pass-band.
 
     The power, in blocks of :data:`BLOCK_S`, is compared with that of rest and of slips in the
-    other recordings. Where these hardly differ nothing is said, and nothing of recordings in
+    other recordings. Nothing is said where slips and rest hardly differ, nor of recordings in
     which something else than a slide may be as loud.
 
     Returns

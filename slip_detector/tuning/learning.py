@@ -50,8 +50,8 @@ LEAST_RESTING_S = 10.0
 CONFIDENCE = 0.95
 
 #: Alarms come in clusters, as one disturbance causes several. So time is divided into blocks.
-#: Those with an alarm are taken to be independent (Poisson), and to have as many alarms as the
-#: observed ones.
+#: Blocks with an alarm are taken to be independent (Poisson), and each to have as many alarms as
+#: the observed blocks with an alarm have on average.
 BLOCK_S = 1.0
 
 

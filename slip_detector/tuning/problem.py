@@ -37,9 +37,9 @@ from slip_detector.tuning.tracks import Track
 #: :meth:`.ScoreCounts.aucs`.
 Figures = dict[str, Any]
 
-#: The cost of a threshold is averaged with those of this many neighbours on each side, which are
-#: :data:`slip_detector.tuning.sweep.STEP` apart: from day to day, contact and sensor change
-#: the amplitude by about a tenth.
+#: The cost of a threshold is averaged with the costs of this many neighbours on each side, as
+#: contact and sensor change the amplitude by about a tenth from day to day. Neighbours are
+#: :data:`.sweep.STEP` apart.
 NEIGHBOURS = 3
 
 #: Factor on the cost of the amount by which a figure is worse than that of the given chain.
@@ -316,8 +316,8 @@ class Problem:
         """Return the mean cost of each of T thresholds and its neighbours; shape (T,).
 
         Nothing is ON from the highest threshold on, so that its cost continues above. What is ON
-        below the lowest is not known, so thresholds that lack neighbours there have an infinite
-        cost.
+        below the lowest threshold is not known, so thresholds without neighbours there have an
+        infinite cost.
         """
         costs_ms = self._event_costs_ms(swept) + self._memory_costs_ms(chain, limits)
         padded, width = np.pad(costs_ms, neighbours, mode='edge'), 2 * neighbours + 1

@@ -61,8 +61,9 @@ DECISION_PREFIXES = {
     'evidence': ('floor', 'noise', 'evidence', 'cap', 'impact', 'contact', 'activity', 'common_r'),
 }
 
-#: With so few slips, an impact is twice as large a step as with many; with fewer than the second
-#: number it is never smaller than these, as a slide that steps more would be taken for impacts.
+#: With the first number of slips, an impact is twice as large a step as with many. With fewer
+#: slips than the second number it is never smaller than the steps of slips, as a slide with larger
+#: steps would be taken for impacts.
 FEW_SLIPS, MANY_SLIPS = 2, 10
 
 #: Times over which a step may be an impact, and how large it is beside those of slips.
@@ -73,8 +74,9 @@ IMPACT_SCALES = (0.75, 1.5)
 #: excess.
 ACTIVITY_CAP_DB, ACTIVITY_RANGES_DB, MOST_RANK = 8.7, (10.0, 15.0, 20.0), 3
 
-#: What is tried with each band that was measured: windows, decisions, and with the evidence of a
-#: vibration and of a slow sensor all that the recordings of kinds teach, together.
+#: What is tried with each band that was measured: windows of the envelope, and decisions. Evidence
+#: is that of a vibration or of a slow sensor, alone and together with all that recordings of kinds
+#: teach.
 WINDOWS_S = (0.05, 0.2)
 MEAN = {'decision': 'mean', 'exponent': 1, 'decision_window_s': 0.1}
 EVIDENCES = (
@@ -125,7 +127,7 @@ class SearchSpace:
         self._slips = sum(len(track.slips) for track in tracks)
         self._highest_hz = HIGHEST * given.sample_rate_hz
         self._least_window_s = max(SHORTEST_WINDOW_S, 1.0 / given.sample_rate_hz)
-        # Both are asked for often, and depend on few parameters.
+        # Steps and levels of contact depend on few parameters, and many points share them.
         self._slip_steps_v = functools.cache(lambda rows: slip_steps_v(given, tracks, rows))
         self._contact_levels_v: dict[Any, float] = {}
 
@@ -278,8 +280,8 @@ class SearchSpace:
         """Return the point of the space that is nearest to a chain.
 
         Noise floors and an impact that are not the given ones belong to another sensor, and are
-        replaced by learnt ones: by floors that follow the envelope where those of the chain do.
-        With the decision ``mean`` they do not.
+        replaced by learnt ones. Where the floors of the chain follow the envelope, the learnt ones
+        do too; with the decision ``mean`` they do not.
         """
         given = self._given
         followed = chain.decision == 'evidence' and not chain.noise_floor_learnt

@@ -46,7 +46,8 @@ ROWS_PER_CALL = 2048
 ALL_COUNTS = 6
 SHARES = (1 / 8, 1 / 4, 3 / 8, 1 / 2, 5 / 8, 3 / 4, 7 / 8)
 
-#: In groups of so many channels one alone, which may drift, does not decide unless it is given so.
+#: In groups of at least this many channels one channel alone, which may drift, does not decide,
+#: unless that is the given vote.
 LEAST_AGREEING = 4
 
 #: Ratio of neighbouring thresholds in amplitude (the level to the power of 1 / exponent).

@@ -209,7 +209,7 @@ def held_out(tracks: Sequence[Track]) -> tuple[list[Track], list[Track]]:
 def hold_out(items: Sequence[Any]) -> tuple[list[Any], list[Any]]:
     """Divide items into those to tune on and those to hold out: every third from the second on.
 
-    So one more moves no other to the other side.
+    So a further item moves no other item to the other side.
 
     Examples
     --------
@@ -272,7 +272,8 @@ def load_tracks(
                     piece._replace(kind=kind or piece.kind, names=names) for piece in opened.rows
                 )
                 track = track_of(name, pieces, opened.sample_rate_hz)
-                if track.samples.accuracy_s and not track.slips:  # What a key was for is unknown.
+                # A key was pressed, but not for slips.
+                if track.samples.accuracy_s and not track.slips:
                     refuse(f'{file}: has no slip', 'one at least where labels are by hand')
             except ValueError as error:
                 if unusable is None or not file.exists():
@@ -350,7 +351,7 @@ class TrainingFiles(NamedTuple):
         notes = left_out + faults_of(training + held)
         if not self.left_out:
             training, held = held_out(training)
-        # Of a kind that is not held out the end of the last recording is.
+        # Of a kind without a held-out recording the end of the last recording is held out.
         lacking = {track.kind for track in training} - {track.kind for track in held}
         for kind in sorted(lacking - {''}):
             last = max(k for k, track in enumerate(training) if track.kind == kind)

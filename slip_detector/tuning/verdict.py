@@ -249,7 +249,7 @@ def choose(problem: Problem, trials: Sequence[Trial]) -> Candidate | None:
 def judge(problem: Problem, held: Sequence[Track], best: Candidate | None) -> Verdict:
     """Choose between the running chain and the best one found, by the held-out recordings.
 
-    The one found has to be better than chance there and better in at least one of
+    On these the best one has to be better than chance, better in at least one of
     :data:`.problem.COMPARED`, and worse in none.
     """
     running = problem.running or problem.given
@@ -266,7 +266,7 @@ def _why_not(on_held: Problem, found: ChainConfig, running: ChainConfig) -> str:
     after, before = (on_held.as_it_is(chain).figures for chain in (found, running))
     slips = sum(len(track.slips) for track in on_held.tracks)
     if any(figures['matched'] + figures['missed'] < slips for figures in (after, before)):
-        # A slip that begins while one of them settles is counted for neither.
+        # A slip that begins while one of the chains settles is counted for neither.
         rows = max(settling_rows(chain) for chain in (found, running))
         on_held = dataclasses.replace(on_held, settling_rows=rows)
         after, before = (on_held.as_it_is(chain).figures for chain in (found, running))
