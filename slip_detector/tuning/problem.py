@@ -181,15 +181,13 @@ class Problem:
     tracks : sequence of Track
         The recordings to tune on, with at least one slip and some time without slip.
     given : ChainConfig
-        The chain that is tuned.
+        The chain with which the search begins.
     figures : dict or None
-        Figures that must not get worse.
+        Figures of the running chain, which must not get worse.
     evaluation : EvaluationConfig
         What counts as detected.
     config : TuneConfig
         The weights of the cost.
-    running : ChainConfig or None
-        The chain that the result has to be better than; None: the given one.
     settling_rows : int
         No chain settles in fewer rows, so that several are scored on the same slips.
     """
@@ -199,12 +197,11 @@ class Problem:
     figures: Figures | None = None
     evaluation: EvaluationConfig = dataclasses.field(default_factory=EvaluationConfig)
     config: TuneConfig = dataclasses.field(default_factory=TuneConfig)
-    running: ChainConfig | None = None
     settling_rows: int = 0
 
     def study_name(self) -> str:
         """Return a name for the study that no other problem has, however recordings are named."""
-        sets = (self.given, self.evaluation, self.config, self.running or self.given)
+        sets = (self.given, self.evaluation, self.config)
         shapes = [(track.stretches, track.sample_rate_hz) for track in self.tracks]
         known = [each.to_parameters() for each in sets], self.figures, shapes
         digest = hashlib.sha256(repr(known).encode())

@@ -66,8 +66,7 @@ class TuningParameters(NamedTuple):
 
     def problem(self, tracks: Sequence[Track], begin: ChainConfig | None = None) -> Problem:
         """Return the problem of a search on tracks that begins with a chain or the given one."""
-        given = begin or self.chain, None, self.evaluation, self.tune, self.chain
-        problem = Problem(tracks, *given)
+        problem = Problem(tracks, begin or self.chain, None, self.evaluation, self.tune)
         return dataclasses.replace(problem, figures=problem.as_it_is(self.chain).figures)
 
 
@@ -198,7 +197,7 @@ def tune(
     observe(step='choosing the best, recording by recording')
     best = choose(problem, study.trials)
     observe(step='comparing on what was held out')
-    verdict = judge(problem, held, best)
+    verdict = judge(problem, parameters.chain, held, best)
     observe(lines=late_notes)
     return TuningResult(problem, held, study, verdict, notes + late_notes)
 
@@ -246,13 +245,14 @@ def choose(problem: Problem, trials: Sequence[Trial]) -> Candidate | None:
     return tried[min(distances, key=lambda k: distances[k])]
 
 
-def judge(problem: Problem, held: Sequence[Track], best: Candidate | None) -> Verdict:
+def judge(
+    problem: Problem, running: ChainConfig, held: Sequence[Track], best: Candidate | None
+) -> Verdict:
     """Choose between the running chain and the best one found, by the held-out recordings.
 
     On these the best one has to be better than chance, better in at least one of
     :data:`.problem.COMPARED`, and worse in none.
     """
-    running = problem.running or problem.given
     if best is None:
         return Verdict(running, 'nothing that was tried finds slips')
     on_held = dataclasses.replace(problem, tracks=held, figures=None)

@@ -146,12 +146,12 @@ def test_the_best_is_taken_where_it_finds_slips_and_is_better_and_in_nothing_wor
 ):
     before, after = (Candidate(QUICK, 1.0, figures) for figures in (was, {**was, **changes}))
     asked = Known([], costs=(before, after))
-    verdict = judge(asked, [], after)
-    assert verdict.chain is (asked.given if kept else QUICK)
+    verdict = judge(asked, CHAIN, [], after)
+    assert verdict.chain is (CHAIN if kept else QUICK)
     assert verdict.kept == (
         f'on what was held out, the best that was tried {kept}' if kept else ''
     )
-    assert judge(asked, [], None).kept == 'nothing that was tried finds slips'
+    assert judge(asked, CHAIN, [], None).kept == 'nothing that was tried finds slips'
 
 
 def test_a_chain_does_not_gain_by_settling_for_longer():
@@ -253,7 +253,7 @@ def test_another_problem_has_another_name():
 def test_slips_are_counted_that_begin_when_both_chains_have_settled():
     tracks = [track_with(*(rows[round(0.9 * RATE_HZ) :] for rows in slips(1)))]
     slow = dataclasses.replace(CHAIN, threshold=1e3, envelope_window_s=1.0)
-    kept = judge(problem(tracks), tracks, Problem(tracks).as_it_is(slow)).kept
+    kept = judge(problem(tracks), CHAIN, tracks, Problem(tracks).as_it_is(slow)).kept
     assert kept.endswith(' is worse')
 
 
@@ -270,4 +270,4 @@ def test_a_chain_that_remembers_for_longer_costs_more_where_labels_hide_it():
     assert long.figures == short.figures
     assert long.cost_ms > short.cost_ms + 10.0
     # But it is taken only if a figure is better.
-    assert judge(Problem(tracks, long.chain), tracks, short).kept.endswith(' is no better')
+    assert judge(Problem(tracks), long.chain, tracks, short).kept.endswith(' is no better')
