@@ -139,7 +139,7 @@ def measure_families(
         problem = parameters.problem(training)
         study = Study(problem, seed=0)
         search(study, trials)
-        verdict = judge(problem, parameters.chain, held, choose(problem, study.trials))
+        verdict = judge(problem, parameters.chain, held, choose(study))
         tracks = play_scenes(descriptions, reported_on)
         given, tuned = (figures_on(tracks, one) for one in (parameters.chain, verdict.chain))
         result[name] = {

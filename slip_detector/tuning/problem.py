@@ -15,7 +15,6 @@
 """The problem of a search: what is tuned, on what, and what a chain costs."""
 
 import dataclasses
-import functools
 import hashlib
 import math
 from collections.abc import Mapping, Sequence
@@ -30,7 +29,6 @@ from slip_detector.evaluation.events import LASTING, Events
 from slip_detector.parameters import ChainConfig, EvaluationConfig, TuneConfig
 from slip_detector.recordings.labels import KINDS
 from slip_detector.tuning import sweep
-from slip_detector.tuning.space import SearchSpace
 from slip_detector.tuning.tracks import Track
 
 #: Figures by name, None where one is not defined: those of :meth:`.Events.at` and of
@@ -210,18 +208,6 @@ class Problem:
             digest.update(track.row_classes.data)
             digest.update(track.kind.encode())
         return f'{self.config.NODE}-{digest.hexdigest()[:16]}'
-
-    @functools.cached_property
-    def space(self) -> SearchSpace:
-        """The space that is searched."""
-        return SearchSpace(self.given, self.tracks)
-
-    def candidate_at(self, point: dict[str, Any]) -> Candidate | None:
-        """Return the cheapest chain at a point of the space; see :meth:`best`."""
-        try:
-            return self.best(self.space.chain(point))
-        except ValueError:  # no such filter, or no noise
-            return None
 
     def best(self, chain: ChainConfig) -> Candidate | None:
         """Return a chain with the threshold and vote that cost least.

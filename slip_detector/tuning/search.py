@@ -27,6 +27,7 @@ next one.
 import contextlib
 import dataclasses
 import fcntl
+import functools
 import math
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -34,6 +35,7 @@ from typing import Any, NamedTuple
 
 from slip_detector.parameters.files import check_plain
 from slip_detector.tuning.problem import Candidate, Problem, searched_parameters
+from slip_detector.tuning.space import SearchSpace
 
 #: Number of trials in a batch, which is the largest number of processes that are useful.
 BATCH = 8
@@ -79,15 +81,14 @@ def search(
         Called with the number of trials so far, after each trial and each batch.
     results
         Yields the index of each of some points and the candidate there, see
-        :meth:`.problem.Problem.candidate_at`, in any order. None: this process finds them.
+        :func:`candidate_at`, in any order. None: this process finds them.
 
     Raises
     ------
     ValueError
         When the storage fails; names it.
     """
-    problem = study.problem
-    results = results or (lambda points: enumerate(map(problem.candidate_at, points)))
+    results = results or (lambda points: enumerate(map(study.candidate_at, points)))
 
     def attempt(points: Sequence[Point]) -> bool:
         """Try points that were not tried yet; return whether the search goes on."""
@@ -107,10 +108,10 @@ def search(
         progress(count)
         return count < trials and not stop()
 
-    starts = problem.space.starts()
+    starts = study.space.starts()
     going = attempt(starts)
     best = min(starts, key=study.cost_ms)
-    bands, *stages = problem.space.stages() if going else [[]]
+    bands, *stages = study.space.stages() if going else [[]]
     # The bands on the given chain; on the best of these each stage alone; then one after another,
     # each on the best so far, more than once, as one stage changes what another can do.
     points = [best, *({**starts[1], **change} for change in bands)]
@@ -124,6 +125,14 @@ def search(
         best = min(points, key=study.cost_ms)
     while going:
         going = attempt([study.ask() for _ in range(min(BATCH, trials - study.follow()))])
+
+
+def candidate_at(problem: Problem, space: SearchSpace, point: Point) -> Candidate | None:
+    """Return the cheapest chain at a point of the space, if there is any."""
+    try:
+        return problem.best(space.chain(point))
+    except ValueError:  # no such filter, or no noise
+        return None
 
 
 class Study:
@@ -143,6 +152,10 @@ class Study:
     ----------
     trials : list of Trial
         All trials that found a chain, as far as this worker has read them.
+    space : SearchSpace
+        The space that is searched.
+    candidate_at : callable
+        Returns the candidate at a point, see :func:`candidate_at`. It may be pickled.
 
     Raises
     ------
@@ -155,6 +168,8 @@ class Study:
 
         optuna.logging.set_verbosity(optuna.logging.ERROR)
         self.problem, self._where = problem, storage
+        self.space = SearchSpace(problem.given, problem.tracks)
+        self.candidate_at = functools.partial(candidate_at, problem, self.space)
         # Points of a batch keep away from each other.
         sampler = optuna.samplers.TPESampler(seed=seed, n_startup_trials=0, constant_liar=True)
         self._copy = optuna.create_study(sampler=sampler)
@@ -211,7 +226,7 @@ class Study:
 
     def ask(self) -> Point:
         """Return the next point to try."""
-        self._asked.append(self._copy.ask(self.problem.space.distributions))
+        self._asked.append(self._copy.ask(self.space.distributions))
         return dict(self._asked[-1].params)
 
     def tell(self, point: Point, found: Candidate | None) -> None:
@@ -223,7 +238,7 @@ class Study:
             state=TrialState.COMPLETE if found else TrialState.FAIL,
             value=found and found.cost_ms,
             params=point,
-            distributions=self.problem.space.distributions,
+            distributions=self.space.distributions,
             user_attrs=kept,
         )
         with self._errors_in_one_line():

@@ -131,6 +131,10 @@ class SearchSpace:
         self._slip_steps_v = functools.cache(lambda rows: slip_steps_v(given, tracks, rows))
         self._contact_levels_v: dict[Any, float] = {}
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Leave out what was computed, as it can be computed again."""
+        return SearchSpace, (self._given, self._tracks)
+
     @functools.cached_property
     def distributions(self) -> dict[str, Any]:
         """Optuna's distributions by name."""

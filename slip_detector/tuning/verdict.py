@@ -37,7 +37,7 @@ from slip_detector.tuning.problem import (
     better_than_chance,
     worse_figures,
 )
-from slip_detector.tuning.search import Calls, Study, Trial, search
+from slip_detector.tuning.search import Calls, Study, search
 from slip_detector.tuning.tracks import Track, TrainingFiles
 
 #: The chains that are compared on the recordings that were tuned on, the cheapest first.
@@ -182,8 +182,7 @@ def tune(
         observe(count=count, trials=many, best=study.cheapest)
 
     show(study.follow())
-    # Other processes get the recordings with the first call, but not what was learnt from them.
-    results = calls and functools.partial(calls, dataclasses.replace(problem).candidate_at)
+    results = calls and functools.partial(calls, study.candidate_at)
     search(study, many, stop, show, results)
     late_notes = []
     if stop():
@@ -195,7 +194,7 @@ def tune(
         few = f'Only {rest_s:.3g} s of rest are held out: false alarms hardly show in it'
         late_notes.append(few)
     observe(step='choosing the best, recording by recording')
-    best = choose(problem, study.trials)
+    best = choose(study)
     observe(step='comparing on what was held out')
     verdict = judge(problem, parameters.chain, held, best)
     observe(lines=late_notes)
@@ -217,7 +216,7 @@ def _read(files: TrainingFiles, chain: ChainConfig) -> tuple[list[Track], list[T
     return training, held, notes + moved + sentences
 
 
-def choose(problem: Problem, trials: Sequence[Trial]) -> Candidate | None:
+def choose(study: Study) -> Candidate | None:
     """Return the result of a search; None where no trial found a chain.
 
     The cheapest chains are compared by what they cost in each recording with the threshold that
@@ -228,20 +227,21 @@ def choose(problem: Problem, trials: Sequence[Trial]) -> Candidate | None:
     But its area under the ROC curve is not below both that of the best and that of the running
     chain: as the area is of many rows, few slips do not explain a lower one.
     """
-    if not trials:
+    problem, space = study.problem, study.space
+    if not study.trials:
         return None
-    cheapest = sorted(trials, key=lambda trial: trial.candidate.cost_ms)[:COMPARED_CHAINS]
+    cheapest = sorted(study.trials, key=lambda trial: trial.candidate.cost_ms)[:COMPARED_CHAINS]
     tried = [trial.candidate for trial in cheapest]
     costs = [problem.left_out(candidate.chain) for candidate in tried]
     best = min(range(len(tried)), key=lambda k: costs[k][0])
     best_ms, best_costs_ms = costs[best]
     both = tried[best].figures, problem.figures or {'auc': None}
     least_area = min(figures['auc'] or 0.0 for figures in both) - COMPARED['auc'].step
-    given, distances = problem.space.point(problem.given), dict[int, float]()
+    given, distances = space.point(problem.given), dict[int, float]()
     for k, (cost_ms, costs_ms) in enumerate(costs):
         error_ms = math.sqrt(costs_ms.size - 1) * float(np.std(costs_ms - best_costs_ms))
         if cost_ms <= best_ms + error_ms and (tried[k].figures['auc'] or 0.0) >= least_area:
-            distances[k] = problem.space.distance(cheapest[k].point, given)
+            distances[k] = space.distance(cheapest[k].point, given)
     return tried[min(distances, key=lambda k: distances[k])]
 
 

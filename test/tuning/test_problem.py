@@ -16,6 +16,7 @@
 
 import dataclasses
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -25,6 +26,7 @@ from slip_detector.parameters.evaluation import EvaluationConfig, TuneConfig
 from slip_detector.recordings.labels import label_at
 from slip_detector.tuning.problem import COMPARED, Candidate, Problem, worse_figures
 from slip_detector.tuning.search import Trial
+from slip_detector.tuning.space import SearchSpace
 from slip_detector.tuning.sweep import thresholds, vote_statistics
 from slip_detector.tuning.tracks import track_of
 from slip_detector.tuning.verdict import choose, judge
@@ -201,9 +203,12 @@ def test_the_threshold_for_a_recording_comes_from_the_others():
     assert without_ms[0] < without_ms[1:].min()
 
 
-def trial_of(asked, k, octaves, auc=0.9):
+SPACE = SearchSpace(CHAIN)
+
+
+def trial_of(k, octaves, auc=0.9):
     """Return the trial of a chain with a threshold at a distance from the given one."""
-    point = asked.space.point(CHAIN)
+    point = SPACE.point(CHAIN)
     point['passband_octaves'] += octaves
     chain = dataclasses.replace(CHAIN, threshold=float(k))
     return Trial(point, Candidate(chain, k, {'auc': auc}))
@@ -221,11 +226,13 @@ def test_the_nearest_of_those_within_a_standard_error_of_the_best_is_chosen(
     far_ms, near_ms, nearer
 ):
     asked = Known([], CHAIN, costs=((), far_ms, near_ms, [1e4] * 5))
-    trials = [trial_of(asked, 1, 2.0), trial_of(asked, 2, 1.0), trial_of(asked, 3, 0.5)]
-    assert choose(asked, trials).chain.threshold == 1.0 + nearer
+    study = SimpleNamespace(problem=asked, space=SPACE)
+    study.trials = [trial_of(1, 2.0), trial_of(2, 1.0), trial_of(3, 0.5)]
+    assert choose(study).chain.threshold == 1.0 + nearer
     # Few slips do not excuse one that tells less of the many rows.
-    asked = dataclasses.replace(asked, figures={'auc': 0.9})
-    assert choose(asked, [trials[0], trial_of(asked, 2, 1.0, auc=0.8)]).chain.threshold == 1.0
+    study.problem = dataclasses.replace(asked, figures={'auc': 0.9})
+    study.trials = [study.trials[0], trial_of(2, 1.0, auc=0.8)]
+    assert choose(study).chain.threshold == 1.0
 
 
 def test_with_scored_slips_in_one_recording_the_nearest_of_the_cheapest_is_chosen():
@@ -233,7 +240,7 @@ def test_with_scored_slips_in_one_recording_the_nearest_of_the_cheapest_is_chose
     early = track_with(volts[600:900], truth[600:900])  # While the chain settles.
     for other in (early, track(2, 'rest')):
         asked = problem([track(1), other])
-        chosen = choose(asked, study_of(asked, 12).trials).chain
+        chosen = choose(study_of(asked, 12)).chain
         assert (chosen.passband_hz, chosen.exponent) == (CHAIN.passband_hz, CHAIN.exponent)
 
 
