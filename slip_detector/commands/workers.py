@@ -222,7 +222,7 @@ def _make_calls(caller: Any) -> None:
     """Make calls, as the only thing of this process; it ends with the one that started it."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
     function: Any = None
-    with contextlib.suppress(EOFError):  # Nobody calls any more.
+    with contextlib.suppress(EOFError, OSError):  # Nobody calls any more.
         while True:
             other, argument = caller.recv()
             function = other or function
