@@ -69,8 +69,8 @@ from slip_detector.parameters.fields import refuse
 from slip_detector.parameters.files import find_parameter_file
 from slip_detector.recordings import open_recording
 from slip_detector.report.tables import number_text, text_table
-from slip_detector.tuning.problem import searched
-from slip_detector.tuning.teaching import LOW_HZ, LOW_SHARE, learn
+from slip_detector.tuning.learning import LOW_HZ, LOW_SHARE, learn
+from slip_detector.tuning.problem import searched_parameters
 from slip_detector.tuning.tracks import TrainingFiles, load_tracks
 from slip_detector.tuning.verdict import TuningParameters, tune
 
@@ -177,7 +177,7 @@ def teach(
     result = tune(files, parameters, trials, seed=words.seed)
     taught, kept = result.verdict.chain, result.verdict.kept
     chains = {'taught': taught, 'paper': papers(parameters, tracks), 'beginning': begin}
-    return chains, {'kept': kept, 'notes': result.notes, 'parameters': searched(taught)}
+    return chains, {'kept': kept, 'notes': result.notes, 'parameters': searched_parameters(taught)}
 
 
 def papers(parameters: TuningParameters, tracks: Tracks) -> ChainConfig:
@@ -185,7 +185,7 @@ def papers(parameters: TuningParameters, tracks: Tracks) -> ChainConfig:
     its, top_hz = ChainConfig(), TOP_SHARE * parameters.chain.sample_rate_hz
     bands = [(low, min(high, top_hz)) for low, high in (its.passband_hz, *its.stopbands_hz)]
     passband_hz, *stopbands_hz = (band for band in bands if band[0] < band[1])
-    rule = {**searched(its), 'passband_hz': passband_hz, 'stopbands_hz': stopbands_hz}
+    rule = {**searched_parameters(its), 'passband_hz': passband_hz, 'stopbands_hz': stopbands_hz}
     chain = dataclasses.replace(parameters.chain, **rule)
     judged = [judge(chain, one, parameters.evaluation) for one in tracks.values()]
     false = PAPER_FALSE_POSITIVE_PERCENT / 100.0

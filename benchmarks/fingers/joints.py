@@ -108,10 +108,10 @@ def joint_latencies_s(
             for run in np.flatnonzero(np.diff(rows, prepend=0, append=0)).reshape(-1, 2).tolist()
             if run[1] - run[0] >= least
         ]
-        for rows in (track.kinds < SLIP, track.kinds == SLIP)
+        for rows in (track.row_classes < SLIP, track.row_classes == SLIP)
     )
     for begin, end in rests:
-        start = max(one.begin for one in track.stretches if one.begin <= begin)
+        start = max(one.start for one in track.stretches if one.start <= begin)
         later = [run for run in (slides if with_slide else rests) if run[0] >= end]
         if not later or end - start < settling_rows(chain):
             continue

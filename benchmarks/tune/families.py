@@ -33,7 +33,7 @@ from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.files import read_yaml
 from slip_detector.scenes import Scene, find_scene
-from slip_detector.tuning.problem import searched
+from slip_detector.tuning.problem import searched_parameters
 from slip_detector.tuning.search import Study, search
 from slip_detector.tuning.tracks import Track, held_out, track_of
 from slip_detector.tuning.verdict import TuningParameters, choose, judge
@@ -137,9 +137,9 @@ def measure_families(
         # As slip_tune does: the search has a part of the tracks, the rest judges.
         training, held = held_out(play_scenes(descriptions, tuned_on))
         problem = parameters.problem(training)
-        study = Study(problem.space.distributions, seed=0)
-        search(problem, study, trials)
-        verdict = judge(problem, held, choose(problem, study.trials))
+        study = Study(problem, seed=0)
+        search(study, trials)
+        verdict = judge(problem, parameters.chain, held, choose(study))
         tracks = play_scenes(descriptions, reported_on)
         given, tuned = (figures_on(tracks, one) for one in (parameters.chain, verdict.chain))
         result[name] = {
@@ -147,7 +147,7 @@ def measure_families(
             'tuned': tuned,
             'kept': verdict.kept,
             'better': is_better(tuned, given),
-            'parameters': searched(verdict.chain),
+            'parameters': searched_parameters(verdict.chain),
         }
     return {'by_name': result, 'better': sum(one['better'] for one in result.values())}
 

@@ -110,9 +110,9 @@ def measure_search(trials: int = 100, minutes: float = 15.0) -> dict[str, Any]:
     track = track_of('scenes', list(scenes_with_noise(60.0 * minutes)), RATE_HZ)
     problem, plain = Problem([track]), NumpyChain(given, track.volts[0])
     problem.best(given)  # Compile and load before the measurement.
-    study = Study(problem.space.distributions, seed=0)
+    study = Study(problem, seed=0)
     (plain_s,) = least_times_s([lambda: plain.update(track.volts)], 3, time.process_time)
-    timer = timeit.Timer(lambda: search(problem, study, trials), timer=time.process_time)
+    timer = timeit.Timer(lambda: search(study, trials), timer=time.process_time)
     trial_s = timer.timeit(1) / trials
     rows = len(track.volts)
     return {

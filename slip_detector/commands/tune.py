@@ -45,14 +45,14 @@ from slip_detector.recordings.labels import KINDS
 from slip_detector.report.answer import answer, bad_recordings, rounded
 from slip_detector.report.tables import compared, text_table
 from slip_detector.tuning.learning import learn_from_quiet
-from slip_detector.tuning.problem import Candidate, searched
+from slip_detector.tuning.problem import Candidate, searched_parameters
 from slip_detector.tuning.tracks import Track, TrainingFiles
 from slip_detector.tuning.verdict import TRIALS, TuningParameters, tune
 
 NAME = 'slip_tune'
 
 #: Options that only a search has.
-OF_SEARCH = ('recordings', 'held_out', 'report', 'storage', 'jobs', 'json', *KINDS)
+SEARCH_OPTIONS = ('recordings', 'held_out', 'report', 'storage', 'jobs', 'json', *KINDS)
 
 STOPPING = '\nstopping; results so far are kept (Ctrl-C again: end at once)\n'
 
@@ -86,61 +86,55 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     add('--quiet', metavar='RECORDING', help=text)
     add('--false-alarms-per-hour', type=float, metavar='R', help='set the threshold too, for this')
     options = parser.parse_args(argv)
-    rate = options.false_alarms_per_hour
+    rate, quiet = options.false_alarms_per_hour, options.quiet is not None
     if rate is not None and not 0.0 < rate < math.inf:
         parser.error(f'--false-alarms-per-hour: is {rate:g}, allowed: a number above 0')
-    if options.quiet is None and rate is not None:
+    if not quiet and rate is not None:
         parser.error('--false-alarms-per-hour goes with --quiet')
-    if options.quiet is None and not options.recordings:
+    if not quiet and not options.recordings:
         parser.error('the following arguments are required: RECORDING (or --quiet)')
-    for name in OF_SEARCH if options.quiet is not None else ():
-        if getattr(options, name):
+    for name in SEARCH_OPTIONS:
+        if quiet and getattr(options, name):
             word = 'RECORDING' if name == 'recordings' else f'--{name.replace("_", "-")}'
             parser.error(f'--quiet searches nothing, allowed: no {word} with it')
     return options
 
 
-def _reports(bar: Any, as_json: bool) -> dict[str, Callable[..., None]]:
-    """Return functions that show each step, what is noticed, and the trials so far."""
-    said: dict[str, Any] = {'step': 'reading the recordings', 'share': 0.0, 'lines': []}
+def _observer(bar: Any, as_json: bool) -> Callable[..., None]:
+    """Return a function that shows what a search tells; see :func:`.verdict.tune`."""
+    state: dict[str, Any] = {'step': '', 'share': 0.0, 'lines': []}
 
-    def say(lines: Sequence[str] = (), **changes: Any) -> None:
-        said.update(changes, lines=[*said['lines'], *lines])
+    def observe(
+        step: str = '',
+        lines: Sequence[str] = (),
+        count: int | None = None,
+        trials: int = 1,
+        best: Candidate | None = None,
+    ) -> None:
+        state['lines'] = [*state['lines'], *lines]
+        if count is not None:
+            step = f'{count} of {trials} trials'
+            if best:
+                matched, missed = best.figures['matched'], best.figures['missed']
+                percent = rounded(best.figures['false_time_percent'])
+                step += f', so far finds {matched} of {matched + missed} slips'
+                step += f', ON without slip {percent} %'
+            bar.total, before, state['share'] = trials, state['share'], count / trials
+            bar.update(count - bar.n)
+            if bar.disable and int(LINES * state['share']) > int(LINES * before):
+                lines = [*lines, step]
+        state['step'] = step or state['step']
         if as_json:
-            print(json.dumps(said), flush=True)
+            print(json.dumps(state), flush=True)
         elif lines:
             bar.write('\n'.join(lines), file=sys.stderr)
-        bar.set_description_str(said['step'])
+        bar.set_description_str(state['step'])
 
-    def progress(count: int, trials: int, best: Candidate | None) -> None:
-        bar.total, words = trials, f'{count} of {trials} trials{in_short(best)}'
-        bar.update(count - bar.n)
-        due = int(LINES * count / trials) > int(LINES * said['share'])
-        shown = [words] if due and bar.disable and not as_json else []
-        say(shown, step=words, share=count / trials)
-
-    say()
-    return {'progress': progress, 'doubt': say, 'step': lambda words: say(step=words)}
+    observe('reading the recordings')
+    return observe
 
 
-def in_short(found: Candidate | None) -> str:
-    """Return in words what the best chain so far does, if there is one.
-
-    Examples
-    --------
-    >>> from slip_detector.parameters import ChainConfig
-    >>> figures = {'matched': 5, 'missed': 1, 'false_time_percent': 0.31}
-    >>> in_short(Candidate(ChainConfig(), cost_ms=91.0, figures=figures))
-    ', so far finds 5 of 6 slips, ON without slip 0.3 %'
-    """
-    if found is None:
-        return ''
-    matched, missed = found.figures['matched'], found.figures['missed']
-    percent = rounded(found.figures['false_time_percent'])
-    return f', so far finds {matched} of {matched + missed} slips, ON without slip {percent} %'
-
-
-def _names_of(tracks: Sequence[Track]) -> str:
+def _describe(tracks: Sequence[Track]) -> str:
     """Return the names of tracks, with the number of all slips and the length of all."""
     n = sum(len(track.slips) for track in tracks)
     minutes = sum(track.duration_s for track in tracks) / 60.0
@@ -160,8 +154,9 @@ def _search(
         workers.processes(options.jobs) as calls,
         workers.progress_bar(options.trials, 'trial') as bar,
     ):
-        more: Any = {**_reports(bar, options.json), 'stop': stop, 'calls': calls}
-        result = tune(files, parameters, options.trials, seed=options.seed, storage=where, **more)
+        study: Any = {'trials': options.trials, 'seed': options.seed, 'storage': where}
+        observe = _observer(bar, options.json)
+        result = tune(files, parameters, **study, observe=observe, stop=stop, calls=calls)
     # It takes a while to load.
     from slip_detector.report.page import replay_variant, write_page
 
@@ -172,31 +167,30 @@ def _search(
         replay_variant(name, Replay(chain, problem.evaluation), parts)
         for name, chain in (('given', given), ('not taken' if verdict.kept else 'tuned', found))
     ]
-    figures = [one.figures['all held out'] for one in variants]
-    answers = answer(figures[1], figures[0])
+    before, after = (variant.figures['all held out'] for variant in variants)
+    answers = answer(after, before)
     if verdict.kept:
         tried = [f'What was tried: {" ".join(answers)}'] if verdict.tried else []
         kept = f'Nothing better was found: {verdict.kept}.'
-        answers = [kept, f'The given parameters stay. {answer(figures[0])[0]}', *tried]
+        answers = [kept, f'The given parameters stay. {answer(before)[0]}', *tried]
     lines = [
         f'{study.follow()} trials, {len(study.trials)} of them usable, seed {options.seed}',
-        f'Tuned on: {_names_of(problem.tracks)}',
-        f'Held out, and not tuned on: {_names_of(held)}',
+        f'Tuned on: {_describe(problem.tracks)}',
+        f'Held out, and not tuned on: {_describe(held)}',
         *notes,
     ]
-    rows = compared(*figures)
-    table = text_table([['', *(one.name for one in variants)], *rows], '<>><').splitlines()
-    before, after = given.to_parameters(), found.to_parameters()
-    changes = {name: value for name, value in after.items() if value != before.get(name)}
-    said = {
+    rows, values = compared(before, after), given.to_parameters().items()
+    changes = dict(pair for pair in found.to_parameters().items() if pair not in values)
+    summary = {
         'step': '', 'share': 1.0, 'lines': notes, 'answer': answers, 'kept': verdict.kept,
-        'changes': {**searched(found), **changes}, 'table': rows,
+        'changes': {**searched_parameters(found), **changes}, 'table': rows,
     }  # fmt: skip
-    last = variants[::-1] if verdict.kept else variants
+    other, taken = variants[::-1] if verdict.kept else variants
     # The figures of each recording are after those of each part.
-    told = answers + bad_recordings(dict([*last[1].figures.items()][len(parts) :]))
-    page = 'Tuning of the slip detector', last, told, lines, options.out
-    return said, [*lines, 'On what was held out:', *table], lambda path: write_page(path, *page)
+    sentences = answers + bad_recordings(dict([*taken.figures.items()][len(parts) :]))
+    page = 'Tuning of the slip detector', [other, taken], sentences, lines, options.out
+    table = text_table([['', *(one.name for one in variants)], *rows], '<>><').splitlines()
+    return summary, [*lines, 'On what was held out:', *table], lambda path: write_page(path, *page)
 
 
 def with_parameters(given: str | Path | None, changes: Mapping[str, Any]) -> dict[str, Any]:
@@ -213,17 +207,6 @@ def with_parameters(given: str | Path | None, changes: Mapping[str, Any]) -> dic
     -------
     dict
         The whole document, with the sections of other nodes but without comments.
-
-    Raises
-    ------
-    ValueError
-        When the file cannot be read; names it.
-
-    Examples
-    --------
-    >>> document = with_parameters(None, {'threshold': 0.25})
-    >>> document['/**/slip_detector']['ros__parameters']['threshold']
-    0.25
     """
     document = DetectorConfig().to_document() if given is None else read_yaml(given)
     sections = list(sections_of(document, given))
@@ -240,18 +223,7 @@ def with_parameters(given: str | Path | None, changes: Mapping[str, Any]) -> dic
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Entry point of ``slip_tune``.
-
-    Parameters
-    ----------
-    argv
-        The arguments; those of the process if not given.
-
-    Returns
-    -------
-    int
-        Exit code, see :func:`slip_detector.commands.command_line.run`.
-    """
+    """Run the command with arguments, or those of the process; return the exit code."""
     options = _arguments(argv)
 
     def work() -> str:
@@ -260,11 +232,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         where = options.storage or f'{options.out}.study.journal'
         workers.check_apart(written, options.labels, where)
         workers.check_apart({'--report': options.report}, options.config)
-        paths = [path for path in written.values() if path is not None]
-        of, rate = (parameters.chain, parameters.loader), options.false_alarms_per_hour
+        paths = [str(path) for path in written.values() if path is not None]
         with interrupts_noted(STOPPING) as stop:
             if options.quiet is not None:
-                changes, answers = learn_from_quiet(options.quiet, *of, rate)
+                quiet = parameters.chain, parameters.loader, options.false_alarms_per_hour
+                changes, answers = learn_from_quiet(options.quiet, *quiet)
                 lines = list[str]()
             else:
                 result, lines, write_report = _search(options, parameters, where, stop)
@@ -280,8 +252,8 @@ def main(argv: Sequence[str] | None = None) -> int:
                 except ValueError as error:
                     raise ValueError(f'{error}; {options.out} is written') from None
         if options.json:
-            return json.dumps({**result, 'written': [*map(str, paths)]})
-        shown = [*(lines if options.verbose else ()), *answers]
-        return '\n'.join([*shown, f'Written: {", ".join(map(str, paths))}'])
+            return json.dumps({**result, 'written': paths})
+        said = [*(lines if options.verbose else ()), *answers, f'Written: {", ".join(paths)}']
+        return '\n'.join(said)
 
     return run(NAME, work)

@@ -24,9 +24,7 @@ import signal
 import tempfile
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import BrokenExecutor, ThreadPoolExecutor, as_completed
-from multiprocessing import resource_tracker
-from multiprocessing.connection import Connection
+from multiprocessing import connection, resource_tracker
 from pathlib import Path
 from typing import Any
 
@@ -38,10 +36,10 @@ from slip_detector.parameters.files import file_errors_of, find_parameter_file
 from slip_detector.recordings import ENDINGS, is_recording
 
 #: The parameters of :class:`RecordingConfig` that are options, without ``recording_``.
-READING = ('topic', 'field', 'labels', 'resample')
+RECORDING_OPTIONS = ('topic', 'field', 'labels', 'resample')
 
-#: Calls a function with many arguments; yields the index of each, and the result of its call, as
-#: the calls end.
+#: Calls a function with each of several arguments; yields the index of each argument with the
+#: result of its call, as the calls end.
 Calls = Callable[[Callable[[Any], Any], Sequence[Any]], Iterator[tuple[int, Any]]]
 
 
@@ -56,13 +54,6 @@ def add_options(parser: argparse.ArgumentParser, work: str, recordings: str = '*
         What its processes do.
     recordings
         How many recordings have to be given: ``*`` or ``+``, as argparse has it.
-
-    Examples
-    --------
-    >>> parser = argparse.ArgumentParser()
-    >>> add_options(parser, 'search')
-    >>> parser.parse_args(['--jobs', '4', '--topic', '/left/voltages']).jobs
-    4
     """
     text = f'a recording ({", ".join(ENDINGS)} or the folder of a bag) or a folder of them'
     parser.add_argument('recordings', nargs=recordings, metavar='RECORDING', help=text)
@@ -80,33 +71,22 @@ def add_options(parser: argparse.ArgumentParser, work: str, recordings: str = '*
     group = parser.add_argument_group('what to read of a recording')
     for field in dataclasses.fields(RecordingConfig):
         name = field.name.removeprefix('recording_')
-        if name in READING:
+        if name in RECORDING_OPTIONS:
             action = 'store_true' if field.default is False else 'store'
             meaning = field.metadata['meaning'].replace('%', '%%')
             group.add_argument(f'--{name}', action=action, default=None, help=meaning)
 
 
 def with_options(options: argparse.Namespace, sets: Any) -> Any:
-    """Return a named tuple of sets of parameters, from ``--config`` and the other options.
+    """Return a named tuple of parameter sets with the values of ``--config`` and other options.
 
-    Raises
-    ------
-    ValueError
-        When the file cannot be read or has a value that is not allowed; names it.
-
-    Examples
-    --------
-    >>> from slip_detector.evaluation.evaluator import RecordingLoader
-    >>> options = argparse.Namespace(
-    ...     config=None, topic='/a', field=None, labels=None, resample=None)
-    >>> with_options(options, RecordingLoader()).recording_config.recording_topic
-    '/a'
+    ``options.config`` becomes the path of the file.
     """
-    given = {name: getattr(options, name) for name in READING}
-    changes = {f'recording_{name}': value for name, value in given.items() if value is not None}
-    if options.config:  # From here on it is the path.
+    if options.config:
         options.config = str(find_parameter_file(options.config))
         sets = sets._make(type(one).from_yaml(options.config) for one in sets)
+    values = {f'recording_{name}': getattr(options, name) for name in RECORDING_OPTIONS}
+    changes = {name: value for name, value in values.items() if value is not None}
     return sets._make(
         dataclasses.replace(one, **changes) if isinstance(one, RecordingConfig) else one
         for one in sets
@@ -114,12 +94,7 @@ def with_options(options: argparse.Namespace, sets: Any) -> Any:
 
 
 def check_writable(path: Path) -> None:
-    """Raise an error if a file cannot be written, so that long work is not done in vain.
-
-    Raises
-    ------
-    ValueError
-        When the file cannot be written; names it.
+    """Refuse a file that cannot be written, so that long work is not done in vain.
 
     Examples
     --------
@@ -137,9 +112,7 @@ def check_writable(path: Path) -> None:
 
 
 def check_apart(written: Mapping[str, Path | None], *read: str | Path | None) -> None:
-    """Raise an error if a file to write is also read or written, or cannot be written.
-
-    No recording is overwritten.
+    """Refuse a file to write that is a recording, is read or written too, or cannot be written.
 
     Parameters
     ----------
@@ -147,11 +120,6 @@ def check_apart(written: Mapping[str, Path | None], *read: str | Path | None) ->
         Files to write, by the option that names each; None: the option is not given.
     read
         Files that are read beside recordings, or None.
-
-    Raises
-    ------
-    ValueError
-        When two of these files are the same, or one cannot be written; names the file.
 
     Examples
     --------
@@ -170,14 +138,7 @@ def check_apart(written: Mapping[str, Path | None], *read: str | Path | None) ->
 
 
 def progress_bar(total: int | None, unit: str) -> 'tqdm[Any]':
-    """Return a progress bar on stderr; it is disabled where stderr is not a terminal.
-
-    Examples
-    --------
-    >>> with progress_bar(total=200, unit='trial') as bar:
-    ...     bar.total
-    200
-    """
+    """Return a progress bar on stderr; it is disabled where stderr is not a terminal."""
     return tqdm(total=total, unit=unit, disable=None, dynamic_ncols=True, mininterval=0.0)
 
 
@@ -185,8 +146,8 @@ def progress_bar(total: int | None, unit: str) -> 'tqdm[Any]':
 def processes(jobs: int | None = None) -> Iterator[Calls | None]:
     """Within this context, let several processes make calls.
 
-    Function, arguments and results must be picklable. At the end calls that still run are given
-    up.
+    Function, arguments and results must be picklable. Calls that still run at the end of the
+    context are given up.
 
     Parameters
     ----------
@@ -196,7 +157,7 @@ def processes(jobs: int | None = None) -> Iterator[Calls | None]:
     Raises
     ------
     ValueError
-        When a process dies.
+        When a call refuses its argument, or a process dies.
 
     Examples
     --------
@@ -207,66 +168,70 @@ def processes(jobs: int | None = None) -> Iterator[Calls | None]:
     if jobs is None or jobs == 1:
         yield None
         return
-    of_thread, started = threading.local(), list[Any]()
-    start: Any = functools.partial(_start_process, of_thread, started)
-    # The first process would start it, which takes its protection from signals away.
+    context, started = multiprocessing.get_context('spawn'), dict[Any, Any]()
+    # Ctrl-C goes to all processes of a terminal, but only this one is to react. A signal that is
+    # blocked while another process starts stays blocked in it. Starting the resource tracker,
+    # which the first process would do, ends the block.
     resource_tracker.ensure_running()
-    with ThreadPoolExecutor(jobs, initializer=start) as threads:
-
-        def results(function: Callable[[Any], Any], every: Sequence[Any]) -> Iterator[Any]:
-            call = functools.partial(_call, of_thread, function)
-            calls = {threads.submit(call, one): k for k, one in enumerate(every)}
-            try:
-                for done in as_completed(calls):
-                    yield calls[done], done.result()
-            except (EOFError, OSError, BrokenExecutor) as error:
-                died = f'allowed: fewer --jobs than {jobs} where memory is short'
-                why = str(error) or type(error).__name__
-                raise ValueError(f'a worker process died, {died} ({why})') from None
-
-        try:
-            yield results
-        finally:
-            threads.shutdown(wait=False, cancel_futures=True)
-            for process in started:
-                process.kill()
-                process.join()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
+    try:
+        for _ in range(jobs):
+            here, there = context.Pipe()
+            process = context.Process(target=_make_calls, args=(there,), daemon=True)
+            process.start()
+            started[here] = process
+            there.close()
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        yield functools.partial(_results, dict.fromkeys(started))
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        for process in started.values():
+            process.kill()
+            process.join()
 
 
-def _start_process(of_thread: threading.local, started: list[Any]) -> None:
-    """Start the process of this thread, which makes its calls."""
-    # Ctrl-C goes to all processes of a terminal, but only the main thread of this one is to react.
-    # A signal that is blocked while another process starts stays blocked in it.
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
-    context = multiprocessing.get_context('spawn')
-    of_thread.connection, there = context.Pipe()
-    process = context.Process(target=_make_calls, args=(there,), daemon=True)
-    process.start()
-    started.append(process)
-    there.close()
+def _results(
+    workers: dict[Any, Any], function: Callable[[Any], Any], arguments: Sequence[Any]
+) -> Iterator[tuple[int, Any]]:
+    """Let processes call a function; see :data:`Calls`.
+
+    ``workers`` has the function that each process called last, by the connection to it: a function
+    is sent once, as it may hold much data.
+    """
+    waiting, running = [*enumerate(arguments)], dict[Any, int]()
+    try:
+        while waiting or running:
+            for worker, last in workers.items():
+                if waiting and worker not in running:
+                    running[worker], argument = waiting.pop(0)
+                    worker.send((None if last is function else function, argument))
+                    workers[worker] = function
+            ready: Any = connection.wait([*running])
+            for worker in ready:
+                refused, result = worker.recv()
+                if refused:
+                    raise refused
+                yield running.pop(worker), result
+    except (EOFError, OSError) as error:
+        died = f'allowed: fewer --jobs than {len(workers)} where memory is short'
+        why = str(error) or type(error).__name__
+        raise ValueError(f'a worker process died, {died} ({why})') from None
 
 
-def _call(of_thread: threading.local, function: Callable[[Any], Any], argument: Any) -> Any:
-    """Let the process of this thread call a function."""
-    of_thread.connection.send((function, argument))
-    refused, result = of_thread.connection.recv()
-    if refused:
-        raise refused
-    return result
-
-
-def _make_calls(connection: Connection) -> None:
+def _make_calls(caller: Any) -> None:
     """Make calls, as the only thing of this process; it ends with the one that started it."""
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    with contextlib.suppress(EOFError):  # Nobody calls any more.
+    function: Any = None
+    with contextlib.suppress(EOFError, OSError):  # Nobody calls any more.
         while True:
-            function, argument = connection.recv()
+            other, argument = caller.recv()
+            function = other or function
             try:
                 done: Any = None, function(argument)
             except (ValueError, OSError) as error:
                 # Of others it is not known whether they can be sent.
                 done = error if hasattr(error, 'advice') else ValueError(str(error)), None
-            connection.send(done)
+            caller.send(done)
 
 
 def _end_with_parent() -> None:

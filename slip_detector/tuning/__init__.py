@@ -12,4 +12,19 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The search for parameters, its verdict by held-out recordings, and learning without a search."""
+"""Better parameters of a detector, learnt and searched from labelled recordings.
+
+Recordings are :mod:`.tracks` in memory. Three subjects follow. Learning: :mod:`.bands`,
+:mod:`.noise`, :mod:`.labels`, :mod:`.learning`. Scoring a chain: :mod:`.sweep`, :mod:`.problem`.
+Search and decision: :mod:`.space`, :mod:`.search`, :mod:`.verdict`.
+"""
+
+from slip_detector.tuning.learning import learn_from_quiet
+from slip_detector.tuning.problem import better_than_chance, searched_parameters, worse_figures
+from slip_detector.tuning.tracks import Track, TrainingFiles, hold_out, load_tracks, track_of
+from slip_detector.tuning.verdict import TuningParameters, tune
+
+__all__ = [
+    'Track', 'TrainingFiles', 'TuningParameters', 'better_than_chance', 'hold_out',
+    'learn_from_quiet', 'load_tracks', 'searched_parameters', 'track_of', 'tune', 'worse_figures',
+]  # fmt: skip

@@ -51,17 +51,6 @@ def slip_bands(
     dB and averaged over the channels, of spectra of slides against spectra of rest. A band that
     ends at the highest edge has 0 as its upper edge, as a high-pass has. There is no band where
     slides are too short, or nowhere louder than rest.
-
-    Examples
-    --------
-    >>> from slip_detector.chain.samples import Samples
-    >>> from slip_detector.tuning.tracks import track_of
-    >>> slip = np.arange(4000) % 1000 >= 500
-    >>> volts = np.random.default_rng(0).normal(0.0, 1.0, (4000, 16))
-    >>> volts += slip[:, np.newaxis] * np.sin(np.arange(4000) / 5.0)[:, np.newaxis]
-    >>> tracks = [track_of('slips', [Samples.evenly(volts, 380.0, slip)], 380.0)]
-    >>> slip_bands(ChainConfig(), tracks)[1]
-    'slides stand out from rest at 8.06 to 16.1 Hz'
     """
     rate_hz = chain.sample_rate_hz
     lengths = [
@@ -87,9 +76,9 @@ def slip_bands(
         return [], 'slides stand out from rest in no band'
     bands = []
     for share in SHARES:
-        loud = areas - 0.5 >= share * (areas[best] - 0.5)
-        first = best - int(np.argmin(loud[best::-1])) + 1 if not loud[: best + 1].all() else 0
-        last = best + int(np.argmin(loud[best:])) if not loud[best:].all() else count
+        quiet = np.flatnonzero(areas - 0.5 < share * (areas[best] - 0.5))
+        first = max(quiet[quiet < best], default=-1) + 1
+        last = min(quiet[quiet > best], default=count)
         high_hz = 0.0 if last == count else float(edges_hz[last])
         band = float(f'{edges_hz[first]:.3g}'), float(f'{high_hz:.3g}')
         bands += [] if band in bands else [band]
@@ -108,22 +97,22 @@ def _levels_db(
     # A band that is narrower than the lines of the spectrum has the nearest line.
     firsts = np.minimum(np.searchsorted(hz, edges_hz[:-1]), hz.size - 1)
     lasts = np.maximum(np.searchsorted(hz, edges_hz[1:]), firsts + 1)
-    found: tuple[list[Floats], list[Floats]] = [], []
-    for begin, end, _ in track.stretches:
+    slides_db, rest_db = list[Floats](), list[Floats]()
+    truth, slipping = np.asarray(track.samples.truth), track.row_classes == SLIP
+    for begin, end in track.stretches:
         volts = enabled(track.volts[begin:end], chain)
         volts = forward_filled(volts, ~np.isfinite(volts))
         for start in range(0, end - begin - rows + 1, rows // 2):
-            slipping = track.kinds[begin + start : begin + start + rows] == SLIP
-            slides = slipping.mean() >= SLIDING
-            if not slides and np.asarray(track.samples.truth)[begin + start :][:rows].any():
-                continue
-            part = signal.detrend(volts[start : start + rows], axis=0)
-            power = np.abs(np.fft.rfft(part * np.hanning(rows)[:, np.newaxis], axis=0)) ** 2
-            sums = np.cumsum(np.vstack([np.zeros(power.shape[1]), power]), axis=0)
-            levels = np.log10(np.maximum(sums[lasts] - sums[firsts], 1e-60)).mean(axis=1)
-            found[0 if slides else 1].append(10.0 * levels)
-    slides_db, rest_db = (np.reshape(one, (-1, edges_hz.size - 1)) for one in found)
-    return slides_db, rest_db
+            labels = slice(begin + start, begin + start + rows)
+            slides = slipping[labels].mean() >= SLIDING
+            if slides or not truth[labels].any():
+                part = signal.detrend(volts[start : start + rows], axis=0)
+                power = np.abs(np.fft.rfft(part * np.hanning(rows)[:, np.newaxis], axis=0)) ** 2
+                sums = np.cumsum(np.vstack([np.zeros(power.shape[1]), power]), axis=0)
+                levels = np.log10(np.maximum(sums[lasts] - sums[firsts], 1e-60)).mean(axis=1)
+                (slides_db if slides else rest_db).append(10.0 * levels)
+    bands = edges_hz.size - 1
+    return np.reshape(slides_db, (-1, bands)), np.reshape(rest_db, (-1, bands))
 
 
 def _area(slides: Floats, rest: Floats) -> float:

@@ -15,7 +15,6 @@
 """The problem of a search: what is tuned, on what, and what a chain costs."""
 
 import dataclasses
-import functools
 import hashlib
 import math
 from collections.abc import Mapping, Sequence
@@ -27,20 +26,18 @@ from slip_detector.chain.filters import evidence_falls_s, settling_rows
 from slip_detector.chain.samples import Floats
 from slip_detector.evaluation.chance import saved_by_chance_s
 from slip_detector.evaluation.events import LASTING, Events
-from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters import ChainConfig, EvaluationConfig, TuneConfig
 from slip_detector.recordings.labels import KINDS
 from slip_detector.tuning import sweep
-from slip_detector.tuning.space import SearchSpace
 from slip_detector.tuning.tracks import Track
 
 #: Figures by name, None where one is not defined: those of :meth:`.Events.at` and of
 #: :meth:`.ScoreCounts.aucs`.
 Figures = dict[str, Any]
 
-#: The cost of a threshold is averaged with those of this many neighbours on each side, which are
-#: :data:`slip_detector.tuning.sweep.STEP` apart: from day to day, contact and sensor change
-#: the amplitude by about a tenth.
+#: The cost of a threshold is averaged with the costs of this many neighbours on each side, as
+#: contact and sensor change the amplitude by about a tenth from day to day. Neighbours are
+#: :data:`.sweep.STEP` apart.
 NEIGHBOURS = 3
 
 #: Factor on the cost of the amount by which a figure is worse than that of the given chain.
@@ -51,35 +48,36 @@ FOLDS = 8
 
 
 class Compared(NamedTuple):
-    """A figure that must not get worse.
+    """How a figure is compared with that of another chain.
 
     Attributes
     ----------
+    weight : str
+        The parameter of :class:`.TuneConfig` that a difference costs; empty: 1 ms.
     sign : float
         1 where more is better, -1 where less is.
     step : float
         Up to this difference two are equal.
-    cost : str
-        The weight, see :class:`.TuneConfig`, of a difference of 1 / ``per``.
     per : float
+        How often a difference of 1 costs the weight.
     """
 
+    weight: str
     sign: float
     step: float
-    cost: str
     per: float = 1.0
 
 
-ON = 'false_time_costs_ms'
+ON_COSTS = 'false_time_costs_ms'
 #: The figures that must not get worse, by name: first what a slip costs, then time ON by kind.
 COMPARED = {
-    'recall': Compared(1.0, 1e-9, 'missed_costs_ms'),
-    'coverage': Compared(1.0, 0.005, 'missed_time_costs_ms', 100.0),
-    'latency_median_all_ms': Compared(-1.0, 1e-9, ''),
-    'false_alarms_per_minute': Compared(-1.0, 1e-9, 'false_alarm_costs_ms'),
-    'false_time_percent': Compared(-1.0, 1e-9, ON),
-    **{f'{kind}_on_percent': Compared(-1.0, 0.5, ON) for kind in KINDS},
-    'auc': Compared(1.0, 1e-3, 'auc_costs_ms'),
+    'recall': Compared('missed_costs_ms', 1.0, 1e-9),
+    'coverage': Compared('missed_time_costs_ms', 1.0, 0.005, per=100.0),
+    'latency_median_all_ms': Compared('', -1.0, 1e-9),
+    'false_alarms_per_minute': Compared('false_alarm_costs_ms', -1.0, 1e-9),
+    'false_time_percent': Compared(ON_COSTS, -1.0, 1e-9),
+    **{f'{kind}_on_percent': Compared(ON_COSTS, -1.0, 0.5) for kind in KINDS},
+    'auc': Compared('auc_costs_ms', 1.0, 1e-3),
 }
 
 
@@ -88,8 +86,6 @@ def worse_by(figures: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, 
 
     A figure that the other chain lacks is left out; one that this chain alone lacks is NaN.
     Only the area under the ROC curve is compared where the other chain is no better than chance.
-    What is ON for much of the rest is ON in slips by chance and has few alarms: coverage may fall
-    by as much as the time ON, and alarms are not compared where that is less.
 
     Parameters
     ----------
@@ -98,25 +94,24 @@ def worse_by(figures: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, 
     other
         See :data:`Figures`.
     """
-    found = {}
-    on_percent, its_percent = (
-        np.nan_to_num(np.array(one['false_time_percent'], np.float64)) for one in (figures, other)
-    )
-    less_percent = np.maximum(its_percent - on_percent, 0.0)
-    for name, compared in COMPARED.items():
-        its = other[name]
-        if its is None or (name != 'auc' and not better_than_chance(other)):
+    differences = {}
+    for name in COMPARED if better_than_chance(other) else ['auc']:
+        before, now = other[name], np.array(figures[name], np.float64)
+        if before is None:
             continue
-        figure = np.array(figures[name], np.float64)
-        if name.startswith('latency'):  # That an alarm is before its slip brings nothing.
-            figure, its = np.maximum(figure, 0.0), max(its, 0.0)
-        by = compared.sign * (its - figure)
-        if name == 'coverage':
-            by = by - less_percent / 100.0
-        elif name == 'false_alarms_per_minute':
-            by = np.where(less_percent > COMPARED['rest_on_percent'].step, 0.0, by)
-        found[name] = by
-    return found
+        if name.startswith('latency'):  # An alarm that comes before its slip brings nothing.
+            before, now = max(before, 0.0), np.maximum(now, 0.0)
+        differences[name] = COMPARED[name].sign * (before - now)
+    # A chain that is ON for less of the rest is by chance ON for less of the slips too, and what
+    # is ON for much of the rest has few alarms.
+    on = (np.array(each['false_time_percent'], np.float64) for each in (other, figures))
+    less_percent = np.maximum(np.subtract(*map(np.nan_to_num, on)), 0.0)
+    if 'coverage' in differences:
+        differences['coverage'] = differences['coverage'] - less_percent / 100.0
+    if (alarms := differences.get('false_alarms_per_minute')) is not None:
+        excused = less_percent > COMPARED['rest_on_percent'].step
+        differences['false_alarms_per_minute'] = np.where(excused, 0.0, alarms)
+    return differences
 
 
 def worse_figures(figures: Mapping[str, Any], other: Mapping[str, Any]) -> list[str]:
@@ -128,12 +123,12 @@ def worse_figures(figures: Mapping[str, Any], other: Mapping[str, Any]) -> list[
     Parameters
     ----------
     figures, other
-        See :data:`Figures`.
+        Those of this chain and of another, see :data:`Figures`.
 
     Examples
     --------
-    >>> given = {**dict.fromkeys(COMPARED, 1.0), 'sooner_than_chance': 1.0}
-    >>> worse_figures({**given, 'recall': 0.9, 'auc': 0.9995}, given)
+    >>> before = {**dict.fromkeys(COMPARED, 1.0), 'sooner_than_chance': 1.0}
+    >>> worse_figures({**before, 'recall': 0.9, 'auc': 0.9995}, before)
     ['recall']
     """
     return [
@@ -143,12 +138,23 @@ def worse_figures(figures: Mapping[str, Any], other: Mapping[str, Any]) -> list[
     ]
 
 
-def searched(chain: ChainConfig) -> dict[str, Any]:
+def better_than_chance(figures: Mapping[str, Any]) -> bool:
+    """Return whether a chain finds slips sooner than decisions that do not depend on slip.
+
+    Parameters
+    ----------
+    figures
+        Those of the chain, see :data:`Figures`.
+    """
+    return (figures['sooner_than_chance'] or 0.0) > 0.0
+
+
+def searched_parameters(chain: ChainConfig) -> dict[str, Any]:
     """Return the parameters of a chain that a search changes, by name, as ROS has them.
 
     Examples
     --------
-    >>> searched(ChainConfig())['decision_window_s']
+    >>> searched_parameters(ChainConfig())['decision_window_s']
     0.04
     """
     parameters, decision = chain.to_parameters(), chain.decision
@@ -156,30 +162,12 @@ def searched(chain: ChainConfig) -> dict[str, Any]:
     return {f.name: parameters[f.name] for f in fields if decision in f.metadata['searched_with']}
 
 
-def better_than_chance(figures: Mapping[str, Any]) -> bool:
-    """Return whether a chain finds slips sooner than decisions that do not depend on slip."""
-    return (figures['sooner_than_chance'] or 0.0) > 0.0
-
-
 class Candidate(NamedTuple):
-    """A chain with its threshold and vote, and its cost.
-
-    Attributes
-    ----------
-    chain : ChainConfig
-    cost_ms : float
-    figures : dict
-        See :data:`Figures`.
-    """
+    """A chain with its threshold and vote, its cost, and its :data:`Figures`."""
 
     chain: ChainConfig
     cost_ms: float
     figures: Figures
-
-    def as_json(self) -> dict[str, Any]:
-        """Return its entry in a study, in types of JSON; see :meth:`Problem.candidate`."""
-        entry = self._asdict()
-        return {'parameters': searched(entry.pop('chain')), **entry}
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -191,31 +179,15 @@ class Problem:
     tracks : sequence of Track
         The recordings to tune on, with at least one slip and some time without slip.
     given : ChainConfig
-        The chain that is tuned.
+        The chain with which the search begins.
     figures : dict or None
-        Figures that must not get worse.
+        Figures of the running chain, which must not get worse.
     evaluation : EvaluationConfig
         What counts as detected.
     config : TuneConfig
         The weights of the cost.
-    running : ChainConfig or None
-        The chain that the result has to be better than; None: the given one.
     settling_rows : int
         No chain settles in fewer rows, so that several are scored on the same slips.
-
-    Examples
-    --------
-    >>> from slip_detector.chain.samples import Samples
-    >>> from slip_detector.tuning.tracks import track_of
-    >>> slip = np.arange(760) >= 380
-    >>> volts = slip * np.sin(2 * np.pi * 20.0 * np.arange(760) / 380.0)
-    >>> rows = Samples.evenly(np.tile(volts, (16, 1)).T, 380.0, truth=slip)
-    >>> problem = Problem([track_of('trial', [rows], sample_rate_hz=380.0)])
-    >>> given = problem.as_it_is(problem.given)
-    >>> given.figures['sooner_than_chance'], given.figures['false_alarms_per_minute']
-    (1.0, 0.0)
-    >>> [one.chain.vote for one in problem.candidates_at(problem.space.point(problem.given))]
-    ['all', 'mean', 2, 3]
     """
 
     tracks: Sequence[Track]
@@ -223,73 +195,51 @@ class Problem:
     figures: Figures | None = None
     evaluation: EvaluationConfig = dataclasses.field(default_factory=EvaluationConfig)
     config: TuneConfig = dataclasses.field(default_factory=TuneConfig)
-    running: ChainConfig | None = None
     settling_rows: int = 0
 
     def study_name(self) -> str:
         """Return a name for the study that no other problem has, however recordings are named."""
-        sets = (self.given, self.evaluation, self.config, self.running or self.given)
+        sets = (self.given, self.evaluation, self.config)
         shapes = [(track.stretches, track.sample_rate_hz) for track in self.tracks]
-        asked = ([one.to_parameters() for one in sets], self.figures, shapes)
-        digest = hashlib.sha256(repr(asked).encode())
+        known = [each.to_parameters() for each in sets], self.figures, shapes
+        digest = hashlib.sha256(repr(known).encode())
         for track in self.tracks:
             digest.update(np.ascontiguousarray(track.volts).data)
-            digest.update(track.kinds.data)
+            digest.update(track.row_classes.data)
             digest.update(track.kind.encode())
         return f'{self.config.NODE}-{digest.hexdigest()[:16]}'
 
-    @functools.cached_property
-    def space(self) -> SearchSpace:
-        """The space that is searched."""
-        return SearchSpace(self.given, self.tracks)
+    def best(self, chain: ChainConfig) -> Candidate | None:
+        """Return a chain with the threshold and vote that cost least.
 
-    def candidates_at(self, point: dict[str, Any]) -> list[Candidate]:
-        """Return the chain at a point of the space with the best threshold for each vote.
-
-        Parameters
-        ----------
-        point
-            See :attr:`slip_detector.tuning.space.SearchSpace.distributions`.
-
-        Returns
-        -------
-        list of Candidate
-            The cheapest first; empty where the chain cannot be built or is never ON.
-        """
-        try:
-            return self.best(self.space.chain(point))
-        except ValueError:  # no such filter, or no noise
-            return []
-
-    def best(self, chain: ChainConfig) -> list[Candidate]:
-        """Return a chain with the best threshold for each vote, the cheapest vote first.
-
-        Votes with which the chain is never ON are left out, and all where no slip or no rest is
-        scored.
+        None where it is never ON, or where no slip or no rest is scored.
 
         Raises
         ------
         ValueError
             When the chain cannot be built.
         """
-        found = []
-        of_votes = sweep.vote_statistics(chain, sweep.votes_of(chain), self.tracks)
-        for vote, parts in of_votes.items():
-            voted, limits = dataclasses.replace(chain, vote=vote), sweep.thresholds(chain, parts)
-            found += [self._cheapest(voted, parts, limits, NEIGHBOURS)] if limits.size else []
-        usable = [one for one in found if one.cost_ms < math.inf]
-        return sorted(usable, key=lambda one: one.cost_ms)
+        candidates = []
+        statistics = sweep.vote_statistics(chain, sweep.votes_of(chain), self.tracks)
+        for vote, parts in statistics.items():
+            limits = sweep.thresholds(chain, parts)
+            if limits.size:
+                voting = dataclasses.replace(chain, vote=vote)
+                candidates.append(self._cheapest(voting, parts, limits, NEIGHBOURS))
+        best = min(candidates, key=lambda one: one.cost_ms, default=None)
+        return best if best and best.cost_ms < math.inf else None
 
     def as_it_is(self, chain: ChainConfig) -> Candidate:
-        """Return the cost of a chain with its own threshold and vote.
+        """Return the cost of a chain with its own threshold and vote."""
+        return self._cheapest(chain, self._parts(chain), np.array([chain.threshold]), neighbours=0)
 
-        Raises
-        ------
-        ValueError
-            When the chain cannot be built.
-        """
-        parts = sweep.vote_statistics(chain, [chain.vote], self.tracks)[chain.vote]
-        return self._cheapest(chain, parts, np.array([chain.threshold]), neighbours=0)
+    def _parts(self, chain: ChainConfig) -> list[sweep.Part]:
+        """Return the statistics of a chain's own vote."""
+        return sweep.vote_statistics(chain, [chain.vote], self.tracks)[chain.vote]
+
+    def _scoring(self, chain: ChainConfig) -> tuple[EvaluationConfig, int]:
+        """Return what counts as detected, and in how many rows a chain settles."""
+        return self.evaluation, max(settling_rows(chain), self.settling_rows)
 
     def _cheapest(
         self, chain: ChainConfig, parts: Sequence[sweep.Part], limits: Floats, neighbours: int
@@ -307,10 +257,6 @@ class Problem:
         cost_ms = float(costs_ms[at]) + self.config.auc_costs_ms * lacking
         return Candidate(chain, cost_ms, {**swept.at(at), **areas})
 
-    def _scoring(self, chain: ChainConfig) -> tuple[EvaluationConfig, int]:
-        """Return what counts as detected, and in how many rows a chain settles."""
-        return self.evaluation, max(settling_rows(chain), self.settling_rows)
-
     def left_out(self, chain: ChainConfig) -> tuple[float, Floats]:
         """Return what a chain costs where the threshold for a recording comes from the others.
 
@@ -322,32 +268,30 @@ class Problem:
         costs_ms : ndarray, shape (folds,)
             Of all but one recording, or group of :data:`FOLDS`, for the error of the cost.
         """
-        parts = sweep.vote_statistics(chain, [chain.vote], self.tracks)[chain.vote]
-        limits = sweep.thresholds(chain, parts)
+        parts, scoring = self._parts(chain), self._scoring(chain)
+        limits, limit = sweep.thresholds(chain, parts), np.array([chain.threshold])
+        many = min(FOLDS, sum(bool(track.slips) for track in self.tracks))
+        unknown = math.inf, np.zeros(many)
+        if many < 2 or not limits.size:
+            return unknown
         # Recordings with slips are spread over the groups.
         order = sorted(range(len(self.tracks)), key=lambda k: not self.tracks[k].slips)
-        many = min(FOLDS, sum(bool(track.slips) for track in self.tracks))
-        if many < 2 or not limits.size:
-            return math.inf, np.zeros(many)
-        scoring = self._scoring(chain)
-        of_tracks = sweep.sweep_thresholds(parts, limits, *scoring)
-        areas = sweep.count_scores(parts, chain.threshold, *scoring).aucs()
-        folds = [Events.pooled(of_tracks[k] for k in order[fold::many]) for fold in range(many)]
+        events = sweep.sweep_thresholds(parts, limits, *scoring)
+        folds = [Events.pooled(events[k] for k in order[fold::many]) for fold in range(many)]
         others = [[k for k in range(many) if k != fold] for fold in range(many)]
-        alone = []
+        held_out = []
         for fold, rest in zip(folds, others, strict=True):
             pooled = Events.pooled(folds[k] for k in rest)
             costs_ms = self._costs_ms(chain, limits, pooled, NEIGHBOURS)
-            alone.append(fold.at_one(int(np.argmin(costs_ms))))
-        limit = np.array([chain.threshold])
-        lacking_ms = self.config.auc_costs_ms * (1.0 - (areas['auc'] or 0.0))
-        found = [
-            self._costs_ms(chain, limit, Events.pooled(alone[k] for k in which), 0)[0] + lacking_ms
-            for which in (range(many), *others)
+            held_out.append(fold.at_one(int(np.argmin(costs_ms))))
+        auc = sweep.count_scores(parts, chain.threshold, *scoring).aucs()['auc']
+        lacking_ms = self.config.auc_costs_ms * (1.0 - (auc or 0.0))
+        costs = [
+            self._costs_ms(chain, limit, Events.pooled(held_out[k] for k in part), 0)[0]
+            + lacking_ms
+            for part in (range(many), *others)
         ]
-        if not np.isfinite(found).all():
-            return math.inf, np.zeros(many)
-        return float(found[0]), np.array(found[1:])
+        return (float(costs[0]), np.array(costs[1:])) if np.isfinite(costs).all() else unknown
 
     def _costs_ms(
         self, chain: ChainConfig, limits: Floats, swept: Events, neighbours: int
@@ -355,10 +299,10 @@ class Problem:
         """Return the mean cost of each of T thresholds and its neighbours; shape (T,).
 
         Nothing is ON from the highest threshold on, so that its cost continues above. What is ON
-        below the lowest is not known, so thresholds that lack neighbours there have an infinite
-        cost.
+        below the lowest threshold is not known, so thresholds without neighbours there have an
+        infinite cost.
         """
-        costs_ms = self._event_costs_ms(swept) + self._hidden_costs_ms(chain, limits)
+        costs_ms = self._event_costs_ms(swept) + self._memory_costs_ms(chain, limits)
         padded, width = np.pad(costs_ms, neighbours, mode='edge'), 2 * neighbours + 1
         padded[:neighbours] = np.inf
         return np.asarray(np.convolve(padded, np.full(width, 1.0 / width), 'valid'))
@@ -379,24 +323,22 @@ class Problem:
         chance = swept.leads_s, swept.windows_s, alarms / rest_s
         # Labels that are not exact may leave no row that certainly slips.
         missed_percent = 100.0 * (1.0 - np.nan_to_num(figures['coverage'], nan=1.0))
-        costs = (
+        costs_ms = (
             late_ms.mean(axis=0)
             + 1e3 * saved_by_chance_s(*chance, most_ms / 1e3)
-            + config.false_alarm_costs_ms * 60.0 * _of_kinds(swept, 2)
-            + config.false_time_costs_ms * 100.0 * _of_kinds(swept, 1)
+            + config.false_alarm_costs_ms * 60.0 * _sum_over_kinds(swept, 2)
+            + config.false_time_costs_ms * 100.0 * _sum_over_kinds(swept, 1)
             + config.missed_time_costs_ms * missed_percent
         )
-        if self.figures is None:
-            return np.asarray(costs)
         late = {'latency_median_all_ms': np.fmin(figures['latency_median_all_ms'], most_ms)}
-        for name, by in worse_by({**figures, **late, 'auc': np.nan}, self.figures).items():
-            compared = COMPARED[name]
-            weight = compared.per * getattr(config, compared.cost, 1.0)
-            over = np.nan_to_num(by) - compared.step
-            costs = costs + WORSE_COUNTS * weight * np.maximum(over, 0.0)
-        return np.asarray(costs)
+        worse = worse_by({**figures, **late, 'auc': np.nan}, self.figures) if self.figures else {}
+        for name, by in worse.items():
+            weight, _, step, per = COMPARED[name]
+            over = np.maximum(np.nan_to_num(by) - step, 0.0)
+            costs_ms = costs_ms + WORSE_COUNTS * (per * getattr(config, weight, 1.0)) * over
+        return np.asarray(costs_ms)
 
-    def _hidden_costs_ms(self, chain: ChainConfig, limits: Floats) -> Floats | float:
+    def _memory_costs_ms(self, chain: ChainConfig, limits: Floats) -> Floats | float:
         """Return what a chain's memory costs about the ends of slips, where labels hide that.
 
         Labels by hand say nothing of the rows about their ends, but how long a chain remembers is
@@ -404,7 +346,7 @@ class Problem:
         limit to a threshold, and that in which it rises there in the loudest slip.
         """
         with_slips = [track for track in self.tracks if track.slips]
-        rest_s = sum((one.kinds < SLIP).sum() / one.sample_rate_hz for one in with_slips)
+        rest_s = sum(track.without_slip_s for track in with_slips)
         if not rest_s or not any(track.samples.accuracy_s for track in with_slips):
             return 0.0
         holds_s = chain.mains_rows / chain.sample_rate_hz + chain.envelope_window_s
@@ -414,26 +356,19 @@ class Problem:
             rises_s = limits / chain.evidence_cap_db
             over = np.maximum(1.0 - limits / chain.evidence_limit_db_s, 0.0)
             falls_s = evidence_falls_s(chain) * over
-        inexact = [(len(track.slips), track.samples.accuracy_s) for track in with_slips]
-        off_s, on_s = (
-            sum(slips * np.minimum(holds_s + more_s, by_s) for slips, by_s in inexact)
-            for more_s in (rises_s, falls_s)
-        )
-        of_slips = ((sum(b - a for a, b in one.slips), one.sample_rate_hz) for one in with_slips)
-        slips_s = sum(rows / rate_hz for rows, rate_hz in of_slips)
+        off_s, on_s, slips_s = np.zeros(limits.shape), np.zeros(limits.shape), 0.0
+        for track in with_slips:
+            many, inexact_s = len(track.slips), track.samples.accuracy_s
+            off_s += many * np.minimum(holds_s + rises_s, inexact_s)
+            on_s += many * np.minimum(holds_s + falls_s, inexact_s)
+            slips_s += sum(end - start for start, end in track.slips) / track.sample_rate_hz
         return np.asarray(
             self.config.false_time_costs_ms * 100.0 * on_s / rest_s
             + self.config.missed_time_costs_ms * 100.0 * off_s / slips_s
         )
 
-    def candidate_of(self, trial: Any) -> Candidate:
-        """Return the cheapest candidate of a trial; see :meth:`Candidate.as_json`."""
-        entry = trial.user_attrs['found'][0]
-        rest = {name: entry[name] for name in Candidate._fields[1:]}
-        return Candidate(dataclasses.replace(self.given, **entry['parameters']), **rest)
 
-
-def _of_kinds(swept: Events, what: int) -> Floats:
+def _sum_over_kinds(swept: Events, what: int) -> Floats:
     """Return the share of rest that is ON (1), or its alarms a second (2), over kinds; shape (T,).
 
     It is that of rest plus the mean of those of the other kinds of recordings: rest counts as much
@@ -441,5 +376,5 @@ def _of_kinds(swept: Events, what: int) -> Floats:
     """
     first = LASTING.index('rest') + 1
     parts = swept.lasting[1:first], swept.lasting[first:]  # the rest and the other kinds
-    shares = ([of[what] / of[0] for of in part if of[0].all()] for part in parts)
+    shares = ([kind[what] / kind[0] for kind in part if kind[0].all()] for part in parts)
     return np.asarray(sum(np.mean(part, axis=0) for part in shares if part))

@@ -29,14 +29,13 @@ import dataclasses
 import fcntl
 import functools
 import math
-import pickle
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from slip_detector.parameters.files import check_plain
-from slip_detector.tuning.hand_labels import snap_labels
-from slip_detector.tuning.problem import Candidate, Problem
+from slip_detector.tuning.problem import Candidate, Problem, searched_parameters
+from slip_detector.tuning.space import SearchSpace
 
 #: Number of trials in a batch, which is the largest number of processes that are useful.
 BATCH = 8
@@ -50,12 +49,18 @@ DAMAGE = ValueError, LookupError, TypeError, AttributeError, AssertionError, Rec
 Point = dict[str, Any]
 
 #: Calls a function with each of some points, maybe in other processes; yields the index of each
-#: point and the candidates there, in any order.
-Calls = Callable[..., Iterator[tuple[int, list[Candidate]]]]
+#: point and the candidate there, in any order.
+Calls = Callable[..., Iterator[tuple[int, Candidate | None]]]
+
+
+class Trial(NamedTuple):
+    """A point that was tried, and the cheapest chain there."""
+
+    point: Point
+    candidate: Candidate
 
 
 def search(
-    problem: Problem,
     study: 'Study',
     trials: int,
     stop: Callable[[], bool] = lambda: False,
@@ -66,8 +71,6 @@ def search(
 
     Parameters
     ----------
-    problem
-        The problem of the search.
     study
         The study that the trials belong to.
     trials
@@ -77,55 +80,38 @@ def search(
     progress
         Called with the number of trials so far, after each trial and each batch.
     results
-        Yields the index of each of some points and the candidates there, see
-        :meth:`.problem.Problem.candidates_at`, in any order. None: this process finds them.
+        Yields the index of each of some points and the candidate there, see
+        :func:`candidate_at`, in any order. None: this process finds them.
 
     Raises
     ------
     ValueError
         When the storage fails; names it.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from slip_detector.chain.samples import Samples
-    >>> from slip_detector.tuning.tracks import track_of
-    >>> slip = np.arange(760) >= 380
-    >>> volts = slip * np.sin(2 * np.pi * 20.0 * np.arange(760) / 380.0)
-    >>> volts += 0.01 * np.random.default_rng(0).standard_normal(760)
-    >>> rows = Samples.evenly(np.tile(volts, (16, 1)).T, 380.0, truth=slip)
-    >>> problem = Problem([track_of('trial', [rows], sample_rate_hz=380.0)])
-    >>> study = Study(problem.space.distributions, seed=0)
-    >>> search(problem, study, trials=2)
-    >>> study.follow()
-    2
     """
-    results = results or (lambda points: enumerate(map(problem.candidates_at, points)))
+    results = results or (lambda points: enumerate(map(study.candidate_at, points)))
 
     def attempt(points: Sequence[Point]) -> bool:
         """Try points that were not tried yet; return whether the search goes on."""
-        fresh: list[Point] = []
-        for point in points:
-            tried = point in fresh or not math.isnan(study.cost_ms(point, math.nan))
-            fresh += [] if tried else [point]
+        fresh = [point for k, point in enumerate(points) if point not in points[:k]]
+        fresh = [point for point in fresh if not study.has(point)]
         for first in range(0, len(fresh), BATCH):
             count = study.follow()
             batch, found = fresh[first : first + BATCH][: max(trials - count, 0)], {}
-            for place, candidates in results(batch) if batch and not stop() else ():
-                found[place] = candidates
+            for place, candidate in results(batch) if batch and not stop() else ():
+                found[place] = candidate
                 progress(count + len(found))
                 if stop():
                     break
-            for place, candidates in sorted(found.items()):
-                study.tell(batch[place], [one.as_json() for one in candidates])
+            for place, candidate in sorted(found.items()):
+                study.tell(batch[place], candidate)
         count = study.follow()
         progress(count)
         return count < trials and not stop()
 
-    starts = problem.space.starts()
+    starts = study.space.starts()
     going = attempt(starts)
     best = min(starts, key=study.cost_ms)
-    bands, *stages = problem.space.stages() if going else [[]]
+    bands, *stages = study.space.stages() if going else [[]]
     # The bands on the given chain; on the best of these each stage alone; then one after another,
     # each on the best so far, more than once, as one stage changes what another can do.
     points = [best, *({**starts[1], **change} for change in bands)]
@@ -141,21 +127,12 @@ def search(
         going = attempt([study.ask() for _ in range(min(BATCH, trials - study.follow()))])
 
 
-def candidates_at(pickled: bytes, point: Point) -> list[Candidate]:
-    """Do :meth:`Problem.candidates_at` in another process, which reads the recordings itself."""
-    return _with_rows(pickled).candidates_at(point)
-
-
-@functools.lru_cache(maxsize=1)
-def _with_rows(pickled: bytes) -> Problem:
-    """Read the recordings of a problem, once for all of its trials."""
-    files, names, problem, name = pickle.loads(pickled)
-    tracks = [track for track in snap_labels(files.load()[0])[0] if track.name in names]
-    found: Problem = dataclasses.replace(problem, tracks=tracks)
-    if found.study_name() != name:
-        paths = ', '.join(files.paths)
-        raise ValueError(f'{paths}: a worker finds other recordings there, allowed: the same ones')
-    return found
+def candidate_at(problem: Problem, space: SearchSpace, point: Point) -> Candidate | None:
+    """Return the cheapest chain at a point of the space, if there is any."""
+    try:
+        return problem.best(space.chain(point))
+    except ValueError:  # no such filter, or no noise
+        return None
 
 
 class Study:
@@ -163,54 +140,50 @@ class Study:
 
     Parameters
     ----------
-    distributions
-        The distributions of the search space, by name.
+    problem
+        The problem of the search; each has a study of its own in a storage.
     seed
         Seed of the sampler, different for each worker of a study.
     storage
         The URL of a database (``sqlite:///study.db``, ``postgresql://user@host/study``), or the
         path of a journal, which is made if it does not exist. None: the memory of this process.
-    name
-        Name of the study in its storage; each problem needs a name of its own.
+
+    Attributes
+    ----------
+    trials : list of Trial
+        All trials that found a chain, as far as this worker has read them.
+    space : SearchSpace
+        The space that is searched.
+    candidate_at : callable
+        Returns the candidate at a point, see :func:`candidate_at`. It may be pickled.
 
     Raises
     ------
     ValueError
         When the storage cannot be opened, or the last line of a journal is cut off; names it.
-
-    Examples
-    --------
-    >>> from optuna.distributions import FloatDistribution
-    >>> study = Study({'x': FloatDistribution(0.0, 1.0)}, seed=0)
-    >>> study.tell({'x': 0.5}, found=[{'cost_ms': 3.0}])
-    >>> study.follow(), [(trial.params, trial.value) for trial in study.trials]
-    (1, [({'x': 0.5}, 3.0)])
     """
 
-    def __init__(
-        self,
-        distributions: dict[str, Any],
-        seed: int,
-        storage: str | None = None,
-        name: str = 'slip_tune',
-    ) -> None:
+    def __init__(self, problem: Problem, seed: int, storage: str | None = None) -> None:
         import optuna
 
         optuna.logging.set_verbosity(optuna.logging.ERROR)
-        self._distributions, self._where = distributions, storage
+        self.problem, self._where = problem, storage
+        self.space = SearchSpace(problem.given, problem.tracks)
+        self.candidate_at = functools.partial(candidate_at, problem, self.space)
         # Points of a batch keep away from each other.
         sampler = optuna.samplers.TPESampler(seed=seed, n_startup_trials=0, constant_liar=True)
         self._copy = optuna.create_study(sampler=sampler)
-        self._asked, self._all = list[Any](), list[Any]()
-        self._costs_ms: dict[Any, float] = {}
-        with self.errors_in_one_line():
+        self._asked, self._read, self.trials = list[Any](), 0, list[Trial]()
+        self._costs_ms: dict[frozenset[Any], float] = {}
+        with self._errors_in_one_line():
+            name, opened = problem.study_name(), storage and _open_storage(storage)
             self._shared = optuna.create_study(
-                storage=storage and _opened(storage), study_name=name, load_if_exists=True
+                storage=opened, study_name=name, load_if_exists=True
             )
         self.follow()
 
     @contextlib.contextmanager
-    def errors_in_one_line(self) -> Iterator[None]:
+    def _errors_in_one_line(self) -> Iterator[None]:
         """Turn the errors of all kinds of storages into one line that names the storage."""
         try:
             yield
@@ -226,57 +199,59 @@ class Study:
         """Read the new trials of all workers; return the number of all trials."""
         from optuna.trial import TrialState
 
-        with self.errors_in_one_line():
-            trials = self._shared.get_trials(deepcopy=False)
-            self._copy.add_trials(trials[len(self._all) :])
+        with self._errors_in_one_line():
+            fresh = self._shared.get_trials(deepcopy=False)[self._read :]
+            self._copy.add_trials(fresh)
+            for trial in fresh:
+                cost_ms = math.inf if trial.value is None else trial.value
+                self._costs_ms.setdefault(frozenset(trial.params.items()), cost_ms)
+                if trial.value is not None:
+                    kept = trial.user_attrs
+                    chain = dataclasses.replace(self.problem.given, **kept['parameters'])
+                    candidate = Candidate(chain, trial.value, kept['figures'])
+                    self.trials.append(Trial(trial.params, candidate))
         # What was asked for is among them; until now the sampler kept away from these points.
         while self._asked:
             self._copy.tell(self._asked.pop(), state=TrialState.FAIL)
-        for trial in trials[len(self._all) :]:
-            cost_ms = math.inf if trial.value is None else trial.value
-            self._costs_ms.setdefault(_key(trial.params), cost_ms)
-        self._all = trials
-        return len(trials)
+        self._read += len(fresh)
+        return self._read
 
-    def cost_ms(self, point: Point, untried: float = math.inf) -> float:
-        """Return what the cheapest chain at a point costs; infinite where there is none."""
-        return self._costs_ms.get(_key(point), untried)
+    def has(self, point: Point) -> bool:
+        """Return whether a point was tried."""
+        return frozenset(point.items()) in self._costs_ms
+
+    def cost_ms(self, point: Point) -> float:
+        """Return what the chain at a point costs; infinite where there is none or none tried."""
+        return self._costs_ms.get(frozenset(point.items()), math.inf)
 
     def ask(self) -> Point:
         """Return the next point to try."""
-        self._asked.append(self._copy.ask(self._distributions))
+        self._asked.append(self._copy.ask(self.space.distributions))
         return dict(self._asked[-1].params)
 
-    def tell(self, point: Point, found: list[dict[str, Any]]) -> None:
-        """Store the chains of a trial, the cheapest first; none where the point has no chain."""
+    def tell(self, point: Point, found: Candidate | None) -> None:
+        """Store the candidate at a point, if there is one."""
         from optuna.trial import TrialState, create_trial
 
+        kept = found and {'parameters': searched_parameters(found.chain), 'figures': found.figures}
         trial = create_trial(
             state=TrialState.COMPLETE if found else TrialState.FAIL,
-            value=found[0]['cost_ms'] if found else None,
+            value=found and found.cost_ms,
             params=point,
-            distributions=self._distributions,
-            user_attrs={'found': found},
+            distributions=self.space.distributions,
+            user_attrs=kept,
         )
-        with self.errors_in_one_line():
+        with self._errors_in_one_line():
             self._shared.add_trial(trial)
 
     @property
-    def cheapest(self) -> Any:
-        """The trial that costs least; None: there is none."""
-        return min(self.trials, key=lambda trial: trial.value, default=None)
-
-    @property
-    def trials(self) -> list[Any]:
-        """All trials with a cost that this worker has read."""
-        return [trial for trial in self._all if trial.value is not None]
+    def cheapest(self) -> Candidate | None:
+        """The chain that costs least, if there is any."""
+        candidates = [trial.candidate for trial in self.trials]
+        return min(candidates, key=lambda one: one.cost_ms, default=None)
 
 
-def _key(point: Point) -> tuple[Any, ...]:
-    return tuple(sorted(point.items()))
-
-
-def _opened(storage: str) -> Any:
+def _open_storage(storage: str) -> Any:
     """Open one of Optuna's storages; refuse a journal that ends with half a line.
 
     A full disk or a killed process leaves that. Optuna would append the next entry to it, and
@@ -289,17 +264,17 @@ def _opened(storage: str) -> Any:
     if '://' in storage:  # the URL of a database
         return storage
     lock: Any = _JournalLock(storage)
-    opened = JournalStorage(JournalFileBackend(storage, lock))
+    journal = JournalStorage(JournalFileBackend(storage, lock))
     lines = Path(storage).read_bytes().splitlines(keepends=True)
     if lines and not lines[-1].endswith(b'\n'):
         raise ValueError(f'line {len(lines)} is cut off, allowed: whole lines, as those before it')
-    return opened
+    return journal
 
 
 class _JournalLock:
     """Held while an entry is written; the system releases it when its process ends or is killed.
 
-    Optuna's own lock is a link that a killed process leaves. The next one then waits for half a
+    Optuna's own lock is a file that a killed process leaves. The next one then waits for half a
     minute, or for ever where the path is relative, without a word.
     """
 

@@ -30,8 +30,7 @@ from typing import Any
 from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
 from slip_detector.parameters.files import shared_folder
 from slip_detector.tuning.bands import slip_bands
-from slip_detector.tuning.kinds import contact_level_v
-from slip_detector.tuning.learning import MAINS_HZ, learnt_floors, slip_steps_v
+from slip_detector.tuning.noise import MAINS_HZ, contact_level_v, learn_floors, slip_steps_v
 from slip_detector.tuning.sweep import rounded
 from slip_detector.tuning.tracks import Track
 
@@ -48,14 +47,23 @@ SHORTEST_WINDOW_S = 0.0025
 #: With fewer channels than this the common mode would be mostly signal.
 LEAST_SHARING = 3
 
+#: Kinds of recordings, and the parameters that are searched only where there is one of them; else
+#: nothing shows what the parameters are for, and they stay as they are given.
+SHOWN_BY_KINDS = (
+    ({'taps', 'press', 'roll'}, ('impact_s', 'common_rank')),
+    ({'idle'}, ('contact', 'contact_channels')),
+    ({'press', 'roll'}, ('activity', 'activity_cap_db', 'activity_range_db')),
+)
+
 #: How the names of the parameters of a point begin that only one decision has.
-OF_DECISIONS = {
+DECISION_PREFIXES = {
     'mean': ('decision_window',),
-    'evidence': ('floor', 'evidence', 'cap', 'impact', 'contact', 'activity', 'common_rank'),
+    'evidence': ('floor', 'noise', 'evidence', 'cap', 'impact', 'contact', 'activity', 'common_r'),
 }
 
-#: With so few slips, an impact is twice as large a step as with many; with fewer than the second
-#: number it is never smaller than these, as a slide that steps more would be taken for impacts.
+#: With the first number of slips, an impact is twice as large a step as with many. With fewer
+#: slips than the second number it is never smaller than the steps of slips, as a slide with larger
+#: steps would be taken for impacts.
 FEW_SLIPS, MANY_SLIPS = 2, 10
 
 #: Times over which a step may be an impact, and how large it is beside those of slips.
@@ -66,8 +74,9 @@ IMPACT_SCALES = (0.75, 1.5)
 #: excess.
 ACTIVITY_CAP_DB, ACTIVITY_RANGES_DB, MOST_RANK = 8.7, (10.0, 15.0, 20.0), 3
 
-#: What is tried with each band that was measured: windows, decisions, and with the evidence of a
-#: vibration and of a slow sensor all that the recordings of kinds teach, together.
+#: What is tried with each band that was measured: windows of the envelope, and decisions. Evidence
+#: is that of a vibration or of a slow sensor, alone and together with all that recordings of kinds
+#: teach.
 WINDOWS_S = (0.05, 0.2)
 MEAN = {'decision': 'mean', 'exponent': 1, 'decision_window_s': 0.1}
 EVIDENCES = (
@@ -75,19 +84,17 @@ EVIDENCES = (
     {'decision': 'evidence', 'evidence_offset_db': 1.0, 'evidence_limit_db_s': 2.0},
 )
 LEARNT_IMPACT = {'impact': 'learnt', 'impact_channels': 2}
-FLOOR_RANGE, ACTIVITY = {'floor_range_db': 15.0}, {'activity': 'searched'}
-TOGETHER = (
-    LEARNT_IMPACT
-    | ACTIVITY
-    | FLOOR_RANGE
-    | {
-        'floors': 'followed',
-        'contact': 'learnt',
-        'contact_channels': 4,
-        'activity_range_db': 15.0,
-        'common_rank': 1,
-    }
-)
+FLOOR_RANGE, ACTIVITY = {'noise_floor_range_db': 15.0}, {'activity': 'searched'}
+TOGETHER = {
+    **LEARNT_IMPACT,
+    **ACTIVITY,
+    **FLOOR_RANGE,
+    'floors': 'followed',
+    'contact': 'learnt',
+    'contact_channels': 4,
+    'activity_range_db': 15.0,
+    'common_rank': 1,
+}
 
 
 @functools.cache
@@ -113,24 +120,20 @@ class SearchSpace:
     tracks
         The recordings to tune on, from which noise floors and the steps of slips are learnt. Not
         needed for chains that have neither.
-
-    Examples
-    --------
-    >>> space = SearchSpace(ChainConfig())
-    >>> point = space.point(ChainConfig())
-    >>> point['decision'], point['passband_low_hz'], point['stopbands']
-    ('mean', 7.0, 'given')
-    >>> space.chain({**point, 'passband_octaves': 3.0, 'stopbands': 'none'}).passband_hz
-    (7.0, 56.0)
     """
 
     def __init__(self, given: ChainConfig, tracks: Sequence[Track] = ()) -> None:
         self._given, self._tracks = given, tracks
+        self._slips = sum(len(track.slips) for track in tracks)
         self._highest_hz = HIGHEST * given.sample_rate_hz
-        self._enabled = given.channels - len(given.disabled_channels)
-        self._contact_levels_v: dict[Any, float] = {}
-        self._slip_steps_v = functools.cache(lambda rows: slip_steps_v(given, tracks, rows))
         self._least_window_s = max(SHORTEST_WINDOW_S, 1.0 / given.sample_rate_hz)
+        # Steps and levels of contact depend on few parameters, and many points share them.
+        self._slip_steps_v = functools.cache(lambda rows: slip_steps_v(given, tracks, rows))
+        self._contact_levels_v: dict[Any, float] = {}
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Leave out what was computed, as it can be computed again."""
+        return SearchSpace, (self._given, self._tracks)
 
     @functools.cached_property
     def distributions(self) -> dict[str, Any]:
@@ -140,52 +143,51 @@ class SearchSpace:
         from optuna.distributions import IntDistribution as Whole
 
         given, rate = self._given, self._given.sample_rate_hz
-        windows_s = Between(self._least_window_s, 0.3, log=True)
-        of_rate = []
-        for mains_hz in MAINS_HZ:
+        channels = given.channels - len(given.disabled_channels)
+        window_s = Between(self._least_window_s, 0.3, log=True)
+        mains_hz = {0.0, given.mains_hz}
+        for each_hz in MAINS_HZ:
             with contextlib.suppress(ValueError):  # The rate has no whole periods of it.
-                of_rate.append(dataclasses.replace(given, mains_hz=mains_hz).mains_hz)
-        slips = sum(len(track.slips) for track in self._tracks)
-        of_kinds: dict[str, Any] = {}
-        kinds = {track.kind for track in self._tracks}
-        # What no recording shows is not searched, and stays as it is given.
-        if kinds & {'taps', 'press', 'roll'}:
-            of_kinds['impact_s'] = OneOf(sorted({given.impact_s, *IMPACTS_S}))
-            of_kinds['common_rank'] = Whole(0, max(MOST_RANK, given.common_rank))
-        if 'idle' in kinds:
-            of_kinds['contact'] = OneOf(_ways(given.contact_level_v, 'none', 'learnt'))
-            of_kinds['contact_channels'] = Whole(1, self._enabled, log=True)
-        if kinds & {'press', 'roll'}:
-            of_kinds['activity'] = OneOf(_ways(given.activity_cap_db, 'none', 'searched'))
-            of_kinds['activity_cap_db'] = Between(2.0, 20.0)
-            of_kinds['activity_range_db'] = Between(-10.0, 30.0)
-        return of_kinds | {
+                mains_hz.add(dataclasses.replace(given, mains_hz=each_hz).mains_hz)
+        distributions = {
+            'impact_s': OneOf(sorted({given.impact_s, *IMPACTS_S})),
+            'common_rank': Whole(0, max(MOST_RANK, given.common_rank)),
+            'contact': OneOf(_ways(given.contact_level_v, 'none', 'learnt')),
+            'contact_channels': Whole(1, channels, log=True),
+            'activity': OneOf(_ways(given.activity_cap_db, 'none', 'searched')),
+            'activity_cap_db': Between(2.0, 20.0),
+            'activity_range_db': Between(-10.0, 30.0),
             'decision': OneOf(('mean', 'evidence')),
             'passband_low_hz': Between(LOWEST_LOW * rate, HIGHEST_LOW * rate, log=True),
             'passband_octaves': Between(0.5, WIDEST),
             # For a band-pass an odd degree is raised by 1.
             'passband_degree': OneOf(sorted({given.passband_degree, 1, 2, 4})),
             'stopbands': OneOf(_ways(given.stopbands_hz, 'none')),
-            'mains_hz': OneOf(sorted({0.0, given.mains_hz, *of_rate})),
+            'mains_hz': OneOf(sorted(mains_hz)),
             'exponent': Whole(1, max(4, given.exponent)),
-            'envelope_window_s': windows_s,
-            'decision_window_s': windows_s,
+            'envelope_window_s': window_s,
+            'decision_window_s': window_s,
             # The given floors; ones that begin at the level learnt at rest; or ones that follow
             # the envelope, but not below the level learnt at rest.
             'floors': OneOf(_ways(given.decision == 'evidence', 'learnt', 'followed')),
             'floor_scale': Between(0.1, 10.0, log=True),  # of the amplitude
-            'floor_range_db': Between(0.0, 60.0),
-            'floor_rate_db_s': Between(0.02, 5.0, log=True),
+            'noise_floor_range_db': Between(0.0, 60.0),
+            'noise_floor_rate_db_s': Between(0.02, 5.0, log=True),
             'evidence_offset_db': Between(0.5, 12.0),
             'cap_above_db': Between(1.0, 30.0),
             'evidence_limit_db_s': Between(0.02, 5.0, log=True),
             # The given step that is an impact, none, or one beside the largest steps of slips.
             'impact': OneOf(_ways(given.impact_v, 'none', 'learnt')),
-            'impact_scale': Between(0.2 if slips >= MANY_SLIPS else 1.0, 5.0, log=True),
-            'impact_channels': Whole(1, self._enabled, log=True),
+            'impact_scale': Between(0.2 if self._slips >= MANY_SLIPS else 1.0, 5.0, log=True),
+            'impact_channels': Whole(1, channels, log=True),
             'impact_hold_s': Between(max(0.05, 1.0 / rate), 1.0, log=True),
-            'common_mode': OneOf(COMMON_MODES if self._enabled >= LEAST_SHARING else ('none',)),
+            'common_mode': OneOf(COMMON_MODES if channels >= LEAST_SHARING else ('none',)),
         }
+        kinds = {track.kind for track in self._tracks}
+        for shown_by, names in SHOWN_BY_KINDS:
+            for name in names if not kinds & shown_by else ():
+                del distributions[name]
+        return distributions
 
     def chain(self, point: dict[str, Any]) -> ChainConfig:
         """Return the chain of a point, with the given threshold and vote.
@@ -200,44 +202,38 @@ class SearchSpace:
         given, decision = self._given, point['decision']
         low_hz, degree = rounded(point['passband_low_hz']), point['passband_degree']
         high_hz = rounded(low_hz * 2.0 ** point['passband_octaves'])
-        if high_hz > self._highest_hz:
-            high_hz = 0.0
+        high_hz = high_hz if high_hz <= self._highest_hz else 0.0
         fields = dataclasses.fields(given)
         names = {field.name for field in fields if decision in field.metadata['searched_with']}
         changes: dict[str, Any] = {
             name: rounded(value) if isinstance(value, float) else value
             for name, value in point.items()
             if name in names
-        } | {
+        }
+        # A rounded window must not be shorter than a sample.
+        for name in {'envelope_window_s', 'decision_window_s'} & changes.keys():
+            changes[name] = max(changes[name], self._least_window_s)
+        changes |= {
             'passband_hz': (low_hz, high_hz),
             'passband_degree': degree + degree % 2 if high_hz else degree,
             'stopbands_hz': given.stopbands_hz if point['stopbands'] == 'given' else (),
             'mains_hz': point['mains_hz'],
         }
-        # A rounded window must not be shorter than a sample.
-        for name in {'envelope_window_s', 'decision_window_s'} & changes.keys():
-            changes[name] = max(changes[name], self._least_window_s)
         if decision == 'mean':
             return dataclasses.replace(given, **changes)
-        limit_db_s = changes['evidence_limit_db_s']
-        learnt = {'given': given.noise_floor_learnt, 'learnt': True}
-        if given.threshold >= limit_db_s:
-            changes['threshold'] = rounded(0.5 * limit_db_s)
-        changes |= {
-            'noise_floor_range_db': rounded(point['floor_range_db']),
-            'noise_floor_rate_db_s': rounded(point['floor_rate_db_s']),
-            'noise_floor_learnt': learnt.get(point['floors'], False),
-            'evidence_cap_db': rounded(changes['evidence_offset_db'] + point['cap_above_db']),
-            **self._impacts(point),
-        }
+        if given.threshold >= changes['evidence_limit_db_s']:
+            changes['threshold'] = rounded(0.5 * changes['evidence_limit_db_s'])
+        learnt = {'given': given.noise_floor_learnt, 'learnt': True, 'followed': False}
+        changes['noise_floor_learnt'] = learnt[point['floors']]
+        changes['evidence_cap_db'] = rounded(changes['evidence_offset_db'] + point['cap_above_db'])
+        changes |= self._impacts(point)
         mean = dataclasses.replace(given, **{**changes, 'decision': 'mean'})
         changes |= self._contact(point, mean)
         return dataclasses.replace(given, **changes, noise_floor=self._floors(point, mean))
 
     def _contact(self, point: dict[str, Any], chain: ChainConfig) -> dict[str, Any]:
         """Return the parameters of contact and activity; ``chain`` has others of the point."""
-        given = self._given
-        contact, activity = (point.get(name, 'given') for name in ('contact', 'activity'))
+        given, contact, activity = self._given, point.get('contact'), point.get('activity')
         names = 'activity_cap_db', 'activity_range_db', 'contact_level_v', 'contact_channels'
         changes: dict[str, Any] = {name: getattr(given, name) for name in names}
         if activity == 'none':
@@ -250,19 +246,14 @@ class SearchSpace:
         if contact == 'none':
             changes['contact_level_v'] = 0.0
         elif contact == 'learnt':
-            changes['contact_channels'] = point['contact_channels']
-            changes['contact_level_v'] = self._contact_level_v(
-                dataclasses.replace(chain, **{**changes, 'contact_level_v': 0.0})
-            )
+            changes |= {'contact_channels': point['contact_channels'], 'contact_level_v': 0.0}
+            chain = dataclasses.replace(chain, **changes)
+            window_s, mode = chain.envelope_window_s, chain.common_mode
+            key = chain.contact_channels, chain.activity_band_hz, window_s, mode
+            if key not in self._contact_levels_v:
+                self._contact_levels_v[key] = contact_level_v(chain, self._tracks)
+            changes['contact_level_v'] = self._contact_levels_v[key]
         return changes
-
-    def _contact_level_v(self, chain: ChainConfig) -> float:
-        """Return the learnt level; it depends on few parameters and is often asked for."""
-        window_s, mode = chain.envelope_window_s, chain.common_mode
-        key = chain.contact_channels, chain.activity_band_hz, window_s, mode
-        if key not in self._contact_levels_v:
-            self._contact_levels_v[key] = contact_level_v(chain, self._tracks)
-        return self._contact_levels_v[key]
 
     def _floors(self, point: dict[str, Any], chain: ChainConfig) -> tuple[float, ...]:
         """Return the noise floors at a point; ``chain`` has all other parameters."""
@@ -270,7 +261,7 @@ class SearchSpace:
         if point['floors'] == 'given':
             floors, power = chain.noise_floor, chain.exponent / self._given.exponent
         else:
-            floors = learnt_floors(chain, self._tracks)
+            floors = learn_floors(chain, self._tracks)
         if scale == power == 1.0:
             return floors
         return tuple(rounded(scale**chain.exponent * floor**power) for floor in floors)
@@ -285,16 +276,16 @@ class SearchSpace:
         impact_s = point.get('impact_s', given.impact_s)
         step_v = float(self._slip_steps_v(given.samples(impact_s))[channels - 1])
         # The largest step of few slips says little of the next one's.
-        slips = sum(len(track.slips) for track in self._tracks)
-        impact_v = rounded(point['impact_scale'] * (1.0 + FEW_SLIPS / max(slips, 1)) * step_v)
+        few = 1.0 + FEW_SLIPS / max(self._slips, 1)
+        impact_v = rounded(point['impact_scale'] * few * step_v)
         return {'impact_v': impact_v, 'impact_s': impact_s, 'impact_channels': channels}
 
     def point(self, chain: ChainConfig) -> dict[str, Any]:
         """Return the point of the space that is nearest to a chain.
 
         Noise floors and an impact that are not the given ones belong to another sensor, and are
-        replaced by learnt ones. Of such floors only whether they follow the envelope counts; with
-        the decision ``mean`` they do not.
+        replaced by learnt ones. Where the floors of the chain follow the envelope, the learnt ones
+        do too; with the decision ``mean`` they do not.
         """
         given = self._given
         followed = chain.decision == 'evidence' and not chain.noise_floor_learnt
@@ -305,13 +296,12 @@ class SearchSpace:
         def way(value: float, is_given: bool, other: str = 'learnt') -> str:
             return 'none' if not value else 'given' if is_given else other
 
-        values: dict[str, Any] = {
+        # All others have the names of the chain's parameters.
+        values = vars(chain) | {
             **_band(chain.passband_hz),
             'stopbands': 'given' if chain.stopbands_hz == given.stopbands_hz else 'none',
             'floors': floors,
             'floor_scale': 1.0,
-            'floor_range_db': chain.noise_floor_range_db,
-            'floor_rate_db_s': chain.noise_floor_rate_db_s,
             'cap_above_db': chain.evidence_cap_db - chain.evidence_offset_db,
             'impact': way(chain.impact_v, chain.impact_v == given.impact_v),
             'impact_scale': IMPACT_SCALES[-1],
@@ -319,11 +309,7 @@ class SearchSpace:
             'activity': way(chain.activity_cap_db, chain == given, 'searched'),
             'activity_cap_db': chain.activity_cap_db or ACTIVITY_CAP_DB,
         }
-        # All others have the names of the chain's parameters.
-        return {
-            name: _nearest(allowed, values[name] if name in values else getattr(chain, name))
-            for name, allowed in self.distributions.items()
-        }
+        return {name: _nearest(one, values[name]) for name, one in self.distributions.items()}
 
     def distance(self, point: dict[str, Any], other: dict[str, Any]) -> float:
         """Return the distance of two points: 1 for another choice, or for a parameter's range.
@@ -331,7 +317,7 @@ class SearchSpace:
         The parameters of a decision count only where both points have this decision.
         """
         decisions, steps = {point['decision'], other['decision']}, []
-        left_out = [names for one, names in OF_DECISIONS.items() if decisions != {one}]
+        left_out = [names for one, names in DECISION_PREFIXES.items() if decisions != {one}]
         for name, allowed in self.distributions.items():
             a, b = point[name], other[name]
             if any(map(name.startswith, left_out)):

@@ -46,7 +46,8 @@ ROWS_PER_CALL = 2048
 ALL_COUNTS = 6
 SHARES = (1 / 8, 1 / 4, 3 / 8, 1 / 2, 5 / 8, 3 / 4, 7 / 8)
 
-#: In groups of so many channels one alone, which may drift, does not decide unless it is given so.
+#: In groups of at least this many channels one channel alone, which may drift, does not decide,
+#: unless that is the given vote.
 LEAST_AGREEING = 4
 
 #: Ratio of neighbouring thresholds in amplitude (the level to the power of 1 / exponent).
@@ -71,12 +72,12 @@ def votes_of(config: ChainConfig) -> tuple[Vote, ...]:
     ('all', 'mean', 2, 3)
     """
     disabled = set(config.disabled_channels)
-    able = [len(set(members) - disabled) for members in config.groups.values()]
-    size = min(many for many in able if many)
+    sizes = [len(set(members) - disabled) for members in config.groups.values()]
+    size = min(filter(None, sizes))
     counts = range(1, size) if size <= ALL_COUNTS else [round(share * size) for share in SHARES]
     least = 2 if size >= LEAST_AGREEING else 1
-    votes: list[Vote] = ['all', 'mean', *(k for k in counts if k >= least)]
-    return tuple(votes) if config.vote in votes else (*votes, config.vote)
+    votes: tuple[Vote, ...] = ('all', 'mean', *(k for k in counts if k >= least))
+    return votes if config.vote in votes else (*votes, config.vote)
 
 
 def thresholds(chain: ChainConfig, parts: Sequence[Part]) -> Floats:
@@ -85,34 +86,15 @@ def thresholds(chain: ChainConfig, parts: Sequence[Part]) -> Floats:
     They range from the median of the rows without slip to the value at which nothing is ON, or to
     the limit of evidence. Thresholds of evidence are at least as far apart as a :data:`STEP` in
     amplitude changes evidence during one window of the envelope. They are rounded before they are
-    tried, so that the threshold of a result is one that was tried.
-
-    Parameters
-    ----------
-    chain
-        The chain that has made the statistic; its threshold and vote do not matter.
-    parts
-        At least one.
-
-    Returns
-    -------
-    ndarray
-        Empty where the statistic is 0 throughout or infinite anywhere.
-
-    Examples
-    --------
-    >>> from slip_detector.chain.samples import Samples
-    >>> from slip_detector.tuning.tracks import track_of
-    >>> rows = Samples.evenly(np.zeros((20, 1)), 380.0, np.zeros(20, bool))
-    >>> track = track_of('rest', [rows], sample_rate_hz=100.0)
-    >>> thresholds(ChainConfig(exponent=1), [(np.linspace(0.95, 1.0, 20), track)])
-    array([0.9709, 1.    ])
+    tried, so that the threshold of a result is one that was tried. There is none where the
+    statistic is 0 throughout or infinite anywhere. Threshold and vote of the chain do not matter.
     """
     top = max(float(statistic.max()) for statistic, _ in parts)
     if not 0.0 < top < math.inf:
         return np.zeros(0)
-    quiet = np.concatenate([part[::STRIDE][one.kinds[::STRIDE] < SLIP] for part, one in parts])
-    rest = float(np.median(quiet)) if quiet.size else 0.0
+    sparse = slice(None, None, STRIDE)
+    quiet = [part[sparse][one.row_classes[sparse] < SLIP] for part, one in parts]
+    rest = float(np.median(np.concatenate(quiet))) if any(map(len, quiet)) else 0.0
     exponent, least_step, limit = chain.exponent, 0.0, math.inf
     if chain.decision == 'evidence':  # in decibels, so no power of the amplitude, and limited
         exponent, limit = 1, chain.evidence_limit_db_s
@@ -125,18 +107,12 @@ def thresholds(chain: ChainConfig, parts: Sequence[Part]) -> Floats:
         value = min(value / STEP**exponent, value - least_step)
         if value > 0.0:
             falling.append(rounded(value))
-    found = np.array(falling[::-1])
-    return found[found < limit]
+    rising = np.array(falling[::-1])
+    return rising[rising < limit]
 
 
 def rounded(value: float) -> float:
-    """Round to four significant digits, which keeps the parameter file readable.
-
-    Examples
-    --------
-    >>> rounded(0.0123456)
-    0.01235
-    """
+    """Round to four significant digits, which keeps the parameter file readable."""
     return float(f'{value:.4g}')
 
 
@@ -146,39 +122,16 @@ def vote_statistics(
     """Run a chain once over tracks; return the decision statistic of each, by vote.
 
     It has the unit of the level. A chain with that vote is ON exactly where it is above the
-    threshold.
-
-    Parameters
-    ----------
-    config
-        Parameters of the chain; its threshold and vote are not used.
-    votes
-        Each is ``all``, ``mean`` or a number of channels.
-    tracks
-        The tracks.
-
-    Raises
-    ------
-    ValueError
-        When the chain cannot be built.
-
-    Examples
-    --------
-    >>> from slip_detector.chain.samples import Samples
-    >>> from slip_detector.tuning.tracks import track_of
-    >>> rows = Samples.evenly(np.full((5, 16), 4.3), 380.0, np.zeros(5, bool))
-    >>> tracks = [track_of('rest', [rows], sample_rate_hz=380.0)]
-    >>> vote_statistics(ChainConfig(), ['all'], tracks)['all'][0][0]
-    array([0., 0., 0., 0., 0.])
+    threshold. Threshold and vote of the given chain are not used.
     """
     # The threshold is a power of two that evidence can reach, which is multiplied back without
     # rounding. The chain's own decision is not used, so it has the fastest vote.
     unit = 2.0 ** (math.floor(math.log2(config.evidence_limit_db_s)) - 1)
     chain = SlipChain(dataclasses.replace(config, vote='all', threshold=unit))
-    found: dict[Vote, list[Part]] = {vote: [] for vote in votes}
+    statistics: dict[Vote, list[Part]] = {vote: [] for vote in votes}
     for track in tracks:
         out = np.empty((len(votes), len(track.volts)))
-        for begin, end, _ in track.stretches:
+        for begin, end in track.stretches:
             chain.restart() if begin else chain.reset()
             for start in range(begin, end, ROWS_PER_CALL):
                 rows = slice(start, min(start + ROWS_PER_CALL, end))
@@ -186,35 +139,31 @@ def vote_statistics(
                 result = chain.update(volts, envelope=False, level=False, votes=tuple(votes))
                 np.multiply(result.vote_statistic.T, unit, out=out[:, rows])
         for vote, statistic in zip(votes, out, strict=True):
-            found[vote].append((statistic, track))
-    return found
+            statistics[vote].append((statistic, track))
+    return statistics
 
 
 @compiled
 def _sweep(
-    statistic, limits, first_row, settled, off_rows, lows, highs, intervals, rises, false_alarms,
+    statistic, classes, limits, begin, end, settled, off_rows, lows, highs, rises, false_alarms,
     rows_below,
 ):  # fmt: skip
     """Follow the rises of a statistic through all thresholds over one stretch of a track.
 
-    An alarm is identified by the row at which it rises. ``rows_below`` counts rows by the number
-    of thresholds below their value, in a column for each kind of ``intervals``, whose rows are
-    start, end and kind; all other rows are of kind 0.
+    An alarm is identified by the row at which it rises. ``rows_below`` counts the rows of each
+    class by the number of thresholds below their value.
     """
-    kinds = np.zeros(statistic.size, np.int8)
-    for start, end, kind in intervals:
-        kinds[max(start - first_row, 0) : max(end - first_row, 0)] = kind
     # For each threshold the row at which the value last fell to it.
-    fell = np.full(limits.size, first_row - off_rows)
+    fell = np.full(limits.size, begin - off_rows)
     above = 0
-    for r in range(statistic.size):
-        value, row, before = statistic[r], first_row + r, above
+    for row in range(begin, end):
+        value, before = statistic[row], above
         while above < limits.size and value > limits[above]:
             above += 1
         while above > 0 and value <= limits[above - 1]:
             above -= 1
             fell[above] = row
-        rows_below[above, kinds[r]] += 1
+        rows_below[above, classes[row]] += 1
         for t in range(before, above):
             if row >= settled and row - fell[t] >= off_rows:
                 slip = matching.assign_alarm(row, row, lows, highs, rises, t)
@@ -236,68 +185,39 @@ def sweep_thresholds(
         What counts as detected.
     settling_rows
         Number of rows for which the chain settles, see :func:`.settling.settling_rows`.
-
-    Examples
-    --------
-    >>> from slip_detector.chain.samples import Samples
-    >>> from slip_detector.tuning.tracks import track_of
-    >>> slip = np.array([False, False, True, True, True])
-    >>> track = track_of('trial', [Samples.evenly(np.zeros((5, 1)), 100.0, slip)], 100.0)
-    >>> statistic, limits = np.array([0.0, 0.2, 0.2, 0.6, 0.9]), np.array([0.1, 0.5, 1.0])
-    >>> config = EvaluationConfig(off_before_s=0.0)
-    >>> (events,) = sweep_thresholds([(statistic, track)], limits, config, settling_rows=0)
-    >>> events.latencies_ms, events.figures['false_time_percent']
-    (array([[nan, 10., nan]]), array([50.,  0.,  0.]))
     """
-    found = []
+    events = []
     for statistic, track in parts:
-        stretches = [stretch.interval for stretch in track.stretches]
         times = track.sample_rate_hz, track.samples.accuracy_s
-        rows = matching.ScoredRows(track.slips, stretches, settling_rows, config, *times)
+        rows = matching.ScoredRows(track.slips, track.stretches, settling_rows, config, *times)
         rises = np.full((len(track.slips), limits.size), matching.NONE, np.int64)
         false_alarms = np.zeros(limits.size, np.int64)
+        # Rows that are neither rest nor certainly slip are of class 0.
+        classes = np.zeros(statistic.size, np.int8)
+        for number, intervals in enumerate((rows.rest, rows.certain), 1):
+            for start, stop in np.transpose(intervals):
+                classes[start:stop] = number
         rows_below = np.zeros((limits.size + 1, 3), np.int64)
-        rest = np.stack(np.broadcast_arrays(*rows.rest, 1), axis=1)
-        slip = np.stack(np.broadcast_arrays(*rows.certain, 2), axis=1)
-        intervals = np.concatenate([rest, slip])
-        for (begin, end, first_row), settled in zip(track.stretches, rows.settled, strict=True):
+        for (begin, end), settled in zip(track.stretches, rows.settled, strict=True):
             _sweep(
-                statistic[begin:end], limits, first_row, int(settled), rows.off_rows, rows.lows,
-                rows.highs, intervals, rises, false_alarms, rows_below,
+                statistic, classes, limits, begin, end, int(settled), rows.off_rows, rows.lows,
+                rows.highs, rises, false_alarms, rows_below,
             )  # fmt: skip
         # A row is ON at threshold k where more than k thresholds are below its value.
         _, on_rest, on_certain = np.cumsum(rows_below[::-1], axis=0)[::-1][1:].T
-        found.append(rows.events(track.kind, rises, false_alarms, on_certain, on_rest))
-    return found
+        events.append(rows.events(track.kind, rises, false_alarms, on_certain, on_rest))
+    return events
 
 
 def count_scores(
     parts: Sequence[Part], threshold: float, config: EvaluationConfig, settling_rows: int
 ) -> ScoreCounts:
-    """Count the scores of tracks by kind, as an evaluation of a chain with that threshold does.
-
-    Parameters
-    ----------
-    parts, config, settling_rows
-        See :func:`sweep_thresholds`.
-    threshold
-        The chain's.
-
-    Examples
-    --------
-    >>> from slip_detector.chain.samples import Samples
-    >>> from slip_detector.tuning.tracks import track_of
-    >>> slip = np.array([True, False, True, True])
-    >>> track = track_of('trial', [Samples.evenly(np.zeros((4, 1)), 100.0, slip)], 100.0)
-    >>> config = EvaluationConfig(off_before_s=0.0)
-    >>> count_scores([(np.array([0.0, 0.1, 0.2, 0.3]), track)], 0.5, config, 1).auc()
-    1.0
-    """
+    """Count the scores of tracks by class, as an evaluation with that threshold does."""
     for statistic, track in parts:
-        kinds = track.kinds.copy()
+        classes = track.row_classes.copy()
         unscored = matching.unscored_rows(settling_rows, config, track.sample_rate_hz)
-        for begin, end, _ in track.stretches:
-            kinds[begin : min(begin + unscored, end)] = UNCERTAIN
+        for begin, end in track.stretches:
+            classes[begin : min(begin + unscored, end)] = UNCERTAIN
         # The chain divides in the same way, so the scores equal an evaluation's to the bit.
-        _TALLY.add(statistic / threshold, kinds)
+        _TALLY.add(statistic / threshold, classes)
     return _TALLY.collect()

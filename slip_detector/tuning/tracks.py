@@ -24,43 +24,18 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from slip_detector.chain.filters import settling_rows
 from slip_detector.chain.samples import Floats, Ints, Samples
-from slip_detector.chain.stamps import missing_rows
+from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation.evaluator import RecordingLoader
-from slip_detector.evaluation.matching import OnIntervals, RowInterval
-from slip_detector.evaluation.scores import row_classes
+from slip_detector.evaluation.matching import RowInterval
+from slip_detector.evaluation.scores import SLIP, row_classes
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.fields import name_list, refuse
 from slip_detector.recordings import RecordingCounts, recording_sets
 
 #: Share of the time of a single recording that is tuned on; the rest is held out.
 TUNED_SHARE = 2 / 3
-
-
-class Stretch(NamedTuple):
-    """Rows of a track without a gap, before which the chain is reset.
-
-    Attributes
-    ----------
-    begin, end : int
-        Indices of the first row and of the row after the last in the track's arrays.
-    first_row : int
-        Number of the first row in the recording, including the rows that are missing in gaps.
-
-    Examples
-    --------
-    >>> Stretch(begin=380, end=760, first_row=400).interval  # after a gap of 20 rows
-    RowInterval(start=400, end=780)
-    """
-
-    begin: int
-    end: int
-    first_row: int
-
-    @property
-    def interval(self) -> RowInterval:
-        """Its rows, numbered like ``first_row``."""
-        return RowInterval(self.first_row, self.first_row + self.end - self.begin)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -72,51 +47,43 @@ class Track:
     name : str
     samples : Samples
         All n rows, with their labels.
-    stretches : tuple of Stretch
+    stretches : tuple of RowInterval
+        Rows without a gap, in order; the chain is reset before each.
     sample_rate_hz : float
         Rate of the recording, which turns rows into times.
-    slips : tuple of RowInterval
-        True slips, in rows that are numbered like ``first_row`` of a stretch.
     faults : str
         What is wrong with its file: bad samples, gaps and losses; empty if nothing is.
-    channel_names : tuple of str
-        Those of its file; empty: unknown.
-    kinds : ndarray of int8, shape (n,)
-        ``REST`` to ``UNCERTAIN``; see :mod:`slip_detector.evaluation.scores`.
 
     Examples
     --------
     >>> rows = Samples.evenly(np.full((760, 16), 4.3), 380.0, truth=np.arange(760) >= 380)
     >>> track = track_of('trial', [rows], sample_rate_hz=380.0)
     >>> track.duration_s, track.stretches, track.slips
-    (2.0, (Stretch(begin=0, end=760, first_row=0),), (RowInterval(start=380, end=760),))
+    (2.0, (RowInterval(start=0, end=760),), (RowInterval(start=380, end=760),))
     """
 
     name: str
     samples: Samples
-    stretches: tuple[Stretch, ...]
+    stretches: tuple[RowInterval, ...]
     sample_rate_hz: float
     faults: str = ''
-    channel_names: tuple[str, ...] = ()
 
     @functools.cached_property
-    def kinds(self) -> NDArray[np.int8]:
-        """See above."""
+    def row_classes(self) -> NDArray[np.int8]:
+        """Class of each row, ``REST`` to ``UNCERTAIN``, see :mod:`.scores`; shape (n,)."""
         rows = self.samples
         return row_classes(np.asarray(rows.truth), rows.moving, rows.certain, rows.kind)
 
     @functools.cached_property
     def slips(self) -> tuple[RowInterval, ...]:
-        """See above."""
-        labels, truth = OnIntervals(), np.asarray(self.samples.truth)
-        for stretch in self.stretches:
-            labels.add(truth[stretch.begin : stretch.end], stretch.first_row)
-            labels.close(stretch.interval.end)
-        return tuple(labels.closed())
+        """The true slips, each within a stretch."""
+        parts = [(begin, self.samples.take(slice(begin, end))) for begin, end in self.stretches]
+        edges = np.concatenate([begin + edges_of(part) for begin, part in parts])
+        return tuple(RowInterval(*each) for each in edges.tolist())
 
     @property
     def kind(self) -> str:
-        """The kind of a recording in which nothing slides; '': none of them."""
+        """The kind of a recording in which nothing slides; empty: none of them."""
         return self.samples.kind
 
     @property
@@ -125,19 +92,29 @@ class Track:
         return self.samples.volts
 
     @property
+    def channel_names(self) -> tuple[str, ...]:
+        """The names of the channels in its file; empty: unknown."""
+        return self.samples.names
+
+    @property
     def duration_s(self) -> float:
         """Time of its rows, without gaps."""
         return len(self.volts) / self.sample_rate_hz
 
+    @property
+    def without_slip_s(self) -> float:
+        """Time of its rows that certainly have no slip."""
+        return float(np.count_nonzero(self.row_classes < SLIP)) / self.sample_rate_hz
+
     def rows(self, first: int = 0, last: int = sys.maxsize) -> Iterator[Samples]:
         """Yield its stretches, or of these the rows from one index up to another."""
-        for begin, end, _ in self.stretches:
+        for begin, end in self.stretches:
             rows = slice(max(begin, first), min(end, last))
             yield self.samples.take(rows)._replace(new_stretch=True)
 
 
 def track_of(name: str, pieces: Iterable[Samples], sample_rate_hz: float) -> Track:
-    """Read a recording into memory.
+    """Return a recording as a track.
 
     Parameters
     ----------
@@ -162,17 +139,11 @@ def track_of(name: str, pieces: Iterable[Samples], sample_rate_hz: float) -> Tra
     filled = [piece for piece in pieces if len(piece.volts)]
     if not filled:
         raise ValueError(f'{name}: has no samples')
-    samples = filled[0].then(*filled[1:])
-    ends = itertools.accumulate(len(piece.volts) for piece in filled)
-    later = itertools.zip_longest(ends, filled[1:])
-    places = [0, *(end for end, piece in later if piece is None or piece.new_stretch)]
-    stretches, missing = [], 0
-    for begin, end in itertools.pairwise(places):
-        if begin:
-            last_ns, stamp_ns = samples.stamps_ns[begin - 1 : begin + 1].tolist()
-            missing += missing_rows(last_ns, stamp_ns, sample_rate_hz)
-        stretches.append(Stretch(begin, end, begin + missing))
-    return Track(name, samples, tuple(stretches), sample_rate_hz)
+    ends = [*itertools.accumulate(len(piece.volts) for piece in filled)]
+    later = zip(ends[:-1], filled[1:], strict=True)
+    cuts = [0, *(end for end, piece in later if piece.new_stretch), ends[-1]]
+    stretches = tuple(itertools.starmap(RowInterval, itertools.pairwise(cuts)))
+    return Track(name, filled[0].then(*filled[1:]), stretches, sample_rate_hz)
 
 
 def at_rest(tracks: Sequence[Track]) -> Sequence[Track]:
@@ -191,17 +162,27 @@ def edges_of(samples: Samples) -> Ints:
     return edges.reshape(-1, 2)
 
 
+def envelopes(chain: ChainConfig, track: Track, most_rows: int | None = None) -> Floats:
+    """Return the envelope of the first rows of a recording, or of all; shape (n, c).
+
+    It is NaN where a channel is not valid, and while the chain settles.
+    """
+    settling, runner = settling_rows(chain), SlipChain(chain)
+    found = np.full(track.volts[:most_rows].shape, np.nan)
+    for begin, end in track.stretches:
+        part = found[begin:end]
+        runner.reset()
+        result = runner.update(track.volts[begin : begin + len(part)], level=False)
+        part[settling:] = np.where(result.valid, result.envelope, np.nan)[settling:]
+    return found
+
+
 def held_out(tracks: Sequence[Track]) -> tuple[list[Track], list[Track]]:
     """Divide recordings into those that are tuned on and those that are held out.
 
     Of several recordings with slip every third is held out, and likewise of each kind of those
     without slip; see :func:`hold_out`. A single one with slip is cut in two between two slips, as
     near to :data:`TUNED_SHARE` of its time as possible.
-
-    Parameters
-    ----------
-    tracks
-        The recordings in their order.
 
     Examples
     --------
@@ -211,8 +192,13 @@ def held_out(tracks: Sequence[Track]) -> tuple[list[Track], list[Track]]:
     (['a', 'c'], ['b'])
     """
     with_slip = [track for track in tracks if track.slips]
-    divide = _cut_in_two if len(with_slip) == 1 else hold_out
-    training, held = divide(with_slip)
+    training, held = hold_out(with_slip)
+    if len(with_slip) == 1:
+        starts, ends = edges_of(with_slip[0].samples).T
+        cuts = (ends[:-1] + starts[1:]) // 2
+        wanted = TUNED_SHARE * len(with_slip[0].volts)
+        if cuts.size:
+            training, held = _cut(with_slip[0], int(min(cuts, key=lambda cut: abs(cut - wanted))))
     quiet = [track for track in tracks if not track.slips]
     for kind in dict.fromkeys(track.kind for track in quiet):
         parts = hold_out([track for track in quiet if track.kind == kind])
@@ -223,7 +209,7 @@ def held_out(tracks: Sequence[Track]) -> tuple[list[Track], list[Track]]:
 def hold_out(items: Sequence[Any]) -> tuple[list[Any], list[Any]]:
     """Divide items into those to tune on and those to hold out: every third from the second on.
 
-    So one more moves no other to the other side.
+    So a further item moves no other item to the other side.
 
     Examples
     --------
@@ -233,25 +219,12 @@ def hold_out(items: Sequence[Any]) -> tuple[list[Any], list[Any]]:
     return [item for k, item in enumerate(items) if k % 3 != 1], [*items[1::3]]
 
 
-def _cut_in_two(tracks: Sequence[Track]) -> tuple[list[Track], list[Track]]:
-    """Cut the one recording between two slips; the later part is held out."""
-    (track,) = tracks
-    starts, ends = edges_of(track.samples).T
-    cuts = (ends[:-1] + starts[1:]) // 2
-    if not cuts.size:
-        return [track], []
-    wanted = TUNED_SHARE * len(track.volts)
-    training, held = _parted(track, int(min(cuts, key=lambda cut: abs(cut - wanted))))
-    return [training], [held]
-
-
-def _parted(track: Track, cut: int) -> tuple[Track, Track]:
-    """Return the rows of a recording before a place, and those from there on."""
-    rate_hz, at = track.sample_rate_hz, f'{cut / track.sample_rate_hz:.1f} s'
-    return (
-        track_of(f'{track.name} to {at}', track.rows(0, cut), rate_hz),
-        track_of(f'{track.name} from {at}', track.rows(cut), rate_hz),
-    )
+def _cut(track: Track, row: int) -> tuple[list[Track], list[Track]]:
+    """Return the part of a recording before a row, and that from there on."""
+    rate_hz, at = track.sample_rate_hz, f'{row / track.sample_rate_hz:.1f} s'
+    parts = (f'{track.name} to {at}', 0, row), (f'{track.name} from {at}', row, sys.maxsize)
+    before, after = (track_of(name, track.rows(*rows), rate_hz) for name, *rows in parts)
+    return [before], [after]
 
 
 def load_tracks(
@@ -275,39 +248,32 @@ def load_tracks(
     left_out
         Recordings and folders of recordings to leave out.
     kind
-        The kind of all of them; '': what each says itself.
+        The kind of all of them; empty: what each says itself.
     unusable
-        By why, recordings that cannot be read or do not suit the chain: they are left out, and
-        added to this. None: such a recording is an error.
+        Receives, by the reason, recordings that cannot be read or do not suit the chain. None:
+        such a recording is an error.
 
     Raises
     ------
     ValueError
         When a recording cannot be read, does not suit the chain, does not exist, or has slips that
         recordings of its kind do not have; names it.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from pathlib import Path
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     rows = {'volts': np.full((100, 16), 4.3), 'slip': np.zeros(100)}
-    ...     np.savez(Path(folder) / 'rest.npz', sample_rate_hz=380.0, **rows)
-    ...     tracks = load_tracks([folder], RecordingLoader())
-    >>> [track.name for track in tracks]
-    ['rest.npz']
     """
     sets = recording_sets(paths)
     unwanted = {file.resolve() for files in recording_sets(left_out).values() for file in files}
     tracks = []
-    for name, files in sets.items():
+    for folder, files in sets.items():
         for file in (file for file in files if file.resolve() not in unwanted):
-            shown = f'{name}/{file.name}' if len(sets) > 1 else file.name
+            name = f'{folder}/{file.name}' if len(sets) > 1 else file.name
             try:
                 opened = loader.open(file, labelled)
-                rows = (one._replace(kind=kind or one.kind) for one in opened.rows)
-                track = track_of(shown, rows, opened.sample_rate_hz)
-                if track.samples.accuracy_s and not track.slips:  # What a key was for is unknown.
+                names = opened.recording.channel_names
+                pieces = (
+                    piece._replace(kind=kind or piece.kind, names=names) for piece in opened.rows
+                )
+                track = track_of(name, pieces, opened.sample_rate_hz)
+                # A key was pressed, but not for slips.
+                if track.samples.accuracy_s and not track.slips:
                     refuse(f'{file}: has no slip', 'one at least where labels are by hand')
             except ValueError as error:
                 if unusable is None or not file.exists():
@@ -317,8 +283,8 @@ def load_tracks(
                 continue
             if track.kind and track.slips:
                 refuse(f'{file}: has slips', f'none in a recording of the kind {track.kind}')
-            faults, names = _faults(opened.recording.counts), opened.recording.channel_names
-            tracks.append(dataclasses.replace(track, faults=faults, channel_names=names))
+            faults = _name_faults(opened.recording.counts)
+            tracks.append(dataclasses.replace(track, faults=faults))
     return tracks
 
 
@@ -327,15 +293,15 @@ def faults_of(tracks: Iterable[Track]) -> list[str]:
     return [f'{track.name}: {track.faults}' for track in tracks if track.faults]
 
 
-def _faults(counts: RecordingCounts) -> str:
+def _name_faults(counts: RecordingCounts) -> str:
     """Return a text on the faults of a recording; empty where there are none."""
-    many = {
+    numbers = {
         'bad samples': counts.bad_samples,
         'rows bridged': counts.bridged_rows,
         'long gaps': counts.stretches - 1,
         'rows dropped': counts.dropped,
     }
-    parts = [f'{number} {what}' for what, number in many.items() if number > 0]
+    parts = [f'{number} {what}' for what, number in numbers.items() if number > 0]
     return ', '.join(filter(None, [*parts, counts.damage, counts.doubts]))
 
 
@@ -381,17 +347,18 @@ class TrainingFiles(NamedTuple):
         for kind, path in self.of_kinds:
             training += load([path], labelled=False, kind=kind)
         held = load(self.left_out)
-        left_out = [f'Left out: {name_list(of, 3)}: {why}' for why, of in unusable.items()]
+        left_out = [f'Left out: {name_list(files, 3)}: {why}' for why, files in unusable.items()]
         notes = left_out + faults_of(training + held)
         if not self.left_out:
             training, held = held_out(training)
-        # Of a kind that is not held out the end of the last recording is.
-        for kind in sorted({one.kind for one in training} - {'', *(one.kind for one in held)}):
+        # Of a kind without a held-out recording the end of the last recording is held out.
+        lacking = {track.kind for track in training} - {track.kind for track in held}
+        for kind in sorted(lacking - {''}):
             last = max(k for k, track in enumerate(training) if track.kind == kind)
-            cut = round(TUNED_SHARE * len(training[last].volts))
-            if 0 < cut < len(training[last].volts):
-                training[last], part = _parted(training[last], cut)
-                held.append(part)
+            row = round(TUNED_SHARE * len(training[last].volts))
+            if 0 < row < len(training[last].volts):
+                training[last : last + 1], end = _cut(training[last], row)
+                held += end
         if not all(any(track.slips for track in part) for part in (training, held)):
             names = ', '.join(track.name for track in training + held) or 'no recording'
             what = 'some to tune on and others to hold out'

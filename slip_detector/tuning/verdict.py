@@ -18,20 +18,18 @@ import dataclasses
 import functools
 import importlib.util
 import math
-import pickle
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from slip_detector.chain.filters import settling_rows
 from slip_detector.evaluation.evaluator import RecordingLoader
-from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters import ChainConfig, EvaluationConfig, RecordingConfig, TuneConfig
 from slip_detector.parameters.fields import name_list, refuse
 from slip_detector.recordings.labels import ENDING, MISTAKEN
-from slip_detector.tuning.hand_labels import snap_labels
-from slip_detector.tuning.kinds import contradictions
+from slip_detector.tuning.labels import contradictions, snap_labels
+from slip_detector.tuning.learning import learn
 from slip_detector.tuning.problem import (
     COMPARED,
     Candidate,
@@ -39,8 +37,7 @@ from slip_detector.tuning.problem import (
     better_than_chance,
     worse_figures,
 )
-from slip_detector.tuning.search import Calls, Study, candidates_at, search
-from slip_detector.tuning.teaching import learn
+from slip_detector.tuning.search import Calls, Study, search
 from slip_detector.tuning.tracks import Track, TrainingFiles
 
 #: The chains that are compared on the recordings that were tuned on, the cheapest first.
@@ -55,13 +52,7 @@ LEAST_REST_S = 60.0
 
 
 class TuningParameters(NamedTuple):
-    """The sets of parameters that tuning needs.
-
-    Examples
-    --------
-    >>> TuningParameters().chain.threshold
-    0.5
-    """
+    """The sets of parameters that tuning needs."""
 
     chain: ChainConfig = ChainConfig()
     recording: RecordingConfig = RecordingConfig()
@@ -75,8 +66,7 @@ class TuningParameters(NamedTuple):
 
     def problem(self, tracks: Sequence[Track], begin: ChainConfig | None = None) -> Problem:
         """Return the problem of a search on tracks that begins with a chain or the given one."""
-        given = begin or self.chain, None, self.evaluation, self.tune, self.chain
-        problem = Problem(tracks, *given)
+        problem = Problem(tracks, begin or self.chain, None, self.evaluation, self.tune)
         return dataclasses.replace(problem, figures=problem.as_it_is(self.chain).figures)
 
 
@@ -91,11 +81,6 @@ class Verdict(NamedTuple):
         Why the running chain is kept; empty where it is not.
     tried : ChainConfig or None
         The best chain found, also where it is not taken; None where none was found.
-
-    Examples
-    --------
-    >>> Verdict(ChainConfig(threshold=0.7), kept='').chain.threshold
-    0.7
     """
 
     chain: ChainConfig
@@ -136,15 +121,13 @@ def tune(
     *,
     seed: int = 0,
     storage: str | None = None,
-    progress: Callable[[int, int, Candidate | None], None] = lambda count, trials, best: None,
-    doubt: Callable[[list[str]], None] = lambda sentences: None,
+    observe: Callable[..., None] = lambda **news: None,
     stop: Callable[[], bool] = lambda: False,
     calls: Calls | None = None,
-    step: Callable[[str], None] = lambda words: None,
 ) -> TuningResult:
     """Learn of a finger, search for a better chain, and judge the best one by what is held out.
 
-    See :func:`.teaching.learn`, :func:`.search.search`, :func:`choose` and :func:`judge`.
+    See :func:`.learning.learn`, :func:`.search.search`, :func:`choose` and :func:`judge`.
 
     Parameters
     ----------
@@ -159,20 +142,18 @@ def tune(
         Seed of the search.
     storage
         The storage of the study, see :class:`Study`; None: in memory.
-    progress
-        Called with the number of trials so far, the number of all, and the cheapest chain, before
-        the first trial, and after each trial and each batch.
-    doubt
-        Called with lines on what is noticed: before the search on each recording that has faults,
-        is left out or contradicts its kind, see :func:`.kinds.contradictions`, and on what was
-        learnt; after it on what the result cannot tell.
+    observe
+        Called with news by name. ``step``: words on a step, as it begins. ``count``, ``trials``
+        and ``best``: the number of trials so far, that of all, and the cheapest chain, if there is
+        one; before the first trial, and after each trial and each batch. ``lines``: before the
+        search on recordings that have faults, are left out or contradict their kind, see
+        :func:`.labels.contradictions`, and on what was learnt; after it on what the result cannot
+        tell.
     stop
         Returns whether to end the search with the result so far; first called when the recordings
         are read.
     calls
         Makes the calls for the points of a batch. None: they are made in this process.
-    step
-        Called with words on each step as it begins.
 
     Raises
     ------
@@ -186,56 +167,56 @@ def tune(
         raise ValueError("needs optuna, which is not installed: pip install 'slip_detector[tune]'")
     if parameters.tune.trade:
         refuse('parameter trade is true', 'false; other weights ask for another compromise')
+    training, held, notes = _read(files, parameters.chain)
+    begin, learnt = learn(parameters.chain, training, observe)
+    notes += learnt
+    observe(lines=notes)
+    stop()
+    observe(step='searching')
+    problem = parameters.problem(training, begin)
+    values = sum(track.volts.size for track in training)
+    many = trials or int(np.clip(VALUES / values, *TRIALS))
+    study = Study(problem, seed, storage)
+
+    def show(count: int) -> None:
+        observe(count=count, trials=many, best=study.cheapest)
+
+    show(study.follow())
+    results = calls and functools.partial(calls, study.candidate_at)
+    search(study, many, stop, show, results)
+    late_notes = []
+    if stop():
+        if not study.trials:
+            raise KeyboardInterrupt('stopped before anything was found')
+        late_notes.append('Stopped early.')
+    rest_s = sum(track.without_slip_s for track in held)
+    if rest_s < LEAST_REST_S:
+        few = f'Only {rest_s:.3g} s of rest are held out: false alarms hardly show in it'
+        late_notes.append(few)
+    observe(step='choosing the best, recording by recording')
+    best = choose(study)
+    observe(step='comparing on what was held out')
+    verdict = judge(problem, parameters.chain, held, best)
+    observe(lines=late_notes)
+    return TuningResult(problem, held, study, verdict, notes + late_notes)
+
+
+def _read(files: TrainingFiles, chain: ChainConfig) -> tuple[list[Track], list[Track], list[str]]:
+    """Return recordings to tune on and to hold out, without mistaken ones, and notes on them."""
     training, held, notes = files.load()
     tracks, moved = snap_labels(training + held)
-    training, held, notes = tracks[: len(training)], tracks[len(training) :], notes + moved
-    sentences, mistakes = contradictions(parameters.chain, training + held)
-    wrong = [one for one in training if one in mistakes and one.samples.accuracy_s]
+    sentences, mistakes = contradictions(chain, tracks)
+    training, held = tracks[: len(training)], tracks[len(training) :]
+    wrong = [track for track in training if track in mistakes and track.samples.accuracy_s]
     others = [track for track in training if track not in wrong]
     if wrong and any(track.slips for track in others):
         training = others
         left_out = name_list([track.name for track in wrong])
         sentences.append(f'Not tuned on: {left_out}. A mistake? {MISTAKEN}: true in its {ENDING}')
-    notes += sentences
-    begin, learnt = learn(parameters.chain, training, step)
-    notes += learnt
-    doubt(notes)
-    noted = len(notes)
-    stop()
-    step('searching')
-    problem = parameters.problem(training, begin)
-    values = sum(track.volts.size for track in training)
-    many = trials or int(np.clip(VALUES / values, *TRIALS))
-    name = problem.study_name()
-    study = Study(problem.space.distributions, seed, storage, name)
-    # It has a few kilobytes, without any rows.
-    names = {track.name for track in training}
-    pickled = pickle.dumps((files, names, dataclasses.replace(problem, tracks=()), name))
-
-    def show(count: int) -> None:
-        with study.errors_in_one_line():  # Its trials may be damaged.
-            progress(count, many, study.cheapest and problem.candidate_of(study.cheapest))
-
-    show(study.follow())
-    results = calls and functools.partial(calls, functools.partial(candidates_at, pickled))
-    search(problem, study, many, stop, show, results)
-    if stop():
-        if not study.trials:
-            raise KeyboardInterrupt('stopped before anything was found')
-        notes.append('Stopped early.')
-    rest_s = sum((one.kinds < SLIP).sum() / one.sample_rate_hz for one in held)
-    if rest_s < LEAST_REST_S:
-        notes.append(f'Only {rest_s:.3g} s of rest are held out: false alarms hardly show in it')
-    step('choosing the best, recording by recording')
-    with study.errors_in_one_line():
-        best = choose(problem, study.trials)
-    step('comparing on what was held out')
-    verdict = judge(problem, held, best)
-    doubt(notes[noted:])
-    return TuningResult(problem, held, study, verdict, notes)
+    return training, held, notes + moved + sentences
 
 
-def choose(problem: Problem, trials: Sequence[Any]) -> Candidate | None:
+def choose(study: Study) -> Candidate | None:
     """Return the result of a search; None where no trial found a chain.
 
     The cheapest chains are compared by what they cost in each recording with the threshold that
@@ -246,67 +227,53 @@ def choose(problem: Problem, trials: Sequence[Any]) -> Candidate | None:
     But its area under the ROC curve is not below both that of the best and that of the running
     chain: as the area is of many rows, few slips do not explain a lower one.
     """
-    if not trials:
+    problem, space = study.problem, study.space
+    if not study.trials:
         return None
-    given = problem.space.point(problem.given)
-    tried = []
-    for trial in sorted(trials, key=lambda one: one.value)[:COMPARED_CHAINS]:
-        found = problem.candidate_of(trial)
-        tried.append((found, *problem.left_out(found.chain), trial.params))
-    best, best_ms, best_costs_ms, _ = min(tried, key=lambda one: one[1])
-    areas = ((one or {}).get('auc') or 0.0 for one in (best.figures, problem.figures))
-    least_area = min(areas) - COMPARED['auc'].step
-    as_good = []
-    for found, cost_ms, costs_ms, params in tried:
+    cheapest = sorted(study.trials, key=lambda trial: trial.candidate.cost_ms)[:COMPARED_CHAINS]
+    tried = [trial.candidate for trial in cheapest]
+    costs = [problem.left_out(candidate.chain) for candidate in tried]
+    best = min(range(len(tried)), key=lambda k: costs[k][0])
+    best_ms, best_costs_ms = costs[best]
+    both = tried[best].figures, problem.figures or {'auc': None}
+    least_area = min(figures['auc'] or 0.0 for figures in both) - COMPARED['auc'].step
+    given, distances = space.point(problem.given), dict[int, float]()
+    for k, (cost_ms, costs_ms) in enumerate(costs):
         error_ms = math.sqrt(costs_ms.size - 1) * float(np.std(costs_ms - best_costs_ms))
-        if cost_ms <= best_ms + error_ms and (found.figures['auc'] or 0.0) >= least_area:
-            as_good.append((problem.space.distance(params, given), found))
-    return min(as_good, key=lambda one: one[0])[1]
+        if cost_ms <= best_ms + error_ms and (tried[k].figures['auc'] or 0.0) >= least_area:
+            distances[k] = space.distance(cheapest[k].point, given)
+    return tried[min(distances, key=lambda k: distances[k])]
 
 
-def judge(problem: Problem, held: Sequence[Track], best: Candidate | None) -> Verdict:
-    """Choose between the running chain and the one found, by the held-out recordings.
+def judge(
+    problem: Problem, running: ChainConfig, held: Sequence[Track], best: Candidate | None
+) -> Verdict:
+    """Choose between the running chain and the best one found, by the held-out recordings.
 
-    The one found has to be better than chance there and better in at least one of
+    On these the best one has to be better than chance, better in at least one of
     :data:`.problem.COMPARED`, and worse in none.
-
-    Parameters
-    ----------
-    problem
-        The problem of the search.
-    held
-        The held-out recordings.
-    best
-        The chain found; None where none was found.
-
-    Examples
-    --------
-    >>> judge(Problem([]), [], best=None).kept
-    'nothing that was tried finds slips'
     """
-    running = problem.running or problem.given
     if best is None:
         return Verdict(running, 'nothing that was tried finds slips')
     on_held = dataclasses.replace(problem, tracks=held, figures=None)
-    before, after = (on_held.as_it_is(one) for one in (running, best.chain))
-    if why := _why_not(on_held, after, before):
+    if why := _why_not(on_held, best.chain, running):
         return Verdict(running, f'on what was held out, the best that was tried {why}', best.chain)
     return Verdict(best.chain, '', best.chain)
 
 
-def _why_not(on_held: Problem, after: Candidate, before: Candidate) -> str:
+def _why_not(on_held: Problem, found: ChainConfig, running: ChainConfig) -> str:
     """Return why a chain is not taken in place of the running one; empty where it is."""
+    after, before = (on_held.as_it_is(chain).figures for chain in (found, running))
     slips = sum(len(track.slips) for track in on_held.tracks)
-    if any(one.figures['matched'] + one.figures['missed'] < slips for one in (before, after)):
-        # A slip that begins while one of them settles is counted for neither.
-        rows = max(settling_rows(one.chain) for one in (before, after))
+    if any(figures['matched'] + figures['missed'] < slips for figures in (after, before)):
+        # A slip that begins while one of the chains settles is counted for neither.
+        rows = max(settling_rows(chain) for chain in (found, running))
         on_held = dataclasses.replace(on_held, settling_rows=rows)
-        before, after = (on_held.as_it_is(one.chain) for one in (before, after))
-    missed, found = after.figures['missed'], after.figures['matched']
-    if worse_figures(after.figures, before.figures):
+        after, before = (on_held.as_it_is(chain).figures for chain in (found, running))
+    if worse_figures(after, before):
         return 'is worse'
-    if not found:
-        return f'finds none of {missed} slips'
-    if not better_than_chance(after.figures):
+    if not after['matched']:
+        return f'finds none of {after["missed"]} slips'
+    if not better_than_chance(after):
         return 'is no better than guessing'
-    return '' if worse_figures(before.figures, after.figures) else 'is no better'
+    return '' if worse_figures(before, after) else 'is no better'

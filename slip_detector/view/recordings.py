@@ -42,7 +42,7 @@ from slip_detector.parameters.fitting import rates_differ
 from slip_detector.recordings import Recording, labels, open_recording
 from slip_detector.recordings.writing import BagWriter
 from slip_detector.report.overview import MOST_CELLS, THRESHOLD_CODE, Overview
-from slip_detector.tuning.kinds import NOTHING_CHANGES
+from slip_detector.tuning.labels import NOTHING_CHANGES
 from slip_detector.tuning.tracks import Track, hold_out, track_of
 from slip_detector.view.detectors import Finger
 from slip_detector.view.hand_labels import HandLabels

@@ -27,61 +27,49 @@ from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.parameters.files import write_yaml
 from support.config_cases import message_of
 from support.python_runs import run_python
-from support.worker_calls import die, process_of, refuse
+
+PID = '__import__("os").getpid()'
 
 
 def test_several_jobs_are_processes_that_end_with_the_context():
     with workers.processes(jobs=1) as calls:
         assert calls is None  # it is this process
     with workers.processes(jobs=2) as calls:
-        results = dict(calls(process_of, range(20)))
-        assert {place: number for place, (number, _) in results.items()} == {
-            k: k for k in range(20)
-        }
-        pids = {pid for _, pid in results.values()}
-        assert os.getpid() not in pids
-        assert dict(calls(process_of, [])) == {}
-    for pid in pids:
+        results = dict(calls(eval, [f'{k}, {PID}' for k in range(20)]))
+        assert all(results[k][0] == k for k in range(20))
+        assert dict(calls(eval, [])) == {}
+    for pid in {pid for _, pid in results.values()}:
         with pytest.raises(ProcessLookupError):
             os.kill(pid, 0)
 
 
 @pytest.mark.parametrize(
-    ('call', 'said'),
-    [(refuse, r'^7 is refused$'), (die, r'^a worker process died, allowed: fewer')],
+    ('call', 'argument', 'said'),
+    [
+        (int, 'x', r'^invalid literal for int\(\) .*$'),
+        (signal.raise_signal, signal.SIGKILL, r'^a worker process died, allowed: fewer'),
+    ],
 )
-def test_a_call_that_fails_or_dies_is_one_line(call, said):
+def test_a_call_that_fails_or_dies_is_one_line(call, argument, said):
     with workers.processes(jobs=2) as calls, pytest.raises(ValueError, match=said):
-        list(calls(call, [7]))
+        list(calls(call, [argument]))
 
 
-def run(code):
-    code = f'from slip_detector.commands.workers import processes\n{code}'
+@pytest.mark.parametrize(
+    ('code', 'status', 'printed'),
+    [
+        # It does not return before the last process that has the pipe has ended.
+        ('print(*calls(eval, ["7"]), flush=True); signal.raise_signal(9)', -9, '(0, 7)\n'),
+        # A result that is being written does not hold up the end.
+        ('next(calls(bytes, [1, 300_000_000]))', 0, ''),
+    ],
+)
+def test_processes_end_with_the_one_that_started_them(code, status, printed):
+    code = f'with processes(jobs=2) as calls:\n    {code}'
+    code = f'import signal\nfrom slip_detector.commands.workers import processes\n{code}'
     environment = {**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)}
-    return run_python('-c', code, env=environment)
-
-
-def test_a_process_ends_with_the_one_that_started_it():
-    # It does not return before the last process that has the pipe has ended.
-    done = run(
-        'import os, signal\n'
-        'from support.worker_calls import process_of\n'
-        'with processes(jobs=2) as calls:\n'
-        '    print(next(calls(process_of, [1])), flush=True)\n'
-        '    os.kill(os.getpid(), signal.SIGKILL)\n'
-    )
-    assert done.returncode == -signal.SIGKILL
-    assert done.stdout.startswith('(0, (1, ')
-
-
-def test_a_result_that_is_being_written_does_not_hold_up_the_end():
-    done = run(
-        'from support.worker_calls import zeros\n'
-        'with processes(jobs=2) as calls:\n'
-        '    for _ in calls(zeros, [1, 300_000_000]):\n'
-        '        break\n'
-    )
-    assert done.returncode == 0
+    done = run_python('-c', code, env=environment)
+    assert (done.returncode, done.stdout) == (status, printed), done.stderr
 
 
 def test_options_replace_parameters_of_recordings(tmp_path, monkeypatch):
@@ -98,7 +86,7 @@ def test_options_replace_parameters_of_recordings(tmp_path, monkeypatch):
     assert recording_config() == given
     words = ['--topic', '/biotac', '--field', 'pac', '--labels', 'l.yaml', '--resample']
     found = recording_config(*words).to_parameters()
-    read = [found[f'recording_{name}'] for name in workers.READING]
+    read = [found[f'recording_{name}'] for name in workers.RECORDING_OPTIONS]
     assert read == ['/biotac', 'pac', 'l.yaml', True]
 
 

@@ -160,7 +160,7 @@ def test_the_report_of_a_recording_without_labels_has_its_onsets_and_how_to_labe
 def test_a_chain_of_a_search_is_replayed_on_all_recordings():
     held, tuned_on = (tuning_cases.track(seed, duration_s=6.0) for seed in (10, 1))
     names = tuple(f'L{k}' for k in range(held.volts.shape[1]))
-    held = dataclasses.replace(held, channel_names=names)
+    held = dataclasses.replace(held, samples=held.samples._replace(names=names))
     parts = {'held out': [held], 'tuned on': [tuned_on]}
     given = report.replay_variant('given', Replay(tuning_cases.CHAIN), parts)
     for overview in given.overviews:

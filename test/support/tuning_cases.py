@@ -106,8 +106,8 @@ def problem(tracks, given_chain=CHAIN):
 
 def study_of(asked, trials):
     """Search, and return the study in memory."""
-    study = Study(asked.space.distributions, seed=1)
-    search(asked, study, trials)
+    study = Study(asked, seed=1)
+    search(study, trials)
     return study
 
 

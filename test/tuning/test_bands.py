@@ -19,7 +19,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slip_detector.tuning.bands import slip_bands
-from slip_detector.tuning.teaching import learn
+from slip_detector.tuning.learning import learn
 from support.tuning_cases import CHAIN, RATE_HZ, track_with
 
 SLIDING = np.arange(6000) % 1000 >= 600
@@ -66,10 +66,10 @@ def test_noise_alone_has_no_band_however_few_its_spectra_are():
 
 def test_a_pass_band_above_the_slides_and_a_lack_of_rest_are_said():
     tracks = [slides(1, 5.0, 12.0)]
-    assert learn(CHAIN, tracks, step=lambda words: None)[1][1:] == [
+    assert learn(CHAIN, tracks, observe=lambda step: None)[1][1:] == [
         'The given pass-band begins above them, at 20 Hz',
         'No noise learnt: there is no recording without slips',
     ]
     tracks.append(track_with(0.05 * noise(2), name='still', kind='rest'))
-    lines = learn(CHAIN, tracks, step=lambda words: None)[1]
+    lines = learn(CHAIN, tracks, observe=lambda step: None)[1]
     assert 'On still: no line of the mains' in lines[2]

@@ -12,135 +12,18 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is learnt from a recording at rest, and the steps of slips."""
+"""Thresholds from quiet recordings: what rate of false alarms holds, and what is refused."""
 
 import dataclasses
-import re
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from slip_detector.chain.samples import Samples
-from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation.replay import Replay
-from slip_detector.parameters import ChainConfig
-from slip_detector.tuning.learning import (
-    find_mains,
-    learn_noise,
-    learnt_floors,
-    quiet_threshold,
-    slip_steps_v,
-    steps_v,
-)
-from slip_detector.tuning.tracks import track_of
-from support.tuning_cases import CHAIN, EVIDENCE, FLOOR, HIGH, RATE_HZ, slips, track, track_with
+from slip_detector.tuning.learning import learn_threshold
+from support.tuning_cases import CHAIN, EVIDENCE, track, track_with
 
-PIEZO_HZ = 312.5
-PIEZO = ChainConfig(sample_rate_hz=PIEZO_HZ, channels=4, gain=1.0, **HIGH)
 SURE = dataclasses.replace(EVIDENCE, evidence_offset_db=4.0)
-NOISE_V = np.array([0.01, 0.03, 0.1, 0.02])
-
-
-def noise(rows=10_000, seed=0):
-    return NOISE_V * np.random.default_rng(seed).standard_normal((rows, 4))
-
-
-def rest(volts, truth=None, rate_hz=PIEZO_HZ):
-    return track_with(volts, truth, 'rest', rate_hz)
-
-
-def hum(mains_hz, rows, rate_hz, amplitudes):
-    time_s = np.arange(rows)[:, np.newaxis] / rate_hz
-    return sum(
-        amplitude * np.sin(2 * np.pi * harmonic * mains_hz * time_s + harmonic)
-        for harmonic, amplitude in amplitudes.items()
-    )
-
-
-@pytest.mark.parametrize('window_rows', [1, 3, 16, 90])
-def test_at_the_floors_that_are_learnt_noise_makes_no_evidence(window_rows):
-    chain = dataclasses.replace(PIEZO, envelope_window_s=window_rows / PIEZO_HZ)
-    floors = learnt_floors(chain, [rest(noise(20_000))])
-    learnt = {'noise_floor': floors, 'noise_floor_learnt': True, 'noise_floor_range_db': 15.0}
-    chain = dataclasses.replace(chain, **FLOOR | learnt, evidence_offset_db=0.5)
-    result = SlipChain(chain).update(noise(20_000, seed=1), excess=True)
-    excess_db = result.excess[1000:].mean(axis=0)
-    assert -5.0 < excess_db.min() <= excess_db.max() < 0.0
-
-
-def test_slips_and_bad_channels_take_no_part_in_the_floors():
-    quiet, loud = noise(), noise()
-    truth = np.zeros(len(loud), bool)
-    truth[4000:7000] = True
-    loud[truth] *= 50.0
-    plain = np.array(learnt_floors(PIEZO, [rest(quiet)]))
-    np.testing.assert_allclose(learnt_floors(PIEZO, [rest(loud, truth)]), plain, rtol=0.05)
-    quiet[:, 1] = np.nan
-    found = learnt_floors(PIEZO, [rest(quiet)])
-    assert found[1] == pytest.approx(np.median(plain[[0, 2, 3]]), rel=1e-3)
-    np.testing.assert_allclose(np.delete(found, 1), np.delete(plain, 1), rtol=1e-9)
-
-
-@settings(max_examples=15)
-@given(
-    mains_hz=st.sampled_from([50.0, 60.0]),
-    rate_hz=st.sampled_from([90.0, 210.0, 312.5, 380.0, 1000.0]),
-    harmonics=st.sampled_from([(1, 3), (1, 2, 4), (1,)]),
-    seed=st.integers(0, 2**32 - 1),
-)
-def test_the_mains_is_found_by_its_lines_aliased_or_not(mains_hz, rate_hz, harmonics, seed):
-    rows = round(30.0 * rate_hz)
-    volts = noise(rows, seed) + hum(mains_hz, rows, rate_hz, dict.fromkeys(harmonics, 0.3))
-    found_hz, line = find_mains(PIEZO, rest(volts, rate_hz=rate_hz))
-    assert found_hz == mains_hz
-    assert all(float(height_db) >= 12.0 for height_db in re.findall(r'\((\d+) dB', line))
-    assert all(0.0 < float(hz) <= rate_hz / 2 for hz in re.findall(r'seen at ([\d.]+) Hz', line))
-
-
-@given(st.integers(0, 2**32 - 1))
-@settings(max_examples=15)
-def test_noise_has_no_mains_nor_has_a_line_that_one_channel_lacks(seed):
-    volts = noise(6000, seed)
-    assert find_mains(PIEZO, rest(volts))[0] == 0.0
-    volts[:, :3] += hum(50.0, 6000, PIEZO_HZ, {1: 0.5})
-    assert find_mains(PIEZO, rest(volts))[0] == 0.0
-    for nothing in (np.full((6000, 4), 4.3), volts[:2000, :3]):  # flat, and too short
-        assert find_mains(PIEZO, rest(nothing))[0] == 0.0
-    without = dataclasses.replace(PIEZO, disabled_channels=(4,))
-    assert find_mains(without, rest(volts))[0] == 50.0
-
-
-@given(channels=st.integers(1, 4), rows=st.integers(1, 9), seed=st.integers(0, 2**32 - 1))
-def test_a_step_over_some_rows_is_one_that_so_many_channels_exceed(channels, rows, seed):
-    random = np.random.default_rng(seed)
-    volts = random.standard_normal((30, channels))
-    volts[random.random((30, channels)) < 0.2] = np.nan
-    filled = volts.copy()
-    for places, step in ((range(1, 30), -1), (range(28, -1, -1), 1)):
-        for k in places:
-            filled[k] = np.where(np.isnan(filled[k]), filled[k + step], filled[k])
-    expected = np.zeros((30, channels))
-    for k in range(rows, 30):
-        expected[k] = np.sort(np.nan_to_num(np.abs(filled[k] - filled[k - rows])))[::-1]
-    found = steps_v(ChainConfig(channels=channels), track_with(volts), rows)
-    np.testing.assert_allclose(found, expected)
-
-
-@pytest.mark.parametrize(('accuracy_s', 'below'), [(0.0, 9), (0.2, 8)])
-def test_the_steps_of_slips_are_those_that_nine_in_ten_stay_below_or_eight_of_a_hand(
-    accuracy_s, below
-):
-    volts, truth = np.zeros((2000, 3)), np.arange(2000) % 200 >= 150
-    # One row of each slip steps by 1 to 10 V on one channel, by half as much on another.
-    for k, at in enumerate(range(160, 2000, 200)):
-        volts[at, :2] = (k * 7 % 10 + 1) * np.array([1.0, 0.5])
-    volts[50] = 99.0
-    rows = Samples.evenly(volts, RATE_HZ, truth, accuracy_s=accuracy_s)
-    tracks = [track_of('a', [rows], RATE_HZ), track_with(volts)]
-    found = slip_steps_v(ChainConfig(channels=3), tracks)
-    assert found.tolist() == [below + 1.0, (below + 1.0) / 2, 0.0]
 
 
 def alarms_at(chain, recording):
@@ -152,7 +35,7 @@ def alarms_at(chain, recording):
 def test_the_rate_holds_in_the_recording_and_in_another_but_not_below_the_threshold(chain, vote):
     chain = dataclasses.replace(chain, vote=vote)
     recording = track(1, duration_s=600.0, slips=False)
-    threshold, line = quiet_threshold(recording, chain, 60.0)
+    threshold, line = learn_threshold(recording, chain, 60.0)
     found = dataclasses.replace(chain, threshold=threshold)
     alarms = alarms_at(found, recording)
     assert f', {alarms} false alarms in 0.167 h: ' in line
@@ -175,51 +58,11 @@ def test_a_recording_that_cannot_show_the_rate_is_refused():
         (silent, CHAIN, 1000.0, '5: no threshold has that rate'),
     ):
         with pytest.raises(ValueError, match=f'^seed {line}'):
-            quiet_threshold(recording, chain, per_hour)
+            learn_threshold(recording, chain, per_hour)
 
 
 def test_where_rest_makes_no_evidence_the_given_threshold_stays():
     surer = dataclasses.replace(SURE, noise_floor=(1.0,))
-    found = quiet_threshold(track(5, duration_s=60.0, slips=False), surer, 200.0)
+    found = learn_threshold(track(5, duration_s=60.0, slips=False), surer, 200.0)
     line = '0 false alarms in 0.0167 h: 0 to 180 an hour at 95% confidence'
     assert found == (surer.threshold, f'threshold {surer.threshold:g}, {line}')
-
-
-def learn(rest_s=60.0, chain=EVIDENCE, mains_hz=60.0, hum_v=0.0):
-    """Learn of a recording at rest, with hum."""
-    volts, _ = slips(1, duration_s=rest_s, slips=False)
-    volts += hum(mains_hz, len(volts), chain.sample_rate_hz, {1: hum_v})
-    still = rest(volts, rate_hz=chain.sample_rate_hz)
-    learnt, lines = learn_noise(chain, [still], still)
-    return learnt, '\n'.join(lines)
-
-
-def test_rest_teaches_a_floor_for_each_channel_and_nothing_else():
-    parameters, lines = learn()
-    assert parameters == {
-        'noise_floor': list(learnt_floors(EVIDENCE, [track(1, duration_s=60.0, slips=False)])),
-        'noise_floor_learnt': True,
-        'noise_floor_range_db': 15.0,
-    }
-    assert 'no line of the mains is 12 dB above the noise' in lines
-
-
-def test_the_hum_is_removed_before_the_floors_are_learnt():
-    humming, lines = learn(hum_v=0.5)
-    assert humming['mains_hz'] == 60.0
-    assert 'mains of 60 Hz: lines of 60 Hz (' in lines
-    # The comb makes noise louder by 3 dB; the hum was louder by 20.
-    ratios = np.array(humming['noise_floor']) / learn()[0]['noise_floor']
-    np.testing.assert_allclose(20.0 * np.log10(ratios), 3.0, atol=0.7)
-
-
-def test_hum_without_whole_periods_is_reported_and_not_removed():
-    other = dataclasses.replace(EVIDENCE, sample_rate_hz=377.7)
-    parameters, lines = learn(chain=other, mains_hz=50.0, hum_v=1.0)
-    assert 'mains_hz cannot remove it' in lines
-    assert 'mains_hz' not in parameters
-
-
-def test_floors_need_five_seconds_of_rest():
-    with pytest.raises(ValueError, match=r'^rest: lasts 4 s, allowed: at least 5 s at rest'):
-        learn(rest_s=4.0)

@@ -22,13 +22,12 @@ import signal
 from pathlib import Path
 
 import numpy as np
-import optuna
 import pytest
 
-from slip_detector.commands.command_line import interrupts_noted
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.parameters.driver import RecordingConfig
-from slip_detector.tuning.search import Study, search
+from slip_detector.tuning.problem import Candidate, Problem
+from slip_detector.tuning.search import Study, Trial, search
 from slip_detector.tuning.tracks import TrainingFiles
 from slip_detector.tuning.verdict import TuningParameters, tune
 from support.limits import full_disk
@@ -46,7 +45,8 @@ from support.tuning_cases import (
 )
 
 PARAMETERS = TuningParameters(CHAIN, RecordingConfig(recording_truth_key='label'))
-X = {'x': optuna.distributions.FloatDistribution(0.0, 1.0)}
+PROBLEM, FOUND = Problem([], CHAIN), Candidate(CHAIN, 3.0, {'recall': 1.0})
+POINT = Study(PROBLEM, 0).space.point(CHAIN)
 
 
 class OnlyStages(Study):
@@ -58,24 +58,25 @@ class OnlyStages(Study):
 
 def searched(asked, trials=10_000, storage=None, results=None):
     """Search up to a number of trials, but not by chance; return point and cost of all."""
-    study = OnlyStages(asked.space.distributions, 0, storage)
+    study = OnlyStages(asked, 0, storage)
     with contextlib.suppress(LookupError):
-        search(asked, study, trials, results=results)
-    return [(trial.params, trial.value) for trial in study.trials]
+        search(study, trials, results=results)
+    return [(point, candidate.cost_ms) for point, candidate in study.trials]
 
 
 def test_a_search_tries_nothing_twice_and_the_same_in_parts_and_in_any_order(tmp_path):
     asked = problem([track(1, duration_s=6.0)])
+    study = Study(asked, 0)
 
     def backwards(points):
         places = range(len(points) - 1, -1, -1)
-        return ((place, asked.candidates_at(points[place])) for place in places)
+        return ((place, study.candidate_at(points[place])) for place in places)
 
     whole, storage = searched(asked, 45), str(tmp_path / 'study.journal')
     for trials in (3, 20, 21, 45, 45):
         parts = searched(asked, trials, storage, backwards)
     assert parts == whole
-    points = [sorted(trial.params.items()) for trial in study_of(asked, 300).trials]
+    points = [trial.point for trial in study_of(asked, 300).trials]
     assert all(point not in points[:k] for k, point in enumerate(points))
 
 
@@ -97,7 +98,7 @@ def test_stages_that_help_are_kept_while_others_are_tried():
     point, cost_ms = min(searched(asked), key=lambda one: one[1])
     assert (point['mains_hz'], point['impact']) == (60.0, 'learnt')
     for without in ({'mains_hz': 0.0}, {'impact': 'none'}):
-        assert all(one.cost_ms > 2 * cost_ms for one in asked.candidates_at({**point, **without}))
+        assert Study(asked, 0).candidate_at({**point, **without}).cost_ms > 2 * cost_ms
 
 
 @pytest.fixture
@@ -107,74 +108,30 @@ def files(tmp_path):
     return TrainingFiles([str(tmp_path)], RecordingLoader(*PARAMETERS[:3]))
 
 
-def test_another_process_gets_little_and_reads_the_recordings_once(files, monkeypatch):
-    sent = []
+def test_other_processes_find_the_same_and_are_sent_the_recordings_once(files):
+    functions = []
 
     def calls(function, points):
-        sent.append(pickle.dumps(function))
-        return enumerate(map(pickle.loads(sent[-1]), points))
+        functions.append(function)
+        return enumerate(map(pickle.loads(pickle.dumps(function)), points))
 
-    before = tune(files, PARAMETERS, 9)
-    there = tune(files, PARAMETERS, 9, calls=calls)
-    assert [trial.value for trial in there.study.trials] == [
-        trial.value for trial in before.study.trials
-    ]
-    assert len(sent) == 2
-    assert len(sent[0]) < 10_000 < there.problem.tracks[0].volts.nbytes
-    monkeypatch.setattr(TrainingFiles, 'load', None)
-    point = there.problem.space.starts()[0]
-    assert pickle.loads(sent[0])(point) == there.problem.candidates_at(point)
-    assert pickle.loads(sent[0])({**point, 'passband_low_hz': np.nan}) == []
-
-
-def test_a_worker_that_finds_other_recordings_is_refused(files, tmp_path):
-    def elsewhere(function, points):
-        write(tmp_path / 'a.npz', 3)
-        return enumerate(map(function, points))
-
-    with pytest.raises(ValueError, match=r'^/.*: a worker finds other recordings there, '):
-        tune(files, PARAMETERS, 9, calls=elsewhere)
-
-
-def interrupted_at(*counts):
-    """Return what interrupts a search when it has tried so many chains."""
-    left = list(counts)
-
-    def progress(count, trials, best):
-        while left and count >= left[0]:
-            del left[0]
-            signal.raise_signal(signal.SIGINT)
-
-    return progress
-
-
-def test_a_first_interrupt_keeps_the_result_so_far_and_a_second_ends_at_once(files, capfd):
-    before = signal.getsignal(signal.SIGINT)
-    with interrupts_noted('stopping') as stop:
-        result = tune(files, PARAMETERS, 1000, progress=interrupted_at(12), stop=stop)
-    few = 'Only 9.21 s of rest are held out: false alarms hardly show in it'
-    assert {'Stopped early.', few} <= {*result.notes}
-    assert result.study.follow() == 12
-    assert [track.name for track in result.held] == ['b.npz']
-    with pytest.raises(KeyboardInterrupt), interrupts_noted('stopping') as stop:
-        tune(files, PARAMETERS, 1000, progress=interrupted_at(3, 3), stop=stop)
-    assert signal.getsignal(signal.SIGINT) is before
-    assert capfd.readouterr().err.count('stopping') == 2
+    here, there = tune(files, PARAMETERS, 9), tune(files, PARAMETERS, 9, calls=calls)
+    assert here.study.trials == there.study.trials
+    assert functions[0] is functions[-1]
+    assert len(functions) == 2
 
 
 @pytest.mark.parametrize('where', ['{}/study.journal', 'sqlite:///{}/study.db'])
 def test_workers_of_one_study_read_each_others_trials(where, tmp_path):
     where = where.format(tmp_path)
-    a, b = (Study(X, seed, where, 'a') for seed in range(2))
-    a.tell({'x': 0.25}, [{'cost_ms': 3.0}])
-    b.tell({'x': 0.5}, [{'cost_ms': 2.0}])
-    assert (a.follow(), b.follow()) == (2, 2)
-    for study in (a, b):
-        told = {
-            trial.params['x']: (trial.value, *trial.user_attrs['found']) for trial in study.trials
-        }
-        assert told == {0.25: (3.0, {'cost_ms': 3.0}), 0.5: (2.0, {'cost_ms': 2.0})}
-    assert Study(X, 0, where, 'other').follow() == 0
+    trials = [Trial({**POINT, 'exponent': k}, FOUND._replace(cost_ms=float(k))) for k in (2, 1)]
+    studies = [Study(PROBLEM, seed, where) for seed in range(2)]
+    for study, trial in zip(studies, trials, strict=True):
+        study.tell(*trial)
+    assert [study.follow() for study in studies] == [2, 2]
+    assert [study.trials for study in studies] == [trials, trials]
+    assert studies[0].cheapest == trials[1].candidate
+    assert Study(Problem([], EVIDENCE), 0, where).follow() == 0
 
 
 @pytest.mark.parametrize(
@@ -186,7 +143,7 @@ def test_what_is_no_storage_is_refused_in_one_line(where, tmp_path, monkeypatch)
     (tmp_path / 'folder.journal').mkdir()
     os.mkfifo(tmp_path / 'pipe')
     with pytest.raises(ValueError, match=f'^storage {where}: [^\n]+$'):
-        Study(X, 0, where)
+        Study(PROBLEM, 0, where)
 
 
 @pytest.mark.parametrize(
@@ -194,11 +151,11 @@ def test_what_is_no_storage_is_refused_in_one_line(where, tmp_path, monkeypatch)
 )
 def test_a_damaged_journal_is_refused_in_one_line_and_is_not_changed(more, tmp_path):
     path = tmp_path / 'study.journal'
-    Study(X, 0, str(path))
+    Study(PROBLEM, 0, str(path))
     damaged = path.read_text() + more
     path.write_text(damaged)
     with pytest.raises(ValueError, match=r'^storage .*study.journal: [^\n]{1,200}$') as refused:
-        Study(X, 0, str(path))
+        Study(PROBLEM, 0, str(path))
     said = 'is damaged (' if more.endswith('\n') else 'is cut off'
     assert said in str(refused.value)
     assert path.read_text() == damaged
@@ -213,32 +170,32 @@ def test_what_a_killed_search_leaves_beside_a_journal_does_not_hold_up_the_next(
     # Killed while it writes; and as Optuna's own lock is left.
     done = run_python(
         '-c',
-        'import os, signal; from slip_detector.tuning.search import Study, _JournalLock\n'
-        'Study({}, 0, "out/study.journal")\n_JournalLock("out/study.journal").acquire()\n'
+        'import os, signal\nfrom slip_detector.tuning.search import Problem, Study, _JournalLock\n'
+        'Study(Problem([]), 0, "out/study.journal")\n_JournalLock("out/study.journal").acquire()\n'
         'os.kill(os.getpid(), signal.SIGKILL)',
     )
     assert done.returncode == -signal.SIGKILL
     Path('out/study.journal.lock').symlink_to('out/study.journal')
-    Study(X, 0, 'out/study.journal').tell({'x': 0.25}, [{'cost_ms': 3.0}])
+    Study(PROBLEM, 0, 'out/study.journal').tell(POINT, FOUND)
 
 
 def test_damaged_trials_are_refused_in_one_line(files, tmp_path):
     path = tmp_path / 'study.journal'
     tune(files, PARAMETERS, 4, storage=str(path))
-    path.write_text(path.read_text().replace('"found"', '"fount"'))
-    with pytest.raises(ValueError, match=f"^storage {path}: is damaged .KeyError: 'found'.$"):
+    path.write_text(path.read_text().replace('"figures"', '"figure"'))
+    with pytest.raises(ValueError, match=f"^storage {path}: is damaged .KeyError: 'figures'.$"):
         tune(files, PARAMETERS, 5, storage=str(path))
 
 
 def test_a_full_disk_is_one_line_and_the_trials_before_it_are_kept(tmp_path):
     path = tmp_path / 'study.journal'
-    study = Study(X, 0, str(path))
-    study.tell({'x': 0.25}, [{'cost_ms': 3.0}])
+    study = Study(PROBLEM, 0, str(path))
+    study.tell(POINT, FOUND)
     whole = path.read_bytes()
     with (
         full_disk(len(whole) + 7),
         pytest.raises(ValueError, match=f'^storage {path}: File too large$'),
     ):
-        study.tell({'x': 0.5}, [{'cost_ms': 2.0}])
+        study.tell({**POINT, 'exponent': 2}, FOUND)
     path.write_bytes(whole)  # without the line that was cut off
-    assert Study(X, 0, str(path)).follow() == 1
+    assert Study(PROBLEM, 0, str(path)).follow() == 1

@@ -27,31 +27,38 @@ from slip_detector.evaluation.events import Events
 from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.tuning.sweep import sweep_thresholds, thresholds, vote_statistics, votes_of
+from slip_detector.tuning.sweep import (
+    count_scores,
+    sweep_thresholds,
+    thresholds,
+    vote_statistics,
+    votes_of,
+)
 from slip_detector.tuning.tracks import track_of
 from support.track_cases import EVALUATIONS, RATE_HZ, chains, recordings
 from support.tuning_cases import track_with
 
 
-@settings(max_examples=25 if COMPILED else 3, deadline=None)
-@given(chains(), st.lists(recordings(), min_size=1, max_size=2), EVALUATIONS, st.randoms())
-def test_each_threshold_and_vote_gives_what_a_chain_with_them_gives(
+@settings(max_examples=40 if COMPILED else 3, deadline=None)
+@given(chains(), st.lists(recordings(), min_size=1, max_size=3), EVALUATIONS, st.randoms())
+def test_each_threshold_and_vote_has_the_figures_of_a_chain_with_them_to_the_bit(
     config, several, evaluation, random
 ):
+    kinds = zip(several, ('', 'press', 'rest'), strict=False)
+    several = [[piece._replace(kind=kind) for piece in pieces] for pieces, kind in kinds]
     tracks = [track_of('a', pieces, RATE_HZ) for pieces in several]
-    for vote, mine in vote_statistics(config, votes_of(config), tracks).items():
-        limits = thresholds(config, mine)
-        if not limits.size:
-            continue
-        swept = sweep_thresholds(mine, limits, evaluation, settling_rows(config))
-        sweep = Events.pooled(swept)
-        for k in {0, limits.size - 1, random.randrange(limits.size)}:
+    scoring = evaluation, settling_rows(config)
+    for vote, parts in vote_statistics(config, votes_of(config), tracks).items():
+        limits = thresholds(config, parts)
+        sweep = Events.pooled(sweep_thresholds(parts, limits, *scoring))
+        for k in {0, limits.size - 1, random.randrange(limits.size)} if limits.size else ():
             chain = dataclasses.replace(config, vote=vote, threshold=float(limits[k]))
             replay = Replay(chain, evaluation)
             outcomes = [replay.run(pieces, RATE_HZ) for pieces in several]
             latencies_ms = np.concatenate([one.events.latencies_ms for one in outcomes])
             np.testing.assert_array_equal(sweep.latencies_ms[:, k], latencies_ms[:, 0])
-            assert sweep.at(k).items() <= figures_of_merit(outcomes).items()
+            figures = sweep.at(k) | count_scores(parts, chain.threshold, *scoring).aucs()
+            assert figures.items() <= figures_of_merit(outcomes).items()
 
 
 EVIDENCE = ChainConfig(decision='evidence', noise_floor=1e-3, envelope_window_s=0.02)

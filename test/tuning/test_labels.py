@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What recordings of kinds teach, and which of them contradict their kind."""
+"""Labels against the signal: late ones are moved, and recordings that contradict them named."""
 
 import dataclasses
 
@@ -20,41 +20,46 @@ import numpy as np
 import pytest
 
 from benchmarks.tune.families import disturbances
-from slip_detector.chain.slip_chain import SlipChain
+from slip_detector.chain.samples import Samples
 from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.files import read_yaml
+from slip_detector.recordings.labels import label_at
 from slip_detector.scenes import Scene, find_scene
-from slip_detector.tuning.kinds import contact_level_v, contradictions
+from slip_detector.tuning.labels import contradictions, snap_labels
 from slip_detector.tuning.tracks import track_of
-from support.tuning_cases import CHAIN, EVIDENCE, slips, track_with
+from support.tuning_cases import CHAIN, EVIDENCE, RATE_HZ, slips, track_with
 
 
-def sliding(seed):
-    """Return slips at 14 Hz in noise that contact makes."""
-    return slips(seed, slip_hz=14.0)
+def slid(name, late_s, accuracy_s=0.35, changes=True):
+    """Return a recording that slides from 2 s to 4 s, labelled late."""
+    volts = np.random.default_rng(len(name)).normal(size=(round(6 * RATE_HZ), 4))
+    at_ns = Samples.evenly(volts, RATE_HZ, volts[:, 0]).stamps_ns
+    volts[(at_ns >= 2_000_000_000) & (at_ns < 4_000_000_000)] *= 6.0 if changes else 1.0
+    edges_ns = np.rint(1e9 * (np.array([2.0, 4.0]) + late_s)).astype(np.int64)
+    label = label_at(at_ns, edges_ns, accuracy_s)
+    return track_of(name, [Samples(volts, at_ns, **label, accuracy_s=accuracy_s)], RATE_HZ)
 
 
-def test_contact_begins_above_a_finger_that_touches_nothing_and_below_one_that_slides():
-    volts, truth = sliding(1)
-    idle = 4.3 + 0.002 * np.random.default_rng(2).standard_normal((4000, 4))
-    of_idle = track_with(idle, kind='idle')
-    level_v = contact_level_v(EVIDENCE, [track_with(volts, truth), of_idle])
-    gated = SlipChain(dataclasses.replace(EVIDENCE, contact_level_v=level_v))
-    assert not gated.update(idle, excess=True).excess.any()
-    gated.reset()
-    assert gated.update(volts, excess=True).excess[truth].any(axis=1).mean() > 0.8
-    # A slide that sticks for half of its time is in contact by its loudest rows.
-    sticks = np.arange(len(volts)) % 1140 < 703
-    volts[sticks] = np.resize(idle, volts.shape)[sticks]
-    assert contact_level_v(EVIDENCE, [track_with(volts, truth), of_idle]) > 0.0
+def test_each_label_is_where_the_power_changes_and_as_exact_as_what_was_found():
+    late, unknown, exact = slid('late', 0.3), slid('none', 0.2, changes=False), slid('x', 0.2, 0.1)
+    tracks, sentences = snap_labels([late, unknown, exact])
+    assert tracks[0].slips[0] == pytest.approx((760, 1520), abs=4)
+    certain = np.flatnonzero(~tracks[0].samples.certain) / RATE_HZ
+    assert np.abs(certain - np.where(certain < 3.0, 2.0, 4.0)).max() < 0.12
+    assert [track.samples.accuracy_s for track in tracks] == [0.1, 0.35, 0.1]
+    assert tracks[1].slips == unknown.slips
+    np.testing.assert_array_equal(tracks[1].samples.certain, unknown.samples.certain)
+    assert tracks[2] is exact
+    assert sentences[0].startswith('late: start 2.30 -> 2.0')
+    assert sentences[1:] == ['none: none of 2 ends is known; ± 0.35 s']
 
 
-def test_where_a_finger_always_touches_there_is_no_level_of_contact():
-    volts, truth = sliding(1)
-    for more in ([], [track_with(volts, kind='idle')]):
-        with pytest.raises(ValueError, match=r'touches nothing has a level of .* allowed: 1\.2 t'):
-            contact_level_v(EVIDENCE, [track_with(volts, truth), *more])
+def test_hands_later_than_was_said_are_told_the_accuracy_that_fits():
+    *_, said = snap_labels([slid('a', 0.52), slid('b', 0.3), slid('c', 0.2)])[1]
+    assert said.startswith('1 of 3 labels by hand were off by up to 0.5')
+    assert said.endswith(' s: accuracy_s: 0.6 fits')
+    assert len(snap_labels([slid('a', 0.3), slid('b', 0.3)])[1]) == 2
 
 
 def played(parts, seed, name='plate_400um', kind=''):
@@ -92,7 +97,7 @@ def test_honest_recordings_contradict_nothing_and_others_their_kind(family, chai
         (said,), _ = contradictions(chain, [*honest, rest, slides])
         assert said.startswith(f'rest {seed + 7} is labelled rest, but the level is as in a slide')
         truth = np.roll(honest[0].samples.truth, -round(1.5 * 380))
-        truth = (honest[0].kinds != SLIP) & truth & (np.cumsum(truth) < 300)
+        truth = (honest[0].row_classes != SLIP) & truth & (np.cumsum(truth) < 300)
         nothing = honest[0].samples._replace(truth=truth)
         missed = track_of('missed', [nothing], 380.0)
         (said,), mistakes = contradictions(chain, [*honest[1:], rest, missed])
