@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Reads the messages of bags in the order of their files; of a damaged one what comes before."""
+"""Reads the messages of bags in the order of their files, of a damaged file up to the damage."""
 
 import contextlib
 import functools
@@ -34,7 +34,7 @@ from slip_detector.parameters.files import read_yaml
 from slip_detector.recordings import mcap
 from slip_detector.recordings.mcap import BagFile, DamageError, Received, Topic
 
-#: A folder that has this file is a bag.
+#: The file that makes a folder a bag.
 METADATA = 'metadata.yaml'
 
 #: The only key of that file.
@@ -76,7 +76,7 @@ class BagStorage:
     damage : list of str
         One line for each part that cannot be read, is left out or contradicts another.
     doubts : list of str
-        Why damage may go unseen, or a part may not be wanted; empty if there is no reason.
+        One line for each reason why damage may go unseen, or why a part may not be wanted.
     counts : Counter
         Number of messages of each topic, by its name.
     custom_data : dict
@@ -106,25 +106,25 @@ class BagStorage:
         self.counts = Counter[str]()
         self._files_read: list[BagFile] = []
         topics, n, times_ns = dict[str, Topic](), 0, list[int]()
-        for path_of_one in files:
-            file, counts = BagFile(self._plain(path_of_one)), Counter[int]()
+        for source in files:
+            file, counts = BagFile(self._plain(source)), Counter[int]()
             try:
                 for channel, at_ns, _ in _messages_of(file):
                     counts[channel] += 1
                     if len(times_ns) < FIRST_TIMES and at_ns < 2**63:
                         times_ns.append(at_ns)
             except DamageError as error:
-                self.damage.append(f'{path_of_one.name} {error}')
+                self.damage.append(f'{source.name} {error}')
             # A -wal or a -journal.
-            for journal in path_of_one.parent.glob(f'{glob.escape(path_of_one.name)}-*l'):
-                mend = f'sqlite3 {path_of_one} "PRAGMA wal_checkpoint" takes it in'
+            for journal in source.parent.glob(f'{glob.escape(source.name)}-*l'):
+                mend = f'sqlite3 {source} "PRAGMA wal_checkpoint" takes it in'
                 self.damage.append(f'{journal.name} beside it is not read: {mend}')
             if file.doubts:
-                self.doubts.append(f'{path_of_one.name}: {file.doubts}')
+                self.doubts.append(f'{source.name}: {file.doubts}')
             if nameless := sum(counts[key] for key in counts.keys() - file.topics.keys()):
-                self.damage.append(f'{path_of_one.name} has {nameless} messages of no topic')
-            topics |= {one.name: one for key, one in file.topics.items() if counts[key]}
-            self.counts.update({one.name: counts[key] for key, one in file.topics.items()})
+                self.damage.append(f'{source.name} has {nameless} messages of no topic')
+            topics |= {topic.name: topic for key, topic in file.topics.items() if counts[key]}
+            self.counts.update({topic.name: counts[key] for key, topic in file.topics.items()})
             self._files_read.append(file)
             n += counts.total()
         if n_listed not in (None, n) and not self.damage:
@@ -143,8 +143,8 @@ class BagStorage:
         """
         last_ns, far, zeros = self._begin_ns, 0, 0
         for file in self._files_read:
-            wanted = {key for key, one in file.topics.items() if one.name == topic.name}
-            with contextlib.suppress(DamageError):  # It is noted already.
+            wanted = {key for key, other in file.topics.items() if other.name == topic.name}
+            with contextlib.suppress(DamageError):  # self.damage has it already.
                 for channel, at_ns, raw in _messages_of(file):
                     far = far + 1 if abs(at_ns - last_ns) > FAR_NS else 0
                     zeros = zeros + 1 if at_ns == 0 else 0  # Simulated time begins with some.
@@ -178,8 +178,8 @@ class BagStorage:
             refuse(f'has files of several bags: {name_list(sorted(there))}', 'those of one')
         if missing := name_list([name for name in wanted if name not in there]):
             self.damage.append(f'{METADATA} lists {missing}, which is not there')
-        if more := name_list([name for name in there if name not in wanted]):
-            text = f'{METADATA} does not list {more}, so that it is left out'
+        if unlisted := name_list([name for name in there if name not in wanted]):
+            text = f'{METADATA} does not list {unlisted}, so that it is left out'
             self.damage.append(f'{text}: ros2 bag reindex {folder} lists all')
         if not there.keys() & {*wanted}:
             self.damage.append('has no files of a bag, allowed: .mcap or .db3')
@@ -248,10 +248,11 @@ def _ros1_messages(file: BagFile) -> Iterator[Received]:
     from rosbags import rosbag1
 
     with rosbag1.Reader(file.path) as reader:
-        for one in reader.connections:
-            file.topics[one.id] = Topic(one.topic, one.msgtype, 'ros1msg', one.msgdef.data)
-        for one, at_ns, raw in reader.messages():
-            yield one.id, at_ns, raw
+        for topic in reader.connections:
+            definition = topic.msgdef.data
+            file.topics[topic.id] = Topic(topic.topic, topic.msgtype, 'ros1msg', definition)
+        for topic, at_ns, raw in reader.messages():
+            yield topic.id, at_ns, raw
 
 
 _READERS: dict[str, Callable[[BagFile], Iterator[Received]]] = {

@@ -29,8 +29,8 @@ from slip_detector.recordings.bag_storage import HEADER
 from slip_detector.recordings.messages import STATES, JointStateWriter, header
 from slip_detector.recordings.writing import BOOLS, PLUGINS, check_new, new_bag
 
-#: The topics that are not of one decision, and their types.
-OTHERS = {'slip_state': JOINT_STATE, 'slip_onset': HEADER, 'slip_detector/envelope': JOINT_STATE}
+#: The topics whose messages have a stamp, and their types.
+STAMPED = {'slip_state': JOINT_STATE, 'slip_onset': HEADER, 'slip_detector/envelope': JOINT_STATE}
 
 #: Rows, and a chain's result for them.
 Decided = Iterable[tuple[Samples, SlipResult]]
@@ -76,7 +76,7 @@ def write_decisions(path: Path, pieces: Decided, config: ChainConfig, namespace:
     channels = [f'slip/channel/{name}' for name in config.names]
     topics = [*STATES[:2], *groups, *channels]
     left_out = {topics[channel - 1 - len(channels)] for channel in config.disabled_channels}
-    types = dict.fromkeys(topics, BOOL) | OTHERS
+    types = dict.fromkeys(topics, BOOL) | STAMPED
     types = {f'{namespace}/{topic}': types[topic] for topic in types if topic not in left_out}
     with whole_file(path) as new, new_bag(new, config.names, topics=types) as bag:
         for topic, at_ns, raw in _messages(config, topics, pieces):
@@ -86,21 +86,26 @@ def write_decisions(path: Path, pieces: Decided, config: ChainConfig, namespace:
 
 def _messages(config: ChainConfig, topics: list[str], pieces: Decided) -> Iterator[Any]:
     """Yield topic, time and bytes of each message."""
-    levels, both = JointStateWriter('', config.names, efforts=True), JointStateWriter('', STATES)
+    levels = JointStateWriter('', config.names, efforts=True)
+    slip_state = JointStateWriter('', STATES)
     before, onset_ns = np.zeros(len(topics), np.bool_), 0
     last_ns: int | None = None
 
     def states(at_ns: int, state: Bools, every: bool = False) -> Iterator[Any]:
         """Yield the states that have changed, or all of them."""
         nonlocal before, onset_ns
-        changed = np.flatnonzero((state != before) | every).tolist()
+        columns = np.flatnonzero((state != before) | every).tolist()
         if state[0] > before[0]:
             onset_ns = at_ns
             yield 'slip_onset', at_ns, header(at_ns)
-        for column in changed:
+        for column in columns:
             yield topics[column], at_ns, BOOLS[int(state[column])]
-        if {0, 1} & {*changed}:
-            yield 'slip_state', at_ns, both.written(at_ns, np.r_[state[:2], onset_ns * 1e-9])
+        if {0, 1} & {*columns}:
+            yield (
+                'slip_state',
+                at_ns,
+                slip_state.serialize(at_ns, np.r_[state[:2], onset_ns * 1e-9]),
+            )
         before = state
 
     for samples, result in pieces:
@@ -113,7 +118,7 @@ def _messages(config: ChainConfig, topics: list[str], pieces: Decided) -> Iterat
         on = result.channels.astype(np.float64)
         for i, at_ns in enumerate(samples.stamps_ns.tolist()):
             yield from states(at_ns, rows[i], every=last_ns is None)
-            yield 'slip_detector/envelope', at_ns, levels.written(at_ns, level[i], on[i])
+            yield 'slip_detector/envelope', at_ns, levels.serialize(at_ns, level[i], on[i])
             last_ns = at_ns
     if last_ns is not None:  # So that curves reach the end.
         yield from states(last_ns, before, every=True)

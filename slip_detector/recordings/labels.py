@@ -46,16 +46,26 @@ BY_HAND_S = 0.35
 #: plates with hum, tremor, taps and drift the latter is at most 0.07 s off.
 BY_EYE_S = 0.1
 
-#: Below this frequency, or this share of the sample rate, a signal is no sign of sliding to
-#: :func:`snapped`; a change has so many rows on either side, and so much logarithm of likelihood a
-#: row at least, that of a change of 3 dB in the middle, and so much in all.
-LOW_HZ, LOW_SHARE, SIDE_ROWS, LEAST_GAIN, LEAST_GAIN_IN_ALL = 20.0, 0.2, 8, 0.05, 25.0
+#: :func:`snapped` takes out what is below this frequency, or below this share of the sample rate
+#: if that is lower.
+LOW_HZ, LOW_SHARE = 20.0, 0.2
 
-#: Places that are less likely than the best by this much logarithm of likelihood are ruled out
-#: with one channel, and by half of it with four or more, which do not all err alike; an end is
-#: sought at most so many times as far away as it may be, where its reach has to grow; and what is
-#: louder than this share of the rows about it counts as they do, as knocks are short.
-UNLIKELY, FARTHEST, LOUDEST = 12.0, 2.0, 0.95
+#: Fewest rows on either side of a change.
+SIDE_ROWS = 8
+
+#: Smallest gain in log-likelihood by a change, per row (a change of 3 dB in the middle has that)
+#: and in all.
+LEAST_GAIN, LEAST_GAIN_IN_ALL = 0.05, 25.0
+
+#: With one channel, a place is ruled out whose log-likelihood is this much below that of the best
+#: place; with four or more channels, half of it, as their errors differ.
+UNLIKELY = 12.0
+
+#: Largest distance at which an end is sought, as a multiple of its reach.
+FARTHEST = 2.0
+
+#: Quantile of the power to which louder rows are limited, as knocks are short.
+LOUDEST = 0.95
 
 #: Largest accuracy that means something.
 MOST_S = 10.0

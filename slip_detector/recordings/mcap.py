@@ -31,8 +31,8 @@ MAGIC = b'\x89MCAP0\r\n'
 ZSTD = 'compression.zstd' if sys.version_info >= (3, 14) else 'backports.zstd'
 MODULES = {'zstd': ZSTD, 'lz4': 'lz4.frame'}
 
-#: Each record begins with its kind, one of those here, of the summary or of an application, and
-#: its length in bytes.
+#: A record begins with its kind and its length in bytes; 1 to 15 are kinds of the format, 128 to
+#: 255 those of applications.
 _RECORD = struct.Struct('<BQ')
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _STATISTICS = 2, 3, 4, 5, 6, 11
 _KINDS, _IN_CHUNK = (*range(1, 16), *range(128, 256)), (_SCHEMA, _CHANNEL, _MESSAGE)
@@ -46,7 +46,7 @@ _MESSAGE_HEAD, _CHUNK_HEAD = struct.Struct('<HIQQ'), struct.Struct('<QQQII')
 #: How much of the end of a file is read at a time to find its last byte that is not zero.
 _TAIL_BYTES = 2**20
 
-#: Of messages outside of a chunk, or in one that has no checksum.
+#: What is said of messages outside of a chunk, or in a chunk without a checksum.
 UNCHECKED = 'without checksums, so that damage may go unseen'
 
 #: Number of a topic in its file, time of receipt in nanoseconds, serialised message.

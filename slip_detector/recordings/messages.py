@@ -130,7 +130,7 @@ class JointStateReader:
 
     Examples
     --------
-    >>> raw = JointStateWriter('tip', ['a', 'b']).written(5, np.array([4.1, 4.3]))
+    >>> raw = JointStateWriter('tip', ['a', 'b']).serialize(5, np.array([4.1, 4.3]))
     >>> samples = JointStateReader().read(raw)
     >>> samples.volts, samples.stamps_ns, samples.names
     (array([[4.1, 4.3]]), array([5]), ('a', 'b'))
@@ -185,7 +185,7 @@ def joint_state_table(raws: Sequence[bytes]) -> 'JointStateTable | None':
     --------
     >>> writer = JointStateWriter('thumb', ['a', 'b'])
     >>> rows = {5: np.array([4.3, 4.2]), 10: np.array([4.1, 4.0])}
-    >>> table = joint_state_table([writer.written(at_ns, row) for at_ns, row in rows.items()])
+    >>> table = joint_state_table([writer.serialize(at_ns, row) for at_ns, row in rows.items()])
     >>> table.stamps_ns.tolist(), table.numbers['position'].tolist()
     ([5, 10], [[4.3, 4.2], [4.1, 4.0]])
     """
@@ -219,7 +219,7 @@ class JointStateWriter:
     Examples
     --------
     >>> writer = JointStateWriter('thumb', ['a', 'b'], efforts=True)
-    >>> raw = writer.written(5, np.array([4.1, 4.3]), np.array([0.0, 1.0]))
+    >>> raw = writer.serialize(5, np.array([4.1, 4.3]), np.array([0.0, 1.0]))
     >>> joint_state_table([raw]).numbers['effort'].tolist()
     [[0.0, 1.0]]
     """
@@ -244,7 +244,7 @@ class JointStateWriter:
         # A memoryview: writing more or fewer bytes than a slice has is an error.
         self._raw = memoryview(raw)
 
-    def written(self, stamp_ns: int, position: Floats, effort: 'Floats | None' = None) -> bytes:
+    def serialize(self, stamp_ns: int, position: Floats, effort: 'Floats | None' = None) -> bytes:
         """Return one message."""
         STAMP.pack_into(self._raw, ENCAPSULATION_BYTES, *divmod(stamp_ns, 1_000_000_000))
         self._raw[self._position] = position.tobytes()

@@ -38,7 +38,7 @@ from slip_detector.recordings.rates import MOST_FACTOR, resampled
 #: Number of rows that are read at a time: enough to be fast, and only some MB for 100 channels.
 PIECE_ROWS = 8192
 
-#: The fields of rows that say what they are, where nothing does.
+#: Fields of rows whose labels are not known.
 UNLABELLED: dict[str, Any] = {'truth': None, 'certain': None}
 
 #: Longest error on a file.

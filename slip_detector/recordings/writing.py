@@ -267,9 +267,9 @@ class BagWriter:
                 self._last = bool(truth[i])
                 self.put('/slip_truth', at_ns, BOOLS[self._last])
             if piece.position_m is not None:
-                position = self._platform.written(at_ns, piece.position_m[i])
+                position = self._platform.serialize(at_ns, piece.position_m[i])
                 self.put('/platform_position', at_ns, position)
-            self.put('/voltages', at_ns, self._rows.written(at_ns, piece.volts[i]))
+            self.put('/voltages', at_ns, self._rows.serialize(at_ns, piece.volts[i]))
 
     def flush(self) -> None:
         """Pass all rows so far to the operating system, so that they survive a killed process.
