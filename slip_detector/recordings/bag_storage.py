@@ -21,6 +21,7 @@ import importlib
 import re
 import shutil
 import sqlite3
+import sys
 import tempfile
 import weakref
 from collections import Counter
@@ -31,8 +32,7 @@ from typing import Any
 from slip_detector.chain.stamp_rules import SEVERAL
 from slip_detector.parameters.fields import name_list, refuse, shortened, shown_name
 from slip_detector.parameters.files import read_yaml
-from slip_detector.recordings import mcap
-from slip_detector.recordings.mcap import BagFile, DamageError, Received, Topic
+from slip_detector.recordings.mcap import BagFile, DamageError, Received, Topic, messages_of
 
 #: The file that makes a folder a bag.
 METADATA = 'metadata.yaml'
@@ -202,7 +202,9 @@ class BagStorage:
 
 
 def _zstd() -> Any:
-    return importlib.import_module(mcap.ZSTD)
+    """Import the module that unpacks zstd; it comes with rosbags."""
+    name = 'compression.zstd' if sys.version_info >= (3, 14) else 'backports.zstd'
+    return importlib.import_module(name)
 
 
 def load_rosbags() -> Any:
@@ -256,7 +258,7 @@ def _ros1_messages(file: BagFile) -> Iterator[Received]:
 
 
 _READERS: dict[str, Callable[[BagFile], Iterator[Received]]] = {
-    '.mcap': mcap.messages_of,
+    '.mcap': messages_of,
     '.db3': _database_messages,
     '.bag': _ros1_messages,
 }

@@ -14,11 +14,9 @@
 
 """Reads the messages of MCAP files from the front, up to any damage."""
 
-import importlib
 import io
 import os
 import struct
-import sys
 import zlib
 from collections.abc import Generator, Iterator
 from pathlib import Path
@@ -26,10 +24,6 @@ from typing import IO, NamedTuple
 
 #: The first and the last bytes of an MCAP.
 MAGIC = b'\x89MCAP0\r\n'
-
-#: The modules that unpack what rosbag2 compresses; they come with rosbags.
-ZSTD = 'compression.zstd' if sys.version_info >= (3, 14) else 'backports.zstd'
-MODULES = {'zstd': ZSTD, 'lz4': 'lz4.frame'}
 
 #: A record begins with its kind and its length in bytes; 1 to 15 are kinds of the format, 128 to
 #: 255 those of applications.
@@ -157,12 +151,13 @@ def _records(file: BagFile, data: IO[bytes], begin: int, size: int, chunk: int =
 
 def _unpacked(file: BagFile, content: bytes, begin: int, whole: bool) -> bytes:
     """Return the records of a chunk; of one that is cut off what is there, if it can be read."""
+    from rosbags.rosbag2.storage_mcap import DECOMPRESSORS
+
     *_, size, checksum, n = _CHUNK_HEAD.unpack_from(content.ljust(_CHUNK_HEAD.size, b'\0'))
     compression = content[_CHUNK_HEAD.size : _CHUNK_HEAD.size + n].decode()
     content = content[_CHUNK_HEAD.size + n + 8 :]  # Behind the length when compressed.
     if compression:
-        unpack = importlib.import_module(MODULES[compression]).decompress
-        content = unpack(content) if whole else b''
+        content = DECOMPRESSORS[compression](content, size) if whole else b''
     is_same = len(content) == size and (not checksum or zlib.crc32(content) == checksum)
     if whole and not is_same:
         raise DamageError(f'has a damaged chunk at byte {begin}')
