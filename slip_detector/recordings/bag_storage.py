@@ -37,8 +37,8 @@ from slip_detector.recordings.mcap import BagFile, DamageError, Received, Topic,
 #: The file that makes a folder a bag.
 METADATA = 'metadata.yaml'
 
-#: The only key of that file.
-ABOUT = 'rosbag2_bagfile_information'
+#: The only key of ``metadata.yaml``.
+INFORMATION = 'rosbag2_bagfile_information'
 
 #: Ending of a file that was compressed as a whole.
 PACKED = '.zstd'
@@ -51,10 +51,11 @@ HEADER = 'std_msgs/msg/Header'
 #: The first bytes of what zstd compressed.
 _ZSTD = b'\x28\xb5\x2f\xfd'
 
-#: A time of receipt that is further from the one before is wrong, unless several in a row are.
+#: Largest step of the time of receipt from message to message; a larger step is an error of the
+#: time, unless several messages in a row have it.
 FAR_NS = 86_400_000_000_000
 
-#: Number of messages of which most have the right time, to begin with.
+#: Number of messages whose median time of receipt is taken to be right.
 FIRST_TIMES = 9
 
 #: Time of receipt in nanoseconds, serialised message (CDR).
@@ -80,7 +81,7 @@ class BagStorage:
     counts : Counter
         Number of messages of each topic, by its name.
     custom_data : dict
-        What the one who recorded has noted in ``metadata.yaml``, by key.
+        Notes of the recorder in ``metadata.yaml``, by key.
 
     Raises
     ------
@@ -95,7 +96,7 @@ class BagStorage:
         path.stat()
         self.damage, self.doubts = list[str](), list[str]()
         self.custom_data: dict[str, Any] = {}
-        listed, n_listed = self._about(path if path.is_dir() else path.parent)
+        listed, n_listed = self._read_metadata(path if path.is_dir() else path.parent)
         if path.is_dir():
             files = self._files(path, listed)
         else:  # What is beside a single file is no part of it.
@@ -139,7 +140,7 @@ class BagStorage:
         """Yield the messages of a topic in order of receipt, up to any damage.
 
         A time of receipt that is always 0, beyond 64 bits or far from all others is wrong: it
-        becomes that of the message before and a nanosecond, so that the order is right.
+        becomes the time of the message before plus a nanosecond, so that the order is right.
         """
         last_ns, far, zeros = self._begin_ns, 0, 0
         for file in self._files_read:
@@ -153,15 +154,15 @@ class BagStorage:
                     if channel in wanted:
                         yield last_ns, _cdr(raw, topic)
 
-    def _about(self, folder: Path) -> tuple[list[str], Any]:
+    def _read_metadata(self, folder: Path) -> tuple[list[str], Any]:
         """Return the names of the files and the number of messages by ``metadata.yaml``."""
         if not (folder / METADATA).exists():
             return [], None
         try:
-            about = read_yaml(folder / METADATA).get(ABOUT) or {}
-            self.custom_data = dict(about.get('custom_data') or {})
-            names = [PurePath(name).name for name in about.get('relative_file_paths') or ()]
-            return names, about.get('message_count')
+            document = read_yaml(folder / METADATA).get(INFORMATION) or {}
+            self.custom_data = dict(document.get('custom_data') or {})
+            names = [PurePath(name).name for name in document.get('relative_file_paths') or ()]
+            return names, document.get('message_count')
         except (ValueError, TypeError, AttributeError) as error:
             why = shortened(str(error).removeprefix(f'{folder / METADATA}: '))
             self.damage.append(f'{METADATA} is not used ({why})')

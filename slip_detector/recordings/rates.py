@@ -34,10 +34,10 @@ EDGE = 0.8
 #: it: the length of the filter grows with it.
 MOST_FACTOR = 1000
 
-#: Most rows that a step is taken over, and fewest steps for it, to measure the rate.
+#: To measure the rate, largest number of rows in a step, and smallest number of such steps.
 MOST_AT_ONCE, FEWEST_STEPS = 16, 32
 
-#: Difference from the usual step, as a share of it, up to which steps are alike.
+#: Largest difference of alike steps from the usual step, as a share of the usual step.
 ALIKE = 0.25
 
 

@@ -31,7 +31,7 @@ from slip_detector.chain.samples import Samples
 from slip_detector.parameters.fields import refuse
 from slip_detector.parameters.files import whole_file, writable_folder
 from slip_detector.recordings.bag_recording import BOOL, JOINT_STATE
-from slip_detector.recordings.bag_storage import ABOUT, METADATA, load_rosbags
+from slip_detector.recordings.bag_storage import INFORMATION, METADATA, load_rosbags
 from slip_detector.recordings.labels import ACCURACY, KIND
 from slip_detector.recordings.messages import JointStateWriter
 
@@ -229,9 +229,9 @@ class BagWriter:
         self._writer.STORAGE_PLUGINS = {**self._writer.STORAGE_PLUGINS, plugins.MCAP: CheckedMcap}
         self._writer.custom_data |= {ACCURACY: f'{accuracy_s:g}', KIND: kind}
         self._writer.open()
-        # How exact the truth is, and the kind, are known even if this process is killed.
-        about = json.dumps({ABOUT: {'custom_data': self._writer.custom_data}})
-        (folder / METADATA).write_text(about, encoding='utf-8')
+        # The accuracy and the kind are known even if this process is killed.
+        document = json.dumps({INFORMATION: {'custom_data': self._writer.custom_data}})
+        (folder / METADATA).write_text(document, encoding='utf-8')
         types = get_typestore(Stores.ROS2_JAZZY)
         self._topics = {
             topic: self._writer.add_connection(

@@ -36,8 +36,8 @@ from slip_detector.parameters.fields import refuse
 from slip_detector.sources.packets import LONGEST_BYTES, LineDecoder, PacketDecoder
 from slip_detector.sources.source import WAIT_S, Source
 
-#: Length, by the sender's clock, of the windows whose smallest delay is sought. The smaller delay
-#: of the present window and the one before is used.
+#: Length, by the sender's clock, of a window whose smallest delay is sought. The smallest delay of
+#: two windows, the present one and the last one, is used.
 WINDOW_NS = 2_000_000_000
 
 #: Largest share by which stamps run faster or slower than the sender's clock to follow a changed
