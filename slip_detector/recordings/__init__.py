@@ -34,6 +34,7 @@ __all__ = [
     'ENDINGS',
     'Recording',
     'RecordingCounts',
+    'by_number',
     'is_recording',
     'open_recording',
     'rates_differ',

@@ -113,36 +113,15 @@ class Labels(NamedTuple):
 
 
 def labels_name(recording: Path) -> str:
-    """Return the name of the file with the labels of a recording.
-
-    Examples
-    --------
-    >>> labels_name(Path('recordings/trial.mcap'))
-    'trial.labels.yaml'
-    """
+    """Return the name of the file with the labels of a recording."""
     # A dot in the name of a folder does not begin an ending.
     return f'{recording.name if recording.is_dir() else recording.stem}{ENDING}'
 
 
 def find_labels(setting: str, recording: Path) -> 'Path | None':
-    """Return the path of the labels of a recording.
+    """Return the labels of a recording: the file, or that in the folder, of ``setting``.
 
-    Parameters
-    ----------
-    setting
-        A file or a folder of such files; '': the file beside the recording.
-    recording
-        Path of the recording.
-
-    Returns
-    -------
-    Path or None
-        None if no file is configured and none is beside the recording.
-
-    Examples
-    --------
-    >>> find_labels('by_hand.yaml', Path('trial.mcap')).name
-    'by_hand.yaml'
+    With the setting '' it is the file beside the recording, or None if there is none.
     """
     path = Path(setting) if setting else recording.parent
     if path.is_dir():
@@ -375,25 +354,7 @@ def _change(power: Floats, row: int, reach: int, exact: float, rises: bool) -> i
 
 
 def as_truth(label: NDArray[Any], key: str) -> Bools:
-    """Convert labels to bool, shape (n,).
-
-    Parameters
-    ----------
-    label : ndarray, shape (n,) or (n, 1)
-        Bools, or numbers that are 0 or 1.
-    key
-        Name of the array or column.
-
-    Raises
-    ------
-    ValueError
-        When a label is neither, such as NaN or a text; names the key and the label.
-
-    Examples
-    --------
-    >>> as_truth(np.array([0.0, 1.0]), 'slip')
-    array([False,  True])
-    """
+    """Convert bools, or numbers that are 0 or 1, to bools of shape (n,); ``key`` names them."""
     flat = label.reshape(-1)
     wrong = flat[~np.isin(flat, (0, 1))] if label.dtype.kind in 'biuf' else flat
     if wrong.size:

@@ -104,14 +104,7 @@ def write_recording(
 
 
 def check_new(path: Path, *endings: str) -> None:
-    """Raise an error where a recording to write exists already or has another ending.
-
-    Examples
-    --------
-    >>> check_new(Path('a.bag'), *PLUGINS)
-    Traceback (most recent call last):
-    ValueError: a.bag: is .bag, allowed: .mcap, .db3 or without ending
-    """
+    """Raise an error where a recording to write exists already or has another ending."""
     if path.suffix not in ('', *endings):
         refuse(f'{path}: is {path.suffix}', f'{", ".join(endings)} or without ending')
     if path.exists():
