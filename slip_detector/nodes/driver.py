@@ -257,12 +257,12 @@ class Driver(Node):
         self._publish_row(stamp_ns, samples.volts[i])
         if samples.position_m is not None:
             position_m = samples.position_m[i : i + 1]
-            self._position.publish(self._position_writer.written(stamp_ns, position_m))
+            self._position.publish(self._position_writer.serialize(stamp_ns, position_m))
 
     def _publish_row(self, stamp_ns: int, volts: Floats) -> None:
         """Publish a sample, or keep it until its batch is complete."""
         if self.config.samples_per_message == 1:
-            self._voltages.publish(self._writer.written(stamp_ns, volts))
+            self._voltages.publish(self._writer.serialize(stamp_ns, volts))
             return
         self._rows.append(volts)
         if len(self._rows) == self.config.samples_per_message:

@@ -210,7 +210,7 @@ class Outputs:
             self._writer = JointStateWriter(self._frame_id, self._config.names, efforts=True)
         effort = result.channels[-1].astype(np.float64)
         level = np.where(result.valid[-1], result.level[-1], np.nan)
-        self._envelope.publish(self._writer.written(at_ns, level, effort))
+        self._envelope.publish(self._writer.serialize(at_ns, level, effort))
 
     def beat(self) -> None:
         """Repeat ``slip``, ``slip_valid`` and ``slip_state``."""

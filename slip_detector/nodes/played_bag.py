@@ -55,7 +55,7 @@ def publish_bag(node: Node, server: Server, path: Path, config: Path, finger: st
         for stamp_ns, volts, slips in bag.due(time.monotonic()):
             if slips != truth:
                 slip_truth.publish(Bool(data=bool(slips)))
-            voltages.publish(writer.written(stamp_ns, volts))
+            voltages.publish(writer.serialize(stamp_ns, volts))
             truth = slips
 
     server.each_tick.append(publish)

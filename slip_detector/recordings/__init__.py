@@ -34,6 +34,7 @@ __all__ = [
     'ENDINGS',
     'Recording',
     'RecordingCounts',
+    'by_number',
     'is_recording',
     'open_recording',
     'rates_differ',
@@ -101,13 +102,13 @@ def open_recording(path: 'str | Path', config: 'RecordingConfig | None' = None) 
         if path.suffix not in ENDINGS and not path.is_dir():
             allowed = f'{", ".join(ENDINGS)} or the folder of a bag'
             refuse(f'is {path.suffix or "without ending"}', allowed)
-        kinds: dict[str, Any] = {'.csv': CsvRecording, '.npz': NpzRecording}
-        opened: Recording = kinds.get(path.suffix, BagRecording)(path, config, labels)
-        return opened
+        classes: dict[str, Any] = {'.csv': CsvRecording, '.npz': NpzRecording}
+        recording: Recording = classes.get(path.suffix, BagRecording)(path, config, labels)
+        return recording
 
 
 def _is_inside(path: Path) -> bool:
-    """Return whether what is in a folder is a recording, also a bag whose recorder was killed."""
+    """Return whether a path is a recording, or a bag without metadata, of a killed recorder."""
     first = (path / f'{path.name}_0{ending}' for ending in BAG_ENDINGS)
     return is_recording(path) or any(map(Path.is_file, first))
 
@@ -178,16 +179,16 @@ def recording_sets(arguments: Sequence[str]) -> dict[str, list[Path]]:
     """
     by_folder: dict[Path, list[Path]] = {}
     for argument in map(Path, arguments):
-        folder = argument.is_dir() and not is_recording(argument)
+        is_folder = argument.is_dir() and not is_recording(argument)
         with named_errors(argument):
-            files = _recordings_in(argument) if folder else [argument]
+            files = _recordings_in(argument) if is_folder else [argument]
             if not files:
                 raise ValueError(f'has no recordings, allowed: {", ".join(ENDINGS)} or bags')
         for file in files:
-            mine = by_folder.setdefault(file.parent.resolve(), [])
-            if file.name in [other.name for other in mine]:
+            files_there = by_folder.setdefault(file.parent.resolve(), [])
+            if file.name in [other.name for other in files_there]:
                 raise ValueError(f'{file}: is given twice, allowed: each once')
-            mine.append(file)
+            files_there.append(file)
     names = [folder.name for folder in by_folder]
     return {
         folder.name if folder.name and names.count(folder.name) == 1 else str(folder): files

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Recordings in npz files, which are arrays, and in csv files, whose columns are."""
+"""Recordings in npz files and in csv files."""
 
 import contextlib
 import csv
@@ -45,28 +45,15 @@ MOST_S = 9e9
 
 
 class NpzRecording(Recording):
-    """An npz file with the rows and their rate, and perhaps labels and stamps; it is read whole.
-
-    Parameters
-    ----------
-    path
-        The file.
-    config
-        Names of the arrays.
-    labels
-        Labels written by hand; None: none.
-
-    Raises
-    ------
-    ValueError
-        When the file is damaged, or an array is missing or wrong; names both.
-    """
+    """An npz file with rows and their rate, and perhaps labels and stamps; it is read whole."""
 
     def __init__(self, path: Path, config: RecordingConfig, labels: 'Labels | None') -> None:
         super().__init__(path, labels, config)
         with self._archive() as archive:
-            members = archive.zip.infolist()
-            self._sizes = {one.filename.removesuffix('.npy'): one.file_size for one in members}
+            self._sizes = {
+                member.filename.removesuffix('.npy'): member.file_size
+                for member in archive.zip.infolist()
+            }
         volts_key, rate_key = config.recording_volts_key, config.recording_rate_key
         truth_key, there = config.recording_truth_key, name_list(self.array_names())
         self.label_name = f'label {truth_key}, there are: {there}'
@@ -122,7 +109,7 @@ class NpzRecording(Recording):
 
 
 def _as_stamps(stamps: NDArray[Any]) -> Stamps:
-    """Return stamps as whole nanoseconds; a ValueError for what is none."""
+    """Return stamps as whole nanoseconds; raise a ValueError for other values."""
     if stamps.dtype.kind not in 'iuf':
         raise ValueError(f'{STAMPS_KEY} has the type {stamps.dtype}, allowed: whole nanoseconds')
     with np.errstate(invalid='ignore', over='ignore'):
@@ -134,22 +121,7 @@ def _as_stamps(stamps: NDArray[Any]) -> Stamps:
 
 
 class CsvRecording(Recording):
-    """A csv file with the time of each row in the column ``time_s``.
-
-    Parameters
-    ----------
-    path
-        The file.
-    config
-        Name of the column with the labels.
-    labels
-        Labels written by hand; None: none.
-
-    Raises
-    ------
-    ValueError
-        When a line or a column is missing or wrong; names it.
-    """
+    """A csv file with the time of each row in the column ``time_s``."""
 
     def __init__(self, path: Path, config: RecordingConfig, labels: 'Labels | None') -> None:
         super().__init__(path, labels, config)
@@ -175,11 +147,11 @@ class CsvRecording(Recording):
 
     def read(self) -> Iterator[Samples]:
         """Yield the rows of the file, some thousands at a time."""
-        # Of a file that is refused the error would hold the file open.
+        # Closed here, as the traceback of an error would keep the file open.
         with contextlib.closing(self._text()) as text:
             rows = self._rows(text)
-            while some := list(itertools.islice(rows, PIECE_ROWS)):
-                numbers, stamps_ns = (np.array(part) for part in zip(*some, strict=True))
+            while piece := list(itertools.islice(rows, PIECE_ROWS)):
+                numbers, stamps_ns = (np.array(part) for part in zip(*piece, strict=True))
                 truth: Any = (as_truth(numbers[:, k], self._truth_key) for k in self._truth_at)
                 yield Samples(numbers[:, self._channels], stamps_ns, *truth)
 

@@ -81,7 +81,7 @@ class _Decoder:
         self.channels = 0
         self.names: tuple[str, ...] = ()
 
-    def decoded(self, messages: list[Message]) -> _Decoded:
+    def decode(self, messages: list[Message]) -> _Decoded:
         """Decode messages; a ValueError when none of those so far has channels."""
         table = joint_state_table([raw for _, raw in messages]) if self._is_quick else None
         if table is None or not self._is_same(table.names, table.numbers[self._field]):
@@ -97,15 +97,15 @@ class _Decoder:
         for received_ns, raw in messages:
             try:
                 message = self._typestore.deserialize_cdr(raw, self._msgtype)
-                some = self._reader(message)
+                values = self._reader(message)
             except Exception as error:  # generated code of rosbags may raise anything
                 why = error
                 continue
-            if some.size and self._is_same(getattr(message, 'name', ()), some):
+            if values.size and self._is_same(getattr(message, 'name', ()), values):
                 stamp = getattr(getattr(message, 'header', None), 'stamp', None)
                 stamp_ns = 0 if stamp is None else stamp.sec * 1_000_000_000 + stamp.nanosec
-                rows.append(some)
-                kept.append((stamp_ns or received_ns, received_ns, len(some)))
+                rows.append(values)
+                kept.append((stamp_ns or received_ns, received_ns, len(values)))
         if not self.channels:
             raise ValueError(f'{why}; --field (recording_field) names one')
         volts = np.concatenate([np.empty((0, self.channels)), *rows])
@@ -113,37 +113,23 @@ class _Decoder:
         return _Decoded(volts, stamps_ns, received_ns, counts, len(messages) - len(kept))
 
     def _is_same(self, names: Any, rows: Floats) -> bool:
-        """Return whether rows have the channels and names of the first ones."""
+        """Return whether rows have the channels and names of the first rows."""
         channels = rows.shape[1]
         is_named = not isinstance(names, str) and len(names) == channels
-        its = tuple(names) if is_named and all(isinstance(one, str) for one in names) else ()
+        is_named = is_named and all(isinstance(name, str) for name in names)
+        own_names = tuple(names) if is_named else ()
         if not self.channels:
-            self.channels, self.names = channels, its
-        return channels > 0 and (channels, its) == (self.channels, self.names)
+            self.channels, self.names = channels, own_names
+        return channels > 0 and (channels, own_names) == (self.channels, self.names)
 
 
 class BagRecording(Recording):
-    """A recording in a bag.
-
-    Parameters
-    ----------
-    path
-        The folder of the bag, or one of its files.
-    config
-        Topics of the rows and of the truth, and the field that has the channels.
-    labels
-        Labels written by hand, which take precedence over a topic with the truth; None: none.
-
-    Raises
-    ------
-    ValueError
-        When there is no such topic or field, or no sample; names the bag and its topics.
-    """
+    """A topic of a bag; labels written by hand take precedence over a topic with the truth."""
 
     def __init__(self, path: Path, config: RecordingConfig, labels: 'Labels | None') -> None:
         super().__init__(path, labels, config)
         self._storage = BagStorage(path)
-        self._found_damage = ''.join(f' ({one})' for one in self._storage.damage[:1])
+        self._found_damage = ''.join(f' ({line})' for line in self._storage.damage[:1])
         self._topic = self._rows_topic(config.recording_topic)
         if _is_named(self._topic.name, TOPIC):
             self.namespace = f'/{self._topic.name.lstrip("/")}'.rpartition('/')[0]
@@ -172,14 +158,14 @@ class BagRecording(Recording):
         edges_ns, last_ns = self._edges_ns(), None
         self.counts.doubts = '; '.join(self._storage.doubts)
         self.counts.damage = '; '.join(self._storage.damage)
-        for some in self._decoded(self._topic, _Decoder(self._topic, self._field)):
-            self.counts.dropped += some.dropped * self._per_message
-            if len(some.volts):
-                stamps_ns = self._spread(some, last_ns)
+        for decoded in self._decoded(self._topic, _Decoder(self._topic, self._field)):
+            self.counts.dropped += decoded.dropped * self._per_message
+            if len(decoded.volts):
+                stamps_ns = self._spread(decoded, last_ns)
                 last_ns = int(stamps_ns[-1])
-                rows = Samples(some.volts, stamps_ns)
+                rows = Samples(decoded.volts, stamps_ns)
                 if edges_ns is not None:
-                    late_ns = np.repeat(some.received_ns - some.stamps_ns, some.counts)
+                    late_ns = np.repeat(decoded.received_ns - decoded.stamps_ns, decoded.counts)
                     at_ns = stamps_ns + (late_ns if self._has_states else 0)
                     rows = rows._replace(**label_at(at_ns, edges_ns, self.accuracy_s))
                 yield rows
@@ -188,24 +174,24 @@ class BagRecording(Recording):
         """Yield the messages of a topic, some thousands of rows at a time."""
         messages = self._storage.messages(topic)
         most = FIRST_MESSAGES
-        while some := list(itertools.islice(messages, most)):
-            decoded = decoder.decoded(some)
+        while read := list(itertools.islice(messages, most)):
+            decoded = decoder.decode(read)
             yield decoded
             # As many as give the usual number of rows.
-            most = max(1, PIECE_ROWS * len(some) // max(1, len(decoded.volts)))
+            most = max(1, PIECE_ROWS * len(read) // max(1, len(decoded.volts)))
 
-    def _spread(self, some: _Decoded, last_ns: 'int | None') -> Stamps:
+    def _spread(self, decoded: _Decoded, last_ns: 'int | None') -> Stamps:
         """Return the stamp of each row.
 
         A message with several samples has the stamp of the last one. The others are spread evenly
         over the time since the previous message or, after a gap, have their nominal period.
         """
-        ends_ns, counts = some.stamps_ns, some.counts
+        ends_ns, counts = decoded.stamps_ns, decoded.counts
         usual_ns = counts * (1e9 / self.sample_rate_hz)
         spans_ns = np.diff(ends_ns, prepend=ends_ns[0] if last_ns is None else last_ns)
         near = (spans_ns > 0) & (spans_ns < GAP_PERIODS * usual_ns)
         steps_ns = np.where(near, spans_ns, usual_ns) / counts
-        left = np.repeat(np.cumsum(counts), counts) - 1 - np.arange(len(some.volts))
+        left = np.repeat(np.cumsum(counts), counts) - 1 - np.arange(len(decoded.volts))
         before_ns = np.rint(left * np.repeat(steps_ns, counts)).astype(np.int64)
         return np.asarray(np.repeat(ends_ns, counts) - before_ns)
 
@@ -215,9 +201,9 @@ class BagRecording(Recording):
         if self._labels is not None or topic is None:
             return None
         field = 'data' if self._has_states else 'position'
-        some = list(self._decoded(topic, _Decoder(topic, field)))
-        values = np.concatenate([one.volts for one in some])
-        stamps_ns = np.concatenate([one.stamps_ns for one in some])
+        parts = list(self._decoded(topic, _Decoder(topic, field)))
+        values = np.concatenate([part.volts for part in parts])
+        stamps_ns = np.concatenate([part.stamps_ns for part in parts])
         if self._has_states:
             return np.asarray(stamps_ns[np.diff(values[:, 0] != 0.0, prepend=False)])
         # Slip lasts between two positions that differ, including the times of both (Eq. 9).
@@ -237,11 +223,11 @@ class BagRecording(Recording):
         raise ValueError(f'{what}; --topic (recording_topic) names one')
 
     def _found_label_topic(self, config: RecordingConfig) -> 'Topic | None':
-        """Find what labels the rows: the topic in their namespace, else the only one in others."""
+        """Find the topic of the label: that in the namespace of the rows, else the only one."""
         truth, position = config.recording_truth_topic, config.recording_position_topic
         usual = RecordingConfig()
         others = [topic for topic in self._storage.topics if topic != self._topic]
-        known = name_list([one.name for one in others if one.msgtype in (BOOL, JOINT_STATE)])
+        known = name_list([topic.name for topic in others if topic.msgtype in (BOOL, JOINT_STATE)])
         wanted = f'topic {truth} (Bool) or {position} (JointState)'
         self.label_name = f'{wanted}, there are: {known or "none"}'
         for name, msgtype in ((truth, BOOL), (position, JOINT_STATE)):

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Reads the messages of bags in the order of their files; of a damaged one what comes before."""
+"""Reads the messages of bags in the order of their files, of a damaged file up to the damage."""
 
 import contextlib
 import functools
@@ -21,6 +21,7 @@ import importlib
 import re
 import shutil
 import sqlite3
+import sys
 import tempfile
 import weakref
 from collections import Counter
@@ -31,14 +32,13 @@ from typing import Any
 from slip_detector.chain.stamp_rules import SEVERAL
 from slip_detector.parameters.fields import name_list, refuse, shortened, shown_name
 from slip_detector.parameters.files import read_yaml
-from slip_detector.recordings import mcap
-from slip_detector.recordings.mcap import BagFile, DamageError, Received, Topic
+from slip_detector.recordings.mcap import BagFile, DamageError, Received, Topic, messages_of
 
-#: A folder that has this file is a bag.
+#: The file that makes a folder a bag.
 METADATA = 'metadata.yaml'
 
-#: The only key of that file.
-ABOUT = 'rosbag2_bagfile_information'
+#: The only key of ``metadata.yaml``.
+INFORMATION = 'rosbag2_bagfile_information'
 
 #: Ending of a file that was compressed as a whole.
 PACKED = '.zstd'
@@ -51,10 +51,11 @@ HEADER = 'std_msgs/msg/Header'
 #: The first bytes of what zstd compressed.
 _ZSTD = b'\x28\xb5\x2f\xfd'
 
-#: A time of receipt that is further from the one before is wrong, unless several in a row are.
+#: Largest step of the time of receipt from message to message; a larger step is an error of the
+#: time, unless several messages in a row have it.
 FAR_NS = 86_400_000_000_000
 
-#: Number of messages of which most have the right time, to begin with.
+#: Number of messages whose median time of receipt is taken to be right.
 FIRST_TIMES = 9
 
 #: Time of receipt in nanoseconds, serialised message (CDR).
@@ -76,11 +77,11 @@ class BagStorage:
     damage : list of str
         One line for each part that cannot be read, is left out or contradicts another.
     doubts : list of str
-        Why damage may go unseen, or a part may not be wanted; empty if there is no reason.
+        One line for each reason why damage may go unseen, or why a part may not be wanted.
     counts : Counter
         Number of messages of each topic, by its name.
     custom_data : dict
-        What the one who recorded has noted in ``metadata.yaml``, by key.
+        Notes of the recorder in ``metadata.yaml``, by key.
 
     Raises
     ------
@@ -95,7 +96,7 @@ class BagStorage:
         path.stat()
         self.damage, self.doubts = list[str](), list[str]()
         self.custom_data: dict[str, Any] = {}
-        listed, n_listed = self._about(path if path.is_dir() else path.parent)
+        listed, n_listed = self._read_metadata(path if path.is_dir() else path.parent)
         if path.is_dir():
             files = self._files(path, listed)
         else:  # What is beside a single file is no part of it.
@@ -106,25 +107,25 @@ class BagStorage:
         self.counts = Counter[str]()
         self._files_read: list[BagFile] = []
         topics, n, times_ns = dict[str, Topic](), 0, list[int]()
-        for path_of_one in files:
-            file, counts = BagFile(self._plain(path_of_one)), Counter[int]()
+        for source in files:
+            file, counts = BagFile(self._plain(source)), Counter[int]()
             try:
                 for channel, at_ns, _ in _messages_of(file):
                     counts[channel] += 1
                     if len(times_ns) < FIRST_TIMES and at_ns < 2**63:
                         times_ns.append(at_ns)
             except DamageError as error:
-                self.damage.append(f'{path_of_one.name} {error}')
+                self.damage.append(f'{source.name} {error}')
             # A -wal or a -journal.
-            for journal in path_of_one.parent.glob(f'{glob.escape(path_of_one.name)}-*l'):
-                mend = f'sqlite3 {path_of_one} "PRAGMA wal_checkpoint" takes it in'
+            for journal in source.parent.glob(f'{glob.escape(source.name)}-*l'):
+                mend = f'sqlite3 {source} "PRAGMA wal_checkpoint" takes it in'
                 self.damage.append(f'{journal.name} beside it is not read: {mend}')
             if file.doubts:
-                self.doubts.append(f'{path_of_one.name}: {file.doubts}')
+                self.doubts.append(f'{source.name}: {file.doubts}')
             if nameless := sum(counts[key] for key in counts.keys() - file.topics.keys()):
-                self.damage.append(f'{path_of_one.name} has {nameless} messages of no topic')
-            topics |= {one.name: one for key, one in file.topics.items() if counts[key]}
-            self.counts.update({one.name: counts[key] for key, one in file.topics.items()})
+                self.damage.append(f'{source.name} has {nameless} messages of no topic')
+            topics |= {topic.name: topic for key, topic in file.topics.items() if counts[key]}
+            self.counts.update({topic.name: counts[key] for key, topic in file.topics.items()})
             self._files_read.append(file)
             n += counts.total()
         if n_listed not in (None, n) and not self.damage:
@@ -139,12 +140,12 @@ class BagStorage:
         """Yield the messages of a topic in order of receipt, up to any damage.
 
         A time of receipt that is always 0, beyond 64 bits or far from all others is wrong: it
-        becomes that of the message before and a nanosecond, so that the order is right.
+        becomes the time of the message before plus a nanosecond, so that the order is right.
         """
         last_ns, far, zeros = self._begin_ns, 0, 0
         for file in self._files_read:
-            wanted = {key for key, one in file.topics.items() if one.name == topic.name}
-            with contextlib.suppress(DamageError):  # It is noted already.
+            wanted = {key for key, other in file.topics.items() if other.name == topic.name}
+            with contextlib.suppress(DamageError):  # self.damage has it already.
                 for channel, at_ns, raw in _messages_of(file):
                     far = far + 1 if abs(at_ns - last_ns) > FAR_NS else 0
                     zeros = zeros + 1 if at_ns == 0 else 0  # Simulated time begins with some.
@@ -153,15 +154,15 @@ class BagStorage:
                     if channel in wanted:
                         yield last_ns, _cdr(raw, topic)
 
-    def _about(self, folder: Path) -> tuple[list[str], Any]:
+    def _read_metadata(self, folder: Path) -> tuple[list[str], Any]:
         """Return the names of the files and the number of messages by ``metadata.yaml``."""
         if not (folder / METADATA).exists():
             return [], None
         try:
-            about = read_yaml(folder / METADATA).get(ABOUT) or {}
-            self.custom_data = dict(about.get('custom_data') or {})
-            names = [PurePath(name).name for name in about.get('relative_file_paths') or ()]
-            return names, about.get('message_count')
+            document = read_yaml(folder / METADATA).get(INFORMATION) or {}
+            self.custom_data = dict(document.get('custom_data') or {})
+            names = [PurePath(name).name for name in document.get('relative_file_paths') or ()]
+            return names, document.get('message_count')
         except (ValueError, TypeError, AttributeError) as error:
             why = shortened(str(error).removeprefix(f'{folder / METADATA}: '))
             self.damage.append(f'{METADATA} is not used ({why})')
@@ -178,8 +179,8 @@ class BagStorage:
             refuse(f'has files of several bags: {name_list(sorted(there))}', 'those of one')
         if missing := name_list([name for name in wanted if name not in there]):
             self.damage.append(f'{METADATA} lists {missing}, which is not there')
-        if more := name_list([name for name in there if name not in wanted]):
-            text = f'{METADATA} does not list {more}, so that it is left out'
+        if unlisted := name_list([name for name in there if name not in wanted]):
+            text = f'{METADATA} does not list {unlisted}, so that it is left out'
             self.damage.append(f'{text}: ros2 bag reindex {folder} lists all')
         if not there.keys() & {*wanted}:
             self.damage.append('has no files of a bag, allowed: .mcap or .db3')
@@ -202,7 +203,9 @@ class BagStorage:
 
 
 def _zstd() -> Any:
-    return importlib.import_module(mcap.ZSTD)
+    """Import the module that unpacks zstd; it comes with rosbags."""
+    name = 'compression.zstd' if sys.version_info >= (3, 14) else 'backports.zstd'
+    return importlib.import_module(name)
 
 
 def load_rosbags() -> Any:
@@ -248,14 +251,15 @@ def _ros1_messages(file: BagFile) -> Iterator[Received]:
     from rosbags import rosbag1
 
     with rosbag1.Reader(file.path) as reader:
-        for one in reader.connections:
-            file.topics[one.id] = Topic(one.topic, one.msgtype, 'ros1msg', one.msgdef.data)
-        for one, at_ns, raw in reader.messages():
-            yield one.id, at_ns, raw
+        for topic in reader.connections:
+            definition = topic.msgdef.data
+            file.topics[topic.id] = Topic(topic.topic, topic.msgtype, 'ros1msg', definition)
+        for topic, at_ns, raw in reader.messages():
+            yield topic.id, at_ns, raw
 
 
 _READERS: dict[str, Callable[[BagFile], Iterator[Received]]] = {
-    '.mcap': mcap.messages_of,
+    '.mcap': messages_of,
     '.db3': _database_messages,
     '.bag': _ros1_messages,
 }

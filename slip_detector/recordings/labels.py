@@ -46,16 +46,26 @@ BY_HAND_S = 0.35
 #: plates with hum, tremor, taps and drift the latter is at most 0.07 s off.
 BY_EYE_S = 0.1
 
-#: Below this frequency, or this share of the sample rate, a signal is no sign of sliding to
-#: :func:`snapped`; a change has so many rows on either side, and so much logarithm of likelihood a
-#: row at least, that of a change of 3 dB in the middle, and so much in all.
-LOW_HZ, LOW_SHARE, SIDE_ROWS, LEAST_GAIN, LEAST_GAIN_IN_ALL = 20.0, 0.2, 8, 0.05, 25.0
+#: :func:`snapped` takes out what is below this frequency, or below this share of the sample rate
+#: if that is lower.
+LOW_HZ, LOW_SHARE = 20.0, 0.2
 
-#: Places that are less likely than the best by this much logarithm of likelihood are ruled out
-#: with one channel, and by half of it with four or more, which do not all err alike; an end is
-#: sought at most so many times as far away as it may be, where its reach has to grow; and what is
-#: louder than this share of the rows about it counts as they do, as knocks are short.
-UNLIKELY, FARTHEST, LOUDEST = 12.0, 2.0, 0.95
+#: Fewest rows on either side of a change.
+SIDE_ROWS = 8
+
+#: Smallest gain in log-likelihood by a change, per row (a change of 3 dB in the middle has that)
+#: and in all.
+LEAST_GAIN, LEAST_GAIN_IN_ALL = 0.05, 25.0
+
+#: With one channel, a place is ruled out whose log-likelihood is this much below that of the best
+#: place; with four or more channels, half of it, as their errors differ.
+UNLIKELY = 12.0
+
+#: Largest distance at which an end is sought, as a multiple of its reach.
+FARTHEST = 2.0
+
+#: Quantile of the power to which louder rows are limited, as knocks are short.
+LOUDEST = 0.95
 
 #: Largest accuracy that means something.
 MOST_S = 10.0
@@ -103,36 +113,15 @@ class Labels(NamedTuple):
 
 
 def labels_name(recording: Path) -> str:
-    """Return the name of the file with the labels of a recording.
-
-    Examples
-    --------
-    >>> labels_name(Path('recordings/trial.mcap'))
-    'trial.labels.yaml'
-    """
+    """Return the name of the file with the labels of a recording."""
     # A dot in the name of a folder does not begin an ending.
     return f'{recording.name if recording.is_dir() else recording.stem}{ENDING}'
 
 
 def find_labels(setting: str, recording: Path) -> 'Path | None':
-    """Return the path of the labels of a recording.
+    """Return the labels of a recording: the file, or that in the folder, of ``setting``.
 
-    Parameters
-    ----------
-    setting
-        A file or a folder of such files; '': the file beside the recording.
-    recording
-        Path of the recording.
-
-    Returns
-    -------
-    Path or None
-        None if no file is configured and none is beside the recording.
-
-    Examples
-    --------
-    >>> find_labels('by_hand.yaml', Path('trial.mcap')).name
-    'by_hand.yaml'
+    With the setting '' it is the file beside the recording, or None if there is none.
     """
     path = Path(setting) if setting else recording.parent
     if path.is_dir():
@@ -365,25 +354,7 @@ def _change(power: Floats, row: int, reach: int, exact: float, rises: bool) -> i
 
 
 def as_truth(label: NDArray[Any], key: str) -> Bools:
-    """Convert labels to bool, shape (n,).
-
-    Parameters
-    ----------
-    label : ndarray, shape (n,) or (n, 1)
-        Bools, or numbers that are 0 or 1.
-    key
-        Name of the array or column.
-
-    Raises
-    ------
-    ValueError
-        When a label is neither, such as NaN or a text; names the key and the label.
-
-    Examples
-    --------
-    >>> as_truth(np.array([0.0, 1.0]), 'slip')
-    array([False,  True])
-    """
+    """Convert bools, or numbers that are 0 or 1, to bools of shape (n,); ``key`` names them."""
     flat = label.reshape(-1)
     wrong = flat[~np.isin(flat, (0, 1))] if label.dtype.kind in 'biuf' else flat
     if wrong.size:

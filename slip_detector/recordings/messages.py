@@ -72,16 +72,16 @@ class JointStateLayout(NamedTuple):
     names : tuple of str
     numbers : dict
         Bytes of position, velocity and effort.
-    varying : list of slice
-        Bytes of the stamp and the numbers, and those between and behind all parts, which may have
-        any value.
+    fixed : list of slice
+        Bytes that are the same in all messages of a sensor: texts and lengths. The stamp and the
+        numbers differ; padding may have any value.
     """
 
     size: int
     frame_id: str
     names: tuple[str, ...]
     numbers: dict[str, slice]
-    varying: list[slice]
+    fixed: list[slice]
 
 
 def joint_state_layout(raw: bytes) -> JointStateLayout:
@@ -95,20 +95,21 @@ def joint_state_layout(raw: bytes) -> JointStateLayout:
     if not raw.startswith(LITTLE_ENDIAN):
         raise ValueError('not little-endian CDR')
     place = TEXTS
-    varying = [slice(ENCAPSULATION_BYTES, TEXTS)]
+    fixed = [slice(ENCAPSULATION_BYTES)]
 
     def part(n: int, alignment: int) -> slice:
         nonlocal place
         begin = place + (ENCAPSULATION_BYTES - place) % alignment
-        varying.append(slice(place, begin))
         place = begin + n
         return slice(begin, place)
 
     def length() -> int:
-        return int(LENGTH.unpack_from(raw, part(LENGTH.size, LENGTH.size).start)[0])
+        fixed.append(part(LENGTH.size, LENGTH.size))
+        return int(LENGTH.unpack_from(raw, fixed[-1].start)[0])
 
     def text() -> str:
-        return raw[part(length(), 1)].partition(b'\0')[0].decode(errors='replace')
+        fixed.append(part(length(), 1))
+        return raw[fixed[-1]].partition(b'\0')[0].decode(errors='replace')
 
     try:
         frame_id = text()
@@ -117,13 +118,11 @@ def joint_state_layout(raw: bytes) -> JointStateLayout:
         for field in JOINT_FIELDS:
             n = length()
             numbers[field] = part(DOUBLES.itemsize * n, DOUBLES.itemsize if n else 1)
-        varying += numbers.values()
     except struct.error:
         place = len(raw) + 1
     if place > len(raw):
         raise ValueError('the message is cut off')
-    varying.append(slice(place, len(raw)))
-    return JointStateLayout(len(raw), frame_id, names, numbers, varying)
+    return JointStateLayout(len(raw), frame_id, names, numbers, fixed)
 
 
 class JointStateReader:
@@ -131,7 +130,7 @@ class JointStateReader:
 
     Examples
     --------
-    >>> raw = JointStateWriter('tip', ['a', 'b']).written(5, np.array([4.1, 4.3]))
+    >>> raw = JointStateWriter('tip', ['a', 'b']).serialize(5, np.array([4.1, 4.3]))
     >>> samples = JointStateReader().read(raw)
     >>> samples.volts, samples.stamps_ns, samples.names
     (array([[4.1, 4.3]]), array([5]), ('a', 'b'))
@@ -186,7 +185,7 @@ def joint_state_table(raws: Sequence[bytes]) -> 'JointStateTable | None':
     --------
     >>> writer = JointStateWriter('thumb', ['a', 'b'])
     >>> rows = {5: np.array([4.3, 4.2]), 10: np.array([4.1, 4.0])}
-    >>> table = joint_state_table([writer.written(at_ns, row) for at_ns, row in rows.items()])
+    >>> table = joint_state_table([writer.serialize(at_ns, row) for at_ns, row in rows.items()])
     >>> table.stamps_ns.tolist(), table.numbers['position'].tolist()
     ([5, 10], [[4.3, 4.2], [4.1, 4.0]])
     """
@@ -197,7 +196,7 @@ def joint_state_table(raws: Sequence[bytes]) -> 'JointStateTable | None':
     if set(map(len, raws)) != {layout.size}:
         return None
     content = np.frombuffer(b''.join(raws), np.uint8).reshape(-1, layout.size)
-    places = np.delete(np.arange(layout.size), np.r_[tuple(layout.varying)])
+    places = np.r_[tuple(layout.fixed)]
     if (content[:, places] != content[0, places]).any():
         return None
     seconds, rest_ns = content[:, ENCAPSULATION_BYTES:TEXTS].copy().view('<i4').astype(np.int64).T
@@ -220,7 +219,7 @@ class JointStateWriter:
     Examples
     --------
     >>> writer = JointStateWriter('thumb', ['a', 'b'], efforts=True)
-    >>> raw = writer.written(5, np.array([4.1, 4.3]), np.array([0.0, 1.0]))
+    >>> raw = writer.serialize(5, np.array([4.1, 4.3]), np.array([0.0, 1.0]))
     >>> joint_state_table([raw]).numbers['effort'].tolist()
     [[0.0, 1.0]]
     """
@@ -245,7 +244,7 @@ class JointStateWriter:
         # A memoryview: writing more or fewer bytes than a slice has is an error.
         self._raw = memoryview(raw)
 
-    def written(self, stamp_ns: int, position: Floats, effort: 'Floats | None' = None) -> bytes:
+    def serialize(self, stamp_ns: int, position: Floats, effort: 'Floats | None' = None) -> bytes:
         """Return one message."""
         STAMP.pack_into(self._raw, ENCAPSULATION_BYTES, *divmod(stamp_ns, 1_000_000_000))
         self._raw[self._position] = position.tobytes()

@@ -38,7 +38,7 @@ from slip_detector.recordings.rates import MOST_FACTOR, resampled
 #: Number of rows that are read at a time: enough to be fast, and only some MB for 100 channels.
 PIECE_ROWS = 8192
 
-#: The fields of rows that say what they are, where nothing does.
+#: Fields of rows whose labels are not known.
 UNLABELLED: dict[str, Any] = {'truth': None, 'certain': None}
 
 #: Longest error on a file.
@@ -112,17 +112,17 @@ class Recording(ABC):
     has_truth : bool
         Whether the true slip is known.
     label_name : str
-        What labels such a recording, for the error that it is not there.
+        Name of the label that was sought, for the error where there is none.
     accuracy_s : float
         How exact the label is; 0: exact.
     kind : str
-        One of :data:`.labels.KINDS`, in which nothing slides; '': none of them.
+        One of :data:`.labels.KINDS`, recordings in which nothing slides; '': none of them.
     mistaken : bool
-        Whether a person has found that its labels are a mistake; then it counts as one without.
+        Whether a person has marked the labels as a mistake; the recording then has no labels.
     namespace : str
-        That of a bag's topic ``voltages``, for example ``/index``.
+        Namespace of a bag's topic ``voltages``, for example ``/index``.
     input : dict
-        ``input_type`` and ``input_field`` of a detector that gets a bag's messages; else empty.
+        ``input_type`` and ``input_field`` for a detector of a bag's messages; empty without a bag.
     counts : RecordingCounts
         Counts of the last reading.
     valid_range_v : tuple of float

@@ -31,13 +31,9 @@ from slip_detector.chain.samples import Samples
 from slip_detector.parameters.fields import refuse
 from slip_detector.parameters.files import whole_file, writable_folder
 from slip_detector.recordings.bag_recording import BOOL, JOINT_STATE
-from slip_detector.recordings.bag_storage import ABOUT, METADATA, load_rosbags
+from slip_detector.recordings.bag_storage import INFORMATION, METADATA, load_rosbags
 from slip_detector.recordings.labels import ACCURACY, KIND
-from slip_detector.recordings.mcap import McapStorage
 from slip_detector.recordings.messages import JointStateWriter
-
-#: Version of the bag metadata for ROS 2 Jazzy and later.
-BAG_VERSION = 9
 
 #: Name of rosbags for the storage of each ending.
 PLUGINS = {'.mcap': 'MCAP', '.db3': 'SQLITE3'}
@@ -108,14 +104,7 @@ def write_recording(
 
 
 def check_new(path: Path, *endings: str) -> None:
-    """Raise an error where a recording to write exists already or has another ending.
-
-    Examples
-    --------
-    >>> check_new(Path('a.bag'), *PLUGINS)
-    Traceback (most recent call last):
-    ValueError: a.bag: is .bag, allowed: .mcap, .db3 or without ending
-    """
+    """Raise an error where a recording to write exists already or has another ending."""
     if path.suffix not in ('', *endings):
         refuse(f'{path}: is {path.suffix}', f'{", ".join(endings)} or without ending')
     if path.exists():
@@ -220,24 +209,27 @@ class BagWriter:
         rosbag2 = load_rosbags()
         from rosbags.typesys import Stores, get_typestore
 
+        from slip_detector.recordings.bag_files import QUALITY, CheckedMcap
+
         self.path = folder / f'{folder.name}{ending}'
         self._rows = JointStateWriter(frame_id, channel_names)
         self._platform = JointStateWriter(frame_id, ['platform'])
         self._last: bool | None = None
-        plugin = rosbag2.StoragePlugin[PLUGINS[ending]]
-        plugins = rosbag2.Writer.STORAGE_PLUGINS | {rosbag2.StoragePlugin.MCAP: McapStorage}
-        writer = type('Writer', (rosbag2.Writer,), {'STORAGE_PLUGINS': plugins})
         if folder.exists():
             raise FileExistsError(errno.EEXIST, 'already exists')
-        self._writer = writer(folder, version=BAG_VERSION, storage_plugin=plugin)
+        plugins = rosbag2.StoragePlugin
+        self._writer = rosbag2.Writer(folder, version=9, storage_plugin=plugins[PLUGINS[ending]])
+        self._writer.STORAGE_PLUGINS = {**self._writer.STORAGE_PLUGINS, plugins.MCAP: CheckedMcap}
         self._writer.custom_data |= {ACCURACY: f'{accuracy_s:g}', KIND: kind}
         self._writer.open()
-        # How exact the truth is, and the kind, are known even if this process is killed.
-        about = json.dumps({ABOUT: {'custom_data': self._writer.custom_data}})
-        (folder / METADATA).write_text(about, encoding='utf-8')
-        how = {'typestore': get_typestore(Stores.ROS2_JAZZY), 'offered_qos_profiles': [_quality()]}
+        # The accuracy and the kind are known even if this process is killed.
+        document = json.dumps({INFORMATION: {'custom_data': self._writer.custom_data}})
+        (folder / METADATA).write_text(document, encoding='utf-8')
+        types = get_typestore(Stores.ROS2_JAZZY)
         self._topics = {
-            topic: self._writer.add_connection(topic, msgtype, **how)
+            topic: self._writer.add_connection(
+                topic, msgtype, typestore=types, offered_qos_profiles=[QUALITY]
+            )
             for topic, msgtype in topics.items()
         }
 
@@ -268,9 +260,9 @@ class BagWriter:
                 self._last = bool(truth[i])
                 self.put('/slip_truth', at_ns, BOOLS[self._last])
             if piece.position_m is not None:
-                position = self._platform.written(at_ns, piece.position_m[i])
+                position = self._platform.serialize(at_ns, piece.position_m[i])
                 self.put('/platform_position', at_ns, position)
-            self.put('/voltages', at_ns, self._rows.written(at_ns, piece.volts[i]))
+            self.put('/voltages', at_ns, self._rows.serialize(at_ns, piece.volts[i]))
 
     def flush(self) -> None:
         """Pass all rows so far to the operating system, so that they survive a killed process.
@@ -299,13 +291,3 @@ class BagWriter:
         # Closing writes the rest of the buffer, which may fail again.
         with contextlib.suppress(OSError, sqlite3.Error):
             self._writer.abort()
-
-
-def _quality() -> Any:
-    """Return the quality of service that ``ros2 bag play`` offers, also to a late subscriber."""
-    from rosbags import interfaces as to
-
-    kept = to.QosHistory.KEEP_LAST, 100, to.QosReliability.RELIABLE
-    for_ever = to.QosTime(9223372036, 854775807)
-    durability, liveliness = to.QosDurability.TRANSIENT_LOCAL, to.QosLiveliness.AUTOMATIC
-    return to.Qos(*kept, durability, for_ever, for_ever, liveliness, for_ever, False)

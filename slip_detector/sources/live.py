@@ -36,8 +36,8 @@ from slip_detector.parameters.fields import refuse
 from slip_detector.sources.packets import LONGEST_BYTES, LineDecoder, PacketDecoder
 from slip_detector.sources.source import WAIT_S, Source
 
-#: Length, by the sender's clock, of the windows whose smallest delay is sought. The smaller delay
-#: of the present window and the one before is used.
+#: Length, by the sender's clock, of a window whose smallest delay is sought. The smallest delay of
+#: two windows, the present one and the last one, is used.
 WINDOW_NS = 2_000_000_000
 
 #: Largest share by which stamps run faster or slower than the sender's clock to follow a changed
@@ -171,27 +171,7 @@ class LiveSource(Source):
 
 
 class SerialSource(LiveSource):
-    """Packets or lines of text from a serial port, which may be unplugged and plugged in again.
-
-    Parameters
-    ----------
-    config
-        The driver's parameters.
-    now_ns
-        The clock of the stamps, in nanoseconds.
-
-    Raises
-    ------
-    ValueError
-        When no port is named.
-
-    Examples
-    --------
-    >>> import time
-    >>> config = DriverConfig(source='serial', serial_port='/dev/ttyACM0', channels=3)
-    >>> SerialSource(config, time.time_ns).channel_names
-    ('ch1', 'ch2', 'ch3')
-    """
+    """Packets or lines of text from a serial port, which may be unplugged and plugged in again."""
 
     def __init__(self, config: DriverConfig, now_ns: Callable[[], int]) -> None:
         if not config.serial_port:
@@ -243,25 +223,6 @@ class UdpSource(LiveSource):
     ``counts`` also has ``unlisted_sender``, datagrams of senders that are not allowed, and
     ``other_sender``, datagrams of an allowed sender from another address or port than the present
     one: samples of two sensors must not be mixed.
-
-    Parameters
-    ----------
-    config
-        The driver's parameters.
-    now_ns
-        The clock of the stamps, in nanoseconds.
-
-    Raises
-    ------
-    ValueError
-        When a parameter is not an address.
-
-    Examples
-    --------
-    >>> import time
-    >>> config = DriverConfig(source='udp', udp_port=5005)
-    >>> UdpSource(config, time.time_ns).name
-    '127.0.0.1 port 5005'
     """
 
     def __init__(self, config: DriverConfig, now_ns: Callable[[], int]) -> None:

@@ -32,9 +32,9 @@ from slip_detector.chain.samples import Samples
 #: First byte of a packet by the type of its values: version 1 in the upper half; in the lower half
 #: the number of bytes of a value, plus 8 where it is unsigned.
 PACKET_KINDS = {
-    **{'int16': 0x12, 'int24': 0x13, 'int32': 0x14},
-    **{'uint16': 0x1A, 'uint24': 0x1B, 'uint32': 0x1C},
-}
+    'int16': 0x12, 'int24': 0x13, 'int32': 0x14,
+    'uint16': 0x1A, 'uint24': 0x1B, 'uint32': 0x1C,
+}  # fmt: skip
 
 #: Kind, channels, samples, sequence number, time of the first sample in us, period in ns.
 HEADER = struct.Struct('<BBHIII')

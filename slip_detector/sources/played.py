@@ -25,30 +25,7 @@ from slip_detector.sources.source import Source
 
 
 class RecordingSource(Source):
-    """A recording, with its samples as they were recorded; it is read in pieces.
-
-    Parameters
-    ----------
-    config
-        The driver's parameters, which name the recording and describe its parts.
-
-    Raises
-    ------
-    ValueError
-        When no recording is named, or it cannot be opened; names it.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from pathlib import Path
-    >>> import numpy as np
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     path = Path(folder) / 'trial.npz'
-    ...     np.savez(path, volts=np.full((100, 2), 4.3), sample_rate_hz=100.0)
-    ...     source = RecordingSource(DriverConfig(source='recording', recording=str(path)))
-    ...     len(source.read(60).volts), len(source.read(60).volts)
-    (60, 40)
-    """
+    """A recording, with its samples as they were recorded; it is read in pieces."""
 
     def __init__(self, config: DriverConfig) -> None:
         if not config.recording:
@@ -88,27 +65,6 @@ class SceneSource(Source):
         The driver's parameters, which name the scene and the seed of its noise.
     repetition
         How many times the scene was played before; this number is added to the seed.
-
-    Attributes
-    ----------
-    duration_s : float
-        How long the scene lasts.
-
-    Raises
-    ------
-    ValueError
-        When there is no such scene, its file is wrong, or it has no object although
-        ``wait_for_grip`` needs one; names it.
-
-    Examples
-    --------
-    >>> from slip_detector.parameters.driver import DriverConfig
-    >>> source = SceneSource(DriverConfig(scene='grasp'))
-    >>> source.name, source.has_object
-    ('scene grasp', True)
-    >>> source.obey(3.0)
-    >>> source.read(2).stamps_ns.tolist()
-    [0, 2631579]
     """
 
     def __init__(self, config: DriverConfig, repetition: int = 0) -> None:

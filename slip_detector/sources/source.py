@@ -39,9 +39,9 @@ class Source:
     is_live : bool
         Whether the samples come from a sensor, at its own pace.
     has_object : bool
-        Whether the fingertip holds an object, and obeys when told with which force.
+        Whether the fingertip holds an object with the force of the last order.
     takes_orders : bool
-        Whether the fingertip obeys when told to rest, slip, or be tapped or pressed.
+        Whether the source obeys orders to rest, to slip, to be tapped or to be pressed.
     connected : bool
         Whether there is a connection to the sensor.
     state : str

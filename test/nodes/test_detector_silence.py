@@ -131,7 +131,7 @@ class ByHand(Detector):
         self._samples.get_publisher_count.return_value = publishers
         sent_ns = round((sent_s or self.now_s) * 1e9)
         writer = JointStateWriter('tip', names or self.requested.names)
-        raw = writer.written(sent_ns + round(off_s * 1e9), volts) if raw is None else raw
+        raw = writer.serialize(sent_ns + round(off_s * 1e9), volts) if raw is None else raw
         number = number or next(self.numbers)
         info = {'source_timestamp': sent_ns + 1, 'publication_sequence_number': number}
         self._on_voltages(raw, info)

@@ -24,11 +24,14 @@ import slip_detector
 from support.pages import ROOT
 from support.python_runs import run_python
 
+#: Imported only where a bag is written, as it needs rosbags.
+WITH_ROSBAGS = 'slip_detector.recordings.bag_files'
+
 CORE = tuple(
     sorted(
         module.name
         for module in pkgutil.walk_packages(slip_detector.__path__, 'slip_detector.')
-        if not module.name.startswith('slip_detector.nodes')
+        if not module.name.startswith(('slip_detector.nodes', WITH_ROSBAGS))
     )
 )
 NODES = tuple(

@@ -23,9 +23,9 @@ pytest.importorskip('rosbags', reason='needs rosbags')
 
 from slip_detector.chain.samples import Samples
 from slip_detector.parameters.driver import RecordingConfig
-from slip_detector.recordings import open_recording, write_recording
+from slip_detector.recordings import open_recording
 from support import recorded
-from support.bags import NAMES, PLUGINS, START_NS, Bag, check_same, gathered, rows, stamps
+from support.bags import NAMES, PLUGINS, START_NS, Bag, check_same, gathered, rows, save, stamps
 
 
 def complaint(path, **parameters):
@@ -130,15 +130,14 @@ def test_without_a_truth_a_position_that_changes_is_slip(tmp_path_factory, posit
     flickering = np.array(positions) + 1e-6 * (np.arange(n) % 2)
     written = rows(n)._replace(position_m=flickering)
     for truth, wanted in ((None, slip), (written.truth, written.truth)):
-        path = tmp_path_factory.mktemp('moved') / 'a.mcap'
-        write_recording(path, [written._replace(truth=truth)], 380.0, NAMES)
+        moved = written._replace(truth=truth)
+        path = save(tmp_path_factory.mktemp('moved') / 'a.mcap', moved)
         recording = open_recording(path, RecordingConfig(recording_still_m=5e-6))
         np.testing.assert_array_equal(gathered(recording).truth, wanted)
 
 
 def test_a_topic_of_labels_that_is_not_there_is_refused_if_it_was_named(tmp_path):
-    path = tmp_path / 'a.mcap'
-    write_recording(path, [rows(50, truth=False)], 380.0, NAMES)
+    path = save(tmp_path / 'a.mcap', rows(50, truth=False))
     assert not open_recording(path).has_truth
     said = 'has no topic sliding (Bool) or platform_position (JointState), there are: none'
     assert said in complaint(path, recording_truth_topic='sliding')

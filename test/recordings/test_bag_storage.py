@@ -27,10 +27,10 @@ pytest.importorskip('rosbags', reason='needs rosbags')
 
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 
-from slip_detector.recordings import open_recording, write_recording
+from slip_detector.recordings import open_recording
 from slip_detector.recordings.bag_storage import typestore_of
 from slip_detector.recordings.mcap import Topic
-from support.bags import JOINT_STATE, NAMES, PLUGINS, Bag, check_same, gathered, rows
+from support.bags import JOINT_STATE, NAMES, PLUGINS, Bag, check_same, gathered, rows, save
 
 #: A database has no compression of its storage.
 COMPRESSED = [
@@ -70,7 +70,7 @@ def split_bag(folder, numbers, ending):
     written = rows(300 * len(numbers))
     for k, number in enumerate(numbers):
         part = written.take(slice(300 * k, 300 * (k + 1)))
-        write_recording(folder / f'split_{number}{ending}', [part], 380.0, NAMES)
+        save(folder / f'split_{number}{ending}', part)
     return written, folder
 
 
@@ -87,7 +87,7 @@ def test_a_bag_that_was_split_into_files_is_one_recording(tmp_path, ending):
 
 def test_without_rosbags_npz_is_read_and_a_bag_says_what_to_install(tmp_path, monkeypatch):
     for ending in ('.mcap', '.npz'):
-        write_recording(tmp_path / f'a{ending}', [rows(20)], 380.0, NAMES)
+        save(tmp_path / f'a{ending}', rows(20))
     monkeypatch.setitem(sys.modules, 'rosbags', None)
     check_same(gathered(open_recording(tmp_path / 'a.npz')), rows(20))
     with pytest.raises(ValueError, match=r'a\.mcap: bags need the package rosbags: pip install r'):
@@ -95,8 +95,8 @@ def test_without_rosbags_npz_is_read_and_a_bag_says_what_to_install(tmp_path, mo
 
 
 def test_an_mcap_is_read_up_to_a_damaged_chunk(tmp_path):
-    written, path = rows(900), tmp_path / 'a.mcap'
-    write_recording(path, [written], 380.0, NAMES)  # in chunks of a second, 380 rows
+    written = rows(900)
+    path = save(tmp_path / 'a.mcap', written)  # in chunks of a second, 380 rows
     content = path.read_bytes()
     place = content.index(written.volts[450].tobytes())
     # Over the head of the next message.
@@ -130,7 +130,7 @@ def test_of_a_bag_whose_end_is_lost_or_zero_the_beginning_is_read(tmp_path, endi
         with Bag(path) as bag:
             bag.write_rows(written)
     else:
-        write_recording(path, [written], 380.0, NAMES)
+        save(path, written)
     content = path.read_bytes()
     for share in np.linspace(0.0, 1.0, 9)[:-1]:
         path.write_bytes(content[: int(share * len(content))] + bytes(tail))
@@ -147,8 +147,7 @@ def test_of_a_bag_whose_end_is_lost_or_zero_the_beginning_is_read(tmp_path, endi
 
 def test_of_a_wrong_index_or_summary_nothing_is_believed(tmp_path):
     written = rows(900, truth=False)
-    path = tmp_path / 'a.mcap'
-    write_recording(path, [written], 380.0, NAMES)
+    path = save(tmp_path / 'a.mcap', written)
     content = path.read_bytes()
     summary = content.rindex(b'\x0f\4' + bytes(11))
     path.write_bytes(content[:summary] + bytes(len(content) - summary))
@@ -197,14 +196,13 @@ def test_files_that_are_missing_not_listed_or_beside_are_named(tmp_path):
     said = 'split_0.mcap: one of the 2 files of a bag, read as a whole by its folder'
     assert recording.counts.doubts == said
     (folder / 'metadata.yaml').unlink()
-    write_recording(folder / 'other.mcap', [written], 380.0, NAMES)
+    save(folder / 'other.mcap', written)
     with pytest.raises(ValueError, match=r'has files of several bags: other\.mcap, split_0\.mcap'):
         open_recording(folder)
 
 
 def test_what_is_beside_a_database_or_not_in_its_table_of_topics_is_named(tmp_path):
-    path = tmp_path / 'a.db3'
-    write_recording(path, [rows(60)], 380.0, NAMES)
+    path = save(tmp_path / 'a.db3', rows(60))
     database = sqlite3.connect(path)
     database.execute('DELETE FROM topics WHERE name = "/slip_truth"')
     database.commit()
@@ -216,8 +214,8 @@ def test_what_is_beside_a_database_or_not_in_its_table_of_topics_is_named(tmp_pa
 
 
 def test_a_database_that_contradicts_its_index_is_read_with_a_line(tmp_path):
-    path, written = tmp_path / 'a.db3', rows(60)
-    write_recording(path, [written], 380.0, NAMES)
+    written = rows(60)
+    path = save(tmp_path / 'a.db3', written)
     content = path.read_bytes()
     stamp, other = (struct.pack('>q', stamps_ns) for stamps_ns in written.stamps_ns[[7, 9]])
     place = content.rindex(stamp)

@@ -100,7 +100,7 @@ def test_messages_are_written_as_rclpy_serialises_them(frame_id, names, efforts,
     message = joint_state(name=names, position=position, effort=[] if effort is None else effort)
     message.header.frame_id = frame_id
     message.header.stamp.sec, message.header.stamp.nanosec = divmod(at_ns, 1_000_000_000)
-    raw = writer.written(at_ns, position, effort)
+    raw = writer.serialize(at_ns, position, effort)
     deserialized = pytest.importorskip('rclpy.serialization').deserialize_message
     # Some numbers are NaN, which equals nothing; padding may have any value.
     assert repr(deserialized(raw, type(message))) == repr(message)
@@ -109,11 +109,11 @@ def test_messages_are_written_as_rclpy_serialises_them(frame_id, names, efforts,
 @pytest.mark.parametrize('position', [[1.0], [1.0, 2.0, 3.0], np.ones(2, np.float32)])
 def test_numbers_that_do_not_fill_a_message_are_an_error(position):
     with pytest.raises(ValueError, match='assignment'):
-        JointStateWriter('tip', ['a', 'b']).written(5, np.asarray(position))
+        JointStateWriter('tip', ['a', 'b']).serialize(5, np.asarray(position))
 
 
 def test_padding_may_have_any_value():
-    raw = JointStateWriter('tip', ['a', 'bc']).written(5, np.array([1.0, 2.0]))
+    raw = JointStateWriter('tip', ['a', 'bc']).serialize(5, np.array([1.0, 2.0]))
     padded = bytearray(raw)
     padded[padded.index(b'bc\0') + 3] ^= 0xFF
     reader = JointStateReader()
@@ -124,7 +124,7 @@ def test_padding_may_have_any_value():
 @pytest.mark.parametrize('zeros', [1, 2, 5, 9, 16])
 def test_a_text_that_is_filled_up_with_zeros_does_not_move_the_numbers(zeros):
     # With positions of zero, any place among the zeros would look right.
-    raw = JointStateWriter('x' * zeros, ['a']).written(7, np.array([0.0]))
+    raw = JointStateWriter('x' * zeros, ['a']).serialize(7, np.array([0.0]))
     filled = raw.replace(b'x' * zeros, bytes(zeros))
     sample = JointStateReader().read(filled)
     assert (sample.frame_id, sample.names, sample.volts.tolist()) == ('', ('a',), [[0.0]])
@@ -132,7 +132,7 @@ def test_a_text_that_is_filled_up_with_zeros_does_not_move_the_numbers(zeros):
 
 @given(st.binary(max_size=200), st.integers(0, 60))
 def test_bytes_that_are_no_message_are_an_error_and_never_read_beyond_their_end(noise, cut):
-    raw = JointStateWriter('tip', ['a', 'b']).written(5, np.array([1.0, 2.0]))
+    raw = JointStateWriter('tip', ['a', 'b']).serialize(5, np.array([1.0, 2.0]))
     for broken in (raw[:cut], raw[:16] + noise, b'\0\1\0\0' + noise):
         with contextlib.suppress(ValueError):
             layout = joint_state_layout(broken)
@@ -166,14 +166,10 @@ def batch(data, begin=0, **sizes):
     [
         ('gain', [2.5]),
         ('raw', [1.5, 2.5]),
-        ('raw[]', [1.5, 2.5]),
         ('raw[1]', [2.5]),
         ('pillars[].fz', [0.0, 1.0, 2.0]),
-        ('pillars[2].fz', [2.0]),
         ('pillars[].force.y', [20.0, 21.0, 22.0]),
-        ('pillars[].torques', [0.0, 0.0, 1.0, -1.0, 2.0, -2.0]),
         ('pillars[].torques[0]', [0.0, 1.0, 2.0]),
-        ('pillars[1].torques[]', [1.0, -1.0]),
         ('Pillars[1].FZ', [1.0]),
         ('gain,pillars[].fz, pillars[].force.x', [2.5, 0.0, 1.0, 2.0, 10.0, 11.0, 12.0]),
         ('raw[:]', [[1.5], [2.5]]),
@@ -192,15 +188,11 @@ def test_a_path_selects_the_numbers_in_their_order(path, wanted):
     ('path', 'said'),
     [
         ('pressure', 'no numbers at pressure, there are: pillars, gain, raw, name, frame_id'),
-        ('pillars[].fx', 'no numbers at fx, there are: fz, force, torques'),
         ('pillars[0].force.z', 'no numbers at z, there are: x, y'),
         ('pillars[3].fz', 'no numbers at pillars[3], there are: pillars, gain'),
         ('pillars', 'no numbers at pillars, there are: [].fz, [].force, [].torques'),
-        ('pillars.fz', 'no numbers at fz, there are: [].fz, [].force, [].torques'),
         ('pillars[].force', 'no numbers at pillars[].force, there are: x, y'),
-        ('gain[]', 'no numbers at gain[], there are: pillars, gain'),
         ('gain.x', 'no numbers at x, there are: none'),
-        ('frame_id', 'no numbers at frame_id, there are: none'),
         ('frame_id[0]', 'no numbers at frame_id[0], there are: none'),
         ('name', 'no numbers at name, there are: none'),
         ('raw[:], gain', 'has [2, 1] rows, allowed: as many of each'),
@@ -213,12 +205,9 @@ def test_a_wrong_path_is_refused_with_what_there_is(path, said):
     assert f'field {path}: {said}' in str(caught.value)
 
 
-def test_lists_without_elements_are_no_rows_of_as_many_channels():
+def test_lists_without_elements_are_no_rows_of_as_many_channels_and_no_lists_are_refused():
     empty = of(fingers=[of(pac=array.array('h'))] * 5)
     assert FieldReader('fingers[].pac[:]')(empty).shape == (0, 5)
-
-
-def test_an_empty_list_of_messages_is_refused():
     with pytest.raises(ValueError, match=r'field pillars\[\]\.fz: no numbers at pillars'):
         FieldReader('pillars[].fz')(message(0))
 

@@ -32,11 +32,6 @@ def rate(times_s):
     return rate_of(np.rint(1e9 * np.asarray(times_s)).astype(np.int64), 'the stamps')
 
 
-@given(RATES_HZ, st.integers(2, 200), st.floats(-1e6, 1e6))
-def test_even_stamps_have_their_rate_wherever_they_begin(rate_hz, n, start_s):
-    assert rate(start_s + np.arange(n) / rate_hz) == pytest.approx(rate_hz, rel=1e-4)
-
-
 @given(RATES_HZ, st.integers(0, 99), st.floats(0.0, 0.3))
 def test_jitter_is_averaged(rate_hz, seed, jitter):
     moved = jitter * np.random.default_rng(seed).uniform(-0.5, 0.5, 500)

@@ -28,10 +28,9 @@ from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosReliability
 
 from slip_detector.chain.samples import Samples
-from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.recordings import open_recording, write_recording
 from slip_detector.recordings.writing import BagWriter
-from support.bags import ENDINGS, NAMES, check_same, gathered, rows
+from support.bags import ENDINGS, NAMES, check_same, gathered, rows, save
 from support.limits import full_disk
 
 
@@ -61,23 +60,14 @@ def test_rows_are_written_and_read_back_to_the_bit(tmp_path_factory, ending, dat
     assert list(recording.channel_names) == (unnamed if ending == '.npz' else names)
 
 
-def test_the_position_of_the_platform_is_in_npz_and_bags(tmp_path):
-    written = rows(300)._replace(position_m=np.arange(300.0))
-    for ending in ('.npz', '.mcap'):
-        write_recording(tmp_path / f'a{ending}', [written], 380.0, NAMES)
-    platform = RecordingConfig(recording_topic='platform_position')
-    for found in (
-        open_recording(tmp_path / 'a.npz').array('position_m'),
-        gathered(open_recording(tmp_path / 'a.mcap', platform)).volts[:, 0],
-    ):
-        np.testing.assert_array_equal(found, written.position_m)
+def test_the_position_of_the_platform_is_in_an_npz(tmp_path):
+    path = save(tmp_path / 'a.npz', rows(300)._replace(position_m=np.arange(300.0)))
+    np.testing.assert_array_equal(open_recording(path).array('position_m'), np.arange(300.0))
 
 
 @pytest.mark.parametrize('ending', ['', '.mcap', '.db3'])
 def test_a_bag_says_with_which_quality_its_topics_were_offered(tmp_path, ending):
-    path = tmp_path / f'trial{ending}'
-    write_recording(path, [rows()], 380.0, NAMES)
-    with AnyReader([path]) as reader:
+    with AnyReader([save(tmp_path / f'trial{ending}', rows())]) as reader:
         offered = {one.topic: one.ext.offered_qos_profiles for one in reader.connections}
     (state,) = offered['/slip_truth']
     assert state.reliability is QosReliability.RELIABLE
@@ -85,10 +75,9 @@ def test_a_bag_says_with_which_quality_its_topics_were_offered(tmp_path, ending)
 
 
 def test_nothing_is_overwritten_and_no_half_recording_stays(tmp_path):
-    path = tmp_path / 'a.mcap'
-    write_recording(path, [rows(10)], 380.0, NAMES)
+    path = save(tmp_path / 'a.mcap', rows(10))
     with pytest.raises(ValueError, match=r'a\.mcap: already exists, allowed: a new path'):
-        write_recording(path, [rows(20)], 380.0, NAMES)
+        save(path, rows(20))
 
     def failing():
         yield rows(10)
@@ -99,7 +88,7 @@ def test_nothing_is_overwritten_and_no_half_recording_stays(tmp_path):
             write_recording(tmp_path / f'b{ending}', failing(), 380.0, NAMES)
     assert [file.name for file in tmp_path.iterdir()] == ['a.mcap']
     with pytest.raises(ValueError, match=r'bag: is \.bag, allowed: \.npz, \.csv, \.mcap, \.db3'):
-        write_recording(tmp_path / 'a.bag', [rows(10)], 380.0, NAMES)
+        save(tmp_path / 'a.bag', rows(10))
 
 
 @pytest.mark.parametrize('ending', ENDINGS)
@@ -108,10 +97,9 @@ def test_on_a_full_disk_no_half_recording_stays(tmp_path, ending):
     samples = rows(5000)
     said = r'trial.*: cannot be written \((File too large|disk|database)'
     with pytest.raises(ValueError, match=said), full_disk(100_000):
-        write_recording(path, [samples], 380.0, NAMES)
+        save(path, samples)
     assert not list(tmp_path.iterdir())
-    write_recording(path, [samples], 380.0, NAMES)
-    assert len(gathered(open_recording(path)).volts) == 5000
+    assert len(gathered(open_recording(save(path, samples))).volts) == 5000
 
 
 def test_a_writer_that_is_killed_loses_nothing_that_was_flushed(tmp_path):

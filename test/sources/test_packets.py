@@ -26,16 +26,41 @@ from slip_detector.sources.packets import (
     CHECKSUM,
     HEADER,
     LONGEST_BYTES,
+    MOST_BEHIND,
     PACKET_KINDS,
     LineDecoder,
     PacketDecoder,
     cobs_decode,
 )
-from support.packet_cases import decoder, integers, packets, sent_by
 from support.pages import ROOT
 from support.reference_packets import KINDS, on_the_line, packet
 
 TEXT = (ROOT / 'docs' / 'packets.md').read_text(encoding='utf-8')
+
+PERIOD_US = 1000
+
+
+def decoder(channels=3):
+    return PacketDecoder(channels, 'int16', scale_v=1e-3, offset_v=0.0)
+
+
+def packets(n, first=0):
+    """Make packets whose integers differ all over; one a millisecond."""
+    return [
+        packet([(np.arange(3) + 7 * k) % 30000 - 9], 'int16', k, k * PERIOD_US % 2**32)
+        for k in range(first, first + n)
+    ]
+
+
+def integers(received):
+    """Return the integers that were sent, by row."""
+    volts = np.concatenate([np.empty((0, 3)), *(r.volts for r in received)])
+    return np.round(volts / 1e-3).astype(int).tolist()
+
+
+def sent_by(*some):
+    """Return what a decoder of its own makes of packets, one by one."""
+    return integers([samples for packet in some for samples in decoder().decode(packet)])
 
 
 @given(st.data())
@@ -112,12 +137,6 @@ def test_stuffed_bytes_are_read_as_published(plain, stuffed):
     assert cobs_decode(stuffed) == plain
 
 
-@given(st.lists(st.tuples(st.binary(max_size=3), st.integers(0, 600))))
-def test_stuffed_bytes_come_back(parts):
-    plain = b''.join(some + b'\x07' * more for some, more in parts)
-    assert cobs_decode(on_the_line(plain)[:-1]) == plain
-
-
 def test_the_tables_say_what_the_code_does():
     kinds = re.findall(r'^\| (0x\w+) \| `(\w+)` \| (\d) \|', TEXT, re.M)
     assert {name: int(kind, 16) for kind, name, _ in kinds} == PACKET_KINDS
@@ -135,3 +154,62 @@ def test_every_count_is_explained():
     explained = set(re.findall(r'`(\w+)`', TEXT))
     for doc in (PacketDecoder.__doc__, LineDecoder.__doc__):
         assert set(re.findall(r'``(\w+)``', doc.partition('counts :')[2])) <= explained
+
+
+# --- lost, repeated and late packets, and the times of their samples ---------------------------
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 8))
+def test_numbers_and_times_may_wrap(first, n):
+    receiver = decoder(channels=1)
+    received = []
+    for k in range(n):
+        # Both counters wrap somewhere near, at different packets.
+        sequence, time_us = (first + k) % 2**32, (2**32 - 2500 + k * PERIOD_US) % 2**32
+        received += receiver.feed(on_the_line(packet([[k]], 'int16', sequence, time_us)))
+    times_ns = [r.stamps_ns[0] for r in received]
+    assert np.diff(times_ns).tolist() == [PERIOD_US * 1000] * (n - 1)
+    assert [r.new_stretch for r in received] == [True] + [False] * (n - 1)
+    assert not receiver.counts['lost']
+
+
+@given(st.randoms(use_true_random=False))
+def test_any_order_of_datagrams_gives_samples_in_order_and_counts_the_rest(rng):
+    sent = packets(60)
+    came = sorted(sent * 2, key=lambda packet: sent.index(packet) + rng.uniform(0, 12))
+    came = sent[:1] + [packet for packet in came if rng.random() > 0.2]
+    receiver = decoder()
+    received = [samples for each in came for samples in receiver.decode(each)]
+    taken = integers(received)
+    wanted = sent_by(*sent)
+    assert taken == [row for row in wanted if row in taken]
+    counts = receiver.counts
+    assert counts['packets'] + counts['late'] == len(came)
+    first, last = wanted.index(taken[0]), wanted.index(taken[-1])
+    assert counts['packets'] + counts['lost'] == last - first + 1
+
+
+def test_a_sender_that_began_again_is_believed():
+    receiver = decoder()
+    for sent in packets(10, first=MOST_BEHIND):
+        assert receiver.decode(sent)
+    received = [samples for sent in packets(400) for samples in receiver.decode(sent)]
+    assert integers(received) == sent_by(*packets(400))
+    assert [r.new_stretch for r in received] == [True] + [False] * (len(received) - 1)
+    assert receiver.counts['restarts'] == 1
+    assert receiver.counts['lost'] == receiver.counts['late'] == 0
+
+
+def test_samples_that_begin_before_the_end_of_the_packet_before_are_spread_behind_it():
+    receiver = decoder(channels=1)
+
+    def times_us(sequence, time_us, n):
+        sent = packet(np.ones((n, 1)), 'int16', sequence, time_us, PERIOD_US * 1000)
+        return [(samples.stamps_ns / 1000).tolist() for samples in receiver.decode(sent)]
+
+    assert times_us(0, 0, 4) == [[0, 1000, 2000, 3000]]
+    assert times_us(1, 2000, 4) == [[3500, 4000, 4500, 5000]]
+    assert times_us(2, 4000, 1) == []  # There is no time left for it.
+    assert times_us(3, 6000, 2) == [[6000, 7000]]
+    wanted = {'packets': 3, 'samples': 10, 'overlap': 1, 'no_time': 1}
+    assert {name: receiver.counts[name] for name in (*wanted, 'lost')} == {**wanted, 'lost': 0}

@@ -20,6 +20,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from slip_detector.chain.samples import Samples
+from slip_detector.recordings import write_recording
 
 #: Made once, as it compiles code for each type that is used.
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -39,6 +40,12 @@ def rows(n=600, channels=3, seed=0, truth=True):
     volts = 4.3 + 1e-3 * rng.standard_normal((n, channels))
     slip = (np.arange(n) // 100) % 2 == 1
     return Samples(volts, stamps(n), slip if truth else None)
+
+
+def save(path, written):
+    """Write rows as a recording; return its path."""
+    write_recording(path, [written], 380.0, NAMES)
+    return path
 
 
 def gathered(recording):
