@@ -15,6 +15,7 @@
 
 """The page in a real browser: states of fingers, its connection, and who cannot see or click."""
 
+import copy
 import threading
 import time
 from pathlib import Path
@@ -120,13 +121,15 @@ def test_what_is_wrong_stands_first_and_whole_and_nothing_stands_twice(played):
 
 def test_names_and_diagnostics_are_shown_as_text(played):
     name = '<img src=x onerror="document.title=1">'
-    config = DetectorConfig(channels=2)
+    config = DetectorConfig(channels=2, groups={'a': (1,), 'b': (2,)})
     # No detector would take such names.
-    object.__setattr__(config, 'channel_names', (f'one {name}', f'two {name}'))
-    object.__setattr__(config, 'groups', {f'of {name}': (1,), f'no {name}': (2,)})
+    forged = copy.copy(config)
+    object.__setattr__(forged, 'channel_names', (f'one {name}', f'two {name}'))
+    object.__setattr__(forged, 'groups', {f'of {name}': (1,), f'no {name}': (2,)})
 
     def prepare(detectors):
         (finger,) = detectors.fingers.values()
+        finger.config = forged
         finger.diagnostics = (Diagnosis(1, name, f'{name} & lost'),)
         finger.no_volts = f'no volts are shown {name}'
 
