@@ -54,20 +54,11 @@ def mutated_bytes(draw, originals, most=4):
     data = bytearray(draw(st.sampled_from(originals)))
     for _ in range(draw(st.integers(0, most))):
         begin = draw(st.integers(0, len(data)))
-        end = min(len(data), begin + draw(st.sampled_from([0, 1, 2, 4, 8, 64, 1024])))
-        kind = draw(st.sampled_from(['flip', 'set', 'cut', 'double', 'put', 'end']))
-        if kind == 'flip' and begin < len(data):
-            data[begin] ^= 1 << draw(st.integers(0, 7))
-        elif kind == 'set':
-            data[begin:end] = bytes([draw(st.sampled_from([0, 1, 127, 128, 255]))]) * (end - begin)
-        elif kind == 'cut':
-            del data[begin:end]
-        elif kind == 'double':
-            data[begin:begin] = data[begin:end]
-        elif kind == 'put':
-            data[begin:begin] = draw(st.binary(max_size=16))
-        elif kind == 'end':
-            del data[begin:]
+        end = begin + draw(st.sampled_from([0, 1, 2, 4, 8, 64, 1024, len(data)]))
+        piece = bytes(data[begin:end])
+        put = [b'', 2 * piece, *(bytes([value]) * len(piece) for value in (0, 1, 127, 128, 255))]
+        put += [bytes([piece[0] ^ 1 << bit]) + piece[1:] for bit in range(8) if piece]
+        data[begin:end] = draw(st.one_of(st.sampled_from(put), st.binary(max_size=16)))
     return bytes(data)
 
 
