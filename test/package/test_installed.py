@@ -34,11 +34,6 @@ pytestmark = pytest.mark.skipif(
 EXECUTABLES = re.findall(r"f'(\w+) = ", (ROOT / 'setup.py').read_text())
 
 
-def test_every_executable_is_where_ros2_run_looks():
-    folder = Path(PREFIX) / 'lib' / 'slip_detector'
-    assert {path.name for path in folder.iterdir()} == set(EXECUTABLES)
-
-
 def test_the_index_and_all_shared_files_are_there():
     share = Path(PREFIX) / 'share'
     assert (share / 'ament_index/resource_index/packages/slip_detector').is_file()
@@ -67,7 +62,7 @@ def test_the_files_of_the_live_page_are_installed(tmp_path):
 
 
 @pytest.mark.parametrize('name', EXECUTABLES)
-def test_the_command_lines_run(name):
+def test_the_command_lines_run_where_ros2_run_looks_for_them(name):
     command = [Path(PREFIX) / 'lib' / 'slip_detector' / name, '--help']
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
     assert name in done.stdout
