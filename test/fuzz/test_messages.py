@@ -20,8 +20,7 @@ from hypothesis import strategies as st
 
 pytest.importorskip('rclpy', reason='needs rclpy')
 
-from fuzz.fuzzing import fuzz
-from fuzz.mutations import mutated_bytes
+from fuzz.fuzzing import fuzz, mutated_bytes
 from geometry_msgs.msg import WrenchStamped
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState

@@ -17,8 +17,7 @@
 import itertools
 
 import numpy as np
-from fuzz.fuzzing import fuzz
-from fuzz.mutations import mutated_bytes
+from fuzz.fuzzing import fuzz, mutated_bytes
 from hypothesis import strategies as st
 
 from slip_detector.sources.live import DeviceClock

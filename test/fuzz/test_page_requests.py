@@ -18,8 +18,7 @@
 import asyncio
 import json
 
-from fuzz.fuzzing import fuzz
-from fuzz.mutations import STRANGE
+from fuzz.fuzzing import STRANGE, fuzz
 from hypothesis import strategies as st
 
 from slip_detector.parameters import DetectorConfig, DriverConfig

@@ -15,8 +15,7 @@
 """Sets of parameters, as services and programs give them."""
 
 import pytest
-from fuzz.fuzzing import fuzz
-from fuzz.mutations import STRANGE, some_values
+from fuzz.fuzzing import STRANGE, fuzz, some_values
 from hypothesis import strategies as st
 
 from slip_detector.chain.slip_chain import SlipChain, check_memory

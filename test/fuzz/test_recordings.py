@@ -21,8 +21,7 @@ import zipfile
 from pathlib import Path
 
 import numpy as np
-from fuzz.fuzzing import fuzz, put
-from fuzz.mutations import mutated_bytes
+from fuzz.fuzzing import fuzz, mutated_bytes, put
 from hypothesis import strategies as st
 
 from slip_detector.parameters.driver import RecordingConfig

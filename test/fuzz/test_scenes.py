@@ -15,8 +15,7 @@
 """Descriptions of scenes, of all parts with all that a parameter can be."""
 
 import numpy as np
-from fuzz.fuzzing import fuzz
-from fuzz.mutations import STRANGE, some_values
+from fuzz.fuzzing import STRANGE, fuzz, some_values
 from hypothesis import strategies as st
 
 from slip_detector.scenes import Scene

@@ -16,8 +16,7 @@
 
 from pathlib import Path
 
-from fuzz.fuzzing import fuzz, put
-from fuzz.mutations import mutated_text
+from fuzz.fuzzing import fuzz, mutated_text, put
 
 from slip_detector.parameters.files import read_yaml, shared_folder
 from slip_detector.recordings.labels import read_labels
