@@ -65,19 +65,13 @@ def test_a_high_pass_keeps_all_stop_bands_and_a_band_pass_those_below_its_upper_
         assert (other.passband_hz, other.stopbands_hz, other.vote) == ((10.0, 150.0), kept, 2)
 
 
-def test_the_papers_results_are_reproduced_and_each_variant_has_the_figures_of_its_chain():
+def test_the_papers_results_are_reproduced_and_a_claim_without_figures_is_undefined():
     plates = {plate: simulate_trials(scene, range(TRIALS)) for plate, scene in SCENES.items()}
     result = run_protocol(plates, ChainConfig())
     assert (result['all']['detected'], result['all']['trials']) == (30, 30)
     wanted = verdicts(WANTED, result)
     assert [entry['met'] for entry in wanted.values()] == [True] * 10
     assert wanted['claims.mean_delay_ms_440']['bound'] == '31.00 to 52.56'
-    # The paper's own windows are the default.
-    assert result['windows']['40'] == {key: result[key] for key in ('plates', 'all')}
-    short = ChainConfig(envelope_window_s=0.02, decision_window_s=0.02)
-    wide = ChainConfig(passband_hz=(10.0, 150.0), stopbands_hz=((0.5, 7.0),))
-    assert result['windows']['20'] == evaluate_plates(plates, short)
-    assert result['bands']['10-150'] == evaluate_plates(plates, wide)
     result['plates']['440']['mean_delay_ms'] = None
     undefined = {name for name, figure in claims(result).items() if figure is None}
     assert {'mean_delay_ms_440', 'least_rise_ms', 'bands_10-100_least_shortening_ms'} <= undefined

@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 
 pytest.importorskip('rclpy', reason='needs rclpy')
 
+from fuzz.fuzzing import fuzz, mutated_bytes
 from geometry_msgs.msg import WrenchStamped
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
@@ -28,8 +29,6 @@ from std_msgs.msg import Float32MultiArray, MultiArrayDimension, MultiArrayLayou
 from slip_detector.nodes.inputs import Input
 from slip_detector.nodes.messages import stamp_ns
 from slip_detector.parameters.detector import DetectorConfig
-from support.fuzzing import fuzz
-from support.mutations import mutated_bytes
 
 pytestmark = pytest.mark.nodes
 

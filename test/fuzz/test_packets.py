@@ -17,12 +17,11 @@
 import itertools
 
 import numpy as np
+from fuzz.fuzzing import fuzz, mutated_bytes
 from hypothesis import strategies as st
 
 from slip_detector.sources.live import DeviceClock
 from slip_detector.sources.packets import PacketDecoder
-from support.fuzzing import fuzz
-from support.mutations import mutated_bytes
 from support.reference_packets import on_the_line, packet
 
 CHANNELS = 3

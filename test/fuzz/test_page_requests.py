@@ -18,6 +18,7 @@
 import asyncio
 import json
 
+from fuzz.fuzzing import STRANGE, fuzz
 from hypothesis import strategies as st
 
 from slip_detector.parameters import DetectorConfig, DriverConfig
@@ -26,8 +27,6 @@ from slip_detector.view.bag import PlayedBag
 from slip_detector.view.parameters import ParameterRequests
 from slip_detector.view.server import Server
 from slip_detector.view.teaching import Teaching
-from support.fuzzing import fuzz
-from support.mutations import STRANGE
 from support.simulated_detectors import SimulatedDetectors
 from support.training import write_recordings
 
@@ -56,7 +55,7 @@ def test_any_request_is_answered_in_one_line_and_logs_none(tmp_path, caplog):
         answer = asyncio.run(server.answer({'type': kind, **USUAL, **changes}))
         json.dumps(answer).encode()
         server.tick()
-        assert caplog.text == ''
+        assert [line for line in caplog.messages if not line.startswith('compiling')] == []
         if answer['refusal']:
             raise ValueError(answer['refusal'])
 

@@ -21,17 +21,14 @@ import zipfile
 from pathlib import Path
 
 import numpy as np
+from fuzz.fuzzing import fuzz, mutated_bytes, put
 from hypothesis import strategies as st
 
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.recordings import open_recording, write_recording
-from support.bags import check_same, rows
-from support.fuzzing import fuzz, put
+from support.bags import ENDINGS, NAMES, check_same, rows
 from support.limits import little_memory
-from support.mutations import mutated_bytes
 from support.recorded import read_recording
-
-ENDINGS = ('.npz', '.csv', '.mcap', '.db3')
 
 #: In the folder of a bag this file has the bytes of a case.
 METADATA = '/metadata.yaml'
@@ -41,17 +38,13 @@ CONFIG = RecordingConfig(recording_limit_mb=8.0)
 MOST_BYTES = 1_000_000_000
 
 
-def sound(folder):
-    """Write a recording of each kind; return their bytes."""
-    names = ['left', 'right', 'tip']
-    found = {}
+def write_some(folder):
+    """Write a recording of each kind; return the files by how their paths end."""
     for ending in ENDINGS:
-        path = folder / f'sound{ending}'
-        write_recording(path, [rows(60)], 380.0, names)
-        found[ending] = path.read_bytes()
-    write_recording(folder / 'some', [rows(60)], 380.0, names)
-    found[METADATA] = (folder / f'some{METADATA}').read_bytes()
-    return found
+        write_recording(folder / f'some{ending}', [rows(60)], 380.0, NAMES)
+    return {
+        ending: Path(f'{folder}/some{ending}') for ending in (*filter(None, ENDINGS), METADATA)
+    }
 
 
 def npz(**arrays):
@@ -59,10 +52,11 @@ def npz(**arrays):
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, 'w', zipfile.ZIP_DEFLATED) as archive:
         for name, value in arrays.items():
-            array = io.BytesIO(value if isinstance(value, bytes) else b'')
-            if not isinstance(value, bytes):
-                np.save(array, value)
-            archive.writestr(f'{name}.npy', array.getvalue())
+            with archive.open(f'{name}.npy', 'w') as file:
+                if isinstance(value, bytes):
+                    file.write(value)
+                else:
+                    np.save(file, value)
     return buffer.getvalue()
 
 
@@ -105,8 +99,8 @@ def corpus(found):
 
 
 def test_any_bytes_are_read_or_refused_in_one_line_and_never_take_much_memory(tmp_path):
-    found = sound(tmp_path)
-    paths = {ending: Path(f'{tmp_path}/some{ending}') for ending in found}
+    paths = write_some(tmp_path)
+    found = {ending: path.read_bytes() for ending, path in paths.items()}
 
     def check(case):
         ending, data = case
@@ -125,7 +119,7 @@ def test_any_bytes_are_read_or_refused_in_one_line_and_never_take_much_memory(tm
 
 def test_of_an_mcap_all_before_the_damage_is_read_as_it_was_and_the_damage_said(tmp_path):
     folder, written = tmp_path / 'some', rows(1000)
-    write_recording(folder, [written], 380.0, ['left', 'right', 'tip'])
+    write_recording(folder, [written], 380.0, NAMES)
     file = folder / 'some.mcap'
     whole = file.read_bytes()
     ends = [whole.index(row.tobytes()) + row.nbytes for row in written.volts]

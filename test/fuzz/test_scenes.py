@@ -15,13 +15,12 @@
 """Descriptions of scenes, of all parts with all that a parameter can be."""
 
 import numpy as np
+from fuzz.fuzzing import STRANGE, fuzz, some_values
 from hypothesis import strategies as st
 
 from slip_detector.scenes import Scene
 from slip_detector.scenes.motion import Step
 from slip_detector.scenes.parts import PARTS, Sampling
-from support.fuzzing import fuzz
-from support.mutations import STRANGE, some_values
 
 #: Longest scene whose beginning is played, and the most patches of its contact.
 MOST_S, MOST_ROWS = 100.0, 20

@@ -16,11 +16,11 @@
 
 from pathlib import Path
 
-from slip_detector.parameters import DetectorConfig, DriverConfig, GraspConfig, TuneConfig
+from fuzz.fuzzing import fuzz, mutated_text, put
+
 from slip_detector.parameters.files import read_yaml, shared_folder
 from slip_detector.recordings.labels import read_labels
-from support.fuzzing import fuzz, put
-from support.mutations import mutated_text
+from support.config_cases import SETS
 
 FILES = sorted((shared_folder() / 'config').glob('*.yaml'))
 PIECES = [
@@ -51,8 +51,7 @@ CORPUS = [
 
 def test_any_text_of_a_file_is_read_or_refused_in_one_line_that_names_the_file(tmp_path):
     file = tmp_path / 'some.yaml'
-    sets = (DetectorConfig, DriverConfig, GraspConfig, TuneConfig)
-    readers = [*(one.from_yaml for one in sets), read_labels, read_yaml]
+    readers = [*(config.from_yaml for config in SETS), read_labels, read_yaml]
 
     def check(text):
         # As bytes that are no text too.
@@ -62,11 +61,10 @@ def test_any_text_of_a_file_is_read_or_refused_in_one_line_that_names_the_file(t
             try:
                 reader(file)
             except ValueError as error:
-                refused.append(error)
-        for error in refused:
-            assert str(error).startswith(f'{file}'), error
+                refused.append(str(error))
+        assert all(line.startswith(f'{file}') for line in refused), refused
         if len(refused) == len(readers):
-            raise refused[0]
+            raise ValueError(refused[0])
 
     texts = [path.read_text(encoding='utf-8') for path in FILES]
     texts += ['slip_s: [[1.0, 2.5], [3.0, 4.0]]\naccuracy_s: 0.35\n', 'kind: press\n']

@@ -19,6 +19,7 @@ decision, which the message of its commit names.
 """
 
 import dataclasses
+import functools
 import hashlib
 import json
 import os
@@ -50,11 +51,11 @@ PRESETS = 'slip_detector', 'onset', 'sure', 'grasp'
 #: Only this row in so many is kept of the levels.
 STRIDE = 400
 
-#: Parameters of each node: all topics that they can add.
+#: Words for each node: parameters that add all topics that they can add.
 NODES = {
-    'slip_driver': {'source': 'scene', 'scene': 'grasp', 'wait_for_grip': 'true'},
-    'slip_detector': {'publish_channels': 'true'},
-    'grasp_controller': {},
+    'slip_driver': ['-p', 'source:=scene', '-p', 'scene:=grasp', '-p', 'wait_for_grip:=true'],
+    'slip_detector': ['-p', 'publish_channels:=true'],
+    'grasp_controller': [],
 }
 
 #: What every node of rclpy has.
@@ -115,19 +116,18 @@ def digest(array):
     return hashlib.sha256(np.ascontiguousarray(array).tobytes()).hexdigest()[:16]
 
 
-def volts_of(name):
+@functools.cache
+def samples_of(name):
     """Return the samples of a whole scene."""
     scene = load_scene(ROOT / 'config' / 'scenes' / f'{name}.yaml', np.random.default_rng(0))
-    return scene.read(scene.length).volts
+    return scene.read(scene.length)
 
 
 def decided(scene, preset):
     """Return the decisions of a preset on a scene, and some of its levels."""
     config = ChainConfig.from_yaml(ROOT / 'config' / f'{preset}.yaml')
-    result = SlipChain(config).update(volts_of(scene))
-    decisions = np.hstack(
-        [result.slip[:, np.newaxis], result.groups, result.channels, result.valid]
-    )
+    result = SlipChain(config).update(samples_of(scene).volts)
+    decisions = np.column_stack([result.slip, result.groups, result.channels, result.valid])
     return {
         'slip_rows': int(result.slip.sum()),
         'decisions': digest(np.packbits(decisions)),
@@ -139,7 +139,7 @@ def decided(scene, preset):
 def paper_figures():
     scenes = protocol.SCENES.items()
     plates = {plate: protocol.simulate_trials(scene, [0]) for plate, scene in scenes}
-    return json.loads(json.dumps(protocol.run_protocol(plates, ChainConfig())))
+    return protocol.run_protocol(plates, ChainConfig())
 
 
 def grasp_figures():
@@ -157,21 +157,20 @@ def figures_of_the_demo():
     from slip_detector.parameters.detector import DetectorConfig
 
     config = DetectorConfig.from_yaml(ROOT / 'config' / 'slip_detector.yaml')
-    scene = load_scene(ROOT / 'config' / 'scenes' / 'plate_400um.yaml', np.random.default_rng(0))
-    samples = scene.read(scene.length)
+    samples = samples_of('plate_400um')
     stamps_s = samples.stamps_ns * 1e-9
     result = SlipChain(config).update(samples.volts)
-    states = {'slip': result.slip}
-    states |= {f'slip/group/{name}': result.groups[:, i] for i, name in enumerate(config.groups)}
-    states |= {
-        f'slip/channel/{name}': result.channels[:, i] for i, name in enumerate(config.names)
-    }
-    changed = {topic: np.diff(of, prepend=~of[:1]) for topic, of in states.items()}
-    changes = {topic: (stamps_s[at], states[topic][at]) for topic, at in changed.items()}
+    topics = ['slip', *(f'slip/group/{name}' for name in config.groups)]
+    topics += [f'slip/channel/{name}' for name in config.names]
+    states = np.column_stack([result.slip, result.groups, result.channels])
+    changes = {}
+    for topic, state in zip(topics, states.T, strict=True):
+        changed = np.diff(state, prepend=~state[:1])
+        changes[topic] = stamps_s[changed], state[changed]
     heard = Heard(
         stamps_s, samples.volts, stamps_s, samples.position_m, np.zeros(len(stamps_s)), changes
     )
-    return json.loads(json.dumps(demo_figures(heard, config)))
+    return demo_figures(heard, config)
 
 
 def parameters():
@@ -193,21 +192,17 @@ def parameters():
 
 
 def topics():
-    return {name: topics_of(name, parameters) for name, parameters in NODES.items()}
-
-
-def topics_of(executable, parameters):
-    """Return the topics of a node: name, kind, type and quality of service of each."""
-    given = [word for item in parameters.items() for word in ('-p', ':='.join(item))]
-    run = subprocess.run(
-        [sys.executable, '-c', PRINT, executable, '--ros-args', *given],
-        capture_output=True,
-        text=True,
-        check=True,
-        env={**os.environ, 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'},
-    )
-    lines = [line for line in run.stdout.splitlines() if line.startswith('[[')]
-    return [topic for topic in json.loads(lines[-1]) if topic[0] not in OF_RCLPY]
+    """Return the topics of each node: name, kind, type and quality of service."""
+    found = {}
+    for node, words in NODES.items():
+        run = subprocess.run(
+            [sys.executable, '-c', PRINT, node, '--ros-args', *words],
+            env={**os.environ, 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'},
+            capture_output=True, text=True, check=True,
+        )  # fmt: skip
+        lines = [line for line in run.stdout.splitlines() if line.startswith('[[')]
+        found[node] = [topic for topic in json.loads(lines[-1]) if topic[0] not in OF_RCLPY]
+    return found
 
 
 #: What makes the content of each golden file but that of the decisions.
@@ -219,21 +214,22 @@ def golden(name):
     return json.loads((GOLDEN / name).read_text(encoding='utf-8'))
 
 
-def assert_same(found, wanted, where=''):
+def assert_same(found, wanted):
     """Compare to nine digits what two JSON objects hold; the last digits are the processor's."""
-    assert type(found) is type(wanted), where
-    if isinstance(wanted, dict):
-        assert list(found) == list(wanted), where
-        for key, value in wanted.items():
-            assert_same(found[key], value, f'{where}/{key}')
-    elif isinstance(wanted, list):
-        assert len(found) == len(wanted), where
-        for i, value in enumerate(wanted):
-            assert_same(found[i], value, f'{where}/{i}')
-    elif isinstance(wanted, float):
-        assert found == pytest.approx(wanted, rel=1e-9, abs=1e-12, nan_ok=True), where
-    else:
-        assert found == wanted, where
+    (found, found_floats), (wanted, wanted_floats) = map(without_floats, (found, wanted))
+    assert found == wanted
+    assert found_floats == pytest.approx(wanted_floats, rel=1e-9, abs=1e-12, nan_ok=True)
+
+
+def without_floats(content):
+    """Return the text of a JSON object with null for each float, and the floats."""
+    floats = []
+
+    def take(number):
+        floats.append(float(number))
+
+    rest = json.loads(json.dumps(content), parse_float=take, parse_constant=take)
+    return json.dumps(rest, indent=1), floats
 
 
 @pytest.mark.parametrize('preset', PRESETS)

@@ -26,8 +26,6 @@ SOURCES = [str(ROOT / name) for name in (*FOLDERS, 'setup.py')]
 #: How a comment begins, by the ending of a source.
 MARKS = {'.py': '#', '.c': '//', '.cpp': '//'}
 
-REASON = 'needs the ament linters, which come with a ROS 2 installation'
-
 #: What of PEP 257 does not fit to numpydoc, with Ruff checking the rest in its own words: where a
 #: summary stands (213), an empty line at the end (413), properties that say what they are (401),
 #: and parameters whose names are those of sections, `notes` and `parameters`.
@@ -47,18 +45,15 @@ def test_each_source_begins_with_copyright_and_license():
         )
 
 
-def test_ament_copyright_finds_copyright_and_license_everywhere():
-    linter = pytest.importorskip('ament_copyright.main', reason=REASON)
-    files = [str(ROOT / name) for name in ('LICENSE', 'CONTRIBUTING.md')]
-    assert linter.main([*SOURCES, *files]) == 0
-
-
-def test_ament_flake8_finds_nothing():
-    linter = pytest.importorskip('ament_flake8.main', reason=REASON)
-    config = str(Path(__file__).parent / 'ament_flake8.ini')
-    assert linter.main(['--config', config, *SOURCES]) == 0
-
-
-def test_ament_pep257_finds_nothing():
-    linter = pytest.importorskip('ament_pep257.main', reason=REASON)
-    assert linter.main(['--add-ignore', *NUMPYDOC, '--', *SOURCES]) == 0
+@pytest.mark.parametrize(
+    ('name', 'words'),
+    [
+        ('copyright', [str(ROOT / 'LICENSE'), str(ROOT / 'CONTRIBUTING.md')]),
+        ('flake8', ['--config', str(Path(__file__).parent / 'ament_flake8.ini')]),
+        ('pep257', ['--add-ignore', *NUMPYDOC, '--']),
+    ],
+)
+def test_a_linter_of_ros_finds_nothing(name, words):
+    reason = 'needs the ament linters, which come with a ROS 2 installation'
+    linter = pytest.importorskip(f'ament_{name}.main', reason=reason)
+    assert linter.main([*words, *SOURCES]) == 0

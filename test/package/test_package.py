@@ -14,7 +14,6 @@
 
 """What is written twice, in files that different tools read, says the same."""
 
-import ast
 import re
 import subprocess
 import sys
@@ -22,6 +21,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from package.imported_names import imported_names
 
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.files import read_yaml
@@ -40,19 +40,6 @@ OF_UBUNTU = {'matplotlib', 'numba', 'numpy', 'scipy', 'serial', 'tornado', 'tqdm
 WITHOUT_KEY = {'llvmlite', 'optuna', 'rosbags'}
 
 
-def imported(paths):
-    """Return the names of the packages that the files import."""
-    names = set()
-    for path in paths:
-        for node in ast.walk(ast.parse(path.read_text())):
-            if isinstance(node, ast.Import):
-                names.update(alias.name.split('.')[0] for alias in node.names)
-            elif isinstance(node, ast.ImportFrom):
-                names.add(node.module.split('.')[0])
-    # Only type checkers import typing_extensions.
-    return names - {'slip_detector', 'typing_extensions'} - set(sys.stdlib_module_names)
-
-
 def package_xml():
     return ElementTree.parse(ROOT / 'package.xml').getroot()
 
@@ -60,7 +47,10 @@ def package_xml():
 def test_package_xml_names_every_dependency_and_no_other():
     tags = ('depend', 'exec_depend')
     declared = {element.text for tag in tags for element in package_xml().findall(tag)}
-    used = imported([*SOURCES, *LAUNCH_FILES])
+    names = set().union(*map(imported_names, [*SOURCES, *LAUNCH_FILES]))
+    # Only type checkers import typing_extensions.
+    not_declared = {'slip_detector', 'typing_extensions', *sys.stdlib_module_names}
+    used = {name.partition('.')[0] for name in names} - not_declared
     assert used >= WITHOUT_KEY
     keys = {f'python3-{name}' if name in OF_UBUNTU else name for name in used - WITHOUT_KEY}
     assert keys == declared

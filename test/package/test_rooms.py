@@ -21,6 +21,7 @@ from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
+from package.imported_names import imported_names
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGE, BENCHMARKS = ROOT / 'slip_detector', ROOT / 'benchmarks'
@@ -42,34 +43,17 @@ def modules_in(folder):
     }
 
 
-def tree_of(path):
-    return ast.parse(path.read_text(encoding='utf-8'))
-
-
-def imports_of(tree, modules):
-    """Return those of the modules that a file imports, wherever in it the import stands.
-
-    Imports for annotations only (``if TYPE_CHECKING``) count too: who reads the file follows them.
-    """
-    found = set()
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names if alias.name in modules}
-        elif isinstance(node, ast.ImportFrom) and node.module in modules:
-            assert node.level == 0, 'imports are absolute'
-            inner = {f'{node.module}.{alias.name}' for alias in node.names}
-            found |= inner & set(modules)
-            # A package that hands a name on is imported itself.
-            if inner - set(modules):
-                found.add(node.module)
-    return found
-
-
 @functools.cache
 def imports(folder):
     """Return what each module of a folder imports of that folder."""
     modules = modules_in(folder)
-    return {name: imports_of(tree_of(path), modules) - {name} for name, path in modules.items()}
+    found = {}
+    for module, path in modules.items():
+        names = imported_names(path)
+        # A module that hands a name on is imported itself.
+        names = {name if name in modules else name.rpartition('.')[0] for name in names}
+        found[module] = (names & {*modules}) - {module}
+    return found
 
 
 def room_of(module):
@@ -82,7 +66,7 @@ def test_the_rooms_are_these_and_each_says_what_it_is_for():
     assert {folder.name for folder in folders} == set(ARROWS)
     assert {path.name for path in PACKAGE.glob('*.py')} == {'__init__.py', 'compiled.py'}
     for folder in folders:
-        says = ast.get_docstring(tree_of(folder / '__init__.py'))
+        says = ast.get_docstring(ast.parse((folder / '__init__.py').read_text('utf-8')))
         assert says, folder
         assert says.split('\n')[0].endswith('.'), folder
 

@@ -17,7 +17,6 @@
 import contextlib
 import fcntl
 import functools
-import math
 import os
 import re
 import signal
@@ -191,8 +190,7 @@ class Bench:
     def start_view(self, *words):
         """Start slip_view on a free port; return the process and the address of its page."""
         view = self.start_python('-m', 'slip_detector.nodes.view', '--port', '0', *words)
-        self.wait_for(lambda: view.ended() or 'http://' in view.log(), 'the address')
-        assert not view.ended(), view.log()
+        self.wait_for(lambda: 'http://' in view.log(), 'the address', view)
         return view, re.search(r'^slip_view: (http://\S+)$', view.log(), re.M)[1]
 
     def check_refused(self, name, parameters, words):
@@ -215,11 +213,9 @@ class Bench:
         process = self.start('slip_driver', *words, parameters=given, reliable_samples=True)
 
         def known():
-            if process.ended():
-                pytest.fail(f'the driver ended:\n{process.log()}')
             return all(subscription.get_publisher_count() for subscription in subscriptions)
 
-        self.wait_for(known, 'the driver to be known')
+        self.wait_for(known, 'the driver to be known', process)
         self.node.create_subscription(
             subscriptions[0].msg_type, 'voltages', lambda message: None, sensor_qos()
         )
@@ -259,23 +255,21 @@ class Bench:
             return client
         client = self._clients[service] = self.node.create_client(service_type, service)
         self.wait_for(client.service_is_ready, service)
-        asked, asked_s = [], -math.inf
+        asked = []
 
         def answered():
-            nonlocal asked_s
-            if time.monotonic() - asked_s >= ASK_AGAIN_S:
-                asked_s = time.monotonic()
-                asked.append(client.call_async(service_type.Request()))
+            asked.append(client.call_async(service_type.Request()))
+            self.executor.spin_until_future_complete(asked[-1], ASK_AGAIN_S)
             return any(future.done() for future in asked)
 
         self.wait_for(answered, f'an answer of {service}')
         return client
 
-    def wait_for(self, condition, what):
-        """Spin until the condition holds; fail with what the processes said."""
+    def wait_for(self, condition, what, process=None):
+        """Spin until the condition holds; fail with what all processes said, or if one ends."""
         deadline = time.monotonic() + DEADLINE_S
         while not condition():
-            if time.monotonic() > deadline:
+            if time.monotonic() > deadline or (process and process.ended()):
                 logs = '\n'.join(process.log() for process in self.processes)
                 pytest.fail(f'waited in vain for {what}; the processes said:\n{logs}')
             self.executor.spin_once(timeout_sec=0.05)
@@ -378,12 +372,11 @@ class Detected:
         self.valid = bench.listen(Bool, 'slip_valid', patient_state_qos())
         self.voltages = bench.node.create_publisher(message_type, 'voltages', reliable_qos())
         self.process = bench.start('slip_detector', parameters=parameters, reliable_samples=True)
-        bench.wait_for(self._connected, 'the detector to connect')
-
-    def _connected(self):
-        if self.process.ended():
-            pytest.fail(f'the detector ended:\n{self.process.log()}')
-        return bool(self.voltages.get_subscription_count() and self.slip and self.valid)
+        bench.wait_for(
+            lambda: self.voltages.get_subscription_count() and self.slip and self.valid,
+            'the detector to connect',
+            self.process,
+        )
 
     def send(self, volts, at_ns, names=()):
         """Publish a sample."""

@@ -33,10 +33,8 @@ def configs(draw, **fixed):
     # The last of several tiles mostly overlaps the one before it.
     channels = draw(st.one_of(st.integers(1, 40), st.integers(LANES + 1, 70)))
     order = draw(st.permutations(range(1, channels + 1)), label='order')
-    enabled = order[: draw(st.integers(1, channels), label='enabled')]
-    disabled = order[len(enabled) :]
-    if draw(st.booleans(), label='all enabled'):
-        enabled, disabled = order, []
+    n_enabled = draw(st.one_of(st.just(channels), st.integers(1, channels)), label='enabled')
+    enabled, disabled = order[:n_enabled], order[n_enabled:]
     n_groups = draw(st.integers(1, min(len(enabled), 6)), label='groups')
     groups = {f'g{i}': enabled[i::n_groups] for i in range(n_groups)}
     # A vote of more channels than a group has enabled is refused.
@@ -52,10 +50,8 @@ def configs(draw, **fixed):
         low = draw(st.floats(0.01, 0.2)) * rate
         passband = (low, low + draw(st.floats(0.03, 0.25)) * rate)
         degree = draw(st.sampled_from([2, 4, 6]))
-    stopbands = []
-    for _ in range(draw(st.integers(0, 3), label='stop-bands')):
-        low = draw(st.floats(0.005, 0.3)) * rate
-        stopbands.append((low, low + draw(st.floats(0.02, 0.18)) * rate))
+    bands = st.tuples(st.floats(0.005, 0.3), st.floats(0.02, 0.18))
+    stopbands = draw(st.lists(bands, max_size=3), label='low edges and widths of stop-bands')
     values = {
         'sample_rate_hz': rate,
         'channels': channels,
@@ -66,7 +62,7 @@ def configs(draw, **fixed):
         'passband_hz': passband,
         'passband_degree': degree,
         'gain': draw(st.sampled_from([0.5, 1.0, 100.0])),
-        'stopbands_hz': stopbands,
+        'stopbands_hz': [(low * rate, (low + width) * rate) for low, width in stopbands],
         'stopband_degree': draw(st.sampled_from([2, 4])),
         'stopband_ripple_db': draw(st.sampled_from([0.01, 0.5])),
         'stopband_attenuation_db': draw(st.sampled_from([20.0, 40.0])),
@@ -146,11 +142,8 @@ def with_evidence(draw, config, volts):
     envelopes = SlipChain(mean).update(volts).envelope
     positive = envelopes[envelopes > 0]
     middle = float(np.median(positive)) if positive.size else 1.0
-    exponents = st.floats(-1.5, 0.5)
-    if draw(st.booleans(), label='a floor for each channel'):
-        floors = [middle * 10 ** draw(exponents) for _ in range(config.channels)]
-    else:
-        floors = [middle * 10 ** draw(exponents)]
+    n_floors = draw(st.sampled_from([1, config.channels]), label='floors')
+    floors = [middle * 10 ** draw(st.floats(-1.5, 0.5)) for _ in range(n_floors)]
     offset_db = draw(st.sampled_from([0.0, 3.5, 7.0]))
     limit_db_s = draw(st.sampled_from([0.02, 0.3, 1.3]))
     enabled = config.channels - len(config.disabled_channels)

@@ -53,10 +53,8 @@ def complaint(path, config=None):
 
 
 def save_rows(path, volts, stamps_ns=None, rate_hz=RATE_HZ, **arrays):
-    if stamps_ns is not None:
-        arrays['stamps_ns'] = stamps_ns
-    np.savez(path, volts=volts, sample_rate_hz=rate_hz, **arrays)
-    return path
+    rows = {'volts': volts, 'stamps_ns': stamps_ns, 'sample_rate_hz': rate_hz, 'slip': None}
+    return save_npz(path, **rows | arrays)
 
 
 def stretches_of(pieces):

@@ -40,13 +40,6 @@ def gripped(duration_s):
     return {'steps': steps, 'friction': {'model': 'lugre'}, 'texture': texture, **HAND}
 
 
-def tapped(duration_s):
-    """The same, with a knock every two seconds."""
-    times_s = np.arange(BEGIN_S + 1.0, BEGIN_S + duration_s, 2.0).tolist()
-    taps = {'times_s': times_s, 'peak_force_n': 0.5, 'duration_s': 0.01}
-    return {**gripped(duration_s), 'taps': taps}
-
-
 def slipping():
     """A plate that slides once, after two seconds at rest."""
     return {**read_yaml(find_scene('plate_400um')), **HAND}
@@ -57,11 +50,14 @@ def samples(description, duration_s, seed):
     return Scene(description, np.random.default_rng(seed)).read(round(duration_s * RATE_HZ))
 
 
+#: A knock every two seconds.
+TAPS = {'times_s': np.arange(3.0, 14.0, 2.0).tolist(), 'peak_force_n': 0.5, 'duration_s': 0.01}
+
 #: Recordings in the order of their seeds: a scene, and how long it is read.
 RECORDINGS = {
     'rest_1': (gripped(8.0), 10.0),
     'rest_2': (gripped(8.0), 10.0),
-    'taps_1': (tapped(12.0), 14.0),
+    'taps_1': ({**gripped(12.0), 'taps': TAPS}, 14.0),
     **{f'slip_{k + 1}': (slipping(), 9.6) for k in range(6)},
 }
 

@@ -12,12 +12,81 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Values of parameters about what is allowed, and valid bytes and texts with random damage."""
+"""Damaged and hostile inputs: a few in each run of the tests, any number on request.
+
+``make fuzz seconds=600`` tries each subject of ``test/fuzz`` for its share of that time, with new
+inputs each time. What fails is shown as small as Hypothesis can make it, is kept in
+``.hypothesis`` and tried first the next time; as a case in the corpus of its subject it stays.
+"""
 
 import dataclasses
 import math
+import os
+import re
+import time
 
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from hypothesis.database import DirectoryBasedExampleDatabase
+
+#: Time for each subject, in seconds; 0: the corpus and a few inputs, the same in each run.
+SECONDS = float(os.environ.get('SLIP_FUZZ_SECONDS', '0'))
+
+#: Inputs at a time in a long run.
+ROUND = 500
+
+#: Longest line of a refusal: a value that makes it longer is a fault of the message.
+MOST_CHARACTERS = 2000
+
+
+def put(content, path):
+    """Make a path a file of these bytes, or a link to another path."""
+    path.unlink(missing_ok=True)
+    if isinstance(content, bytes):
+        path.write_bytes(content)
+    else:
+        path.symlink_to(content)
+
+
+def fuzz(strategy, check, *, corpus, few, refusal=''):
+    """Try the corpus of a subject, then inputs that a strategy draws.
+
+    Parameters
+    ----------
+    strategy
+        Hypothesis strategy of the inputs.
+    check
+        Takes an input, and asserts what holds for one that is taken. One that is refused is to
+        raise a ValueError of one line.
+    corpus
+        Inputs that went wrong once.
+    few
+        Number of inputs in a short run.
+    refusal
+        Regular expression that each refusal matches.
+    """
+
+    def judge(case):
+        try:
+            check(case)
+        except ValueError as error:
+            line = str(error)
+            assert line.splitlines() == [line], line
+            assert len(line) <= MOST_CHARACTERS, line[:MOST_CHARACTERS]
+            assert re.search(refusal, line), line
+
+    for case in corpus:
+        judge(case)
+    ends_s = time.monotonic() + SECONDS
+    how = settings(max_examples=few, suppress_health_check=list(HealthCheck))
+    if SECONDS:
+        kept = DirectoryBasedExampleDatabase('.hypothesis/fuzz')
+        how = settings(how, max_examples=ROUND, derandomize=False, database=kept)
+    one_round = how(given(strategy)(judge))
+    one_round()
+    while time.monotonic() < ends_s:
+        one_round()
+
 
 #: Values that hardly any parameter takes.
 STRANGE = st.one_of(
@@ -54,20 +123,11 @@ def mutated_bytes(draw, originals, most=4):
     data = bytearray(draw(st.sampled_from(originals)))
     for _ in range(draw(st.integers(0, most))):
         begin = draw(st.integers(0, len(data)))
-        end = min(len(data), begin + draw(st.sampled_from([0, 1, 2, 4, 8, 64, 1024])))
-        kind = draw(st.sampled_from(['flip', 'set', 'cut', 'double', 'put', 'end']))
-        if kind == 'flip' and begin < len(data):
-            data[begin] ^= 1 << draw(st.integers(0, 7))
-        elif kind == 'set':
-            data[begin:end] = bytes([draw(st.sampled_from([0, 1, 127, 128, 255]))]) * (end - begin)
-        elif kind == 'cut':
-            del data[begin:end]
-        elif kind == 'double':
-            data[begin:begin] = data[begin:end]
-        elif kind == 'put':
-            data[begin:begin] = draw(st.binary(max_size=16))
-        elif kind == 'end':
-            del data[begin:]
+        end = begin + draw(st.sampled_from([0, 1, 2, 4, 8, 64, 1024, len(data)]))
+        piece = bytes(data[begin:end])
+        put = [b'', 2 * piece, *(bytes([value]) * len(piece) for value in (0, 1, 127, 128, 255))]
+        put += [bytes([piece[0] ^ 1 << bit]) + piece[1:] for bit in range(8) if piece]
+        data[begin:end] = draw(st.one_of(st.sampled_from(put), st.binary(max_size=16)))
     return bytes(data)
 
 
