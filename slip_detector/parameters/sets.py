@@ -143,7 +143,7 @@ class ParameterSet:
         values: dict[str, Any] = {}
         groups: dict[str, Any] = {}
         for name, value in parameters.items():
-            head, _, tail = name.partition('.')
+            head, _, tail = str(name).partition('.')  # YAML has names that are numbers.
             if name in known:
                 values[name] = value
             elif head == 'groups' in known and tail:
