@@ -142,8 +142,9 @@ class ParameterSet:
         lead, known = f'{where}: ' if where else '', cls.__dataclass_fields__
         values: dict[str, Any] = {}
         groups: dict[str, Any] = {}
-        for name, value in parameters.items():
-            head, _, tail = str(name).partition('.')  # YAML has names that are numbers.
+        for key, value in parameters.items():
+            name = str(key)  # YAML has names that are numbers.
+            head, _, tail = name.partition('.')
             if name in known:
                 values[name] = value
             elif head == 'groups' in known and tail:
