@@ -18,7 +18,7 @@ import os
 
 import pytest
 
-from benchmarks.tune.browser import why_no_browser
+from benchmarks.view.browser import why_no_browser
 
 #: Longest time that a page may take to show something: discovery alone takes seconds.
 PATIENCE_MS = 120_000
