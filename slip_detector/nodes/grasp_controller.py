@@ -17,7 +17,6 @@
 import functools
 import math
 import time
-from collections.abc import Callable
 from typing import Any
 
 from rclpy.action import ActionClient
@@ -90,11 +89,11 @@ class GraspController(Node):
             self.create_subscription(Bool, topic, on_message, state_qos(DEPTH, config.deadline_s))
         self.create_timer(1.0 / config.command_hz, self._command_grip, clock=STEADY)
         self.create_timer(config.deadline_s / CHECKS, self._check_silence, clock=STEADY)
-        self._send: Callable[[float], None] = self._publish
         if config.command_type in ACTIONS:
             self._send = GripperAction(self, config).send
         else:
             kind = JointState if config.command_type == JOINT_STATE else Float64MultiArray
+            self._send = self._publish
             self._command = self.create_publisher(kind, config.command_topic, state_qos())
             self.create_timer(RIVAL_CHECK_S, self._look_for_rivals, clock=STEADY)
         words = f'grip {config.grip_n:g} to {config.limit_n:g} N, waiting for the detector'
