@@ -124,9 +124,8 @@ class RecordingLoader(NamedTuple):
                 f'{path}: has no {recording.label_name}; allowed: one to label the slips, or a '
                 f'file of labels beside it, {labels_name(path)} (--labels: elsewhere)'
             )
-        rate_hz = recording.sample_rate_hz
-        if rates_differ(rate_hz, config.sample_rate_hz):  # It is resampled.
-            rate_hz = config.sample_rate_hz
+        is_resampled = rates_differ(recording.sample_rate_hz, config.sample_rate_hz)
+        rate_hz = (config if is_resampled else recording).sample_rate_hz
         return OpenedRecording(self._rows(recording), rate_hz, recording)
 
     def _advice(self, recording: Recording) -> str:

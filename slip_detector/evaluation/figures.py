@@ -106,52 +106,6 @@ class Alarm:
     slip: int | None
 
 
-def event_figures(outcomes: Sequence['ReplayOutcome']) -> dict[str, Any]:
-    """Return the figures that matter to a robot; None where one is not defined.
-
-    Returns
-    -------
-    dict
-        ``slips``, with how many of them are ``matched`` to an alarm, ``missed``, or neither
-        because they begin while the chain settles (``settling_slips``), and how many of the
-        matched ones are ``late``; ``alarms``, with ``repeated_alarms``, ``false_alarms`` and
-        ``settling_alarms``; ``precision``: the share of the alarms that are matched, without
-        repeated and settling ones, and ``precision_by_chance``: the share of the scored
-        time in which an alarm would be matched; ``rest_s``; ``latency_accuracy_ms``: how exact
-        the starts of the labels are, 0 if all are; the figures of :meth:`.Events.at`, whose
-        latencies are what is certain of them, 0 within this accuracy; ``<stage>_ms``: mean time
-        that the latency of the matched slips spends in the stage; ``late_<stage>_ms``: the same
-        for the late slips;
-        ``missed_at_<stage>`` and ``missed_already_on``: how many slips were lost there.
-    """
-    slips = [slip for outcome in outcomes for slip in outcome.slips]
-    alarms = [alarm.outcome for outcome in outcomes for alarm in outcome.alarms]
-    events = Events.pooled(outcome.events for outcome in outcomes)
-    scored = [slip for slip in slips if not slip.settling]
-    late = [slip for slip in scored if slip.late]
-    lost = [slip.lost_at for slip in scored if slip.latency_s is None]
-    matched, false_alarms = len(scored) - len(lost), alarms.count(FALSE)
-    windows_s, rest_s = float(events.windows_s.sum()), float(events.rest[0, 0])
-    return {
-        'slips': len(slips),
-        'settling_slips': len(slips) - len(scored),
-        'late': len(late),
-        'alarms': len(alarms),
-        'repeated_alarms': alarms.count(REPEAT),
-        'false_alarms': false_alarms,
-        'settling_alarms': alarms.count(SETTLING),
-        'precision': share(matched, matched + false_alarms),
-        'precision_by_chance': share(windows_s, windows_s + rest_s),
-        'rest_s': rest_s,
-        'latency_accuracy_ms': 1e3 * max((slip.accuracy_s for slip in scored), default=0.0),
-        **events.at(),
-        **_mean_stages(scored, ''),
-        **_mean_stages(late, 'late_'),
-        **{f'missed_at_{stage}': lost.count(stage) for stage in STAGES},
-        f'missed_{ALREADY_ON}': lost.count(ALREADY_ON),
-    }
-
-
 def _mean_stages(slips: Sequence[TrueSlip], prefix: str) -> dict[str, float | None]:
     parts = [slip.stages_s for slip in slips if slip.stages_s is not None]
     means = {stage: mean_and_sd(part[stage] * 1e3 for part in parts)[0] for stage in STAGES}
@@ -257,8 +211,18 @@ def figures_of_merit(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:
     dict
         Numbers, None where one is not defined: ``rows``, ``slip_rows``, ``moving_rows``,
         ``settling_rows`` (in which nothing is scored) and ``duration_s``; areas under the ROC
-        curve of the decision statistic, see :meth:`.ScoreCounts.aucs`; the figures of
-        :func:`event_figures`.
+        curve of the decision statistic, see :meth:`.ScoreCounts.aucs`;
+        ``slips``, with how many of them are ``matched`` to an alarm, ``missed``, or neither
+        because they begin while the chain settles (``settling_slips``), and how many of the
+        matched ones are ``late``; ``alarms``, with ``repeated_alarms``, ``false_alarms`` and
+        ``settling_alarms``; ``precision``: the share of the alarms that are matched, without
+        repeated and settling ones, and ``precision_by_chance``: the share of the scored
+        time in which an alarm would be matched; ``rest_s``; ``latency_accuracy_ms``: how exact
+        the starts of the labels are, 0 if all are; the figures of :meth:`.Events.at`, whose
+        latencies are what is certain of them, 0 within this accuracy; ``<stage>_ms``: mean time
+        that the latency of the matched slips spends in the stage; ``late_<stage>_ms``: the same
+        for the late slips;
+        ``missed_at_<stage>`` and ``missed_already_on``: how many slips were lost there.
 
     Examples
     --------
@@ -271,6 +235,14 @@ def figures_of_merit(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:
     >>> figures['duration_s'], figures['false_alarms'], figures['recall']
     (2.0, 0, None)
     """
+    slips = [slip for outcome in outcomes for slip in outcome.slips]
+    alarms = [alarm.outcome for outcome in outcomes for alarm in outcome.alarms]
+    events = Events.pooled(outcome.events for outcome in outcomes)
+    scored = [slip for slip in slips if not slip.settling]
+    late = [slip for slip in scored if slip.late]
+    lost = [slip.lost_at for slip in scored if slip.latency_s is None]
+    matched, false_alarms = len(scored) - len(lost), alarms.count(FALSE)
+    windows_s, rest_s = float(events.windows_s.sum()), float(events.rest[0, 0])
     moving = [outcome.moving_rows for outcome in outcomes if outcome.moving_rows is not None]
     return {
         'rows': sum(outcome.rows for outcome in outcomes),
@@ -279,5 +251,20 @@ def figures_of_merit(outcomes: Sequence[ReplayOutcome]) -> dict[str, Any]:
         'settling_rows': sum(outcome.settling_rows for outcome in outcomes),
         'duration_s': sum(outcome.rows / outcome.sample_rate_hz for outcome in outcomes),
         **ScoreCounts.pooled([outcome.scores for outcome in outcomes]).aucs(),
-        **event_figures(outcomes),
+        'slips': len(slips),
+        'settling_slips': len(slips) - len(scored),
+        'late': len(late),
+        'alarms': len(alarms),
+        'repeated_alarms': alarms.count(REPEAT),
+        'false_alarms': false_alarms,
+        'settling_alarms': alarms.count(SETTLING),
+        'precision': share(matched, matched + false_alarms),
+        'precision_by_chance': share(windows_s, windows_s + rest_s),
+        'rest_s': rest_s,
+        'latency_accuracy_ms': 1e3 * max((slip.accuracy_s for slip in scored), default=0.0),
+        **events.at(),
+        **_mean_stages(scored, ''),
+        **_mean_stages(late, 'late_'),
+        **{f'missed_at_{stage}': lost.count(stage) for stage in STAGES},
+        f'missed_{ALREADY_ON}': lost.count(ALREADY_ON),
     }

@@ -43,6 +43,10 @@ BLOCK_VALUES = 131072
 #: seconds at the beginning of a piece, which may be all there is.
 FIRST_LOOKS = 10
 
+#: What is known of a slip that is not followed, as the decision is ON when it begins: how many
+#: rows its latency spends in each stage, and where it is lost if it is missed.
+UNFOLLOWED: tuple[dict[str, int], str] = {}, figures.ALREADY_ON
+
 
 def only_filters(config: ChainConfig) -> ChainConfig:
     """Return the configuration of a chain whose envelope is the filtered signal of another.
@@ -119,27 +123,6 @@ class Replay:
         return outcome
 
 
-@dataclasses.dataclass
-class _Slip:
-    """A slip, and what is known of it when its alarm has come or can come no more.
-
-    Attributes
-    ----------
-    start : int
-        Its first row.
-    on_at_start : bool
-    stages : dict
-        Number of rows that the latency spends in each stage; empty where no alarm was followed.
-    lost_at : str
-        The stage where it is lost, if it is.
-    """
-
-    start: int
-    on_at_start: bool
-    stages: dict[str, int] = dataclasses.field(default_factory=dict)
-    lost_at: str = figures.ALREADY_ON
-
-
 class _Run:
     """The replay of one recording, and its counts and intervals so far."""
 
@@ -155,7 +138,7 @@ class _Run:
         self._last = Samples(np.zeros((0, 0)), np.zeros(0, np.int64))  # The last piece.
         self._signals = OnIntervals(), OnIntervals(), OnIntervals()
         self._stretches, self._labels, self._on = self._signals
-        self._slips: list[_Slip] = []
+        self._slips: list[tuple[dict[str, int], str]] = []  # As UNFOLLOWED.
         # The volts of the last slip, while its alarm may still rise; the chain's state before it.
         self._followed, self._before = list[Floats](), self._chain.state
         self._watch, self._wrong = Watch(replay.chain), dict[str, list[int]]()
@@ -193,7 +176,7 @@ class _Run:
         row = self._row
         if truth[0] and not self._labels.on:
             self._follow()
-            self._slips.append(_Slip(row, self._on.on))
+            self._slips.append(UNFOLLOWED)
             self._followed = [] if self._on.on else [volts[:0]]
             self._before = self._chain.state.copy()
         drawn = self._observer is not None
@@ -224,10 +207,10 @@ class _Run:
         """
         if not self._followed:
             return
-        slip, config, volts = self._slips[-1], self._config, np.concatenate(self._followed)
-        self._followed = []
+        config, volts, self._followed = self._config, np.concatenate(self._followed), []
         if not self._labels.on:
-            volts = volts[: self._labels.edges[-1] + self._tail_rows - slip.start]
+            start, end = self._labels.edges[-2:]
+            volts = volts[: end + self._tail_rows - start]
         chain, filters = self._replay.second, self._replay.filters
         chain.state = self._before
         filters.take_filters(chain)
@@ -246,13 +229,14 @@ class _Run:
         signals = np.array([*through, result.slip])[:, until]
         reached = signals.any(axis=1)
         if not rises.size:
-            slip.lost_at = STAGES[int(reached.argmin())]
+            self._slips[-1] = {}, STAGES[int(reached.argmin())]
             return
         # A later stage may be above the threshold before the one that feeds it, as the windows
         # still hold rows from before the slip. Then the earlier stage ends at the same row.
         firsts = np.where(reached, signals.argmax(axis=1), rises[0])
         ends = np.minimum.accumulate(firsts[::-1])[::-1]
-        slip.stages = dict(zip(STAGES, np.diff(ends, prepend=0).tolist(), strict=True))
+        stages = dict(zip(STAGES, np.diff(ends, prepend=0).tolist(), strict=True))
+        self._slips[-1] = stages, figures.ALREADY_ON
 
     def outcome(self) -> ReplayOutcome:
         self._end_stretch()
@@ -265,15 +249,15 @@ class _Run:
         rise_of = np.array([*rises, NONE])[alarm_of]
         late_rows = round((config.late_after_s + accuracy_s) * rate_hz)
         slips = []
-        for s, slip in enumerate(self._slips):
+        for s, (stages, lost_at) in enumerate(self._slips):
             found, settling = bool(alarm_of[s] != NONE), not rows.scored[s]
-            latency = int(rise_of[s]) - slip.start
+            latency = int(rise_of[s]) - labels[s].start
             # The rise that was followed may belong to an alarm that began before the slip.
-            exact = found and sum(slip.stages.values()) == latency and not accuracy_s
-            parts = {stage: length / rate_hz for stage, length in slip.stages.items()}
+            exact = found and sum(stages.values()) == latency and not accuracy_s
+            parts = {stage: length / rate_hz for stage, length in stages.items()}
             slips.append(
                 TrueSlip(
-                    start_s=slip.start / rate_hz,
+                    start_s=labels[s].start / rate_hz,
                     end_s=labels[s].end / rate_hz,
                     alarm=int(alarm_of[s]) if found else None,
                     latency_s=latency / rate_hz if found else None,
@@ -281,8 +265,8 @@ class _Run:
                     settling=settling,
                     late=found and latency > late_rows,
                     stages_s=parts if exact else None,
-                    lost_at=None if found or settling else slip.lost_at,
-                    on_at_start=slip.on_at_start,
+                    lost_at=None if found or settling else lost_at,
+                    on_at_start=(stages, lost_at) == UNFOLLOWED,
                 )
             )
         # The last element stands for no slip, ``NONE``.

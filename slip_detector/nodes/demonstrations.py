@@ -38,8 +38,7 @@ from slip_detector.parameters import ChainConfig, DetectorConfig, DriverConfig, 
 from slip_detector.parameters.files import shared_folder, whole_file
 from slip_detector.parameters.grasp import commands_of_a_scene
 from slip_detector.recordings import write_recording
-from slip_detector.report.grasp import draw_grasp, grasp_table
-from slip_detector.report.pictures import draw_trial
+from slip_detector.report.pictures import draw_grasp, draw_trial, grasp_table
 from slip_detector.sources.played import SceneSource
 
 ENVELOPE = 'slip_detector/envelope'

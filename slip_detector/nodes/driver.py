@@ -274,11 +274,10 @@ class Driver(Node):
             return
         rows, self._rows = np.array(self._rows, np.float32), []
         message = Float32MultiArray(data=array('f', rows.tobytes()))
+        dimensions = zip(BATCH_LABELS, rows.shape, (rows.size, rows.shape[1]), strict=True)
         message.layout.dim = [
             MultiArrayDimension(label=label, size=size, stride=stride)
-            for label, size, stride in zip(
-                BATCH_LABELS, rows.shape, (rows.size, rows.shape[1]), strict=True
-            )
+            for label, size, stride in dimensions
         ]
         self._voltages.publish(message)
 

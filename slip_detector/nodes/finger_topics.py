@@ -196,9 +196,8 @@ class FingerTopics(PolledTopics):
                 self._fit_to_input(samples)
                 if n and channels != (wanted := self._config.channels):
                     advice = self._input.advice(channels, wanted)
-                    raise ValueError(
-                        f'they have {channels} channels, the detector {wanted}{advice}'
-                    )
+                    differ = f'they have {channels} channels, the detector {wanted}'
+                    raise ValueError(f'{differ}{advice}')
                 if n:
                     received.append((info['source_timestamp'], samples))
             except ValueError as error:

@@ -27,9 +27,8 @@ import traceback
 from collections.abc import Callable
 from itertools import pairwise
 from pathlib import PurePath
-from typing import NoReturn
 
-from slip_detector.commands.command_line import one_line
+from slip_detector.commands.command_line import Parser, one_line
 from slip_detector.nodes.ending import END_SIGNAL, end_on_signals, init_ros
 
 #: Allowed names of namespaces; the length leaves room for the names of topics.
@@ -139,11 +138,6 @@ def _spin(executable: str, takedown: contextlib.ExitStack) -> None:
         executor.spin_once(POLL_NS * 1e-9)
 
 
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise ValueError(f'{message} ({self.prog} --help says more)')
-
-
 def _arguments_of_each(executable: str) -> list[list[str]]:
     """Return the ROS arguments of each node, from the command line.
 
@@ -185,7 +179,7 @@ def _options(executable: str) -> argparse.Namespace:
     """Return the options that are not of ROS; an unknown one could mean another node."""
     from rclpy.utilities import remove_ros_args
 
-    parser = _Parser(
+    parser = Parser(
         prog=executable,
         usage='%(prog)s [options] [--ros-args ...]',
         allow_abbrev=False,

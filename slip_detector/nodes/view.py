@@ -94,10 +94,9 @@ async def _serve(arguments: argparse.Namespace, takedown: contextlib.ExitStack) 
     from rclpy.node import Node
 
     from slip_detector.nodes.launching import REPLAY
-    from slip_detector.nodes.markers import publish_markers
-    from slip_detector.nodes.played_bag import publish_bag
     from slip_detector.nodes.processes import NodeProcesses
     from slip_detector.nodes.view_fingers import RosDetectors
+    from slip_detector.nodes.view_topics import publish_bag, publish_markers
     from slip_detector.view.access import Access, is_loopback, page_address
     from slip_detector.view.parameters import ParameterRequests
     from slip_detector.view.server import Server

@@ -14,6 +14,6 @@
 
 """Output for people; each file is imported where it is used, as plotting takes long to load.
 
-``answer`` has sentences, ``tables`` tables of text, ``pictures`` and ``grasp`` pictures, ``page``
-a report that is one HTML file, and ``overview`` what the report draws of a recording.
+``answer`` has sentences, ``tables`` tables of text, ``pictures`` pictures, ``page`` a report that
+is one HTML file, and ``overview`` what the report draws of a recording.
 """

@@ -37,7 +37,6 @@ from numpy.typing import NDArray
 from slip_detector.evaluation import evaluator
 from slip_detector.evaluation.figures import ReplayOutcome, figures_of_merit
 from slip_detector.evaluation.replay import Replay
-from slip_detector.parameters import ChainConfig
 from slip_detector.parameters.fields import name_list
 from slip_detector.parameters.files import whole_file
 from slip_detector.recordings import by_number
@@ -65,7 +64,6 @@ class Variant(NamedTuple):
     ----------
     name : str
         For example ``given`` or ``tuned``.
-    config : ChainConfig
     overviews : sequence of Overview
         One for each recording, in the same order for all variants.
     figures : mapping
@@ -74,7 +72,6 @@ class Variant(NamedTuple):
     """
 
     name: str
-    config: ChainConfig
     overviews: Sequence[Overview]
     figures: Mapping[str, Mapping[str, Any]]
 
@@ -115,11 +112,12 @@ def write_page(
     Examples
     --------
     >>> import tempfile
+    >>> from slip_detector import ChainConfig
     >>> from slip_detector.chain.samples import Samples
     >>> overview = Overview('rest.npz', ChainConfig())
     >>> rest = Samples.evenly(np.full((380, 16), 4.3), 380.0, np.zeros(380))
     >>> outcome = Replay(ChainConfig()).run([rest], observer=overview)
-    >>> given = Variant('given', ChainConfig(), [overview], {'rest.npz': {'alarms': 0}})
+    >>> given = Variant('given', [overview], {'rest.npz': {'alarms': 0}})
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     write_page(Path(folder) / 'report.html', 'A second of rest', [given])
     ...     '<title>A second of rest</title>' in (Path(folder) / 'report.html').read_text('utf-8')
@@ -179,8 +177,8 @@ def _figures(variants: Sequence[Variant]) -> str:
 
 def _parameter_rows(variants: Sequence[Variant]) -> list[list[str]]:
     """Return the name, the default and the values of each parameter."""
-    configs = [type(variants[0].config)(), *(variant.config for variant in variants)]
-    sets = [config.to_parameters() for config in configs]
+    configs = [variant.overviews[0].config for variant in variants]
+    sets = [config.to_parameters() for config in (type(configs[0])(), *configs)]
     names = dict.fromkeys(name for values in sets for name in values)
     undefined = tables.UNDEFINED
     return [[name, *(_value(of.get(name, undefined)) for of in sets)] for name in names]
@@ -304,7 +302,7 @@ def write_evaluation_report(
     for title, overview in zip(figures, overviews, strict=True):
         overview.name = title
     whole = {'all recordings': report['all']} if len(recordings) > 1 else {}
-    given = Variant('given', overviews[0].config, overviews, {**whole, **figures})
+    given = Variant('given', overviews, {**whole, **figures})
     lines = [*report['answer'], *([report['note']] if 'note' in report else [])]
     write_page(path, f'Slips and alarms: {", ".join(sets)}', [given], lines, (), config)
 
@@ -329,6 +327,7 @@ def replay_variant(name: str, replay: Replay, parts: Mapping[str, Sequence[Track
 
     Examples
     --------
+    >>> from slip_detector import ChainConfig
     >>> from slip_detector.chain.samples import Samples
     >>> from slip_detector.tuning.tracks import track_of
     >>> rows = Samples.evenly(np.full((380, 16), 4.3), 380.0, np.zeros(380, bool))
@@ -346,4 +345,4 @@ def replay_variant(name: str, replay: Replay, parts: Mapping[str, Sequence[Track
         outcomes[what].append(replay.run(track.rows(), track.sample_rate_hz, overviews[-1]))
         of_each[title] = figures_of_merit(outcomes[what][-1:])
     of_all = {f'all {what}': figures_of_merit(of) for what, of in outcomes.items()}
-    return Variant(name, chain, overviews, {**of_all, **of_each})
+    return Variant(name, overviews, {**of_all, **of_each})

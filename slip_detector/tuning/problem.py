@@ -24,8 +24,7 @@ import numpy as np
 
 from slip_detector.chain.filters import evidence_falls_s, settling_rows
 from slip_detector.chain.samples import Floats
-from slip_detector.evaluation.chance import saved_by_chance_s
-from slip_detector.evaluation.events import LASTING, Events
+from slip_detector.evaluation.events import LASTING, Events, saved_by_chance_s
 from slip_detector.parameters import ChainConfig, EvaluationConfig, TuneConfig
 from slip_detector.recordings.labels import KINDS
 from slip_detector.tuning import sweep

@@ -19,7 +19,7 @@ from evaluation.test_matching import intervals
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slip_detector.evaluation.chance import recall_by_chance, saved_by_chance_s, sooner_than_chance
+from slip_detector.evaluation.events import recall_by_chance, saved_by_chance_s, sooner_than_chance
 from slip_detector.evaluation.matching import NONE, RowInterval, ScoredRows
 from slip_detector.parameters.evaluation import EvaluationConfig
 

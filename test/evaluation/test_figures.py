@@ -24,7 +24,7 @@ from slip_detector.evaluation.figures import (
     ALREADY_ON,
     STAGES,
     TrueSlip,
-    event_figures,
+    figures_of_merit,
 )
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
@@ -56,7 +56,7 @@ def test_figures_of_events_by_hand():
     first = [slip((10, 5, 20, 5)), slip((200, 10, 20, 10))]
     then = [slip(lost_at=lost_at, **missed) for lost_at in ('envelope', ALREADY_ON)]
     then += [slip(), slip(settling=True, **missed)]
-    found = event_figures(
+    found = figures_of_merit(
         [
             outcome(first, 'rest', (3.0, 2.5, 0), (10.0, 0.6, 0)),
             outcome(then, 'press', (1.0, 0.5, 0), (20.0, 0.0, 1)),

@@ -21,8 +21,8 @@ from hypothesis import strategies as st
 from sensor_msgs.msg import JointState
 from visualization_msgs.msg import Marker, MarkerArray
 
-from slip_detector.nodes.markers import LIFETIME_S, finger_markers
 from slip_detector.nodes.messages import event_qos
+from slip_detector.nodes.view_topics import LIFETIME_S, finger_markers
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.view.detectors import Finger, drawn_positions, least_distance_m
 from support.harness import patient_qos

@@ -92,5 +92,5 @@ def variants(names=('a.npz', 'b.npz')):
         figures = dict.fromkeys(recording_figures([]), 12.5) | {'latency_accuracy_ms': 0.0}
         figures |= {'slips': 3, 'missed': missed, 'latency_median_ms': median_ms}
         rows = dict.fromkeys(('all recordings', *names), figures)
-        found.append(Variant(name, config, seen, rows))
+        found.append(Variant(name, seen, rows))
     return found

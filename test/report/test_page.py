@@ -80,7 +80,7 @@ def test_any_text_is_shown_as_it_is(tmp_path):
     names = [f'{k} {hard}' for k, hard in enumerate(HARD)]
     # The first is the name of the recording and the title too.
     seen = scenes.overview(names[0], scenes.GIVEN, *scenes.volts_and_truth(40))
-    given_ = Variant('given', scenes.GIVEN, [seen], {name: {'slips': 1} for name in names})
+    given_ = Variant('given', [seen], {name: {'slips': 1} for name in names})
     path = tmp_path / 'report.html'
     report.write_page(path, names[0], [given_], names)
     shown = read(path)

@@ -39,14 +39,10 @@ def folder(tmp_path_factory):
     volts[200:300, 4] = float('nan')
     config = scenes.GIVEN.__class__(channels=96, disabled_channels=(96,))
     seen = scenes.overview('skin.npz', config, volts, truth)
-    report.write_page(
-        folder / 'skin.html', 'A title', [report.Variant('given', config, [seen], {})]
-    )
+    report.write_page(folder / 'skin.html', 'A title', [report.Variant('given', [seen], {})])
     bare = scenes.overview('bare.npz', scenes.GIVEN, *scenes.volts_and_truth(800))
     bare.labelled, bare.events = False, [Event('onset', 1.0, 1.5)]
-    report.write_page(
-        folder / 'bare.html', 'A title', [report.Variant('given', scenes.GIVEN, [bare], {})]
-    )
+    report.write_page(folder / 'bare.html', 'A title', [report.Variant('given', [bare], {})])
     given = scenes.variants(('a', 'b', 'c'))[0]
     given.overviews[0].events, given.overviews[1].events = (), scenes.EVENTS['given'][:2]
     report.write_page(folder / 'first.html', 'A title', [given], ['Finds 1.', 'Worst: c.'])

@@ -19,8 +19,7 @@ import pytest
 
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report import pictures
-from slip_detector.report.grasp import draw_grasp
-from slip_detector.report.pictures import draw_trial
+from slip_detector.report.pictures import draw_grasp, draw_trial
 from support import grasp_trials
 
 TIME_S = np.arange(400) / 100.0

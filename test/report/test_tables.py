@@ -15,7 +15,7 @@
 """Tables of text, and the texts of figures."""
 
 from slip_detector.grasp.loop import UNCONTROLLED, grasp_figures
-from slip_detector.report.grasp import grasp_table
+from slip_detector.report.pictures import grasp_table
 from slip_detector.report.tables import (
     COMPARABLE,
     LEGEND,

@@ -12,18 +12,25 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The taxels of fingers as markers, for RViz and other 3-D views."""
+"""What a live page publishes: taxels as markers for 3-D views, and a recording that it plays."""
 
 import time
 from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
 from geometry_msgs.msg import Point
 from rclpy.node import Node
-from std_msgs.msg import ColorRGBA
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Bool, ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
-from slip_detector.nodes.messages import event_qos
+from slip_detector.nodes.messages import event_qos, sensor_qos, state_qos
+from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters.driver import DriverConfig
+from slip_detector.recordings.messages import JointStateWriter
+from slip_detector.view.bag import PlayedBag
 from slip_detector.view.detectors import Finger, drawn_positions, least_distance_m
 from slip_detector.view.server import Server
 
@@ -133,5 +140,35 @@ def publish_markers(node: Node, server: Server) -> None:
         server.wanted['markers'] = set(fingers)
         markers = [marker for finger in fingers.values() for marker in finger_markers(finger)]
         publisher.publish(MarkerArray(markers=markers))
+
+    server.each_tick.append(publish)
+
+
+def publish_bag(node: Node, server: Server, path: Path, config: Path, finger: str) -> None:
+    """Publish the samples of a recording when they are due, while a page or a program listens.
+
+    ``config`` is the parameter file of the detector in the namespace ``finger``. May raise a
+    ValueError, see :class:`.PlayedBag`; what :meth:`.PlayedBag.read` raises ends the server.
+    """
+    detector, driver = DetectorConfig.from_yaml(config), DriverConfig.from_yaml(config)
+    bag = PlayedBag(server, path, detector, driver, f'{finger}/slip_detector')
+    voltages = node.create_publisher(JointState, f'{finger}/voltages', sensor_qos())
+    slip_truth = node.create_publisher(Bool, f'{finger}/slip_truth', state_qos())
+    # The page answers meanwhile; reading does not hold up the end of this process.
+    reading = ThreadPoolExecutor(1, 'reading').submit(bag.read)
+    truth = False
+
+    def publish() -> None:
+        nonlocal truth
+        if reading.done():
+            reading.result()
+        if voltages.get_subscription_count() <= 1:  # That of the detector.
+            return
+        writer = JointStateWriter(driver.frame_id, bag.channel_names)
+        for stamp_ns, volts, slips in bag.due(time.monotonic()):
+            if slips != truth:
+                slip_truth.publish(Bool(data=bool(slips)))
+            voltages.publish(writer.serialize(stamp_ns, volts))
+            truth = slips
 
     server.each_tick.append(publish)
