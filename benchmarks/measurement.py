@@ -111,10 +111,8 @@ class Bound(NamedTuple):
 
     def met(self, figure: float | None) -> bool:
         """Return whether a figure is in the range; None, a figure that is not defined, is not."""
-        if figure is None:
+        if figure is None or (self.strict and figure in (self.low, self.high)):
             return False
-        if self.strict:
-            return self.low < figure < self.high
         return self.low <= figure <= self.high
 
     def __str__(self) -> str:

@@ -32,8 +32,6 @@ WANTED = {
     'blocks.evidence_ratio': Bound(high=2.0),
     'blocks.contact_ratio': Bound(high=1.3),
     'one_row.speedup': Bound(low=13.8),
-    'channels.worst_ratio': Bound(high=1.5),
-    'channels.last_ratio': Bound(high=0.8),
     'precision.rates_error': Bound(high=1e-8),
     'precision.edges_error': Bound(high=1e-7),
     'precision.long_run_error': Bound(high=1e-12),
@@ -46,7 +44,7 @@ def options() -> argparse.ArgumentParser:
     """Return the parser of the subcommand."""
     parser = shared_options(
         'chain',
-        'Measure the run time of the chain in blocks, row by row and by number of channels, each '
+        'Measure the run time of the chain in blocks and row by row, each '
         'against a rival in the same run; then its numerical error against a reference of 50 '
         'digits, beside that of float32 and of polynomials, and the run time of each.',
         picture='chain_work_precision.png',

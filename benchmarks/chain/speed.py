@@ -30,10 +30,6 @@
 ``one_row``
     One row per call against one bare ``scipy.signal.sosfilt``: ``chain_us_per_call``,
     ``sosfilt_us_per_call``, ``speedup``.
-``channels``
-    The chain with different numbers of channels, envelope and level kept:
-    ``ns_per_channel_sample`` and its ``ratio`` to that of 16 channels (both by number of
-    channels), the largest ratio ``worst_ratio``, and ``last_ratio``, that of the most channels.
 """
 
 import dataclasses
@@ -68,8 +64,6 @@ WITH_CONTACT = dataclasses.replace(
     ALL_OF_EVIDENCE, passband_hz=(20.0, 50.0), contact_level_v=1e-3, activity_cap_db=8.7
 )
 
-CHANNEL_COUNTS = (16, 64, 1024, 10_000)
-
 
 def measure_chain_speed(quick: bool = False) -> dict[str, Any]:
     """Measure the chain; the keys are in the module's docstring.
@@ -85,7 +79,6 @@ def measure_chain_speed(quick: bool = False) -> dict[str, Any]:
     return {
         'blocks': measure_blocks(rows, rounds),
         'one_row': measure_one_row(calls, 3 * rounds),
-        'channels': measure_channels(16 * rows, rounds),
     }
 
 
@@ -161,25 +154,4 @@ def measure_one_row(calls: int, rounds: int) -> dict[str, Any]:
         'chain_us_per_call': chain_s / calls * 1e6,
         'sosfilt_us_per_call': sosfilt_s / calls * 1e6,
         'speedup': sosfilt_s / chain_s,
-    }
-
-
-def measure_channels(channel_samples: int, rounds: int) -> dict[str, Any]:
-    """Measure the chain on 16 to 10,000 channels in groups of four."""
-    passes = []
-    for n in CHANNEL_COUNTS:
-        groups = {f'g{i}': tuple(range(4 * i + 1, 4 * i + 5)) for i in range(n // 4)}
-        chain = SlipChain(ChainConfig(channels=n, groups=groups))
-        rows = swelling_noise_v(channel_samples // n, n)
-        passes.append(lambda chain=chain, rows=rows: chain.update(rows))
-    times_s = least_times_s(passes, rounds, time.thread_time)
-    ns_per = {}
-    for n, time_s in zip(CHANNEL_COUNTS, times_s, strict=True):
-        ns_per[str(n)] = time_s / (channel_samples // n * n) * 1e9
-    ratio = {n: ns / ns_per[str(CHANNEL_COUNTS[0])] for n, ns in ns_per.items()}
-    return {
-        'ns_per_channel_sample': ns_per,
-        'ratio': ratio,
-        'worst_ratio': max(ratio.values()),
-        'last_ratio': ratio[str(CHANNEL_COUNTS[-1])],
     }

@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Drivers and detectors as processes: over a long time, for many fingers, against a bare relay."""
+"""Drivers and detectors as processes: over a long time, for many fingers."""

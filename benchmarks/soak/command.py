@@ -18,9 +18,7 @@ It gives one object (keys of ``--json``):
 ``finger``, ``hand``, ``fast_hand``, ``fast_finger``
     A driver and a detector for one or five fingers of 16 channels. ``finger`` and ``hand`` play
     the simulated fingertip at 380 Hz, ``fast_hand`` a recording at 1 kHz, ``fast_finger`` one at
-    5 kHz in messages of ten samples. :mod:`benchmarks.soak.hand` has their figures. Beside
-    ``finger`` runs a bare relay node: ``cpu_ratio`` is the detector's processor time over the
-    relay's.
+    5 kHz in messages of ten samples. :mod:`benchmarks.soak.hand` has their figures.
 """
 
 import argparse
@@ -33,7 +31,6 @@ WANTED = {
     'finger.latency_p99_growth': Bound(high=1.25),
     'finger.memory_growth_percent': Bound(high=2.0),
     'finger.cpu_percent_total': Bound(high=100.0),
-    'finger.cpu_ratio': Bound(high=0.6),
     'hand.lost_total': Bound(high=0),
     'hand.cpu_percent_total': Bound(high=50.0),
     'fast_hand.lost_total': Bound(high=0),
@@ -46,7 +43,7 @@ QUICK_S = 15.0
 
 #: What runs, and for how many seconds.
 PARTS: dict[str, tuple[dict[str, Any], float]] = {
-    'finger': ({'relay': True}, 660.0),
+    'finger': ({}, 660.0),
     'hand': ({'fingers': 5}, 60.0),
     'fast_hand': ({'fingers': 5, 'sample_rate_hz': 1000.0}, 60.0),
     'fast_finger': ({'sample_rate_hz': 5000.0, 'samples_per_message': 10}, 60.0),
@@ -58,7 +55,7 @@ def options() -> argparse.ArgumentParser:
     parser = shared_options(
         'soak',
         'Run drivers and detectors as processes and watch what they lose, how their memory and '
-        'latency grow and what they take of the processor, beside what a bare relay takes.',
+        'latency grow and what they take of the processor.',
     )
     parser.add_argument('--part', choices=('all', *PARTS), default='all', help='only one of them')
     times = ', '.join(f'{name} {usual_s:g}' for name, (_, usual_s) in PARTS.items())

@@ -146,24 +146,19 @@ class Watch(Node):
 
 
 def measure(
-    seconds: float,
-    fingers: int = 1,
-    sample_rate_hz: float = 380.0,
-    samples_per_message: int = 1,
-    relay: bool = False,
+    seconds: float, fingers: int = 1, sample_rate_hz: float = 380.0, samples_per_message: int = 1
 ) -> dict[str, Any]:
     """Run the fingers, warm-up included, for some time; return the figures of the time after it.
 
     At the rate of the simulated fingertip the drivers simulate it; at any other they play a
-    recording of noise that swells and fades, so that decisions change. A relay is a node that
-    takes the same samples as the first finger's detector and runs no chain.
+    recording of noise that swells and fades, so that decisions change.
 
     Returns
     -------
     dict
         The figures of :meth:`Watch.figures`, the ``memory_growth_percent`` of the process that
-        grew most, ``cpu_percent_total``, ``latency_p99_growth``, the ratio of the two of
-        ``latency_p99_ms``, and with a relay ``cpu_ratio``, the detector's processor time over it.
+        grew most, ``cpu_percent_total``, and ``latency_p99_growth``, the ratio of the two of
+        ``latency_p99_ms``.
 
     Raises
     ------
@@ -188,25 +183,18 @@ def measure(
         else:
             driver += ['source:=scene']
         options = ([word for one in node for word in ('-p', one)] for node in (detector, driver))
-        commands = hand_commands(namespace, fingers, *options)
-        if relay:
-            place = f'__ns:={namespace}/finger_1'
-            words = ['benchmarks.soak.relay_node', '--ros-args', '-r', place]
-            commands['relay'] = [sys.executable, '-m', *words]
-        with nodes_running(commands) as processes:
+        with nodes_running(hand_commands(namespace, fingers, *options)) as processes:
             watch = Watch(namespace, processes)
             watch.wait_for(lambda: watch.have_samples(fingers), 'all detectors to have samples')
             warm_up_s = min(WARM_UP_S, WARM_UP_SHARE * seconds)
             watch.wait(warm_up_s)
             figures = watch.figures(seconds - warm_up_s)
-    p99_ms, percent = figures['latency_p99_ms'], figures['cpu_percent']
-    relay_percent = percent.pop('relay', None)
+    p99_ms = figures['latency_p99_ms']
     return {
         **figures,
-        'cpu_ratio': relay_percent and percent['slip_detector'] / relay_percent,
         'latency_p99_growth': p99_ms[1] / p99_ms[0],
         'memory_growth_percent': max(figures['memory_growth_percent'].values()),
-        'cpu_percent_total': sum(percent.values()),
+        'cpu_percent_total': sum(figures['cpu_percent'].values()),
     }
 
 

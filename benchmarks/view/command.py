@@ -22,8 +22,8 @@ Keys of ``python -m benchmarks view --json``:
     second: the median over a turn, and of all turns), ``cpu_percent`` of a core by executable (the
     mean of the turns), and ``slip_view_cpu_percent``, which is one of these.
 
-    ``here`` also has ``latency_ratio`` to that of ``closed``, ``frames_a_second`` and
-    ``frames_in_the_worst_second``. Of its last turn, the longest, it has ``memory_mib`` of
+    ``here`` also has ``latency_ratio`` to that of ``closed``, ``frames_a_second``. Of its
+    last turn, the longest, it has ``memory_mib`` of
     slip_view and ``memory_growth_percent``, ``heap_mib`` of the page after a garbage collection,
     and ``heap_growth_percent``, from the first tenth of the time to the last.
 """

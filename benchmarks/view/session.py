@@ -82,7 +82,6 @@ def run_view(seconds: float, pairs: int, turn_seconds: float, traces: int) -> di
     figures['here'] |= {
         'latency_ratio': ratio,
         'frames_a_second': float(np.mean([turn['frames_a_second'] for turn in here])),
-        'frames_in_the_worst_second': min(turn['frames_in_the_worst_second'] for turn in here),
     }
     return figures
 
@@ -114,10 +113,8 @@ def measure_page(watch: Watch, url: str, seconds: float, traces: int) -> dict[st
         watch.wait(min(SETTLE_S, SETTLE_SHARE * seconds))
         page.evaluate('drawnMs.splice(0)')
         figures = watch.figures(seconds, note)
-    mean, worst = frames_a_second(drawn_ms)
     return figures | {
-        'frames_a_second': mean,
-        'frames_in_the_worst_second': worst,
+        'frames_a_second': frames_a_second(drawn_ms),
         'memory_mib': figures['memory_mib']['slip_view'],
         'memory_growth_percent': figures['memory_growth_percent']['slip_view'],
         'heap_mib': heap_mib[-1],
@@ -164,21 +161,13 @@ def heap_mib_of(page: Any) -> float:
     return float({one['name']: one['value'] for one in metrics}['JSHeapUsedSize']) / 2**20
 
 
-def frames_a_second(drawn_ms: list[float]) -> tuple[float, float]:
-    """Return the number of frames drawn in a second: the mean, and the least of all seconds.
-
-    Parameters
-    ----------
-    drawn_ms
-        When each was drawn.
+def frames_a_second(drawn_ms: list[float]) -> float:
+    """Return the mean number of frames in a second, from the time at which each was drawn.
 
     Examples
     --------
     >>> frames_a_second([0, 100, 200, 1000, 1500, 2000])
-    (2.5, 2.0)
+    2.5
     """
-    times_s = np.asarray(drawn_ms) / 1e3
-    if len(times_s) < 2 or times_s[-1] - times_s[0] < 1.0:
-        return 0.0, 0.0
-    counts = np.bincount((times_s - times_s[0]).astype(int))[:-1]
-    return float((len(times_s) - 1) / (times_s[-1] - times_s[0])), float(counts.min())
+    lasted_s = (drawn_ms[-1] - drawn_ms[0]) / 1e3 if drawn_ms else 0.0
+    return (len(drawn_ms) - 1) / lasted_s if lasted_s >= 1.0 else 0.0
