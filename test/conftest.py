@@ -94,7 +94,7 @@ def browser():
     All tests of a module open their pages in one process of it: starting one for each page costs
     as much as loading the page.
     """
-    from benchmarks.tune import browser as system_browser
+    from benchmarks.view import browser as system_browser
     from support.browsers import require_browser
 
     require_browser()
