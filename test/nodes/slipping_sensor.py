@@ -42,7 +42,8 @@ class Sensor:
         # Each message with the time of its receipt.
         self.slip, self.valid = [], []
         for topic, heard in (('slip', self.slip), ('slip_valid', self.valid)):
-            bench.subscribe(Bool, topic, functools.partial(self._hear, heard), state_qos(100))
+            hear = functools.partial(self._hear, heard)
+            bench.node.create_subscription(Bool, topic, hear, state_qos(100))
         self._voltages = bench.node.create_publisher(JointState, 'voltages', sensor_qos())
         self._parameters = parameters
         self.start()

@@ -15,7 +15,6 @@
 """What comes from one finger: samples, levels, and the states that belong to them."""
 
 import dataclasses
-import functools
 import itertools
 import time
 
@@ -111,20 +110,18 @@ def test_a_type_that_is_not_installed_is_reported_and_the_decisions_are_shown(se
     sensor.valid.publish(Bool(data=True))
     sensor.until(lambda: sensor.finger.valid, 'slip_valid')
 
-    # Where levels come, samples come.
-    def has_come(publisher, values, holds):
-        publisher.publish(sensor.message(5_000_000 * next(numbers), values, values))
-        return holds()
-
     finger, numbers = sensor.finger, itertools.count()
-    heard = functools.partial(has_come, sensor.envelope, [0.5, 0.5], lambda: finger.sample_s > 0)
-    sensor.until(heard, 'a level')
+
+    def send(publisher, *values):
+        publisher.publish(sensor.message(5_000_000 * next(numbers), values, values))
+
+    # Where levels come, samples come.
+    sensor.until(lambda: send(sensor.envelope, 0.5, 0.5) or finger.sample_s > 0, 'a level')
     sensor.finger.update_config(DetectorConfig(channels=2))
     sensor.topics.poll()
     assert sensor.finger.no_volts == ''
     # Samples that do not fit come, too, and it is said what is wrong with them, and what fits.
-    heard = functools.partial(has_come, sensor.voltages, [4.0, 5.0, 6.0], lambda: finger.offer)
-    sensor.until(heard, 'an offer')
+    sensor.until(lambda: send(sensor.voltages, 4.0, 5.0, 6.0) or finger.offer, 'an offer')
     assert finger.offer == 'Take 3 channels at 200 Hz, one group'
     wrong = 'samples come, but they have 3 channels, the detector 2'
     assert finger.unfit == (pytest.approx(time.monotonic(), abs=5.0), wrong)

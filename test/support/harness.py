@@ -72,10 +72,7 @@ class Process:
         self._process = subprocess.Popen(
             command, stdout=output or self._log, stderr=subprocess.STDOUT, env=environment
         )
-
-    def memory_maps(self):
-        """Return the files that the process has mapped into its memory."""
-        return Path(f'/proc/{self._process.pid}/maps').read_text()
+        self.pid = self._process.pid
 
     def log(self):
         """Return what the process has printed so far."""
@@ -100,7 +97,7 @@ class Process:
         self._process.send_signal(number)
         self.killed |= number == signal.SIGKILL
         if number == signal.SIGSTOP:  # On a busy machine some threads go on for milliseconds.
-            os.waitid(os.P_PID, self._process.pid, os.WSTOPPED)
+            os.waitid(os.P_PID, self.pid, os.WSTOPPED)
 
     def wait(self):
         """Wait for the end and return the exit code."""
@@ -292,13 +289,9 @@ class Bench:
     def listen(self, message_type, topic, qos):
         """Return the list that messages of a topic are put on."""
         heard = []
-        self.subscribe(message_type, topic, heard.append, qos)
-        return heard
-
-    def subscribe(self, message_type, topic, take, qos):
-        """Have a function take each message of a topic."""
-        subscription = self.node.create_subscription(message_type, topic, take, qos)
+        subscription = self.node.create_subscription(message_type, topic, heard.append, qos)
         self._subscriptions.setdefault(topic, []).append(subscription)
+        return heard
 
     def close(self):
         """End the processes and the node.
