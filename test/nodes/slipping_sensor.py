@@ -23,7 +23,8 @@ from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
-from slip_detector.nodes.messages import sensor_qos, state_qos, time_message
+from slip_detector.nodes.messages import sensor_qos, state_qos
+from support.harness import sample
 
 RATE_HZ = 380.0
 PERIOD_S = 1 / RATE_HZ
@@ -72,9 +73,7 @@ class Sensor:
         while (ahead_s := self.next_s - time.monotonic()) > 0:
             self.bench.executor.spin_once(timeout_sec=ahead_s)
         self.clock_s += stamped_after_s
-        message = JointState(position=row)
-        message.header.stamp = time_message(round(self.clock_s * 1e9))
-        self._voltages.publish(message)
+        self._voltages.publish(sample(row, round(self.clock_s * 1e9)))
         self.sent_s = time.monotonic()
 
     def play(self, until, what, slipping=True, change=lambda row: row):

@@ -21,12 +21,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from nodes.slipping_sensor import Sensor
-from rclpy.node import Node
-from sensor_msgs.msg import JointState
-from std_msgs.msg import Header
 
 from slip_detector.nodes.inputs import Senders
-from slip_detector.nodes.messages import event_qos, sensor_qos
 
 
 @given(
@@ -76,45 +72,6 @@ def test_without_numbers_each_publisher_is_taken_to_send():
     assert senders.accepts(None, publishers=1)
     assert not senders.accepts(None, publishers=2)
     assert senders.several
-
-
-def at_rest(row):
-    return 4.0 + 1e-3 * (row - 4.0)
-
-
-def test_two_drivers_on_one_topic(bench):
-    sensor = Sensor(bench)
-    sensor.play(sensor.says_valid, 'slip_valid', change=at_rest)
-    known, onsets = len(sensor.slip), bench.listen(Header, 'slip_onset', event_qos())
-    # The finger of the other one is at rest too, at other volts.
-    rest = Node('slip_driver', namespace='other', context=bench.context)
-    publisher = rest.create_publisher(JointState, '/voltages', sensor_qos())
-    rows = itertools.cycle(2.0 + 1e-4 * sensor.random.standard_normal((380, 16)))
-
-    def send():
-        message = JointState(position=next(rows))
-        message.header.stamp = rest.get_clock().now().to_msg()
-        publisher.publish(message)
-
-    rest.create_timer(1 / 380, send)
-    bench.executor.add_node(rest)
-    sensor.play(sensor.fell, 'slip_valid to fall', change=at_rest)
-    count = len(sensor.valid)
-    sensor.play(
-        lambda: sensor.told('input', 'the input is published by /bench, /other/slip_driver'),
-        'the diagnostics',
-        change=at_rest,
-    )
-    words = 'voltages is published by /bench and /other/slip_driver, allowed: one of them'
-    sensor.play(lambda: words in sensor.process.log(), 'the log', change=at_rest)
-    # While both send it stays so.
-    assert not any(valid for _, valid in sensor.valid[count:])
-    assert not any(on for _, on in sensor.slip[known:])
-    assert not onsets
-    # One of them alone is heard again.
-    rest.destroy_node()
-    sensor.play(sensor.says_valid, 'slip_valid', change=at_rest)
-    sensor.goes_on()
 
 
 def test_two_detectors_in_one_namespace(bench):
