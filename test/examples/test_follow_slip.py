@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""examples/follow_slip.py, with a detector that is fed, killed, stopped and started again."""
+"""examples/follow_slip.py, with a detector that is fed and stopped."""
 
 import signal
 
@@ -39,8 +39,7 @@ def said(process):
     return [text for line in lines for text in (SLIP, NO_SLIP, UNKNOWN) if line.endswith(text)]
 
 
-@pytest.mark.parametrize('number', [signal.SIGKILL, signal.SIGSTOP])
-def test_it_follows_slip_and_holds_on_when_the_detector_is_killed_or_hangs(bench, number):
+def test_it_follows_slip_and_holds_on_when_the_detector_hangs(bench):
     follower = bench.start_python(ROOT / 'examples' / 'follow_slip.py')
     # A timeout longer than any pause of a busy machine: only the end of the detector is noticed.
     detected = Detected(bench, parameters={'input_timeout_s': 60.0})
@@ -50,5 +49,5 @@ def test_it_follows_slip_and_holds_on_when_the_detector_is_killed_or_hangs(bench
     detected.send_all(VIBRATION, at_ns, PERIOD_NS)
     bench.wait_for(lambda: said(follower)[-1:] == [SLIP], SLIP)
     with ended_quietly(follower):
-        detected.process.signal(number)
+        detected.process.signal(signal.SIGSTOP)
         bench.wait_for(lambda: said(follower)[-1:] == [UNKNOWN], UNKNOWN)

@@ -28,7 +28,6 @@ from std_msgs.msg import Bool, Header
 
 from slip_detector.nodes.messages import event_qos, state_qos
 from slip_detector.parameters.grasp import GraspConfig
-from support.bags import START_NS, Bag
 from support.harness import DEADLINE_S, patient_qos
 from support.launching import SHARE, defaults_of, launch_file, launched, living
 from support.live_client import LiveClient
@@ -149,18 +148,10 @@ def test_the_object_of_a_grasp_slips_and_the_grip_rises_within_its_limit(bench, 
     assert list(position[-1].name) == ['object']
 
 
-def test_the_slide_in_a_bag_of_ros_1_is_found_by_the_file_of_its_sensor(bench, tmp_path):
-    path = tmp_path / 'a.bag'
-    finger, every = 'sr_robot_msgs/msg/Biotac', 'sr_robot_msgs/msg/BiotacAll'
-    times_s = np.arange(8000) / 2000
-    wave = np.rint(1000 * np.sin(2 * np.pi * 60 * times_s) * (times_s > 1.0)).astype(np.int16)
-    types = [(finger, 'int16[] pac\n'), (every, 'Header header\nBiotac[5] tactiles\n')]
-    with Bag(path, definitions=types) as bag:
-        for k, rows in enumerate(wave.reshape(-1, 20), 1):
-            fingers = [bag.make(finger, pac=rows)] * 5
-            at_ns = START_NS + k * 10_000_000
-            message = bag.make(every, header=bag.header(at_ns), tactiles=fingers)
-            bag.write('/rh/tactile', message, at_ns)
+def test_the_slide_in_a_recording_is_found_by_the_file_of_its_sensor(bench, tmp_path):
+    path, times_s = tmp_path / 'a.npz', np.arange(8000) / 2000
+    wave = 1000 * np.sin(2 * np.pi * 60 * times_s) * (times_s > 1.0)
+    np.savez(path, volts=np.tile(wave, (5, 1)).T, sample_rate_hz=2000.0)
     slip = bench.listen(Bool, 'slip', state_qos())
     words = 'config:=sensors/biotac.yaml', f'recording:={path}', 'voltages:=/rh/pac'
     with launched(bench, tmp_path / 'log', 'slip_detector', *words):

@@ -23,7 +23,8 @@ from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
-from slip_detector.nodes.messages import sensor_qos, state_qos, time_message
+from slip_detector.nodes.messages import sensor_qos, state_qos
+from support.harness import sample
 
 RATE_HZ = 380.0
 PERIOD_S = 1 / RATE_HZ
@@ -42,7 +43,8 @@ class Sensor:
         # Each message with the time of its receipt.
         self.slip, self.valid = [], []
         for topic, heard in (('slip', self.slip), ('slip_valid', self.valid)):
-            bench.subscribe(Bool, topic, functools.partial(self._hear, heard), state_qos(100))
+            hear = functools.partial(self._hear, heard)
+            bench.node.create_subscription(Bool, topic, hear, state_qos(100))
         self._voltages = bench.node.create_publisher(JointState, 'voltages', sensor_qos())
         self._parameters = parameters
         self.start()
@@ -71,9 +73,7 @@ class Sensor:
         while (ahead_s := self.next_s - time.monotonic()) > 0:
             self.bench.executor.spin_once(timeout_sec=ahead_s)
         self.clock_s += stamped_after_s
-        message = JointState(position=row)
-        message.header.stamp = time_message(round(self.clock_s * 1e9))
-        self._voltages.publish(message)
+        self._voltages.publish(sample(row, round(self.clock_s * 1e9)))
         self.sent_s = time.monotonic()
 
     def play(self, until, what, slipping=True, change=lambda row: row):

@@ -15,7 +15,6 @@
 """The demonstration, run as a user runs it."""
 
 import json
-import os
 import signal
 
 import numpy as np
@@ -29,8 +28,6 @@ from support.harness import DEADLINE_S, ROOT
 from support.python_runs import run_python
 
 pytest.importorskip('rosbags', reason='needs rosbags')
-
-from slip_detector.nodes.processes import NodeProcesses
 
 
 @pytest.fixture(scope='module')
@@ -73,13 +70,13 @@ def test_the_recording_is_the_trial_with_its_labels(finished):
     assert str(finished[0] / 'trial.mcap') in finished[1]
 
 
-FILE = ROOT / 'config' / 'slip_detector.yaml'
-
 #: Starts a node and is killed when setpriv has become the node. While it does, it has no words.
 KILLED = """
 import os, pathlib, time
 from slip_detector.nodes.processes import NodeProcesses
 process = NodeProcesses('killed').start('slip_detector', '{file}')
+# Ctrl-C of the terminal is not for it.
+assert os.getpgid(process.pid) != os.getpgid(0)
 words = pathlib.Path(f'/proc/{{process.pid}}/cmdline')
 while b'setpriv' in (words.read_bytes() or b'setpriv'):
     time.sleep(0.01)
@@ -87,34 +84,12 @@ os.kill(os.getpid(), 9)
 """
 
 
-@pytest.fixture
-def nodes():
-    with NodeProcesses('demonstration') as nodes:
-        yield nodes
-
-
-def test_the_end_of_a_node_is_waited_for_and_leaving_ends_the_others(nodes, tmp_path):
-    path = tmp_path / 'rest.npz'
-    np.savez(path, volts=np.full((20, 16), 4.3), sample_rate_hz=380.0)
-    ends = nodes.start('slip_driver', FILE, source='recording', recording=path, loop='false')
-    nodes.wait_for_end(ends)
-    process = nodes.start('slip_driver', FILE, source='scene', wait_for_subscribers=1)
-    assert process.poll() is None
-    assert os.getpgid(process.pid) != os.getpgid(0)  # Ctrl-C of the terminal is not for it.
-    nodes.close()
-    assert process.poll() is not None
-
-
 def test_nodes_end_with_the_process_that_started_them_even_if_it_is_killed():
     # It does not return before the last process that has the pipe has ended.
-    done = run_python('-c', KILLED.format(file=FILE), timeout=DEADLINE_S)
+    done = run_python(
+        '-c', KILLED.format(file=ROOT / 'config' / 'slip_detector.yaml'), timeout=DEADLINE_S
+    )
     assert done.returncode == -signal.SIGKILL
-
-
-def test_a_node_that_fails_is_named(nodes):
-    process = nodes.start('slip_driver', FILE, source='scene', scene='moon')
-    with pytest.raises(ValueError, match=r'^slip_driver ended with the exit code 1$'):
-        nodes.wait_for_end(process)
 
 
 def test_signals_end_a_demonstration_and_its_nodes_quietly(bench, tmp_path):

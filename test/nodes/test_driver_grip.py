@@ -35,66 +35,53 @@ object: {{mass_kg: 0.2, length_m: 0.05, rest_patches: 200}}
 """
 
 
-class Gripped:
-    """A driver process with a scene that waits for a grip, the test in place of its controller."""
-
-    def __init__(self, bench, folder):
-        self.bench = bench
-        self.voltages = bench.listen(JointState, 'voltages', patient_qos())
-        self.position = bench.listen(JointState, 'platform_position', patient_qos())
-        self.command = bench.node.create_publisher(JointState, 'grip_force', state_qos())
-        path = folder / 'scene.yaml'
-        path.write_text(SCENE)
-        waits = {'wait_for_subscribers': 1, 'wait_for_grip': 'true'}
-        parameters = {'source': 'scene', 'scene': path, **waits}
-        self.process = bench.start('slip_driver', parameters=parameters)
-
-    def hold(self, *efforts):
-        message = JointState(name=['grip'], effort=efforts)
-        message.header.stamp = self.bench.node.get_clock().now().to_msg()
-        self.command.publish(message)
-        return stamp_ns(message.header.stamp)
-
-    def play(self, seconds):
-        """Wait until so much more of the scene was heard, from now on: samples may come late."""
-        end_ns = self.bench.node.get_clock().now().nanoseconds + round(seconds * 1e9)
-        self.bench.wait_for(
-            lambda: self.voltages and stamp_ns(self.voltages[-1].header.stamp) >= end_ns,
-            f'{seconds} s of samples',
-        )
-
-    def said(self, words):
-        self.bench.wait_for(lambda: words in self.process.log(), f'the log to say {words}')
-
-
 def test_a_driver_waits_for_the_first_command_and_the_next_is_felt_in_the_next_samples(
     bench, tmp_path
 ):
+    voltages = bench.listen(JointState, 'voltages', patient_qos())
+    position = bench.listen(JointState, 'platform_position', patient_qos())
+    command = bench.node.create_publisher(JointState, 'grip_force', state_qos())
+    path, clock = tmp_path / 'scene.yaml', bench.node.get_clock()
+    path.write_text(SCENE)
+    parameters = {'source': 'scene', 'scene': path, 'wait_for_grip': 'true'}
+    process = bench.start('slip_driver', parameters={**parameters, 'wait_for_subscribers': 1})
+
+    def said(words):
+        bench.wait_for(lambda: words in process.log(), f'the log to say {words}')
+
+    def hold(*efforts):
+        at_ns = clock.now().nanoseconds
+        command.publish(JointState(name=['grip'], effort=efforts))
+        return at_ns
+
+    def play(seconds):
+        """Wait until so much more of the scene was heard, from now on: samples may come late."""
+        end_ns = clock.now().nanoseconds + round(seconds * 1e9)
+        bench.wait_for(
+            lambda: voltages and stamp_ns(voltages[-1].header.stamp) >= end_ns,
+            f'{seconds} s of samples',
+        )
+
     # Until the first command comes, the scene itself would grip with 3 N.
-    driver = Gripped(bench, tmp_path)
-    driver.said('waiting for a grip force')
-    bench.wait_for(driver.command.get_subscription_count, 'the driver to listen')
-    driver.hold(float('nan'))
-    driver.said('force_n is nan N, allowed: 0 to 1000 N; ignored')
+    said('waiting for a grip force')
+    bench.wait_for(command.get_subscription_count, 'the driver to listen')
+    hold(float('nan'))
+    said('force_n is nan N, allowed: 0 to 1000 N; ignored')
     for _ in range(20):
         bench.executor.spin_once(timeout_sec=0.02)
-    assert not driver.voltages
-    driver.hold(2.0)
-    driver.play(1.0)
+    assert not voltages
+    hold(2.0)
+    play(1.0)
     # A command that makes no sense does not let the object fall.
-    driver.hold(1.0, 2.0)
-    driver.said('grip_force has 2 efforts, allowed: 1; ignored')
-    driver.play(0.5)
-    assert driver.position[-1].position[0] < 1e-4
-    at_ns = driver.hold(6.0)
-    driver.play(2.0)
-    before = [m for m in driver.voltages if stamp_ns(m.header.stamp) <= at_ns]
-    firm_v = before[-1].position[0]
+    hold(1.0, 2.0)
+    said('grip_force has 2 efforts, allowed: 1; ignored')
+    play(0.5)
+    assert position[-1].position[0] < 1e-4
+    at_ns = hold(6.0)
+    play(2.0)
     # Volts sink as the load grows: a step of newtons stands out from the noise by far.
-    lower = [
-        stamp_ns(message.header.stamp)
-        for message in driver.voltages
-        if message.position[0] < firm_v - 0.05
-    ]
+    rows = [(stamp_ns(each.header.stamp), each.position[0]) for each in voltages]
+    *_, firm_v = (volts for stamp, volts in rows if stamp <= at_ns)
+    felt_ns = min(stamp for stamp, volts in rows if volts < firm_v - 0.05)
     # A block of samples read ahead would be later than this.
-    assert 0 < min(lower) - at_ns < 0.5 * 32 / RATE_HZ * 1e9
+    assert 0 < felt_ns - at_ns < 0.5 * 32 / RATE_HZ * 1e9

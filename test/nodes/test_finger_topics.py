@@ -15,7 +15,6 @@
 """What comes from one finger: samples, levels, and the states that belong to them."""
 
 import dataclasses
-import functools
 import itertools
 import time
 
@@ -27,9 +26,10 @@ from std_msgs.msg import Bool
 
 from slip_detector.nodes import finger_topics
 from slip_detector.nodes.finger_topics import FingerTopics
-from slip_detector.nodes.messages import sensor_qos, state_qos, time_message
+from slip_detector.nodes.messages import sensor_qos, state_qos
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.view.detectors import Finger
+from support.harness import sample
 
 TWO = DetectorConfig(channels=2, groups={'pair': (1, 2)}, passband_hz=(7, 50), stopbands_hz=[])
 AT_NS = 10**18
@@ -60,12 +60,6 @@ class Sensor:
 
         self.bench.wait_for(polled, what)
 
-    def message(self, k, position, effort=()):
-        message = JointState(position=position, effort=effort)
-        message.header.stamp = time_message(AT_NS + k)
-        message.header.frame_id = 'tip'
-        return message
-
 
 @pytest.fixture
 def sensor(bench):
@@ -79,9 +73,10 @@ def test_samples_levels_and_states_reach_the_finger(sensor):
     track = sensor.finger.track
     for k in range(4):
         sensor.truth.publish(Bool(data=k >= 2))
-        sensor.voltages.publish(sensor.message(k, [4.0 + k, 5.0]))
+        sensor.voltages.publish(sample([4.0 + k, 5.0], AT_NS + k, 'tip'))
         sensor.slip.publish(Bool(data=k >= 3))
-        sensor.envelope.publish(sensor.message(k, [0.5 * k, float('nan')], [float(k > 0), 0.0]))
+        levels, on = [0.5 * k, float('nan')], [float(k > 0), 0.0]
+        sensor.envelope.publish(sample(levels, AT_NS + k, effort=on))
         sensor.until(lambda k=k: len(track.samples) > k and len(track.levels) > k, f'row {k}')
     assert track.samples.stamps_ns().tolist() == [AT_NS + k for k in range(4)]
     assert track.samples.field('volts').tolist() == [[4.0 + k, 5.0] for k in range(4)]
@@ -111,20 +106,18 @@ def test_a_type_that_is_not_installed_is_reported_and_the_decisions_are_shown(se
     sensor.valid.publish(Bool(data=True))
     sensor.until(lambda: sensor.finger.valid, 'slip_valid')
 
-    # Where levels come, samples come.
-    def has_come(publisher, values, holds):
-        publisher.publish(sensor.message(5_000_000 * next(numbers), values, values))
-        return holds()
-
     finger, numbers = sensor.finger, itertools.count()
-    heard = functools.partial(has_come, sensor.envelope, [0.5, 0.5], lambda: finger.sample_s > 0)
-    sensor.until(heard, 'a level')
+
+    def send(publisher, *values):
+        publisher.publish(sample(values, AT_NS + 5_000_000 * next(numbers), effort=values))
+
+    # Where levels come, samples come.
+    sensor.until(lambda: send(sensor.envelope, 0.5, 0.5) or finger.sample_s > 0, 'a level')
     sensor.finger.update_config(DetectorConfig(channels=2))
     sensor.topics.poll()
     assert sensor.finger.no_volts == ''
     # Samples that do not fit come, too, and it is said what is wrong with them, and what fits.
-    heard = functools.partial(has_come, sensor.voltages, [4.0, 5.0, 6.0], lambda: finger.offer)
-    sensor.until(heard, 'an offer')
+    sensor.until(lambda: send(sensor.voltages, 4.0, 5.0, 6.0) or finger.offer, 'an offer')
     assert finger.offer == 'Take 3 channels at 200 Hz, one group'
     wrong = 'samples come, but they have 3 channels, the detector 2'
     assert finger.unfit == (pytest.approx(time.monotonic(), abs=5.0), wrong)

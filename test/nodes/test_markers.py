@@ -18,14 +18,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from sensor_msgs.msg import JointState
-from visualization_msgs.msg import Marker, MarkerArray
+from visualization_msgs.msg import Marker
 
-from slip_detector.nodes.messages import event_qos
 from slip_detector.nodes.view_topics import LIFETIME_S, finger_markers
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.view.detectors import Finger, drawn_positions, least_distance_m
-from support.harness import patient_qos
 
 FOUR = DetectorConfig(channels=4, groups={'left': (1, 2), 'right': (3, 4)}, vote=1)
 
@@ -114,22 +111,3 @@ def test_when_nothing_comes_no_channel_looks_as_if_it_were_measured(time, words)
     heights, colors = cubes(finger)
     assert not heights.any()
     assert set(colors) == set(cubes(finger_with([np.nan] * 4))[1])
-
-
-def test_slip_view_shows_a_real_finger_in_the_frame_of_its_samples_and_the_loss_of_them(bench):
-    bench.start('slip_detector')
-    bench.start_python('-m', 'slip_detector.nodes.view', '--port', '0')
-    said = []
-    bench.subscribe(MarkerArray, 'slip_view/taxels', said.append, event_qos(depth=1000))
-    bench.listen(JointState, 'voltages', patient_qos())
-    driver = bench.start_driver(parameters={'frame_id': 'index_tip', 'loop': 'true'}, others=1)
-
-    def seen(words):
-        in_frame = [m for a in said for m in a.markers if m.header.frame_id == 'index_tip']
-        return any(m.text.startswith(f'slip_detector: {words}') for m in in_frame)
-
-    bench.wait_for(lambda: seen('rest') and seen('SLIP '), 'rest and a slip in the frame')
-    assert len(said[-1].markers[1].points) == len(DetectorConfig().names)
-    driver.end()
-    del said[:]  # On a busy machine there may have been a silence before.
-    bench.wait_for(lambda: seen('no input'), 'the silence to be told')

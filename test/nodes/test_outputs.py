@@ -127,20 +127,3 @@ def test_other_outputs_take_over_what_was_decided_and_the_topics_that_stay():
     assert not [topic for topic in published.topics if topic.startswith('slip/channel')]
     assert published.topics.count('slip') == 1
     assert len(published.messages('slip_onset')) == 1
-
-
-def test_slip_that_a_change_turns_on_is_no_onset():
-    published = Published()
-    published.outputs.announce(ALL_ON, 1000, 'tip', settled=False)
-    published.announce(AT_REST, ALL_ON)
-    assert published.states()['slip'] == [False, True, False, True]
-    assert [stamp_ns(onset.stamp) for onset in published.messages('slip_onset')] == [1001]
-    assert published.outputs.onsets == 1
-
-
-def test_disabled_channels_and_unwanted_topics_have_no_publisher():
-    published = Published()
-    assert 'slip/channel/ch3' not in published.topics
-    assert 'slip/channel/ch2' in published.topics
-    published.outputs.destroy()
-    assert published.topics == []

@@ -35,7 +35,6 @@ from slip_detector.nodes.messages import event_qos
 from slip_detector.nodes.rclpy_internals import (
     SampleExecutor,
     destroy_state_machine,
-    given_parameters,
     survive_requests,
     take_answers,
 )
@@ -48,21 +47,6 @@ def context():
     rclpy.init(context=context)
     yield context
     rclpy.try_shutdown(context=context)
-
-
-@pytest.fixture
-def node(context):
-    words = ['--ros-args', '-p', 'declared:=1', '-p', 'unknown:=2']
-    node = Node('of_test', context=context, cli_args=words)
-    yield node
-    node.destroy_node()
-
-
-def test_parameters_are_given_by_name_before_any_is_declared(node):
-    assert {each.name: each.value for each in given_parameters(node)} == {
-        'declared': 1,
-        'unknown': 2,
-    }
 
 
 def test_what_cannot_be_done_is_answered_with_no_and_the_node_goes_on(context):
@@ -94,7 +78,8 @@ def test_a_negative_time_does_not_reach_the_clock_and_others_do(context):
     node.destroy_node()
 
 
-def test_messages_timers_and_services_are_served(context, node):
+def test_messages_timers_and_services_are_served(context):
+    node = Node('of_test', context=context)
     calls, client = [], node.create_client(GetParameters, 'of_answers/get_parameters')
     served = Node('of_answers', context=context)
     served.declare_parameter('gain', 2)
@@ -129,7 +114,8 @@ def test_messages_timers_and_services_are_served(context, node):
     with pytest.raises(ExternalShutdownException):
         executor._do_others()
     executor.shutdown()
-    served.destroy_node()
+    for each in (node, served):
+        each.destroy_node()
 
 
 LEAVING = """

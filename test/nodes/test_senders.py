@@ -21,10 +21,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from nodes.slipping_sensor import Sensor
-from std_msgs.msg import Header
 
 from slip_detector.nodes.inputs import Senders
-from slip_detector.nodes.messages import event_qos
 
 
 @given(
@@ -74,52 +72,6 @@ def test_without_numbers_each_publisher_is_taken_to_send():
     assert senders.accepts(None, publishers=1)
     assert not senders.accepts(None, publishers=2)
     assert senders.several
-
-
-def at_rest(row):
-    return 4.0 + 1e-3 * (row - 4.0)
-
-
-def test_two_drivers_on_one_topic(bench):
-    sensor = Sensor(bench)
-    sensor.play(sensor.says_valid, 'slip_valid', change=at_rest)
-    known, onsets = len(sensor.slip), bench.listen(Header, 'slip_onset', event_qos())
-    # The finger of the other one is at rest too, at other volts.
-    rest = bench.start_python('-c', DRIVER_AT_REST)
-    sensor.play(sensor.fell, 'slip_valid to fall', change=at_rest)
-    count = len(sensor.valid)
-    sensor.play(
-        lambda: sensor.told('input', 'the input is published by /bench, /other/slip_driver'),
-        'the diagnostics',
-        change=at_rest,
-    )
-    words = 'voltages is published by /bench and /other/slip_driver, allowed: one of them'
-    sensor.play(lambda: words in sensor.process.log(), 'the log', change=at_rest)
-    # While both send it stays so.
-    assert not any(valid for _, valid in sensor.valid[count:])
-    assert not any(on for _, on in sensor.slip[known:])
-    assert not onsets
-    # One of them alone is heard again, also where the other one could not say goodbye.
-    rest.signal(signal.SIGKILL)
-    sensor.play(sensor.says_valid, 'slip_valid', change=at_rest)
-    sensor.goes_on()
-
-
-DRIVER_AT_REST = """
-import numpy as np, rclpy
-from sensor_msgs.msg import JointState
-from slip_detector.nodes.messages import sensor_qos
-rclpy.init()
-node = rclpy.create_node('slip_driver', namespace='other')
-publisher = node.create_publisher(JointState, '/voltages', sensor_qos())
-random = np.random.default_rng(1)
-def send():
-    message = JointState(position=2.0 + 1e-4 * random.standard_normal(16))
-    message.header.stamp = node.get_clock().now().to_msg()
-    publisher.publish(message)
-node.create_timer(1 / 380, send)
-rclpy.spin(node)
-"""
 
 
 def test_two_detectors_in_one_namespace(bench):

@@ -20,8 +20,9 @@ import signal
 
 import numpy as np
 import pytest
+from visualization_msgs.msg import MarkerArray
 
-from support.bags import Bag
+from slip_detector.nodes.messages import event_qos
 from support.harness import DEADLINE_S
 from support.live_client import LiveClient
 
@@ -46,23 +47,6 @@ def subscribed(bench):
     return {topic for topic, _ in found}
 
 
-def test_with_no_page_open_it_subscribes_to_nothing(bench):
-    bench.start('slip_detector', '-r', '__ns:=/index')
-    _, address = bench.start_view('--folder', 'none')
-
-    async def view(page):
-        await page.view()
-        await page.drawn_frame()
-
-    async def only_open(page):
-        await page.until('fingers', lambda content: content['fingers'])
-
-    with_page(address, only_open)
-    assert subscribed(bench) == set()
-    with_page(address, view)
-    bench.wait_for(lambda: subscribed(bench) == set(), 'the subscriptions to end')
-
-
 def test_a_scene_is_played_and_all_ends_with_a_signal(bench, tmp_path):
     words = ('--scene', 'plate_400um', '--fingers', 'thumb,index', '--folder', str(tmp_path / 'f'))
     process, address = bench.start_view(*words)
@@ -70,6 +54,7 @@ def test_a_scene_is_played_and_all_ends_with_a_signal(bench, tmp_path):
     async def see(page):
         content = await page.until('fingers', lambda content: len(content['fingers']) == 2)
         assert [finger['label'] for finger in content['fingers']] == ['scene/index', 'scene/thumb']
+        assert subscribed(bench) == set()
         names = await page.view(channels=[14])
         slip = on = false = 0
         while not (slip and on and false):
@@ -80,14 +65,25 @@ def test_a_scene_is_played_and_all_ends_with_a_signal(bench, tmp_path):
             if traces['levels']['count']:
                 assert traces['name'] == names[0]
                 assert arrays['level'].shape == (1, traces['levels']['count'])
-        # One page more, which is open when it ends.
+
+    with_page(address, see)
+    bench.wait_for(lambda: subscribed(bench) == set(), 'the subscriptions to end')
+    taxels = bench.listen(MarkerArray, 'slip_view/taxels', event_qos(depth=1000))
+
+    def marked(words):
+        texts = [marker.text for array in taxels for marker in array.markers]
+        return any(text.startswith(f'scene/index: {words}') for text in texts)
+
+    bench.wait_for(lambda: marked('rest') and marked('SLIP '), 'rest and a slip as markers')
+
+    async def end(page):
         for number in (signal.SIGINT, signal.SIGTERM):
             process.signal(number)
         while await page._socket.read_message() is not None:
             pass
         assert page._socket.close_reason == 'slip_view was stopped'
 
-    with_page(address, see)
+    with_page(address, end)
     assert process.wait() == 0
     assert 'Traceback' not in process.log()
     bench.wait_for(
@@ -105,17 +101,13 @@ def test_when_a_node_of_the_scene_ends_so_does_the_page(bench):
     assert 'Traceback' not in process.log()
 
 
-def test_a_signal_ends_it_with_exit_code_0(bench):
-    process, address = bench.start_view()
+def test_beyond_loopback_the_printed_address_has_a_token_and_a_signal_ends_it(bench):
+    process, address = bench.start_view('--host', '0.0.0.0')
+    assert len(address.partition('?token=')[2]) >= 20
     for _ in range(3):  # ros2 launch sends more than one.
         process.signal(signal.SIGTERM)
     assert process.wait() == 0
     assert process.lines() == [f'slip_view: {address}', 'Ctrl-C ends it']
-
-
-def test_beyond_loopback_the_printed_address_has_a_token(bench):
-    _, address = bench.start_view('--host', '0.0.0.0')
-    assert len(address.partition('?token=')[2]) >= 20
 
 
 @pytest.mark.parametrize(
@@ -135,18 +127,9 @@ def test_what_is_impossible_is_refused_in_one_line(bench, words, code, said):
     assert said in line
 
 
-def test_a_bag_of_ros_1_with_messages_of_a_sensor_is_played_to_its_detector(bench, tmp_path):
-    path, parts_of_six = tmp_path / 'old.bag', np.arange(6.0)
-    with Bag(path) as bag:
-        for k in range(500):
-            stamp_ns = 10**18 + k * 2_000_000
-            force, torque = (
-                bag.make('geometry_msgs/msg/Vector3', **dict(zip('xyz', values, strict=True)))
-                for values in np.split(parts_of_six + 1e-3 * (k % 7), 2)
-            )
-            wrench = bag.make('geometry_msgs/msg/Wrench', force=force, torque=torque)
-            header, kind = bag.header(stamp_ns), 'geometry_msgs/msg/WrenchStamped'
-            bag.write('/arm/wrench', bag.make(kind, header=header, wrench=wrench), stamp_ns)
+def test_a_bag_for_a_detector_of_other_messages_is_played_to_it(bench, tmp_path):
+    path, volts = tmp_path / 'old.npz', np.arange(6.0) + 1e-3 * (np.arange(500)[:, np.newaxis] % 7)
+    np.savez(path, volts=volts, sample_rate_hz=500.0)
     words = ('--bag', str(path), '--config', 'sensors/wrench.yaml', '--folder', str(tmp_path))
     _, address = bench.start_view(*words)
 

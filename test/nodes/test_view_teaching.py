@@ -27,8 +27,9 @@ from scipy import signal
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, Header, String
 
-from slip_detector.nodes.messages import event_qos, sensor_qos, stamp_ns, state_qos, time_message
+from slip_detector.nodes.messages import event_qos, sensor_qos, stamp_ns, state_qos
 from support.browsers import PATIENCE_MS, expect
+from support.harness import sample
 from support.page_parts import record_button, recording, tool
 
 #: A search takes so long at most where other tests run beside it.
@@ -105,8 +106,7 @@ class Sensor:
         for row in range(self.row, self.row + self.AT_ONCE):
             volts = self.still[row % self.ROWS] + level * self.slide[row % self.ROWS]
             at_ns = self.BEGIN_NS + round(1e9 * row / self.RATE_HZ)
-            header = Header(stamp=time_message(at_ns))
-            self.voltages.publish(JointState(header=header, position=volts.tolist()))
+            self.voltages.publish(sample(volts.tolist(), at_ns))
         self.row += self.AT_ONCE
 
 

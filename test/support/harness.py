@@ -38,7 +38,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Bool, Float32MultiArray, MultiArrayDimension
+from std_msgs.msg import Bool, Float32MultiArray, Header, MultiArrayDimension
 
 from slip_detector.chain.slip_chain import compile_chain
 from slip_detector.nodes.messages import event_qos, sensor_qos, stamp_ns, state_qos, time_message
@@ -71,10 +71,7 @@ class Process:
         self._process = subprocess.Popen(
             command, stdout=output or self._log, stderr=subprocess.STDOUT, env=environment
         )
-
-    def memory_maps(self):
-        """Return the files that the process has mapped into its memory."""
-        return Path(f'/proc/{self._process.pid}/maps').read_text()
+        self.pid = self._process.pid
 
     def log(self):
         """Return what the process has printed so far."""
@@ -99,7 +96,7 @@ class Process:
         self._process.send_signal(number)
         self.killed |= number == signal.SIGKILL
         if number == signal.SIGSTOP:  # On a busy machine some threads go on for milliseconds.
-            os.waitid(os.P_PID, self._process.pid, os.WSTOPPED)
+            os.waitid(os.P_PID, self.pid, os.WSTOPPED)
 
     def wait(self):
         """Wait for the end and return the exit code."""
@@ -199,18 +196,18 @@ class Bench:
         assert line.startswith(f'{name}: ')
         assert [word for word in words if word not in line] == [], line
 
-    def start_driver(self, *words, parameters=None, others=0):
+    def start_driver(self, parameters):
         """Start a driver that plays when all subscriptions of the test know it.
 
         A publisher that has found a subscription may send before the subscription has found the
         publisher; such samples are lost. So the driver waits for one subscriber more than there
-        are, and the last one subscribes when those of the test know the driver. ``others`` is the
-        number of subscribers in other processes. The driver's samples are reliable.
+        are, and the last one subscribes when those of the test know the driver. The driver's
+        samples are reliable.
         """
         subscriptions = self._subscriptions['voltages']
-        wanted = others + len(subscriptions) + 1
-        given = {'source': 'scene', **(parameters or {}), 'wait_for_subscribers': wanted}
-        process = self.start('slip_driver', *words, parameters=given, reliable_samples=True)
+        wanted = {'wait_for_subscribers': len(subscriptions) + 1}
+        given = {'source': 'scene', **parameters, **wanted}
+        process = self.start('slip_driver', parameters=given, reliable_samples=True)
 
         def known():
             return all(subscription.get_publisher_count() for subscription in subscriptions)
@@ -286,13 +283,9 @@ class Bench:
     def listen(self, message_type, topic, qos):
         """Return the list that messages of a topic are put on."""
         heard = []
-        self.subscribe(message_type, topic, heard.append, qos)
-        return heard
-
-    def subscribe(self, message_type, topic, take, qos):
-        """Have a function take each message of a topic."""
-        subscription = self.node.create_subscription(message_type, topic, take, qos)
+        subscription = self.node.create_subscription(message_type, topic, heard.append, qos)
         self._subscriptions.setdefault(topic, []).append(subscription)
+        return heard
 
     def close(self):
         """End the processes and the node.
@@ -319,6 +312,12 @@ class Bench:
 
 def parameter_messages(values):
     return [Parameter(name, value=value).to_parameter_msg() for name, value in values.items()]
+
+
+def sample(position, at_ns, frame_id='', **fields):
+    """Return a sample as a message."""
+    header = Header(stamp=time_message(at_ns), frame_id=frame_id)
+    return JointState(header=header, position=position, **fields)
 
 
 def batch_of(rows):
@@ -380,9 +379,7 @@ class Detected:
 
     def send(self, volts, at_ns, names=()):
         """Publish a sample."""
-        message = JointState(position=volts, name=names)
-        message.header.stamp = time_message(at_ns)
-        self.voltages.publish(message)
+        self.voltages.publish(sample(volts, at_ns, name=names))
 
     def answered(self, at_ns):
         """Return whether the decision on the sample of this stamp has come."""

@@ -192,6 +192,7 @@ def test_changes_are_announced_politely_a_short_slip_too(played):
     wait_until_shown(page, 'index: rest')
     served.call(served.detectors.remove, 'index')
     expect(news).to_contain_text('index: detector gone')
+    expect(page.locator('#gone')).to_contain_text('index: its detector has ended')
 
 
 def test_a_chosen_finger_stays_chosen_while_it_is_gone(played):

@@ -72,6 +72,9 @@ def test_time_goes_on_and_never_back_and_stands_still_without_samples(serve):
         page.wait_for_timeout(500)
         before, now = now, stretch(page)
     assert set(page.evaluate(ends_of_a_second, 1.0)) == {now[1]}
+    expect(parts.card(page)).to_contain_text('no sample for')
+    served.call(served.detectors.simulated.clear)  # No heart beats any more.
+    expect(parts.card(page)).to_contain_text('was it killed, or stopped?')
 
 
 def test_traces_are_chosen_paused_read_and_the_threshold_is_moved(serve):
