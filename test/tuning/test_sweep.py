@@ -61,6 +61,7 @@ def test_each_threshold_and_vote_has_the_figures_of_a_chain_with_them_to_the_bit
             assert figures.items() <= figures_of_merit(outcomes).items()
 
 
+MEAN = ChainConfig()
 EVIDENCE = ChainConfig(decision='evidence', noise_floor=1e-3, envelope_window_s=0.02)
 
 
@@ -94,17 +95,11 @@ def test_thresholds_rise_in_even_steps_of_amplitude_up_to_where_nothing_is_on(va
 QUIET = track_with(np.zeros((20, 1)))
 
 
-@pytest.mark.parametrize(
-    ('chain', 'statistic'),
-    [
-        (ChainConfig(), np.zeros(20)),
-        (ChainConfig(), np.array([0.0, np.inf] * 10)),
-        (EVIDENCE, np.full(20, 1.3)),
-    ],
-    ids=['silent', 'endless', 'evidence at its limit'],
-)
-def test_of_a_statistic_that_no_threshold_divides_there_is_none(chain, statistic):
-    assert thresholds(chain, [(statistic, QUIET)]).size == 0
+def test_of_a_statistic_that_no_threshold_divides_there_is_none():
+    silent, endless = np.zeros(20), np.array([0.0, np.inf] * 10)
+    at_its_limit = np.full(20, EVIDENCE.evidence_limit_db_s)
+    for chain, values in ((MEAN, silent), (MEAN, endless), (EVIDENCE, at_its_limit)):
+        assert thresholds(chain, [(values, QUIET)]).size == 0
 
 
 def test_thresholds_of_evidence_are_as_far_apart_as_louder_noise_moves_it_below_its_limit():
