@@ -43,16 +43,13 @@ def test_several_jobs_are_processes_that_end_with_the_context():
             os.kill(pid, 0)
 
 
-@pytest.mark.parametrize(
-    ('call', 'argument', 'said'),
-    [
+def test_a_call_that_fails_or_dies_is_one_line():
+    for call, argument, said in (
         (int, 'x', r'^invalid literal for int\(\) .*$'),
         (signal.raise_signal, signal.SIGKILL, r'^a worker process died, allowed: fewer'),
-    ],
-)
-def test_a_call_that_fails_or_dies_is_one_line(call, argument, said):
-    with workers.processes(jobs=2) as calls, pytest.raises(ValueError, match=said):
-        list(calls(call, [argument]))
+    ):
+        with workers.processes(jobs=2) as calls, pytest.raises(ValueError, match=said):
+            list(calls(call, [argument]))
 
 
 @pytest.mark.parametrize(

@@ -62,15 +62,15 @@ def test_csv_that_is_wrong_is_named_with_its_line_or_column(tmp_path, text, said
     assert str(path) not in opened
 
 
-@pytest.mark.parametrize(
-    'text',
-    [
-        '\ufefftime_s,a,b,\n0,1,\n1,2,3,\n2,3,4,\n',
-        'time_s,a,b\r\n0,1,,\r\n1,2,3,\r\n2,3,4,\r\n,,\r\n \r\n',
-        'time_s;a;b\n0;1;nan\n1;2;3\n2;3;4\n',
-        'time_s\ta\tb\n0\t1\t \n1\t2\t3\n2\t3\t4\n',
-    ],
-)
+LOGGED = [
+    '\ufefftime_s,a,b,\n0,1,\n1,2,3,\n2,3,4,\n',
+    'time_s,a,b\r\n0,1,,\r\n1,2,3,\r\n2,3,4,\r\n,,\r\n \r\n',
+    'time_s;a;b\n0;1;nan\n1;2;3\n2;3;4\n',
+    'time_s\ta\tb\n0\t1\t \n1\t2\t3\n2\t3\t4\n',
+]
+
+
+@pytest.mark.parametrize('text', LOGGED)
 def test_what_loggers_write_is_read_and_an_empty_cell_is_a_bad_sample(tmp_path, text):
     (tmp_path / 'a.csv').write_text(text, newline='', encoding='utf-8')
     recording, rows = read_recording(tmp_path / 'a.csv')

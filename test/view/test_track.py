@@ -234,16 +234,13 @@ def test_what_a_page_may_not_ask_for_is_refused_in_words(name, value):
     assert len(str(refused.value)) < 200
 
 
-@pytest.mark.parametrize(
-    'content',
-    [
-        {'finger': '/gone', 'fingers': ['/gone', NAME, NAME]},
-        {'channels': [99, 1], 'spectrum': 99, 'until_ns': -(2**62)},
-        {'channels': [], 'window_s': 60.0, 'pixels': 10, 'until_ns': 2**62},
-    ],
-)
-def test_any_other_view_is_drawn(content):
-    detectors, view = detectors_after(0.5), requested(**content)
-    for _ in range(2):
-        header, _ = unpacked(view.frame(detectors))
-        assert ('traces' in header) == (view.finger == NAME)
+def test_any_other_view_is_drawn():
+    detectors = detectors_after(0.5)
+    for view in (
+        requested(finger='/gone', fingers=['/gone', NAME, NAME]),
+        requested(channels=[99, 1], spectrum=99, until_ns=-(2**62)),
+        requested(channels=[], window_s=60.0, pixels=10, until_ns=2**62),
+    ):
+        for _ in range(2):
+            header, _ = unpacked(view.frame(detectors))
+            assert ('traces' in header) == (view.finger == NAME)
