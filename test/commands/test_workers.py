@@ -43,33 +43,27 @@ def test_several_jobs_are_processes_that_end_with_the_context():
             os.kill(pid, 0)
 
 
-@pytest.mark.parametrize(
-    ('call', 'argument', 'said'),
-    [
+def test_a_call_that_fails_or_dies_is_one_line():
+    for call, argument, said in (
         (int, 'x', r'^invalid literal for int\(\) .*$'),
         (signal.raise_signal, signal.SIGKILL, r'^a worker process died, allowed: fewer'),
-    ],
-)
-def test_a_call_that_fails_or_dies_is_one_line(call, argument, said):
-    with workers.processes(jobs=2) as calls, pytest.raises(ValueError, match=said):
-        list(calls(call, [argument]))
+    ):
+        with workers.processes(jobs=2) as calls, pytest.raises(ValueError, match=said):
+            list(calls(call, [argument]))
 
 
-@pytest.mark.parametrize(
-    ('code', 'status', 'printed'),
-    [
+def test_processes_end_with_the_one_that_started_them():
+    environment = {**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)}
+    begin = 'import signal\nfrom slip_detector.commands.workers import processes\n'
+    begin += 'with processes(jobs=2) as calls:\n    '
+    for code, status, printed in (
         # It does not return before the last process that has the pipe has ended.
         ('print(*calls(eval, ["7"]), flush=True); signal.raise_signal(9)', -9, '(0, 7)\n'),
         # A result that is being written does not hold up the end.
         ('next(calls(bytes, [1, 300_000_000]))', 0, ''),
-    ],
-)
-def test_processes_end_with_the_one_that_started_them(code, status, printed):
-    code = f'with processes(jobs=2) as calls:\n    {code}'
-    code = f'import signal\nfrom slip_detector.commands.workers import processes\n{code}'
-    environment = {**os.environ, 'PYTHONPATH': os.pathsep.join(sys.path)}
-    done = run_python('-c', code, env=environment)
-    assert (done.returncode, done.stdout) == (status, printed), done.stderr
+    ):
+        done = run_python('-c', begin + code, env=environment)
+        assert (done.returncode, done.stdout) == (status, printed), done.stderr
 
 
 def test_options_replace_parameters_of_recordings(tmp_path, monkeypatch):

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Replaying recordings of ridges: slips, alarms, and an observer."""
+"""Replaying recordings of ridges: slips, alarms, an observer, and figures by hand."""
 
 import dataclasses
 import tracemalloc
@@ -27,8 +27,15 @@ from slip_detector.chain.filters import settling_rows
 from slip_detector.chain.samples import Samples
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.compiled import COMPILED
-from slip_detector.evaluation.figures import figures_of_merit
+from slip_detector.evaluation.events import LASTING, NO_EVENTS
+from slip_detector.evaluation.figures import (
+    ALREADY_ON,
+    STAGES,
+    TrueSlip,
+    figures_of_merit,
+)
 from slip_detector.evaluation.replay import Replay
+from slip_detector.parameters.detector import ChainConfig
 from slip_detector.recordings.labels import label_at
 from support.replay_cases import CONFIG, RATE_HZ, ridges
 
@@ -122,3 +129,49 @@ def test_memory_does_not_grow_with_the_rows():
     # For each slip and its alarm there are some numbers for each channel.
     assert growth < more * 4000
     assert growth < 0.1 * more * volts.nbytes
+
+
+NOTHING = Replay(ChainConfig()).run([])
+
+
+def slip(stages_ms=None, **changes):
+    """Return a slip with a latency in these parts; without any its alarm rises before it."""
+    stages_s = stages_ms and dict(zip(STAGES, np.array(stages_ms) / 1e3, strict=True))
+    latency_s = sum(stages_s.values()) if stages_s else -0.01
+    known = TrueSlip(
+        start_s=1.0, end_s=2.0, alarm=0, latency_s=latency_s, accuracy_s=0.0, settling=False,
+        late=latency_s > 0.1, stages_s=stages_s, lost_at=None, on_at_start=False,
+    )  # fmt: skip
+    return dataclasses.replace(known, **changes)
+
+
+def outcome(slips, kind, certain, rest):
+    """Return the outcome of a recording of a kind; times in s, times ON, and false alarms."""
+    lasting = np.zeros_like(NO_EVENTS.lasting)
+    lasting[[0, LASTING.index(kind)], :, 0] = certain, rest
+    events = dataclasses.replace(NO_EVENTS, lasting=lasting)
+    return dataclasses.replace(NOTHING, slips=tuple(slips), events=events)
+
+
+def test_figures_of_events_by_hand():
+    missed = {'alarm': None, 'latency_s': None}
+    first = [slip((10, 5, 20, 5)), slip((200, 10, 20, 10))]
+    then = [slip(lost_at=lost_at, **missed) for lost_at in ('envelope', ALREADY_ON)]
+    then += [slip(), slip(settling=True, **missed)]
+    found = figures_of_merit(
+        [
+            outcome(first, 'rest', (3.0, 2.5, 0), (10.0, 0.6, 0)),
+            outcome(then, 'press', (1.0, 0.5, 0), (20.0, 0.0, 1)),
+        ]
+    )
+    expected = {
+        'coverage': 0.75, 'latency_accuracy_ms': 0.0,
+        'filter_ms': 105.0, 'envelope_ms': 7.5, 'decision_ms': 20.0, 'vote_ms': 7.5,
+        'late_filter_ms': 200.0, 'late_envelope_ms': 10.0, 'late_decision_ms': 20.0,
+        'late_vote_ms': 10.0,
+        'missed_at_filter': 0, 'missed_at_envelope': 1, 'missed_at_decision': 0,
+        'missed_at_vote': 0, 'missed_already_on': 1,
+        'rest_on_percent': 6.0, 'rest_alarms_per_minute': 0.0,
+        'press_on_percent': 0.0, 'press_alarms_per_minute': 3.0, 'taps_on_percent': None,
+    }  # fmt: skip
+    assert {name: found[name] for name in expected} == pytest.approx(expected)

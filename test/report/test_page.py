@@ -120,17 +120,20 @@ def test_the_data_are_the_overviews(monkeypatch, most_cells):
     assert not [*columns]
 
 
-def test_the_report_of_an_evaluation_names_sets_and_has_events(tmp_path):
-    loader = RecordingLoader(scenes.GIVEN)
+def evaluation_of(folder, *names, **labels):
+    """Return the evaluation of a recording of each name, and the page that reports all."""
     sets = {}
-    for k, name in enumerate('xy'):
-        path = tmp_path / name / 'a.npz'
-        path.parent.mkdir()
-        volts, truth = scenes.volts_and_truth(seed=k)
-        np.savez(path, volts=volts, slip=truth, sample_rate_hz=380.0)
-        sets[name] = {'a.npz': evaluate_recording(loader, path, OBSERVE)}
-    report.write_evaluation_report(tmp_path / 'page.html', sets, as_report(sets))
-    page = read(tmp_path / 'page.html')
+    for name in names:
+        path = folder / f'{name}.npz'
+        np.savez(path, volts=scenes.volts_and_truth()[0], sample_rate_hz=380.0, **labels)
+        evaluated = evaluate_recording(RecordingLoader(scenes.GIVEN), path, OBSERVE)
+        sets[name] = {'a.npz': evaluated}
+    report.write_evaluation_report(folder / 'page.html', sets, as_report(sets))
+    return evaluated, read(folder / 'page.html')
+
+
+def test_the_report_of_an_evaluation_names_sets_and_has_events(tmp_path):
+    _, page = evaluation_of(tmp_path, 'x', 'y', slip=scenes.volts_and_truth()[1])
     recordings = page.header['recordings']
     assert [recording['name'] for recording in recordings] == ['x/a.npz', 'y/a.npz']
     for recording in recordings:
@@ -140,12 +143,7 @@ def test_the_report_of_an_evaluation_names_sets_and_has_events(tmp_path):
 
 
 def test_the_report_of_a_recording_without_labels_has_its_onsets_and_how_to_label_it(tmp_path):
-    volts, _ = scenes.volts_and_truth()
-    np.savez(tmp_path / 'a.npz', volts=volts, sample_rate_hz=380.0)
-    one = evaluate_recording(RecordingLoader(scenes.GIVEN), tmp_path / 'a.npz', OBSERVE)
-    sets = {'x': {'a.npz': one}}
-    report.write_evaluation_report(tmp_path / 'page.html', sets, as_report(sets))
-    page = read(tmp_path / 'page.html')
+    one, page = evaluation_of(tmp_path, 'x')
     (recording,) = page.header['recordings']
     assert recording['truth'] is None
     onset = OUTCOMES.index('onset')

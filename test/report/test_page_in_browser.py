@@ -213,6 +213,7 @@ def test_wheel_mouse_keys_and_buttons_zoom_and_move(opened):
     assert view(page)[2:] == pytest.approx((10.0, 20.0), abs=0.1)
     page.click('#whole')
     page.click('#zoom-in')
+    settle(page)  # A key moves what is drawn.
     page.focus('#timeline')
     for key, seen in (
         ('ArrowRight', (6.0, 16.0)), ('+', (8.5, 13.5)), ('-', (6.0, 16.0)),

@@ -12,16 +12,21 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""What is kept of a finger: rows in order, columns with their extremes, and spectra."""
+"""What is kept of a finger, in columns and spectra, and what a page asks to see of it."""
+
+import copy
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slip_detector.chain.samples import Samples
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.view.track import SET_BACK_NS, LiveTrack, Rows, spectrum
+from slip_detector.view.view_request import MOST_JOINED, SLOW_S, Pace, ViewRequest
+from support.live_client import unpacked
+from support.simulated_detectors import SimulatedDetectors
 
 VALUES = st.floats(-1e3, 1e3, width=32) | st.just(np.nan)
 
@@ -107,3 +112,135 @@ def test_values_that_are_no_numbers_are_replaced_by_the_mean_of_their_channel():
     found, wanted = (spectrum(each, 380.0).density_db[1:] for each in (volts, filled))
     assert found == pytest.approx(wanted, abs=1e-3)
     assert spectrum(volts[:20], 380.0) is None
+
+
+NAME = '/index/slip_detector'
+
+
+def detectors_after(seconds):
+    detectors = SimulatedDetectors(real_time=False)
+    detectors.simulated[NAME].play(seconds)
+    return detectors
+
+
+def requested(**content):
+    return ViewRequest({'fingers': [NAME], 'finger': NAME, 'channels': [3, 1], **content})
+
+
+def columns(view, detectors, past=None):
+    """Return the traces of the next frame: their header, and what they have."""
+    header, arrays = unpacked(view.frame(detectors, past))
+    return header['traces'], arrays
+
+
+def test_a_past_stretch_ends_where_it_was_asked_to_though_the_track_goes_on():
+    detectors = detectors_after(3.0)
+    finger = detectors.fingers[NAME]
+    until_ns = int(finger.track.samples.stamps_ns()[-1]) - 1_000_000_000
+    view = requested(window_s=0.5, pixels=500, until_ns=until_ns)
+    past = copy.deepcopy(finger.track)
+    traces, arrays = columns(view, detectors, past)
+    samples, width_ns = traces['samples'], traces['width_ns']
+    end_ns = (samples['first'] + samples['count']) * width_ns
+    assert end_ns == pytest.approx(until_ns, abs=2 * width_ns)
+    assert np.isfinite(arrays['low']).any()
+    finger.track.samples.clear()
+    detectors.simulated[NAME].play(1.0)
+    assert columns(view, detectors, past)[0]['samples']['count'] == 0
+    again = requested(window_s=0.5, pixels=500, until_ns=until_ns)
+    low = columns(again, detectors, past)[1]['low']
+    assert np.array_equal(low, arrays['low'], equal_nan=True)
+
+
+@settings(max_examples=15)
+@given(st.lists(st.floats(0.01, 0.4), min_size=1, max_size=4))
+def test_columns_are_the_same_however_frames_cut_them(cuts):
+    detectors, first = detectors_after(0.5), requested(window_s=4.0, pixels=300)
+    parts, stops = [], []
+    for cut in [*cuts, 0.0]:
+        traces, arrays = columns(first, detectors)
+        parts.append(arrays['high'])
+        stops.append(traces['samples']['first'] + traces['samples']['count'])
+        detectors.simulated[NAME].play(cut)
+    last_traces, last = columns(requested(window_s=4.0, pixels=300), detectors)
+    assert stops == sorted(stops)
+    together = np.concatenate(parts, axis=1)
+    whole = last['high'][:, : together.shape[1]]
+    assert np.array_equal(together[:, : whole.shape[1]], whole, equal_nan=True)
+    assert last_traces['channels'] == [1, 3]
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.floats(10.0, 2000.0), st.integers(1, 50), st.integers(0, 99), st.floats(0.02, 60.0))
+def test_messages_that_come_on_time_leave_no_hole_and_a_gap_is_one(rate_hz, batch, seed, window_s):
+    detectors, late = detectors_after(0.0), np.random.default_rng(seed).uniform(0.0, 0.6, 40)
+    ends_s = 1000.0 + batch / rate_hz * (np.arange(40) + late + np.repeat([0.0, 8.0], 20))
+    rows_s = (ends_s[:, np.newaxis] - np.arange(batch)[::-1] / rate_hz).ravel()
+    ends_ns, rows_ns = (np.rint(1e9 * each).astype(np.int64) for each in (ends_s, rows_s))
+    track, ones = detectors.fingers[NAME].track, np.ones((40 * batch, 16))
+    track.add_samples(Samples(ones, rows_ns))
+    track.add_levels(ends_ns, ones[:40], ones[:40] > 0.0, ones[:40, 0] > 0.0)
+    traces, arrays = columns(requested(window_s=window_s), detectors)
+    streams = {'samples': ('low', rows_ns), 'levels': ('level', ends_ns)}
+    for stream, (name, stamps_ns) in streams.items():
+        begins_ns = traces[stream]['first'] + np.arange(traces[stream]['count'])
+        begins_ns *= traces['width_ns']
+        before, after = stamps_ns[len(stamps_ns) // 2 - 1 :][:2]
+        in_gap = (begins_ns > before) & (begins_ns + traces['width_ns'] <= after)
+        assert np.array_equal(np.isnan(arrays[name][0]), in_gap)
+    assert np.array_equal(arrays['slip'] == 0.0, in_gap)
+
+
+@pytest.mark.parametrize('bytes_s', [12_500, 40_000, 10_000_000])
+def test_a_page_gets_what_its_connection_takes(bytes_s):
+    detectors, pace, took_s = detectors_after(30.0), Pace(), []
+    view = requested(channels=[*range(1, 17)], window_s=30.0)
+    for _ in range(300):
+        took_s.append(len(view.frame(detectors, None, pace.join)) / bytes_s + 0.01)
+        pace.drawn(took_s[-1], view.is_whole)
+        detectors.simulated[NAME].play(took_s[-1])
+    assert np.quantile(took_s, 0.95) < SLOW_S
+    assert max(took_s) < 3 * SLOW_S
+    assert (pace.join == 1) == (bytes_s == 10_000_000)
+    assert pace.join < MOST_JOINED
+
+
+def test_the_spectrum_comes_now_and_then_with_rest_behind_it():
+    detectors = detectors_after(6.0)
+    watching = requested(spectrum=14)
+    header, arrays = unpacked(watching.frame(detectors))
+    assert header['spectrum']['channel'] == 14
+    assert header['spectrum']['step_hz'] == pytest.approx(0.5)
+    assert arrays['spectrum'].shape == (380,)
+    assert 'rest' not in arrays
+    assert 'spectrum' not in unpacked(watching.frame(detectors))[0]
+    detectors.fingers[NAME].keep_rest()
+    rest = unpacked(requested(spectrum=14).frame(detectors))[1]['rest']
+    assert np.array_equal(rest, arrays['spectrum'])
+    none = unpacked(requested(spectrum=99).frame(detectors))
+    assert none[0]['spectrum'] == {'name': NAME, 'channel': 99}
+
+
+@pytest.mark.parametrize(
+    ('name', 'value'),
+    [
+        ('fingers', 3), ('fingers', [3]), ('channels', [1.5]), ('channels', [10**7]),
+        ('window_s', 'long'), ('window_s', float('nan')), ('pixels', -1), ('until_ns', 2**70),
+    ],
+)  # fmt: skip
+def test_what_a_page_may_not_ask_for_is_refused_in_words(name, value):
+    with pytest.raises(ValueError, match=f'^{name} is ') as refused:
+        requested(**{name: value})
+    assert len(str(refused.value)) < 200
+
+
+def test_any_other_view_is_drawn():
+    detectors = detectors_after(0.5)
+    for view in (
+        requested(finger='/gone', fingers=['/gone', NAME, NAME]),
+        requested(channels=[99, 1], spectrum=99, until_ns=-(2**62)),
+        requested(channels=[], window_s=60.0, pixels=10, until_ns=2**62),
+    ):
+        for _ in range(2):
+            header, _ = unpacked(view.frame(detectors))
+            assert ('traces' in header) == (view.finger == NAME)

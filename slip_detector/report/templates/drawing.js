@@ -15,7 +15,11 @@ function build(kind, ...parts) {
   made.className = classes.join(' ');
   for (const part of parts) {
     if (typeof part === 'string' || part instanceof Node) made.append(part);
-    else Object.assign(made, part);
+    else {
+      const {dataset, ...properties} = part;
+      Object.assign(made, properties);
+      Object.assign(made.dataset, dataset);
+    }
   }
   return made;
 }

@@ -47,8 +47,7 @@ function fillList() {
     choice.hidden = kind === ONSET ? !unlabelled : unlabelled && !count;
   });
   body.replaceChildren();
-  const row = (key, ...cells) => Object.assign(
-    body.appendChild(build('tr', ...cells)).dataset, key && {event: key});
+  const row = (event, ...cells) => body.append(build('tr', ...cells, {dataset: {event}}));
   const across = (key, text, kind = 'td') => row(key, build(kind, text, {colSpan: 4}));
   const ms = (seconds) => (seconds === null ? '\u2013' : `${(1e3 * seconds).toFixed(0)}\u00a0ms`);
   let above = header.recordings.length > 1 ? null : 0;

@@ -32,18 +32,15 @@ async function load(r) {
 
 // A channel's curve in view, as Timeline.draw takes it, and the range of codes that it has.
 function curve({rows, n, first, stop, ...bins}, channel) {
-  const signal = signalShown(), [least, most] = LEVEL_CODES;
-  const code = (value) => {
-    if (signal === 'volts') return value === NO_SAMPLE ? null : value;
-    return value ? clamp(value, least, most) : null;
-  };
+  const isVolts = signalShown() === 'volts', none = isVolts ? NO_SAMPLE : 0;
   const [low, high] = ['low', 'high'].map((end) => {
-    const codes = signal === 'volts' ? bins[end] : bins.codes;
-    const values = Array.from(codes.subarray(channel * n + first, channel * n + stop), code);
+    const codes = isVolts ? bins[end] : bins.codes, begin = channel * n;
+    const seen = Array.from(codes.subarray(begin + first, begin + stop));
+    const values = seen.map((code) => (code === none ? null : code));
     // Repeated at its end, the last bin is drawn in its full length.
     return [...values, rows > 1 ? values.at(-1) ?? null : null];
   });
-  const range = signal === 'volts' ? rangeOf([...low, ...high]) : [least, most];
+  const range = isVolts ? rangeOf([...low, ...high]) : LEVEL_CODES;
   return {low, high: rows > 1 ? high : low, range};
 }
 

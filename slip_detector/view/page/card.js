@@ -20,7 +20,7 @@ const VOTES = {all: 'all of them', mean: 'their geometric mean'};
 
 export class FingerCard {
   constructor() {
-    Object.assign(this, partsOf('card'), {worded: -Infinity});
+    Object.assign(this, partsOf('card'));
     listen(this.inWords, 'toggle', () => this.showChannels());
     listen(this.taxels, 'pointermove', ({target, target: {dataset: {channel}}}) => {
       if (channel && this.channels) target.title = this.wordsOf(Number(channel));
@@ -35,23 +35,17 @@ export class FingerCard {
     this.root.dataset.finger = finger.name;
     write(this.title, label);
     write(this.notice, finger.notice);
-    const taxels = channels.map((_, c) => {
-      const taxel = build('i.taxel');
-      taxel.dataset.channel = c + 1;
-      return taxel;
-    });
+    const taxels = channels.map((_, c) => build('i.taxel', {dataset: {channel: c + 1}}));
     const vote = VOTES[finger.vote] ?? `${finger.vote} of them`;
     this.chips = Object.entries(finger.groups).map(([name, members]) => {
       const count = build('span.count'), chip = build('li.group', build('span.name', name), count);
       chip.title = `${name}: ${members.map((c) => channels[c - 1]).join(', ')}; vote: ${vote}`;
-      listen(chip, 'pointerenter pointerleave', ({type}) => {
-        for (const c of members) taxels[c - 1].classList.toggle('marked', type === 'pointerenter');
-      });
       return {chip, count, members};
     });
     this.groups.replaceChildren(...this.chips.map(({chip}) => chip));
     this.taxels.replaceChildren(...taxels);
-    this.state = null;
+    this.list.replaceChildren(...channels.map(() => build('li')));
+    Object.assign(this, {state: null, channels: null, worded: -Infinity});
     placeTaxels(this.taxels, finger.positions_m);
   }
 
@@ -81,11 +75,7 @@ export class FingerCard {
   showChannels() {
     if (!this.inWords.open || !this.channels) return;
     this.worded = performance.now();
-    const {list} = this;
-    while (list.children.length > this.channels.length) list.lastChild.remove();
-    this.channels.forEach((_, c) => {
-      write(list.children[c] ?? list.appendChild(build('li')), this.wordsOf(c + 1));
-    });
+    this.channels.forEach((_, c) => write(this.list.children[c], this.wordsOf(c + 1)));
   }
 
   stateName() {

@@ -134,10 +134,10 @@ export class Parameters extends Tool {
     if (this.rows.has(name)) return this.rows.get(name);
     let section = [...this.sections.children].find(({dataset}) => dataset.heading === heading);
     if (!section) {
-      section = build('details', build('summary', heading), build('div.rows'));
+      const parts = [build('summary', heading), build('div.rows')];
+      section = build('details', ...parts, {dataset: {heading}});
       this.sections.append(section);
     }
-    section.dataset.heading = heading;
     const row = new ParameterRow(parameter, (text) => this.edit(name, text));
     this.rows.set(name, row);
     section.querySelector('.rows').append(row.root);

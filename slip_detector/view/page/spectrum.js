@@ -17,9 +17,8 @@ export class SpectrumPanel {
   constructor(onView, onSet) {
     Object.assign(this, {onView, onSet, channel: null, isOpen: false, keyed: null});
     Object.assign(this, {lines: new Map(), range: [-100, 0], mains: element('mains')});
-    const [choice, root, frame, readout] = ['channel', 'plot', 'frame', 'readout'].map(
-      (part) => element(`spectrum-${part}`));
-    Object.assign(this, {choice, root, frame, readout});
+    Object.assign(this, {choice: element('spectrum-channel'), root: element('spectrum-plot')});
+    Object.assign(this, {frame: element('spectrum-frame'), readout: element('spectrum-readout')});
     listen(this.choice, 'change', () => this.choose(Number(this.choice.value)));
     listen(this.mains, 'change', async () => {
       const {refusal} = await onSet({mains_hz: Number(this.mains.value)});

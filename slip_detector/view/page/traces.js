@@ -68,8 +68,7 @@ export class Traces {
     const {live, window_s, to} = this.stretch, {channels} = this.chooser;
     const width = this.root.clientWidth - NAMES_WIDTH - SCALE_WIDTH;
     const pixels = clamp(Math.ceil(width / (channels.length > MOST_FINE ? 2 : 1)), 10, 4000);
-    const end_s = live || !this.columns ? null : to + this.columns.begun_s;
-    const until_ns = end_s === null ? null : Math.round(end_s * 1e9);
+    const until_ns = live || !this.columns ? null : Math.round((to + this.columns.begun_s) * 1e9);
     this.onView({channels, window_s, pixels, until_ns});
     write('pause', live ? 'Pause' : 'Go on');
     write('trace-span', `${rounded(window_s)} s${live ? '' : ', paused'}`);
@@ -134,8 +133,7 @@ export class Traces {
       {low: seen.low[i], high: seen.high[i], range: this.scaleOf(c)}));
     const range = this.levelRange(seen.level.flat());
     for (const values of seen.level) {
-      const low = values.map((level) => (
-        level == null ? null : Math.max(range[0], Math.log10(level))));
+      const low = values.map((level) => (level == null ? null : Math.log10(level)));
       curves.push({low, high: low, range});
     }
     this.timeline.draw({
@@ -316,10 +314,8 @@ class ChannelChooser {
   }
 
   buttonOf(channel, name) {
-    const properties = {ariaLabel: `Traces of ${name}`, title: name};
-    const made = button(String(channel), () => this.toggle(channel), properties);
-    made.dataset.channel = channel;
-    return made;
+    const properties = {ariaLabel: `Traces of ${name}`, title: name, dataset: {channel}};
+    return button(String(channel), () => this.toggle(channel), properties);
   }
 
   // Add or remove a channel; the last one stays.
