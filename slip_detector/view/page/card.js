@@ -40,6 +40,9 @@ export class FingerCard {
     this.chips = Object.entries(finger.groups).map(([name, members]) => {
       const count = build('span.count'), chip = build('li.group', build('span.name', name), count);
       chip.title = `${name}: ${members.map((c) => channels[c - 1]).join(', ')}; vote: ${vote}`;
+      listen(chip, 'pointerenter pointerleave', ({type}) => {
+        for (const c of members) taxels[c - 1].classList.toggle('marked', type === 'pointerenter');
+      });
       return {chip, count, members};
     });
     this.groups.replaceChildren(...this.chips.map(({chip}) => chip));
