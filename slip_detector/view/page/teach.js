@@ -36,7 +36,10 @@ export class Teach extends Tool {
     for (const kind of Object.values(KIND_OF)) {
       listen(this.buttons[kind], 'click', () => this.toggle(kind));
     }
-    listen('tune', 'click', ({target}) => this.ask('tune', {}, target));
+    listen('tune', 'click', ({target}) => {
+      this.awaits = true;
+      this.ask('tune', {}, target);
+    });
     listen('stop-tuning', 'click', ({target}) => this.ask('stop_tuning', {}, target));
     listen('apply', 'click', ({target}) => {
       const {kept, answer: [why] = []} = this.latest.tuning ?? {};
@@ -210,6 +213,9 @@ export class Teach extends Tool {
     const rowOf = (cells) => Object.assign(tableRow(cells), {className: cells.at(-1)});
     element('compared').replaceChildren(...table.map(rowOf));
     element('tuning-lines').replaceChildren(...lines.map((line) => build('li', line)));
+    // Who has pressed Tune sees the result wherever the page is scrolled to.
+    if (this.awaits && answer.length) element('tuning-result').scrollIntoView({block: 'nearest'});
+    this.awaits &&= !answer.length;
   }
 
   stepWords(tuning, run, slips, interrupted) {
