@@ -93,11 +93,9 @@ def read_parts(description: Mapping[str, Any]) -> dict[str, Any]:
 def check_parts(parts: Mapping[str, Any], steps: Sequence[Step], sample_rate_hz: float) -> None:
     """Raise an error for parts of a scene that contradict each other or the steps."""
     aliases = 'texture' in parts and not parts['electronics'].bandwidth_hz
-    velocities_m_s = [step.velocity_m_s for step in steps]
-    if 'orders' in parts:
-        velocities_m_s.append(parts['orders'].velocity_m_s)
-    fastest_m_s = max(map(abs, velocities_m_s))
-    if 'orders' in parts and 'object' in parts:
+    orders = [parts['orders']] if 'orders' in parts else []
+    fastest_m_s = max(abs(part.velocity_m_s) for part in [*steps, *orders])
+    if orders and 'object' in parts:
         refuse('orders: the object moves by itself', 'without the part object')
     if 'object' in parts:
         if 'friction' not in parts:
