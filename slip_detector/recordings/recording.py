@@ -119,8 +119,6 @@ class Recording(ABC):
         One of :data:`.labels.KINDS`, recordings in which nothing slides; '': none of them.
     mistaken : bool
         Whether a person has marked the labels as a mistake; the recording then has no labels.
-    namespace : str
-        Namespace of a bag's topic ``voltages``, for example ``/index``.
     input : dict
         ``input_type`` and ``input_field`` for a detector of a bag's messages; empty without a bag.
     counts : RecordingCounts
@@ -136,7 +134,6 @@ class Recording(ABC):
     channel_names: tuple[str, ...]
     label_name: str
     n_rows: 'int | None' = None
-    namespace = ''
     valid_range_v = (-sys.float_info.max, sys.float_info.max)
 
     def __init__(self, path: Path, labels: 'Labels | None', config: RecordingConfig) -> None:
