@@ -18,8 +18,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from slip_detector.tuning.bands import slip_bands
 from slip_detector.tuning.learning import learn
+from slip_detector.tuning.measuring import slip_bands
 from support.tuning_cases import CHAIN, RATE_HZ, track_with
 
 SLIDING = np.arange(6000) % 1000 >= 600
