@@ -233,12 +233,6 @@ class JointStateWriter:
         return bytes(self._raw)
 
 
-def header(stamp_ns: int) -> bytes:
-    """Return a serialised Header without a frame."""
-    stamp = STAMP.pack(*divmod(stamp_ns, 1_000_000_000))
-    return LITTLE_ENDIAN.ljust(ENCAPSULATION_BYTES, b'\0') + stamp + LENGTH.pack(1) + b'\0'
-
-
 class FieldReader:
     """Reads the numbers of one field out of messages, or of several, side by side.
 
