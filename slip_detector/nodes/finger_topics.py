@@ -219,9 +219,10 @@ class FingerTopics(PolledTopics):
         # The detector has samples, even if their volts cannot be shown.
         self.finger.sample_s = time.monotonic()
         slip = np.array([state_at(self._slip, info['source_timestamp']) for _, info in messages])
-        table = joint_state_table([raw for raw, _ in messages])
-        if table is None:  # the channels have just changed
+        raws = [raw for raw, _ in messages]
+        table, decided = joint_state_table(raws), joint_state_table(raws, 'effort')
+        if table is None or decided is None:  # the channels have just changed
             return
-        levels, channels_on = table.numbers['position'], table.numbers['effort'] > 0.0
+        levels, channels_on = table.volts, decided.volts > 0.0
         if levels.shape == channels_on.shape == (len(messages), self._config.channels):
             self.finger.track.add_levels(table.stamps_ns, levels, channels_on, slip)

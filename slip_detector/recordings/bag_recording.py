@@ -83,13 +83,14 @@ class _Decoder:
 
     def decode(self, messages: list[Message]) -> _Decoded:
         """Decode messages; a ValueError when none of those so far has channels."""
-        table = joint_state_table([raw for _, raw in messages]) if self._is_quick else None
-        if table is None or not self._is_same(table.names, table.numbers[self._field]):
+        raws = [raw for _, raw in messages]
+        table = joint_state_table(raws, self._field) if self._is_quick else None
+        if table is None or not self._is_same(table.names, table.volts):
             return self._one_by_one(messages)
         received_ns = np.array([received_ns for received_ns, _ in messages], np.int64)
         stamps_ns = np.where(table.stamps_ns == 0, received_ns, table.stamps_ns)
         once = np.ones(len(messages), np.int64)
-        return _Decoded(table.numbers[self._field], stamps_ns, received_ns, once, 0)
+        return _Decoded(table.volts, stamps_ns, received_ns, once, 0)
 
     def _one_by_one(self, messages: list[Message]) -> _Decoded:
         rows, kept = [], []
@@ -131,8 +132,6 @@ class BagRecording(Recording):
         self._storage = BagStorage(path)
         self._found_damage = ''.join(f' ({line})' for line in self._storage.damage[:1])
         self._topic = self._rows_topic(config.recording_topic)
-        if _is_named(self._topic.name, TOPIC):
-            self.namespace = f'/{self._topic.name.lstrip("/")}'.rpartition('/')[0]
         usual = 'position' if self._topic.msgtype == JOINT_STATE else 'data'
         self._field = config.recording_field or usual
         self.input = {'input_type': self._topic.msgtype, 'input_field': self._field}

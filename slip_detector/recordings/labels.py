@@ -104,13 +104,6 @@ class Labels(NamedTuple):
         """All starts and ends, in nanoseconds."""
         return np.rint(1e9 * self.edges_s.ravel()).astype(np.int64)
 
-    def check_end(self, end_s: float, recording: Path) -> None:
-        """Raise an error if an interval ends after the recording."""
-        for start_s, last_s in self.edges_s[-1:]:
-            if last_s > end_s:
-                what = f'the slip [{start_s:g}, {last_s:g}] s is outside the recording'
-                refuse(f'{self.path}: {what} {recording.name}', f'0 to {end_s:.6g} s')
-
 
 def labels_name(recording: Path) -> str:
     """Return the name of the file with the labels of a recording."""

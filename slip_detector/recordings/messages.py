@@ -32,7 +32,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from slip_detector.chain.samples import Floats, Samples, Stamps
+from slip_detector.chain.samples import Floats, Samples
 from slip_detector.parameters.fields import name_list
 
 #: Labels of the two dimensions of a ``*MultiArray`` that carries several samples.
@@ -66,8 +66,6 @@ class JointStateLayout(NamedTuple):
 
     Attributes
     ----------
-    size : int
-        Number of bytes.
     frame_id : str
     names : tuple of str
     numbers : dict
@@ -77,7 +75,6 @@ class JointStateLayout(NamedTuple):
         numbers differ; padding may have any value.
     """
 
-    size: int
     frame_id: str
     names: tuple[str, ...]
     numbers: dict[str, slice]
@@ -122,7 +119,7 @@ def joint_state_layout(raw: bytes) -> JointStateLayout:
         place = len(raw) + 1
     if place > len(raw):
         raise ValueError('the message is cut off')
-    return JointStateLayout(len(raw), frame_id, names, numbers, fixed)
+    return JointStateLayout(frame_id, names, numbers, fixed)
 
 
 class JointStateReader:
@@ -137,8 +134,7 @@ class JointStateReader:
     """
 
     def __init__(self) -> None:
-        self._layout: JointStateLayout | None = None
-        self._position, self._texts = slice(0), b''
+        self._size, self._position, self._texts = 0, slice(0), b''
 
     def read(self, raw: bytes) -> Samples:
         """Return the one sample of a message, with a stamp of 0 if it has none.
@@ -148,62 +144,46 @@ class JointStateReader:
         ValueError
             As :func:`joint_state_layout`.
         """
-        layout, texts = self._layout, raw[TEXTS : self._position.start]
-        is_alike = texts == self._texts and raw.startswith(LITTLE_ENDIAN)
-        if layout is None or len(raw) != layout.size or not is_alike:
-            self._layout = layout = joint_state_layout(raw)
-            self._position = layout.numbers['position']
+        is_alike = len(raw) == self._size and raw.startswith(LITTLE_ENDIAN)
+        if not is_alike or raw[TEXTS : self._position.start] != self._texts:
+            self._layout = joint_state_layout(raw)
+            self._size, self._position = len(raw), self._layout.numbers['position']
             self._texts = raw[TEXTS : self._position.start]
         seconds, rest = STAMP.unpack_from(raw, ENCAPSULATION_BYTES)
         # A writable copy, aligned for float64.
         content = bytearray(raw[self._position])
         rows = np.ndarray((1, len(content) // DOUBLES.itemsize), DOUBLES, content)
         stamps_ns = np.array([seconds * 1_000_000_000 + rest])
-        return Samples(rows, stamps_ns, names=layout.names, frame_id=layout.frame_id)
+        names, frame_id = self._layout.names, self._layout.frame_id
+        return Samples(rows, stamps_ns, names=names, frame_id=frame_id)
 
 
-class JointStateTable(NamedTuple):
-    """Messages that differ in stamp and numbers only.
+def joint_state_table(raws: Sequence[bytes], field: str = 'position') -> 'Samples | None':
+    """Read a field of serialised JointState messages at once; None if they are not alike.
 
-    Attributes
-    ----------
-    names : tuple of str
-    stamps_ns : ndarray of int, shape (n,)
-    numbers : dict of ndarray, shape (n, joints)
-        Position, velocity and effort.
-    """
-
-    names: tuple[str, ...]
-    stamps_ns: Stamps
-    numbers: dict[str, Floats]
-
-
-def joint_state_table(raws: Sequence[bytes]) -> 'JointStateTable | None':
-    """Read serialised JointState messages at once; None if they are not alike, or no such.
+    The rows of the samples are the numbers of the field, one row for each message.
 
     Examples
     --------
     >>> writer = JointStateWriter('thumb', ['a', 'b'])
     >>> rows = {5: np.array([4.3, 4.2]), 10: np.array([4.1, 4.0])}
     >>> table = joint_state_table([writer.serialize(at_ns, row) for at_ns, row in rows.items()])
-    >>> table.stamps_ns.tolist(), table.numbers['position'].tolist()
+    >>> table.stamps_ns.tolist(), table.volts.tolist()
     ([5, 10], [[4.3, 4.2], [4.1, 4.0]])
     """
     try:
         layout = joint_state_layout(raws[0])
     except ValueError:
         return None
-    if set(map(len, raws)) != {layout.size}:
+    if len({*map(len, raws)}) > 1:
         return None
-    content = np.frombuffer(b''.join(raws), np.uint8).reshape(-1, layout.size)
+    content = np.frombuffer(b''.join(raws), np.uint8).reshape(len(raws), -1)
     places = np.r_[tuple(layout.fixed)]
     if (content[:, places] != content[0, places]).any():
         return None
     seconds, rest_ns = content[:, ENCAPSULATION_BYTES:TEXTS].copy().view('<i4').astype(np.int64).T
-    numbers = {
-        field: content[:, where].copy().view(DOUBLES) for field, where in layout.numbers.items()
-    }
-    return JointStateTable(layout.names, seconds * 1_000_000_000 + rest_ns, numbers)
+    rows = content[:, layout.numbers[field]].copy().view(DOUBLES)
+    return Samples(rows, seconds * 1_000_000_000 + rest_ns, names=layout.names)
 
 
 class JointStateWriter:
@@ -220,7 +200,7 @@ class JointStateWriter:
     --------
     >>> writer = JointStateWriter('thumb', ['a', 'b'], efforts=True)
     >>> raw = writer.serialize(5, np.array([4.1, 4.3]), np.array([0.0, 1.0]))
-    >>> joint_state_table([raw]).numbers['effort'].tolist()
+    >>> joint_state_table([raw], 'effort').volts.tolist()
     [[0.0, 1.0]]
     """
 
@@ -251,12 +231,6 @@ class JointStateWriter:
         if effort is not None:
             self._raw[self._effort] = effort.tobytes()
         return bytes(self._raw)
-
-
-def header(stamp_ns: int) -> bytes:
-    """Return a serialised Header without a frame."""
-    stamp = STAMP.pack(*divmod(stamp_ns, 1_000_000_000))
-    return LITTLE_ENDIAN.ljust(ENCAPSULATION_BYTES, b'\0') + stamp + LENGTH.pack(1) + b'\0'
 
 
 class FieldReader:

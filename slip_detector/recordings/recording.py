@@ -119,8 +119,6 @@ class Recording(ABC):
         One of :data:`.labels.KINDS`, recordings in which nothing slides; '': none of them.
     mistaken : bool
         Whether a person has marked the labels as a mistake; the recording then has no labels.
-    namespace : str
-        Namespace of a bag's topic ``voltages``, for example ``/index``.
     input : dict
         ``input_type`` and ``input_field`` for a detector of a bag's messages; empty without a bag.
     counts : RecordingCounts
@@ -136,7 +134,6 @@ class Recording(ABC):
     channel_names: tuple[str, ...]
     label_name: str
     n_rows: 'int | None' = None
-    namespace = ''
     valid_range_v = (-sys.float_info.max, sys.float_info.max)
 
     def __init__(self, path: Path, labels: 'Labels | None', config: RecordingConfig) -> None:
@@ -209,8 +206,10 @@ class Recording(ABC):
         damage, seconds = self.counts.damage, (last_ns - first_ns) * 1e-9
         if damage:
             self.counts.damage = f'{damage}: {n} samples up to {seconds:.3f} s are read'
-        elif labels is not None:
-            labels.check_end(seconds + 1 / self.sample_rate_hz, self.path)
+        end_s = seconds + 1 / self.sample_rate_hz
+        if labels and not damage and (labels.edges_s > end_s).any():
+            what = 'the slip [{:g}, {:g}] s is outside the recording'.format(*labels.edges_s[-1])
+            refuse(f'{labels.path}: {what} {self.path.name}', f'0 to {end_s:.6g} s')
 
     def pieces(
         self, chain_rate_hz: 'float | None' = None, max_gap_s: float = 0.1

@@ -21,7 +21,7 @@ import errno
 import json
 import os
 import sqlite3
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -50,7 +50,6 @@ def write_recording(
     pieces: Iterable[Samples],
     sample_rate_hz: float,
     channel_names: Sequence[str],
-    frame_id: str = 'fingertip',
 ) -> None:
     """Write a recording that :func:`~slip_detector.recordings.open_recording` reads.
 
@@ -66,8 +65,6 @@ def write_recording(
         Rate of the rows; written to npz only.
     channel_names
         A name for each channel; not written to npz.
-    frame_id
-        Frame of the messages in a bag.
 
     Raises
     ------
@@ -89,8 +86,11 @@ def write_recording(
     >>> recording.channel_names, round(recording.sample_rate_hz, 6), recording.has_truth
     (('a', 'b'), 100.0, False)
     """
-    path = Path(path)
-    check_new(path, '.npz', '.csv', *PLUGINS)
+    path, endings = Path(path), ('.npz', '.csv', *PLUGINS)
+    if path.suffix not in ('', *endings):
+        refuse(f'{path}: is {path.suffix}', f'{", ".join(endings)} or without ending')
+    if path.exists():
+        refuse(f'{path}: already exists', 'a new path')
     writable_folder(path.parent)
     with whole_file(path) as new:
         if path.suffix == '.npz':
@@ -98,17 +98,7 @@ def write_recording(
         elif path.suffix == '.csv':
             _write_csv(new, pieces, channel_names)
         else:
-            with new_bag(new, channel_names, frame_id=frame_id) as bag:
-                for piece in pieces:
-                    bag.write(piece)
-
-
-def check_new(path: Path, *endings: str) -> None:
-    """Raise an error where a recording to write exists already or has another ending."""
-    if path.suffix not in ('', *endings):
-        refuse(f'{path}: is {path.suffix}', f'{", ".join(endings)} or without ending')
-    if path.exists():
-        refuse(f'{path}: already exists', 'a new path')
+            _write_bag(new, pieces, channel_names)
 
 
 def _write_csv(path: Path, pieces: Iterable[Samples], names: Sequence[str]) -> None:
@@ -133,12 +123,12 @@ def _write_npz(path: Path, pieces: Iterable[Samples], sample_rate_hz: float) -> 
     np.savez(path, sample_rate_hz=sample_rate_hz, **arrays)
 
 
-@contextlib.contextmanager
-def new_bag(path: Path, names: Sequence[str], **more: Any) -> Iterator['BagWriter']:
+def _write_bag(path: Path, pieces: Iterable[Samples], names: Sequence[str]) -> None:
     """Write the folder of a bag or, if the path has an ending, only the file with its messages."""
-    bag = BagWriter(path.with_suffix(''), names, ending=path.suffix or '.mcap', **more)
+    bag = BagWriter(path.with_suffix(''), names, ending=path.suffix or '.mcap')
     try:
-        yield bag
+        for piece in pieces:
+            bag.write(piece)
         bag.close()
     except BaseException as error:
         bag.abort()
@@ -169,8 +159,6 @@ class BagWriter:
         How exact the truth is, which is noted in ``metadata.yaml``.
     kind
         One of :data:`.labels.KINDS`, which is noted there too; '': none of them.
-    topics
-        The topics and their types.
 
     Raises
     ------
@@ -204,7 +192,6 @@ class BagWriter:
         ending: str = '.mcap',
         accuracy_s: float = 0.0,
         kind: str = '',
-        topics: Mapping[str, str] = TOPICS,
     ) -> None:
         rosbag2 = load_rosbags()
         from rosbags.typesys import Stores, get_typestore
@@ -230,7 +217,7 @@ class BagWriter:
             topic: self._writer.add_connection(
                 topic, msgtype, typestore=types, offered_qos_profiles=[QUALITY]
             )
-            for topic, msgtype in topics.items()
+            for topic, msgtype in TOPICS.items()
         }
 
     def put(self, topic: str, at_ns: int, raw: bytes) -> None:

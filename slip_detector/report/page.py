@@ -341,7 +341,7 @@ def replay_variant(name: str, replay: Replay, parts: Mapping[str, Sequence[Track
     overviews, of_each = list[Overview](), {}
     outcomes: dict[str, list[ReplayOutcome]] = {what: [] for what in parts}
     for title, what, track in sorted(every, key=lambda entry: by_number(entry[0])):
-        overviews.append(Overview(title, chain, track.channel_names, share, track.sample_rate_hz))
+        overviews.append(Overview(title, chain, track.samples.names, share, track.sample_rate_hz))
         outcomes[what].append(replay.run(track.rows(), track.sample_rate_hz, overviews[-1]))
         of_each[title] = figures_of_merit(outcomes[what][-1:])
     of_all = {f'all {what}': figures_of_merit(of) for what, of in outcomes.items()}

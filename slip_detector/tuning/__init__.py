@@ -14,8 +14,8 @@
 
 """Better parameters of a detector, learnt and searched from labelled recordings.
 
-Recordings are :mod:`.tracks` in memory. Three subjects follow. Learning: :mod:`.bands`,
-:mod:`.noise`, :mod:`.labels`, :mod:`.learning`. Scoring a chain: :mod:`.sweep`, :mod:`.problem`.
+Recordings are :mod:`.tracks` in memory. Three subjects follow. Learning: :mod:`.measuring`,
+:mod:`.labels`, :mod:`.learning`. Scoring a chain: :mod:`.sweep`, :mod:`.problem`.
 Search and decision: :mod:`.space`, :mod:`.search`, :mod:`.verdict`.
 """
 

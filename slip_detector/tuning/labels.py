@@ -23,7 +23,7 @@ from slip_detector.chain.samples import Floats
 from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.recordings.labels import BY_EYE_S, label_at, snapped
-from slip_detector.tuning.noise import plain_chain
+from slip_detector.tuning.measuring import plain_chain
 from slip_detector.tuning.tracks import Track, at_rest, edges_of, enabled, envelopes
 
 #: Length of the blocks in which a recording is compared with its kind.

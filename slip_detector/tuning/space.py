@@ -29,8 +29,7 @@ from typing import Any
 
 from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
 from slip_detector.parameters.files import shared_folder
-from slip_detector.tuning.bands import slip_bands
-from slip_detector.tuning.noise import MAINS_HZ, contact_level_v, learn_floors, slip_steps_v
+from slip_detector.tuning import measuring
 from slip_detector.tuning.sweep import rounded
 from slip_detector.tuning.tracks import Track
 
@@ -128,7 +127,9 @@ class SearchSpace:
         self._highest_hz = HIGHEST * given.sample_rate_hz
         self._least_window_s = max(SHORTEST_WINDOW_S, 1.0 / given.sample_rate_hz)
         # Steps and levels of contact depend on few parameters, and many points share them.
-        self._slip_steps_v = functools.cache(lambda rows: slip_steps_v(given, tracks, rows))
+        self._slip_steps_v = functools.cache(
+            lambda rows: measuring.slip_steps_v(given, tracks, rows)
+        )
         self._contact_levels_v: dict[Any, float] = {}
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -146,7 +147,7 @@ class SearchSpace:
         channels = given.channels - len(given.disabled_channels)
         window_s = Between(self._least_window_s, 0.3, log=True)
         mains_hz = {0.0, given.mains_hz}
-        for each_hz in MAINS_HZ:
+        for each_hz in measuring.MAINS_HZ:
             with contextlib.suppress(ValueError):  # The rate has no whole periods of it.
                 mains_hz.add(dataclasses.replace(given, mains_hz=each_hz).mains_hz)
         distributions = {
@@ -251,7 +252,7 @@ class SearchSpace:
             window_s, mode = chain.envelope_window_s, chain.common_mode
             key = chain.contact_channels, chain.activity_band_hz, window_s, mode
             if key not in self._contact_levels_v:
-                self._contact_levels_v[key] = contact_level_v(chain, self._tracks)
+                self._contact_levels_v[key] = measuring.contact_level_v(chain, self._tracks)
             changes['contact_level_v'] = self._contact_levels_v[key]
         return changes
 
@@ -261,7 +262,7 @@ class SearchSpace:
         if point['floors'] == 'given':
             floors, power = chain.noise_floor, chain.exponent / self._given.exponent
         else:
-            floors = learn_floors(chain, self._tracks)
+            floors = measuring.learn_floors(chain, self._tracks)
         if scale == power == 1.0:
             return floors
         return tuple(rounded(scale**chain.exponent * floor**power) for floor in floors)
@@ -351,7 +352,7 @@ class SearchSpace:
         recordings of kinds teach; then each of that, and evidence itself.
         """
         allowed = self.distributions
-        bands, _ = slip_bands(self._given, self._tracks)
+        bands, _ = measuring.slip_bands(self._given, self._tracks)
         decisions = (MEAN, *EVIDENCES, *({**one, **TOGETHER} for one in EVIDENCES))
         of_bands = itertools.product(bands, WINDOWS_S, decisions)
         impacts = {'impact_s': IMPACTS_S[::2], 'impact_scale': IMPACT_SCALES}

@@ -92,11 +92,6 @@ class Track:
         return self.samples.volts
 
     @property
-    def channel_names(self) -> tuple[str, ...]:
-        """The names of the channels in its file; empty: unknown."""
-        return self.samples.names
-
-    @property
     def duration_s(self) -> float:
         """Time of its rows, without gaps."""
         return len(self.volts) / self.sample_rate_hz

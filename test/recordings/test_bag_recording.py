@@ -103,7 +103,6 @@ def test_the_truth_is_taken_from_the_namespace_of_the_rows(tmp_path):
         config = RecordingConfig(recording_topic=f'{finger}/voltages')
         recording = open_recording(tmp_path / 'a', config)
         check_same(gathered(recording), written)
-        assert recording.namespace == finger
     said = 'has 3 topics voltages, there are: /left/voltages (sensor_msgs/msg/JointState), /r'
     assert said in complaint(tmp_path / 'a')
 

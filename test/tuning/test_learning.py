@@ -22,8 +22,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from slip_detector.evaluation.replay import Replay
-from slip_detector.tuning.bands import slip_bands
 from slip_detector.tuning.learning import learn, learn_threshold
+from slip_detector.tuning.measuring import slip_bands
 from support.tuning_cases import CHAIN, EVIDENCE, RATE_HZ, track, track_with
 
 SURE = dataclasses.replace(EVIDENCE, evidence_offset_db=4.0)

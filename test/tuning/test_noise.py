@@ -25,7 +25,7 @@ from hypothesis import strategies as st
 from slip_detector.chain.samples import Samples
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.parameters import ChainConfig
-from slip_detector.tuning.noise import (
+from slip_detector.tuning.measuring import (
     contact_level_v,
     find_mains,
     learn_floors,

@@ -22,7 +22,7 @@ import optuna
 import pytest
 
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.tuning.noise import contact_level_v, learn_floors, slip_steps_v
+from slip_detector.tuning.measuring import contact_level_v, learn_floors, slip_steps_v
 from slip_detector.tuning.space import SearchSpace, presets
 from support.tuning_cases import CHAIN, EVIDENCE, track, track_with
 

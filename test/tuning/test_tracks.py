@@ -67,7 +67,7 @@ def test_tracks_hold_the_rows_and_slips_of_their_files(folder):
     np.testing.assert_array_equal(track.volts, volts)
     np.testing.assert_array_equal(track.row_classes == SLIP, truth)
     assert [one.name for one in others] == ['b.npz', 'c.npz']
-    assert track.channel_names == tuple(f'ch{k + 1}' for k in range(volts.shape[1]))
+    assert track.samples.names == tuple(f'ch{k + 1}' for k in range(volts.shape[1]))
     volts[5, 0] = np.nan
     np.savez(folder / 'd.npz', volts=volts, label=truth, sample_rate_hz=380.0)
     found = load_tracks([str(folder)], LOADER)
