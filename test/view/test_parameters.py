@@ -25,11 +25,11 @@ from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.files import write_yaml
 from slip_detector.view.access import Access
-from slip_detector.view.detectors import ParameterPanel
+from slip_detector.view.detectors import Finger
 from slip_detector.view.parameters import (
     PRESETS,
     ParameterRequests,
-    described_panel,
+    described_parameters,
     parameter_file,
     preset,
     read_text,
@@ -64,7 +64,7 @@ def test_a_shown_value_typed_again_is_unchanged(chain):
 
 
 def test_every_parameter_stands_under_the_heading_of_the_docs():
-    parts = described_panel(ParameterPanel(DetectorConfig()))
+    parts = described_parameters(Finger(NAME, DetectorConfig()))
     rows = {row['name']: row for part in parts for row in part['parameters']}
     assert [*rows] == [*DetectorConfig().to_parameters()]
     assert (parts[0]['heading'], parts[-1]['heading']) == ('Samples', 'Fingertip')
@@ -162,7 +162,7 @@ def test_values_with_which_a_detector_was_started_in_place_of_its_file_are_not_s
     server = server_of(tmp_path, [file], overrides={'input_field': 'position'})
     server.tick()
     assert ask(server, type='as_in_file')['refusal'] == ''
-    now = server.detectors.panels[NAME].config
+    now = server.detectors.fingers[NAME].config
     assert (now.input_field, now.gain) == ('position', 7.0)
     assert ask(server, type='set', values={'threshold': 0.25})['refusal'] == ''
     assert ask(server, type='save', fingers=[NAME], name='kept')['refusal'] == ''
