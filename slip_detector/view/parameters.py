@@ -30,10 +30,10 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
-from slip_detector.parameters import sections
 from slip_detector.parameters.detector import FIXED_PARAMETERS, ChainConfig, DetectorConfig
 from slip_detector.parameters.fields import Field, allowed, shortened, shown, under_headings
-from slip_detector.parameters.files import read_yaml, shared_folder, writable_folder, write_yaml
+from slip_detector.parameters.files import shared_folder, writable_folder, write_yaml
+from slip_detector.parameters.sections import parameter_file
 from slip_detector.view.detectors import Finger, Values, decision_changes
 from slip_detector.view.server import MOST_NAME, Server
 from slip_detector.view.view_request import Message
@@ -302,50 +302,6 @@ def _scalar(text: str) -> Any:
         with contextlib.suppress(ValueError):
             return read(text)
     return {'true': True, 'false': False}.get(text, text)
-
-
-def parameter_file(configs: Mapping[str, DetectorConfig], file: Path | None = None) -> Values:
-    """Return the content of a parameter file for detectors with these configurations.
-
-    Parameters
-    ----------
-    configs
-        By the full names of the detectors. A single one is written for a detector in any
-        namespace; several are written each for the detector of that name.
-    file
-        The file with which the detectors were started, if any: its sections for other nodes are
-        copied, and so is what rclpy reads for the detectors, such as use_sim_time.
-
-    Raises
-    ------
-    ValueError
-        When that file cannot be read; names it.
-
-    Examples
-    --------
-    >>> document = parameter_file({'/thumb/slip_detector': DetectorConfig(threshold=0.25)})
-    >>> list(document), document['/**/slip_detector']['ros__parameters']['threshold']
-    (['/**/slip_detector'], 0.25)
-    """
-    document: dict[str, Any] = {}
-    in_file = [*sections.sections_of(read_yaml(file) if file else {}, str(file))]
-    detectors, alone = {*map(sections.node_of, configs)}, [DetectorConfig.NODE]
-    for section, values in in_file:
-        for_all = sections.node_of(section) in sections.ALL
-        kept = {
-            n: values[n] for n in values if not for_all or sections.nodes_that_know(n) != alone
-        }
-        if kept and sections.node_of(section) not in detectors:
-            document[section] = {'ros__parameters': kept}
-    # Last, because of two sections for a node the later one holds.
-    for name, config in configs.items():
-        section = name if len(configs) > 1 else f'/**/{sections.node_of(name)}'
-        kept = {}
-        for other, values in in_file:
-            if sections.matches(other, name):
-                kept |= {n: value for n, value in values.items() if sections.is_of_rclpy(n)}
-        document[section] = {'ros__parameters': {**kept, **config.to_yaml()}}
-    return document
 
 
 def launch_arguments(names: Collection[str], path: Path) -> str:
