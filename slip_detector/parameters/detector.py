@@ -446,3 +446,6 @@ class DetectorConfig(ChainConfig):
 
 #: Parameters of the detector that cannot change while the node runs.
 FIXED_PARAMETERS = fields.names_that_affect(DetectorConfig, 'start')
+
+#: Parameters that only the node has, and not its chain: its decisions do not depend on them.
+NODE_PARAMETERS = DetectorConfig.__dataclass_fields__.keys() - ChainConfig.__dataclass_fields__

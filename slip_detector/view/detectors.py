@@ -20,14 +20,14 @@ import time
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial import KDTree
 
 from slip_detector.chain.samples import Bools, Floats
-from slip_detector.parameters.detector import FIXED_PARAMETERS, ChainConfig, DetectorConfig
+from slip_detector.parameters.detector import FIXED_PARAMETERS, DetectorConfig
 from slip_detector.view.track import LiveTrack, Spectrum, spectrum
 
 #: Missing heartbeats after which a detector counts as ended or hung.
@@ -50,9 +50,6 @@ DESCRIBED = (
     'groups', 'vote', 'decision', 'threshold', 'sample_rate_hz', 'input_timeout_s', 'passband_hz',
     'stopbands_hz', 'mains_hz', 'evidence_limit_db_s',
 )  # fmt: skip
-
-#: Parameters of the chain, on which its decisions depend.
-CHAIN_PARAMETERS = {each.name for each in fields(ChainConfig)}
 
 #: Pitch of the grid for a finger without taxel positions; the taxels of tactile fingertips are one
 #: to seven millimetres apart.
@@ -174,15 +171,12 @@ class Finger:
 
     def to_undo(self) -> Values:
         """Return the values that undo the last change; empty where there is none."""
-        return self._changes_to(self.history[-1].before) if self.history else {}
+        wanted = self.history[-1].before if self.history else self.config
+        return self.config.changes_to(wanted, FIXED_PARAMETERS)
 
     def as_in_file(self) -> Values:
         """Return the values that restore those of the file; empty if nothing differs."""
-        return self._changes_to(self.in_file)
-
-    def _changes_to(self, wanted: DetectorConfig) -> Values:
-        changes = self.config.changes_to(wanted)
-        return {name: changes[name] for name in changes if name not in FIXED_PARAMETERS}
+        return self.config.changes_to(self.in_file, FIXED_PARAMETERS)
 
     @property
     def offer(self) -> str:
@@ -286,29 +280,6 @@ def _apart(taxel_positions_m: tuple[float, ...]) -> Floats:
         circle = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
         positions[sharing] += CIRCLE_SHARE * least_distance_m(places) * circle
     return positions
-
-
-def decision_changes(
-    config: DetectorConfig, wanted: DetectorConfig, kept: Collection[str] = ()
-) -> dict[str, Any]:
-    """Return the values to set so that a detector decides as another; None deletes a group.
-
-    Parameters
-    ----------
-    config
-        The configuration that the detector has.
-    wanted
-        The configuration whose decisions are wanted.
-    kept
-        Parameters of the chain that stay as they are, as all others do.
-
-    Examples
-    --------
-    >>> decision_changes(DetectorConfig(), DetectorConfig(threshold=0.25, gain=2.0), ['gain'])
-    {'threshold': 0.25}
-    """
-    changes, changing = config.changes_to(wanted), CHAIN_PARAMETERS.difference(kept)
-    return {name: changes[name] for name in changes if name.partition('.')[0] in changing}
 
 
 class Detectors(ABC):

@@ -30,11 +30,11 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
-from slip_detector.parameters.detector import FIXED_PARAMETERS, ChainConfig, DetectorConfig
+from slip_detector.parameters.detector import FIXED_PARAMETERS, NODE_PARAMETERS, DetectorConfig
 from slip_detector.parameters.fields import Field, allowed, shortened, shown, under_headings
 from slip_detector.parameters.files import shared_folder, writable_folder, write_yaml
 from slip_detector.parameters.sections import parameter_file
-from slip_detector.view.detectors import Finger, Values, decision_changes
+from slip_detector.view.detectors import Finger, Values
 from slip_detector.view.server import MOST_NAME, Server
 from slip_detector.view.view_request import Message
 
@@ -52,7 +52,7 @@ ReadRequest = Callable[[Finger, Message], Values]
 _FIELDS = {field.name: field for field in dataclasses.fields(DetectorConfig)}
 
 #: Parameters that describe the sensor: no preset changes them.
-_SENSOR_PARAMETERS = {field.name for field in under_headings(ChainConfig)['Samples']}
+_SENSOR_PARAMETERS = {field.name for field in under_headings(DetectorConfig)['Samples']}
 
 
 class ParameterRequests:
@@ -197,8 +197,8 @@ def to_preset(name: str, config: DetectorConfig) -> dict[str, Any]:
     {'threshold': 0.5}
     """
     wanted = preset(name)
-    kept = {'groups'} if config.channels != wanted.channels else set()
-    return decision_changes(config, wanted, _SENSOR_PARAMETERS | kept)
+    groups = {'groups'} if config.channels != wanted.channels else set()
+    return config.changes_to(wanted, NODE_PARAMETERS | _SENSOR_PARAMETERS | groups)
 
 
 def _preset_of(config: DetectorConfig) -> str:
