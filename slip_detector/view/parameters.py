@@ -49,8 +49,6 @@ PRESETS = {'paper': 'slip_detector', 'onset': 'onset', 'sure': 'sure', 'grasp': 
 #: Returns the values to set that a request asks for.
 ReadRequest = Callable[[Finger, Message], Values]
 
-_FIELDS = {field.name: field for field in dataclasses.fields(DetectorConfig)}
-
 #: Parameters that describe the sensor: no preset changes them.
 _SENSOR_PARAMETERS = {field.name for field in under_headings(DetectorConfig)['Samples']}
 
@@ -211,17 +209,14 @@ def _preset_of(config: DetectorConfig) -> str:
 def described_parameters(finger: Finger) -> list[dict[str, Any]]:
     """Return what a page shows of the parameters: headings, each with those below in order."""
     config, limits, in_file = finger.config, finger.config.limits(), finger.in_file.to_parameters()
-    values = config.to_parameters()
-    described = []
-    for heading, fields in under_headings(DetectorConfig).items():
-        names = [
-            (field, n) for field in fields for n in values if n.partition('.')[0] == field.name
-        ]
-        rows = [
-            _row(field, name, values[name], in_file.get(name), limits) for field, name in names
-        ]
-        described.append({'heading': heading, 'parameters': rows})
-    return described
+    parts: dict[str, list[dict[str, Any]]] = {}
+    heading = ''
+    for name, value in config.to_parameters().items():
+        field = DetectorConfig.__dataclass_fields__[name.partition('.')[0]]
+        heading = field.metadata['heading'] or heading
+        row = _row(field, name, value, in_file.get(name), limits)
+        parts.setdefault(heading, []).append(row)
+    return [{'heading': heading, 'parameters': rows} for heading, rows in parts.items()]
 
 
 def _row(
@@ -288,7 +283,7 @@ def read_text(name: str, text: str) -> Any:
     'low'
     """
     text = text.strip()
-    field = _FIELDS.get(name.partition('.')[0])
+    field = DetectorConfig.__dataclass_fields__.get(name.partition('.')[0])
     default = field.metadata['default'] if field else None
     if field and isinstance(default, (tuple, dict)):
         items = re.sub(r'[\[\]()]', ' ', text).split(',') if text.strip('[] ') else []
