@@ -18,11 +18,9 @@ import asyncio
 import dataclasses
 
 import pytest
-import yaml
 from hypothesis import given
 
 from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.files import write_yaml
 from slip_detector.view.access import Access
 from slip_detector.view.detectors import Finger
@@ -30,7 +28,6 @@ from slip_detector.view.parameters import (
     PRESETS,
     ParameterRequests,
     described_parameters,
-    parameter_file,
     preset,
     read_text,
     text_of,
@@ -179,26 +176,3 @@ def test_pages_get_changes_with_their_author_and_hear_that_a_detector_is_gone(tm
     server.detectors.remove('index')
     server.tick()
     assert '"gone": true' in server.news['parameters']
-
-
-GIVEN = """
-/**/slip_driver: {ros__parameters: {source: udp, channels: 2}}
-/thumb/slip_detector: {ros__parameters: {use_sim_time: true, threshold: 0.7}}
-detectors: {slip_tune: {ros__parameters: {trade: true}}}
-/**: {ros__parameters: {channels: 2, threshold: 0.8, groups: {left: [1], right: [2]}}}
-"""
-
-
-def test_saving_keeps_the_sections_of_other_nodes_and_replaces_the_detectors(tmp_path):
-    given_file = tmp_path / 'given.yaml'
-    given_file.write_text(GIVEN, encoding='utf-8')
-    config = DetectorConfig(channels=2, threshold=0.5)
-    path = tmp_path / 'saved.yaml'
-    write_yaml(path, parameter_file({'/thumb/slip_detector': config}, given_file))
-    assert DetectorConfig.from_yaml(path, '/thumb/slip_detector') == config
-    assert DetectorConfig.from_yaml(path) == config
-    assert DriverConfig.from_yaml(path) == DriverConfig(source='udp', channels=2)
-    document = yaml.safe_load(path.read_text(encoding='utf-8'))
-    assert document['/**/slip_detector']['ros__parameters']['use_sim_time'] is True
-    assert document['detectors/slip_tune']['ros__parameters'] == {'trade': True}
-    assert document['/**']['ros__parameters'] == {'channels': 2}
