@@ -30,7 +30,7 @@ import json
 import math
 import shlex
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -38,8 +38,8 @@ from slip_detector.commands import workers
 from slip_detector.commands.command_line import Parser, interrupts_noted, run, whole_number
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.parameters.files import read_yaml, write_yaml
-from slip_detector.parameters.sections import ALL, node_of, sections_of
+from slip_detector.parameters.files import write_yaml
+from slip_detector.parameters.sections import parameter_file
 from slip_detector.recordings import with_subfolders
 from slip_detector.recordings.labels import KINDS
 from slip_detector.report.answer import answer, bad_recordings, rounded
@@ -193,35 +193,6 @@ def _search(
     return summary, [*lines, 'On what was held out:', *table], lambda path: write_page(path, *page)
 
 
-def with_parameters(given: str | Path | None, changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the content of a parameter file with changed values for the detector.
-
-    Parameters
-    ----------
-    given
-        The file to start from; None: the defaults of the detector.
-    changes
-        New values by the name of the parameter, in the form that ROS uses (flat lists).
-
-    Returns
-    -------
-    dict
-        The whole document, with the sections of other nodes but without comments.
-    """
-    document = DetectorConfig().to_document() if given is None else read_yaml(given)
-    sections = list(sections_of(document, given))
-    own = [parameters for name, parameters in sections if node_of(name) == DetectorConfig.NODE]
-    if not own:
-        own = [{}]
-        document['/**/slip_detector'] = {'ros__parameters': own[0]}
-    for name, parameters in sections:
-        # A section for all nodes that comes after the detector's would override it.
-        if node_of(name) in ALL:
-            parameters.update({key: changes[key] for key in changes if key in parameters})
-    own[-1].update(changes)
-    return document
-
-
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command with arguments, or those of the process; return the exit code."""
     options = _arguments(argv)
@@ -241,11 +212,14 @@ def main(argv: Sequence[str] | None = None) -> int:
             else:
                 result, lines, write_report = _search(options, parameters, where, stop)
                 answers, changes = result['answer'], {} if result['kept'] else result['changes']
+            file = options.config
+            given = DetectorConfig.from_yaml(file) if file else DetectorConfig()
+            document = parameter_file({'/slip_detector': given.with_values(changes)}, file)
             now = datetime.datetime.now(datetime.timezone.utc)
             command = shlex.join([NAME, *(sys.argv[1:] if argv is None else argv)])
             title = f'Written by {NAME} on {now:%Y-%m-%d %H:%M} UTC:'
             comments = [title, f'  {command}', *answers, *lines]
-            write_yaml(options.out, with_parameters(options.config, changes), comments)
+            write_yaml(options.out, document, comments)
             if options.report is not None:
                 try:
                     write_report(options.report)

@@ -165,13 +165,10 @@ class ChainConfig(ParameterSet):
         allows='1e-30 to 1e+30; one number, or one for each channel',
     )
     noise_floor_learnt: bool = of_evidence(
-        False,
-        'Whether the floor begins at noise_floor; else at the first envelope above noise_floor.',
+        False, 'Whether the floor begins at noise_floor; else at the first envelope above it.'
     )
     noise_floor_range_db: float = of_evidence(
-        60.0,
-        'How far the floor may rise above noise_floor; 15 dB suit a learnt floor.',
-        (0.0, 300.0, 'dB'),
+        60.0, 'Highest floor above noise_floor; 15 dB suit a learnt floor.', (0.0, 300.0, 'dB')
     )
     noise_floor_rate_db_s: float = of_evidence(
         0.43, 'How fast the floor rises; it falls nine times as fast.', (0.0, 1000.0, 'dB/s')
@@ -449,3 +446,6 @@ class DetectorConfig(ChainConfig):
 
 #: Parameters of the detector that cannot change while the node runs.
 FIXED_PARAMETERS = fields.names_that_affect(DetectorConfig, 'start')
+
+#: Parameters that only the node has, and not its chain: its decisions do not depend on them.
+NODE_PARAMETERS = DetectorConfig.__dataclass_fields__.keys() - ChainConfig.__dataclass_fields__

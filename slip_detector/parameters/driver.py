@@ -34,9 +34,7 @@ class RecordingConfig(ParameterSet):
 
     recording_topic: str = parameter('', 'Topic of a bag with the samples; empty: any voltages.')
     recording_field: str = parameter(
-        '',
-        'Field of its messages with the channels, as input_field; empty: position or data.',
-        read=read_paths,
+        '', 'Its field of channels, as input_field; empty: position or data.', read=read_paths
     )
     recording_labels: str = parameter(
         '', 'YAML file of the slips, or a folder of such; empty: <name>.labels.yaml beside it.'

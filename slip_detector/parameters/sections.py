@@ -213,6 +213,49 @@ def parameters_for(path: str | Path, executable: str, node: str = '') -> FilePar
     return FileParameters(values_in([*for_all, *(for_node or for_default)]), own, unmatched)
 
 
+def parameter_file(configs: Mapping[str, Any], file: str | Path | None = None) -> dict[str, Any]:
+    """Return the content of a parameter file for nodes with these configurations.
+
+    Parameters
+    ----------
+    configs
+        By the full names of the nodes, all of one kind. A single one is written for a node in any
+        namespace; several are written each for the node of that name.
+    file
+        The file with which the nodes were started, if any: its sections for other nodes are
+        copied, and so is what rclpy reads for these nodes, such as use_sim_time.
+
+    Raises
+    ------
+    ValueError
+        When that file cannot be read; names it.
+
+    Examples
+    --------
+    >>> from slip_detector.parameters import DetectorConfig
+    >>> document = parameter_file({'/thumb/slip_detector': DetectorConfig(threshold=0.25)})
+    >>> list(document), document['/**/slip_detector']['ros__parameters']['threshold']
+    (['/**/slip_detector'], 0.25)
+    """
+    document: dict[str, Any] = {}
+    in_file = [*sections_of(read_yaml(file) if file else {}, file)]
+    nodes, knowing = {*map(node_of, configs)}, [[config.NODE] for config in configs.values()]
+    for section, values in in_file:
+        for_all = node_of(section) in ALL
+        kept = {n: values[n] for n in values if not for_all or nodes_that_know(n) not in knowing}
+        if kept and node_of(section) not in nodes:
+            document[section] = {'ros__parameters': kept}
+    # Last, because of two sections for a node the later one holds.
+    for name, config in configs.items():
+        section = name if len(configs) > 1 else f'/**/{node_of(name)}'
+        kept = {}
+        for other, values in in_file:
+            if matches(other, name) or matches(section, f'/{other.lstrip("/")}'):
+                kept |= {n: value for n, value in values.items() if is_of_rclpy(n)}
+        document[section] = {'ros__parameters': {**kept, **config.to_yaml()}}
+    return document
+
+
 def flattened(values: Mapping[str, Any], prefix: str = '') -> dict[str, Any]:
     """Return values by their names with points.
 

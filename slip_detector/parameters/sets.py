@@ -227,18 +227,20 @@ class ParameterSet:
                 refuse(f'parameter {name} cannot be deleted', 'groups.<name>')
         return self.from_parameters({n: v for n, v in merged.items() if v is not None})
 
-    def changes_to(self, other: 'ParameterSet') -> dict[str, Any]:
+    def changes_to(self, other: 'ParameterSet', kept: Collection[str] = ()) -> dict[str, Any]:
         """Return the values with which this becomes another configuration; None deletes a group.
+
+        The parameters in ``kept`` stay as they are.
 
         Examples
         --------
         >>> from slip_detector.parameters import GraspConfig
-        >>> GraspConfig().changes_to(GraspConfig(grip_n=2))
+        >>> GraspConfig().changes_to(GraspConfig(grip_n=2, step_n=1), kept=['step_n'])
         {'grip_n': 2.0}
         """
         before, after = self.to_parameters(), other.to_parameters()
         names = [name for name in {**before, **after} if before.get(name) != after.get(name)]
-        return {name: after.get(name) for name in names}
+        return {name: after.get(name) for name in names if name.partition('.')[0] not in kept}
 
     def to_parameters(self) -> dict[str, Any]:
         """Return names and values in the form that ROS uses: flat lists, ``groups.TP``."""

@@ -29,7 +29,7 @@ from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.parameters import ChainConfig, DetectorConfig, DriverConfig
 from slip_detector.parameters.fields import shown
 from slip_detector.recordings import labels
-from slip_detector.view.hand_labels import HandLabels
+from slip_detector.view.hand_labels import HandLabels, accuracy_of, pairs_of
 from slip_detector.view.recordings import trace_of
 from slip_detector.view.server import Server
 from slip_detector.view.view_request import Message, number
@@ -154,7 +154,7 @@ class PlayedBag:
         state: dict[str, Any] = {'name': self.path.name, 'labels': str(self.file)}
         state |= {'at_s': round(self._at_s, 3), 'speed': self.speed, 'playing': self.playing}
         state |= {'reading': reading, 'duration_s': self.duration_s}
-        state |= {'changes': self._changes, 'slip_s': self._labels.pairs}
+        state |= {'changes': self._changes, 'slip_s': pairs_of(self._labels.ends)}
         self._server.broadcast('bag_places', {'places': self._places})
         self._server.broadcast('bag', state)
 
@@ -198,7 +198,7 @@ class PlayedBag:
         traced = trace_of(config, rows, self._rate_hz, BINS)
         read_s = traced['duration_s']
         times = {'read_s': read_s, 'duration_s': max(read_s, self.duration_s)}
-        return {**traced, **times, 'slip_s': self._labels.pairs}
+        return {**traced, **times, 'slip_s': pairs_of(self._labels.ends)}
 
     def _rows(self, begin: int, stop: int) -> Samples:
         """Return some rows of what is read."""
@@ -215,9 +215,9 @@ class PlayedBag:
 
     def _label_of(self, rows: Samples) -> dict[str, Any]:
         """Return the present labels of rows, see :func:`.label_at`."""
-        ends_ns = np.rint(1e9 * np.ravel(self._labels.pairs)).astype(np.int64)
+        ends_ns = np.rint(1e9 * np.ravel(pairs_of(self._labels.ends))).astype(np.int64)
         after_ns = rows.stamps_ns - self._pieces[0].stamps_ns[0]
-        return labels.label_at(after_ns, ends_ns, self._labels.accuracy_s)
+        return labels.label_at(after_ns, ends_ns, accuracy_of(self._labels.ends))
 
     def _known_labels(self) -> HandLabels:
         if not self._whole:  # Those in the recording itself are not known yet.

@@ -20,14 +20,14 @@ import time
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial import KDTree
 
 from slip_detector.chain.samples import Bools, Floats
-from slip_detector.parameters.detector import FIXED_PARAMETERS, ChainConfig, DetectorConfig
+from slip_detector.parameters.detector import FIXED_PARAMETERS, DetectorConfig
 from slip_detector.view.track import LiveTrack, Spectrum, spectrum
 
 #: Missing heartbeats after which a detector counts as ended or hung.
@@ -51,9 +51,6 @@ DESCRIBED = (
     'stopbands_hz', 'mains_hz', 'evidence_limit_db_s',
 )  # fmt: skip
 
-#: Parameters of the chain, on which its decisions depend.
-CHAIN_PARAMETERS = {each.name for each in fields(ChainConfig)}
-
 #: Pitch of the grid for a finger without taxel positions; the taxels of tactile fingertips are one
 #: to seven millimetres apart.
 GRID_PITCH_M = 2.5e-3
@@ -71,17 +68,27 @@ class Diagnosis(NamedTuple):
     message: str
 
 
+class Change(NamedTuple):
+    """A change of a detector's configuration."""
+
+    before: DetectorConfig
+    after: DetectorConfig
+    #: The author: a page, or ``OUTSIDE``, or ``RESTART``.
+    by: str
+
+
 @dataclass
 class Finger:
-    """One detector: its parameters, its present state, and its data of the last minute.
+    """One detector: its parameters and their changes, its state, its data of the last minute.
 
     Times are those of :func:`time.monotonic`.
 
     Examples
     --------
     >>> finger = Finger('/index/slip_detector', DetectorConfig())
-    >>> finger.label, finger.config.threshold, finger.slip
-    ('index', 0.5, False)
+    >>> finger.update_config(DetectorConfig(threshold=0.25), by='page 1')
+    >>> finger.label, finger.config.threshold, finger.to_undo()
+    ('index', 0.25, {'threshold': 0.5})
     """
 
     #: Full name of the detector's node.
@@ -111,6 +118,13 @@ class Finger:
         self.groups: Bools = np.zeros(len(self.config.groups), np.bool_)
         self.track = LiveTrack(self.config)
         self._restarted_s = float('-inf')  # since 1970
+        #: The configuration in the parameter file; without a file, the first one that was read.
+        self.in_file = self.config
+        #: Changes that can be undone, and the latest changes, undone or not; the newest last.
+        self.history: deque[Change] = deque(maxlen=MOST_CHANGES)
+        self.changes: deque[Change] = deque(maxlen=LISTED_CHANGES)
+        #: Number of changes so far.
+        self.count = 0
 
     @property
     def label(self) -> str:
@@ -127,26 +141,42 @@ class Finger:
         namespace, _, node = self.name.strip('/').rpartition('/')
         return '/'.join(filter(None, (namespace, '' if node == 'slip_detector' else node))) or node
 
-    def update_config(self, config: DetectorConfig) -> None:
-        """Note new parameters of the detector; data that fits them is kept.
+    def update_config(self, config: DetectorConfig, by: str = OUTSIDE) -> None:
+        """Note the parameters that the detector has now, and who changed them.
 
-        Another number of channels, or another rate, begins a new track and drops the spectra at
-        rest.
+        Data that fits them is kept: another number of channels, or another rate, begins a new
+        track and drops the spectra at rest. A detector that was started again has the
+        configuration of its file. This counts as a change: undoing it restores what had been set
+        before the restart.
         """
         before, self.config, self.to_fit = self.config, config, {}
+        if by == RESTART:
+            self._restarted_s = time.time()
+            self.slip = self.valid = False
+            self.onset_s = None
         if (config.channels, config.sample_rate_hz) != (before.channels, before.sample_rate_hz):
             self.track = LiveTrack(config, self.track.beginnings + 1)
             self.rest = None
-        if list(config.groups) != list(before.groups):
+        if by == RESTART or list(config.groups) != list(before.groups):
             self.groups = np.zeros(len(config.groups), np.bool_)
+        if config == before:
+            return
+        change = Change(before, config, by)
+        self.changes.append(change)
+        self.count += 1
+        if by != RESTART and self.history and self.history[-1].before == config:
+            self.history.pop()
+        else:
+            self.history.append(change)
 
-    def started_again(self, config: DetectorConfig) -> None:
-        """Note that the detector was started again, with these parameters."""
-        self._restarted_s = time.time()
-        self.update_config(config)
-        self.slip = self.valid = False
-        self.groups[:] = False
-        self.onset_s = None
+    def to_undo(self) -> Values:
+        """Return the values that undo the last change; empty where there is none."""
+        wanted = self.history[-1].before if self.history else self.config
+        return self.config.changes_to(wanted, FIXED_PARAMETERS)
+
+    def as_in_file(self) -> Values:
+        """Return the values that restore those of the file; empty if nothing differs."""
+        return self.config.changes_to(self.in_file, FIXED_PARAMETERS)
 
     @property
     def offer(self) -> str:
@@ -252,102 +282,15 @@ def _apart(taxel_positions_m: tuple[float, ...]) -> Floats:
     return positions
 
 
-def decision_changes(
-    config: DetectorConfig, wanted: DetectorConfig, kept: Collection[str] = ()
-) -> dict[str, Any]:
-    """Return the values to set so that a detector decides as another; None deletes a group.
-
-    Parameters
-    ----------
-    config
-        The configuration that the detector has.
-    wanted
-        The configuration whose decisions are wanted.
-    kept
-        Parameters of the chain that stay as they are, as all others do.
-
-    Examples
-    --------
-    >>> decision_changes(DetectorConfig(), DetectorConfig(threshold=0.25, gain=2.0), ['gain'])
-    {'threshold': 0.25}
-    """
-    changes, changing = config.changes_to(wanted), CHAIN_PARAMETERS.difference(kept)
-    return {name: changes[name] for name in changes if name.partition('.')[0] in changing}
-
-
-class Change(NamedTuple):
-    """A change of a detector's configuration."""
-
-    before: DetectorConfig
-    after: DetectorConfig
-    #: The author: a page, or ``OUTSIDE``, or ``RESTART``.
-    by: str
-
-
-class ParameterPanel:
-    """The configuration of one detector, its changes, and the configuration in its file.
-
-    Examples
-    --------
-    >>> panel = ParameterPanel(DetectorConfig())
-    >>> panel.read(DetectorConfig(threshold=0.25), by='page 1')
-    >>> panel.changes[-1].by
-    'page 1'
-    >>> panel.to_undo(), panel.as_in_file()
-    ({'threshold': 0.5}, {'threshold': 0.5})
-    """
-
-    def __init__(self, config: DetectorConfig) -> None:
-        self.config = config
-        #: The configuration in the parameter file; without a file, the first one that was read.
-        self.file = config
-        #: Changes that can be undone, and the latest changes, undone or not; the newest last.
-        self.history: deque[Change] = deque(maxlen=MOST_CHANGES)
-        self.changes: deque[Change] = deque(maxlen=LISTED_CHANGES)
-        #: Number of changes so far.
-        self.count = 0
-
-    def read(self, config: DetectorConfig, by: str) -> None:
-        """Note the configuration that the detector has now, and who changed it.
-
-        A detector that was started again has the configuration of its file. This counts as a
-        change: undoing it restores what had been set before the restart.
-        """
-        if config == self.config:
-            return
-        change = Change(self.config, config, by)
-        self.config = config
-        self.changes.append(change)
-        self.count += 1
-        if by != RESTART and self.history and self.history[-1].before == config:
-            self.history.pop()
-        else:
-            self.history.append(change)
-
-    def to_undo(self) -> dict[str, Any]:
-        """Return the values that undo the last change; empty where there is none."""
-        return self._changes_to(self.history[-1].before) if self.history else {}
-
-    def as_in_file(self) -> dict[str, Any]:
-        """Return the values that restore those of the file; empty if nothing differs."""
-        return self._changes_to(self.file)
-
-    def _changes_to(self, wanted: DetectorConfig) -> dict[str, Any]:
-        changes = self.config.changes_to(wanted)
-        return {name: changes[name] for name in changes if name not in FIXED_PARAMETERS}
-
-
 class Detectors(ABC):
     """A registry of the detectors that run, and the requests to them."""
 
     def __init__(self) -> None:
         #: Each finger by its name.
         self.fingers: dict[str, Finger] = {}
-        #: Fingers whose detectors have ended, by name, until they come back.
+        #: Fingers whose detectors have ended, by name, until they come back: what had been set can
+        #: be set again then.
         self.gone: dict[str, Finger] = {}
-        #: The panel of each detector by its name, also of one that has ended: its changes can be
-        #: set again when it comes back.
-        self.panels: dict[str, ParameterPanel] = {}
 
     @abstractmethod
     def watch(self, names: Collection[str]) -> None:
@@ -359,32 +302,31 @@ class Detectors(ABC):
 
     def note_config(self, name: str, config: DetectorConfig, by: str) -> None:
         """Note the configuration that a detector has now, and who changed it."""
-        self.panels.setdefault(name, ParameterPanel(config)).read(config, by)
         finger = self.fingers.get(name) or self.gone.pop(name, None)
-        if finger is None:
-            finger = Finger(name, config)
-        elif by == RESTART:
-            finger.started_again(config)
-        else:
-            finger.update_config(config)
-        self.fingers[name] = finger
+        if finger is not None:
+            finger.update_config(config, by)
+        self.fingers[name] = finger or Finger(name, config)
 
     def order(self, name: str, what: str = '') -> bool:
         """Tell a simulated finger what to do, '': nothing; return whether it is one that obeys."""
         return False
 
-    def finger_of(self, name: object) -> Finger:
+    def with_gone(self) -> dict[str, Finger]:
+        """Return all fingers by name, also those whose detectors have ended."""
+        return {**self.gone, **self.fingers}
+
+    def finger_of(self, name: object, or_gone: bool = False) -> Finger:
         """Return a finger by the name that a page has sent; a ValueError if there is none."""
-        finger = self.fingers.get(name) if isinstance(name, str) else None
-        if finger is None:
+        known = self.with_gone() if or_gone else self.fingers
+        if not isinstance(name, str) or name not in known:
             raise ValueError(f'there is no finger {str(name)[:40]!r}')
-        return finger
+        return known[name]
 
     @abstractmethod
     async def change(self, name: str, values: Mapping[str, Any], by: str) -> None:
         """Set parameters of a finger's detector, all or none; None deletes one.
 
-        When it returns, the panel has the new values, changed by this page.
+        When it returns, the finger has the new values, changed by this page.
 
         Raises
         ------

@@ -32,6 +32,16 @@ Ends = list[tuple[float, float]]
 Rows = Callable[[], tuple[Samples, float]]
 
 
+def pairs_of(ends: Ends) -> Any:
+    """Return labels as a list of [start, end]."""
+    return np.reshape([end_s for end_s, _ in ends], (-1, 2)).tolist()
+
+
+def accuracy_of(ends: Ends) -> float:
+    """Return how exact the least exact end is."""
+    return max((by_s for _, by_s in ends), default=0.0)
+
+
 class HandLabels:
     """Labels of which each change is written at once to the file beside the recording.
 
@@ -46,16 +56,6 @@ class HandLabels:
         # The labels that the recording itself has: without a file they hold.
         self._own = None if file.exists() else ends
 
-    @property
-    def pairs(self) -> Any:
-        """The labels as a list of [start, end]."""
-        return np.reshape([end_s for end_s, _ in self.ends], (-1, 2)).tolist()
-
-    @property
-    def accuracy_s(self) -> float:
-        """How exact the least exact end is."""
-        return max((by_s for _, by_s in self.ends), default=0.0)
-
     def change(self, slip_s: object, by_s: float) -> None:
         """Take all labels as a page has them; new ends are exact to ``by_s``."""
         wanted = labels.labels_from(self.file, {labels.KEY: slip_s})
@@ -68,7 +68,7 @@ class HandLabels:
     def snap(self) -> dict[str, str]:
         """Move the ends to where the power of the signal changes; return what was found."""
         before, (samples, rate_hz) = self.ends, self._rows()
-        by_hand = np.array(self.pairs), rate_hz, labels.BY_HAND_S
+        by_hand = np.array(pairs_of(before)), rate_hz, labels.BY_HAND_S
         moved_s, found, said = labels.snapped(samples, *by_hand)
         moved = zip(before, moved_s.ravel().round(4).tolist(), found.flat, strict=True)
         ends = [(s, labels.BY_EYE_S) if known else old for old, s, known in moved]
@@ -81,25 +81,21 @@ class HandLabels:
     def undo(self) -> None:
         """Take back the last change, if any."""
         if self._before:
-            self.keep(self._before[-1])
-            del self._before[-2:]
+            self._write(self._before[-1])
+            self.ends = self._before.pop()
 
     def keep(self, ends: Ends) -> None:
         """Take other labels, if they can be written; may raise a ValueError."""
-        before, self.ends = self.ends, ends
-        try:
-            self._write()
-        except ValueError:
-            self.ends = before
-            raise
-        self._before.append(before)
+        self._write(ends)
+        self._before.append(self.ends)
+        self.ends = ends
 
-    def _write(self) -> None:
-        document: dict[str, Any] = {labels.KEY: self.pairs, labels.ACCURACY: self.accuracy_s}
-        if self._kind and not self.ends:
+    def _write(self, ends: Ends) -> None:
+        document: dict[str, Any] = {labels.KEY: pairs_of(ends), labels.ACCURACY: accuracy_of(ends)}
+        if self._kind and not ends:
             document = {labels.KIND: self._kind}
         labels.labels_from(self.file, dict(document))
-        if self.ends is self._own:
+        if ends is self._own:
             with file_errors_of(self.file, 'deleted'):
                 self.file.unlink(missing_ok=True)
         else:

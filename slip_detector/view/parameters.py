@@ -30,11 +30,11 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
-from slip_detector.parameters import sections
-from slip_detector.parameters.detector import FIXED_PARAMETERS, ChainConfig, DetectorConfig
+from slip_detector.parameters.detector import FIXED_PARAMETERS, NODE_PARAMETERS, DetectorConfig
 from slip_detector.parameters.fields import Field, allowed, shortened, shown, under_headings
-from slip_detector.parameters.files import read_yaml, shared_folder, writable_folder, write_yaml
-from slip_detector.view.detectors import ParameterPanel, Values, decision_changes
+from slip_detector.parameters.files import shared_folder, writable_folder, write_yaml
+from slip_detector.parameters.sections import parameter_file
+from slip_detector.view.detectors import Finger, Values
 from slip_detector.view.server import MOST_NAME, Server
 from slip_detector.view.view_request import Message
 
@@ -47,12 +47,10 @@ ALLOWED_NAME = 'a letter, then letters (a-z), digits, single _, at most 64'
 PRESETS = {'paper': 'slip_detector', 'onset': 'onset', 'sure': 'sure', 'grasp': 'grasp'}
 
 #: Returns the values to set that a request asks for.
-ReadRequest = Callable[[ParameterPanel, Message], Values]
-
-_FIELDS = {field.name: field for field in dataclasses.fields(DetectorConfig)}
+ReadRequest = Callable[[Finger, Message], Values]
 
 #: Parameters that describe the sensor: no preset changes them.
-_SENSOR_PARAMETERS = {field.name for field in under_headings(ChainConfig)['Samples']}
+_SENSOR_PARAMETERS = {field.name for field in under_headings(DetectorConfig)['Samples']}
 
 
 class ParameterRequests:
@@ -79,47 +77,48 @@ class ParameterRequests:
         files: Sequence[Path] = (),
         overrides: Mapping[str, Any] | None = None,
     ) -> None:
-        self._server, self._folder, self._files = server, folder.resolve(), files
+        self._server, self._detectors = server, server.detectors
+        self._folder, self._files = folder.resolve(), files
         self._overrides = overrides or {}
         #: By detector, a state that differs whenever a page has to be told something else.
         self._states: dict[str, tuple[Any, ...]] = {}
         server.each_tick.append(self._broadcast)
         for request, read in {
             'set': self._read_typed,
-            'undo': lambda panel, message: panel.to_undo(),
+            'undo': lambda finger, message: finger.to_undo(),
             'as_in_file': self._read_as_in_file,
-            'take_input': lambda _, message: server.detectors.finger_of(message['finger']).to_fit,
-            'preset': lambda panel, message: to_preset(str(message.get('preset')), panel.config),
+            'take_input': lambda finger, message: finger.to_fit,
+            'preset': lambda finger, message: to_preset(str(message.get('preset')), finger.config),
         }.items():
             server.on_request(request, functools.partial(self._change, read), changes=True)
         server.on_request('save', self._save, changes=True)
 
     def _broadcast(self) -> None:
         """Send the pages the parameters if something has changed."""
-        fingers, panels = self._server.detectors.fingers, self._server.detectors.panels.items()
-        states = {n: (each.count, each.file, n in fingers) for n, each in panels}
+        fingers, gone = self._detectors.with_gone(), self._detectors.gone
+        states = {n: (each.count, each.in_file, n in gone) for n, each in fingers.items()}
         if states == self._states:
             return
         for name in states.keys() - self._states.keys():
             # A file that cannot be read is reported when it is needed.
             with contextlib.suppress(ValueError):
-                self._read_file(name)
+                self._read_file(fingers[name])
         self._states = states
-        described = {name: self._described(name, panel) for name, panel in panels}
+        described = {n: {'gone': n in gone, **self._described(fingers[n])} for n in fingers}
         self._server.broadcast('parameters', {'folder': str(self._folder), 'fingers': described})
 
-    def _described(self, name: str, panel: ParameterPanel) -> dict[str, Any]:
-        last = panel.history[-1] if panel.history else None
-        latest = enumerate(reversed(panel.changes))
+    def _described(self, finger: Finger) -> dict[str, Any]:
+        last = finger.history[-1] if finger.history else None
+        latest = enumerate(reversed(finger.changes))
         return {
-            'gone': name not in self._server.detectors.fingers,
-            'headings': described_panel(panel),
-            'file': str(self._file_of(name) or ''),
-            'differs': sorted(panel.as_in_file()),
-            'preset': _preset_of(panel.config),
+            'headings': described_parameters(finger),
+            'file': str(self._file_of(finger.name) or ''),
+            'differs': sorted(finger.as_in_file()),
+            'preset': _preset_of(finger.config),
             'undo': words_of(last.after, last.before) if last else '',
             'changes': [
-                (panel.count - i, each.by, words_of(each.before, each.after)) for i, each in latest
+                (finger.count - i, each.by, words_of(each.before, each.after))
+                for i, each in latest
             ],
         }
 
@@ -128,34 +127,29 @@ class ParameterRequests:
         only = len(self._files) == 1
         return next((file for file in self._files if only or file.stem == namespace), None)
 
-    def _read_file(self, name: str) -> None:
+    def _read_file(self, finger: Finger) -> None:
         """Read the present content of a detector's file."""
-        if file := self._file_of(name):
-            config = DetectorConfig.from_yaml(file, name)
-            self._panel(name).file = dataclasses.replace(config, **self._overrides)
-
-    def _panel(self, name: object) -> ParameterPanel:
-        panel = self._server.detectors.panels.get(name) if isinstance(name, str) else None
-        if panel is None:
-            raise ValueError(f'finger is {shown(name)}, allowed: one that is shown')
-        return panel
+        if file := self._file_of(finger.name):
+            config = DetectorConfig.from_yaml(file, finger.name)
+            finger.in_file = dataclasses.replace(config, **self._overrides)
 
     async def _change(self, read: ReadRequest, message: Message) -> None:
         """Set the values that a request asks for, if any."""
-        if values := read(self._panel(message.get('finger')), message):
+        finger = self._detectors.finger_of(message.get('finger'), or_gone=True)
+        if values := read(finger, message):
             page = f'page {message.get("page")}'[:MOST_NAME]
-            await self._server.detectors.change(message['finger'], values, page)
+            await self._detectors.change(finger.name, values, page)
 
-    def _read_typed(self, panel: ParameterPanel, message: Message) -> Values:
+    def _read_typed(self, finger: Finger, message: Message) -> Values:
         """Return values that were typed or dragged."""
         values = message.get('values')
         if not isinstance(values, dict) or not values:
             raise ValueError(f'values is {shown(values)}, allowed: a value for each name')
         return {n: read_text(n, v) if isinstance(v, str) else v for n, v in values.items()}
 
-    def _read_as_in_file(self, panel: ParameterPanel, message: Message) -> Values:
-        self._read_file(message['finger'])
-        return panel.as_in_file()
+    def _read_as_in_file(self, finger: Finger, message: Message) -> Values:
+        self._read_file(finger)
+        return finger.as_in_file()
 
     async def _save(self, message: Message) -> dict[str, Any]:
         """Save the detectors' parameters; return how to launch with them, or which file exists.
@@ -165,7 +159,7 @@ class ParameterRequests:
         names, name = message.get('fingers'), str(message.get('name') or '')
         if not isinstance(names, list) or not names:
             raise ValueError(f'fingers is {shown(names)}, allowed: a list of those that are shown')
-        configs = {each: self._panel(each).config for each in names}
+        configs = {each: self._detectors.finger_of(each, or_gone=True).config for each in names}
         if not FILE_NAME.fullmatch(name):
             raise ValueError(f'name is {shown(name)}, allowed: {ALLOWED_NAME}')
         if self._overrides:
@@ -201,8 +195,8 @@ def to_preset(name: str, config: DetectorConfig) -> dict[str, Any]:
     {'threshold': 0.5}
     """
     wanted = preset(name)
-    kept = {'groups'} if config.channels != wanted.channels else set()
-    return decision_changes(config, wanted, _SENSOR_PARAMETERS | kept)
+    groups = {'groups'} if config.channels != wanted.channels else set()
+    return config.changes_to(wanted, NODE_PARAMETERS | _SENSOR_PARAMETERS | groups)
 
 
 def _preset_of(config: DetectorConfig) -> str:
@@ -212,20 +206,17 @@ def _preset_of(config: DetectorConfig) -> str:
     return ''
 
 
-def described_panel(panel: ParameterPanel) -> list[dict[str, Any]]:
-    """Return what a page shows of a panel: headings, each with its parameters in order."""
-    config, limits, in_file = panel.config, panel.config.limits(), panel.file.to_parameters()
-    values = config.to_parameters()
-    described = []
-    for heading, fields in under_headings(DetectorConfig).items():
-        names = [
-            (field, n) for field in fields for n in values if n.partition('.')[0] == field.name
-        ]
-        rows = [
-            _row(field, name, values[name], in_file.get(name), limits) for field, name in names
-        ]
-        described.append({'heading': heading, 'parameters': rows})
-    return described
+def described_parameters(finger: Finger) -> list[dict[str, Any]]:
+    """Return what a page shows of the parameters: headings, each with those below in order."""
+    config, limits, in_file = finger.config, finger.config.limits(), finger.in_file.to_parameters()
+    parts: dict[str, list[dict[str, Any]]] = {}
+    heading = ''
+    for name, value in config.to_parameters().items():
+        field = DetectorConfig.__dataclass_fields__[name.partition('.')[0]]
+        heading = field.metadata['heading'] or heading
+        row = _row(field, name, value, in_file.get(name), limits)
+        parts.setdefault(heading, []).append(row)
+    return [{'heading': heading, 'parameters': rows} for heading, rows in parts.items()]
 
 
 def _row(
@@ -292,7 +283,7 @@ def read_text(name: str, text: str) -> Any:
     'low'
     """
     text = text.strip()
-    field = _FIELDS.get(name.partition('.')[0])
+    field = DetectorConfig.__dataclass_fields__.get(name.partition('.')[0])
     default = field.metadata['default'] if field else None
     if field and isinstance(default, (tuple, dict)):
         items = re.sub(r'[\[\]()]', ' ', text).split(',') if text.strip('[] ') else []
@@ -306,50 +297,6 @@ def _scalar(text: str) -> Any:
         with contextlib.suppress(ValueError):
             return read(text)
     return {'true': True, 'false': False}.get(text, text)
-
-
-def parameter_file(configs: Mapping[str, DetectorConfig], file: Path | None = None) -> Values:
-    """Return the content of a parameter file for detectors with these configurations.
-
-    Parameters
-    ----------
-    configs
-        By the full names of the detectors. A single one is written for a detector in any
-        namespace; several are written each for the detector of that name.
-    file
-        The file with which the detectors were started, if any: its sections for other nodes are
-        copied, and so is what rclpy reads for the detectors, such as use_sim_time.
-
-    Raises
-    ------
-    ValueError
-        When that file cannot be read; names it.
-
-    Examples
-    --------
-    >>> document = parameter_file({'/thumb/slip_detector': DetectorConfig(threshold=0.25)})
-    >>> list(document), document['/**/slip_detector']['ros__parameters']['threshold']
-    (['/**/slip_detector'], 0.25)
-    """
-    document: dict[str, Any] = {}
-    in_file = [*sections.sections_of(read_yaml(file) if file else {}, str(file))]
-    detectors, alone = {*map(sections.node_of, configs)}, [DetectorConfig.NODE]
-    for section, values in in_file:
-        for_all = sections.node_of(section) in sections.ALL
-        kept = {
-            n: values[n] for n in values if not for_all or sections.nodes_that_know(n) != alone
-        }
-        if kept and sections.node_of(section) not in detectors:
-            document[section] = {'ros__parameters': kept}
-    # Last, because of two sections for a node the later one holds.
-    for name, config in configs.items():
-        section = name if len(configs) > 1 else f'/**/{sections.node_of(name)}'
-        kept = {}
-        for other, values in in_file:
-            if sections.matches(other, name):
-                kept |= {n: value for n, value in values.items() if sections.is_of_rclpy(n)}
-        document[section] = {'ros__parameters': {**kept, **config.to_yaml()}}
-    return document
 
 
 def launch_arguments(names: Collection[str], path: Path) -> str:

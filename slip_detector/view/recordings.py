@@ -325,9 +325,8 @@ def _known(values: Floats) -> list[float | None]:
     return [value if math.isfinite(value) else None for value in values.round(1).tolist()]
 
 
-def _seconds(intervals: OnIntervals, rate_hz: float) -> list[list[float]]:
-    edges = np.reshape(intervals.edges, (-1, 2)) / rate_hz
-    return [[round(start_s, 4), round(end_s, 4)] for start_s, end_s in edges.tolist()]
+def _seconds(intervals: OnIntervals, rate_hz: float) -> Any:
+    return (np.reshape(intervals.edges, (-1, 2)) / rate_hz).round(4).tolist()
 
 
 def _order(name: str) -> tuple[int, int]:

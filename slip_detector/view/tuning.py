@@ -24,9 +24,9 @@ from pathlib import Path
 from subprocess import PIPE, STDOUT
 from typing import IO, Any, cast
 
-from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters.detector import NODE_PARAMETERS, DetectorConfig
 from slip_detector.parameters.files import writable_folder, write_yaml
-from slip_detector.view.detectors import Values, decision_changes
+from slip_detector.view.detectors import Values
 from slip_detector.view.recordings import RecordedFolder
 
 #: Starts ``slip_tune`` as the console script does, wherever that is, and gives way to the nodes.
@@ -102,8 +102,7 @@ class TuneRun:
                 self.said |= json.loads(line)
                 self._recorded.note_doubts(self.said['lines'])
                 if 'changes' in self.said:
-                    found = {**self._config.to_parameters(), **self.said['changes']}
-                    self.found = DetectorConfig.from_parameters(found)
+                    self.found = self._config.with_values(self.said['changes'])
             code = await asyncio.to_thread(process.wait)
         finally:
             process.kill()
@@ -129,7 +128,7 @@ class TuneRun:
             return {}
         if (config.names, config.sample_rate_hz) != (self.found.names, self.found.sample_rate_hz):
             raise ValueError('the detector has other channels or another rate now: tune it again')
-        return decision_changes(config, self.found)
+        return config.changes_to(self.found, NODE_PARAMETERS)
 
     def stop(self) -> None:
         """Stop the search; the best chain so far is judged and kept."""

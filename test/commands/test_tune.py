@@ -22,11 +22,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
-from slip_detector.commands.tune import main, with_parameters
+from slip_detector.commands.tune import main
 from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.parameters.files import write_yaml
 from support.evaluation_cases import complaint
 from support.interrupts import check_interrupted_search
 from support.tuning_cases import PARAMETERS, journal, run, slips, trials_of, write
@@ -66,22 +64,6 @@ def test_the_file_has_the_figures_and_all_that_was_not_searched(case, capsys):
     assert config.heartbeat_hz == 20.0
     assert config.threshold != 0.05
     assert '<td>all held out, tuned</td>' in page.read_text()
-
-
-def test_changes_override_every_section_and_all_else_stays(tmp_path):
-    path, driver = tmp_path / 'a.yaml', {'ros__parameters': {'seed': 3}}
-    write_yaml(path, {'slip_driver': driver})
-    document = with_parameters(path, {'threshold': 0.2})
-    assert document['/**/slip_detector'] == {'ros__parameters': {'threshold': 0.2}}
-    document['/**'] = {'ros__parameters': {'threshold': 0.9}}
-    write_yaml(path, document)
-    write_yaml(path, with_parameters(path, {'threshold': [0.3]}), ['Tuned.', ''])
-    text = path.read_text()
-    assert text.startswith('# Tuned.\n#\n')
-    # ROS reads no aliases.
-    assert '*' not in text.replace('/**', '')
-    own = {'ros__parameters': {'threshold': [0.3]}}
-    assert yaml.safe_load(text) == {'slip_driver': driver, '/**/slip_detector': own, '/**': own}
 
 
 def test_without_optuna_it_says_what_to_install(case, monkeypatch, capsys):

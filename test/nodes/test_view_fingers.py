@@ -123,8 +123,8 @@ def test_a_detector_whose_parameters_change_and_that_ends_and_comes_again(bench)
         await it.detectors.change(INDEX, {'threshold': 0.75}, 'page 1')
         with pytest.raises(ValueError, match='parameter threshold is -1, allowed: 1e-30 to 1e'):
             await it.detectors.change(INDEX, {'threshold': -1.0, 'gain': 5.0}, 'page 1')
-        panel = it.detectors.panels[INDEX]
-        assert [change.by for change in panel.changes] == ['page 1']
+        finger = it.detectors.fingers[INDEX]
+        assert [change.by for change in finger.changes] == ['page 1']
         # Nobody watched: its parameters are read when somebody does.
         it.watched = {INDEX}
         await it.until(lambda: it.detectors.fingers[INDEX].config.threshold == 0.75, 'the change')
@@ -132,7 +132,7 @@ def test_a_detector_whose_parameters_change_and_that_ends_and_comes_again(bench)
         bench.set_whole(INDEX, {'channels': 4, **groups})
         await it.until(lambda: it.detectors.fingers[INDEX].config.channels == 4, 'the channels')
         assert list(it.detectors.fingers[INDEX].config.groups) == ['all']
-        assert [change.by for change in panel.changes] == ['page 1', OUTSIDE]
+        assert [change.by for change in finger.changes] == ['page 1', OUTSIDE]
         # One that ends is gone, with its subscriptions; it may come again.
         detector.signal(signal.SIGINT)
         await it.until(lambda: INDEX not in it.detectors.fingers, 'it to go')
@@ -143,8 +143,8 @@ def test_a_detector_whose_parameters_change_and_that_ends_and_comes_again(bench)
         start(bench, 'index')
         await it.until(lambda: INDEX in it.detectors.fingers, 'it to come again')
         assert 'started again' in it.detectors.fingers[INDEX].description()['notice']
-        assert panel.changes[-1].by == RESTART
-        assert panel.to_undo()['threshold'] == 0.75
+        assert finger.changes[-1].by == RESTART
+        assert finger.to_undo()['threshold'] == 0.75
 
     watching(bench, test)
 
@@ -156,7 +156,6 @@ def test_a_detector_of_another_version_is_refused_with_the_reason_and_not_shown(
             it.detectors._note(INDEX, values, RESTART)
         # Another node that publishes slip_onset is no detector.
         it.detectors._note('/relay', {'threshold': 1.0}, RESTART)
-        assert not it.detectors.fingers
-        assert not it.detectors.panels
+        assert not it.detectors.with_gone()
 
     watching(bench, test)

@@ -15,9 +15,11 @@
 """Sections of ROS parameter files: which of them a node reads, and what is written to them."""
 
 import pytest
+import yaml
 
 from slip_detector.parameters import ChainConfig, DetectorConfig, DriverConfig, GraspConfig
-from slip_detector.parameters.sections import parameters_for
+from slip_detector.parameters.files import write_yaml
+from slip_detector.parameters.sections import parameter_file, parameters_for
 from support.config_cases import message_of
 
 
@@ -150,3 +152,28 @@ def test_a_node_of_another_name_takes_what_is_for_its_executable_without_a_secti
 def test_a_bad_section_is_an_error_that_names_the_file(write, text, said):
     path = write(text)
     assert message_of(DriverConfig.from_yaml, path).startswith(f'{path}: {said}')
+
+
+GIVEN = """
+/**/slip_driver: {ros__parameters: {source: udp, channels: 2}}
+/thumb/slip_detector: {ros__parameters: {use_sim_time: true, threshold: 0.7}}
+detectors: {slip_tune: {ros__parameters: {trade: true}}}
+/**: {ros__parameters: {channels: 2, threshold: 0.8, groups: {left: [1], right: [2]}}}
+"""
+
+
+def test_saving_keeps_the_sections_of_other_nodes_and_replaces_the_detectors(write, tmp_path):
+    given_file = write(GIVEN)
+    config = DetectorConfig(channels=2, threshold=0.5)
+    path = tmp_path / 'saved.yaml'
+    write_yaml(path, parameter_file({'/thumb/slip_detector': config}, given_file))
+    assert DetectorConfig.from_yaml(path, '/thumb/slip_detector') == config
+    assert DetectorConfig.from_yaml(path) == config
+    assert DriverConfig.from_yaml(path) == DriverConfig(source='udp', channels=2)
+    document = yaml.safe_load(path.read_text(encoding='utf-8'))
+    assert document['/**/slip_detector']['ros__parameters']['use_sim_time'] is True
+    assert document['detectors/slip_tune']['ros__parameters'] == {'trade': True}
+    assert document['/**']['ros__parameters'] == {'channels': 2}
+    # By a command, which knows no namespace.
+    document = parameter_file({'/slip_detector': config}, given_file)
+    assert document['/**/slip_detector']['ros__parameters']['use_sim_time'] is True

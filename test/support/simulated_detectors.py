@@ -30,7 +30,7 @@ from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.sources import open_source
 from slip_detector.view.access import Access
-from slip_detector.view.detectors import RESTART, Detectors, Diagnosis
+from slip_detector.view.detectors import OUTSIDE, RESTART, Detectors, Diagnosis
 from slip_detector.view.server import Server
 
 
@@ -87,9 +87,9 @@ class SimulatedFinger:
         finger.valid = bool(result.can_vote[-1].any())
         finger.sample_s = finger.heard_s = time.monotonic()
 
-    def change(self, config):
+    def change(self, config, by=OUTSIDE):
         self.chain.change(config)
-        self.finger.update_config(config)
+        self.finger.update_config(config, by)
 
 
 class SimulatedDetectors(Detectors):
@@ -145,8 +145,7 @@ class SimulatedDetectors(Detectors):
         config = simulated.finger.config.with_values(values)
         if config.autostart != simulated.finger.config.autostart:
             raise ValueError('Trying to set a read-only parameter: autostart.')
-        simulated.change(config)
-        self.panels[name].read(config, by)
+        simulated.change(config, by)
 
 
 @contextlib.asynccontextmanager

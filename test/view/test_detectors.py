@@ -27,18 +27,15 @@ from slip_detector.view.detectors import (
     OUTSIDE,
     RESTART,
     Finger,
-    ParameterPanel,
     drawn_positions,
     least_distance_m,
 )
 
-VALUES = {**DetectorConfig().to_parameters(), 'use_sim_time': False}
-
-READ_ONLY = frozenset(['autostart'])
+NAME = '/index/slip_detector'
 
 
 def test_another_threshold_keeps_track_and_rest_and_other_channels_begin_anew():
-    finger = Finger('/index/slip_detector', DetectorConfig())
+    finger = Finger(NAME, DetectorConfig())
     with pytest.raises(ValueError, match='index: too few samples'):
         finger.keep_rest()
     volts = np.random.default_rng(2).normal(size=(800, 16))
@@ -61,7 +58,7 @@ def notice(finger):
 def test_a_restart_is_mentioned_for_some_minutes(monkeypatch):
     finger = Finger('/slip_detector', DetectorConfig())
     finger.slip = finger.valid = True
-    finger.started_again(DetectorConfig())
+    finger.update_config(DetectorConfig(), RESTART)
     assert 'started again' in notice(finger)
     assert not finger.slip
     assert not finger.valid
@@ -98,29 +95,29 @@ def test_undoing_again_and_again_leads_back_through_every_state():
         DetectorConfig(threshold=2.0, channels=2, groups={'a': [1], 'b': [2]}),
         DetectorConfig(threshold=1.0, vote=1, channels=2, groups={'all': [1, 2]}),
     ]
-    panel = ParameterPanel(states[0])
+    finger = Finger(NAME, states[0])
     for config in [*states, states[-1]]:
-        panel.read(config, OUTSIDE)
-    assert panel.count == 3
-    while panel.to_undo():
-        assert panel.config == states.pop()
-        panel.read(panel.config.with_values(panel.to_undo()), OUTSIDE)
-    assert [panel.config] == states
+        finger.update_config(config, OUTSIDE)
+    assert finger.count == 3
+    while finger.to_undo():
+        assert finger.config == states.pop()
+        finger.update_config(finger.config.with_values(finger.to_undo()), OUTSIDE)
+    assert [finger.config] == states
 
 
 def test_restoring_the_file_sets_all_that_differs_and_can_be_set():
-    panel = ParameterPanel(DetectorConfig(vote=2))
-    assert panel.as_in_file() == {}
-    panel.file = DetectorConfig(threshold=0.3, autostart=False)
-    assert panel.as_in_file() == {'threshold': 0.3, 'vote': 'all'}
+    finger = Finger(NAME, DetectorConfig(vote=2))
+    assert finger.as_in_file() == {}
+    finger.in_file = DetectorConfig(threshold=0.3, autostart=False)
+    assert finger.as_in_file() == {'threshold': 0.3, 'vote': 'all'}
 
 
 def test_values_lost_in_a_restart_are_reported_and_can_be_set_again_by_undo():
-    panel = ParameterPanel(DetectorConfig())
-    panel.read(DetectorConfig(threshold=0.3), OUTSIDE)
-    panel.read(DetectorConfig(autostart=False), RESTART)
-    assert panel.changes[-1].by == RESTART
-    assert panel.to_undo() == {'threshold': 0.3}
-    panel.read(panel.config.with_values(panel.to_undo()), OUTSIDE)
-    assert panel.config.threshold == 0.3
-    assert panel.to_undo() == {'threshold': 0.5}
+    finger = Finger(NAME, DetectorConfig())
+    finger.update_config(DetectorConfig(threshold=0.3), OUTSIDE)
+    finger.update_config(DetectorConfig(autostart=False), RESTART)
+    assert finger.changes[-1].by == RESTART
+    assert finger.to_undo() == {'threshold': 0.3}
+    finger.update_config(finger.config.with_values(finger.to_undo()), OUTSIDE)
+    assert finger.config.threshold == 0.3
+    assert finger.to_undo() == {'threshold': 0.5}

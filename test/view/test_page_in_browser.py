@@ -323,8 +323,8 @@ def test_axe_finds_nothing_in_any_panel(played, violations, tmp_path):
     expect(page.get_by_role('slider')).to_have_count(8)  # Two are the ends of the label.
     assert violations(page) == []
     parts.tab(page, 'Parameters').click()
-    panel = served.detectors.panels[parts.NAME]
-    served.call(panel.read, panel.config.with_values({'threshold': 0.4}), 'outside')
+    finger = served.detectors.fingers[parts.NAME]
+    served.call(finger.update_config, finger.config.with_values({'threshold': 0.4}), 'outside')
     # No file is known.
     expect(page.locator('[data-name="threshold"]')).to_contain_text('As first seen: 0.5.')
     assert violations(page) == []

@@ -17,19 +17,16 @@
 import asyncio
 import dataclasses
 
-import yaml
 from hypothesis import given
 
 from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.parameters.driver import DriverConfig
 from slip_detector.parameters.files import write_yaml
 from slip_detector.view.access import Access
-from slip_detector.view.detectors import ParameterPanel
+from slip_detector.view.detectors import Finger
 from slip_detector.view.parameters import (
     PRESETS,
     ParameterRequests,
-    described_panel,
-    parameter_file,
+    described_parameters,
     preset,
     read_text,
     text_of,
@@ -63,7 +60,7 @@ def test_a_shown_value_typed_again_is_unchanged(chain):
 
 
 def test_every_parameter_stands_under_the_heading_of_the_docs():
-    parts = described_panel(ParameterPanel(DetectorConfig()))
+    parts = described_parameters(Finger(NAME, DetectorConfig()))
     rows = {row['name']: row for part in parts for row in part['parameters']}
     assert [*rows] == [*DetectorConfig().to_parameters()]
     assert (parts[0]['heading'], parts[-1]['heading']) == ('Samples', 'Fingertip')
@@ -154,7 +151,7 @@ def test_values_with_which_a_detector_was_started_in_place_of_its_file_are_not_s
     server = server_of(tmp_path, [file], overrides={'input_field': 'position'})
     server.tick()
     assert ask(server, type='as_in_file')['refusal'] == ''
-    now = server.detectors.panels[NAME].config
+    now = server.detectors.fingers[NAME].config
     assert (now.input_field, now.gain) == ('position', 7.0)
     assert ask(server, type='set', values={'threshold': 0.25})['refusal'] == ''
     assert ask(server, type='save', fingers=[NAME], name='kept')['refusal'] == ''
@@ -171,26 +168,3 @@ def test_pages_get_changes_with_their_author_and_hear_that_a_detector_is_gone(tm
     server.detectors.remove('index')
     server.tick()
     assert '"gone": true' in server.news['parameters']
-
-
-GIVEN = """
-/**/slip_driver: {ros__parameters: {source: udp, channels: 2}}
-/thumb/slip_detector: {ros__parameters: {use_sim_time: true, threshold: 0.7}}
-detectors: {slip_tune: {ros__parameters: {trade: true}}}
-/**: {ros__parameters: {channels: 2, threshold: 0.8, groups: {left: [1], right: [2]}}}
-"""
-
-
-def test_saving_keeps_the_sections_of_other_nodes_and_replaces_the_detectors(tmp_path):
-    given_file = tmp_path / 'given.yaml'
-    given_file.write_text(GIVEN, encoding='utf-8')
-    config = DetectorConfig(channels=2, threshold=0.5)
-    path = tmp_path / 'saved.yaml'
-    write_yaml(path, parameter_file({'/thumb/slip_detector': config}, given_file))
-    assert DetectorConfig.from_yaml(path, '/thumb/slip_detector') == config
-    assert DetectorConfig.from_yaml(path) == config
-    assert DriverConfig.from_yaml(path) == DriverConfig(source='udp', channels=2)
-    document = yaml.safe_load(path.read_text(encoding='utf-8'))
-    assert document['/**/slip_detector']['ros__parameters']['use_sim_time'] is True
-    assert document['detectors/slip_tune']['ros__parameters'] == {'trade': True}
-    assert document['/**']['ros__parameters'] == {'channels': 2}

@@ -79,8 +79,8 @@ def test_parameters_are_set_together_refused_undone_and_saved(serve, open_page, 
     expect(parts.changes(other)).to_contain_text('Changed on another page: passband_hz')
     expect(row(other, 'threshold')).to_contain_text('Not set yet; the detector has 0.25.')
     expect(parts.field(other, 'threshold')).to_have_value('0.9')
-    panel = served.detectors.panels[parts.NAME]
-    served.call(panel.read, panel.config.with_values({'gain': 5.0}), 'outside')
+    finger = served.detectors.fingers[parts.NAME]
+    served.call(finger.update_config, finger.config.with_values({'gain': 5.0}), 'outside')
     expect(parts.changes(page)).to_contain_text('Changed by another program: gain from 100 to 5.')
     expect(page.locator('#parameters')).to_contain_text('Undo takes back: gain from')
     parts.tool(page, 'Undo').click()

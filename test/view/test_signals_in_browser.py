@@ -23,6 +23,7 @@ import numpy as np
 import pytest
 
 from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.view.detectors import RESTART
 from slip_detector.view.server import FRAME_S
 from support import page_parts as parts
 from support.browsers import expect
@@ -122,7 +123,7 @@ def test_traces_are_chosen_paused_read_and_the_threshold_is_moved(serve):
     finger = served.detectors.fingers[parts.NAME]
     volts = served.call(finger.track.samples.field('volts')[:, 14].copy)
     served.call(finger.track.samples.clear)
-    served.call(finger.started_again, finger.config)
+    served.call(finger.update_config, finger.config, RESTART)
     expect(parts.card(page).locator('.notice')).to_contain_text('started again')
     assert stretch(page) == (from_s, to_s)
     page.keyboard.press('Shift+ArrowLeft')
@@ -133,7 +134,7 @@ def test_traces_are_chosen_paused_read_and_the_threshold_is_moved(serve):
     read_v = float(words.search(readout.inner_text()).group(1))
     assert np.abs(volts - read_v).min() < 6e-4
     # What is pointed at stays when the finger is described again.
-    served.call(finger.started_again, replace(finger.config, threshold=0.3))
+    served.call(finger.update_config, replace(finger.config, threshold=0.3), RESTART)
     expect(line).to_have_attribute('aria-valuetext', 'threshold 0.3')
     page.keyboard.press('Shift+ArrowDown')
     expect(readout).to_contain_text('of the threshold')
@@ -244,9 +245,9 @@ def test_the_spectrum_is_read_kept_as_rest_and_its_bands_are_dragged(serve):
     # change, or their finger goes, the refusal says nothing any more.
     mains.evaluate('(mains) => mains.append(new Option("mains 61 Hz", 61))')
     refusal, detectors = page.locator('#refusal'), served.detectors
-    panel = detectors.panels[parts.NAME]
-    other = panel.config.with_values({'gain': 5.0})
-    for change in (lambda: panel.read(other, 'outside'), lambda: detectors.remove('index')):
+    finger = detectors.fingers[parts.NAME]
+    other = finger.config.with_values({'gain': 5.0})
+    for change in (lambda: finger.update_config(other), lambda: detectors.remove('index')):
         mains.select_option('mains 61 Hz')
         expect(refusal).to_contain_text('parameter mains_hz is 61 Hz')
         expect(mains).to_have_value('60')

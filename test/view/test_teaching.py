@@ -304,10 +304,10 @@ async def test_what_was_found_is_applied_as_one_change_and_the_rest_stays(tmp_pa
         run.found = dataclasses.replace(finger.config, **found)
         # Meanwhile another program has changed what was compared, and what decides nothing.
         await one.detectors.change(FINGER, {'gain': 7.0, 'heartbeat_hz': 5.0}, 'page 1')
-        changes = one.detectors.panels[FINGER].count
+        changes = one.detectors.fingers[FINGER].count
         assert await one.ask('apply_tuning') == ''
         assert finger.config == dataclasses.replace(run.found, heartbeat_hz=5.0)
-        assert one.detectors.panels[FINGER].count == changes + 1
+        assert one.detectors.fingers[FINGER].count == changes + 1
         assert await one.ask('apply_tuning') == ''
         assert one.latest()['words'].endswith('0 values set')
         for other in (DetectorConfig(channels=8), DetectorConfig(sample_rate_hz=400.0)):
