@@ -27,8 +27,8 @@ from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters import ChainConfig, DetectorConfig, EvaluationConfig, RecordingConfig
 from slip_detector.parameters.detector import default_channel_names
 from slip_detector.parameters.fields import refuse
-from slip_detector.parameters.files import as_yaml
 from slip_detector.parameters.fitting import fitting
+from slip_detector.parameters.yaml_files import as_yaml
 from slip_detector.recordings import Recording, RecordingCounts, open_recording, rates_differ
 from slip_detector.recordings.labels import labels_name
 

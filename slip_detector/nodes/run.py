@@ -207,8 +207,8 @@ def _check_namespaces(option: str, names: list[str]) -> None:
 
 def _check_parameters(words: list[str]) -> None:
     """Read the parameters before rcl does, whose error messages are hard to understand."""
-    from slip_detector.parameters.files import parsed_yaml, read_yaml
     from slip_detector.parameters.sections import check_values, sections_of
+    from slip_detector.parameters.yaml_files import parsed_yaml, read_yaml
 
     for option, text in pairwise(words):
         name, assigned, value = text.partition(':=')

@@ -36,7 +36,7 @@ from slip_detector.nodes.inputs import publishing_nodes
 from slip_detector.nodes.messages import event_qos, state_qos
 from slip_detector.nodes.rclpy_internals import take_answers
 from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.parameters.fields import shown
+from slip_detector.parameters.fields import quote
 from slip_detector.view.detectors import OUTSIDE, RESTART, Detectors, Diagnosis, Finger
 
 #: Period, in seconds, at which detectors are looked for.
@@ -137,7 +137,7 @@ def _message_of(name: str, value: Any) -> Any:
         value = [float(item) for item in value]
     for item in value if isinstance(value, list) else [value]:
         if isinstance(item, int) and not -(2**63) <= item < 2**63:
-            raise ValueError(f'{name} is {shown(item)}, allowed: a number of 64 bits')
+            raise ValueError(f'{name} is {quote(item)}, allowed: a number of 64 bits')
     return Parameter(name, value=value).to_parameter_msg()
 
 

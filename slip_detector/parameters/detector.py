@@ -20,7 +20,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from slip_detector.parameters import fields
-from slip_detector.parameters.fields import parameter, shown
+from slip_detector.parameters.fields import parameter, quote
 from slip_detector.parameters.sets import ParameterSet
 
 if TYPE_CHECKING:
@@ -337,7 +337,7 @@ class ChainConfig(ParameterSet):
         times = Counter(channel for group in self.groups.values() for channel in group)
         odd = [c for c in (known - disabled) | times.keys() if times[c] != 1 or c not in known]
         text = f'each of 1 to {channels} in one group, or in disabled_channels'
-        self.require(not odd, 'groups', text, f'is wrong about channels {shown(sorted(odd))}')
+        self.require(not odd, 'groups', text, f'is wrong about channels {quote(sorted(odd))}')
         self.require(all(self.groups.values()), 'groups', 'no empty group')
         most = min(filter(None, (len({*group} - disabled) for group in self.groups.values())))
         text = f'at most {most}, the enabled channels of the smallest group'

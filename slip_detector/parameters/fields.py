@@ -146,20 +146,20 @@ def shortened(text: str) -> str:
     return text if len(text) <= LONGEST_SHOWN else f'{text[: LONGEST_SHOWN - 3]}...'
 
 
-def shown(value: Any) -> str:
+def quote(value: Any) -> str:
     """Return the representation of a value for a message, shortened to keep that readable."""
     return shortened(repr(value).replace('\n', ' '))  # NumPy shows arrays in lines.
 
 
-def shown_name(name: str) -> str:
+def quote_name(name: str) -> str:
     """Return a user's name for a message: in quotes if it is long or has unprintable characters.
 
     Examples
     --------
-    >>> shown_name('left'), shown_name('left' * 100)[-7:]
+    >>> quote_name('left'), quote_name('left' * 100)[-7:]
     ('left', 'left...')
     """
-    return name if name.isprintable() and len(name) < LONGEST_SHOWN else shown(name)
+    return name if name.isprintable() and len(name) < LONGEST_SHOWN else quote(name)
 
 
 def name_list(names: Sequence[str], most: int = 40) -> str:
@@ -170,7 +170,7 @@ def name_list(names: Sequence[str], most: int = 40) -> str:
     >>> name_list([f'ch{k}' for k in range(1, 11)], most=3)
     'ch1, ch2, ch3 and 7 more'
     """
-    text = ', '.join(map(shown_name, names[:most]))
+    text = ', '.join(map(quote_name, names[:most]))
     return text if len(names) <= most else f'{text} and {len(names) - most} more'
 
 
@@ -217,7 +217,7 @@ def _is_single(value: Any) -> bool:
 
 
 def _refuse_value(value: Any, where: str, allowed_text: str) -> NoReturn:
-    refuse(f'{where} is {shown(value)}', allowed_text)
+    refuse(f'{where} is {quote(value)}', allowed_text)
 
 
 def _items(value: Any, where: str) -> Iterable[Any]:
@@ -292,10 +292,10 @@ def _read_texts(value: Any, field: Field, where: str) -> tuple[str, ...]:
     names = tuple(map(_of_python, _items(value, where)))
     for name in names:
         if not isinstance(name, str) or not name:
-            refuse(f'{where} has {shown(name)}', 'a list of names')
+            refuse(f'{where} has {quote(name)}', 'a list of names')
     repeated = [name for name, count in Counter(names).items() if count > 1]
     if repeated:
-        refuse(f'{where} has {shown(min(repeated))} twice', 'each name once')
+        refuse(f'{where} has {quote(min(repeated))} twice', 'each name once')
     return names
 
 
@@ -303,7 +303,7 @@ def read_names(value: Any, field: Field, where: str) -> tuple[str, ...]:
     """Return names that can become parts of topic names, each once."""
     for name in _items(value, where):
         if not isinstance(name, str) or not NAME_PATTERN.fullmatch(name):
-            refuse(f'{where} has {shown(name)}', 'up to 64 letters, digits, _, letter first')
+            refuse(f'{where} has {quote(name)}', 'up to 64 letters, digits, _, letter first')
     return _read_texts(value, field, where)
 
 

@@ -20,8 +20,8 @@ from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from slip_detector.parameters.fields import refuse, shown, shown_name
-from slip_detector.parameters.files import read_yaml
+from slip_detector.parameters.fields import quote, quote_name, refuse
+from slip_detector.parameters.yaml_files import read_yaml
 
 #: The parameter set of each section of a parameter file, by the name of its node or command.
 SECTIONS = {
@@ -112,7 +112,7 @@ def sections_of(document: Mapping[str, Any], path: object, above: str = '') -> I
         if 'ros__parameters' in content:
             if not SECTION.fullmatch(section):
                 text = 'letters, digits, _, as in /finger/slip_detector or /**/slip_detector'
-                refuse(f'{path}: section {shown(section)} is no name of a node', text)
+                refuse(f'{path}: section {quote(section)} is no name of a node', text)
             check_values(own, path)
             yield section, own
 
@@ -134,8 +134,8 @@ def check_values(parameters: Mapping[str, Any], where: object) -> None:
             if kinds == {int, float}:
                 whole = next(item for item in items if isinstance(item, int))
                 text = f'numbers of one kind: write {float(whole)}'
-            said = 'nothing' if value is None else shown(value)
-            refuse(f'{where}: {shown_name(name)} is {said}', text)
+            said = 'nothing' if value is None else quote(value)
+            refuse(f'{where}: {quote_name(name)} is {said}', text)
 
 
 class FileParameters(NamedTuple):

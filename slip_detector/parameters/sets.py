@@ -29,7 +29,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from slip_detector.parameters import sections
-from slip_detector.parameters.fields import Field, allowed, convert, refuse, shown, shown_name
+from slip_detector.parameters.fields import Field, allowed, convert, quote, quote_name, refuse
 
 LOG = logging.getLogger(__name__)
 
@@ -93,7 +93,7 @@ class ParameterSet:
         if not holds:
             value, field = getattr(self, name), self.__dataclass_fields__[name]
             is_number = isinstance(value, (int, float))
-            text = f'{value:g} {field.metadata["unit"]}' if is_number else shown(value)
+            text = f'{value:g} {field.metadata["unit"]}' if is_number else quote(value)
             what = what or f'is {text}'.rstrip()
             refuse(f'parameter {name} {what}', allowed_text or allowed(field))
 
@@ -152,7 +152,7 @@ class ParameterSet:
             else:
                 is_own = own is None or name in own
                 hint = cls._hint(name, is_own)
-                label = f'parameter {shown_name(name)} = {shown(value)}'
+                label = f'parameter {quote_name(name)} = {quote(value)}'
                 if is_own:
                     raise ValueError(f'{lead}unknown {label}; {hint}')
                 if hint:

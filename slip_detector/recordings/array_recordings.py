@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from slip_detector.chain.samples import Samples, Stamps
 from slip_detector.parameters.detector import default_channel_names
 from slip_detector.parameters.driver import RecordingConfig
-from slip_detector.parameters.fields import name_list, refuse, shortened, shown
+from slip_detector.parameters.fields import name_list, quote, refuse, shortened
 from slip_detector.parameters.fitting import RATE_TOLERANCE
 from slip_detector.recordings.labels import Labels, as_truth
 from slip_detector.recordings.rates import checked_rate, rate_of
@@ -184,6 +184,6 @@ class CsvRecording(Recording):
             except (ValueError, ArithmeticError, IndexError):
                 fits = False
             if not fits:
-                what = f'line {lines.line_num} is {shown(self._delimiter.join(cells))}'
+                what = f'line {lines.line_num} is {quote(self._delimiter.join(cells))}'
                 refuse(what, f'{n} decimal numbers, {TIME} below {MOST_S:g}')
             yield numbers, round(time_s * 1_000_000_000)

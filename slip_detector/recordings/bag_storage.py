@@ -30,8 +30,8 @@ from pathlib import Path, PurePath
 from typing import Any
 
 from slip_detector.chain.stamp_rules import SEVERAL
-from slip_detector.parameters.fields import name_list, refuse, shortened, shown_name
-from slip_detector.parameters.files import read_yaml
+from slip_detector.parameters.fields import name_list, quote_name, refuse, shortened
+from slip_detector.parameters.yaml_files import read_yaml
 from slip_detector.recordings.mcap import BagFile, DamageError, Received, Topic, messages_of
 
 #: The file that makes a folder a bag.
@@ -313,7 +313,7 @@ def typestore_of(topic: Topic) -> Any:
     except Exception as error:
         store = get_typestore(Stores.LATEST)
         if topic.msgtype not in store.fielddefs:
-            what = f'{shown_name(topic.name)} is {shown_name(topic.msgtype)}'
+            what = f'{quote_name(topic.name)} is {quote_name(topic.msgtype)}'
             why = f'no definition that can be read ({shortened(" ".join(str(error).split()))})'
             raise ValueError(f'{what}, of which the bag has {why}') from None
     return store

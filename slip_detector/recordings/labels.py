@@ -24,8 +24,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain.samples import Bools, Floats, Samples, Stamps
-from slip_detector.parameters.fields import name_list, refuse, shown
-from slip_detector.parameters.files import file_errors_of, read_yaml, write_yaml
+from slip_detector.parameters.fields import name_list, quote, refuse
+from slip_detector.parameters.files import file_errors_of
+from slip_detector.parameters.yaml_files import read_yaml, write_yaml
 
 #: Ending of a file of labels beside its recording: ``trial.labels.yaml`` for ``trial.mcap``.
 ENDING = '.labels.yaml'
@@ -185,7 +186,7 @@ def labels_from(path: Path, document: dict[str, Any]) -> Labels:
     accuracy_s, kind = accuracy_and_kind(document, f'{path}: ')
     mistaken = document.pop(MISTAKEN, False)
     if not isinstance(mistaken, bool):
-        refuse(f'{path}: {MISTAKEN} is {shown(mistaken)}', 'true, false')
+        refuse(f'{path}: {MISTAKEN} is {quote(mistaken)}', 'true, false')
     try:
         listed = document.pop(KEY, []) if kind or mistaken else document.pop(KEY)
         edges_s = np.array(listed, np.float64).reshape(-1, 2)
@@ -225,9 +226,9 @@ def accuracy_and_kind(document: dict[str, Any], where: str = '') -> tuple[float,
     with contextlib.suppress(TypeError, ValueError, ArithmeticError):
         accuracy_s = float(accuracy)
     if not 0.0 <= accuracy_s <= MOST_S:
-        refuse(f'{where}{ACCURACY} is {shown(accuracy)}', f'0 to {MOST_S:g} s')
+        refuse(f'{where}{ACCURACY} is {quote(accuracy)}', f'0 to {MOST_S:g} s')
     if kind not in ('', *KINDS):
-        refuse(f'{where}{KIND} is {shown(kind)}', ', '.join(KINDS))
+        refuse(f'{where}{KIND} is {quote(kind)}', ', '.join(KINDS))
     return accuracy_s, kind
 
 

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from slip_detector.chain.samples import Floats
 from slip_detector.compiled import compiled
-from slip_detector.parameters.fields import parameter, refuse, shown
+from slip_detector.parameters.fields import parameter, quote, refuse
 from slip_detector.parameters.sets import ParameterSet
 from slip_detector.scenes import disturbances, surface
 from slip_detector.scenes.disturbances import NO_SINES, TREMOR_PEAK, sines_at
@@ -52,7 +52,7 @@ class Step(ParameterSet):
 def read_steps(entries: Any) -> list[Step]:
     """Return the steps in the list under ``steps`` of a scene file."""
     if not (isinstance(entries, list) and entries and all(isinstance(e, dict) for e in entries)):
-        refuse(f'steps is {shown(entries)}', 'a list of at least one step, each names and values')
+        refuse(f'steps is {quote(entries)}', 'a list of at least one step, each names and values')
     return [Step.from_parameters(entry, f'steps: step {k}') for k, entry in enumerate(entries, 1)]
 
 

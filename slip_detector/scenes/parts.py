@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from slip_detector.parameters.fields import parameter, refuse, shown, shown_name
+from slip_detector.parameters.fields import parameter, quote, quote_name, refuse
 from slip_detector.parameters.sets import ParameterSet
 from slip_detector.scenes.disturbances import TREMOR_PEAK, Hum, Rolling, Taps, Tremor
 from slip_detector.scenes.electronics import ContactNoise, Electronics, Faults
@@ -83,9 +83,9 @@ def read_parts(description: Mapping[str, Any]) -> dict[str, Any]:
         if name in NOT_PARTS:
             continue
         if name not in PARTS:
-            refuse(f'unknown part {shown_name(name)}', ', '.join((*NOT_PARTS, *PARTS)))
+            refuse(f'unknown part {quote_name(name)}', ', '.join((*NOT_PARTS, *PARTS)))
         if not isinstance(content, Mapping | None):
-            refuse(f'{name} is {shown(content)}', 'names and values')
+            refuse(f'{name} is {quote(content)}', 'names and values')
         parts[name] = PARTS[name].from_parameters(content or {}, name)
     return parts
 

@@ -23,8 +23,9 @@ import numpy as np
 
 from slip_detector.chain.samples import Floats, Samples
 from slip_detector.parameters.detector import PAPER_CHANNELS, default_channel_names
-from slip_detector.parameters.fields import refuse, shown
-from slip_detector.parameters.files import read_yaml, shared_folder
+from slip_detector.parameters.fields import quote, refuse
+from slip_detector.parameters.files import shared_folder
+from slip_detector.parameters.yaml_files import read_yaml
 from slip_detector.scenes import motion
 from slip_detector.scenes.electronics import Frontend, taxel_positions
 from slip_detector.scenes.friction import Friction
@@ -168,7 +169,7 @@ class Scene:
         orders: motion.Orders | None = self.parts.get('orders')
         if orders is None or what not in motion.ORDERS:
             allowed = ', '.join(motion.ORDERS) if orders else 'with that part'
-            refuse(f'order is {shown(what)}', allowed)
+            refuse(f'order is {quote(what)}', allowed)
         now_s, numbers = self._next / self.sample_rate_hz, self.drive_numbers
         self._steps_to_come = orders.steps(what)
         every_s, taps = orders.tapped_every_s, np.zeros(0)
@@ -293,5 +294,5 @@ def find_scene(name: str) -> Path:
     folder = shared_folder() / 'config' / 'scenes'
     known = sorted(file.stem for file in folder.glob('*.yaml'))
     if name not in known:
-        refuse(f'no scene {shown(name)}', f'{", ".join(known)}, or a path to a .yaml')
+        refuse(f'no scene {quote(name)}', f'{", ".join(known)}, or a path to a .yaml')
     return folder / f'{name}.yaml'

@@ -27,7 +27,7 @@ import numpy as np
 from slip_detector.chain.samples import Floats, Samples, Stamps
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.parameters import ChainConfig, DetectorConfig, DriverConfig
-from slip_detector.parameters.fields import shown
+from slip_detector.parameters.fields import quote
 from slip_detector.recordings import labels
 from slip_detector.view.hand_labels import HandLabels, accuracy_of, pairs_of
 from slip_detector.view.recordings import trace_of
@@ -230,7 +230,7 @@ class PlayedBag:
         speed, to_s = number('speed', message, *SPEEDS), number('to_s', message, 0.0, math.inf)
         playing = message.get('playing', self.playing)
         if not isinstance(playing, bool):
-            raise ValueError(f'playing is {shown(playing)}, allowed: true, false')
+            raise ValueError(f'playing is {quote(playing)}, allowed: true, false')
         if to_s is None and playing and not self.playing:
             to_s = 0.0 if self._whole and self._next == len(self._after_ns) else self._at_s
         self.speed, self.playing = speed or self.speed, playing

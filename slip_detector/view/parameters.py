@@ -31,9 +31,10 @@ from pathlib import Path
 from typing import Any, get_args
 
 from slip_detector.parameters.detector import FIXED_PARAMETERS, NODE_PARAMETERS, DetectorConfig
-from slip_detector.parameters.fields import Field, allowed, shortened, shown, under_headings
-from slip_detector.parameters.files import shared_folder, writable_folder, write_yaml
+from slip_detector.parameters.fields import Field, allowed, quote, shortened, under_headings
+from slip_detector.parameters.files import shared_folder, writable_folder
 from slip_detector.parameters.sections import parameter_file
+from slip_detector.parameters.yaml_files import write_yaml
 from slip_detector.view.detectors import Finger, Values
 from slip_detector.view.server import MOST_NAME, Server
 from slip_detector.view.view_request import Message
@@ -144,7 +145,7 @@ class ParameterRequests:
         """Return values that were typed or dragged."""
         values = message.get('values')
         if not isinstance(values, dict) or not values:
-            raise ValueError(f'values is {shown(values)}, allowed: a value for each name')
+            raise ValueError(f'values is {quote(values)}, allowed: a value for each name')
         return {n: read_text(n, v) if isinstance(v, str) else v for n, v in values.items()}
 
     def _read_as_in_file(self, finger: Finger, message: Message) -> Values:
@@ -158,10 +159,10 @@ class ParameterRequests:
         """
         names, name = message.get('fingers'), str(message.get('name') or '')
         if not isinstance(names, list) or not names:
-            raise ValueError(f'fingers is {shown(names)}, allowed: a list of those that are shown')
+            raise ValueError(f'fingers is {quote(names)}, allowed: a list of those that are shown')
         configs = {each: self._detectors.finger_of(each, or_gone=True).config for each in names}
         if not FILE_NAME.fullmatch(name):
-            raise ValueError(f'name is {shown(name)}, allowed: {ALLOWED_NAME}')
+            raise ValueError(f'name is {quote(name)}, allowed: {ALLOWED_NAME}')
         if self._overrides:
             (file,) = self._files
             kept = {n: vars(DetectorConfig.from_yaml(file))[n] for n in self._overrides}
@@ -179,7 +180,7 @@ class ParameterRequests:
 def preset(name: str) -> DetectorConfig:
     """Return the configuration in the file of a preset."""
     if name not in PRESETS:
-        raise ValueError(f'preset is {shown(name)}, allowed: {", ".join(PRESETS)}')
+        raise ValueError(f'preset is {quote(name)}, allowed: {", ".join(PRESETS)}')
     return DetectorConfig.from_yaml(shared_folder() / 'config' / f'{PRESETS[name]}.yaml')
 
 

@@ -25,7 +25,8 @@ from subprocess import PIPE, STDOUT
 from typing import IO, Any, cast
 
 from slip_detector.parameters.detector import NODE_PARAMETERS, DetectorConfig
-from slip_detector.parameters.files import writable_folder, write_yaml
+from slip_detector.parameters.files import writable_folder
+from slip_detector.parameters.yaml_files import write_yaml
 from slip_detector.view.detectors import Values
 from slip_detector.view.recordings import RecordedFolder
 

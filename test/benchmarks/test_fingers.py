@@ -27,7 +27,7 @@ from benchmarks.fingers.parts import divide
 from slip_detector.chain.samples import Samples
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.parameters import ChainConfig, DetectorConfig, EvaluationConfig, RecordingConfig
-from slip_detector.parameters.files import write_yaml
+from slip_detector.parameters.yaml_files import write_yaml
 from slip_detector.recordings import write_recording
 from slip_detector.tuning.tracks import load_tracks, track_of
 

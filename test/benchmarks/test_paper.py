@@ -36,7 +36,7 @@ from benchmarks.paper.protocol import (
 )
 from slip_detector.chain.samples import Samples
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.files import read_yaml
+from slip_detector.parameters.yaml_files import read_yaml
 from slip_detector.scenes import find_scene
 
 RATE_HZ = 100.0

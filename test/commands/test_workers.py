@@ -24,7 +24,7 @@ import pytest
 from slip_detector.commands import workers
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.parameters.driver import RecordingConfig
-from slip_detector.parameters.files import write_yaml
+from slip_detector.parameters.yaml_files import write_yaml
 from support.config_cases import message_of
 from support.python_runs import run_python
 

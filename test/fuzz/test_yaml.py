@@ -18,7 +18,8 @@ from pathlib import Path
 
 from fuzz.fuzzing import fuzz, mutated_text, put
 
-from slip_detector.parameters.files import read_yaml, shared_folder
+from slip_detector.parameters.files import shared_folder
+from slip_detector.parameters.yaml_files import read_yaml
 from slip_detector.recordings.labels import read_labels
 from support.config_cases import SETS
 

@@ -23,8 +23,8 @@ from rclpy.node import Node
 
 from slip_detector.nodes.rclpy_internals import given_parameters
 from slip_detector.parameters import DetectorConfig, DriverConfig
-from slip_detector.parameters.files import write_yaml
 from slip_detector.parameters.sections import parameters_for
+from slip_detector.parameters.yaml_files import write_yaml
 
 
 def read_by_ros(path, name):

@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 
 from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.parameters.files import read_yaml
+from slip_detector.parameters.yaml_files import read_yaml
 from slip_detector.recordings import write_recording
 from slip_detector.recordings.labels import read_labels
 from slip_detector.scenes import find_scene

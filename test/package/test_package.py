@@ -24,8 +24,8 @@ import pytest
 from package.imported_names import imported_names
 
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.files import read_yaml
 from slip_detector.parameters.sections import SECTIONS, set_of
+from slip_detector.parameters.yaml_files import read_yaml
 
 ROOT = Path(__file__).resolve().parents[2]
 SOURCES = sorted((ROOT / 'slip_detector').rglob('*.py'))

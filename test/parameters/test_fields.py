@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from slip_detector.parameters import ChainConfig, DetectorConfig, DriverConfig, EvaluationConfig
-from slip_detector.parameters.fields import shown
+from slip_detector.parameters.fields import quote
 from support.config_cases import message_of
 
 NAN, INF = math.nan, math.inf
@@ -67,11 +67,11 @@ REFUSED = [
     (ChainConfig, 'sample_rate_hz', 'fast', "is 'fast', allowed: a number"),
     (ChainConfig, 'sample_rate_hz', NAN, 'is nan, allowed: a number'),
     (ChainConfig, 'threshold', 'nan', "is 'nan', allowed: a number"),
-    (ChainConfig, 'threshold', [1.0] * 1000, f'is {shown([1.0] * 1000)}, allowed: a number'),
+    (ChainConfig, 'threshold', [1.0] * 1000, f'is {quote([1.0] * 1000)}, allowed: a number'),
     (ChainConfig, 'channels', 10**7, 'is 1e+07, allowed: 1 to 1e+06'),
     (ChainConfig, 'channels', 16.5, 'is 16.5, allowed: a whole number'),
     (ChainConfig, 'channels', '16', "is '16', allowed: a whole number"),
-    (ChainConfig, 'channels', 10**400, f'is {shown(10**400)}, allowed: a whole number'),
+    (ChainConfig, 'channels', 10**400, f'is {quote(10**400)}, allowed: a whole number'),
     (ChainConfig, 'envelope_window_s', 61, 'is 61 s, allowed: one sample to 60 s'),
     # Texts and switches.
     (ChainConfig, 'decision', 'cusum', "is 'cusum', allowed: mean, evidence"),
@@ -79,7 +79,7 @@ REFUSED = [
     (DriverConfig, 'source', 'camera', "is 'camera', allowed: scene, recording, serial or udp"),
     (DriverConfig, 'frame_id', None, 'is None, allowed: text'),
     *(
-        (ChainConfig, 'vote', vote, f'is {shown(vote)}, allowed: all, mean, or a whole number')
+        (ChainConfig, 'vote', vote, f'is {quote(vote)}, allowed: all, mean, or a whole number')
         for vote in ('٣', '³', '1_0', ' 3', '0', -1, True)
     ),
     # Lists.

@@ -23,14 +23,12 @@ import yaml
 from slip_detector.parameters import files
 from slip_detector.parameters.fields import LONGEST_SHOWN
 from slip_detector.parameters.files import (
-    MOST_BYTES,
     find_parameter_file,
-    read_yaml,
     shared_folder,
     whole_file,
     writable_folder,
-    write_yaml,
 )
+from slip_detector.parameters.yaml_files import MOST_BYTES, read_yaml, write_yaml
 from support.config_cases import message_of
 from support.limits import full_disk
 

@@ -18,8 +18,8 @@ import pytest
 import yaml
 
 from slip_detector.parameters import ChainConfig, DetectorConfig, DriverConfig, GraspConfig
-from slip_detector.parameters.files import write_yaml
 from slip_detector.parameters.sections import parameter_file, parameters_for
+from slip_detector.parameters.yaml_files import write_yaml
 from support.config_cases import message_of
 
 

@@ -25,9 +25,10 @@ from hypothesis import strategies as st
 
 from slip_detector.parameters import ChainConfig, DetectorConfig
 from slip_detector.parameters.fields import parameter
-from slip_detector.parameters.files import shared_folder, write_yaml
+from slip_detector.parameters.files import shared_folder
 from slip_detector.parameters.sections import parameters_for
 from slip_detector.parameters.sets import ParameterSet
+from slip_detector.parameters.yaml_files import write_yaml
 from support.config_cases import SETS, message_of
 from support.random_chains import configs
 

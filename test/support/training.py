@@ -20,7 +20,7 @@ import functools
 import numpy as np
 
 from slip_detector.chain.samples import Samples
-from slip_detector.parameters.files import read_yaml
+from slip_detector.parameters.yaml_files import read_yaml
 from slip_detector.recordings.labels import BY_HAND_S
 from slip_detector.recordings.writing import BagWriter
 from slip_detector.scenes import Scene, find_scene

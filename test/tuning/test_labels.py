@@ -23,7 +23,7 @@ from benchmarks.tune.families import disturbances
 from slip_detector.chain.samples import Samples
 from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.files import read_yaml
+from slip_detector.parameters.yaml_files import read_yaml
 from slip_detector.recordings.labels import label_at
 from slip_detector.scenes import Scene, find_scene
 from slip_detector.tuning.labels import contradictions, snap_labels

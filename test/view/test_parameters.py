@@ -20,7 +20,7 @@ import dataclasses
 from hypothesis import given
 
 from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.parameters.files import write_yaml
+from slip_detector.parameters.yaml_files import write_yaml
 from slip_detector.view.access import Access
 from slip_detector.view.detectors import Finger
 from slip_detector.view.parameters import (
