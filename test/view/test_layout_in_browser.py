@@ -74,6 +74,8 @@ def test_an_answer_stands_beside_its_button_in_sight(played, size):
     expect_beside(click_at_the_edge(page, 'Apply 1 values'), words, '1 values set')
     finger = served.detectors.fingers[parts.NAME]
     served.call(finger.update_config, DetectorConfig(sample_rate_hz=400.0))
+    # News of parameters takes a refusal away, so it has to come first.
+    expect(parts.field(page, 'sample_rate_hz')).to_have_value('400')
     expect_beside(click_at_the_edge(page, 'Apply 1 values'), refusal, 'tune it again')
 
 

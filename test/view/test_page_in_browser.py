@@ -119,10 +119,11 @@ def test_what_is_wrong_stands_first_and_whole_and_nothing_stands_twice(played):
     assert listed.evaluate('(list) => list.scrollHeight <= list.clientHeight')
 
 
-def test_names_and_diagnostics_are_shown_as_text(played):
+def test_names_and_diagnostics_are_shown_as_text(played, monkeypatch):
     name = '<img src=x onerror="document.title=1">'
     config = DetectorConfig(channels=2, groups={'a': (1,), 'b': (2,)})
-    # No detector would take such names.
+    # No detector would take such names, nor say what is allowed beside them.
+    monkeypatch.setattr(DetectorConfig, 'limits', lambda config: {})
     forged = copy.copy(config)
     object.__setattr__(forged, 'channel_names', (f'one {name}', f'two {name}'))
     object.__setattr__(forged, 'groups', {f'of {name}': (1,), f'no {name}': (2,)})
