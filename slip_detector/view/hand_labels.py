@@ -75,8 +75,7 @@ class HandLabels:
         ends = [(s, labels.BY_EYE_S) if known else old for old, s, known in moved]
         if before is not self.ends:  # A page has changed them meanwhile.
             return {}
-        if ends != before:
-            self.keep(ends)
+        self.keep(ends)
         return {'said': said}
 
     def undo(self) -> None:
@@ -87,9 +86,10 @@ class HandLabels:
 
     def keep(self, ends: Ends) -> None:
         """Take other labels, if they can be written; may raise a ValueError."""
-        self._write(ends)
-        self._before.append(self.ends)
-        self.ends = ends
+        if ends != self.ends:
+            self._write(ends)
+            self._before.append(self.ends)
+            self.ends = ends
 
     def _write(self, ends: Ends) -> None:
         document: dict[str, Any] = {labels.KEY: pairs_of(ends), labels.ACCURACY: accuracy_of(ends)}
