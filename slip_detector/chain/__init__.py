@@ -14,8 +14,8 @@
 
 """The algorithm (the paper's Section 2), from rows of volts to decisions.
 
-Other rooms use ``slip_chain`` (the chain), ``live_chain`` (a chain whose parameters change),
-``filters`` (the design), ``stamps`` (missing samples), ``samples`` (the container of rows),
-``layout`` (the order of flags) and ``watch`` (decisions that mean nothing). Nothing is imported
-here, so that rooms that need only the container load neither Numba nor SciPy.
+Other rooms use ``slip_chain`` (the chain), ``live_chain`` (a chain whose parameters change, and
+decisions that mean nothing), ``filters`` (the design), ``stamps`` (missing samples), ``samples``
+(the container of rows) and ``layout`` (the order of flags). Nothing is imported here, so that
+rooms that need only the container load neither Numba nor SciPy.
 """

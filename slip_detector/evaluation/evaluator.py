@@ -20,8 +20,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from slip_detector.chain.live_chain import words_of
 from slip_detector.chain.samples import Bools, Samples
-from slip_detector.chain.watch import words_of
 from slip_detector.evaluation.figures import ReplayOutcome, decision_figures, figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters import ChainConfig, DetectorConfig, EvaluationConfig, RecordingConfig

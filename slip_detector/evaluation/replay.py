@@ -26,10 +26,10 @@ from typing import Any
 import numpy as np
 
 from slip_detector.chain.filters import settling_rows
+from slip_detector.chain.live_chain import Watch
 from slip_detector.chain.samples import Bools, Floats, Samples
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.chain.stamps import missing_rows
-from slip_detector.chain.watch import Watch
 from slip_detector.evaluation import figures
 from slip_detector.evaluation.figures import STAGES, Alarm, ReplayOutcome, TrueSlip
 from slip_detector.evaluation.matching import NONE, OnIntervals, ScoredRows, rows_on, unscored_rows

@@ -25,12 +25,11 @@ from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 from std_msgs.msg import Bool
 
-from slip_detector.chain.live_chain import HISTORY_S, INPUT_PARAMETERS, LiveChain
+from slip_detector.chain.live_chain import HISTORY_S, INPUT_PARAMETERS, LiveChain, words_of
 from slip_detector.chain.samples import Floats
 from slip_detector.chain.slip_chain import check_memory
 from slip_detector.chain.stamp_rules import DROPPED
 from slip_detector.chain.stamps import StampGrid
-from slip_detector.chain.watch import words_of
 from slip_detector.nodes.health import Diagnostics, Health
 from slip_detector.nodes.inputs import Input, Senders, publishing_nodes
 from slip_detector.nodes.messages import STEADY, sensor_qos

@@ -24,15 +24,13 @@ from typing import Any
 
 import numpy as np
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
-from rclpy.subscription import Subscription
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from slip_detector.chain.samples import Samples
 from slip_detector.nodes.inputs import Input
 from slip_detector.nodes.messages import sensor_qos, state_qos
-from slip_detector.nodes.rclpy_internals import ROS_ERRORS, take_messages
+from slip_detector.nodes.rclpy_internals import ROS_ERRORS, PolledTopics
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.fields import names_that_affect
 from slip_detector.parameters.fitting import fitting, rates_differ
@@ -43,48 +41,12 @@ from slip_detector.view.detectors import Diagnosis, Finger
 #: Parameters on which the subscriptions depend.
 TOPIC_PARAMETERS = names_that_affect(DetectorConfig, 'display')
 
-#: Most messages of a topic that are taken at a poll: more than a queue of samples holds.
-MOST_MESSAGES = 2000
 
 #: Seconds of messages by which the page finds the parameters that fit the input.
 FIT_PERIOD_S = 2.0
 
 #: Most changes of a state that wait: in a queue until they are polled, and then for their rows.
 MOST_STATES = 1000
-
-
-class PolledTopics:
-    """The subscriptions of a node that is not spun, polled to take many messages at once.
-
-    An executor that wakes up for each message costs several times as much as the message. The
-    object is true while it has subscriptions.
-    """
-
-    def __init__(self, node: Node) -> None:
-        self._node = node
-        self._subscriptions: dict[str, Subscription] = {}
-
-    def __bool__(self) -> bool:
-        return bool(self._subscriptions)
-
-    def add(
-        self, kind: Any, topic: str, qos: QoSProfile, name: str = '', raw: bool = False
-    ) -> None:
-        """Subscribe; the messages are taken by this name, by default that of the topic."""
-        added = self._node.create_subscription(kind, topic, lambda _: None, qos, raw=raw)
-        self._subscriptions[name or topic] = added
-
-    def take(self, name: str) -> list[tuple[Any, dict[str, Any]]]:
-        """Return the messages that have come, each with its info; none without a subscription."""
-        if name not in self._subscriptions:
-            return []
-        return [*take_messages(self._subscriptions[name], MOST_MESSAGES)]
-
-    def close(self) -> None:
-        """End all subscriptions."""
-        for subscription in self._subscriptions.values():
-            self._node.destroy_subscription(subscription)
-        self._subscriptions = {}
 
 
 #: Latest states of a topic, each with the time at which it was published.

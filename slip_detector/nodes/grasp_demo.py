@@ -38,7 +38,7 @@ import argparse
 from pathlib import Path
 
 from slip_detector.commands.command_line import whole_number
-from slip_detector.nodes.demo import run_demonstration
+from slip_detector.nodes.run import run_demonstration
 
 
 def seed_range(text: str) -> range:

@@ -30,8 +30,8 @@ from rclpy.qos import QoSProfile
 
 from slip_detector.chain.samples import Floats
 from slip_detector.nodes.ending import END_SIGNAL
-from slip_detector.nodes.finger_topics import PolledTopics
 from slip_detector.nodes.messages import stamp_ns
+from slip_detector.nodes.rclpy_internals import PolledTopics
 
 #: Period, in seconds, at which messages are received.
 POLL_S = 0.05

@@ -34,6 +34,7 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.lifecycle import LifecycleNode
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
 from slip_detector.nodes.ending import SHUTDOWN_S
@@ -210,6 +211,44 @@ def take_messages(subscription: Subscription, at_most: int) -> Iterator[tuple[An
         if taken is None:
             return
         yield taken
+
+
+#: Most messages of a topic that are taken at a poll: more than a queue of samples holds.
+MOST_MESSAGES = 2000
+
+
+class PolledTopics:
+    """The subscriptions of a node that is not spun, polled to take many messages at once.
+
+    An executor that wakes up for each message costs several times as much as the message. The
+    object is true while it has subscriptions.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._subscriptions: dict[str, Subscription] = {}
+
+    def __bool__(self) -> bool:
+        return bool(self._subscriptions)
+
+    def add(
+        self, kind: Any, topic: str, qos: QoSProfile, name: str = '', raw: bool = False
+    ) -> None:
+        """Subscribe; the messages are taken by this name, by default that of the topic."""
+        added = self._node.create_subscription(kind, topic, lambda _: None, qos, raw=raw)
+        self._subscriptions[name or topic] = added
+
+    def take(self, name: str) -> list[tuple[Any, dict[str, Any]]]:
+        """Return the messages that have come, each with its info; none without a subscription."""
+        if name not in self._subscriptions:
+            return []
+        return [*take_messages(self._subscriptions[name], MOST_MESSAGES)]
+
+    def close(self) -> None:
+        """End all subscriptions."""
+        for subscription in self._subscriptions.values():
+            self._node.destroy_subscription(subscription)
+        self._subscriptions = {}
 
 
 def take_answers(clients: Iterable[Client]) -> None:

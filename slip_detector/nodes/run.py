@@ -19,6 +19,7 @@ import contextlib
 import functools
 import gc
 import itertools
+import json
 import os
 import pkgutil
 import re
@@ -26,8 +27,9 @@ import sys
 import traceback
 from collections.abc import Callable
 from itertools import pairwise
-from pathlib import PurePath
+from pathlib import Path, PurePath
 
+from slip_detector.commands import command_line
 from slip_detector.commands.command_line import Parser, one_line
 from slip_detector.nodes.ending import END_SIGNAL, end_on_signals, init_ros
 
@@ -220,6 +222,36 @@ def _check_parameters(words: list[str]) -> None:
 
 # The entry points.
 driver, detector, grasp_controller = (functools.partial(main, name) for name in NODE_CLASSES)
+
+
+def run_demonstration(parser: argparse.ArgumentParser) -> None:
+    """Run the demonstration of a command, and end the process if it fails or is interrupted.
+
+    The demonstration is the function of the command's name in
+    :mod:`slip_detector.nodes.demonstrations`, which takes long to load. The function gets the
+    arguments and the path of the picture; it returns the figures, which are written, and words
+    about them, which are printed. A ValueError or OSError gives one line on stderr, with exit
+    code 1; an interruption by a signal gives one line, with code 0.
+    """
+    parser.add_argument('--out', type=Path, default=Path('out'), help='folder for the results')
+    parser.add_argument('--verbose', action='store_true', help='what the nodes log')
+    arguments = parser.parse_args()
+    file = arguments.out / f'{parser.prog.removeprefix("slip_")}.json'
+    picture = file.with_suffix('.png')
+
+    def work() -> str:
+        from slip_detector.nodes import demonstrations
+        from slip_detector.parameters.files import whole_file, writable_folder
+
+        writable_folder(arguments.out)
+        result, text = getattr(demonstrations, parser.prog)(arguments, picture)
+        with whole_file(file) as new:
+            new.write_text(json.dumps(result, indent=2) + '\n')
+        return f'{text}\nPicture: {picture}; figures: {file}\nNext: make view; docs/your_sensor.md'
+
+    interrupted = f'{parser.prog}: interrupted before it was done'
+    run(parser.prog, lambda _: command_line.run(parser.prog, work), interrupted)
+
 
 if __name__ == '__main__':
     main(sys.argv.pop(1))

@@ -31,10 +31,10 @@ from rclpy.parameter_client import AsyncParameterClient
 from rclpy.task import Future
 from std_msgs.msg import String
 
-from slip_detector.nodes.finger_topics import FingerTopics, PolledTopics
+from slip_detector.nodes.finger_topics import FingerTopics
 from slip_detector.nodes.inputs import publishing_nodes
 from slip_detector.nodes.messages import event_qos, state_qos
-from slip_detector.nodes.rclpy_internals import take_answers
+from slip_detector.nodes.rclpy_internals import PolledTopics, take_answers
 from slip_detector.parameters.detector import DetectorConfig
 from slip_detector.parameters.fields import quote
 from slip_detector.view.detectors import OUTSIDE, RESTART, Detectors, Diagnosis, Finger

@@ -20,8 +20,6 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from slip_detector.parameters.fields import refuse
-
 #: Prefix of the temporary folder in which a file is written before it is moved to its place.
 UNFINISHED = '.unfinished_'
 
@@ -70,7 +68,8 @@ def find_parameter_file(name: str) -> Path:
     files = [*sorted(own.glob('*.yaml')), *sorted(own.glob('sensors/*.yaml'))]
     names = ', '.join(str(path.relative_to(own)) for path in files)
     if not found:
-        refuse(f'config is {name!r}', f'the path of a parameter file, or one of {names}')
+        choices = f'the path of a parameter file, or one of {names}'
+        raise ValueError(f'config is {name!r}, allowed: {choices}')
     return found[0]
 
 

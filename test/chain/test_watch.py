@@ -17,8 +17,8 @@
 import numpy as np
 import pytest
 
+from slip_detector.chain.live_chain import Watch
 from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.chain.watch import Watch
 from slip_detector.parameters.detector import ChainConfig
 
 RATE = 380

@@ -81,6 +81,18 @@ def test_no_file_imports_in_a_circle(folder):
         pytest.fail(f'a circle: {" -> ".join(error.args[1])}')
 
 
+def test_no_room_has_more_than_six_floors_of_files():
+    graph = imports(PACKAGE)
+
+    @functools.cache
+    def floor(module):
+        inside = [other for other in graph[module] if room_of(other) == room_of(module)]
+        return 1 + max(map(floor, inside), default=0)
+
+    files = [module for module in graph if module.count('.') == 2]
+    assert {module for module in files if floor(module) > 6} == set()
+
+
 def test_contributing_draws_the_arrows_as_they_are_and_each_points_up_its_table():
     arrows = {room: set() for room in ARROWS}
     for module, others in imports(PACKAGE).items():
