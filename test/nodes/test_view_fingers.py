@@ -15,6 +15,7 @@
 """Detectors that come, go, change and die, as fingers."""
 
 import asyncio
+import itertools
 import signal
 import time
 
@@ -87,9 +88,12 @@ def test_a_finger_has_the_levels_of_its_detector_and_the_diagnostics_of_its_node
         assert (finger.config.channels, finger.config.threshold) == (2, 0.25)
         it.watched = {INDEX}
 
+        # A channel that never changes would not be valid for long.
+        volts = itertools.cycle((4.3, 4.301))
+
         def heard():
             header = Header(stamp=bench.node.get_clock().now().to_msg())
-            publisher.publish(JointState(header=header, position=[4.3, 4.3]))
+            publisher.publish(JointState(header=header, position=[next(volts)] * 2))
             return finger.valid and len(finger.track.levels) and len(finger.track.samples)
 
         await it.until(heard, 'samples and levels')
