@@ -41,11 +41,7 @@ from slip_detector.tuning.verdict import TuningParameters, choose, judge
 #: The paper's plates; each is a scene of a family, with each seed.
 PLATES = ('plate_400um', 'plate_440um', 'plate_480um')
 
-TUNED_ON = range(6800, 6806)
-REPORTED_ON = range(6900, 6910)
-
-
-TRIALS = 200
+TUNED_ON, REPORTED_ON = range(6800, 6806), range(6900, 6910)
 
 #: Times of taps and rolling: while the plate is held, before and after the slide.
 TAPS_S = (2.0, 2.6, 7.3, 8.0)
@@ -118,7 +114,7 @@ def figures_on(tracks: Sequence[Track], chain: ChainConfig) -> dict[str, Any]:
 
 
 def measure_families(
-    trials: int = TRIALS,
+    trials: int = 200,
     tuned_on: Sequence[int] = TUNED_ON,
     reported_on: Sequence[int] = REPORTED_ON,
 ) -> dict[str, Any]:
