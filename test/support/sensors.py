@@ -15,11 +15,8 @@
 """Sensors as the driver meets them: a pseudo terminal or a UDP socket, and what they send."""
 
 import contextlib
-import fcntl
 import os
 import socket
-import sys
-import termios
 import threading
 import time
 
@@ -49,11 +46,6 @@ class Port:
                 if not self._ends:
                     raise OSError('unplugged')
                 data = data[os.write(self._ends[0], data) :]
-
-    def is_read(self):
-        """Return whether everything sent has been read from the line."""
-        waiting = fcntl.ioctl(self._ends[1], termios.FIONREAD, bytes(4))
-        return not int.from_bytes(waiting, sys.byteorder)
 
     def unplug(self):
         with self._lock:
