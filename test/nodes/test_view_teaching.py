@@ -125,7 +125,6 @@ def test_a_sensor_that_nobody_has_seen_is_taken_taught_tuned_and_its_slips_are_d
     _, address = bench.start_view('--folder', str(tmp_path))
     page = browser.new_page()
     page.set_default_timeout(PATIENCE_MS)
-    # In so little rest one false alarm is worse than none: then it is applied nevertheless.
     page.on('dialog', lambda dialog: dialog.accept())
     page.goto(address)
     page.get_by_role('button', name='Take 6 channels at 200 Hz, one group').click()
@@ -143,7 +142,10 @@ def test_a_sensor_that_nobody_has_seen_is_taken_taught_tuned_and_its_slips_are_d
     expect(page.locator('.tuning-step')).to_have_text(searching, timeout=SEARCH_MS)
     page.locator('#stop-tuning').click()
     answer = page.locator('#tuning-answer')
-    expect(answer).to_contain_text(re.compile('Finds [1-9]'), timeout=SEARCH_MS)
+    # Two slips are held out: one false alarm there outweighs the slip that is found more. What was
+    # found is applied nevertheless, and has to find all slips that follow.
+    found = re.compile('Finds [1-9]|the best that was tried is worse')
+    expect(answer).to_contain_text(found, timeout=SEARCH_MS)
     # Whoever has pressed Tune sees the answer, and what to press next.
     for part in (answer, page.locator('#apply')):
         expect(part).to_be_in_viewport(ratio=1)
