@@ -23,9 +23,9 @@ import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Header
+from std_msgs.msg import Header, String
 
-from slip_detector.nodes.messages import event_qos, sensor_qos
+from slip_detector.nodes.messages import event_qos, sensor_qos, state_qos
 from slip_detector.nodes.view_fingers import RosDetectors
 from slip_detector.view.detectors import OUTSIDE, RESTART
 from support.harness import DEADLINE_S
@@ -149,6 +149,17 @@ def test_a_detector_whose_parameters_change_and_that_ends_and_comes_again(bench)
         assert 'started again' in it.detectors.fingers[INDEX].description()['notice']
         assert finger.changes[-1].by == RESTART
         assert finger.to_undo()['threshold'] == 0.75
+
+    watching(bench, test)
+
+
+def test_a_scene_that_is_found_after_an_order_obeys_it(bench):
+    async def test(it):
+        assert not it.detectors.order(INDEX, 'slip')
+        heard = bench.listen(String, '/index/scene_order', state_qos())
+        bench.wait_for(lambda: heard, 'the order')
+        assert heard == [String(data='slip')]
+        assert it.detectors.order(INDEX)
 
     watching(bench, test)
 
