@@ -206,7 +206,7 @@ class RosDetectors(Detectors):
         A scene that is found later gets the last order then.
         """
         topic = f'{name.rpartition("/")[0]}/scene_order'
-        listens = self._node.count_subscribers(topic) > 0
+        listens: bool = self._node.count_subscribers(topic) > 0
         if (what or listens) and topic not in self._orders:
             self._orders[topic] = self._node.create_publisher(String, topic, state_qos())
         if what:

@@ -106,7 +106,7 @@ def test_a_finger_has_the_levels_of_its_detector_and_the_diagnostics_of_its_node
             others.publish(array)
             return {each.name for each in finger.diagnostics}
 
-        wanted = {'bench: sensor', 'input', 'channels', 'decisions'}
+        wanted = {'bench: sensor', 'input', 'timing', 'channels', 'decisions'}
         await it.until(lambda: labels() == wanted, 'all diagnostics')
         # Silent: slip_valid falls, and the detector says why.
         await it.until(lambda: not finger.valid, 'slip_valid to fall')
