@@ -53,7 +53,7 @@ MOST_STATES = 1000
 States = deque[tuple[int, bool]]
 
 
-def state_at(states: States, published_ns: int) -> bool:
+def find_state(states: States, published_ns: int) -> bool:
     """Return the last state that was published before a row of the same process.
 
     A busy detector publishes levels late, after the decisions on the next samples: then a change
@@ -99,7 +99,7 @@ class FingerTopics(PolledTopics):
 
     def _subscribe_to_samples(self, voltages: str) -> None:
         """Subscribe to the input; if that fails, the finger is shown without volts."""
-        kind, self.finger.no_volts = self._config.input_type, ''
+        self.finger.no_volts = ''
         try:
             self._input = Input(self._config)
             self.add(self._input.message_class, voltages, sensor_qos(), 'voltages', raw=True)
@@ -107,8 +107,8 @@ class FingerTopics(PolledTopics):
             self.add(Bool, truth, state_qos(depth=MOST_STATES), 'slip_truth')
         except (ValueError, *ROS_ERRORS):
             # A process can use a topic with one type only.
-            words = f'{kind} is not installed here, or the topic had another type'
-            self.finger.no_volts = f'no volts are shown: {words}'
+            words = 'is not installed here, or the topic had another type'
+            self.finger.no_volts = f'no volts are shown: {self._config.input_type} {words}'
 
     def poll(self) -> None:
         """Process received messages; subscribe again if the detector's parameters require it."""
@@ -169,7 +169,7 @@ class FingerTopics(PolledTopics):
             return
         first, *others = (samples for _, samples in received)
         counts = [len(samples.volts) for _, samples in received]
-        truth = np.repeat([state_at(self._truth, at_ns) for at_ns, _ in received], counts)
+        truth = np.repeat([find_state(self._truth, at_ns) for at_ns, _ in received], counts)
         self.finger.frame_id = received[-1][1].frame_id
         self.finger.sample_s = time.monotonic()
         self.finger.track.add_samples(first.then(*others)._replace(truth=truth))
@@ -180,7 +180,7 @@ class FingerTopics(PolledTopics):
             return
         # The detector has samples, even if their volts cannot be shown.
         self.finger.sample_s = time.monotonic()
-        slip = np.array([state_at(self._slip, info['source_timestamp']) for _, info in messages])
+        slip = np.array([find_state(self._slip, info['source_timestamp']) for _, info in messages])
         raws = [raw for raw, _ in messages]
         table, decided = joint_state_table(raws), joint_state_table(raws, 'effort')
         if table is None or decided is None:  # the channels have just changed

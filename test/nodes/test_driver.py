@@ -24,7 +24,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from slip_detector.chain.samples import Samples
-from slip_detector.nodes.driver import ALIGNED_S, aligned
+from slip_detector.nodes.driver import ALIGNED_S, align
 from slip_detector.nodes.messages import stamp_ns
 from slip_detector.parameters.driver import DriverConfig
 from slip_detector.recordings import write_recording
@@ -107,8 +107,8 @@ def test_a_driver_that_cannot_keep_its_pace_says_how_late_it_is(bench):
 
 @given(st.floats(0.0, 1e6), st.floats(1e-4, 1e4))
 def test_drivers_begin_together_and_none_idles_until_a_rare_message_is_due(now_s, period_s):
-    begins_s = aligned(now_s, period_s)
+    begins_s = align(now_s, period_s)
     assert -1e-6 <= begins_s - now_s <= min(period_s, ALIGNED_S) + 1e-6
     # Another that starts a little before begins at the same moment, or just as much before.
-    periods = (begins_s - aligned(now_s - 0.03, period_s)) / min(period_s, ALIGNED_S)
+    periods = (begins_s - align(now_s - 0.03, period_s)) / min(period_s, ALIGNED_S)
     assert periods == pytest.approx(round(periods), abs=1e-3)

@@ -19,7 +19,7 @@ import pytest
 from geometry_msgs.msg import WrenchStamped
 from rclpy.serialization import serialize_message
 
-from slip_detector.nodes.inputs import Input, message_class
+from slip_detector.nodes.inputs import Input, find_message_class
 from slip_detector.nodes.messages import time_message
 from slip_detector.parameters.detector import DetectorConfig
 from support.harness import batch_of
@@ -66,7 +66,7 @@ def test_a_batch_without_a_header_has_a_row_for_each_sample_and_the_time_of_publ
 )
 def test_a_type_that_is_not_installed_is_refused(name):
     with pytest.raises(ValueError, match=r'input_type is .*allowed: the name of an installed'):
-        message_class(name)
+        find_message_class(name)
 
 
 def test_a_module_that_is_no_message_package_is_not_imported(tmp_path, monkeypatch):
@@ -75,7 +75,7 @@ def test_a_module_that_is_no_message_package_is_not_imported(tmp_path, monkeypat
     (package / '__init__.py').write_text('raise RuntimeError("imported")')
     monkeypatch.syspath_prepend(tmp_path)
     with pytest.raises(ValueError, match='input_type'):
-        message_class('some_package/msg/JointState')
+        find_message_class('some_package/msg/JointState')
 
 
 def test_a_field_that_the_type_does_not_have_is_refused_with_those_it_has():
