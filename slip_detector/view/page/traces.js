@@ -125,9 +125,12 @@ export class Traces {
   draw() {
     const {columns, chooser: {channels}} = this;
     if (!this.root.clientWidth || columns?.begun_s == null) return;
+    // The next key goes on from what was asked for, also while that has not come.
+    const [from, to] = this.stretch.ends();
+    Object.assign(this.timeline, {from, to});
     if (String(columns.channels) !== String(channels)) return;
     if (this.laidOut !== this.truth) return this.layOut();
-    const [from, to] = this.stretch.ends(), seen = this.seen = columns.between(from, to);
+    const seen = this.seen = columns.between(from, to);
     this.fitVolts(channels, seen);
     const curves = channels.map((c, i) => (
       {low: seen.low[i], high: seen.high[i], range: this.scaleOf(c)}));
