@@ -65,6 +65,7 @@ export class Traces {
 
   ask() {
     if (!this.finger) return;
+    [this.timeline.from, this.timeline.to] = this.stretch.ends();  // The next key goes on from it.
     const {live, window_s, to} = this.stretch, {channels} = this.chooser;
     const width = this.root.clientWidth - NAMES_WIDTH - SCALE_WIDTH;
     const pixels = clamp(Math.ceil(width / (channels.length > MOST_FINE ? 2 : 1)), 10, 4000);
@@ -125,12 +126,9 @@ export class Traces {
   draw() {
     const {columns, chooser: {channels}} = this;
     if (!this.root.clientWidth || columns?.begun_s == null) return;
-    // The next key goes on from what was asked for, also while that has not come.
-    const [from, to] = this.stretch.ends();
-    Object.assign(this.timeline, {from, to});
     if (String(columns.channels) !== String(channels)) return;
     if (this.laidOut !== this.truth) return this.layOut();
-    const seen = this.seen = columns.between(from, to);
+    const [from, to] = this.stretch.ends(), seen = this.seen = columns.between(from, to);
     this.fitVolts(channels, seen);
     const curves = channels.map((c, i) => (
       {low: seen.low[i], high: seen.high[i], range: this.scaleOf(c)}));
