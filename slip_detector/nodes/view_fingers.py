@@ -201,15 +201,17 @@ class RosDetectors(Detectors):
             self._note(name, await remote.read(), by)
 
     def order(self, name: str, what: str = '') -> bool:
-        """Tell a simulated finger what to do, where a scene listens; return whether one does."""
+        """Tell a simulated finger what to do; return whether a scene listens.
+
+        A scene that is found later gets the last order then.
+        """
         topic = f'{name.rpartition("/")[0]}/scene_order'
-        if not self._node.count_subscribers(topic):
-            return False
-        if topic not in self._orders:
+        listens: bool = self._node.count_subscribers(topic) > 0
+        if (what or listens) and topic not in self._orders:
             self._orders[topic] = self._node.create_publisher(String, topic, state_qos())
         if what:
             self._orders[topic].publish(String(data=what))
-        return True
+        return listens
 
     def close(self) -> None:
         """Release all resources."""
