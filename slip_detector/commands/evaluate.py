@@ -28,10 +28,10 @@ node.
     together, see :func:`slip_detector.evaluation.figures.figures_of_merit`, and counts of their
     faults, see :func:`slip_detector.evaluation.evaluator.recording_figures`. Under
     ``recordings``, by the name of the file, the same for each recording, with ``lost`` (which
-    part of a damaged file could not be read), ``doubts`` (why damage may go unseen), ``warnings``
-    (why decisions may mean nothing), ``on_intervals_s`` (start and end of each time ON),
-    ``invalid_percent`` (of the channels that are not always valid), ``labelled``, ``mistaken``
-    (whether the labels are marked as a mistake), and ``slip_events`` and ``alarm_events``, see
+    part of a damaged file could not be read), ``warnings`` (why decisions may mean nothing),
+    ``on_intervals_s`` (start and end of each time ON), ``invalid_percent`` (of the channels that
+    are not always valid), ``labelled``, ``mistaken`` (whether the labels are marked as a mistake),
+    and ``slip_events`` and ``alarm_events``, see
     :class:`slip_detector.evaluation.figures.TrueSlip` and ``Alarm``; None without labels.
 ``all``
     The figures and counts over all sets.
@@ -151,7 +151,6 @@ def _figures_of(recording: EvaluatedRecording) -> dict[str, Any]:
         'labelled': recording.labelled,
         'mistaken': recording.mistaken,
         'lost': counts.damage,
-        'doubts': counts.doubts,
         'warnings': recording.warnings,
         'on_intervals_s': outcome.on_s,
         'invalid_percent': recording.invalid_percent,

@@ -105,7 +105,7 @@ class Input:
             When the message cannot be read or does not have the field.
         """
         if self._reader is not None:
-            samples = self._reader.read(raw)
+            samples = self._reader.read([raw])
             at_ns: int | None = int(samples.stamps_ns[0])
             if at_ns:
                 return samples, None

@@ -66,8 +66,6 @@ class RecordingCounts:
         are not those of the first message.
     damage : str
         One line on the part of a recording that could not be read; empty if all was read.
-    doubts : str
-        One line on why damage may have gone unseen; empty if it would have been seen.
     """
 
     rows: int = 0
@@ -77,7 +75,6 @@ class RecordingCounts:
     bad_samples: int = 0
     dropped: int = 0
     damage: str = ''
-    doubts: str = ''
 
 
 @contextlib.contextmanager

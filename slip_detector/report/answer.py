@@ -106,7 +106,7 @@ def bad_recordings(recordings: Mapping[str, Figures]) -> list[str]:
     for name, figures in recordings.items():
         shares = [f'{ch} {part:.3g} %' for ch, part in figures.get('invalid_percent', {}).items()]
         invalid = f'not valid: {name_list(shares)} of the time' if shares else ''
-        faults = figures.get('lost'), figures.get('doubts'), *figures.get('warnings', ()), invalid
+        faults = figures.get('lost'), *figures.get('warnings', ()), invalid
         for text in filter(None, faults):
             names_of.setdefault(text, []).append(name)
     return lines + [f'{name_list(names, 3)}: {text}' for text, names in names_of.items()]

@@ -38,9 +38,8 @@ class RecordingSource(Source):
 
     @property
     def damage(self) -> str:
-        """One line on what could not be read or checked so far; empty if all could."""
-        counts = self._recording.counts
-        return '; '.join(filter(None, (counts.damage, counts.doubts)))
+        """One line on what could not be read so far; empty if all could."""
+        return self._recording.counts.damage
 
     def read(self, n: int) -> Samples:
         """Return the next ``n`` samples; fewer only at the end."""

@@ -297,7 +297,7 @@ def _name_faults(counts: RecordingCounts) -> str:
         'rows dropped': counts.dropped,
     }
     parts = [f'{number} {what}' for what, number in numbers.items() if number > 0]
-    return ', '.join(filter(None, [*parts, counts.damage, counts.doubts]))
+    return ', '.join(filter(None, [*parts, counts.damage]))
 
 
 class TrainingFiles(NamedTuple):
