@@ -162,10 +162,11 @@ class Watch:
         """Return which valid channels have a floor that is too low, or far too high."""
         config, state = self._chain.config, self._chain.state
         contact = not config.contact_level_v or state[0, CONTACT_ROWS, 0] > 0
-        if config.decision != 'evidence' or not contact:  # Out of contact floors rest.
+        # Out of contact floors rest.
+        if config.decision != 'evidence' or not contact or not config.floors:
             return {}
         floor_db, level_db = self._chain.floor_and_level_db()
-        least_db, range_db = 20.0 * np.log10(config.noise_floor), config.noise_floor_range_db
+        least_db, range_db = 20.0 * np.log10(config.floors), config.noise_floor_range_db
         far_below = np.all((level_db < least_db - FAR_DB) | ~valid)
         too_low = (floor_db >= least_db + range_db) & (range_db > 0.0)
         return {'upper': valid & too_low, 'lower': valid & far_below}

@@ -16,7 +16,7 @@
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -100,6 +100,7 @@ class Detector(LifecycleNode):
         # The configuration that was set last; it is active once its filters are built.
         self.requested = declare(self, DetectorConfig, FIXED_PARAMETERS, cli_args)
         self._check(self.requested)
+        self._warn(self.requested.remarks())
         follow_changes(self, lambda: self.requested, self._check, self._apply)
         self._configured = False
         self._samples: Subscription | None = None
@@ -193,9 +194,15 @@ class Detector(LifecycleNode):
 
     def _apply(self, config: DetectorConfig) -> None:
         """Use a new configuration, at once or when its chain is built."""
+        known = self.requested.remarks()
+        self._warn([words for words in config.remarks() if words not in known])
         self.requested = config
         if self._configured and self._chain.change(config):
             self._swap()
+
+    def _warn(self, remarks: Sequence[str]) -> None:
+        for words in remarks:
+            self.get_logger().warning(words)
 
     def _swap(self) -> bool:
         """Use the new chain from the next row on, if it is ready; return whether it was."""
