@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain.stages import floor_steps_db
-from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters import ChainConfig
 
 Array = NDArray[np.float64]
 

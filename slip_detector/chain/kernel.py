@@ -41,7 +41,7 @@ from slip_detector.compiled import (
     spread,
     store,
 )
-from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
+from slip_detector.parameters import COMMON_MODES, ChainConfig
 
 Words = NDArray[np.uint64]
 

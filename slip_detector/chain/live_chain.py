@@ -31,8 +31,7 @@ from slip_detector.chain.filters import evidence_falls_s, settling_rows
 from slip_detector.chain.layout import CONTACT_ROWS, FLOOR, HOLD_ROWS
 from slip_detector.chain.samples import Bools, Floats
 from slip_detector.chain.slip_chain import SlipChain, SlipResult
-from slip_detector.parameters.detector import ChainConfig, DetectorConfig
-from slip_detector.parameters.fields import name_list, names_that_affect
+from slip_detector.parameters import ChainConfig, DetectorConfig, name_list, names_that_affect
 
 #: Time for which rows are kept, with which a new chain starts. The slowest response of the paper's
 #: filters falls to a thousandth in two seconds. During slip as many rows at rest are kept, too.

@@ -26,7 +26,7 @@ from slip_detector.chain.layout import FlagLayout, flag_layout, state_layout, ti
 from slip_detector.chain.samples import Bools, Floats
 from slip_detector.chain.stamps import StampGrid
 from slip_detector.compiled import LANES
-from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters import ChainConfig
 
 #: The signals that a result may have beside decisions, in the order of the kernel.
 SIGNALS = ('envelope', 'level', 'floor', 'excess')

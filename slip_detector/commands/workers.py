@@ -33,8 +33,7 @@ from typing import Any
 from tqdm import tqdm
 
 from slip_detector.commands.command_line import whole_number
-from slip_detector.parameters.driver import RecordingConfig
-from slip_detector.parameters.files import file_errors_of, find_parameter_file
+from slip_detector.parameters import RecordingConfig, file_errors_of, find_parameter_file
 from slip_detector.recordings import ENDINGS, is_recording
 
 LOG = logging.getLogger(__name__)

@@ -36,8 +36,7 @@ from slip_detector.nodes.messages import STEADY, sensor_qos
 from slip_detector.nodes.outputs import Outputs
 from slip_detector.nodes.parameters import declare, follow_changes
 from slip_detector.nodes.rclpy_internals import ROS_ERRORS, destroy_state_machine
-from slip_detector.parameters.detector import FIXED_PARAMETERS, DetectorConfig
-from slip_detector.parameters.fields import name_list
+from slip_detector.parameters import FIXED_PARAMETERS, DetectorConfig, name_list
 
 #: Number of checks of the input within ``input_timeout_s``, and the share of the timeout after
 #: which it counts as lost, from the last check that found a sample. That is between 0.75 and 0.95

@@ -26,8 +26,7 @@ from rclpy.node import Node
 
 from slip_detector.chain.samples import Bools, Floats
 from slip_detector.nodes.messages import event_qos
-from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.parameters.fields import name_list
+from slip_detector.parameters import DetectorConfig, name_list
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 

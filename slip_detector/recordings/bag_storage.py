@@ -30,8 +30,7 @@ from pathlib import Path, PurePath
 from typing import Any
 
 from slip_detector.chain.stamp_rules import SEVERAL
-from slip_detector.parameters.fields import name_list, quote_name, refuse, shortened
-from slip_detector.parameters.yaml_files import read_yaml
+from slip_detector.parameters import name_list, quote_name, read_yaml, refuse, shortened
 from slip_detector.recordings.mcap import BagFile, DamageError, Received, Topic, messages_of
 
 #: The file that makes a folder a bag.
