@@ -26,8 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from slip_detector.parameters import RecordingConfig
-from slip_detector.parameters.yaml_files import write_yaml
+from slip_detector.parameters import RecordingConfig, write_yaml
 from slip_detector.recordings import recording_sets, with_subfolders
 from slip_detector.recordings.array_recordings import STAMPS_KEY
 from slip_detector.recordings.labels import ACCURACY, KEY, KIND, labels_name

@@ -30,8 +30,7 @@ import numpy as np
 
 from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
-from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.yaml_files import read_yaml
+from slip_detector.parameters import ChainConfig, read_yaml
 from slip_detector.scenes import Scene, find_scene
 from slip_detector.tuning.problem import searched_parameters
 from slip_detector.tuning.search import Study, search

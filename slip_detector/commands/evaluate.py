@@ -56,7 +56,7 @@ from slip_detector.commands import workers
 from slip_detector.commands.command_line import INTERRUPTED, Parser, run
 from slip_detector.evaluation import evaluator
 from slip_detector.evaluation.evaluator import EvaluatedRecording, RecordingLoader
-from slip_detector.parameters.fields import name_list
+from slip_detector.parameters import name_list
 from slip_detector.recordings import by_number, recording_sets, with_subfolders
 from slip_detector.recordings.labels import ENDING, KEY
 from slip_detector.report.answer import answer, bad_recordings

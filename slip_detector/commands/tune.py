@@ -37,9 +37,7 @@ from typing import Any
 from slip_detector.commands import workers
 from slip_detector.commands.command_line import Parser, interrupts_noted, run, whole_number
 from slip_detector.evaluation.replay import Replay
-from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.parameters.sections import parameter_file
-from slip_detector.parameters.yaml_files import write_yaml
+from slip_detector.parameters import DetectorConfig, parameter_file, write_yaml
 from slip_detector.recordings import with_subfolders
 from slip_detector.recordings.labels import KINDS
 from slip_detector.report.answer import answer, bad_recordings, rounded

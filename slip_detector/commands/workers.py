@@ -18,6 +18,8 @@ import argparse
 import contextlib
 import dataclasses
 import functools
+import itertools
+import logging
 import multiprocessing
 import os
 import signal
@@ -31,9 +33,10 @@ from typing import Any
 from tqdm import tqdm
 
 from slip_detector.commands.command_line import whole_number
-from slip_detector.parameters.driver import RecordingConfig
-from slip_detector.parameters.files import file_errors_of, find_parameter_file
+from slip_detector.parameters import RecordingConfig, file_errors_of, find_parameter_file
 from slip_detector.recordings import ENDINGS, is_recording
+
+LOG = logging.getLogger(__name__)
 
 #: The parameters of :class:`RecordingConfig` that are options, without ``recording_``.
 RECORDING_OPTIONS = ('topic', 'field', 'labels', 'resample')
@@ -85,6 +88,8 @@ def with_options(options: argparse.Namespace, sets: Any) -> Any:
     if options.config:
         options.config = str(find_parameter_file(options.config))
         sets = sets._make(type(one).from_yaml(options.config) for one in sets)
+        for words in itertools.chain.from_iterable(one.remarks() for one in sets):
+            LOG.warning('%s: %s', options.config, words)
     values = {f'recording_{name}': getattr(options, name) for name in RECORDING_OPTIONS}
     changes = {name: value for name, value in values.items() if value is not None}
     return sets._make(

@@ -33,7 +33,7 @@ from numpy.typing import ArrayLike
 from slip_detector.chain.samples import Bools, Floats, Ints
 from slip_detector.compiled import compiled
 from slip_detector.evaluation.events import LASTING, Events
-from slip_detector.parameters.evaluation import EvaluationConfig
+from slip_detector.parameters import EvaluationConfig
 
 #: Takes the place of the number of an alarm or a slip where there is none.
 NONE = -1

@@ -34,9 +34,15 @@ from slip_detector.grasp.loop import CONTROLLER, GraspTrial, LiveGraspTrial
 from slip_detector.nodes.ending import init_ros
 from slip_detector.nodes.messages import event_qos, sensor_qos, state_qos
 from slip_detector.nodes.processes import RecordedNodes
-from slip_detector.parameters import ChainConfig, DetectorConfig, DriverConfig, GraspConfig
-from slip_detector.parameters.files import shared_folder, whole_file
-from slip_detector.parameters.grasp import commands_of_a_scene
+from slip_detector.parameters import (
+    ChainConfig,
+    DetectorConfig,
+    DriverConfig,
+    GraspConfig,
+    commands_of_a_scene,
+    shared_folder,
+    whole_file,
+)
 from slip_detector.recordings import write_recording
 from slip_detector.report.pictures import draw_grasp, draw_trial, grasp_table
 from slip_detector.sources.played import SceneSource

@@ -31,9 +31,7 @@ from slip_detector.chain.samples import Samples
 from slip_detector.nodes.inputs import Input
 from slip_detector.nodes.messages import sensor_qos, state_qos
 from slip_detector.nodes.rclpy_internals import ROS_ERRORS, PolledTopics
-from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.parameters.fields import names_that_affect
-from slip_detector.parameters.fitting import fitting, rates_differ
+from slip_detector.parameters import DetectorConfig, fitting, names_that_affect, rates_differ
 from slip_detector.recordings.messages import JointStateReader
 from slip_detector.recordings.rates import rate_of
 from slip_detector.view.detectors import Diagnosis, Finger

@@ -150,7 +150,7 @@ def _arguments_of_each(executable: str) -> list[list[str]]:
     The parameters after the first parameter file, or all beside ``--configs``, are given to each
     node once more: rcl lets the section of the file hold over what all nodes are given before it.
     """
-    from slip_detector.parameters.files import find_parameter_file
+    from slip_detector.parameters import find_parameter_file
 
     _check_parameters(sys.argv)
     options = _options(executable)
@@ -200,7 +200,7 @@ def _items(text: str) -> list[str]:
 
 
 def _check_namespaces(option: str, names: list[str]) -> None:
-    from slip_detector.parameters.fields import refuse
+    from slip_detector.parameters import refuse
 
     if not all(map(NAMESPACE.fullmatch, names)) or len(set(names)) < len(names):
         text = 'different ones of up to 64 letters, digits and single _, no digit first'
@@ -209,8 +209,7 @@ def _check_namespaces(option: str, names: list[str]) -> None:
 
 def _check_parameters(words: list[str]) -> None:
     """Read the parameters before rcl does, whose error messages are hard to understand."""
-    from slip_detector.parameters.sections import check_values, sections_of
-    from slip_detector.parameters.yaml_files import parsed_yaml, read_yaml
+    from slip_detector.parameters import check_values, parsed_yaml, read_yaml, sections_of
 
     for option, text in pairwise(words):
         name, assigned, value = text.partition(':=')
@@ -241,7 +240,7 @@ def run_demonstration(parser: argparse.ArgumentParser) -> None:
 
     def work() -> str:
         from slip_detector.nodes import demonstrations
-        from slip_detector.parameters.files import whole_file, writable_folder
+        from slip_detector.parameters import whole_file, writable_folder
 
         writable_folder(arguments.out)
         result, text = getattr(demonstrations, parser.prog)(arguments, picture)

@@ -74,7 +74,7 @@ def _parser() -> argparse.ArgumentParser:
 
 def _check(arguments: argparse.Namespace) -> None:
     """Raise a ValueError for impossible arguments, before anything is started."""
-    from slip_detector.parameters.files import find_parameter_file, shared_folder
+    from slip_detector.parameters import find_parameter_file, shared_folder
 
     names = filter(None, arguments.config.split(','))
     arguments.configs = [find_parameter_file(name.strip()) for name in names]

@@ -19,10 +19,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from slip_detector.parameters.driver import RecordingConfig
-from slip_detector.parameters.fields import refuse
-from slip_detector.parameters.files import check_plain
-from slip_detector.parameters.fitting import rates_differ
+from slip_detector.parameters import RecordingConfig, check_plain, rates_differ, refuse
 from slip_detector.recordings.array_recordings import CsvRecording, NpzRecording
 from slip_detector.recordings.bag_recording import BagRecording
 from slip_detector.recordings.bag_storage import BAG_ENDINGS, METADATA

@@ -26,10 +26,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain.samples import Samples, Stamps
-from slip_detector.parameters.detector import default_channel_names
-from slip_detector.parameters.driver import RecordingConfig
-from slip_detector.parameters.fields import name_list, quote, refuse, shortened
-from slip_detector.parameters.fitting import RATE_TOLERANCE
+from slip_detector.parameters import (
+    RATE_TOLERANCE,
+    RecordingConfig,
+    default_channel_names,
+    name_list,
+    quote,
+    refuse,
+    shortened,
+)
 from slip_detector.recordings.labels import Labels, as_truth
 from slip_detector.recordings.rates import checked_rate, rate_of
 from slip_detector.recordings.recording import PIECE_ROWS, Recording, named_errors

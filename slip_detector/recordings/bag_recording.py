@@ -24,9 +24,7 @@ import numpy as np
 
 from slip_detector.chain.samples import Floats, Ints, Samples, Stamps
 from slip_detector.chain.stamp_rules import GAP_PERIODS
-from slip_detector.parameters.detector import default_channel_names
-from slip_detector.parameters.driver import RecordingConfig
-from slip_detector.parameters.fields import name_list, refuse
+from slip_detector.parameters import RecordingConfig, default_channel_names, name_list, refuse
 from slip_detector.recordings.bag_storage import BagStorage, Message, typestore_of
 from slip_detector.recordings.labels import Labels, accuracy_and_kind, label_at
 from slip_detector.recordings.mcap import Topic

@@ -29,8 +29,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path, PurePath
 from typing import Any
 
-from slip_detector.parameters.fields import name_list, quote_name, refuse, shortened
-from slip_detector.parameters.yaml_files import read_yaml
+from slip_detector.parameters import name_list, quote_name, read_yaml, refuse, shortened
 from slip_detector.recordings.mcap import DamageError, Received, Topic, mcap_messages
 
 #: The file that makes a folder a bag.

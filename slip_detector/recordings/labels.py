@@ -24,9 +24,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain.samples import Bools, Floats, Samples, Stamps
-from slip_detector.parameters.fields import name_list, quote, refuse
-from slip_detector.parameters.files import file_errors_of
-from slip_detector.parameters.yaml_files import read_yaml, write_yaml
+from slip_detector.parameters import (
+    file_errors_of,
+    name_list,
+    quote,
+    read_yaml,
+    refuse,
+    write_yaml,
+)
 
 #: Ending of a file of labels beside its recording: ``trial.labels.yaml`` for ``trial.mcap``.
 ENDING = '.labels.yaml'

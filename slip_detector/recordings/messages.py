@@ -33,7 +33,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from slip_detector.chain.samples import Floats, Samples
-from slip_detector.parameters.fields import name_list
+from slip_detector.parameters import name_list
 
 #: Labels of the two dimensions of a ``*MultiArray`` that carries several samples.
 BATCH_LABELS = ['sample', 'channel']

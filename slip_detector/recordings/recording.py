@@ -29,9 +29,7 @@ from numpy.typing import NDArray
 
 from slip_detector.chain.samples import Samples
 from slip_detector.chain.stamps import StampGrid
-from slip_detector.parameters.driver import RecordingConfig
-from slip_detector.parameters.fields import refuse
-from slip_detector.parameters.fitting import RATE_TOLERANCE, rates_differ
+from slip_detector.parameters import RATE_TOLERANCE, RecordingConfig, rates_differ, refuse
 from slip_detector.recordings.labels import Labels, label_at
 from slip_detector.recordings.rates import MOST_FACTOR, resampled
 

@@ -18,7 +18,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from slip_detector.evaluation.figures import ALREADY_ON
-from slip_detector.parameters.fields import name_list
+from slip_detector.parameters import name_list
 from slip_detector.recordings.labels import KINDS
 from slip_detector.report.tables import compared, heading
 from slip_detector.tuning.problem import better_than_chance

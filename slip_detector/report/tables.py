@@ -19,7 +19,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from slip_detector.evaluation.figures import ALREADY_ON, STAGES
-from slip_detector.parameters.fields import name_list
+from slip_detector.parameters import name_list
 from slip_detector.recordings.labels import KINDS
 from slip_detector.tuning.problem import worse_figures
 

@@ -20,8 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from slip_detector.parameters.fields import parameter, quote, quote_name, refuse
-from slip_detector.parameters.sets import ParameterSet
+from slip_detector.parameters import ParameterSet, parameter, quote, quote_name, refuse
 from slip_detector.scenes.disturbances import TREMOR_PEAK, Hum, Rolling, Taps, Tremor
 from slip_detector.scenes.electronics import ContactNoise, Electronics, Faults
 from slip_detector.scenes.friction import Friction, Skin

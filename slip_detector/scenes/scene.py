@@ -22,10 +22,14 @@ from typing import Any
 import numpy as np
 
 from slip_detector.chain.samples import Floats, Samples
-from slip_detector.parameters.detector import PAPER_CHANNELS, default_channel_names
-from slip_detector.parameters.fields import quote, refuse
-from slip_detector.parameters.files import shared_folder
-from slip_detector.parameters.yaml_files import read_yaml
+from slip_detector.parameters import (
+    PAPER_CHANNELS,
+    default_channel_names,
+    quote,
+    read_yaml,
+    refuse,
+    shared_folder,
+)
 from slip_detector.scenes import motion
 from slip_detector.scenes.electronics import Frontend, taxel_positions
 from slip_detector.scenes.friction import Friction

@@ -17,8 +17,7 @@
 import numpy as np
 
 from slip_detector.chain.samples import Samples
-from slip_detector.parameters.driver import DriverConfig
-from slip_detector.parameters.fields import refuse
+from slip_detector.parameters import DriverConfig, refuse
 from slip_detector.recordings import open_recording
 from slip_detector.scenes import find_scene, load_scene
 from slip_detector.sources.source import Source

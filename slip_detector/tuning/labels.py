@@ -21,7 +21,7 @@ import numpy as np
 
 from slip_detector.chain.samples import Floats
 from slip_detector.evaluation.scores import SLIP
-from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters import ChainConfig
 from slip_detector.recordings.labels import BY_EYE_S, label_at, snapped
 from slip_detector.tuning.measuring import plain_chain
 from slip_detector.tuning.tracks import Track, at_rest, edges_of, enabled, envelopes

@@ -22,8 +22,7 @@ from typing import Any
 import numpy as np
 
 from slip_detector.evaluation.evaluator import RecordingLoader
-from slip_detector.parameters import ChainConfig, EvaluationConfig
-from slip_detector.parameters.fields import refuse
+from slip_detector.parameters import ChainConfig, EvaluationConfig, refuse
 from slip_detector.tuning.measuring import learn_noise, slip_bands
 from slip_detector.tuning.sweep import sweep_thresholds, thresholds, vote_statistics
 from slip_detector.tuning.tracks import Track, at_rest, faults_of, load_tracks

@@ -23,8 +23,7 @@ import numpy as np
 from slip_detector.chain.filters import settling_rows
 from slip_detector.chain.samples import Floats
 from slip_detector.evaluation.scores import REST, SLIP
-from slip_detector.parameters import ChainConfig
-from slip_detector.parameters.fields import refuse
+from slip_detector.parameters import ChainConfig, refuse
 from slip_detector.recordings.rates import forward_filled
 from slip_detector.tuning.tracks import Track, at_rest, edges_of, enabled, envelopes
 

@@ -27,8 +27,7 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
-from slip_detector.parameters.files import shared_folder
+from slip_detector.parameters import COMMON_MODES, ChainConfig, shared_folder
 from slip_detector.tuning import measuring
 from slip_detector.tuning.sweep import rounded
 from slip_detector.tuning.tracks import Track

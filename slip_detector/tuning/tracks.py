@@ -30,8 +30,7 @@ from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.evaluation.matching import RowInterval
 from slip_detector.evaluation.scores import SLIP, row_classes
-from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.fields import name_list, refuse
+from slip_detector.parameters import ChainConfig, name_list, refuse
 from slip_detector.recordings import RecordingCounts, recording_sets
 
 #: Share of the time of a single recording that is tuned on; the rest is held out.

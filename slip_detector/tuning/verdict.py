@@ -25,8 +25,14 @@ import numpy as np
 
 from slip_detector.chain.filters import settling_rows
 from slip_detector.evaluation.evaluator import RecordingLoader
-from slip_detector.parameters import ChainConfig, EvaluationConfig, RecordingConfig, TuneConfig
-from slip_detector.parameters.fields import name_list, refuse
+from slip_detector.parameters import (
+    ChainConfig,
+    EvaluationConfig,
+    RecordingConfig,
+    TuneConfig,
+    name_list,
+    refuse,
+)
 from slip_detector.recordings.labels import ENDING, MISTAKEN
 from slip_detector.tuning.labels import contradictions, snap_labels
 from slip_detector.tuning.learning import learn

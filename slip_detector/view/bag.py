@@ -26,8 +26,7 @@ import numpy as np
 
 from slip_detector.chain.samples import Floats, Samples, Stamps
 from slip_detector.evaluation.evaluator import RecordingLoader
-from slip_detector.parameters import ChainConfig, DetectorConfig, DriverConfig
-from slip_detector.parameters.fields import quote
+from slip_detector.parameters import ChainConfig, DetectorConfig, DriverConfig, quote
 from slip_detector.recordings import labels
 from slip_detector.view.hand_labels import HandLabels, accuracy_of, pairs_of
 from slip_detector.view.recordings import trace_of

@@ -22,8 +22,7 @@ from typing import Any
 import numpy as np
 
 from slip_detector.chain.samples import Samples
-from slip_detector.parameters.files import file_errors_of
-from slip_detector.parameters.yaml_files import write_yaml
+from slip_detector.parameters import file_errors_of, write_yaml
 from slip_detector.recordings import labels
 
 #: Ends of slips, in order of time: seconds from the first sample, and how exact each is.
