@@ -84,7 +84,7 @@ def thresholds(chain: ChainConfig, parts: Sequence[Part]) -> Floats:
 
     They range from the median of the rows without slip to the value at which nothing is ON, or to
     the limit of evidence. Thresholds of evidence are at least as far apart as a :data:`STEP` in
-    amplitude changes evidence during one window of the envelope. They are rounded before they are
+    amplitude changes evidence during one window of the envelope. All are rounded before they are
     tried, so that the threshold of a result is one that was tried. There is none where the
     statistic is 0 throughout or infinite anywhere. Threshold and vote of the chain do not matter.
     """
@@ -99,18 +99,18 @@ def thresholds(chain: ChainConfig, parts: Sequence[Part]) -> Floats:
         exponent, limit = 1, chain.evidence_limit_db_s
         least_step = 20.0 * math.log10(STEP) * chain.envelope_window_s
     low = max(rest, top * RANGE**-exponent, 1e-30)
-    value, falling = top, [rounded(top)]
+    value, falling = top, [round_digits(top)]
     if falling[0] < top:
-        falling[0] = rounded(falling[0] + 10.0 ** (math.floor(math.log10(top)) - 3))
+        falling[0] = round_digits(falling[0] + 10.0 ** (math.floor(math.log10(top)) - 3))
     while value > low:
         value = min(value / STEP**exponent, value - least_step)
         if value > 0.0:
-            falling.append(rounded(value))
+            falling.append(round_digits(value))
     rising = np.array(falling[::-1])
     return rising[rising < limit]
 
 
-def rounded(value: float) -> float:
+def round_digits(value: float) -> float:
     """Round to four significant digits, which keeps the parameter file readable."""
     return float(f'{value:.4g}')
 
