@@ -34,7 +34,7 @@ from slip_detector.parameters import ChainConfig, read_yaml
 from slip_detector.scenes import Scene, find_scene
 from slip_detector.tuning.problem import searched_parameters
 from slip_detector.tuning.search import Study, search
-from slip_detector.tuning.tracks import Track, held_out, track_of
+from slip_detector.tuning.tracks import Track, hold_out_tracks, track_of
 from slip_detector.tuning.verdict import TuningParameters, choose, judge
 
 #: The paper's plates; each is a scene of a family, with each seed.
@@ -130,7 +130,7 @@ def measure_families(
     parameters = TuningParameters()
     for name, descriptions in families().items():
         # As slip_tune does: the search has a part of the tracks, the rest judges.
-        training, held = held_out(play_scenes(descriptions, tuned_on))
+        training, held = hold_out_tracks(play_scenes(descriptions, tuned_on))
         problem = parameters.problem(training)
         study = Study(problem, seed=0)
         search(study, trials)
