@@ -42,8 +42,7 @@ from slip_detector.parameters.sections import parameter_file
 from slip_detector.parameters.yaml_files import write_yaml
 from slip_detector.recordings import with_subfolders
 from slip_detector.recordings.labels import KINDS
-from slip_detector.report.answer import answer, bad_recordings, rounded
-from slip_detector.report.tables import compared, text_table
+from slip_detector.report.texts import answer, bad_recordings, compared, rounded, text_table
 from slip_detector.tuning.learning import learn_from_quiet
 from slip_detector.tuning.problem import Candidate, searched_parameters
 from slip_detector.tuning.tracks import Track, TrainingFiles

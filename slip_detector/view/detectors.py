@@ -28,6 +28,7 @@ from scipy.spatial import KDTree
 
 from slip_detector.chain.samples import Bools, Floats
 from slip_detector.parameters.detector import FIXED_PARAMETERS, DetectorConfig
+from slip_detector.parameters.fields import quote
 from slip_detector.view.track import LiveTrack, Spectrum, spectrum
 
 #: Missing heartbeats after which a detector counts as ended or hung.
@@ -315,12 +316,12 @@ class Detectors(ABC):
         """Return all fingers by name, also those whose detectors have ended."""
         return {**self.gone, **self.fingers}
 
-    def finger_of(self, name: object, or_gone: bool = False) -> Finger:
-        """Return a finger by the name that a page has sent; a ValueError if there is none."""
-        known = self.with_gone() if or_gone else self.fingers
-        if not isinstance(name, str) or name not in known:
-            raise ValueError(f'there is no finger {str(name)[:40]!r}')
-        return known[name]
+    def finger_of(self, name: str | None) -> Finger:
+        """Return a finger, also one whose detector has ended; a ValueError if there is none."""
+        finger = self.with_gone().get(name or '')
+        if finger is None:
+            raise ValueError(f'there is no finger {quote(name)}')
+        return finger
 
     @abstractmethod
     async def change(self, name: str, values: Mapping[str, Any], by: str) -> None:

@@ -26,18 +26,24 @@ import dataclasses
 import functools
 import re
 import shlex
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
 from slip_detector.parameters.detector import FIXED_PARAMETERS, NODE_PARAMETERS, DetectorConfig
-from slip_detector.parameters.fields import Field, allowed, quote, shortened, under_headings
+from slip_detector.parameters.fields import (
+    Field,
+    allowed,
+    quote,
+    refuse,
+    shortened,
+    under_headings,
+)
 from slip_detector.parameters.files import shared_folder, writable_folder
 from slip_detector.parameters.sections import parameter_file
 from slip_detector.parameters.yaml_files import write_yaml
 from slip_detector.view.detectors import Finger, Values
-from slip_detector.view.server import MOST_NAME, Server
-from slip_detector.view.view_request import Message
+from slip_detector.view.server import Server
 
 #: Names that a page may give to a file. Of several parameter files, the launch files use the names
 #: as namespaces.
@@ -46,9 +52,6 @@ ALLOWED_NAME = 'a letter, then letters (a-z), digits, single _, at most 64'
 
 #: The presets that a page offers, each with the name of its file in ``config``.
 PRESETS = {'paper': 'slip_detector', 'onset': 'onset', 'sure': 'sure', 'grasp': 'grasp'}
-
-#: Returns the values to set that a request asks for.
-ReadRequest = Callable[[Finger, Message], Values]
 
 #: Parameters that describe the sensor: no preset changes them.
 _SENSOR_PARAMETERS = {field.name for field in under_headings(DetectorConfig)['Samples']}
@@ -84,15 +87,8 @@ class ParameterRequests:
         #: By detector, a state that differs whenever a page has to be told something else.
         self._states: dict[str, tuple[Any, ...]] = {}
         server.each_tick.append(self._broadcast)
-        for request, read in {
-            'set': self._read_typed,
-            'undo': lambda finger, message: finger.to_undo(),
-            'as_in_file': self._read_as_in_file,
-            'take_input': lambda finger, message: finger.to_fit,
-            'preset': lambda finger, message: to_preset(str(message.get('preset')), finger.config),
-        }.items():
-            server.on_request(request, functools.partial(self._change, read), changes=True)
-        server.on_request('save', self._save, changes=True)
+        names = 'set', 'undo', 'as_in_file', 'take_input', 'preset', 'save'
+        server.on_requests(self, *names, changes=True)
 
     def _broadcast(self) -> None:
         """Send the pages the parameters if something has changed."""
@@ -134,44 +130,49 @@ class ParameterRequests:
             config = DetectorConfig.from_yaml(file, finger.name)
             finger.in_file = dataclasses.replace(config, **self._overrides)
 
-    async def _change(self, read: ReadRequest, message: Message) -> None:
-        """Set the values that a request asks for, if any."""
-        finger = self._detectors.finger_of(message.get('finger'), or_gone=True)
-        if values := read(finger, message):
-            page = f'page {message.get("page")}'[:MOST_NAME]
-            await self._detectors.change(finger.name, values, page)
+    async def answer_set(self, finger: Finger, values: Values, page: str) -> None:
+        """Set values that were typed or dragged."""
+        if not values:
+            refuse(f'values is {quote(values)}', 'a value for each name')
+        typed = {n: read_text(n, v) if isinstance(v, str) else v for n, v in values.items()}
+        await self._server.change(finger, typed, page)
 
-    def _read_typed(self, finger: Finger, message: Message) -> Values:
-        """Return values that were typed or dragged."""
-        values = message.get('values')
-        if not isinstance(values, dict) or not values:
-            raise ValueError(f'values is {quote(values)}, allowed: a value for each name')
-        return {n: read_text(n, v) if isinstance(v, str) else v for n, v in values.items()}
+    async def answer_undo(self, finger: Finger, page: str) -> None:
+        """Revert the last change."""
+        await self._server.change(finger, finger.to_undo(), page)
 
-    def _read_as_in_file(self, finger: Finger, message: Message) -> Values:
+    async def answer_as_in_file(self, finger: Finger, page: str) -> None:
+        """Set what the file has."""
         self._read_file(finger)
-        return finger.as_in_file()
+        await self._server.change(finger, finger.as_in_file(), page)
 
-    async def _save(self, message: Message) -> dict[str, Any]:
+    async def answer_take_input(self, finger: Finger, page: str) -> None:
+        """Set what makes the detector take what comes."""
+        await self._server.change(finger, finger.to_fit, page)
+
+    async def answer_preset(self, finger: Finger, preset: str, page: str) -> None:
+        """Set the decision of a preset."""
+        await self._server.change(finger, to_preset(preset, finger.config), page)
+
+    async def answer_save(self, fingers: list[str], name: str, replace: bool) -> dict[str, Any]:
         """Save the detectors' parameters; return how to launch with them, or which file exists.
 
         The page gives the name of the file, without ``.yaml``.
         """
-        names, name = message.get('fingers'), str(message.get('name') or '')
-        if not isinstance(names, list) or not names:
-            raise ValueError(f'fingers is {quote(names)}, allowed: a list of those that are shown')
-        configs = {each: self._detectors.finger_of(each, or_gone=True).config for each in names}
-        if not FILE_NAME.fullmatch(name):
-            raise ValueError(f'name is {quote(name)}, allowed: {ALLOWED_NAME}')
+        if not fingers:
+            refuse(f'fingers is {quote(fingers)}', 'a list of those that are shown')
+        configs = {each: self._detectors.finger_of(each).config for each in fingers}
+        if not FILE_NAME.fullmatch(name or ''):
+            refuse(f'name is {quote(name)}', ALLOWED_NAME)
         if self._overrides:
             (file,) = self._files
             kept = {n: vars(DetectorConfig.from_yaml(file))[n] for n in self._overrides}
             configs = {n: dataclasses.replace(config, **kept) for n, config in configs.items()}
         path = writable_folder(self._folder) / f'{name}.yaml'
-        if path.exists() and message.get('replace') is not True:
+        if path.exists() and not replace:
             return {'taken': f'{path}: already exists'}
         comments = [f'Saved by slip_view: what {" and ".join(configs)} ran with.']
-        document = parameter_file(configs, self._file_of(names[0]))
+        document = parameter_file(configs, self._file_of(fingers[0]))
         await asyncio.to_thread(write_yaml, path, document, comments)
         return {'launch': launch_arguments(configs, path)}
 
@@ -180,7 +181,7 @@ class ParameterRequests:
 def preset(name: str) -> DetectorConfig:
     """Return the configuration in the file of a preset."""
     if name not in PRESETS:
-        raise ValueError(f'preset is {quote(name)}, allowed: {", ".join(PRESETS)}')
+        refuse(f'preset is {quote(name)}', ', '.join(PRESETS))
     return DetectorConfig.from_yaml(shared_folder() / 'config' / f'{PRESETS[name]}.yaml')
 
 

@@ -23,6 +23,7 @@ import contextlib
 import math
 import re
 import shutil
+import time
 from collections.abc import Awaitable, Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -37,6 +38,7 @@ from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.matching import OnIntervals
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig, DetectorConfig
+from slip_detector.parameters.fields import quote, refuse
 from slip_detector.parameters.files import file_errors_of
 from slip_detector.parameters.fitting import rates_differ
 from slip_detector.recordings import Recording, labels, open_recording
@@ -45,7 +47,7 @@ from slip_detector.report.overview import MOST_CELLS, THRESHOLD_CODE, Overview
 from slip_detector.tuning.labels import NOTHING_CHANGES
 from slip_detector.tuning.tracks import Track, hold_out, track_of
 from slip_detector.view.detectors import Finger
-from slip_detector.view.hand_labels import HandLabels
+from slip_detector.view.hand_labels import HandLabels, pairs_of
 
 #: Kinds of recordings.
 KINDS = ('rest', 'slip', 'taps', 'press')
@@ -144,7 +146,7 @@ class RecordedFolder:
         every = {**self.recordings, made.name: made}
         self.recordings = {name: every[name] for name in sorted(every, key=_order)}
 
-    def path_of(self, name: object) -> Path:
+    def path_of(self, name: str) -> Path:
         """Return the folder of a recording, by the name that a page has sent.
 
         Raises
@@ -152,11 +154,11 @@ class RecordedFolder:
         ValueError
             When no recording has this name.
         """
-        if not isinstance(name, str) or name not in self.recordings:
-            raise ValueError(f'there is no recording {str(name)[:40]!r}, allowed: those listed')
+        if name not in self.recordings:
+            refuse(f'there is no recording {quote(name)}', 'those listed')
         return self.folder / name
 
-    def delete(self, name: object) -> None:
+    def delete(self, name: str) -> None:
         """Delete the folder of a recording, and its labels.
 
         Raises
@@ -171,7 +173,7 @@ class RecordedFolder:
         del self.recordings[path.name]
         self._labels.pop(path.name, None)
 
-    def mark(self, name: object, mistaken: bool) -> None:
+    def mark(self, name: str, mistaken: bool) -> None:
         """Mark a recording's labels as a mistake, or take that back.
 
         Raises
@@ -189,27 +191,29 @@ class RecordedFolder:
             if name in self.recordings and doubt.startswith(NOTHING_CHANGES):
                 self.recordings[name] = self.recordings[name]._replace(note=doubt)
 
-    def trace(self, name: object, config: DetectorConfig) -> dict[str, Any]:
-        """Return what a chain makes of a recording, see :func:`trace_of`; may raise a ValueError.
+    def trace(self, name: str, config: DetectorConfig) -> dict[str, Any]:
+        """Return what a chain makes of a recording, see :func:`trace_of`, and its labels.
 
-        That is when no recording has this name, it cannot be read or is of other channels.
+        Raises
+        ------
+        ValueError
+            When no recording has this name, it cannot be read or is of other channels.
         """
         rows, rate_hz, _ = RecordingLoader(config).open(self.path_of(name), require_truth=False)
-        return trace_of(config, rows, rate_hz)
+        return {**trace_of(config, rows, rate_hz), 'slip_s': pairs_of(self._labels_of(name).ends)}
 
-    def change_labels(self, name: object, change: Callable[[HandLabels], Any]) -> Any:
-        """Return the result of a function that changes the labels of a recording."""
-        path = self.path_of(name)
-        if path.name not in self._labels:
-            file, (recording, track) = path.parent / labels.labels_name(path), _read(path)
-            # The page has seen the ends as rows.
-            ends_s = (np.ravel(track.slips) / track.sample_rate_hz).round(4).tolist()
-            ends = [(end_s, recording.accuracy_s) for end_s in ends_s]
-            known = HandLabels(file, ends, track.duration_s, lambda: _rows(path))
-            self._labels[path.name] = known
-        result = change(self._labels[path.name])
-        self.recordings[path.name] = self._summary(path.name)
+    def change_labels(self, name: str, change: Callable[..., Any], *arguments: Any) -> Any:
+        """Return the result of a method of :class:`.HandLabels` for those of a recording."""
+        result = change(self._labels_of(name), *arguments)
+        self.recordings[name] = self._summary(name)
         return result
+
+    def _labels_of(self, name: str) -> HandLabels:
+        path = self.path_of(name)
+        if name not in self._labels:
+            file, exact_s = path.parent / labels.labels_name(path), open_recording(path).accuracy_s
+            self._labels[name] = HandLabels(file, exact_s, lambda: _read(path)[1])
+        return self._labels[name]
 
     def off_rate(self, name: str) -> str:
         """Return why a recording's rate is not that of the detector; empty if it is."""
@@ -255,11 +259,6 @@ class RecordedFolder:
 def _read(path: Path) -> tuple[Recording, Track]:
     recording = open_recording(path)
     return recording, track_of(path.name, recording.rows(), recording.sample_rate_hz)
-
-
-def _rows(path: Path) -> tuple[Samples, float]:
-    _, track = _read(path)
-    return track.samples, track.sample_rate_hz
 
 
 def trace_of(
@@ -361,6 +360,10 @@ class Recorder:
         self._beginnings, self._next_row = finger.track.beginnings, since
         #: Whether the rows from now on are labelled as slip.
         self.slipping = False
+        #: When it was begun, and when a page has last said that the key is held.
+        self.begun_s = self.held_s = time.monotonic()
+        #: The stamp at which it ends: of a slip after it was released, else none.
+        self.ends_ns = math.inf
         self._rate_hz = finger.config.sample_rate_hz
         #: Rows in the recording.
         self.rows = 0

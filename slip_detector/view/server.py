@@ -18,6 +18,7 @@
 import asyncio
 import contextlib
 import copy
+import inspect
 import json
 import logging
 import threading
@@ -32,10 +33,12 @@ from tornado import web, websocket
 from tornado.httpserver import HTTPServer
 
 from slip_detector.commands.command_line import one_line
+from slip_detector.parameters.fields import refuse
 from slip_detector.view.access import Access, Connections
-from slip_detector.view.detectors import Detectors
+from slip_detector.view.detectors import Detectors, Finger
+from slip_detector.view.messages import Message, check
 from slip_detector.view.track import LiveTrack
-from slip_detector.view.view_request import Message, Pace, ViewRequest
+from slip_detector.view.view_request import Pace, ViewRequest
 
 #: Shortest time between two frames, in seconds.
 FRAME_S = 1 / 30
@@ -87,11 +90,15 @@ READ_ONLY = 'slip_view was started with --read-only: nothing can be changed from
 
 REPLACED = 'a later request of this page has taken its place'
 
+LOG = logging.getLogger(__name__)
+
 T = TypeVar('T')
 
-#: Returns the answer to a request of a page, None where "done" is all there is to say, or raises a
-#: ValueError that says why not.
-Answer = Callable[[Message], Awaitable[Mapping[str, Any] | None]]
+#: Answers a request of a page. Its parameters have the names of the fields of the message that it
+#: needs, and get None for one that the message lacks; ``finger`` is a finger that there is or was.
+#: It returns what the page gets, None if "done" is all there is to say, or raises a ValueError
+#: that says why not.
+Answer = Callable[..., Awaitable[Mapping[str, Any] | None]]
 
 
 class Request(NamedTuple):
@@ -130,7 +137,7 @@ class Server:
         #: By type what pages may request.
         self.requests: dict[str, Request] = {}
         self._worker = ThreadPoolExecutor(1, 'slow requests')
-        self.on_request('keep_rest', self._keep_rest, changes=True, latest_only=True)
+        self.on_requests(self, 'keep_rest', changes=True, latest_only=True)
         #: By topic the present content, for a page that is opened later.
         self.news: dict[str, str] = {}
         application = web.Application(
@@ -150,14 +157,16 @@ class Server:
         )
         self.connections = Connections(self._http)
 
-    def on_request(
-        self, name: str, answer: Answer, *, changes: bool = False, latest_only: bool = False
+    def on_requests(
+        self, answering: object, *names: str, changes: bool = False, latest_only: bool = False
     ) -> None:
-        """Let a function answer the requests of this type; see :class:`Request`.
+        """Let a method ``answer_NAME`` answer the requests of each name; see :class:`Request`.
 
-        The function does what takes long by :meth:`work`.
+        The method does what takes long by :meth:`work`.
         """
-        self.requests[name] = Request(answer, changes, latest_only)
+        for name in names:
+            answer = getattr(answering, f'answer_{name}')
+            self.requests[name] = Request(answer, changes, latest_only)
 
     async def work(self, function: Callable[..., T], *arguments: Any) -> T:
         """Return the result of a function that takes long, beside the loop, one at a time.
@@ -186,9 +195,9 @@ class Server:
             When the port is not available.
         """
         # A malformed request is answered with its error; it need not be in a robot's log.
-        logging.getLogger('tornado.access').setLevel(logging.CRITICAL)
-        logging.getLogger('tornado.general').setLevel(logging.ERROR)
-        for name in ('tornado.general', 'tornado.application', 'asyncio', __name__):
+        for name in ('tornado.access', 'tornado.general'):
+            logging.getLogger(name).setLevel(logging.CRITICAL)
+        for name in ('tornado.application', 'asyncio', __name__):
             logging.getLogger(name).addFilter(in_one_line)
         return self.connections.listen(port, self.access.host)
 
@@ -222,7 +231,7 @@ class Server:
                 page.send_news()
             except Exception:
                 # The other pages and the recording go on.
-                logging.getLogger(__name__).exception('a page cannot be sent to')
+                LOG.exception('a page cannot be sent to')
                 page.close(1011, 'slip_view has failed at this page, its log says where')
 
     async def close(self) -> None:
@@ -242,32 +251,37 @@ class Server:
     async def answer(self, message: Message) -> dict[str, Any]:
         """Answer a request of a page."""
         answer = {'type': 'answer', 'id': message.get('id'), 'refusal': ''}
+        name = str(message.get('type'))
         try:
             json.dumps(message, ensure_ascii=False).encode()  # No halves of characters.
-            request = self.request_of(message)
-            if request is None:
-                known = ', '.join(sorted(self.requests))
-                raise ValueError(
-                    f'{str(message.get("type"))[:40]} is no request, allowed: {known}'
-                )
-            if request.changes and self.access.read_only:
+            check(message)
+            if name not in self.requests:
+                refuse(f'{name[:40]} is no request', ', '.join(sorted(self.requests)))
+            if self.requests[name].changes and self.access.read_only:
                 raise ValueError(READ_ONLY)
-            answer.update(await request.answer(message) or {})
+            function = self.requests[name].answer
+            fields = {each: message.get(each) for each in inspect.signature(function).parameters}
+            if 'finger' in fields:
+                fields['finger'] = self.detectors.finger_of(fields['finger'])
+            answer.update(await function(**fields) or {})
         except (ValueError, RecursionError) as error:
             answer['refusal'] = str(error)
+        except asyncio.CancelledError:
+            answer['refusal'] = REPLACED
         except Exception as error:
             # The page must not wait for ever.
-            logging.getLogger(__name__).exception('a request failed: %s', message['type'])
+            LOG.exception('a request failed: %s', name)
             answer['refusal'] = f'slip_view has failed at this, its log says where: {error!r}'
         return {**answer, 'refusal': one_line(answer['refusal'])}
 
-    def request_of(self, message: Message) -> Request | None:
-        """Return what a page requests; None if there is no such request."""
-        name = message.get('type')
-        return self.requests.get(name) if isinstance(name, str) else None
+    async def change(self, finger: Finger, values: Mapping[str, Any], page: str | None) -> None:
+        """Set parameters of a finger's detector, if any, for a page; may raise a ValueError."""
+        if values:
+            await self.detectors.change(finger.name, values, f'page {page}'[:MOST_NAME])
 
-    async def _keep_rest(self, message: Message) -> None:
-        await self.work(self.detectors.finger_of(message.get('finger')).keep_rest)
+    async def answer_keep_rest(self, finger: Finger) -> None:
+        """Keep the present spectra of a finger as those at rest."""
+        await self.work(finger.keep_rest)
 
 
 class _Guarded(web.RequestHandler):
@@ -319,7 +333,7 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         self._alive_s = time.monotonic()
         self._answers: set[asyncio.Task[None]] = set()
         #: The latest of each request of which only that counts.
-        self._latest: dict[Request, asyncio.Task[dict[str, Any]]] = {}
+        self._latest: dict[Request, asyncio.Task[None]] = {}
 
     def open(self, *args: str, **kwargs: str) -> None:
         """Prepare to send the page the present content of each topic."""
@@ -327,8 +341,8 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         self.news = dict(self.server.news)
         self.server.pages.add(self)
         self._stream: Any = getattr(self.ws_connection, 'stream', None)
-        held = self.server.connections
-        held.strangers = [each for each in held.strangers if each is not self._stream]
+        if self._stream in self.server.connections.strangers:
+            self.server.connections.strangers.remove(self._stream)
 
     def on_close(self) -> None:
         """Forget the page."""
@@ -359,15 +373,15 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         else:
             if len(self._answers) >= MOST_UNANSWERED:
                 await asyncio.wait(self._answers, return_when=asyncio.FIRST_COMPLETED)
-            begun = asyncio.create_task(self.server.answer(content))
-            request = self.server.request_of(content)
+            task = asyncio.create_task(self._answer(content))
+            self._answers.add(task)
+            task.add_done_callback(self._answers.discard)
+            request = self.server.requests.get(str(content.get('type')))
             if request and request.latest_only:
                 if before := self._latest.get(request):
                     before.cancel()
-                self._latest[request] = begun
-            task = asyncio.create_task(self._answer(content, begun))
-            self._answers.add(task)
-            task.add_done_callback(self._answers.discard)
+                self._latest[request] = task
+            await asyncio.sleep(0)  # One that has begun is answered also when it is cancelled.
 
     def _change_view(self, content: Message) -> None:
         try:
@@ -384,12 +398,8 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
             finger = self.server.detectors.fingers.get(self.view.finger)
             self.past = copy.deepcopy(finger.track) if finger else None
 
-    async def _answer(self, content: Message, begun: 'asyncio.Task[dict[str, Any]]') -> None:
-        try:
-            answer = await begun
-        except asyncio.CancelledError:
-            answer = {'type': 'answer', 'id': content.get('id'), 'refusal': REPLACED}
-        await self._send([json.dumps(answer)])
+    async def _answer(self, content: Message) -> None:
+        await self._send([json.dumps(await self.server.answer(content))])
 
     def send_news(self) -> None:
         """Send what is new, unless something is still being sent; close a page that is gone."""

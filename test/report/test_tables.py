@@ -16,7 +16,7 @@
 
 from slip_detector.grasp.loop import UNCONTROLLED, grasp_figures
 from slip_detector.report.pictures import grasp_table
-from slip_detector.report.tables import (
+from slip_detector.report.texts import (
     COMPARABLE,
     LEGEND,
     TABLES,

@@ -23,7 +23,7 @@ import sys
 import pytest
 
 from slip_detector.parameters import DetectorConfig
-from slip_detector.report.tables import heading
+from slip_detector.report.texts import heading
 from slip_detector.view import tuning
 from slip_detector.view.recordings import RecordedFolder
 from slip_detector.view.tuning import COMMAND, TuneRun
