@@ -218,13 +218,13 @@ def _data(variants: Sequence[Variant]) -> str:
     recordings = zip(*(variant.overviews for variant in variants), strict=True)
     data = {
         'variants': [variant.name for variant in variants],
-        'recordings': [packed_recording(overviews) for overviews in recordings],
+        'recordings': [pack_recording(overviews) for overviews in recordings],
     }
     # Only '<' can end a script element; JSON may write it as an escape.
     return json.dumps(data, separators=(',', ':'), allow_nan=False).replace('<', '\\u003c')
 
 
-def packed_recording(variants: Sequence[Overview]) -> dict[str, Any]:
+def pack_recording(variants: Sequence[Overview]) -> dict[str, Any]:
     """Return what the scripts read of one recording; it has an overview for each variant."""
     first = variants[0]
     lowest = np.fmin.reduce(first.low, initial=np.inf).astype(np.float64)
@@ -234,12 +234,12 @@ def packed_recording(variants: Sequence[Overview]) -> dict[str, Any]:
     # A flat channel has one code only, with any step.
     step = np.where(highest > lowest, (highest - lowest) / MOST_CODE, 1.0)
 
-    def packed(volts: Volts) -> bytes:
+    def packed_volts(volts: Volts) -> bytes:
         codes = np.rint((volts - lowest) / step)
         return _bytes(np.where(np.isnan(codes), NO_SAMPLE, codes).astype('<u2'))
 
     # In bins of one row the lowest and the highest volts are the same.
-    data = [packed(extreme) for extreme in (first.low, first.high)[: min(first.bin_rows, 2)]]
+    data = [packed_volts(extreme) for extreme in (first.low, first.high)[: min(first.bin_rows, 2)]]
     data += [_bytes(overview.codes) for overview in variants]
     return {
         'name': first.name,

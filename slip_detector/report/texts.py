@@ -310,7 +310,7 @@ def answer(after: Figures, before: Figures | None = None) -> list[str]:
         sentences.append(f'It was ON already before {already_on} of them')
     sentences += _time_on(after, before or {})
     alarms = after['false_alarms_per_minute']
-    # What is mostly ON has few alarms.
+    # A detector that is mostly ON has few alarms.
     if alarms is not None and (alarms >= 0.5 or not before) and after['false_time_percent'] < 50.0:
         sentences.append(f'False alarms: {rounded(alarms)} a minute')
     lines, worse = [f'{". ".join(sentences)}.'], list[str]()
@@ -399,7 +399,7 @@ def _time_on(after: Figures, before: Figures) -> list[str]:
     whole, texts = known.pop(ALL, None), list[str]()
     if whole is None:
         return texts
-    # All the time is ON more than each kind only where it is ON between the slips.
+    # The share of all the time is above that of each kind only if it is ON between the slips.
     if after['rest_on_percent'] is None or whole > max(known.values()):
         known = {ALL: whole, **known}
     for name in known:

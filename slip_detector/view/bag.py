@@ -35,12 +35,12 @@ from slip_detector.view.server import Server
 #: After so many seconds without a call of :meth:`PlayedBag.due` it has stood still.
 STILL_S = 0.5
 
-#: Time, in seconds, by which the stamps jump at least where it goes on after it stood still, or at
-#: another place. To the detector this is a long gap: it begins anew.
+#: Least time, in seconds, by which the stamps jump where it goes on after it stood still, or at
+#: another place. To the detector this is a long gap, after which it begins anew.
 JUMP_S = 1.0
 
-#: Bins of the trace: at most so many, and more than half of them, unless it is short. In half an
-#: hour one is shorter than an end that is set by eye may be off.
+#: Most bins of the trace; it has more than half of them unless it is short. In half an hour a bin
+#: is shorter than the error of an end that is set by eye.
 BINS = 32_000
 
 
@@ -84,9 +84,9 @@ class PlayedBag:
         # The number of changes of the labels or the detector.
         self._changes, self._seen = 0, tuple[Any, ...]()
         self.speed, self.playing = 1.0, True
-        # The place, the next row, what its stamp has more, and the time of the last call.
+        # The place, the next row, what is added to its stamp, and when :meth:`due` was called.
         self._at_s, self._next, self._later_ns, self._now_s = 0.0, 0, 0, -math.inf
-        # From which stamp on which place was played; None: none. In seconds.
+        # Pairs in seconds: a stamp, and the place that was played from it on, None for none.
         self._places: list[tuple[float, float | None]] = []
         server.each_tick.append(self.tick)
         server.on_requests(self, 'bag_trace', latest_only=True)
@@ -161,12 +161,12 @@ class PlayedBag:
         self._at_s = min(to_s, self.duration_s)
         self._next = self._row_at(self._at_s, 'left')
         to_ns = int(self._after_ns[self._next])
-        # Whole seconds stay whole ones.
+        # By whole seconds, so that a place and its stamp have the same decimals.
         least_s = math.ceil((last_ns - to_ns) * 1e-9 + JUMP_S)
         self._later_ns = max(least_s, (time.time_ns() - to_ns) // 10**9) * 10**9
         self._now_s = math.inf  # Until the next call nothing is due.
         begins = (to_ns + self._later_ns) * 1e-9, to_ns * 1e-9
-        self._places = [*self._places[-14:], (last_ns * 1e-9, None), begins]  # The last ones do.
+        self._places = [*self._places[-14:], (last_ns * 1e-9, None), begins]  # A page shows few.
 
     def trace(self, config: ChainConfig) -> dict[str, Any]:
         """Return what a chain makes of the recording, see :func:`.trace_of`, and the labels."""

@@ -31,14 +31,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from slip_detector.parameters.detector import FIXED_PARAMETERS, NODE_PARAMETERS, DetectorConfig
-from slip_detector.parameters.fields import (
-    Field,
-    allowed,
-    quote,
-    refuse,
-    shortened,
-    under_headings,
-)
+from slip_detector.parameters.fields import allowed, quote, refuse, shortened, under_headings
 from slip_detector.parameters.files import shared_folder, writable_folder
 from slip_detector.parameters.sections import parameter_file
 from slip_detector.parameters.yaml_files import write_yaml
@@ -101,14 +94,14 @@ class ParameterRequests:
             with contextlib.suppress(ValueError):
                 self._read_file(fingers[name])
         self._states = states
-        described = {n: {'gone': n in gone, **self._described(fingers[n])} for n in fingers}
+        described = {n: {'gone': n in gone, **self._describe(fingers[n])} for n in fingers}
         self._server.broadcast('parameters', {'folder': str(self._folder), 'fingers': described})
 
-    def _described(self, finger: Finger) -> dict[str, Any]:
+    def _describe(self, finger: Finger) -> dict[str, Any]:
         last = finger.history[-1] if finger.history else None
         latest = enumerate(reversed(finger.changes))
         return {
-            'headings': described_parameters(finger),
+            'headings': describe_parameters(finger),
             'file': str(self._file_of(finger.name) or ''),
             'differs': sorted(finger.as_in_file()),
             'preset': _preset_of(finger.config),
@@ -208,35 +201,27 @@ def _preset_of(config: DetectorConfig) -> str:
     return ''
 
 
-def described_parameters(finger: Finger) -> list[dict[str, Any]]:
+def describe_parameters(finger: Finger) -> list[dict[str, Any]]:
     """Return what a page shows of the parameters: headings, each with those below in order."""
     config, limits, in_file = finger.config, finger.config.limits(), finger.in_file.to_parameters()
     parts: dict[str, list[dict[str, Any]]] = {}
     heading = ''
     for name, value in config.to_parameters().items():
         field = DetectorConfig.__dataclass_fields__[name.partition('.')[0]]
-        heading = field.metadata['heading'] or heading
-        row = _row(field, name, value, in_file.get(name), limits)
+        heading, unit = field.metadata['heading'] or heading, field.metadata['unit']
+        limit, always = limits.get(field.name, ''), allowed(field).removesuffix(f' {unit}')
+        row = {
+            'name': name,
+            'text': text_of(value),
+            'in_file': text_of(in_file[name]) if name in in_file else None,
+            'unit': unit,
+            'meaning': field.metadata['meaning'],
+            'allowed': always if limit in always else f'{always}; now {limit}',
+            'choices': ['true', 'false'] if isinstance(value, bool) else field.metadata['choices'],
+            'read_only': name in FIXED_PARAMETERS,
+        }
         parts.setdefault(heading, []).append(row)
     return [{'heading': heading, 'parameters': rows} for heading, rows in parts.items()]
-
-
-def _row(
-    field: Field, name: str, value: Any, in_file: Any, limits: Mapping[str, str]
-) -> dict[str, Any]:
-    """Return what a page shows of a parameter, with its value in the file or None."""
-    limit, unit = limits.get(field.name, ''), field.metadata['unit']
-    always, choices = allowed(field).removesuffix(f' {unit}'), field.metadata['choices']
-    return {
-        'name': name,
-        'text': text_of(value),
-        'in_file': None if in_file is None else text_of(in_file),
-        'unit': unit,
-        'meaning': field.metadata['meaning'],
-        'allowed': always if limit in always else f'{always}; now {limit}',
-        'choices': ['true', 'false'] if isinstance(value, bool) else list(choices),
-        'read_only': name in FIXED_PARAMETERS,
-    }
 
 
 def words_of(before: DetectorConfig, after: DetectorConfig) -> str:
@@ -304,8 +289,8 @@ def _scalar(text: str) -> Any:
 def launch_arguments(names: Collection[str], path: Path) -> str:
     """Return the arguments of ``slip_detector.launch.py`` that start detectors with a saved file.
 
-    One detector alone, by its full name, can be started as any finger; several are started with
-    their names.
+    The file of a single detector can start any finger; of several detectors each is started with
+    its name.
 
     Examples
     --------

@@ -56,8 +56,8 @@ _NAME = re.compile(rf'({"|".join(KINDS)})_([1-9][0-9]{{0,8}})')
 #: Note on a recording of kind ``slip`` that contains none.
 NO_SLIP = 'has no slip'
 
-#: Bins of a recording's trace: at most so many, and more than half of them, unless it is short;
-#: share of them that is below the level of rest.
+#: Most bins of a recording's trace, which has more than half of them unless it is short; and the
+#: share of the bins whose signal is below the level of rest.
 TRACE_BINS, REST_SHARE = 600, 0.05
 
 #: The median channel is averaged over so many seconds.
@@ -113,6 +113,8 @@ class RecordedFolder:
         self.recordings: dict[str, RecordingSummary] = {}
         #: Whether a search on them ended without a result before the page's server began.
         self.interrupted = False
+        #: Name of the recording that is being made, which is not listed yet; '': none.
+        self.writing = ''
         # The labels of those that pages have changed.
         self._labels: dict[str, HandLabels] = {}
         #: Rate of the detector, if it is known.
@@ -120,14 +122,9 @@ class RecordedFolder:
 
     async def refresh(self, work: Callable[..., Awaitable[Any]] = asyncio.to_thread) -> None:
         """Update the list from the folder; ``work`` reads what is new or could not be used."""
-        for name in self._bags():
-            before = self.recordings.get(name)
-            if before and before.usable:
-                continue
-            new = await work(self._summary, name)
-            # One that was added meanwhile may have been read above before it had ended.
-            if self.recordings.get(name) is before:
-                self.add(new)
+        for name in self._bags() - {self.writing}:
+            if name not in self.recordings or not self.recordings[name].usable:
+                self.add(await work(self._summary, name))
         for name in self.recordings.keys() - self._bags():
             del self.recordings[name]
 
@@ -222,21 +219,19 @@ class RecordedFolder:
             return ''
         return f'has {rate_hz:.4g} Hz by its stamps, the detector {self.sample_rate_hz:g} Hz'
 
-    def held_out(self) -> list[str]:
-        """Return the names of those that judge the result, of those that can be used."""
-        usable = [each for each in self.described() if each['usable']]
-        by_kind = ([each['name'] for each in usable if each['kind'] == kind] for kind in KINDS)
-        return [name for names in by_kind for name in hold_out(names)[1]]
-
-    def described(self) -> list[dict[str, Any]]:
-        """Return what a page shows of each recording; one of another rate cannot be used."""
-        described = []
+    def describe(self) -> dict[str, Any]:
+        """Return what a page shows of the recordings; one of another rate cannot be used."""
+        listed, held_out = list[dict[str, Any]](), list[str]()
         for name, summary in self.recordings.items():
             off_rate = self.off_rate(name)
             note = '; '.join(filter(None, (summary.note, off_rate)))
             state = {'note': note, 'usable': summary.usable and not off_rate}
-            described.append({**summary._asdict(), 'kind': summary.kind, **state})
-        return described
+            listed.append({**summary._asdict(), 'kind': summary.kind, **state})
+        for kind in KINDS:
+            usable = [each['name'] for each in listed if each['kind'] == kind and each['usable']]
+            held_out += hold_out(usable)[1]
+        about = {'folder': str(self.folder), 'interrupted': self.interrupted}
+        return {'recordings': listed, 'held_out': held_out, **about}
 
     def _bags(self) -> set[str]:
         paths = self.folder.glob('*/*.mcap')
@@ -281,8 +276,8 @@ def trace_of(
     return {
         'duration_s': signal.rows / rate_hz,
         'bin_s': signal.bin_rows / rate_hz,
-        'loudest': _known(loudest_db),
-        'median': _known(median_db),
+        'loudest': _as_json(loudest_db),
+        'median': _as_json(median_db),
         'rest_db': round(np.quantile(known_db, REST_SHARE), 1) if known_db.size else None,
         'level': (signal.codes.mean(axis=1) / THRESHOLD_CODE).round(2).tolist(),
         'slip_s': _seconds(signal.truth, rate_hz),
@@ -310,7 +305,7 @@ class _Signal(Overview):
         settling = np.ones(1 + -(-settling_rows(self.config) // self.bin_rows))
         absent = np.append(True, np.isnan(self.high).all(axis=1))
         each_db[np.convolve(absent, settling)[1 : len(absent)] > 0] = np.nan
-        # What is no number comes last.
+        # Values that are no numbers come last.
         ordered = np.sort(np.where(np.isfinite(each_db), each_db, np.nan), axis=1)
         n, every = np.isfinite(ordered).sum(axis=1), np.arange(len(ordered))
         median_db, known = ordered[every, (n - 1) // 2], n > 0
@@ -320,7 +315,7 @@ class _Signal(Overview):
         return ordered[every, n - 1], np.where(known, smooth_db, np.nan)
 
 
-def _known(values: Floats) -> list[float | None]:
+def _as_json(values: Floats) -> list[float | None]:
     return [value if math.isfinite(value) else None for value in values.round(1).tolist()]
 
 

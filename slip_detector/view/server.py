@@ -46,8 +46,8 @@ FRAME_S = 1 / 30
 #: Period of the server's loop, in seconds, while no page is open and no finger is recorded.
 IDLE_S = 0.2
 
-#: A page that has not read all it was sent, and answered a ping, for so many seconds is closed, as
-#: is a connection that asks for nothing.
+#: A page is closed if for so many seconds it has answered no ping, or has not read what it was
+#: sent. A connection is closed if it sends no request in this time.
 PING_S = 10.0
 
 #: Longest time, in seconds, for which the server waits at its end for pages to have heard of it.
@@ -56,7 +56,7 @@ GOODBYE_S = 1.0
 #: Longest message of a page, in bytes.
 MOST_BYTES = 1 << 18
 
-#: Most requests of a page without an answer that is sent: until then no more are read.
+#: Most requests of a page that wait for an answer. While there are so many, no more are read.
 MOST_UNANSWERED = 16
 
 #: Most characters of the name of a page, which is kept with what it has changed.
@@ -111,7 +111,7 @@ class Request(NamedTuple):
     latest_only: bool
 
 
-def in_one_line(record: logging.LogRecord) -> bool:
+def make_one_line(record: logging.LogRecord) -> bool:
     """Make one line of a record, whatever a page has sent: of an error, what it is and where."""
     text = record.getMessage()
     if record.exc_info and record.exc_info[1]:
@@ -198,7 +198,7 @@ class Server:
         for name in ('tornado.access', 'tornado.general'):
             logging.getLogger(name).setLevel(logging.CRITICAL)
         for name in ('tornado.application', 'asyncio', __name__):
-            logging.getLogger(name).addFilter(in_one_line)
+            logging.getLogger(name).addFilter(make_one_line)
         return self.connections.listen(port, self.access.host)
 
     async def run(self, stop: asyncio.Event | threading.Event) -> None:
@@ -223,7 +223,7 @@ class Server:
         gone = {name: each.label for name, each in self.detectors.gone.items()}
         described = {'fingers': [finger.description() for finger in fingers], 'gone': gone}
         self.broadcast('fingers', {**described, 'read_only': self.access.read_only})
-        # That no samples come is no fault of a finger whose recording stands still.
+        # A finger whose recording stands still gets no samples, which is no fault.
         lines = {each.name: () if each.paused else each.diagnostics for each in fingers}
         self.broadcast('diagnostics', {'fingers': lines})
         for page in list(self.pages):
@@ -241,7 +241,7 @@ class Server:
         await self.connections.stop_listening()
         for page in list(self.pages):
             page.close(1001, 'slip_view was stopped')
-        # One that sends something into a closed connection does not hear why it was closed.
+        # A page that sends into a closed connection does not learn why it was closed: wait for it.
         until_s = time.monotonic() + GOODBYE_S
         while self.pages and time.monotonic() < until_s:
             await asyncio.sleep(0.01)
@@ -326,13 +326,13 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         #: While the page is paused, a copy of what its finger's track was then.
         self.past: LiveTrack | None = None
         self.news: dict[str, str] = {}
-        self._draws = False
+        self._is_drawing = False
         self._pace, self._sent_s = Pace(), 0.0
         self._sending: asyncio.Future[None] | None = None
-        #: When it last answered a ping, and had read all else.
+        #: When the page last answered a ping and had read all that it was sent.
         self._alive_s = time.monotonic()
         self._answers: set[asyncio.Task[None]] = set()
-        #: The latest of each request of which only that counts.
+        #: By request of which only the latest counts, the task that answers the latest.
         self._latest: dict[Request, asyncio.Task[None]] = {}
 
     def open(self, *args: str, **kwargs: str) -> None:
@@ -365,9 +365,9 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         if not isinstance(content, dict):
             self.close(1003, 'no JSON object')
         elif content.get('type') == 'drawn':
-            if self.view is not None and self._draws:
+            if self.view is not None and self._is_drawing:
                 self._pace.drawn(time.monotonic() - self._sent_s, self.view.is_whole)
-            self._draws = False
+            self._is_drawing = False
         elif content.get('type') == 'view':
             self._change_view(content)
         else:
@@ -409,10 +409,10 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
             return
         content: list[str | bytes] = []
         # The page has to draw a frame before it gets the next one, and more news.
-        if self.view is None or not self._draws:
+        if self.view is None or not self._is_drawing:
             content, self.news = [*self.news.values()], {}
             if self.view is not None:
-                self._draws, self._sent_s = True, time.monotonic()
+                self._is_drawing, self._sent_s = True, time.monotonic()
                 content.append(self.view.frame(self.server.detectors, self.past, self._pace.join))
         self._sending = asyncio.ensure_future(self._send(content))
 

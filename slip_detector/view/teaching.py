@@ -18,7 +18,6 @@
 import asyncio
 import math
 import time
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -83,10 +82,13 @@ class Teaching:
         """Write new rows, end what is due to end, and report; called after each poll."""
         if self._recorder is not None:
             self._continue(self._recorder)
-        recorder, tuning = self._recorder, self._run and self._run.described()
+        recorder, tuning = self._recorder, self._run and self._run.describe()
         self._server.wanted['recording'] = {recorder.finger.name} if recorder else set()
         self._server.broadcast('recording', {'recording': recorder and self._state(recorder)})
-        fingers = {name: self._listed(name, folder) for name, folder in self._folders.items()}
+        fingers = {
+            name: {**folder.describe(), 'obeys': self._detectors.order(name)}
+            for name, folder in self._folders.items()
+        }
         content = {'fingers': fingers, 'words': self.words, 'tuning': tuning}
         self._server.broadcast('teaching', content)
 
@@ -186,10 +188,12 @@ class Teaching:
             self._end(recorder)
 
     def _begin(self, finger: Finger, kind: str, since: int) -> Recorder:
-        self._recorder = Recorder(self.folder_of(finger).new_path(kind), finger, since)
+        folder = self.folder_of(finger)
+        self._recorder = recorder = Recorder(folder.new_path(kind), finger, since)
+        folder.writing = recorder.path.name
         self._detectors.order(finger.name, kind)
-        self.words = f'recording {self._recorder.path.name}'
-        return self._recorder
+        self.words = f'recording {recorder.path.name}'
+        return recorder
 
     def _end_slip(self, recorder: Recorder) -> None:
         recorder.label(False)
@@ -205,10 +209,11 @@ class Teaching:
         recorder.close()
         self._detectors.order(recorder.finger.name, 'rest')
         self._recorder = None
-        name, note = recorder.path.name, recorder.note
+        name, note, folder = recorder.path.name, recorder.note, self._folders[recorder.finger.name]
+        folder.writing = ''
         words = [f'{name} has no sample, so it is not kept', note and f'It {note}', why]
         if recorder.rows:
-            folder, duration_s = self._folders[recorder.finger.name], recorder.duration_s
+            duration_s = recorder.duration_s
             folder.add(RecordingSummary(name, duration_s, int(recorder.has_slip), note))
             words[0] = f'{name} has {duration_s:.1f} s'
             if off_rate := folder.off_rate(name):
@@ -216,17 +221,6 @@ class Teaching:
         self.words = '. '.join(filter(None, words))
 
     # The recordings that there are.
-
-    def _listed(self, finger: str, folder: RecordedFolder) -> Mapping[str, Any]:
-        writing = self._recorder and self._recorder.path
-        every = folder.described()
-        return {
-            'folder': str(folder.folder),
-            'recordings': [each for each in every if folder.folder / each['name'] != writing],
-            'held_out': folder.held_out(),
-            'obeys': self._detectors.order(finger),
-            'interrupted': folder.interrupted,
-        }
 
     async def answer_recordings(self, finger: Finger) -> None:
         """Update the list of a finger's recordings."""

@@ -32,13 +32,13 @@ MOST_BYTES = 64 * 2**20
 #: by less, that a message is late.
 SET_BACK_NS = 1_000_000_000
 
-#: A row is overdue after so many periods, which are the median of the last steps; and most steps.
+#: A row is overdue after so many periods. The period is the median of so many last steps.
 OVERDUE_PERIODS, MOST_STEPS = 3, 100
 
-#: Length of a short spectrum, in seconds, which resolves half a hertz, ...
+#: Length of a short spectrum, in seconds, which resolves half a hertz.
 SEGMENT_S = 2.0
 
-#: ... but at most so many rows; and how many half-overlapping ones are averaged.
+#: Most rows of a short spectrum, and how many short spectra, which overlap by half, are averaged.
 MOST_ROWS, SEGMENTS = 4096, 5
 
 #: Fewest rows that make a spectrum.

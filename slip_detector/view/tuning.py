@@ -141,7 +141,7 @@ class TuneRun:
         if self._process and self.stopping:
             self._process.send_signal(signal.SIGINT)
 
-    def described(self) -> dict[str, Any]:
+    def describe(self) -> dict[str, Any]:
         """Return the state of the run, for the page."""
         return {
             **self.said,

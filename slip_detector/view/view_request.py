@@ -36,12 +36,12 @@ from slip_detector.view.track import LiveTrack, spectrum
 #: Shortest time between two spectra, in seconds.
 SPECTRUM_S = 0.2
 
-#: How many columns of pixels are made one at first, and at most.
+#: How many columns of pixels are joined to one column: at first, and at most.
 FIRST_JOIN, MOST_JOINED = 8, 32
 
-#: A frame that takes longer than this, in seconds, is slow. One with the whole window that takes
-#: less than the second would not be slow with twice the columns; most likely neither if others
-#: take less than the third, for so many seconds.
+#: A frame that takes longer than ``SLOW_S`` seconds is slow: more columns are joined. Fewer are
+#: joined after a frame with the whole window that took less than ``QUICK_S``, and after any frame
+#: that took less than ``PROMPT_S`` if for ``RETRY_S`` nothing was changed.
 SLOW_S, QUICK_S, PROMPT_S, RETRY_S = 1.0, 0.4, 0.1, 30.0
 
 #: Time, in seconds, for which the page says that samples come that do not fit.
@@ -65,7 +65,7 @@ class Pace:
     """
 
     def __init__(self) -> None:
-        #: How many columns of pixels are made one.
+        #: How many columns of pixels are joined to one column.
         self.join = FIRST_JOIN
         self._waited_s = 0.0
 
@@ -128,8 +128,8 @@ class ViewRequest:
     def frame(self, detectors: Detectors, past: LiveTrack | None = None, join: int = 1) -> bytes:
         """Return the next frame.
 
-        ``past`` is drawn in place of the finger's track. So many columns as ``join`` says are made
-        one, for a page to which little can be sent.
+        ``past`` is drawn in place of the finger's track. ``join`` columns are joined to one, for
+        a page to which little can be sent.
         """
         if join != self._join:
             self._join = join
@@ -144,7 +144,7 @@ class ViewRequest:
             if self._spectrum is not None and now_s - self._spectrum_s >= SPECTRUM_S:
                 self._spectrum_s = now_s
                 header['spectrum'] = self._add_spectrum(finger, self._spectrum, arrays)
-        return packed(header, arrays)
+        return pack_frame(header, arrays)
 
     def _state(self, i: int, finger: Finger, now_s: float, arrays: Arrays) -> dict[str, Any]:
         """Return a finger's state, and add each channel's highest level since the last frame."""
@@ -226,12 +226,12 @@ def _age_s(now_s: float, at_s: float | None) -> float | None:
     return None if at_s is None or math.isinf(at_s) else round(now_s - at_s, 3)
 
 
-def packed(header: Mapping[str, Any], arrays: Mapping[str, Any]) -> bytes:
+def pack_frame(header: Mapping[str, Any], arrays: Mapping[str, Any]) -> bytes:
     r"""Return a frame.
 
     Examples
     --------
-    >>> packed({}, {'on': [False, True]})
+    >>> pack_frame({}, {'on': [False, True]})
     b'\x1c\x00\x00\x00{"arrays": [["on", [2]]]}   \x00\x00\x00\x00\x00\x00\x80?'
     """
     floats = {name: np.asarray(values, '<f4') for name, values in arrays.items()}

@@ -55,7 +55,7 @@ async def test_a_stopped_search_keeps_what_it_found_judged_by_what_was_held_out(
     found = DetectorConfig.from_yaml(recorded / 'tuning' / 'tuned.yaml').to_parameters()
     assert run.said['answer'][0].startswith('Finds 2 of 2 slips')
     changes = run.to_apply(DetectorConfig())
-    assert run.described()['changes'] == len(changes)
+    assert run.describe()['changes'] == len(changes)
     assert {**DetectorConfig().to_parameters(), **changes} == found
 
 
