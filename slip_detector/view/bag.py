@@ -89,9 +89,9 @@ class PlayedBag:
         # Pairs in seconds: a stamp, and the place that was played from it on, None for none.
         self._places: list[tuple[float, float | None]] = []
         server.each_tick.append(self.tick)
-        server.on_requests(self, 'bag_trace', latest_only=True)
-        server.on_requests(self, 'bag_snap', changes=True, latest_only=True)
-        server.on_requests(self, 'bag_play', 'bag_label', 'bag_undo_label', changes=True)
+        server.on_requests(self, 'bag_trace')
+        changing = 'bag_play', 'bag_label', 'bag_snap', 'bag_undo_label'
+        server.on_requests(self, *changing, changes=True)
 
     def read(self) -> None:
         """Read the recording, beside the server's loop.

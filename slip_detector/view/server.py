@@ -27,7 +27,7 @@ import traceback
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 from tornado import web, websocket
 from tornado.httpserver import HTTPServer
@@ -101,16 +101,6 @@ T = TypeVar('T')
 Answer = Callable[..., Awaitable[Mapping[str, Any] | None]]
 
 
-class Request(NamedTuple):
-    """How the requests of one type are answered."""
-
-    answer: Answer
-    #: Whether it changes the robot, a file, or what other pages see.
-    changes: bool
-    #: Whether a page that asks again, or leaves, needs no answer any more.
-    latest_only: bool
-
-
 def make_one_line(record: logging.LogRecord) -> bool:
     """Make one line of a record, whatever a page has sent: of an error, what it is and where."""
     text = record.getMessage()
@@ -134,10 +124,11 @@ class Server:
         #: Awaited before the pages are closed.
         self.at_end: list[Callable[[], Awaitable[None]]] = []
         self.pages: set[LivePage] = set()
-        #: By type what pages may request.
-        self.requests: dict[str, Request] = {}
+        #: By name what answers a request of a page; and the names of those that change something.
+        self.requests: dict[str, Answer] = {}
+        self.changing: set[str] = set()
         self._worker = ThreadPoolExecutor(1, 'slow requests')
-        self.on_requests(self, 'keep_rest', changes=True, latest_only=True)
+        self.on_requests(self, 'keep_rest', changes=True)
         #: By topic the present content, for a page that is opened later.
         self.news: dict[str, str] = {}
         application = web.Application(
@@ -157,16 +148,17 @@ class Server:
         )
         self.connections = Connections(self._http)
 
-    def on_requests(
-        self, answering: object, *names: str, changes: bool = False, latest_only: bool = False
-    ) -> None:
-        """Let a method ``answer_NAME`` answer the requests of each name; see :class:`Request`.
+    def on_requests(self, answering: object, *names: str, changes: bool = False) -> None:
+        """Let a method ``answer_NAME`` answer the requests of each name.
 
-        The method does what takes long by :meth:`work`.
+        ``changes`` says whether they change the robot, a file, or what other pages see. If not, a
+        page needs an answer only to the latest one, and none after it has left. The method does
+        what takes long by :meth:`work`.
         """
         for name in names:
-            answer = getattr(answering, f'answer_{name}')
-            self.requests[name] = Request(answer, changes, latest_only)
+            self.requests[name] = getattr(answering, f'answer_{name}')
+            if changes:
+                self.changing.add(name)
 
     async def work(self, function: Callable[..., T], *arguments: Any) -> T:
         """Return the result of a function that takes long, beside the loop, one at a time.
@@ -257,9 +249,9 @@ class Server:
             check(message)
             if name not in self.requests:
                 refuse(f'{name[:40]} is no request', ', '.join(sorted(self.requests)))
-            if self.requests[name].changes and self.access.read_only:
+            if name in self.changing and self.access.read_only:
                 raise ValueError(READ_ONLY)
-            function = self.requests[name].answer
+            function = self.requests[name]
             fields = {each: message.get(each) for each in inspect.signature(function).parameters}
             if 'finger' in fields:
                 fields['finger'] = self.detectors.finger_of(fields['finger'])
@@ -332,8 +324,8 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         #: When the page last answered a ping and had read all that it was sent.
         self._alive_s = time.monotonic()
         self._answers: set[asyncio.Task[None]] = set()
-        #: By request of which only the latest counts, the task that answers the latest.
-        self._latest: dict[Request, asyncio.Task[None]] = {}
+        #: By name of the requests that change nothing, the task that answers the latest one.
+        self._latest: dict[str, asyncio.Task[None]] = {}
 
     def open(self, *args: str, **kwargs: str) -> None:
         """Prepare to send the page the present content of each topic."""
@@ -376,11 +368,11 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
             task = asyncio.create_task(self._answer(content))
             self._answers.add(task)
             task.add_done_callback(self._answers.discard)
-            request = self.server.requests.get(str(content.get('type')))
-            if request and request.latest_only:
-                if before := self._latest.get(request):
+            name = str(content.get('type'))
+            if name in self.server.requests.keys() - self.server.changing:
+                if before := self._latest.get(name):
                     before.cancel()
-                self._latest[request] = task
+                self._latest[name] = task
             await asyncio.sleep(0)  # One that has begun is answered also when it is cancelled.
 
     def _change_view(self, content: Message) -> None:

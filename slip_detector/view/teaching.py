@@ -65,7 +65,7 @@ class Teaching:
         self._tuning: asyncio.Task[None] | None = None
         server.each_tick.append(self.tick)
         server.at_end.append(self.close)
-        server.on_requests(self, 'recordings', 'trace', latest_only=True)
+        server.on_requests(self, 'recordings', 'trace')
         made = 'record', 'stop_recording', 'begin_slip', 'hold_slip', 'end_slip'
         changed = 'label', 'snap', 'undo_label', 'delete_recording', 'mark_recording'
         tuned = 'tune', 'stop_tuning', 'apply_tuning'

@@ -86,7 +86,8 @@ class TuneRun:
             with subprocess.Popen(
                 [*COMMAND, *map(str, files)], stdout=PIPE, stderr=STDOUT, start_new_session=True
             ) as self._process:
-                self._interrupt()
+                if self.stopping:
+                    self._process.send_signal(signal.SIGINT)
                 await self._follow(self._process)
         except ValueError as error:
             self.failed = str(error)
@@ -135,11 +136,8 @@ class TuneRun:
         """Stop the search; the best chain so far is judged and kept."""
         if self.running and not self.stopping:
             self.stopping = True
-            self._interrupt()
-
-    def _interrupt(self) -> None:
-        if self._process and self.stopping:
-            self._process.send_signal(signal.SIGINT)
+            if self._process:
+                self._process.send_signal(signal.SIGINT)
 
     def describe(self) -> dict[str, Any]:
         """Return the state of the run, for the page."""

@@ -187,7 +187,7 @@ class ViewRequest:
         only = np.zeros(1, np.intp)
         until_ns = self.until_ns if self.until_ns is not None else int(STAMPS_NS[1])
         # Samples may come in batches: then what is overdue is a message, and each has one level.
-        overdue_ns = max(rows.overdue_ns(until_ns) for rows in (track.samples, track.levels))
+        overdue_ns = max(rows.overdue_ns() for rows in (track.samples, track.levels))
         for stream, rows, values, state in (
             ('samples', track.samples, 'volts', 'truth'),
             ('levels', track.levels, 'level', 'slip'),

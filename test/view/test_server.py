@@ -276,7 +276,7 @@ async def test_of_what_takes_long_a_page_gets_the_last_and_one_that_has_left_not
         async def answer(id):
             return await it.server.work(work, id)
 
-        it.server.on_requests(SimpleNamespace(answer_slow=answer), 'slow', latest_only=True)
+        it.server.on_requests(SimpleNamespace(answer_slow=answer), 'slow')
         for number in range(300):
             await page.say('slow', id=number)
         asked = await page.until('answer', lambda answer: answer['id'] == 298)
