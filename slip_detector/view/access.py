@@ -27,13 +27,13 @@ from tornado.httpserver import HTTPServer
 from tornado.iostream import IOStream
 from tornado.netutil import bind_sockets, is_valid_ip
 
-#: Most connections that are no open page: with another one, the oldest is closed.
+#: Most connections that are no open page. For one more, the oldest is closed.
 MOST_STRANGERS = 64
 
-#: So many file descriptors are left for all else, such as recordings.
+#: Number of file descriptors that are kept free for all else, such as recordings.
 KEPT_DESCRIPTORS = 32
 
-#: Time, in seconds, for which nothing is accepted when a connection cannot be.
+#: Time, in seconds, for which nothing is accepted after a connection could not be accepted.
 PAUSE_S = 1.0
 
 

@@ -77,7 +77,7 @@ class ParameterRequests:
         self._server, self._detectors = server, server.detectors
         self._folder, self._files = folder.resolve(), files
         self._overrides = overrides or {}
-        #: By detector, a state that differs whenever a page has to be told something else.
+        #: By detector, a state that changes whenever its description for the pages does.
         self._states: dict[str, tuple[Any, ...]] = {}
         server.each_tick.append(self._broadcast)
         names = 'set', 'undo', 'as_in_file', 'take_input', 'preset', 'save'

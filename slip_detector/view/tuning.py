@@ -65,7 +65,7 @@ class TuneRun:
         self.finger, self._config, self._recorded = finger, config, recorded
         self._folder = recorded.folder
         self._process: subprocess.Popen[bytes] | None = None
-        #: Whether it has not ended, and was stopped.
+        #: Whether the search goes on, and whether a page has stopped it.
         self.running, self.stopping = True, False
         #: What the command has printed: the present ``step``, the ``share`` of the search that is
         #: done, ``lines`` on what was noticed, and at the end the ``answer``, a ``table`` of the

@@ -166,7 +166,7 @@ export class Teach extends Tool {
 
   traceOf(recording) {
     const {finger, connection} = this;
-    // Nobody has asked for a trace: that it is refused does not take the place of other words.
+    // The user has not asked for a trace, so its refusal must not replace other words.
     return new RecordingTrace(recording, (type, content) => (type === 'trace'
       ? connection.request(type, {finger, recording})
       : this.askAbout(recording, type, {finger, ...content})));
