@@ -59,10 +59,9 @@ from slip_detector.evaluation.evaluator import EvaluatedRecording, RecordingLoad
 from slip_detector.parameters import name_list
 from slip_detector.recordings import by_number, recording_sets, with_subfolders
 from slip_detector.recordings.labels import ENDING, KEY
-from slip_detector.report.answer import answer, bad_recordings
 from slip_detector.report.overview import overview_of
 from slip_detector.report.page import write_evaluation_report
-from slip_detector.report.tables import by_name, evaluation_tables
+from slip_detector.report.texts import answer, bad_recordings, by_name, evaluation_tables
 
 NAME = 'slip_evaluate'
 

@@ -40,8 +40,7 @@ from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters import DetectorConfig, parameter_file, write_yaml
 from slip_detector.recordings import with_subfolders
 from slip_detector.recordings.labels import KINDS
-from slip_detector.report.answer import answer, bad_recordings, rounded
-from slip_detector.report.tables import compared, text_table
+from slip_detector.report.texts import answer, bad_recordings, compared, rounded, text_table
 from slip_detector.tuning.learning import learn_from_quiet
 from slip_detector.tuning.problem import Candidate, searched_parameters
 from slip_detector.tuning.tracks import Track, TrainingFiles
