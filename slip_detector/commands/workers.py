@@ -80,8 +80,11 @@ def add_options(parser: argparse.ArgumentParser, work: str, recordings: str = '*
 def with_options(options: argparse.Namespace, sets: Any) -> Any:
     """Return a named tuple of parameter sets with the values of ``--config`` and other options.
 
-    ``options.config`` becomes the path of the file.
+    ``options.config`` becomes the path of the file. A ValueError names a file that is not there.
     """
+    if options.labels:
+        with file_errors_of(options.labels, 'read'):
+            os.stat(options.labels)
     if options.config:
         options.config = str(find_parameter_file(options.config))
         sets = sets._make(type(one).from_yaml(options.config) for one in sets)

@@ -104,7 +104,7 @@ class BagStorage:
             self.damage.append(f'{said}, there are {n}')
         self.topics = sorted(topics.values())
         if self.damage and not topics:
-            raise ValueError('; '.join(self.damage))
+            raise ValueError('; '.join(self.damage).removeprefix(f'{path.name} '))
 
     def messages(self, topic: Topic) -> Iterator[Message]:
         """Yield the messages of a topic in order of receipt, up to any damage."""
