@@ -113,7 +113,7 @@ def test_labels_that_are_not_there_are_refused_before_anything_is_read(capsys, t
 
 def test_a_folder_without_recordings_is_refused_in_one_line(capsys, tmp_path):
     assert complaint(capsys, tmp_path) == (
-        f'{tmp_path}: has no recordings, allowed: .npz, .csv, .mcap, .db3, .bag, .zstd or bags'
+        f'{tmp_path}: has no recordings, allowed: .npz, .csv, .mcap, .db3, .bag or bags'
     )
 
 

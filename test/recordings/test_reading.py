@@ -50,7 +50,7 @@ def test_a_missing_file_a_folder_and_an_unknown_ending_are_named(tmp_path):
     for missing in ('no.npz', 'no', 'no.wav'):
         assert complaint(tmp_path / missing) == ': cannot be read (No such file or directory)'
     assert complaint(folder) == ': cannot be read (Is a directory)'
-    allowed = 'allowed: .npz, .csv, .mcap, .db3, .bag, .zstd or the folder of a bag'
+    allowed = 'allowed: .npz, .csv, .mcap, .db3, .bag or the folder of a bag'
     for name, ending in (('a.wav', '.wav'), ('bag', 'without ending')):
         (tmp_path / name).touch()
         assert complaint(tmp_path / name) == f': is {ending}, {allowed}'
