@@ -18,6 +18,7 @@ import contextlib
 import csv
 import decimal
 import itertools
+import zipfile
 from collections.abc import Generator, Iterator
 from pathlib import Path
 from typing import Any
@@ -109,8 +110,11 @@ class NpzRecording(Recording):
 
     @contextlib.contextmanager
     def _archive(self) -> Iterator[Any]:
-        with open(self.path, 'rb') as file, np.load(file, allow_pickle=False) as archive:
-            yield archive
+        with open(self.path, 'rb') as file:
+            if not zipfile.is_zipfile(file):
+                refuse('is cut off, or no npz', 'what numpy.savez writes')
+            with np.load(file, allow_pickle=False) as archive:
+                yield archive
 
 
 def _as_stamps(stamps: NDArray[Any]) -> Stamps:

@@ -17,13 +17,8 @@
 import contextlib
 import functools
 import glob
-import importlib
 import re
-import shutil
 import sqlite3
-import sys
-import tempfile
-import weakref
 from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path, PurePath
@@ -38,11 +33,8 @@ METADATA = 'metadata.yaml'
 #: The only key of ``metadata.yaml``.
 INFORMATION = 'rosbag2_bagfile_information'
 
-#: Ending of a file that was compressed as a whole.
-PACKED = '.zstd'
-
 #: Endings of the files of a bag; .bag is that of ROS 1.
-BAG_ENDINGS = ('.mcap', '.db3', '.bag', PACKED)
+BAG_ENDINGS = ('.mcap', '.db3', '.bag')
 
 HEADER = 'std_msgs/msg/Header'
 
@@ -84,26 +76,22 @@ class BagStorage:
         load_rosbags()
         path.stat()
         self.damage, self.custom_data = list[str](), dict[str, Any]()
-        files, listed_messages = self._described(path) if path.is_dir() else ([path], None)
+        self._files = self._files_of(path) if path.is_dir() else [path]
         self.counts, topics = Counter[str](), dict[str, Topic]()
-        self._files = [self._unpacked(file) for file in files]
-        for source, file in zip(files, self._files, strict=True):
+        for file in self._files:
             try:
                 for topic, _, _ in _received(file):
                     self.counts[topic.name] += 1
                     topics[topic.name] = topic
             except DamageError as error:
-                self.damage.append(f'{source.name} {error}')
+                self.damage.append(f'{file.name} {error}')
             # A -wal or a -journal.
-            for journal in source.parent.glob(f'{glob.escape(source.name)}-*l'):
-                mend = f'sqlite3 {source} "PRAGMA wal_checkpoint" takes it in'
+            for journal in file.parent.glob(f'{glob.escape(file.name)}-*l'):
+                mend = f'sqlite3 {file} "PRAGMA wal_checkpoint" takes it in'
                 self.damage.append(f'{journal.name} beside it is not read: {mend}')
-        if listed_messages not in (None, n := self.counts.total()) and not self.damage:
-            said = f'{METADATA} counts {shortened(str(listed_messages))} messages'
-            self.damage.append(f'{said}, there are {n}')
         self.topics = sorted(topics.values())
         if self.damage and not topics:
-            raise ValueError('; '.join(self.damage))
+            raise ValueError('; '.join(self.damage).removeprefix(f'{path.name} '))
 
     def messages(self, topic: Topic) -> Iterator[Message]:
         """Yield the messages of a topic in order of receipt, up to any damage."""
@@ -113,56 +101,29 @@ class BagStorage:
                     if other.name == topic.name:
                         yield at_ns, _cdr(raw, topic)
 
-    def _described(self, folder: Path) -> tuple[list[Path], Any]:
-        """Return the files of a bag in order, and the number of messages by its metadata."""
-        # Of a file and what it was compressed to, the file comes first.
-        there: dict[str, Path] = {}
-        for file in sorted(folder.iterdir()):
-            if Path(name := file.name.removesuffix(PACKED)).suffix in _READERS and file.is_file():
-                there.setdefault(name, file)
-        about, listed = dict[str, Any](), list[str]()
+    def _files_of(self, folder: Path) -> list[Path]:
+        """Return the files of a bag in the order of their numbers; note what its metadata says."""
+        there = {file.name: file for file in folder.iterdir() if file.is_file()}
+        if packed := [name for name in there if name.endswith('.zstd')]:
+            refuse(f'has {name_list(packed)}', f'unpacked files, zstd -d {folder}/*.zstd')
+        names = [name for name in there if Path(name).suffix in _READERS]
+        if not names:
+            refuse('has no files of a bag', '.mcap or .db3')
+        if len({re.sub(r'\d+', '', name) for name in names}) > 1:
+            refuse(f'has files of several bags: {name_list(sorted(names))}', 'those of one')
+        names.sort(key=lambda name: [int(number) for number in re.findall(r'\d+', name)])
         try:
-            if (folder / METADATA).exists():
-                about = read_yaml(folder / METADATA).get(INFORMATION) or {}
-                self.custom_data = dict(about.get('custom_data') or {})
-                paths = about.get('relative_file_paths') or ()
-                listed = [PurePath(path).name.removesuffix(PACKED) for path in paths]
+            about = read_yaml(folder / METADATA) if METADATA in there else {}
+            about = about.get(INFORMATION) or {}
+            self.custom_data = dict(about.get('custom_data') or {})
+            listed = [PurePath(path).name for path in about.get('relative_file_paths') or names]
         except (ValueError, TypeError, AttributeError) as error:
             why = shortened(str(error).removeprefix(f'{folder / METADATA}: '))
-            self.damage.append(f'{METADATA} is not used ({why})')
-            about = {}
-        if not listed and len({re.sub(r'\d+', '', name) for name in there}) > 1:
-            refuse(f'has files of several bags: {name_list(sorted(there))}', 'those of one')
-        if missing := name_list([name for name in listed if name not in there]):
-            self.damage.append(f'{METADATA} lists {missing}, which is not there')
-        if listed and (others := name_list([name for name in there if name not in listed])):
-            text = f'{METADATA} does not list {others}, so that it is left out'
+            raise ValueError(f'{METADATA} is broken ({why}): ros2 bag reindex mends it') from None
+        if {*listed} != {*names}:
+            text = f'{METADATA} lists {name_list(listed)}, there are {name_list(names)}'
             self.damage.append(f'{text}: ros2 bag reindex {folder} lists all')
-        read = [name for name in there if not listed or name in listed]
-        if not read:
-            self.damage.append('has no files of a bag, allowed: .mcap or .db3')
-        read.sort(key=lambda name: [int(number) for number in re.findall(r'\d+', name)])
-        return [there[name] for name in read], about.get('message_count')
-
-    def _unpacked(self, file: Path) -> Path:
-        """Return a file, or an unpacked copy of one that was compressed as a whole."""
-        if file.suffix != PACKED:
-            return file
-        folder = Path(tempfile.mkdtemp(prefix='slip_detector_'))
-        weakref.finalize(self, shutil.rmtree, folder, ignore_errors=True)
-        copy = folder / file.stem
-        try:
-            with _zstd().open(file, 'rb') as packed, open(copy, 'wb') as new:
-                shutil.copyfileobj(packed, new)
-        except (EOFError, _zstd().ZstdError) as error:
-            self.damage.append(f'{file.name} is damaged ({error})')
-        return copy
-
-
-def _zstd() -> Any:
-    """Import the module that unpacks zstd; it comes with rosbags."""
-    name = 'compression.zstd' if sys.version_info >= (3, 14) else 'backports.zstd'
-    return importlib.import_module(name)
+        return [there[name] for name in names]
 
 
 def load_rosbags() -> Any:
@@ -226,8 +187,6 @@ _READERS: dict[str, Callable[[Path], Iterator[Received]]] = {
 
 def _received(file: Path) -> Iterator[Received]:
     """Yield the messages of a file; a DamageError after those before the damage."""
-    if file.suffix not in _READERS:
-        raise DamageError(f'is none of {", ".join(_READERS)}')
     try:
         yield from _READERS[file.suffix](file)
     except DamageError:
@@ -240,9 +199,11 @@ def _received(file: Path) -> Iterator[Received]:
 
 def _cdr(raw: bytes, topic: Topic) -> bytes:
     """Return a message as ROS 2 serialises it, unpacked if it was compressed by itself."""
+    from rosbags.rosbag2.storage_mcap import DECOMPRESSORS
+
     if topic.encoding == 'ros1msg':
         return bytes(typestore_of(topic).ros1_to_cdr(raw, topic.msgtype))
-    return bytes(_zstd().decompress(raw)) if raw.startswith(_ZSTD) else raw
+    return bytes(DECOMPRESSORS['zstd'](raw, 0)) if raw.startswith(_ZSTD) else raw
 
 
 @functools.lru_cache(maxsize=64)

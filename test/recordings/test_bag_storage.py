@@ -32,9 +32,8 @@ from slip_detector.recordings.bag_storage import typestore_of
 from slip_detector.recordings.mcap import Topic
 from support.bags import JOINT_STATE, NAMES, PLUGINS, Bag, check_same, gathered, rows, save
 
-#: A database has no compression of its storage.
 COMPRESSED = [
-    *itertools.product(PLUGINS, (CompressionMode.FILE, CompressionMode.MESSAGE)),
+    *itertools.product(PLUGINS, [CompressionMode.MESSAGE]),
     (StoragePlugin.MCAP, CompressionMode.STORAGE),
 ]
 
@@ -54,6 +53,16 @@ def test_bags_that_the_recorder_compressed_are_read(tmp_path, plugin, mode):
     with bag:
         bag.write_rows(written)
     check_same(gathered(open_recording(tmp_path / 'a')), written)
+
+
+def test_a_bag_whose_file_was_compressed_is_refused_with_the_command_that_unpacks_it(tmp_path):
+    bag = Bag(tmp_path / 'a')
+    bag.writer.set_compression(CompressionMode.FILE, CompressionFormat.ZSTD)
+    with bag:
+        bag.write_rows(rows(20))
+    said = rf'a: has a\.mcap\.zstd, allowed: unpacked files, zstd -d {tmp_path}/a/\*\.zstd'
+    with pytest.raises(ValueError, match=said):
+        open_recording(tmp_path / 'a')
 
 
 def test_a_bag_of_ros_1_is_read_with_names_and_truth(tmp_path):
@@ -132,7 +141,7 @@ def test_of_a_bag_whose_end_is_lost_or_zero_the_beginning_is_read(tmp_path, endi
     for share in np.linspace(0.0, 1.0, 9)[:-1]:
         path.write_bytes(content[: int(share * len(content))] + bytes(tail))
         if ending == '.bag' or share < 0.2:
-            with pytest.raises(ValueError, match=r'a\.\w+ is (damaged|cut off)'):
+            with pytest.raises(ValueError, match=r'a\.\w+: is (damaged|cut off)'):
                 open_recording(path)
             continue
         read, damage = read_of(path)
@@ -153,17 +162,20 @@ def test_of_a_wrong_index_or_summary_nothing_is_believed(tmp_path):
     assert 'a.mcap is damaged at byte ' in damage
 
 
-def test_files_that_are_missing_not_listed_or_beside_are_named(tmp_path):
+def test_where_the_metadata_lists_other_files_than_there_are_a_line_says_so(tmp_path):
     written, folder = split_bag(tmp_path / 'split', (0, 1, 2), '.mcap')
-    listed = 'rosbag2_bagfile_information: {relative_file_paths: [split_0.mcap, split_%d.mcap]}'
-
-    def damage_with(last):
-        (folder / 'metadata.yaml').write_text(listed % last)
-        return read_of(folder)[1]
-
-    left_out = 'metadata.yaml does not list split_2.mcap, so that it is left out'
-    assert damage_with(1).startswith(f'{left_out}: ros2 bag reindex {folder} lists all')
-    assert damage_with(3).startswith('metadata.yaml lists split_3.mcap, which is not there; ')
+    listed = 'rosbag2_bagfile_information: {relative_file_paths: [split_0.mcap, split_3.mcap]}'
+    (folder / 'metadata.yaml').write_text(listed)
+    read, damage = read_of(folder)
+    check_same(read, written)
+    there = 'there are split_0.mcap, split_1.mcap, split_2.mcap'
+    said = f'metadata.yaml lists split_0.mcap, split_3.mcap, {there}: ros2 bag reindex {folder}'
+    assert damage.startswith(f'{said} lists all: 900 samples up to')
+    for broken, why in (('[', 'line 1'), ('rosbag2_bagfile_information: [1]', "'list' object")):
+        (folder / 'metadata.yaml').write_text(broken)
+        said = rf'metadata\.yaml is broken \({why}.*\): ros2 bag reindex mends it'
+        with pytest.raises(ValueError, match=said):
+            open_recording(folder)
     (folder / 'metadata.yaml').unlink()
     save(folder / 'other.mcap', written)
     with pytest.raises(ValueError, match=r'has files of several bags: other\.mcap, split_0\.mcap'):
@@ -180,7 +192,7 @@ def test_what_is_beside_a_database_or_not_in_its_table_of_topics_is_named(tmp_pa
     database.execute('DELETE FROM topics')
     database.commit()
     database.close()
-    with pytest.raises(ValueError, match=r'a\.db3: a\.db3 has a message of no topic'):
+    with pytest.raises(ValueError, match=r'a\.db3: has a message of no topic'):
         open_recording(path)
 
 
