@@ -57,7 +57,7 @@ from benchmarks.paper.protocol import (
     simulate_trials,
 )
 from slip_detector.parameters import ChainConfig
-from slip_detector.report.tables import number_text, text_table
+from slip_detector.report.texts import number_text, text_table
 
 __all__ = ['WANTED', 'as_table', 'measure', 'options']
 

@@ -207,8 +207,8 @@ def _results(
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     try:
-        submit = functools.partial(executors[function].submit, _call)
-        places = {submit(argument): place for place, argument in enumerate(arguments)}
+        executor = executors[function]
+        places = {executor.submit(_call, each): place for place, each in enumerate(arguments)}
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
     try:

@@ -31,6 +31,7 @@ import numpy as np
 from slip_detector.chain.samples import Bools, Floats, Ints
 from slip_detector.compiled import compiled
 from slip_detector.evaluation.events import LASTING, Events
+from slip_detector.evaluation.figures import FALSE, REPEAT, SETTLING, TRUE
 from slip_detector.parameters import EvaluationConfig
 
 #: Takes the place of the number of an alarm or a slip where there is none.

@@ -21,6 +21,7 @@ from typing import Any
 
 import numpy as np
 
+from slip_detector.chain.samples import Stamps
 from slip_detector.parameters import file_errors_of, write_yaml
 from slip_detector.recordings import labels
 from slip_detector.tuning.tracks import Track, edges_of

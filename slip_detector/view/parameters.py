@@ -37,6 +37,7 @@ from slip_detector.parameters import (
     allowed,
     parameter_file,
     quote,
+    refuse,
     shared_folder,
     shortened,
     under_headings,
