@@ -12,18 +12,17 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""``slip_demo``: driver and detector as two processes, and what a grasp controller would get."""
+"""Play a scene through driver and detector, and say what a grasp controller would get."""
 
-import argparse
-
+from slip_detector.commands.command_line import Parser
 from slip_detector.nodes.run import run_demonstration
 
 
 def main() -> None:
     """Entry point of ``slip_demo``."""
-    parser = argparse.ArgumentParser(prog='slip_demo', description=__doc__)
-    parser.add_argument('--scene', default='plate_400um', help='name or path of the scene')
-    parser.add_argument('--seed', type=int, default=0, help='seed of the scene')
+    parser = Parser(prog='slip_demo', description=__doc__)
+    parser.add_argument('--scene', default='plate_400um', help='its name or path (%(default)s)')
+    parser.add_argument('--seed', type=int, default=0, help='seed of its noise (%(default)s)')
     parser.add_argument(
         '--record', metavar='FILE',
         help='write the trial with its labels: .mcap, .db3, .npz, .csv, or a folder that is a bag',

@@ -35,7 +35,7 @@ from slip_detector.nodes.ending import init_ros
 from slip_detector.nodes.messages import event_qos, sensor_qos, state_qos
 from slip_detector.nodes.processes import RecordedNodes
 from slip_detector.parameters import ChainConfig, DetectorConfig, DriverConfig, GraspConfig
-from slip_detector.parameters.files import shared_folder, whole_file
+from slip_detector.parameters.files import find_parameter_file, shared_folder, whole_file
 from slip_detector.parameters.grasp import commands_of_a_scene
 from slip_detector.recordings import write_recording
 from slip_detector.report.pictures import draw_grasp, draw_trial, grasp_table
@@ -118,7 +118,8 @@ def _play(arguments: argparse.Namespace, file: Path, config: DetectorConfig) -> 
 
 def slip_grasp(arguments: argparse.Namespace, picture: Path) -> tuple[dict[str, Any], str]:
     """Play the grasps, draw one, and return the figures and their table."""
-    config = arguments.config = arguments.config or shared_folder() / 'config' / 'grasp.yaml'
+    own = shared_folder() / 'config' / 'grasp.yaml'
+    config = arguments.config = find_parameter_file(arguments.config or str(own))
     chain, grasp = ChainConfig.from_yaml(config), GraspConfig.from_yaml(config)
     seeds = list(arguments.seeds)
     minutes = (len(seeds) * SIMULATED_S + arguments.live * LIVE_S) / 60.0

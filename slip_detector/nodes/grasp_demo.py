@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The grasp demonstration: a few grasps played through the real nodes, and a table of many.
+"""Play a few grasps through the real nodes and many in simulated time, and print a table.
 
 As the nodes run in real time, the table of many seeds is computed in simulated time
 (:mod:`slip_detector.grasp.loop`: the same scenes, chain and control law). It also has the figures
@@ -35,9 +35,8 @@ of the grasps that were played through the nodes.
 """
 
 import argparse
-from pathlib import Path
 
-from slip_detector.commands.command_line import whole_number
+from slip_detector.commands.command_line import Parser, whole_number
 from slip_detector.nodes.run import run_demonstration
 
 
@@ -55,16 +54,17 @@ def seed_range(text: str) -> range:
 
 def main() -> None:
     """Entry point of ``slip_grasp``."""
-    parser = argparse.ArgumentParser(prog='slip_grasp', description=__doc__.splitlines()[0])
+    parser = Parser(prog='slip_grasp', description=__doc__.splitlines()[0])
     parser.add_argument(
         '--seeds', type=seed_range, default=range(30), metavar='N',
-        help='how many objects, from seed 0 on (default: 30), or FIRST:LAST, both included',
+        help='number of objects, from seed 0 on (default: 30), or FIRST:LAST, both included',
     )  # fmt: skip
     parser.add_argument(
         '--live', type=whole_number(0, 1000), default=4, metavar='N',
-        help='how many of them, the first ones, through the nodes (default: %(default)s)',
+        help='number of them to play through the nodes, the first ones (default: %(default)s)',
     )  # fmt: skip
-    parser.add_argument('--config', type=Path, help='parameter file of all nodes')
+    text = 'parameter file of all nodes, its path or its name in the package (default: grasp.yaml)'
+    parser.add_argument('--config', help=text)
     run_demonstration(parser)
 
 

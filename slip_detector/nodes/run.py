@@ -188,10 +188,10 @@ def _options(executable: str) -> argparse.Namespace:
         epilog=f'Example: {executable} --ros-args --params-file my_sensor.yaml',
     )
     add = functools.partial(parser.add_argument, type=_items, default=[])
-    add('--fingers', help='names: a node in a namespace of each')
+    add('--fingers', help='names, with commas between: each has a node in its namespace')
     parser.set_defaults(configs=[])
     if executable == 'slip_detector':
-        add('--configs', help='parameter files: a node for each')
+        add('--configs', help='parameter files, with commas between: each has a node')
     return parser.parse_args(remove_ros_args(sys.argv)[1:])
 
 
@@ -234,7 +234,7 @@ def run_demonstration(parser: argparse.ArgumentParser) -> None:
     code 1; an interruption by a signal gives one line, with code 0.
     """
     parser.add_argument('--out', type=Path, default=Path('out'), help='folder for the results')
-    parser.add_argument('--verbose', action='store_true', help='what the nodes log')
+    parser.add_argument('--verbose', action='store_true', help='print what the nodes log too')
     arguments = parser.parse_args()
     file = arguments.out / f'{parser.prog.removeprefix("slip_")}.json'
     picture = file.with_suffix('.png')

@@ -193,8 +193,8 @@ def labels_from(path: Path, document: dict[str, Any]) -> Labels:
     except (KeyError, TypeError, ValueError, ArithmeticError):
         document = {'no': KEY}
     if document:
-        what = f'{KEY}: [[start, end]] and {ACCURACY}, all in seconds, or {KIND}; and {MISTAKEN}'
-        raise ValueError(f'{path}: has more or less than {what}')
+        keys = f'{KEY}: [[start, end]] in seconds, or {KIND}; beside it {ACCURACY}, {MISTAKEN}'
+        refuse(f'{path}: is no file of labels', keys)
     if kind and edges_s.size:
         raise ValueError(f'{path}: has slips, allowed: none in a recording of the kind {kind}')
     edges_s = edges_s[np.argsort(edges_s[:, 0])]

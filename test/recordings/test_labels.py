@@ -95,7 +95,7 @@ def test_a_recording_of_a_kind_needs_no_other_label_and_says_so(tmp_path):
 
 
 OUTSIDE = 'is outside the recording trial.npz, allowed: 0 to 10 s'
-WRONG = ': has more or less than slip_s: [[start, end]] and accuracy_s, all in seconds'
+WRONG = ': is no file of labels, allowed: slip_s: [[start, end]] in seconds, or kind'
 
 
 @pytest.mark.parametrize(
