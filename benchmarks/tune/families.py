@@ -116,6 +116,7 @@ def measure_families(
     trials: int = 200,
     tuned_on: Sequence[int] = TUNED_ON,
     reported_on: Sequence[int] = REPORTED_ON,
+    seed: int = 0,
 ) -> dict[str, Any]:
     """Tune on each family of scenes; the keys are in the module's docstring.
 
@@ -125,6 +126,8 @@ def measure_families(
         Number of trials of each search.
     tuned_on, reported_on
         Seeds of the scenes for the search and for the figures.
+    seed
+        Seed of the searches.
     """
     result = {}
     parameters = TuningParameters()
@@ -132,7 +135,7 @@ def measure_families(
         # As slip_tune does: the search has a part of the tracks, the rest judges.
         training, held = hold_out_tracks(play_scenes(descriptions, tuned_on))
         problem = parameters.problem(training)
-        study = Study(problem, seed=0)
+        study = Study(problem, seed=seed)
         search(study, trials)
         verdict = judge(problem, parameters.chain, held, choose(study))
         tracks = play_scenes(descriptions, reported_on)

@@ -14,12 +14,12 @@
 
 """The command ``slip_tune``.
 
-Learn of a finger's recordings how to detect its slips: noise and mains of rest, impacts of taps,
-contact of a finger that touches nothing; then search the parameters that catch labelled slips
-soonest without false alarms. Of a folder its recordings are read, and those of the folders in it.
-Of each kind every third, from the second on, is held out: on these the result is never worse than
-the given parameters. Ctrl-C ends the search with the result so far, and the same command continues
-it.
+Learn from a finger's recordings how to detect its slips: noise and mains from rest, impacts from
+taps, contact from a finger that touches nothing; then search for the parameters that detect
+labelled slips soonest without false alarms. Of a folder its recordings are read, and those of the
+folders in it. Of each kind every third recording, from the second on, is held out; there the
+result is never worse than the given parameters. Ctrl-C ends the search with the result so far,
+and the same command continues it.
 
 It uses no ROS. :func:`slip_detector.tuning.verdict.tune` does the work.
 """
@@ -83,9 +83,9 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
         text = f'a recording of the kind {kind}, or a folder of them; repeatable'
         add(f'--{kind}', **several, help=text)
     add = parser.add_argument_group('learn from a recording, without a search').add_argument
-    text = 'a recording without slip, to learn mains and, where evidence decides, noise floors of'
+    text = 'a recording without slip, from which to learn noise floors and mains for evidence'
     add('--quiet', metavar='RECORDING', help=text)
-    text = 'set the threshold too, for this'
+    text = 'also set the threshold, for at most R false alarms an hour'
     add('--false-alarms-per-hour', type=positive_number, metavar='R', help=text)
     options = parser.parse_args(argv)
     rate, quiet = options.false_alarms_per_hour, options.quiet is not None

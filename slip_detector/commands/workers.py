@@ -72,7 +72,7 @@ def add_options(parser: argparse.ArgumentParser, work: str, recordings: str = '*
     )  # fmt: skip
     text = 'write an HTML page with timelines that can be zoomed, and all figures'
     parser.add_argument('--report', type=Path, metavar='FILE.html', help=text)
-    parser.add_argument('--verbose', action='store_true', help='print all figures')
+    parser.add_argument('--verbose', action='store_true', help='print more figures')
     text = f'processes that {work} (default: 1)'
     parser.add_argument('--jobs', type=whole_number(1), metavar='N', help=text)
     group = parser.add_argument_group('what to read of a recording')

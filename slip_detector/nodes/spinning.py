@@ -137,10 +137,10 @@ def _options(executable: str) -> argparse.Namespace:
         epilog=f'Example: {executable} --ros-args --params-file my_sensor.yaml',
     )
     add = functools.partial(parser.add_argument, type=_items, default=[])
-    add('--fingers', help='names: a node in a namespace of each')
+    add('--fingers', help='names, with commas between: each has a node in its namespace')
     parser.set_defaults(configs=[])
     if executable == 'slip_detector':
-        add('--configs', help='parameter files: a node for each')
+        add('--configs', help='parameter files, with commas between: each has a node')
     return parser.parse_args(remove_ros_args(sys.argv)[1:])
 
 

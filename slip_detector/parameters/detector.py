@@ -201,7 +201,7 @@ class ChainConfig(ParameterSet):
     )
     contact_level_v: float = of_evidence(
         0.0,
-        'RMS in activity_band_hz from which a channel touches; slip needs contact; 0: no check.',
+        'A larger RMS in activity_band_hz is a touch; no contact, no slip; 0: no check.',
         (0.0, 1e12, 'V'),
         heading='Contact and activity',
     )
@@ -216,13 +216,13 @@ class ChainConfig(ParameterSet):
         allows='two edges, as passband_hz',
     )
     activity_range_db: float = of_evidence(
-        15.0, 'The floor follows the activity this far below.', (-100.0, 100.0, 'dB')
+        15.0, 'How far below the activity the floor is that follows it.', (-100.0, 100.0, 'dB')
     )
     activity_cap_db: float = of_evidence(
-        0.0, 'How far activity may lift the floor; 0: it does not.', (0.0, 300.0, 'dB')
+        0.0, 'How far activity may lift the floor; 0: not at all.', (0.0, 300.0, 'dB')
     )
     common_rank: int = of_evidence(
-        0, 'Rank, quietest first, of the channel whose excess is taken off all; 0: none.', (0, 64)
+        0, 'Rank, quietest first, of the channel whose excess all channels lose; 0: none.', (0, 64)
     )
     threshold: float = searched_decision(
         0.5,
@@ -237,7 +237,7 @@ class ChainConfig(ParameterSet):
     )
     groups: dict[str, tuple[int, ...]] = parameter(
         {},
-        'Channels (from 1) of each group; none given: Table 1 for 16 channels, else one, all.',
+        'Channels (from 1) of each group; empty: Table 1 for 16 channels, else all in one.',
         allows='each enabled channel in one group',
         affects='decision display',
     )
@@ -442,13 +442,13 @@ class DetectorConfig(ChainConfig):
         0.5, 'slip_valid becomes false within this time after a sample.', (0.01, 3600.0, 's')
     )
     max_age_s: float = parameter(
-        0.0, 'Age of a stamp from which slip_valid is false; 0: no check.', (0.0, 3600.0, 's')
+        0.0, 'Largest distance of valid stamps from the clock; 0: no check.', (0.0, 3600.0, 's')
     )
     heartbeat_hz: float = parameter(10.0, 'Least rate of slip, slip_valid.', (0.1, 1000.0, 'Hz'))
     publish_groups: bool = parameter(True, 'Publish slip/group/<name>.', affects='display')
     publish_channels: bool = parameter(True, 'Publish slip/channel/<name>.')
     autostart: bool = parameter(
-        True, 'Activate itself; else a lifecycle manager does it.', affects='start'
+        True, 'Whether it activates itself; else a lifecycle manager does.', affects='start'
     )
     taxel_positions_m: tuple[float, ...] = parameter(
         (),

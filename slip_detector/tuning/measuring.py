@@ -108,7 +108,7 @@ def slip_bands(
     ]
     rows = 2 ** int(np.log2(max(np.median(lengths), 1))) if lengths else 0
     if rows < SHORTEST_ROWS:
-        return [], 'slides are too short to measure where they stand out'
+        return [], 'Slides are too short to measure where they stand out'
     rows = min(rows, LONGEST_ROWS)
     count = int(np.log(HIGHEST * rows) / np.log(RATIO))
     edges_hz: Floats = HIGHEST * rate_hz / RATIO ** np.arange(count, -1.0, -1.0)
@@ -116,12 +116,12 @@ def slip_bands(
     levels = [_band_levels_db(track, chain, rows, edges_hz) for track in tracks if track in used]
     slides, rest = map(np.concatenate, zip(*levels, strict=True))
     if not len(slides) or not len(rest):
-        return [], 'there is too little rest to measure where slides stand out'
+        return [], 'There is too little rest to measure where slides stand out'
     areas = np.array([_roc_area(slides[:, b], rest[:, b]) for b in range(count)])
     best = int(np.argmax(areas))
     error = np.sqrt((len(slides) + len(rest) + 1) / (12 * len(slides) * len(rest)))
     if areas[best] < max(LEAST_AREA, min(0.5 + LEAST_ERRORS * error, 1.0)):
-        return [], 'slides stand out from rest in no band'
+        return [], 'In no band do slides stand out from rest clearly'
     bands = []
     for share in SHARES:
         quiet = np.flatnonzero(areas - 0.5 < share * (areas[best] - 0.5))
@@ -132,7 +132,7 @@ def slip_bands(
         bands += [] if band in bands else [band]
     low_hz, high_hz = bands[-1]
     where = f'{low_hz:g} to {high_hz:g} Hz' if high_hz else f'{low_hz:g} Hz and more'
-    return bands, f'slides stand out from rest at {where}'
+    return bands, f'Slides stand out from rest at {where}'
 
 
 def _band_levels_db(
