@@ -36,7 +36,7 @@ from benchmarks.measurement import swelling_noise_v
 from benchmarks.processes import memory_kib, nodes_running, processor_time_s, spin_until
 from slip_detector.chain.samples import Samples
 from slip_detector.nodes.health import AGE_KEYS, EVENTS
-from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters import DetectorConfig
 from slip_detector.recordings import write_recording
 
 #: Time, in seconds, for the start: the first one compiles, which takes minutes on a busy machine.

@@ -27,6 +27,7 @@ Keys of ``python -m benchmarks tune --json``; with ``--part`` only the named one
 """
 
 import argparse
+import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -58,24 +59,36 @@ def options() -> argparse.ArgumentParser:
     parser.add_argument(
         '--part', action='append', default=[], choices=MEASURES, help='only this one; repeatable'
     )
+    parser.add_argument(
+        '--seed', type=int, default=0, help='of the searches of families (default: %(default)s)'
+    )
     return parser
 
 
 def measure(words: argparse.Namespace) -> dict[str, Any]:
     """Measure reading, evaluation and search, and what tuning brings."""
-    return {part: MEASURES[part](words.quick) for part in words.part or MEASURES}
+    return {part: MEASURES[part](words) for part in words.part or MEASURES}
 
 
-def _either(measure: Callable[..., dict[str, Any]], *little: Any) -> Callable[..., dict[str, Any]]:
+Measure = Callable[[argparse.Namespace], dict[str, Any]]
+
+
+def _either(measure: Callable[..., dict[str, Any]], *little: Any) -> Measure:
     """Return what measures little if it is to be quick."""
-    return lambda quick: measure(*little) if quick else measure()
+    return lambda words: measure(*little) if words.quick else measure()
 
 
-MEASURES: dict[str, Callable[[bool], dict[str, Any]]] = {
+def _families(words: argparse.Namespace) -> dict[str, Any]:
+    """Tune with the seed that is given."""
+    measure_families = functools.partial(families.measure_families, seed=words.seed)
+    return _either(measure_families, 4, range(2), range(2, 3))(words)
+
+
+MEASURES: dict[str, Measure] = {
     'evaluate': _either(hour.measure_evaluation, 50.0, 2),
     'read': _either(hour.measure_reading, 30.0),
     'search': _either(hour.measure_search, 4, 0.5),
-    'families': _either(families.measure_families, 4, range(2), range(2, 3)),
+    'families': _families,
     'onset': _either(onset.measure_onset, range(6000, 6001)),
     'presses': _either(presses.measure_presses, range(7700, 7701)),
 }

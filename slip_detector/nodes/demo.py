@@ -55,9 +55,17 @@ from slip_detector.grasp.loop import CONTROLLER, GraspTrial, LiveGraspTrial
 from slip_detector.nodes.ending import init_ros
 from slip_detector.nodes.messages import event_qos, sensor_qos, state_qos
 from slip_detector.nodes.processes import RecordedNodes, Topics
-from slip_detector.parameters import ChainConfig, DetectorConfig, DriverConfig, GraspConfig
-from slip_detector.parameters.files import shared_folder, whole_file, writable_folder
-from slip_detector.parameters.grasp import commands_of_a_scene
+from slip_detector.parameters import (
+    ChainConfig,
+    DetectorConfig,
+    DriverConfig,
+    GraspConfig,
+    commands_of_a_scene,
+    find_parameter_file,
+    shared_folder,
+    whole_file,
+    writable_folder,
+)
 from slip_detector.recordings import write_recording
 from slip_detector.report.pictures import draw_grasp, draw_trial, grasp_table
 from slip_detector.sources.played import SceneSource
@@ -94,7 +102,7 @@ def _demonstrate(
     figures and words. A signal while nodes run gives one line, and the code 0.
     """
     parser.add_argument('--out', type=Path, default=Path('out'), help='folder for the results')
-    parser.add_argument('--verbose', action='store_true', help='what the nodes log')
+    parser.add_argument('--verbose', action='store_true', help='print what the nodes log too')
     arguments = parser.parse_args()
     file = arguments.out / f'{parser.prog.removeprefix("slip_")}.json'
     picture = file.with_suffix('.png')
@@ -121,11 +129,15 @@ def say(command: str, words: str) -> None:
 def slip_demo(executable: str, takedown: contextlib.ExitStack) -> int:
     """Play a trial with the arguments of the command line; return the exit code."""
     parser = Parser(
-        prog=executable, description='Driver and detector, and what a grasp controller gets.'
+        prog=executable,
+        description='Play a scene through driver and detector, and say what a controller gets.',
     )
-    parser.add_argument('--scene', default='plate_400um', help='name or path of the scene')
+    parser.add_argument('--scene', default='plate_400um', help='its name or path (%(default)s)')
     parser.add_argument(
-        '--seed', type=whole_number(0, 2**31 - 1), default=0, help='seed of the scene'
+        '--seed',
+        type=whole_number(0, 2**31 - 1),
+        default=0,
+        help='seed of its noise (%(default)s)',
     )
     parser.add_argument(
         '--record', metavar='FILE',
@@ -204,23 +216,26 @@ def seed_range(text: str) -> range:
 def slip_grasp(executable: str, takedown: contextlib.ExitStack) -> int:
     """Play the grasps with the arguments of the command line; return the exit code."""
     parser = Parser(
-        prog=executable, description='Grasps through the real nodes, and a table of many.'
+        prog=executable,
+        description='Play a few grasps through the real nodes and many in simulated time.',
     )
     parser.add_argument(
         '--seeds', type=seed_range, default=range(30), metavar='N',
-        help='how many objects, from seed 0 on (default: 30), or FIRST:LAST, both included',
+        help='number of objects, from seed 0 on (default: 30), or FIRST:LAST, both included',
     )  # fmt: skip
     parser.add_argument(
         '--live', type=whole_number(0, 1000), default=4, metavar='N',
-        help='how many of them, the first ones, through the nodes (default: %(default)s)',
+        help='number of them to play through the nodes, the first ones (default: %(default)s)',
     )  # fmt: skip
-    parser.add_argument('--config', type=Path, help='parameter file of all nodes')
+    text = 'parameter file of all nodes, its path or its name in the package (default: grasp.yaml)'
+    parser.add_argument('--config', help=text)
     return _demonstrate(parser, _play_grasps)
 
 
 def _play_grasps(arguments: argparse.Namespace, picture: Path) -> tuple[dict[str, Any], str]:
     """Play the grasps, draw one, and return the figures and their table."""
-    config = arguments.config = arguments.config or shared_folder() / 'config' / 'grasp.yaml'
+    own = str(shared_folder() / 'config' / 'grasp.yaml')
+    config = arguments.config = find_parameter_file(arguments.config or own)
     chain, grasp = ChainConfig.from_yaml(config), GraspConfig.from_yaml(config)
     seeds = list(arguments.seeds)
     minutes = (len(seeds) * SIMULATED_S + arguments.live * LIVE_S) / 60.0

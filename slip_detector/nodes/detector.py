@@ -16,7 +16,7 @@
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -36,8 +36,7 @@ from slip_detector.nodes.messages import STEADY, sensor_qos
 from slip_detector.nodes.outputs import Outputs
 from slip_detector.nodes.parameters import declare, follow_changes
 from slip_detector.nodes.rclpy_internals import ROS_ERRORS, destroy_state_machine
-from slip_detector.parameters.detector import FIXED_PARAMETERS, DetectorConfig
-from slip_detector.parameters.fields import name_list
+from slip_detector.parameters import FIXED_PARAMETERS, DetectorConfig, name_list
 
 #: Number of checks of the input within ``input_timeout_s``, and the share of the timeout after
 #: which it counts as lost, from the last check that found a sample. That is between 0.75 and 0.95
@@ -100,6 +99,7 @@ class Detector(LifecycleNode):
         # The configuration that was set last; it is active once its filters are built.
         self.requested = declare(self, DetectorConfig, FIXED_PARAMETERS, cli_args)
         self._check(self.requested)
+        self._warn(self.requested.remarks())
         follow_changes(self, lambda: self.requested, self._check, self._apply)
         self._configured = False
         self._samples: Subscription | None = None
@@ -201,9 +201,15 @@ class Detector(LifecycleNode):
 
     def _apply(self, config: DetectorConfig) -> None:
         """Use a new configuration, at once or when its chain is built."""
+        known = self.requested.remarks()
+        self._warn([words for words in config.remarks() if words not in known])
         self.requested = config
         if self._configured and self._chain.change(config):
             self._swap()
+
+    def _warn(self, remarks: Sequence[str]) -> None:
+        for words in remarks:
+            self.get_logger().warning(words)
 
     def _swap(self) -> bool:
         """Use the new chain from the next row on, if it is ready; return whether it was."""

@@ -34,7 +34,7 @@ from slip_detector.chain.samples import Floats, Samples
 from slip_detector.nodes.health import ERROR, WARN, Diagnostics, make_status
 from slip_detector.nodes.messages import STEADY, sensor_qos, state_qos
 from slip_detector.nodes.parameters import declare
-from slip_detector.parameters.driver import DriverConfig
+from slip_detector.parameters import DriverConfig
 from slip_detector.recordings.messages import BATCH_LABELS, JointStateWriter
 from slip_detector.sources import Source, open_source
 

@@ -30,7 +30,7 @@ from slip_detector.nodes.health import ERROR, OK, WARN, Diagnostics, make_status
 from slip_detector.nodes.inputs import describe_rivals, find_publishing_nodes
 from slip_detector.nodes.messages import STEADY, state_qos
 from slip_detector.nodes.parameters import declare
-from slip_detector.parameters.grasp import ACTIONS, GRIPPER_COMMAND, JOINT_STATE, GraspConfig
+from slip_detector.parameters import ACTIONS, GRIPPER_COMMAND, JOINT_STATE, GraspConfig
 
 #: Length of the queues, so that no change is missed while this node is busy.
 DEPTH = 100

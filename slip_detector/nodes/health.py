@@ -32,7 +32,7 @@ from slip_detector.chain.stamps import StampGrid
 from slip_detector.nodes.inputs import LISTED, Senders
 from slip_detector.nodes.messages import event_qos
 from slip_detector.nodes.outputs import Outputs
-from slip_detector.parameters.fields import name_list
+from slip_detector.parameters import name_list
 
 OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
 

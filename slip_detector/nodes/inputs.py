@@ -31,8 +31,7 @@ from std_msgs.msg import Header
 
 from slip_detector.chain.samples import Samples
 from slip_detector.nodes.messages import stamp_ns
-from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.parameters.fields import name_list, refuse
+from slip_detector.parameters import DetectorConfig, name_list, refuse
 from slip_detector.recordings.messages import FieldReader, JointStateReader
 
 #: Most messages of a publisher that may be lost in a row; after a larger step of the numbers it
@@ -105,7 +104,7 @@ class Input:
             When the message cannot be read or does not have the field.
         """
         if self._reader is not None:
-            samples = self._reader.read(raw)
+            samples = self._reader.read([raw])
             at_ns: int | None = int(samples.stamps_ns[0])
             if at_ns:
                 return samples, None

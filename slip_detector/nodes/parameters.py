@@ -25,10 +25,15 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from slip_detector.nodes.rclpy_internals import answer_with, read_given_parameters
-from slip_detector.parameters.detector import FIXED_PARAMETERS, DetectorConfig
-from slip_detector.parameters.fields import allowed, name_list
-from slip_detector.parameters.sections import is_of_rclpy, parameters_for
-from slip_detector.parameters.sets import ConfigType
+from slip_detector.parameters import (
+    FIXED_PARAMETERS,
+    ConfigType,
+    DetectorConfig,
+    allowed,
+    is_of_rclpy,
+    name_list,
+    parameters_for,
+)
 
 
 def declare(

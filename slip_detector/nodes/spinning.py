@@ -33,10 +33,14 @@ from slip_detector.commands.command_line import Parser
 from slip_detector.nodes.ending import END_SIGNAL, init_ros
 from slip_detector.nodes.parameters import tell_of_other_names
 from slip_detector.nodes.rclpy_internals import POLL_NS, SampleExecutor, survive_requests
-from slip_detector.parameters.fields import refuse
-from slip_detector.parameters.files import find_parameter_file
-from slip_detector.parameters.sections import check_values, sections_of
-from slip_detector.parameters.yaml_files import parsed_yaml, read_yaml
+from slip_detector.parameters import (
+    check_values,
+    find_parameter_file,
+    parsed_yaml,
+    read_yaml,
+    refuse,
+    sections_of,
+)
 
 #: Allowed names of namespaces; the length leaves room for the names of topics.
 NAMESPACE = re.compile('(?!.*__)[A-Za-z_][A-Za-z0-9_]{0,63}')
@@ -133,10 +137,10 @@ def _options(executable: str) -> argparse.Namespace:
         epilog=f'Example: {executable} --ros-args --params-file my_sensor.yaml',
     )
     add = functools.partial(parser.add_argument, type=_items, default=[])
-    add('--fingers', help='names: a node in a namespace of each')
+    add('--fingers', help='names, with commas between: each has a node in its namespace')
     parser.set_defaults(configs=[])
     if executable == 'slip_detector':
-        add('--configs', help='parameter files: a node for each')
+        add('--configs', help='parameter files, with commas between: each has a node')
     return parser.parse_args(remove_ros_args(sys.argv)[1:])
 
 

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""``slip_view``: a live page of all fingers, for any browser."""
+"""Show all fingers on a live page, for any browser."""
 
 import argparse
 import asyncio
@@ -31,7 +31,7 @@ from slip_detector.nodes.launching import REPLAY
 from slip_detector.nodes.processes import NodeProcesses
 from slip_detector.nodes.view_fingers import RosDetectors
 from slip_detector.nodes.view_topics import publish_bag, publish_markers
-from slip_detector.parameters.files import find_parameter_file, shared_folder
+from slip_detector.parameters import find_parameter_file, shared_folder
 from slip_detector.view.access import Access, is_loopback, page_address
 from slip_detector.view.parameters import ParameterRequests
 from slip_detector.view.server import Server
@@ -58,7 +58,11 @@ def _parser() -> argparse.ArgumentParser:
     )  # fmt: skip
     port = whole_number(0, 65535)  # By default not 8765, that of the Foxglove bridge.
     add('--port', type=port, default=8470, help='port; 0: any that is free (%(default)s)')
-    add('--token', default='', help='the token (by default a new one, none on this machine)')
+    add(
+        '--token',
+        default='',
+        help='token of the address (default: a new one; none on this machine)',
+    )
     add('--read-only', action='store_true', help='let no page change, record or save anything')
     add(
         '--folder', type=Path, default='slip_recordings',
@@ -72,7 +76,8 @@ def _parser() -> argparse.ArgumentParser:
     played = parser.add_mutually_exclusive_group()
     played.add_argument('--scene', help='play this scene in a loop, its name or path')
     played.add_argument('--bag', type=Path, help='play this recording, to label it by hand')
-    add('--fingers', default='index', help='names of the fingers that play it (%(default)s)')
+    text = 'names of the fingers that play it, with commas between (%(default)s)'
+    add('--fingers', default='index', help=text)
     return parser
 
 

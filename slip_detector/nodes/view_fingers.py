@@ -35,8 +35,7 @@ from slip_detector.nodes.finger_topics import FingerTopics
 from slip_detector.nodes.inputs import find_publishing_nodes
 from slip_detector.nodes.messages import event_qos, state_qos
 from slip_detector.nodes.rclpy_internals import PolledTopics, take_answers
-from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.parameters.fields import quote
+from slip_detector.parameters import DetectorConfig, quote
 from slip_detector.view.detectors import OUTSIDE, RESTART, Detectors, Diagnosis, Finger
 
 #: Period, in seconds, at which detectors are looked for.
