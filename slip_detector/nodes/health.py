@@ -194,7 +194,8 @@ class Health:
             complaints.append((ERROR, f'no samples for {silent_s:.1f} s: {words}'))
         values = {event: str(self.totals[event]) for event in EVENTS}
         values['samples'] = str(self.totals['rows'])
-        return make_status('input', 'samples come', complaints, values)
+        all_well = f'{since["rows"]} samples since the last report'
+        return make_status('input', all_well, complaints, values)
 
     def _check_timing(self, since: Counter[str]) -> DiagnosticStatus:
         """Say whether rate, age and stamps are as they should be."""
@@ -220,7 +221,8 @@ class Health:
             AGE_KEYS[1]: _number(most_ms),
             'stamps': stamps,
         }
-        return make_status('timing', '' if math.isnan(rate_hz) else all_well, complaints, values)
+        all_well = 'no samples' if math.isnan(rate_hz) else all_well
+        return make_status('timing', all_well, complaints, values)
 
     def _measured_hz(self, since: Counter[str]) -> float:
         """Return the rate by the stamps; NaN where too few samples have come."""
