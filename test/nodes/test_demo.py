@@ -37,6 +37,7 @@ from slip_detector.nodes.demo import seed_range  # isort: skip, needs rclpy as t
 @pytest.fixture(scope='module')
 def finished(tmp_path_factory):
     pytest.importorskip('rosbags', reason='needs rosbags')
+    compile_nodes()
     out = tmp_path_factory.mktemp('demo')
     words = '--out', out, '--record', out / 'trial.mcap', '--verbose'
     done = run_python('-m', 'slip_detector.nodes.run', 'slip_demo', *words, timeout=2 * DEADLINE_S)
