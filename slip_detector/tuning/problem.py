@@ -47,22 +47,22 @@ FOLDS = 8
 
 
 class Compared(NamedTuple):
-    """How a figure is compared with that of another chain.
+    """How a figure of a chain is compared with the same figure of another chain.
 
     Attributes
     ----------
     weight : str
         The parameter of :class:`.TuneConfig` that a difference costs; empty: 1 ms.
-    sign : float
+    direction : float
         1 where more is better, -1 where less is.
     step : float
-        Up to this difference two are equal.
+        Figures that differ by no more than this are equal.
     per : float
-        How often a difference of 1 costs the weight.
+        How many times a difference of 1 costs the weight.
     """
 
     weight: str
-    sign: float
+    direction: float
     step: float
     per: float = 1.0
 
@@ -83,8 +83,9 @@ COMPARED = {
 def worse_by(figures: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, Floats]:
     """Return by how much each of :data:`COMPARED` is worse than another chain's; 0 or less: not.
 
-    A figure that the other chain lacks is left out; one that this chain alone lacks is NaN.
-    Only the area under the ROC curve is compared where the other chain is no better than chance.
+    A figure that is not defined for the other chain is left out; one that is not defined for this
+    chain alone is NaN. If the other chain is no better than chance, only the area under the ROC
+    curve is compared.
 
     Parameters
     ----------
@@ -100,9 +101,9 @@ def worse_by(figures: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, 
             continue
         if name.startswith('latency'):  # An alarm that comes before its slip brings nothing.
             before, now = max(before, 0.0), np.maximum(now, 0.0)
-        differences[name] = COMPARED[name].sign * (before - now)
-    # A chain that is ON for less of the rest is by chance ON for less of the slips too, and what
-    # is ON for much of the rest has few alarms.
+        differences[name] = COMPARED[name].direction * (before - now)
+    # A chain that is ON for less of the rest is by chance ON for less of the slips too. A chain
+    # that is ON for much of the rest has few alarms, as an alarm needs an OFF before it.
     on = (np.array(each['false_time_percent'], np.float64) for each in (other, figures))
     less_percent = np.maximum(np.subtract(*map(np.nan_to_num, on)), 0.0)
     if 'coverage' in differences:
@@ -177,7 +178,7 @@ class Problem:
     ----------
     tracks : sequence of Track
         The recordings to tune on, with at least one slip and some time without slip.
-    given : ChainConfig
+    origin : ChainConfig
         The chain with which the search begins.
     figures : dict or None
         Figures of the running chain, which must not get worse.
@@ -190,7 +191,7 @@ class Problem:
     """
 
     tracks: Sequence[Track]
-    given: ChainConfig = dataclasses.field(default_factory=ChainConfig)
+    origin: ChainConfig = dataclasses.field(default_factory=ChainConfig)
     figures: Figures | None = None
     evaluation: EvaluationConfig = dataclasses.field(default_factory=EvaluationConfig)
     config: TuneConfig = dataclasses.field(default_factory=TuneConfig)
@@ -198,7 +199,7 @@ class Problem:
 
     def study_name(self) -> str:
         """Return a name for the study that no other problem has, however recordings are named."""
-        sets = (self.given, self.evaluation, self.config)
+        sets = (self.origin, self.evaluation, self.config)
         shapes = [(track.stretches, track.sample_rate_hz) for track in self.tracks]
         known = [each.to_parameters() for each in sets], self.figures, shapes
         digest = hashlib.sha256(repr(known).encode())
@@ -225,7 +226,7 @@ class Problem:
             if limits.size:
                 voting = dataclasses.replace(chain, vote=vote)
                 candidates.append(self._cheapest(voting, parts, limits, NEIGHBOURS))
-        best = min(candidates, key=lambda one: one.cost_ms, default=None)
+        best = min(candidates, key=lambda candidate: candidate.cost_ms, default=None)
         return best if best and best.cost_ms < math.inf else None
 
     def evaluate(self, chain: ChainConfig) -> Candidate:
@@ -256,7 +257,7 @@ class Problem:
         cost_ms = float(costs_ms[at]) + self.config.auc_costs_ms * lacking
         return Candidate(chain, cost_ms, {**swept.at(at), **areas})
 
-    def left_out(self, chain: ChainConfig) -> tuple[float, Floats]:
+    def cross_validate(self, chain: ChainConfig) -> tuple[float, Floats]:
         """Return what a chain costs where the threshold for a recording comes from the others.
 
         Returns
@@ -278,15 +279,15 @@ class Problem:
         events = sweep.sweep_thresholds(parts, limits, *scoring)
         folds = [Events.pooled(events[k] for k in order[fold::many]) for fold in range(many)]
         others = [[k for k in range(many) if k != fold] for fold in range(many)]
-        held_out = []
+        held_out_events = []
         for fold, rest in zip(folds, others, strict=True):
             pooled = Events.pooled(folds[k] for k in rest)
             costs_ms = self._costs_ms(chain, limits, pooled, NEIGHBOURS)
-            held_out.append(fold.at_one(int(np.argmin(costs_ms))))
+            held_out_events.append(fold.at_one(int(np.argmin(costs_ms))))
         auc = sweep.count_scores(parts, chain.threshold, *scoring).aucs()['auc']
         lacking_ms = self.config.auc_costs_ms * (1.0 - (auc or 0.0))
         costs = [
-            self._costs_ms(chain, limit, Events.pooled(held_out[k] for k in part), 0)[0]
+            self._costs_ms(chain, limit, Events.pooled(held_out_events[k] for k in part), 0)[0]
             + lacking_ms
             for part in (range(many), *others)
         ]
@@ -340,9 +341,9 @@ class Problem:
     def _memory_costs_ms(self, chain: ChainConfig, limits: Floats) -> Floats | float:
         """Return what a chain's memory costs about the ends of slips, where labels hide that.
 
-        Labels by hand say nothing of the rows about their ends, but how long a chain remembers is
-        known: the rows of the mains comb and of windows, the time in which evidence falls from its
-        limit to a threshold, and that in which it rises there in the loudest slip.
+        Labels by hand say nothing about the rows around their ends. But how long a chain remembers
+        is known: the rows of the mains comb and of windows, the time in which evidence falls from
+        its limit to a threshold, and the time in which it rises to that in the loudest slip.
         """
         with_slips = [track for track in self.tracks if track.slips]
         rest_s = sum(track.without_slip_s for track in with_slips)
@@ -370,8 +371,8 @@ class Problem:
 def _sum_over_kinds(swept: Events, what: int) -> Floats:
     """Return the share of rest that is ON (1), or its alarms a second (2), over kinds; shape (T,).
 
-    It is that of rest plus the mean of those of the other kinds of recordings: rest counts as much
-    as all others together, and each of these as another, however long it is.
+    The share of rest is added to the mean share of the other kinds of recordings. So rest counts
+    as much as all kinds together, and each kind as much as any other, however long it lasts.
     """
     first = LASTING.index('rest') + 1
     parts = swept.lasting[1:first], swept.lasting[first:]  # the rest and the other kinds

@@ -92,7 +92,7 @@ def thresholds(chain: ChainConfig, parts: Sequence[Part]) -> Floats:
     if not 0.0 < top < math.inf:
         return np.zeros(0)
     sparse = slice(None, None, STRIDE)
-    quiet = [part[sparse][one.row_classes[sparse] < SLIP] for part, one in parts]
+    quiet = [values[sparse][track.row_classes[sparse] < SLIP] for values, track in parts]
     rest = float(np.median(np.concatenate(quiet))) if any(map(len, quiet)) else 0.0
     exponent, least_step, limit = chain.exponent, 0.0, math.inf
     if chain.decision == 'evidence':  # in decibels, so no power of the amplitude, and limited

@@ -110,7 +110,7 @@ class Known(Problem):
     def evaluate(self, chain):
         return self.costs[chain is QUICK]
 
-    def left_out(self, chain):
+    def cross_validate(self, chain):
         of_each = np.array(self.costs[round(chain.threshold)])
         return of_each.mean(), (of_each.sum() - of_each) / (of_each.size - 1)
 
@@ -194,7 +194,7 @@ def test_the_threshold_for_a_recording_comes_from_the_others():
         """Return the costs where the first recording is louder than the others."""
         volts, truth = slips(1)
         tracks = [track_with(4.3 + gain * (volts - 4.3), truth), track(2), track(3), track(4)]
-        return Problem(tracks).left_out(CHAIN)
+        return Problem(tracks).cross_validate(CHAIN)
 
     cost_ms, _ = left_out(1.0)
     # Louder noise costs time ON where the threshold is not its own; without it nothing changes.
@@ -243,7 +243,7 @@ def test_another_problem_has_another_name():
     asked = problem([track(1)])
     others = [
         problem([track(2)]),
-        dataclasses.replace(asked, given=dataclasses.replace(CHAIN, threshold=0.06)),
+        dataclasses.replace(asked, origin=dataclasses.replace(CHAIN, threshold=0.06)),
         dataclasses.replace(asked, figures=None),
         dataclasses.replace(asked, evaluation=EvaluationConfig(tail_s=0.2)),
         dataclasses.replace(asked, config=TuneConfig(auc_costs_ms=0.0)),
