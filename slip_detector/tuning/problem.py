@@ -27,7 +27,7 @@ from slip_detector.chain.samples import Floats
 from slip_detector.evaluation.events import LASTING, Events, saved_by_chance_s
 from slip_detector.parameters import ChainConfig, EvaluationConfig, TuneConfig
 from slip_detector.recordings.labels import KINDS
-from slip_detector.tuning import sweep
+from slip_detector.tuning.sweep import Vote, VoteStatistics, vote_statistics, votes_of
 from slip_detector.tuning.tracks import Track
 
 #: Figures by name, None where one is not defined: those of :meth:`.Events.at` and of
@@ -220,37 +220,30 @@ class Problem:
             When the chain cannot be built.
         """
         candidates = []
-        statistics = sweep.vote_statistics(chain, sweep.votes_of(chain), self.tracks)
-        for vote, parts in statistics.items():
-            limits = sweep.thresholds(chain, parts)
+        for statistics in self._statistics(chain, votes_of(chain)):
+            limits = statistics.thresholds()
             if limits.size:
-                voting = dataclasses.replace(chain, vote=vote)
-                candidates.append(self._cheapest(voting, parts, limits, NEIGHBOURS))
+                candidates.append(self._cheapest(statistics, limits, NEIGHBOURS))
         best = min(candidates, key=lambda candidate: candidate.cost_ms, default=None)
         return best if best and best.cost_ms < math.inf else None
 
     def evaluate(self, chain: ChainConfig) -> Candidate:
         """Return the cost of a chain with its own threshold and vote."""
-        return self._cheapest(chain, self._parts(chain), np.array([chain.threshold]), neighbours=0)
+        (statistics,) = self._statistics(chain, [chain.vote])
+        return self._cheapest(statistics, np.array([chain.threshold]), neighbours=0)
 
-    def _parts(self, chain: ChainConfig) -> list[sweep.Part]:
-        """Return the statistics of a chain's own vote."""
-        return sweep.vote_statistics(chain, [chain.vote], self.tracks)[chain.vote]
+    def _statistics(self, chain: ChainConfig, votes: Sequence[Vote]) -> list[VoteStatistics]:
+        """Return the statistics of a chain with each vote."""
+        rows = max(settling_rows(chain), self.settling_rows)
+        return vote_statistics(chain, votes, self.tracks, self.evaluation, rows)
 
-    def _scoring(self, chain: ChainConfig) -> tuple[EvaluationConfig, int]:
-        """Return what counts as detected, and in how many rows a chain settles."""
-        return self.evaluation, max(settling_rows(chain), self.settling_rows)
-
-    def _cheapest(
-        self, chain: ChainConfig, parts: Sequence[sweep.Part], limits: Floats, neighbours: int
-    ) -> Candidate:
+    def _cheapest(self, statistics: VoteStatistics, limits: Floats, neighbours: int) -> Candidate:
         """Return a chain with the threshold that, with so many neighbours, costs least."""
-        scoring = self._scoring(chain)
-        swept = Events.pooled(sweep.sweep_thresholds(parts, limits, *scoring))
-        costs_ms = self._costs_ms(chain, limits, swept, neighbours)
+        swept = Events.pooled(statistics.events(limits))
+        costs_ms = self._costs_ms(statistics.chain, limits, swept, neighbours)
         at = int(np.argmin(costs_ms))
-        chain = dataclasses.replace(chain, threshold=float(limits[at]))
-        areas = sweep.count_scores(parts, chain.threshold, *scoring).aucs()
+        chain = dataclasses.replace(statistics.chain, threshold=float(limits[at]))
+        areas = statistics.count_scores(chain.threshold).aucs()
         auc = areas['auc'] or 0.0
         before = auc if self.figures is None else self.figures['auc'] or 0.0
         lacking = 1.0 - auc + WORSE_COUNTS * max(before - auc, 0.0)
@@ -268,15 +261,15 @@ class Problem:
         costs_ms : ndarray, shape (folds,)
             Of all but one recording, or group of :data:`FOLDS`, for the error of the cost.
         """
-        parts, scoring = self._parts(chain), self._scoring(chain)
-        limits, limit = sweep.thresholds(chain, parts), np.array([chain.threshold])
+        (statistics,) = self._statistics(chain, [chain.vote])
+        limits, limit = statistics.thresholds(), np.array([chain.threshold])
         many = min(FOLDS, sum(bool(track.slips) for track in self.tracks))
         unknown = math.inf, np.zeros(many)
         if many < 2 or not limits.size:
             return unknown
         # Recordings with slips are spread over the groups.
         order = sorted(range(len(self.tracks)), key=lambda k: not self.tracks[k].slips)
-        events = sweep.sweep_thresholds(parts, limits, *scoring)
+        events = statistics.events(limits)
         folds = [Events.pooled(events[k] for k in order[fold::many]) for fold in range(many)]
         others = [[k for k in range(many) if k != fold] for fold in range(many)]
         held_out_events = []
@@ -284,7 +277,7 @@ class Problem:
             pooled = Events.pooled(folds[k] for k in rest)
             costs_ms = self._costs_ms(chain, limits, pooled, NEIGHBOURS)
             held_out_events.append(fold.at_one(int(np.argmin(costs_ms))))
-        auc = sweep.count_scores(parts, chain.threshold, *scoring).aucs()['auc']
+        auc = statistics.count_scores(chain.threshold).aucs()['auc']
         lacking_ms = self.config.auc_costs_ms * (1.0 - (auc or 0.0))
         costs = [
             self._costs_ms(chain, limit, Events.pooled(held_out_events[k] for k in part), 0)[0]

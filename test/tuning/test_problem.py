@@ -27,7 +27,7 @@ from slip_detector.recordings.labels import label_at
 from slip_detector.tuning.problem import COMPARED, Candidate, Problem, worse_figures
 from slip_detector.tuning.search import Trial
 from slip_detector.tuning.space import SearchSpace
-from slip_detector.tuning.sweep import thresholds, vote_statistics
+from slip_detector.tuning.sweep import vote_statistics
 from slip_detector.tuning.tracks import track_of
 from slip_detector.tuning.verdict import choose, judge
 from support.tuning_cases import CHAIN, RATE_HZ, problem, slips, study_of, track, track_with
@@ -183,8 +183,8 @@ def test_a_threshold_next_to_no_evidence_is_not_taken():
     objective = Problem(tracks)
     found = objective.best(chain)
     assert found.figures['sooner_than_chance'] > 0.9
-    (parts,) = vote_statistics(chain, [found.chain.vote], tracks).values()
-    assert found.chain.threshold >= thresholds(chain, parts)[3]
+    (statistics,) = vote_statistics(chain, [found.chain.vote], tracks)
+    assert found.chain.threshold >= statistics.thresholds()[3]
     # Three steps of 3 %, or 0.257 dB, for as long as a window.
     assert found.chain.threshold > 3 * 0.25 * chain.envelope_window_s
 
