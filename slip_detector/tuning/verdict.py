@@ -36,13 +36,7 @@ from slip_detector.parameters import (
 from slip_detector.recordings.labels import ENDING, MISTAKEN
 from slip_detector.tuning.labels import contradictions, snap_labels
 from slip_detector.tuning.learning import learn
-from slip_detector.tuning.problem import (
-    COMPARED,
-    Candidate,
-    Problem,
-    beats_chance,
-    worse_figures,
-)
+from slip_detector.tuning.problem import COMPARED, Candidate, Problem, beats_chance, worse_figures
 from slip_detector.tuning.search import Calls, Study, search
 from slip_detector.tuning.tracks import Track, TrainingFiles
 
