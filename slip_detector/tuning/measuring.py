@@ -75,7 +75,8 @@ LINE_HZ, BESIDE_HZ = (0.0, 0.5), (1.0, 6.0)
 #: Below this frequency a line cannot be distinguished from drift.
 LOWEST_LINE_HZ = 2.0
 
-#: Share of the slips that shows how large their steps are, and that where labels are by hand.
+#: Share of the slips whose largest steps are below the returned one, and that share where labels
+#: are by hand.
 SHARE_OF_SLIPS, SHARE_BY_HAND = 0.9, 0.8
 
 #: A finger that touches nothing stays below the level of contact for all but this share of time;
@@ -211,7 +212,9 @@ def learn_floors(chain: ChainConfig, tracks: Sequence[Track]) -> tuple[float, ..
         rows = envelopes(plain, track, settling_rows(plain) + most)
         levels.append(rows[np.isin(track.row_classes[: len(rows)], classes)])
     columns = [column[np.isfinite(column)] for column in np.concatenate(levels).T]
-    floors = np.array([np.quantile(one, BELOW_FLOOR) if one.size else 0.0 for one in columns])
+    floors = np.array(
+        [np.quantile(column, BELOW_FLOOR) if column.size else 0.0 for column in columns]
+    )
     if not floors.any():
         names = ', '.join(track.name for track in tracks)
         text = 'a recording at rest that is longer than the chain settles'
@@ -229,7 +232,7 @@ def find_mains(chain: ChainConfig, track: Track) -> tuple[float, str]:
     one with the lower multiple, as multiples of both may have the same alias.
     """
     rate_hz, rows = track.sample_rate_hz, round(SPECTRUM_S * track.sample_rate_hz)
-    longest = max(track.stretches, key=lambda one: one.end - one.start)
+    longest = max(track.stretches, key=lambda stretch: stretch.end - stretch.start)
     volts = drop_disabled(track.volts, chain)[slice(*longest)]
     volts = forward_filled(volts, ~np.isfinite(volts))
     volts = volts[:, np.ptp(volts, axis=0) > 0.0]
@@ -247,7 +250,7 @@ def find_mains(chain: ChainConfig, track: Track) -> tuple[float, str]:
         lines = {mains_hz: _lines(mains_hz, rate_hz, *spectra) for mains_hz in MAINS_HZ}
     if not any(lines.values()):
         return 0.0, f'no line of the mains is {LEAST_LINE_DB:g} dB above the noise on all channels'
-    best = max(lines, key=lambda one: (len(lines[one]), -min(lines[one], default=0)))
+    best = max(lines, key=lambda hz: (len(lines[hz]), -min(lines[hz], default=0)))
     heights = ', '.join(lines[best].values())
     return best, f'mains of {best:g} Hz: lines of {heights} on all channels'
 

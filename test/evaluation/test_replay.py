@@ -28,12 +28,7 @@ from slip_detector.chain.samples import Samples
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.compiled import COMPILED
 from slip_detector.evaluation.events import LASTING, NO_EVENTS
-from slip_detector.evaluation.figures import (
-    ALREADY_ON,
-    STAGES,
-    TrueSlip,
-    figures_of_merit,
-)
+from slip_detector.evaluation.figures import ALREADY_ON, STAGES, TrueSlip, figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.recordings.labels import label_at
