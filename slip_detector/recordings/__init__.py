@@ -98,6 +98,7 @@ def open_recording(path: 'str | Path', config: 'RecordingConfig | None' = None) 
     labels_file = find_labels(config.recording_labels, path)
     labels = None if labels_file is None else read_labels(labels_file)
     with named_errors(path):
+        path.stat()  # An error where there is none, whatever its ending.
         check_plain(path)
         if path.suffix not in ENDINGS and not path.is_dir():
             allowed = f'{", ".join(ENDINGS)} or the folder of a bag'

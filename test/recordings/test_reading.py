@@ -47,11 +47,13 @@ def test_keys_are_taken_from_the_configuration(tmp_path):
 def test_a_missing_file_a_folder_and_an_unknown_ending_are_named(tmp_path):
     folder = tmp_path / 'folder.npz'
     folder.mkdir()
-    assert complaint(tmp_path / 'no.npz') == ': cannot be read (No such file or directory)'
+    for name in ('no.npz', 'no'):
+        assert complaint(tmp_path / name) == ': cannot be read (No such file or directory)'
     assert complaint(folder) == ': cannot be read (Is a directory)'
     allowed = 'allowed: .npz, .csv, .mcap, .db3, .bag, .zstd or the folder of a bag'
-    assert complaint(tmp_path / 'a.wav') == f': is .wav, {allowed}'
-    assert complaint(tmp_path / 'bag') == f': is without ending, {allowed}'
+    for name, what in (('a.wav', '.wav'), ('bag', 'without ending')):
+        (tmp_path / name).touch()
+        assert complaint(tmp_path / name) == f': is {what}, {allowed}'
 
 
 @pytest.mark.parametrize('ending', ['.npz', '.csv', '.mcap', '.db3', '.bag', '.labels.yaml'])
