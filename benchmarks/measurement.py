@@ -36,7 +36,7 @@ import yaml
 from numpy.typing import NDArray
 
 from slip_detector.compiled import COMPILED
-from slip_detector.report.tables import number_text, text_table
+from slip_detector.report.texts import number_text, text_table
 
 #: Noise that :func:`swelling_noise_v` makes.
 BASELINE_V, NOISE_V = 4.3, 0.02

@@ -50,8 +50,7 @@ from typing import IO, Any, ClassVar
 
 import numpy as np
 
-from slip_detector.parameters.files import CACHE
-from slip_detector.parameters.sets import ParameterSet
+from slip_detector.parameters import CACHE, ParameterSet
 
 LOG = logging.getLogger(__name__)
 

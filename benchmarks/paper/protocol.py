@@ -33,8 +33,7 @@ from benchmarks.measurement import Bound
 from slip_detector.chain.samples import Floats, Samples
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.evaluation import figures
-from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.fields import refuse
+from slip_detector.parameters import ChainConfig, refuse
 from slip_detector.recordings import rates_differ
 from slip_detector.recordings.rates import rate_of
 from slip_detector.scenes import find_scene, load_scene

@@ -41,7 +41,7 @@ from slip_detector.compiled import (
     spread,
     store,
 )
-from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
+from slip_detector.parameters import COMMON_MODES, ChainConfig
 
 Words = NDArray[np.uint64]
 
@@ -62,7 +62,7 @@ class Plan(NamedTuple):
     settings : ndarray of records, shape (1,)
         The parameters, as numbers.
     limits : ndarray, shape (t, 3, 16)
-        Lowest and highest good sample, and least noise floor in dB, of each column.
+        Lowest and highest good sample, and least noise floor in dB (NaN: none), of each column.
     sections, low_sections : ndarray, shape (s, 6)
         The filters, and those of the low level, if it is needed.
     active : ndarray of int
@@ -75,7 +75,7 @@ class Plan(NamedTuple):
         Rows of a tile, which the stages replace in place, and the floors by activity, in dB.
     common_v, common_db : ndarray, shape (64,)
         Common mode and common excess of each row.
-    words : ndarray of words, shape (8, 5, c)
+    words : ndarray of words, shape (8, 6, c)
         The words of each channel, in the order of :mod:`.stages`, in the blocks of a chunk.
     decisions : ndarray of words, shape (columns of flags, at least 16)
         The flags, as words.
@@ -117,7 +117,7 @@ def plan_of(
     limits = np.tile([[np.inf], [-np.inf], [0.0]], tiles * LANES)
     limits[:2, enabled] = np.transpose([config.valid_range_v])
     if config.decision == 'evidence':
-        limits[stages.LEAST_DB, : config.channels] = 20.0 * np.log10(config.noise_floor)
+        limits[stages.LEAST_DB, : config.channels] = 20.0 * np.log10(config.floors or np.nan)
     groups = [[c - 1 for c in group if c - 1 not in disabled] for group in config.groups.values()]
     settings = _settings_of(config, sections, low_sections)
     rank = settings['common_rank'][0]
@@ -136,7 +136,7 @@ def plan_of(
         low=aligned((blocks, WORD_ROWS, LANES)),
         common_v=np.zeros(WORD_ROWS),
         common_db=np.zeros(WORD_ROWS),
-        words=np.zeros((CHUNK_ROWS // WORD_ROWS, 5, tiles * LANES), np.uint64),
+        words=np.zeros((CHUNK_ROWS // WORD_ROWS, 6, tiles * LANES), np.uint64),
         decisions=np.zeros(max(settings['flags'][0], LANES), np.uint64),
         digits=np.zeros(votes.DIGITS, np.uint64),
         by_channel=np.zeros((tiles * LANES * by_channel, WORD_ROWS)),
@@ -148,7 +148,8 @@ def _settings_of(config: ChainConfig, sections: Floats, low_sections: Floats) ->
     """Return the parameters as the kernel reads them: numbers in a record.
 
     ``mains_rows``, ``impact_v``, ``evidence``, ``contact_channels``, ``activity_cap_db`` and
-    ``common_rank`` are 0 where the chain has no such stage.
+    ``common_rank`` are 0 where the chain has no such stage. ``free_floors`` says that evidence has
+    no given floors.
     """
     evidence = config.decision == 'evidence'
     low = len(config.low_band_hz) > 0
@@ -167,6 +168,7 @@ def _settings_of(config: ChainConfig, sections: Floats, low_sections: Floats) ->
         'envelope_rows': config.samples(config.envelope_window_s),
         'level_rows': config.samples(config.decision_window_s),
         'evidence': evidence,
+        'free_floors': evidence and not config.floors,
         'hold_rows': config.samples(config.impact_hold_s),
         'contact_channels': config.contact_channels if low and config.contact_level_v else 0,
         'contact_rows': config.samples(config.contact_hold_s),

@@ -31,8 +31,7 @@ from slip_detector.chain.filters import evidence_falls_s, settling_rows
 from slip_detector.chain.layout import CONTACT_ROWS, FLOOR, HOLD_ROWS
 from slip_detector.chain.samples import Bools, Floats
 from slip_detector.chain.slip_chain import SlipChain, SlipResult
-from slip_detector.parameters.detector import ChainConfig, DetectorConfig
-from slip_detector.parameters.fields import name_list, names_that_affect
+from slip_detector.parameters import ChainConfig, DetectorConfig, name_list, names_that_affect
 
 #: Time for which rows are kept, with which a new chain starts. The slowest response of the paper's
 #: filters falls to a thousandth in two seconds. During slip as many rows at rest are kept, too.
@@ -162,10 +161,11 @@ class Watch:
         """Return which valid channels have a floor that is too low, or far too high."""
         config, state = self._chain.config, self._chain.state
         contact = not config.contact_level_v or state[0, CONTACT_ROWS, 0] > 0
-        if config.decision != 'evidence' or not contact:  # Out of contact floors rest.
+        # Out of contact floors rest.
+        if config.decision != 'evidence' or not contact or not config.floors:
             return {}
         floor_db, level_db = self._chain.floor_and_level_db()
-        least_db, range_db = 20.0 * np.log10(config.noise_floor), config.noise_floor_range_db
+        least_db, range_db = 20.0 * np.log10(config.floors), config.noise_floor_range_db
         far_below = np.all((level_db < least_db - FAR_DB) | ~valid)
         too_low = (floor_db >= least_db + range_db) & (range_db > 0.0)
         return {'upper': valid & too_low, 'lower': valid & far_below}

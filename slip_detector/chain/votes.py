@@ -50,8 +50,7 @@ from slip_detector.compiled import (
     spread,
     store,
 )
-from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.fields import convert
+from slip_detector.parameters import ChainConfig, convert
 
 #: The values of the parameter ``common_mode`` as numbers, in the order of ``COMMON_MODES``.
 NO_COMMON_MODE, MEDIAN, MEAN = range(3)

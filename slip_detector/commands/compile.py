@@ -31,8 +31,7 @@ from slip_detector.chain.slip_chain import compile_chain
 from slip_detector.commands.command_line import Parser, run
 from slip_detector.compiled import COMPILED, SAID_S
 from slip_detector.evaluation.replay import Replay
-from slip_detector.parameters import ChainConfig, DriverConfig, EvaluationConfig
-from slip_detector.parameters.files import shared_folder
+from slip_detector.parameters import ChainConfig, DriverConfig, EvaluationConfig, shared_folder
 from slip_detector.sources import open_source
 from slip_detector.tuning.sweep import sweep_thresholds, vote_statistics
 from slip_detector.tuning.tracks import track_of

@@ -27,7 +27,6 @@ It uses no ROS. :func:`slip_detector.tuning.verdict.tune` does the work.
 import argparse
 import datetime
 import json
-import math
 import shlex
 import sys
 from collections.abc import Callable, Sequence
@@ -35,15 +34,17 @@ from pathlib import Path
 from typing import Any
 
 from slip_detector.commands import workers
-from slip_detector.commands.command_line import Parser, interrupts_noted, run, whole_number
+from slip_detector.commands.command_line import (
+    Parser,
+    interrupts_noted,
+    positive_number,
+    run,
+    whole_number,
+)
 from slip_detector.evaluation.replay import Replay
-from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.parameters.sections import parameter_file
-from slip_detector.parameters.yaml_files import write_yaml
-from slip_detector.recordings import with_subfolders
+from slip_detector.parameters import DetectorConfig, parameter_file, write_yaml
 from slip_detector.recordings.labels import KINDS
-from slip_detector.report.answer import answer, bad_recordings, rounded
-from slip_detector.report.tables import compared, text_table
+from slip_detector.report.texts import answer, bad_recordings, compared, rounded, text_table
 from slip_detector.tuning.learning import learn_from_quiet
 from slip_detector.tuning.problem import Candidate, searched_parameters
 from slip_detector.tuning.tracks import Track, TrainingFiles
@@ -70,7 +71,7 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     add('--trials', type=whole_number(1), metavar='N', help=text.format(*TRIALS))
     text = 'where trials are kept and shared: a journal (.journal; default: one beside --out), '
     add('--storage', metavar='URL', help=f'{text}sqlite:///FILE, postgresql://...')
-    add('--seed', type=int, default=0, metavar='N', help='seed (default: %(default)s)')
+    add('--seed', type=whole_number(0), default=0, metavar='N', help='seed (default: %(default)s)')
     several: Any = {'action': 'append', 'default': [], 'metavar': 'RECORDING'}
     text = 'a recording, or a folder of them, to hold out; all others are tuned on; repeatable'
     add('--held-out', **several, help=text)
@@ -85,11 +86,9 @@ def _arguments(argv: Sequence[str] | None) -> argparse.Namespace:
     text = 'a recording without slip, from which to learn noise floors and mains for evidence'
     add('--quiet', metavar='RECORDING', help=text)
     text = 'also set the threshold, for at most R false alarms an hour'
-    add('--false-alarms-per-hour', type=float, metavar='R', help=text)
+    add('--false-alarms-per-hour', type=positive_number, metavar='R', help=text)
     options = parser.parse_args(argv)
     rate, quiet = options.false_alarms_per_hour, options.quiet is not None
-    if rate is not None and not 0.0 < rate < math.inf:
-        parser.error(f'--false-alarms-per-hour: is {rate:g}, allowed: a number above 0')
     if not quiet and rate is not None:
         parser.error('--false-alarms-per-hour goes with --quiet')
     if not quiet and not options.recordings:
@@ -147,8 +146,6 @@ def _search(
     options: argparse.Namespace, parameters: TuningParameters, where: str, stop: Callable[[], bool]
 ) -> tuple[dict[str, Any], list[str], Callable[[Path], None]]:
     """Search; return the result, lines about it, and a function that writes the report."""
-    for name in ('recordings', 'held_out', *KINDS):
-        setattr(options, name, with_subfolders(getattr(options, name)))
     of_kinds = [(kind, path) for kind in KINDS for path in getattr(options, kind)]
     files = TrainingFiles(options.recordings, parameters.loader, options.held_out, of_kinds)
     with (
@@ -202,8 +199,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         parameters = workers.with_options(options, TuningParameters())
         written = {'--out': options.out, '--report': options.report}
         where = options.storage or f'{options.out}.study.journal'
-        workers.check_apart(written, options.labels, where)
-        workers.check_apart({'--report': options.report}, options.config)
+        workers.check_apart(written, options.config, options.labels, where)
         paths = [str(path) for path in written.values() if path is not None]
         with interrupts_noted(STOPPING) as stop:
             if options.quiet is not None:

@@ -18,25 +18,32 @@ import argparse
 import contextlib
 import dataclasses
 import functools
+import itertools
+import logging
 import multiprocessing
 import os
 import signal
 import tempfile
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from multiprocessing import connection, resource_tracker
+from concurrent import futures
+from multiprocessing import resource_tracker
 from pathlib import Path
 from typing import Any
 
 from tqdm import tqdm
 
 from slip_detector.commands.command_line import whole_number
-from slip_detector.parameters.driver import RecordingConfig
-from slip_detector.parameters.files import file_errors_of, find_parameter_file
+from slip_detector.parameters import RecordingConfig, file_errors_of, find_parameter_file
 from slip_detector.recordings import ENDINGS, is_recording
+
+LOG = logging.getLogger(__name__)
 
 #: The parameters of :class:`RecordingConfig` that are options, without ``recording_``.
 RECORDING_OPTIONS = ('topic', 'field', 'labels', 'resample')
+
+#: The function that this process, one of several, calls.
+_FUNCTION: list[Callable[[Any], Any]] = []
 
 #: Calls a function with each of several arguments; yields the index of each argument with the
 #: result of its call, as the calls end.
@@ -80,11 +87,16 @@ def add_options(parser: argparse.ArgumentParser, work: str, recordings: str = '*
 def with_options(options: argparse.Namespace, sets: Any) -> Any:
     """Return a named tuple of parameter sets with the values of ``--config`` and other options.
 
-    ``options.config`` becomes the path of the file.
+    ``options.config`` becomes the path of the file. A ValueError names a file that is not there.
     """
+    if options.labels:
+        with file_errors_of(options.labels, 'read'):
+            os.stat(options.labels)
     if options.config:
         options.config = str(find_parameter_file(options.config))
         sets = sets._make(type(one).from_yaml(options.config) for one in sets)
+        for words in itertools.chain.from_iterable(one.remarks() for one in sets):
+            LOG.warning('%s: %s', options.config, words)
     values = {f'recording_{name}': getattr(options, name) for name in RECORDING_OPTIONS}
     changes = {name: value for name, value in values.items() if value is not None}
     return sets._make(
@@ -168,70 +180,53 @@ def processes(jobs: int | None = None) -> Iterator[Calls | None]:
     if jobs is None or jobs == 1:
         yield None
         return
-    context, started = multiprocessing.get_context('spawn'), dict[Any, Any]()
+    executors = dict[Any, futures.ProcessPoolExecutor]()
+    try:
+        yield functools.partial(_results, executors, jobs)
+    finally:
+        for process in multiprocessing.active_children():
+            process.kill()
+        for executor in executors.values():
+            executor.shutdown()
+
+
+def _results(
+    executors: dict[Any, futures.ProcessPoolExecutor],
+    jobs: int,
+    function: Callable[[Any], Any],
+    arguments: Sequence[Any],
+) -> Iterator[tuple[int, Any]]:
+    """Let processes call a function; see :data:`Calls`."""
+    if function not in executors:
+        # Each process gets the function once, as it may hold much data.
+        context = multiprocessing.get_context('spawn')
+        executors[function] = futures.ProcessPoolExecutor(jobs, context, _begin, (function,))
     # Ctrl-C goes to all processes of a terminal, but only this one is to react. A signal that is
     # blocked while another process starts stays blocked in it. Starting the resource tracker,
     # which the first process would do, ends the block.
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     try:
-        for _ in range(jobs):
-            here, there = context.Pipe()
-            process = context.Process(target=_make_calls, args=(there,), daemon=True)
-            process.start()
-            started[here] = process
-            there.close()
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-        yield functools.partial(_results, dict.fromkeys(started))
+        executor = executors[function]
+        places = {executor.submit(_call, each): place for place, each in enumerate(arguments)}
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
-        for process in started.values():
-            process.kill()
-            process.join()
-
-
-def _results(
-    workers: dict[Any, Any], function: Callable[[Any], Any], arguments: Sequence[Any]
-) -> Iterator[tuple[int, Any]]:
-    """Let processes call a function; see :data:`Calls`.
-
-    ``workers`` has the function that each process called last, by the connection to it: a function
-    is sent once, as it may hold much data.
-    """
-    waiting, running = [*enumerate(arguments)], dict[Any, int]()
     try:
-        while waiting or running:
-            for worker, last in workers.items():
-                if waiting and worker not in running:
-                    running[worker], argument = waiting.pop(0)
-                    worker.send((None if last is function else function, argument))
-                    workers[worker] = function
-            ready: Any = connection.wait([*running])
-            for worker in ready:
-                refused, result = worker.recv()
-                if refused:
-                    raise refused
-                yield running.pop(worker), result
-    except (EOFError, OSError) as error:
-        died = f'allowed: fewer --jobs than {len(workers)} where memory is short'
-        why = str(error) or type(error).__name__
-        raise ValueError(f'a worker process died, {died} ({why})') from None
+        for done in futures.as_completed(places):
+            yield places[done], done.result()
+    except futures.BrokenExecutor as error:
+        died = f'allowed: fewer --jobs than {jobs} where memory is short'
+        raise ValueError(f'a worker process died, {died} ({error})') from None
 
 
-def _make_calls(caller: Any) -> None:
-    """Make calls, as the only thing of this process; it ends with the one that started it."""
+def _begin(function: Callable[[Any], Any]) -> None:
+    """Note the function that this process calls, and end with the process that started it."""
+    _FUNCTION.append(function)
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    function: Any = None
-    with contextlib.suppress(EOFError, OSError):  # Nobody calls any more.
-        while True:
-            other, argument = caller.recv()
-            function = other or function
-            try:
-                done: Any = None, function(argument)
-            except (ValueError, OSError) as error:
-                # Of others it is not known whether they can be sent.
-                done = error if hasattr(error, 'advice') else ValueError(str(error)), None
-            caller.send(done)
+
+
+def _call(argument: Any) -> Any:
+    return _FUNCTION[0](argument)
 
 
 def _end_with_parent() -> None:

@@ -31,10 +31,8 @@ from slip_detector.chain.samples import Samples
 from slip_detector.nodes.inputs import Input
 from slip_detector.nodes.messages import sensor_qos, state_qos
 from slip_detector.nodes.rclpy_internals import ROS_ERRORS, PolledTopics
-from slip_detector.parameters.detector import DetectorConfig
-from slip_detector.parameters.fields import names_that_affect
-from slip_detector.parameters.fitting import fitting, rates_differ
-from slip_detector.recordings.messages import joint_state_table
+from slip_detector.parameters import DetectorConfig, fitting, names_that_affect, rates_differ
+from slip_detector.recordings.messages import JointStateReader
 from slip_detector.recordings.rates import rate_of
 from slip_detector.view.detectors import Diagnosis, Finger
 
@@ -74,6 +72,7 @@ class FingerTopics(PolledTopics):
         self._noted_s, self._rate_hz = time.monotonic(), 0.0
         self._slip: States = deque(maxlen=MOST_STATES)
         self._truth: States = deque(maxlen=MOST_STATES)
+        self._levels, self._decisions = JointStateReader(), JointStateReader('effort')
         #: Nodes that publish the samples.
         self.senders: list[str] = []
         #: By label, the last diagnosis by the detector and by these nodes, and its time.
@@ -182,9 +181,10 @@ class FingerTopics(PolledTopics):
         self.finger.sample_s = time.monotonic()
         slip = np.array([state_at(self._slip, info['source_timestamp']) for _, info in messages])
         raws = [raw for raw, _ in messages]
-        table, decided = joint_state_table(raws), joint_state_table(raws, 'effort')
-        if table is None or decided is None:  # the channels have just changed
+        try:
+            levels, decided = self._levels.read(raws), self._decisions.read(raws)
+        except ValueError:  # the channels have just changed
             return
-        levels, channels_on = table.volts, decided.volts > 0.0
-        if levels.shape == channels_on.shape == (len(messages), self._config.channels):
-            self.finger.track.add_levels(table.stamps_ns, levels, channels_on, slip)
+        channels_on = decided.volts > 0.0
+        if levels.volts.shape == channels_on.shape == (len(messages), self._config.channels):
+            self.finger.track.add_levels(levels.stamps_ns, levels.volts, channels_on, slip)

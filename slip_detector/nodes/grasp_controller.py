@@ -27,11 +27,10 @@ from std_msgs.msg import Bool, Float64MultiArray
 
 from slip_detector.grasp.law import GraspLaw
 from slip_detector.nodes.health import ERROR, OK, WARN, Diagnostics, status
-from slip_detector.nodes.inputs import publishing_nodes
+from slip_detector.nodes.inputs import publishing_nodes, rivals
 from slip_detector.nodes.messages import STEADY, state_qos
 from slip_detector.nodes.parameters import declare
-from slip_detector.parameters.fields import name_list
-from slip_detector.parameters.grasp import ACTIONS, GRIPPER_COMMAND, JOINT_STATE, GraspConfig
+from slip_detector.parameters import ACTIONS, GRIPPER_COMMAND, JOINT_STATE, GraspConfig
 
 #: Length of the queues, so that no change is missed while this node is busy.
 DEPTH = 100
@@ -117,8 +116,7 @@ class GraspController(Node):
         topic = self._command.topic_name
         names = publishing_nodes(self, topic)
         if len(names) > 1:
-            words = f'{topic} is published by {name_list(names)}: only one of them may'
-            self.get_logger().error(words, throttle_duration_sec=RIVAL_LOG_S)
+            self.get_logger().error(rivals(topic, names), throttle_duration_sec=RIVAL_LOG_S)
 
     def _command_grip(self) -> None:
         """Command the force of the law, once both topics of the detector have been heard."""

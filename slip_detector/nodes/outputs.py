@@ -30,7 +30,7 @@ from slip_detector.chain.layout import flag_layout, flag_names
 from slip_detector.chain.samples import Bools
 from slip_detector.chain.slip_chain import SlipResult
 from slip_detector.nodes import messages
-from slip_detector.parameters.detector import DetectorConfig
+from slip_detector.parameters import DetectorConfig
 from slip_detector.recordings.messages import STATES, JointStateWriter
 
 #: Longest silence of ``slip`` that the publisher promises, in periods of the heartbeat.

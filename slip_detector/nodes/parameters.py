@@ -25,10 +25,15 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from slip_detector.nodes.rclpy_internals import answer_with, given_parameters
-from slip_detector.parameters.detector import FIXED_PARAMETERS, DetectorConfig
-from slip_detector.parameters.fields import allowed, name_list
-from slip_detector.parameters.sections import is_of_rclpy, parameters_for
-from slip_detector.parameters.sets import ConfigType
+from slip_detector.parameters import (
+    FIXED_PARAMETERS,
+    ConfigType,
+    DetectorConfig,
+    allowed,
+    is_of_rclpy,
+    name_list,
+    parameters_for,
+)
 
 
 def declare(
@@ -56,11 +61,15 @@ def declare(
     ------
     ValueError
         For an unknown name given to this node, a value that is not allowed, or a parameter file
-        for nodes with other names.
+        for nodes with other names; names the file, where the fault is in one.
     """
     values: dict[str, Any] = {}
-    for path in _options('--params-file', arguments=cli_args):
-        values |= parameters_for(path, config_class.NODE, node.get_fully_qualified_name()).own
+    files, full_name = (
+        _options('--params-file', arguments=cli_args),
+        node.get_fully_qualified_name(),
+    )
+    for path in files:
+        values |= parameters_for(path, config_class.NODE, full_name).own
     # Of `-p slip_detector:threshold:=0.5`; without a node's name it is for all nodes.
     rules = [text.partition(':=')[0] for text in _options('-p', '--param', arguments=cli_args)]
     own = values.keys() | {rule.rpartition(':')[2] for rule in rules if ':' in rule}
@@ -69,7 +78,12 @@ def declare(
         for each in given_parameters(node)
         if not is_of_rclpy(each.name)
     }
-    config = config_class.from_parameters(values, own=own, warn=node.get_logger().warning)
+    try:
+        config = config_class.from_parameters(values, own=own, warn=node.get_logger().warning)
+    except ValueError:
+        for path in files:  # The message for a file that is wrong by itself names the file.
+            config_class.from_yaml(path, full_name)
+        raise
     for name, value in config.to_parameters().items():
         field = config_class.__dataclass_fields__[name.partition('.')[0]]
         unit = f' [{field.metadata["unit"]}]' if field.metadata['unit'] else ''

@@ -18,7 +18,7 @@ import contextlib
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +32,9 @@ from slip_detector.chain.samples import Floats
 from slip_detector.nodes.ending import END_SIGNAL
 from slip_detector.nodes.messages import stamp_ns
 from slip_detector.nodes.rclpy_internals import PolledTopics
+
+#: Topics with their types and qualities of service.
+Topics = dict[str, tuple[Any, QoSProfile]]
 
 #: Period, in seconds, at which messages are received.
 POLL_S = 0.05
@@ -100,9 +103,7 @@ class RecordedNodes(NodeProcesses):
     count as latency of the nodes.
     """
 
-    def __init__(
-        self, namespace: str, topics: Mapping[str, tuple[Any, QoSProfile]], verbose: bool
-    ) -> None:
+    def __init__(self, namespace: str, topics: Topics, verbose: bool) -> None:
         super().__init__(namespace, verbose)
         node = Node('recorder', namespace=namespace)
         self.callback(node.destroy_node)

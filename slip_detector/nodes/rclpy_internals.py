@@ -39,8 +39,11 @@ from rclpy.subscription import Subscription
 
 from slip_detector.nodes.ending import SHUTDOWN_S
 
-#: Most messages of a topic that are taken before other topics and timers have their turn.
-MOST_MESSAGES = 32
+#: Most messages of a topic that the executor takes before other topics and timers have their turn.
+MESSAGES_A_TURN = 32
+
+#: Most messages of a topic that are taken at a poll: more than a queue of samples holds.
+MESSAGES_A_POLL = 2000
 
 #: Period in nanoseconds at which services, and the end of the process, are polled.
 POLL_NS = 100_000_000
@@ -120,7 +123,7 @@ class SampleExecutor(SingleThreadedExecutor):
     def _receive(self, subscription: Subscription) -> None:
         """Pass the messages of a subscription to its callback."""
         with_info = subscription._callback_type is subscription.CallbackType.WithMessageInfo
-        for taken in take_messages(subscription, MOST_MESSAGES):
+        for taken in take_messages(subscription, MESSAGES_A_TURN):
             subscription.callback(*taken if with_info else taken[:1])
 
     def _do_others(self) -> None:
@@ -213,10 +216,6 @@ def take_messages(subscription: Subscription, at_most: int) -> Iterator[tuple[An
         yield taken
 
 
-#: Most messages of a topic that are taken at a poll: more than a queue of samples holds.
-MOST_MESSAGES = 2000
-
-
 class PolledTopics:
     """The subscriptions of a node that is not spun, polled to take many messages at once.
 
@@ -242,7 +241,7 @@ class PolledTopics:
         """Return the messages that have come, each with its info; none without a subscription."""
         if name not in self._subscriptions:
             return []
-        return [*take_messages(self._subscriptions[name], MOST_MESSAGES)]
+        return [*take_messages(self._subscriptions[name], MESSAGES_A_POLL)]
 
     def close(self) -> None:
         """End all subscriptions."""

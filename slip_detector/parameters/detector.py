@@ -14,6 +14,7 @@
 
 """The parameters of the slip chain and of the detector node that runs it."""
 
+import contextlib
 import functools
 from collections import Counter
 from collections.abc import Mapping
@@ -160,9 +161,9 @@ class ChainConfig(ParameterSet):
     )
     noise_floor: tuple[float, ...] = of_evidence(
         (),
-        'Smallest envelope of the noise: one number, or one per channel; evidence needs it.',
+        'Least envelope of the noise: one for all, or one per channel; empty: unknown.',
         (1e-30, 1e30),
-        allows='1e-30 to 1e+30; one number, or one for each channel',
+        allows='1e-30 to 1e+30; none, one, or one for each channel',
     )
     noise_floor_learnt: bool = of_evidence(
         False, 'Whether the floor begins at noise_floor; else at the first envelope above it.'
@@ -253,7 +254,8 @@ class ChainConfig(ParameterSet):
     def with_values(self, values: Mapping[str, Any]) -> 'Self':
         """Return a copy with other values, by flat names; None deletes a group.
 
-        If channels or groups do not fit beside what was set for single channels, they replace it.
+        Channels and groups replace what was set for single channels and does not fit beside them:
+        the groups, then the lists, then the vote. Of another number of channels no list is kept.
 
         Examples
         --------
@@ -263,21 +265,46 @@ class ChainConfig(ParameterSet):
         >>> config.with_values({'channels': 2}).groups
         {'all': (1, 2)}
         """
-        try:
-            return super().with_values(values)
-        except ValueError:
-            if not {name.partition('.')[0] for name in values} & {'channels', 'groups'}:
-                raise
-        replaced: dict[str, Any] = {f'groups.{name}': None for name in self.groups}
-        replaced |= {name: [] for name in BY_CHANNEL if name in self.__dataclass_fields__}
-        if len(self.noise_floor) > 1 and 'noise_floor' not in values:
-            replaced |= {'noise_floor': [min(self.noise_floor)], 'noise_floor_learnt': False}
+        replaced: dict[str, Any] = {}
+        if {name.partition('.')[0] for name in values} & {'channels', 'groups'}:
+            groups: dict[str, Any] = {f'groups.{name}': None for name in self.groups}
+            lists: dict[str, Any] = {
+                name: [] for name in BY_CHANNEL if name in self.__dataclass_fields__
+            }
+            others = [groups] if values.get('channels', self.channels) == self.channels else []
+            for each in [{}, *others, groups | lists]:
+                with contextlib.suppress(ValueError):
+                    return super().with_values({**each, **values})
+            replaced = groups | lists | {'vote': 'all'}
         return super().with_values({**replaced, **values})
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the channels: those configured, else ch1, ch2, ..."""
         return self.channel_names or default_channel_names(self.channels)
+
+    @property
+    def floors(self) -> tuple[float, ...]:
+        """The least noise floors: one for each channel, one for all, or none."""
+        fits = len(self.noise_floor) == self.channels
+        return self.noise_floor if fits else self.noise_floor[:1]
+
+    def remarks(self) -> list[str]:
+        """Return what a user should know of a configuration that is allowed.
+
+        Examples
+        --------
+        >>> ChainConfig(channels=4, decision='evidence', noise_floor=[1.0, 2.0]).remarks()
+        ['noise_floor has 2 numbers for 4 channels: the first is used for all']
+        """
+        if self.decision != 'evidence':
+            return []
+        if not self.noise_floor:
+            words = 'no noise_floor: each channel begins at its first envelope, and a slip then'
+            return [f'{words} hides later ones; learn it with slip_tune --quiet REST']
+        given = len(self.noise_floor)
+        words = f'noise_floor has {given} numbers for {self.channels} channels'
+        return [f'{words}: the first is used for all'] if given not in (1, self.channels) else []
 
     def samples(self, seconds: float) -> int:
         """Return the number of samples in a time, at least one."""
@@ -336,7 +363,7 @@ class ChainConfig(ParameterSet):
         self.require(disabled < known, 'disabled_channels', f'some of 1 to {channels}, not all')
         times = Counter(channel for group in self.groups.values() for channel in group)
         odd = [c for c in (known - disabled) | times.keys() if times[c] != 1 or c not in known]
-        text = f'each of 1 to {channels} in one group, or in disabled_channels'
+        text = f'each of 1 to {channels} in one group, or in disabled_channels; set channels first'
         self.require(not odd, 'groups', text, f'is wrong about channels {quote(sorted(odd))}')
         self.require(all(self.groups.values()), 'groups', 'no empty group')
         most = min(filter(None, (len({*group} - disabled) for group in self.groups.values())))
@@ -369,20 +396,15 @@ class ChainConfig(ParameterSet):
             self.require(getattr(self, name) * self.sample_rate_hz >= 1 - 1e-6, name, text)
 
     def _check_decision(self) -> None:
-        """Check the parameters of the evidence; without it, only the number of floors."""
-        floors, channels = len(self.noise_floor), self.channels
-        evidence = self.decision == 'evidence'
-        text = f'one number, or {channels}, one for each channel'
-        numbers = (1, channels) if evidence else range(channels + 1)
-        self.require(floors in numbers, 'noise_floor', text, f'has {floors} numbers')
-        if not evidence:
+        """Check the parameters of the evidence, if it decides."""
+        if self.decision != 'evidence':
             return
         offset_db, limit_db_s = self.evidence_offset_db, self.evidence_limit_db_s
         text = f'above evidence_offset_db ({offset_db:g} dB)'
         self.require(self.evidence_cap_db > offset_db, 'evidence_cap_db', text)
         text = f'above 0, below evidence_limit_db_s ({limit_db_s:g} dB s)'
         self.require(self.threshold < limit_db_s, 'threshold', text)
-        enabled = channels - len(set(self.disabled_channels))
+        enabled = self.channels - len(set(self.disabled_channels))
         text = f'at most {enabled}, the number of enabled channels'
         self.require(not self.impact_v or self.impact_channels <= enabled, 'impact_channels', text)
         touching = self.contact_channels if self.contact_level_v else 0

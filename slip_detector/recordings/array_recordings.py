@@ -18,6 +18,7 @@ import contextlib
 import csv
 import decimal
 import itertools
+import zipfile
 from collections.abc import Generator, Iterator
 from pathlib import Path
 from typing import Any
@@ -26,10 +27,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain.samples import Samples, Stamps
-from slip_detector.parameters.detector import default_channel_names
-from slip_detector.parameters.driver import RecordingConfig
-from slip_detector.parameters.fields import name_list, quote, refuse, shortened
-from slip_detector.parameters.fitting import RATE_TOLERANCE
+from slip_detector.parameters import (
+    RATE_TOLERANCE,
+    RecordingConfig,
+    default_channel_names,
+    name_list,
+    quote,
+    refuse,
+    shortened,
+)
 from slip_detector.recordings.labels import Labels, as_truth
 from slip_detector.recordings.rates import checked_rate, rate_of
 from slip_detector.recordings.recording import PIECE_ROWS, Recording, named_errors
@@ -104,8 +110,11 @@ class NpzRecording(Recording):
 
     @contextlib.contextmanager
     def _archive(self) -> Iterator[Any]:
-        with open(self.path, 'rb') as file, np.load(file, allow_pickle=False) as archive:
-            yield archive
+        with open(self.path, 'rb') as file:
+            if not zipfile.is_zipfile(file):
+                refuse('is cut off, or no npz', 'what numpy.savez writes')
+            with np.load(file, allow_pickle=False) as archive:
+                yield archive
 
 
 def _as_stamps(stamps: NDArray[Any]) -> Stamps:

@@ -14,22 +14,21 @@
 
 """Recordings in bags: a topic with the rows, and perhaps one with the slip or a position."""
 
+import contextlib
 import itertools
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from slip_detector.chain.samples import Floats, Ints, Samples, Stamps
 from slip_detector.chain.stamp_rules import GAP_PERIODS
-from slip_detector.parameters.detector import default_channel_names
-from slip_detector.parameters.driver import RecordingConfig
-from slip_detector.parameters.fields import name_list
+from slip_detector.parameters import RecordingConfig, default_channel_names, name_list, refuse
 from slip_detector.recordings.bag_storage import BagStorage, Message, typestore_of
 from slip_detector.recordings.labels import Labels, accuracy_and_kind, label_at
 from slip_detector.recordings.mcap import Topic
-from slip_detector.recordings.messages import JOINT_FIELDS, FieldReader, joint_state_table
+from slip_detector.recordings.messages import JOINT_FIELDS, FieldReader, JointStateReader
 from slip_detector.recordings.rates import checked_rate, rate_of
 from slip_detector.recordings.recording import PIECE_ROWS, Recording
 
@@ -74,54 +73,66 @@ class _Decoder:
         Names of the channels in the first message; empty if it has none.
     """
 
+    names: tuple[str, ...]
+
     def __init__(self, topic: Topic, field: str) -> None:
         self._msgtype, self._typestore = topic.msgtype, typestore_of(topic)
-        self._field, self._reader = field, FieldReader(field)
-        self._is_quick = topic.msgtype == JOINT_STATE and field in JOINT_FIELDS
-        self.channels = 0
-        self.names: tuple[str, ...] = ()
+        self._field, self._numbers_of = field, FieldReader(field)
+        is_joint_state = topic.msgtype == JOINT_STATE and field in JOINT_FIELDS
+        self._joint_states = JointStateReader(field) if is_joint_state else None
+        self._error: Exception | str = f'the field {field} is empty in every message'
+        self.channels, self.names = 0, ()
 
     def decode(self, messages: list[Message]) -> _Decoded:
         """Decode messages; a ValueError when none of those so far has channels."""
-        raws = [raw for _, raw in messages]
-        table = joint_state_table(raws, self._field) if self._is_quick else None
-        if table is None or not self._is_same(table.names, table.volts):
-            return self._one_by_one(messages)
-        received_ns = np.array([received_ns for received_ns, _ in messages], np.int64)
-        stamps_ns = np.where(table.stamps_ns == 0, received_ns, table.stamps_ns)
-        once = np.ones(len(messages), np.int64)
-        return _Decoded(table.volts, stamps_ns, received_ns, once, 0)
+        parts, received, counts = list[Samples](), list[int](), list[int]()
+        for samples, of in self._samples_of(messages):
+            if samples.volts.size and self._fits(samples):
+                parts.append(samples)
+                received += [received_ns for received_ns, _ in of]
+                counts += [len(samples.volts) // len(of)] * len(of)
+        if not self.channels:
+            raise ValueError(f'{self._error}; --field (recording_field) names one')
+        volts = np.concatenate([np.empty((0, self.channels)), *(part.volts for part in parts)])
+        stamps_ns = np.concatenate([np.empty(0, np.int64), *(part.stamps_ns for part in parts)])
+        received_ns = np.array(received, np.int64)
+        stamps_ns = np.where(stamps_ns == 0, received_ns, stamps_ns)
+        dropped = len(messages) - len(received)
+        return _Decoded(volts, stamps_ns, received_ns, np.array(counts, np.int64), dropped)
 
-    def _one_by_one(self, messages: list[Message]) -> _Decoded:
-        rows, kept = [], []
-        why: Exception | str = f'the field {self._field} is empty in every message'
-        for received_ns, raw in messages:
+    def _samples_of(self, messages: list[Message]) -> Iterator[tuple[Samples, list[Message]]]:
+        """Yield the samples of messages with one stamp each: at once if they are alike."""
+        if self._joint_states:
+            with contextlib.suppress(ValueError):  # They are not.
+                yield self._joint_states.read([raw for _, raw in messages]), messages
+                return
+        for message in messages:
             try:
-                message = self._typestore.deserialize_cdr(raw, self._msgtype)
-                values = self._reader(message)
+                samples = self._read(message[1])
             except Exception as error:  # generated code of rosbags may raise anything
-                why = error
-                continue
-            if values.size and self._is_same(getattr(message, 'name', ()), values):
-                stamp = getattr(getattr(message, 'header', None), 'stamp', None)
-                stamp_ns = 0 if stamp is None else stamp.sec * 1_000_000_000 + stamp.nanosec
-                rows.append(values)
-                kept.append((stamp_ns or received_ns, received_ns, len(values)))
-        if not self.channels:
-            raise ValueError(f'{why}; --field (recording_field) names one')
-        volts = np.concatenate([np.empty((0, self.channels)), *rows])
-        stamps_ns, received_ns, counts = np.array(kept, np.int64).reshape(-1, 3).T
-        return _Decoded(volts, stamps_ns, received_ns, counts, len(messages) - len(kept))
+                self._error = error
+            else:
+                yield samples, [message]
 
-    def _is_same(self, names: Any, rows: Floats) -> bool:
+    def _read(self, raw: bytes) -> Samples:
+        """Return the rows of a message, with its one stamp; 0: it has none."""
+        if self._joint_states:
+            return self._joint_states.read([raw])
+        message = self._typestore.deserialize_cdr(raw, self._msgtype)
+        stamp = getattr(getattr(message, 'header', None), 'stamp', None)
+        stamp_ns = 0 if stamp is None else stamp.sec * 1_000_000_000 + stamp.nanosec
+        names = getattr(message, 'name', ())
+        is_list = isinstance(names, list) and all(isinstance(name, str) for name in names)
+        rows, stamps_ns = self._numbers_of(message), np.array([stamp_ns], np.int64)
+        return Samples(rows, stamps_ns, names=tuple(names) if is_list else ())
+
+    def _fits(self, samples: Samples) -> bool:
         """Return whether rows have the channels and names of the first rows."""
-        channels = rows.shape[1]
-        is_named = not isinstance(names, str) and len(names) == channels
-        is_named = is_named and all(isinstance(name, str) for name in names)
-        own_names = tuple(names) if is_named else ()
+        channels = samples.volts.shape[1]
+        names = samples.names if len(samples.names) == channels else ()
         if not self.channels:
-            self.channels, self.names = channels, own_names
-        return channels > 0 and (channels, own_names) == (self.channels, self.names)
+            self.channels, self.names = channels, names
+        return (channels, names) == (self.channels, self.names)
 
 
 class BagRecording(Recording):
@@ -155,7 +166,6 @@ class BagRecording(Recording):
     def read(self) -> Iterator[Samples]:
         """Yield the rows of the topic, some thousands at a time."""
         edges_ns, last_ns = self._edges_ns(), None
-        self.counts.doubts = '; '.join(self._storage.doubts)
         self.counts.damage = '; '.join(self._storage.damage)
         for decoded in self._decoded(self._topic, _Decoder(self._topic, self._field)):
             self.counts.dropped += decoded.dropped * self._per_message
@@ -203,6 +213,8 @@ class BagRecording(Recording):
         parts = list(self._decoded(topic, _Decoder(topic, field)))
         values = np.concatenate([part.volts for part in parts])
         stamps_ns = np.concatenate([part.stamps_ns for part in parts])
+        if (np.diff(stamps_ns) < 0).any():
+            refuse(f'the times on {topic.name} fall', 'rising, or --labels (recording_labels)')
         if self._has_states:
             return np.asarray(stamps_ns[np.diff(values[:, 0] != 0.0, prepend=False)])
         # Slip lasts between two positions that differ, including the times of both (Eq. 9).

@@ -24,9 +24,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from slip_detector.chain.samples import Bools, Floats, Samples, Stamps
-from slip_detector.parameters.fields import name_list, quote, refuse
-from slip_detector.parameters.files import file_errors_of
-from slip_detector.parameters.yaml_files import read_yaml, write_yaml
+from slip_detector.parameters import (
+    file_errors_of,
+    name_list,
+    quote,
+    read_yaml,
+    refuse,
+    write_yaml,
+)
 
 #: Ending of a file of labels beside its recording: ``trial.labels.yaml`` for ``trial.mcap``.
 ENDING = '.labels.yaml'
@@ -187,14 +192,15 @@ def labels_from(path: Path, document: dict[str, Any]) -> Labels:
     mistaken = document.pop(MISTAKEN, False)
     if not isinstance(mistaken, bool):
         refuse(f'{path}: {MISTAKEN} is {quote(mistaken)}', 'true, false')
-    try:
-        listed = document.pop(KEY, []) if kind or mistaken else document.pop(KEY)
-        edges_s = np.array(listed, np.float64).reshape(-1, 2)
-    except (KeyError, TypeError, ValueError, ArithmeticError):
-        document = {'no': KEY}
+    slips = document.pop(KEY, [] if kind or mistaken else None)
     if document:
-        keys = f'{KEY}: [[start, end]] in seconds, or {KIND}; beside it {ACCURACY}, {MISTAKEN}'
-        refuse(f'{path}: is no file of labels', keys)
+        allowed = ', '.join((KEY, ACCURACY, KIND, MISTAKEN))
+        refuse(f'{path}: has the key {name_list([*map(str, document)])}', allowed)
+    try:
+        edges_s = np.array(slips, np.float64).reshape(-1, 2)
+    except (TypeError, ValueError, ArithmeticError):
+        what = f'{path}: has no {KEY}' if slips is None else f'{path}: {KEY} is {quote(slips)}'
+        refuse(what, f'{KEY}: [[start, end], ...] in seconds, or {KIND}')
     if kind and edges_s.size:
         raise ValueError(f'{path}: has slips, allowed: none in a recording of the kind {kind}')
     edges_s = edges_s[np.argsort(edges_s[:, 0])]

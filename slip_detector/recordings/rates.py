@@ -20,8 +20,7 @@ import numpy as np
 
 from slip_detector.chain.samples import Bools, Floats, Samples, Stamps
 from slip_detector.chain.stamp_rules import BUNCHED, GAP_PERIODS
-from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.fields import allowed
+from slip_detector.parameters import ChainConfig, allowed
 
 #: Rows of the lower rate that the low-pass takes on either side of a row.
 HALF_ROWS = 20

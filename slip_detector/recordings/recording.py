@@ -29,9 +29,7 @@ from numpy.typing import NDArray
 
 from slip_detector.chain.samples import Samples
 from slip_detector.chain.stamps import StampGrid
-from slip_detector.parameters.driver import RecordingConfig
-from slip_detector.parameters.fields import refuse
-from slip_detector.parameters.fitting import RATE_TOLERANCE, rates_differ
+from slip_detector.parameters import RATE_TOLERANCE, RecordingConfig, rates_differ, refuse
 from slip_detector.recordings.labels import Labels, label_at
 from slip_detector.recordings.rates import MOST_FACTOR, resampled
 
@@ -66,8 +64,6 @@ class RecordingCounts:
         are not those of the first message.
     damage : str
         One line on the part of a recording that could not be read; empty if all was read.
-    doubts : str
-        One line on why damage may have gone unseen; empty if it would have been seen.
     """
 
     rows: int = 0
@@ -77,7 +73,6 @@ class RecordingCounts:
     bad_samples: int = 0
     dropped: int = 0
     damage: str = ''
-    doubts: str = ''
 
 
 @contextlib.contextmanager

@@ -14,6 +14,7 @@
 
 """Output for people; each file is imported where it is used, as plotting takes long to load.
 
-``answer`` has sentences, ``tables`` tables of text, ``pictures`` pictures, ``page`` a report that
-is one HTML file, and ``overview`` what the report draws of a recording.
+``texts`` has the answer in sentences and tables of plain text, ``page`` a report that is one HTML
+file, ``overview`` what the report draws of a recording, and ``pictures`` pictures of trials and
+grasps.
 """

@@ -37,10 +37,9 @@ from numpy.typing import NDArray
 from slip_detector.evaluation import evaluator
 from slip_detector.evaluation.figures import ReplayOutcome, figures_of_merit
 from slip_detector.evaluation.replay import Replay
-from slip_detector.parameters.fields import name_list
-from slip_detector.parameters.files import whole_file
+from slip_detector.parameters import name_list, whole_file
 from slip_detector.recordings import by_number
-from slip_detector.report import tables
+from slip_detector.report import texts
 from slip_detector.report.overview import OUTCOMES, Codes, Overview, Volts
 from slip_detector.tuning.tracks import Track
 
@@ -151,10 +150,10 @@ def _paragraphs(lines: Iterable[str]) -> str:
 
 def _tiles(variants: Sequence[Variant]) -> str:
     tiles, wholes = '', [next(iter(variant.figures.values()), {}) for variant in variants]
-    for name in tables.TABLES['decisions'] if wholes[-1].get('slips') is None else MAIN_FIGURES:
-        *before, text = (tables.figure_text(name, figures) for figures in wholes)
+    for name in texts.TABLES['decisions'] if wholes[-1].get('slips') is None else MAIN_FIGURES:
+        *before, text = (texts.figure_text(name, figures) for figures in wholes)
         was = (f' <small>{variants[0].name} {old}</small>' for old in {*before} - {text, '-'})
-        tiles += f'<div><dt>{tables.heading(name)}</dt><dd>{text}{"".join(was)}</dd></div>'
+        tiles += f'<div><dt>{texts.heading(name)}</dt><dd>{text}{"".join(was)}</dd></div>'
     return tiles
 
 
@@ -165,14 +164,14 @@ def _figures(variants: Sequence[Variant]) -> str:
         for title in titles
         for variant in variants
     }
-    blocks = tables.figure_tables(rows, {'recording': RECORDING_FIGURES, **tables.TABLES})
+    blocks = texts.figure_tables(rows, {'recording': RECORDING_FIGURES, **texts.TABLES})
     main, *others = [_table('figures', block[0], block[1:]) for block in blocks] or ['']
     if len(names) > 1:
-        changes = tables.compared(*(variant.figures[titles[0]] for variant in variants))
+        changes = texts.compared(*(variant.figures[titles[0]] for variant in variants))
         table = _table('compared', [titles[0], *names, ''], changes)
         main = f'{_details("What changed", table)}{main}'
     every = _details('All figures', ''.join(others))
-    return f'{main}{every}<p class="legend">{tables.LEGEND}</p>'
+    return f'{main}{every}<p class="legend">{texts.LEGEND}</p>'
 
 
 def _parameter_rows(variants: Sequence[Variant]) -> list[list[str]]:
@@ -180,7 +179,7 @@ def _parameter_rows(variants: Sequence[Variant]) -> list[list[str]]:
     configs = [variant.overviews[0].config for variant in variants]
     sets = [config.to_parameters() for config in (type(configs[0])(), *configs)]
     names = dict.fromkeys(name for values in sets for name in values)
-    undefined = tables.UNDEFINED
+    undefined = texts.UNDEFINED
     return [[name, *(_value(of.get(name, undefined)) for of in sets)] for name in names]
 
 
@@ -218,13 +217,13 @@ def _data(variants: Sequence[Variant]) -> str:
     recordings = zip(*(variant.overviews for variant in variants), strict=True)
     data = {
         'variants': [variant.name for variant in variants],
-        'recordings': [packed_recording(overviews) for overviews in recordings],
+        'recordings': [pack_recording(overviews) for overviews in recordings],
     }
     # Only '<' can end a script element; JSON may write it as an escape.
     return json.dumps(data, separators=(',', ':'), allow_nan=False).replace('<', '\\u003c')
 
 
-def packed_recording(variants: Sequence[Overview]) -> dict[str, Any]:
+def pack_recording(variants: Sequence[Overview]) -> dict[str, Any]:
     """Return what the scripts read of one recording; it has an overview for each variant."""
     first = variants[0]
     lowest = np.fmin.reduce(first.low, initial=np.inf).astype(np.float64)
@@ -234,12 +233,12 @@ def packed_recording(variants: Sequence[Overview]) -> dict[str, Any]:
     # A flat channel has one code only, with any step.
     step = np.where(highest > lowest, (highest - lowest) / MOST_CODE, 1.0)
 
-    def packed(volts: Volts) -> bytes:
+    def packed_volts(volts: Volts) -> bytes:
         codes = np.rint((volts - lowest) / step)
         return _bytes(np.where(np.isnan(codes), NO_SAMPLE, codes).astype('<u2'))
 
     # In bins of one row the lowest and the highest volts are the same.
-    data = [packed(extreme) for extreme in (first.low, first.high)[: min(first.bin_rows, 2)]]
+    data = [packed_volts(extreme) for extreme in (first.low, first.high)[: min(first.bin_rows, 2)]]
     data += [_bytes(overview.codes) for overview in variants]
     return {
         'name': first.name,
@@ -298,7 +297,7 @@ def write_evaluation_report(
         When the file cannot be written; names it.
     """
     recordings = [recording for files in sets.values() for recording in files.values()]
-    figures, overviews = tables.by_name(report['sets']), [of.observer for of in recordings]
+    figures, overviews = texts.by_name(report['sets']), [of.observer for of in recordings]
     for title, overview in zip(figures, overviews, strict=True):
         overview.name = title
     whole = {'all recordings': report['all']} if len(recordings) > 1 else {}

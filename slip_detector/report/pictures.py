@@ -23,9 +23,8 @@ from matplotlib.figure import Figure
 
 from slip_detector.chain.samples import Bools, Floats
 from slip_detector.grasp.loop import CONTROLLER, PAPER, UNCONTROLLED, GraspTrial
-from slip_detector.parameters.detector import ChainConfig
-from slip_detector.parameters.files import whole_file
-from slip_detector.report.tables import number_text, text_table
+from slip_detector.parameters import ChainConfig, whole_file
+from slip_detector.report.texts import number_text, text_table
 
 #: Colours that colour-blind readers can distinguish (Okabe and Ito): blue, vermilion, green,
 #: purple, orange, sky blue, black.
@@ -37,7 +36,7 @@ COLUMNS = (
 )  # fmt: skip
 
 #: Colour of each condition that is drawn, the last one on top.
-COLOR = {UNCONTROLLED: COLORS[1], PAPER: COLORS[4], CONTROLLER: COLORS[0]}
+COLOR_OF = {UNCONTROLLED: COLORS[1], PAPER: COLORS[4], CONTROLLER: COLORS[0]}
 
 #: Height of the displacement panel, as a multiple of the object's slide under the controller.
 PANEL_SLIDES = 4.0
@@ -170,14 +169,14 @@ def draw_grasp(
     force.fill_between(time_s, held.needed_n, color='0.55', alpha=0.3, linewidth=0, label=needed)
     force.axhline(limit_n, color=COLORS[2], linestyle='--', linewidth=1.2, label='limit')
     force.plot(time_s, held.command_n, color='k', linewidth=0.9, label='commanded')
-    force.plot(time_s, held.force_n, color=COLOR[CONTROLLER], linewidth=2.0, label='grip')
+    force.plot(time_s, held.force_n, color=COLOR_OF[CONTROLLER], linewidth=2.0, label='grip')
     force.set(ylabel='force [N]', ylim=(0.0, 1.06 * limit_n))
     force.set_title('One object: gripped, lifted, filled', fontsize=11)
-    draw_decision(decision, time_s, held.slip, COLOR[CONTROLLER], '/slip')
+    draw_decision(decision, time_s, held.slip, COLOR_OF[CONTROLLER], '/slip')
     decision.plot(time_s, held.sliding, color='0.35', label='it slides')
     # An object that slides further leaves the panel; the legend says how far it slides.
     most_mm = max(PANEL_SLIDES * float(held.position_m[-1]) * 1e3, 0.1)
-    for name, color in COLOR.items():
+    for name, color in COLOR_OF.items():
         trial = trials[name]
         end = 'dropped' if trial.dropped else f'{trial.position_m[-1] * 1e3:.2f} mm'
         place.plot(time_s, trial.position_m * 1e3, color=color, label=f'{name}: {end}')

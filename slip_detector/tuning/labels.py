@@ -21,10 +21,10 @@ import numpy as np
 
 from slip_detector.chain.samples import Floats
 from slip_detector.evaluation.scores import SLIP
-from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters import ChainConfig
 from slip_detector.recordings.labels import BY_EYE_S, label_at, snapped
 from slip_detector.tuning.measuring import plain_chain
-from slip_detector.tuning.tracks import Track, at_rest, edges_of, enabled, envelopes
+from slip_detector.tuning.tracks import Track, at_rest, drop_disabled, edges_of, envelopes
 
 #: Length of the blocks in which a recording is compared with its kind.
 BLOCK_S = 0.2
@@ -149,7 +149,7 @@ class _Levels:
         self.track = track
         self._rows = rows = max(round(BLOCK_S * track.sample_rate_hz), 1)
         whole = slice(len(track.volts) // rows * rows)
-        levels = np.nan_to_num(enabled(envelopes(plain_chain(chain), track), chain))
+        levels = np.nan_to_num(drop_disabled(envelopes(plain_chain(chain), track), chain))
         squares = levels[whole].reshape(-1, rows, levels.shape[1]) ** 2
         self._known = np.all(squares.any(axis=2), axis=1)
         self._db = 10.0 * np.log10(np.maximum(squares.mean(axis=1), LEAST_POWER))

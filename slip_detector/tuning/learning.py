@@ -22,8 +22,7 @@ from typing import Any
 import numpy as np
 
 from slip_detector.evaluation.evaluator import RecordingLoader
-from slip_detector.parameters import ChainConfig, EvaluationConfig
-from slip_detector.parameters.fields import refuse
+from slip_detector.parameters import ChainConfig, EvaluationConfig, refuse
 from slip_detector.tuning.measuring import learn_noise, slip_bands
 from slip_detector.tuning.sweep import sweep_thresholds, thresholds, vote_statistics
 from slip_detector.tuning.tracks import Track, at_rest, faults_of, load_tracks
@@ -54,12 +53,12 @@ CONFIDENCE = 0.95
 BLOCK_S = 1.0
 
 
-def beginning(chain: ChainConfig) -> ChainConfig:
+def starting_chain(chain: ChainConfig) -> ChainConfig:
     """Return where learning begins: the given chain, or, without evidence, that of a new sensor.
 
     Examples
     --------
-    >>> beginning(ChainConfig()).passband_hz
+    >>> starting_chain(ChainConfig()).passband_hz
     (20.0, 0.0)
     """
     if chain.decision == 'evidence':
@@ -73,7 +72,7 @@ def learn(
     chain: ChainConfig, tracks: Sequence[Track], observe: Callable[..., None]
 ) -> tuple[ChainConfig, list[str]]:
     """Learn bands, mains and noise of a finger; return where a search begins, and lines on it."""
-    chain = beginning(chain)
+    chain = starting_chain(chain)
     observe(step='measuring where slides stand out')
     bands, line = slip_bands(chain, tracks)
     lines, (low_hz, _) = [line], chain.passband_hz

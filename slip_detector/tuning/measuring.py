@@ -23,10 +23,9 @@ import numpy as np
 from slip_detector.chain.filters import settling_rows
 from slip_detector.chain.samples import Floats
 from slip_detector.evaluation.scores import REST, SLIP
-from slip_detector.parameters import ChainConfig
-from slip_detector.parameters.fields import refuse
+from slip_detector.parameters import ChainConfig, refuse
 from slip_detector.recordings.rates import forward_filled
-from slip_detector.tuning.tracks import Track, at_rest, edges_of, enabled, envelopes
+from slip_detector.tuning.tracks import Track, at_rest, drop_disabled, edges_of, envelopes
 
 #: Spectra are of so many rows at most, and of so many at least.
 LONGEST_ROWS, SHORTEST_ROWS = 256, 32
@@ -149,7 +148,7 @@ def _band_levels_db(
     slides_db, rest_db = list[Floats](), list[Floats]()
     truth, slipping = np.asarray(track.samples.truth), track.row_classes == SLIP
     for begin, end in track.stretches:
-        volts = enabled(track.volts[begin:end], chain)
+        volts = drop_disabled(track.volts[begin:end], chain)
         volts = forward_filled(volts, ~np.isfinite(volts))
         for start in range(0, end - begin - rows + 1, rows // 2):
             labels = slice(begin + start, begin + start + rows)
@@ -231,7 +230,7 @@ def find_mains(chain: ChainConfig, track: Track) -> tuple[float, str]:
     """
     rate_hz, rows = track.sample_rate_hz, round(SPECTRUM_S * track.sample_rate_hz)
     longest = max(track.stretches, key=lambda one: one.end - one.start)
-    volts = enabled(track.volts, chain)[slice(*longest)]
+    volts = drop_disabled(track.volts, chain)[slice(*longest)]
     volts = forward_filled(volts, ~np.isfinite(volts))
     volts = volts[:, np.ptp(volts, axis=0) > 0.0]
     if chain.common_mode != 'none' and volts.size:
@@ -286,7 +285,7 @@ def slip_steps_v(chain: ChainConfig, tracks: Sequence[Track], rows: int = 1) -> 
     low_v, high_v = chain.valid_range_v
     largest = []
     for track in tracks:
-        volts = enabled(track.volts, chain)
+        volts = drop_disabled(track.volts, chain)
         steps = np.zeros(volts.shape)
         for begin, end in track.stretches:
             part = volts[begin:end]

@@ -94,7 +94,7 @@ def worse_by(figures: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, 
         See :data:`Figures`.
     """
     differences = {}
-    for name in COMPARED if better_than_chance(other) else ['auc']:
+    for name in COMPARED if beats_chance(other) else ['auc']:
         before, now = other[name], np.array(figures[name], np.float64)
         if before is None:
             continue
@@ -137,7 +137,7 @@ def worse_figures(figures: Mapping[str, Any], other: Mapping[str, Any]) -> list[
     ]
 
 
-def better_than_chance(figures: Mapping[str, Any]) -> bool:
+def beats_chance(figures: Mapping[str, Any]) -> bool:
     """Return whether a chain finds slips sooner than decisions that do not depend on slip.
 
     Parameters
@@ -228,7 +228,7 @@ class Problem:
         best = min(candidates, key=lambda one: one.cost_ms, default=None)
         return best if best and best.cost_ms < math.inf else None
 
-    def as_it_is(self, chain: ChainConfig) -> Candidate:
+    def evaluate(self, chain: ChainConfig) -> Candidate:
         """Return the cost of a chain with its own threshold and vote."""
         return self._cheapest(chain, self._parts(chain), np.array([chain.threshold]), neighbours=0)
 

@@ -33,7 +33,7 @@ from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from slip_detector.parameters.files import check_plain
+from slip_detector.parameters import check_plain
 from slip_detector.tuning.problem import Candidate, Problem, searched_parameters
 from slip_detector.tuning.space import SearchSpace
 

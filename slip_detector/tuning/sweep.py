@@ -27,7 +27,6 @@ import numpy as np
 
 from slip_detector.chain.samples import Floats
 from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.compiled import compiled
 from slip_detector.evaluation import matching
 from slip_detector.evaluation.events import Events
 from slip_detector.evaluation.scores import SLIP, UNCERTAIN, ScoreCounts, ScoreTally
@@ -85,7 +84,7 @@ def thresholds(chain: ChainConfig, parts: Sequence[Part]) -> Floats:
 
     They range from the median of the rows without slip to the value at which nothing is ON, or to
     the limit of evidence. Thresholds of evidence are at least as far apart as a :data:`STEP` in
-    amplitude changes evidence during one window of the envelope. They are rounded before they are
+    amplitude changes evidence during one window of the envelope. All are rounded before they are
     tried, so that the threshold of a result is one that was tried. There is none where the
     statistic is 0 throughout or infinite anywhere. Threshold and vote of the chain do not matter.
     """
@@ -100,18 +99,18 @@ def thresholds(chain: ChainConfig, parts: Sequence[Part]) -> Floats:
         exponent, limit = 1, chain.evidence_limit_db_s
         least_step = 20.0 * math.log10(STEP) * chain.envelope_window_s
     low = max(rest, top * RANGE**-exponent, 1e-30)
-    value, falling = top, [rounded(top)]
+    value, falling = top, [round_digits(top)]
     if falling[0] < top:
-        falling[0] = rounded(falling[0] + 10.0 ** (math.floor(math.log10(top)) - 3))
+        falling[0] = round_digits(falling[0] + 10.0 ** (math.floor(math.log10(top)) - 3))
     while value > low:
         value = min(value / STEP**exponent, value - least_step)
         if value > 0.0:
-            falling.append(rounded(value))
+            falling.append(round_digits(value))
     rising = np.array(falling[::-1])
     return rising[rising < limit]
 
 
-def rounded(value: float) -> float:
+def round_digits(value: float) -> float:
     """Round to four significant digits, which keeps the parameter file readable."""
     return float(f'{value:.4g}')
 
@@ -143,37 +142,10 @@ def vote_statistics(
     return statistics
 
 
-@compiled
-def _sweep(
-    statistic, classes, limits, begin, end, settled, off_rows, lows, highs, rises, false_alarms,
-    rows_below,
-):  # fmt: skip
-    """Follow the rises of a statistic through all thresholds over one stretch of a track.
-
-    An alarm is identified by the row at which it rises. ``rows_below`` counts the rows of each
-    class by the number of thresholds below their value.
-    """
-    # For each threshold the row at which the value last fell to it.
-    fell = np.full(limits.size, begin - off_rows)
-    above = 0
-    for row in range(begin, end):
-        value, before = statistic[row], above
-        while above < limits.size and value > limits[above]:
-            above += 1
-        while above > 0 and value <= limits[above - 1]:
-            above -= 1
-            fell[above] = row
-        rows_below[above, classes[row]] += 1
-        for t in range(before, above):
-            if row >= settled and row - fell[t] >= off_rows:
-                slip = matching.assign_alarm(row, row, lows, highs, rises, t)
-                false_alarms[t] += slip == matching.NONE
-
-
 def sweep_thresholds(
     parts: Sequence[Part], limits: Floats, config: EvaluationConfig, settling_rows: int
 ) -> list[Events]:
-    """Return the events of each track at each threshold, as :class:`.ScoredRows` at one.
+    """Return the events of each track at each threshold.
 
     Parameters
     ----------
@@ -188,24 +160,9 @@ def sweep_thresholds(
     """
     events = []
     for statistic, track in parts:
-        times = track.sample_rate_hz, track.samples.accuracy_s
-        rows = matching.ScoredRows(track.slips, track.stretches, settling_rows, config, *times)
-        rises = np.full((len(track.slips), limits.size), matching.NONE, np.int64)
-        false_alarms = np.zeros(limits.size, np.int64)
-        # Rows that are neither rest nor certainly slip are of class 0.
-        classes = np.zeros(statistic.size, np.int8)
-        for number, intervals in enumerate((rows.rest, rows.certain), 1):
-            for start, stop in np.transpose(intervals):
-                classes[start:stop] = number
-        rows_below = np.zeros((limits.size + 1, 3), np.int64)
-        for (begin, end), settled in zip(track.stretches, rows.settled, strict=True):
-            _sweep(
-                statistic, classes, limits, begin, end, int(settled), rows.off_rows, rows.lows,
-                rows.highs, rises, false_alarms, rows_below,
-            )  # fmt: skip
-        # A row is ON at threshold k where more than k thresholds are below its value.
-        _, on_rest, on_certain = np.cumsum(rows_below[::-1], axis=0)[::-1][1:].T
-        events.append(rows.events(track.kind, rises, false_alarms, on_certain, on_rest))
+        known = track.sample_rate_hz, track.samples.accuracy_s, track.kind
+        rows = matching.ScoredRows(track.slips, track.stretches, settling_rows, config, *known)
+        events.append(rows.match(np.arange(statistic.size), statistic, limits)[1])
     return events
 
 

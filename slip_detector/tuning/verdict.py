@@ -25,8 +25,14 @@ import numpy as np
 
 from slip_detector.chain.filters import settling_rows
 from slip_detector.evaluation.evaluator import RecordingLoader
-from slip_detector.parameters import ChainConfig, EvaluationConfig, RecordingConfig, TuneConfig
-from slip_detector.parameters.fields import name_list, refuse
+from slip_detector.parameters import (
+    ChainConfig,
+    EvaluationConfig,
+    RecordingConfig,
+    TuneConfig,
+    name_list,
+    refuse,
+)
 from slip_detector.recordings.labels import ENDING, MISTAKEN
 from slip_detector.tuning.labels import contradictions, snap_labels
 from slip_detector.tuning.learning import learn
@@ -34,7 +40,7 @@ from slip_detector.tuning.problem import (
     COMPARED,
     Candidate,
     Problem,
-    better_than_chance,
+    beats_chance,
     worse_figures,
 )
 from slip_detector.tuning.search import Calls, Study, search
@@ -67,7 +73,7 @@ class TuningParameters(NamedTuple):
     def problem(self, tracks: Sequence[Track], begin: ChainConfig | None = None) -> Problem:
         """Return the problem of a search on tracks that begins with a chain or the given one."""
         problem = Problem(tracks, begin or self.chain, None, self.evaluation, self.tune)
-        return dataclasses.replace(problem, figures=problem.as_it_is(self.chain).figures)
+        return dataclasses.replace(problem, figures=problem.evaluate(self.chain).figures)
 
 
 class Verdict(NamedTuple):
@@ -263,17 +269,17 @@ def judge(
 
 def _why_not(on_held: Problem, found: ChainConfig, running: ChainConfig) -> str:
     """Return why a chain is not taken in place of the running one; empty where it is."""
-    after, before = (on_held.as_it_is(chain).figures for chain in (found, running))
+    after, before = (on_held.evaluate(chain).figures for chain in (found, running))
     slips = sum(len(track.slips) for track in on_held.tracks)
     if any(figures['matched'] + figures['missed'] < slips for figures in (after, before)):
         # A slip that begins while one of the chains settles is counted for neither.
         rows = max(settling_rows(chain) for chain in (found, running))
         on_held = dataclasses.replace(on_held, settling_rows=rows)
-        after, before = (on_held.as_it_is(chain).figures for chain in (found, running))
+        after, before = (on_held.evaluate(chain).figures for chain in (found, running))
     if worse_figures(after, before):
         return 'is worse'
     if not after['matched']:
         return f'finds none of {after["missed"]} slips'
-    if not better_than_chance(after):
+    if not beats_chance(after):
         return 'is no better than guessing'
     return '' if worse_figures(before, after) else 'is no better'

@@ -14,7 +14,16 @@
 
 """The live page: what a browser shows of the fingers, and the requests that it may send.
 
-Others use :class:`.server.Server` with :class:`.access.Access` and :class:`.detectors.Detectors`,
-and what answers requests: :class:`.teaching.Teaching`, :class:`.parameters.ParameterRequests` and
-:class:`.bag.PlayedBag`. They are imported from their files, as most load much.
+| file | what it is for |
+|---|---|
+| ``detectors`` | what is known of each finger; nodes derive :class:`.detectors.Detectors` |
+| ``track``, ``view_request`` | the last minute of a finger, and the frames that pages get of it |
+| ``server``, ``access`` | :class:`.server.Server`, and who may reach it: :class:`.access.Access` |
+| ``messages`` | what a page may send |
+| ``parameters`` | :class:`.parameters.ParameterRequests`: parameters are shown, set, saved |
+| ``teaching`` | :class:`.teaching.Teaching`: recordings are made and tuned on |
+| ``recordings``, ``hand_labels``, ``tuning`` | the recordings, their labels, a run of the tuner |
+| ``bag`` | :class:`.bag.PlayedBag`: a recording is played and labelled |
+
+They are imported from their files, as most load much.
 """

@@ -17,23 +17,23 @@
 import asyncio
 import contextlib
 import hmac
+import re
 import resource
 import socket
 from dataclasses import dataclass
 from urllib.parse import quote
 
 from tornado.httpserver import HTTPServer
-from tornado.httputil import split_host_and_port
 from tornado.iostream import IOStream
 from tornado.netutil import bind_sockets, is_valid_ip
 
-#: Most connections that are no open page: with another one, the oldest is closed.
+#: Most connections that are no open page. For one more, the oldest is closed.
 MOST_STRANGERS = 64
 
-#: So many file descriptors are left for all else, such as recordings.
+#: Number of file descriptors that are kept free for all else, such as recordings.
 KEPT_DESCRIPTORS = 32
 
-#: Time, in seconds, for which nothing is accepted when a connection cannot be.
+#: Time, in seconds, for which nothing is accepted after a connection could not be accepted.
 PAUSE_S = 1.0
 
 
@@ -63,7 +63,7 @@ class Access:
 
     def refusal(self, host: str, origin: str | None) -> str:
         """Return why the headers of a request are refused; empty if they are accepted."""
-        name = split_host_and_port(host.lower())[0].strip('[]')
+        name = re.sub(':[0-9]+$', '', host.lower()).strip('[]')
         if is_loopback(self.host) and not is_loopback(name):
             return f'Host is {host[:100]}, allowed: localhost, 127.0.0.1, [::1]'
         if origin is not None and origin.lower() != f'http://{host.lower()}':

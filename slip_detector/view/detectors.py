@@ -24,10 +24,10 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.spatial import KDTree
+from scipy.spatial.distance import pdist
 
 from slip_detector.chain.samples import Bools, Floats
-from slip_detector.parameters.detector import FIXED_PARAMETERS, DetectorConfig
+from slip_detector.parameters import FIXED_PARAMETERS, DetectorConfig, quote
 from slip_detector.view.track import LiveTrack, Spectrum, spectrum
 
 #: Missing heartbeats after which a detector counts as ended or hung.
@@ -46,7 +46,7 @@ OUTSIDE, RESTART = 'outside', 'restart'
 Values = dict[str, Any]
 
 #: Parameters that every page needs.
-DESCRIBED = (
+PAGE_PARAMETERS = (
     'groups', 'vote', 'decision', 'threshold', 'sample_rate_hz', 'input_timeout_s', 'passband_hz',
     'stopbands_hz', 'mains_hz', 'evidence_limit_db_s',
 )  # fmt: skip
@@ -221,7 +221,7 @@ class Finger:
             'positions_m': drawn_positions(config).tolist(),
             'disabled': config.disabled_channels,
             'activity_hz': config.low_band_hz[1:] if config.activity_cap_db else (),
-            **{name: getattr(config, name) for name in DESCRIBED},
+            **{name: getattr(config, name) for name in PAGE_PARAMETERS},
         }
 
 
@@ -242,7 +242,7 @@ def drawn_positions(config: DetectorConfig) -> Floats:
     [[-0.00125, 0.00125], [0.00125, 0.00125], [-0.00125, -0.00125], [0.00125, -0.00125]]
     """
     if config.taxel_positions_m:
-        return np.array(_apart(config.taxel_positions_m))
+        return np.array(_separate(config.taxel_positions_m))
     width = int(np.ceil(np.sqrt(config.channels)))
     row, column = np.divmod(np.arange(config.channels), width)
     grid = [column - (width - 1) / 2, row[-1] / 2 - row, np.zeros(config.channels)]
@@ -264,12 +264,11 @@ def least_distance_m(positions: Floats) -> float:
     """
     if len(positions) == 1:
         return GRID_PITCH_M
-    distances, _ = KDTree(positions).query(positions, k=2)
-    return float(distances[:, 1].min())
+    return float(pdist(positions).min())
 
 
 @functools.lru_cache(maxsize=32)  # Called at each tick of the server.
-def _apart(taxel_positions_m: tuple[float, ...]) -> Floats:
+def _separate(taxel_positions_m: tuple[float, ...]) -> Floats:
     """Return the positions; those that coincide are moved onto a circle around them."""
     positions = np.reshape(taxel_positions_m, (-1, 3))
     places, counts = np.unique(positions, axis=0, return_counts=True)
@@ -315,12 +314,12 @@ class Detectors(ABC):
         """Return all fingers by name, also those whose detectors have ended."""
         return {**self.gone, **self.fingers}
 
-    def finger_of(self, name: object, or_gone: bool = False) -> Finger:
-        """Return a finger by the name that a page has sent; a ValueError if there is none."""
-        known = self.with_gone() if or_gone else self.fingers
-        if not isinstance(name, str) or name not in known:
-            raise ValueError(f'there is no finger {str(name)[:40]!r}')
-        return known[name]
+    def finger_of(self, name: str | None) -> Finger:
+        """Return a finger, also one whose detector has ended; a ValueError if there is none."""
+        finger = self.with_gone().get(name or '')
+        if finger is None:
+            raise ValueError(f'there is no finger {quote(name)}')
+        return finger
 
     @abstractmethod
     async def change(self, name: str, values: Mapping[str, Any], by: str) -> None:

@@ -21,16 +21,13 @@ from typing import Any
 
 import numpy as np
 
-from slip_detector.chain.samples import Samples
-from slip_detector.parameters.files import file_errors_of
-from slip_detector.parameters.yaml_files import write_yaml
+from slip_detector.chain.samples import Stamps
+from slip_detector.parameters import file_errors_of, write_yaml
 from slip_detector.recordings import labels
+from slip_detector.tuning.tracks import Track, edges_of
 
 #: Ends of slips, in order of time: seconds from the first sample, and how exact each is.
 Ends = list[tuple[float, float]]
-
-#: Returns all rows of a recording, and their rate.
-Rows = Callable[[], tuple[Samples, float]]
 
 
 def pairs_of(ends: Ends) -> Any:
@@ -48,14 +45,33 @@ class HandLabels:
 
     The recording itself stays as it is. Each end has an accuracy of its own; the file has that of
     the least exact one.
+
+    Parameters
+    ----------
+    file
+        The file; where there is none, the labels are those of the recording itself.
+    accuracy_s
+        How exact they are at first.
+    read
+        Returns the recording.
     """
 
-    def __init__(self, file: Path, ends: Ends, last_s: float, rows: Rows, kind: str = '') -> None:
-        self.file, self.ends, self._kind = file, ends, kind
-        self._last_s, self._rows = last_s, rows
+    def __init__(self, file: Path, accuracy_s: float, read: Callable[[], Track]) -> None:
+        self.file, self._read = file, read
+        samples, is_new = read().samples, not file.exists()
+        after_s = (samples.stamps_ns - samples.stamps_ns[0]) * 1e-9
+        self._last_s, self._kind = float(after_s[-1]), samples.kind
+        own_s = np.append(after_s, self._last_s)[edges_of(samples)].round(4)
+        ends_s = own_s if is_new else labels.read_labels(file).edges_s
+        self.ends: Ends = [(end_s, accuracy_s) for end_s in ends_s.ravel().tolist()]
         self._before: list[Ends] = []
         # The labels that the recording itself has: without a file they hold.
-        self._own = None if file.exists() else ends
+        self._own = self.ends if is_new else None
+
+    def at(self, after_ns: Stamps) -> dict[str, Any]:
+        """Return the labels at times after the first sample, see :func:`.label_at`."""
+        ends_ns = np.rint(1e9 * np.ravel(pairs_of(self.ends))).astype(np.int64)
+        return labels.label_at(after_ns, ends_ns, accuracy_of(self.ends))
 
     def change(self, slip_s: object, by_s: float) -> None:
         """Take all labels as a page has them; new ends are exact to ``by_s``."""
@@ -64,18 +80,18 @@ class HandLabels:
         last_s = math.floor(1e4 * self._last_s) / 1e4
         ends_s = np.minimum(wanted.edges_s.round(4), last_s).ravel().tolist()
         known, by_s = dict(self.ends), min(max(labels.BY_EYE_S, by_s), labels.MOST_S)
-        self.keep([(end_s, known.get(end_s, by_s)) for end_s in ends_s])
+        self._keep([(end_s, known.get(end_s, by_s)) for end_s in ends_s])
 
     def snap(self) -> dict[str, str]:
         """Move the ends to where the power of the signal changes; return what was found."""
-        before, (samples, rate_hz) = self.ends, self._rows()
-        by_hand = np.array(pairs_of(before)), rate_hz, labels.BY_HAND_S
-        moved_s, found, said = labels.snapped(samples, *by_hand)
+        before, track = self.ends, self._read()
+        by_hand = np.array(pairs_of(before)), track.sample_rate_hz, labels.BY_HAND_S
+        moved_s, found, said = labels.snapped(track.samples, *by_hand)
         moved = zip(before, moved_s.ravel().round(4).tolist(), found.flat, strict=True)
         ends = [(s, labels.BY_EYE_S) if known else old for old, s, known in moved]
         if before is not self.ends:  # A page has changed them meanwhile.
             return {}
-        self.keep(ends)
+        self._keep(ends)
         return {'said': said}
 
     def undo(self) -> None:
@@ -84,8 +100,8 @@ class HandLabels:
             self._write(self._before[-1])
             self.ends = self._before.pop()
 
-    def keep(self, ends: Ends) -> None:
-        """Take other labels, if they can be written; may raise a ValueError."""
+    def _keep(self, ends: Ends) -> None:
+        """Take other labels, if they can be written."""
         if ends != self.ends:
             self._write(ends)
             self._before.append(self.ends)

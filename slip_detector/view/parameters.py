@@ -26,18 +26,26 @@ import dataclasses
 import functools
 import re
 import shlex
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
-from slip_detector.parameters.detector import FIXED_PARAMETERS, NODE_PARAMETERS, DetectorConfig
-from slip_detector.parameters.fields import Field, allowed, quote, shortened, under_headings
-from slip_detector.parameters.files import shared_folder, writable_folder
-from slip_detector.parameters.sections import parameter_file
-from slip_detector.parameters.yaml_files import write_yaml
+from slip_detector.parameters import (
+    FIXED_PARAMETERS,
+    NODE_PARAMETERS,
+    DetectorConfig,
+    allowed,
+    parameter_file,
+    quote,
+    refuse,
+    shared_folder,
+    shortened,
+    under_headings,
+    writable_folder,
+    write_yaml,
+)
 from slip_detector.view.detectors import Finger, Values
-from slip_detector.view.server import MOST_NAME, Server
-from slip_detector.view.view_request import Message
+from slip_detector.view.server import Server
 
 #: Names that a page may give to a file. Of several parameter files, the launch files use the names
 #: as namespaces.
@@ -46,9 +54,6 @@ ALLOWED_NAME = 'a letter, then letters (a-z), digits, single _, at most 64'
 
 #: The presets that a page offers, each with the name of its file in ``config``.
 PRESETS = {'paper': 'slip_detector', 'onset': 'onset', 'sure': 'sure', 'grasp': 'grasp'}
-
-#: Returns the values to set that a request asks for.
-ReadRequest = Callable[[Finger, Message], Values]
 
 #: Parameters that describe the sensor: no preset changes them.
 _SENSOR_PARAMETERS = {field.name for field in under_headings(DetectorConfig)['Samples']}
@@ -81,18 +86,11 @@ class ParameterRequests:
         self._server, self._detectors = server, server.detectors
         self._folder, self._files = folder.resolve(), files
         self._overrides = overrides or {}
-        #: By detector, a state that differs whenever a page has to be told something else.
+        #: By detector, a state that changes whenever its description for the pages does.
         self._states: dict[str, tuple[Any, ...]] = {}
         server.each_tick.append(self._broadcast)
-        for request, read in {
-            'set': self._read_typed,
-            'undo': lambda finger, message: finger.to_undo(),
-            'as_in_file': self._read_as_in_file,
-            'take_input': lambda finger, message: finger.to_fit,
-            'preset': lambda finger, message: to_preset(str(message.get('preset')), finger.config),
-        }.items():
-            server.on_request(request, functools.partial(self._change, read), changes=True)
-        server.on_request('save', self._save, changes=True)
+        names = 'set', 'undo', 'as_in_file', 'take_input', 'preset', 'save'
+        server.on_requests(self, *names, changes=True)
 
     def _broadcast(self) -> None:
         """Send the pages the parameters if something has changed."""
@@ -105,14 +103,14 @@ class ParameterRequests:
             with contextlib.suppress(ValueError):
                 self._read_file(fingers[name])
         self._states = states
-        described = {n: {'gone': n in gone, **self._described(fingers[n])} for n in fingers}
+        described = {n: {'gone': n in gone, **self._describe(fingers[n])} for n in fingers}
         self._server.broadcast('parameters', {'folder': str(self._folder), 'fingers': described})
 
-    def _described(self, finger: Finger) -> dict[str, Any]:
+    def _describe(self, finger: Finger) -> dict[str, Any]:
         last = finger.history[-1] if finger.history else None
         latest = enumerate(reversed(finger.changes))
         return {
-            'headings': described_parameters(finger),
+            'headings': describe_parameters(finger),
             'file': str(self._file_of(finger.name) or ''),
             'differs': sorted(finger.as_in_file()),
             'preset': _preset_of(finger.config),
@@ -134,44 +132,49 @@ class ParameterRequests:
             config = DetectorConfig.from_yaml(file, finger.name)
             finger.in_file = dataclasses.replace(config, **self._overrides)
 
-    async def _change(self, read: ReadRequest, message: Message) -> None:
-        """Set the values that a request asks for, if any."""
-        finger = self._detectors.finger_of(message.get('finger'), or_gone=True)
-        if values := read(finger, message):
-            page = f'page {message.get("page")}'[:MOST_NAME]
-            await self._detectors.change(finger.name, values, page)
+    async def answer_set(self, finger: Finger, values: Values, page: str) -> None:
+        """Set values that were typed or dragged."""
+        if not values:
+            refuse(f'values is {quote(values)}', 'a value for each name')
+        typed = {n: read_text(n, v) if isinstance(v, str) else v for n, v in values.items()}
+        await self._server.change(finger, typed, page)
 
-    def _read_typed(self, finger: Finger, message: Message) -> Values:
-        """Return values that were typed or dragged."""
-        values = message.get('values')
-        if not isinstance(values, dict) or not values:
-            raise ValueError(f'values is {quote(values)}, allowed: a value for each name')
-        return {n: read_text(n, v) if isinstance(v, str) else v for n, v in values.items()}
+    async def answer_undo(self, finger: Finger, page: str) -> None:
+        """Revert the last change."""
+        await self._server.change(finger, finger.to_undo(), page)
 
-    def _read_as_in_file(self, finger: Finger, message: Message) -> Values:
+    async def answer_as_in_file(self, finger: Finger, page: str) -> None:
+        """Set what the file has."""
         self._read_file(finger)
-        return finger.as_in_file()
+        await self._server.change(finger, finger.as_in_file(), page)
 
-    async def _save(self, message: Message) -> dict[str, Any]:
+    async def answer_take_input(self, finger: Finger, page: str) -> None:
+        """Set what makes the detector take what comes."""
+        await self._server.change(finger, finger.to_fit, page)
+
+    async def answer_preset(self, finger: Finger, preset: str, page: str) -> None:
+        """Set the decision of a preset."""
+        await self._server.change(finger, to_preset(preset, finger.config), page)
+
+    async def answer_save(self, fingers: list[str], name: str, replace: bool) -> dict[str, Any]:
         """Save the detectors' parameters; return how to launch with them, or which file exists.
 
         The page gives the name of the file, without ``.yaml``.
         """
-        names, name = message.get('fingers'), str(message.get('name') or '')
-        if not isinstance(names, list) or not names:
-            raise ValueError(f'fingers is {quote(names)}, allowed: a list of those that are shown')
-        configs = {each: self._detectors.finger_of(each, or_gone=True).config for each in names}
-        if not FILE_NAME.fullmatch(name):
-            raise ValueError(f'name is {quote(name)}, allowed: {ALLOWED_NAME}')
+        if not fingers:
+            refuse(f'fingers is {quote(fingers)}', 'a list of those that are shown')
+        configs = {each: self._detectors.finger_of(each).config for each in fingers}
+        if not FILE_NAME.fullmatch(name or ''):
+            refuse(f'name is {quote(name)}', ALLOWED_NAME)
         if self._overrides:
             (file,) = self._files
             kept = {n: vars(DetectorConfig.from_yaml(file))[n] for n in self._overrides}
             configs = {n: dataclasses.replace(config, **kept) for n, config in configs.items()}
         path = writable_folder(self._folder) / f'{name}.yaml'
-        if path.exists() and message.get('replace') is not True:
+        if path.exists() and not replace:
             return {'taken': f'{path}: already exists'}
         comments = [f'Saved by slip_view: what {" and ".join(configs)} ran with.']
-        document = parameter_file(configs, self._file_of(names[0]))
+        document = parameter_file(configs, self._file_of(fingers[0]))
         await asyncio.to_thread(write_yaml, path, document, comments)
         return {'launch': launch_arguments(configs, path)}
 
@@ -180,7 +183,7 @@ class ParameterRequests:
 def preset(name: str) -> DetectorConfig:
     """Return the configuration in the file of a preset."""
     if name not in PRESETS:
-        raise ValueError(f'preset is {quote(name)}, allowed: {", ".join(PRESETS)}')
+        refuse(f'preset is {quote(name)}', ', '.join(PRESETS))
     return DetectorConfig.from_yaml(shared_folder() / 'config' / f'{PRESETS[name]}.yaml')
 
 
@@ -207,35 +210,27 @@ def _preset_of(config: DetectorConfig) -> str:
     return ''
 
 
-def described_parameters(finger: Finger) -> list[dict[str, Any]]:
+def describe_parameters(finger: Finger) -> list[dict[str, Any]]:
     """Return what a page shows of the parameters: headings, each with those below in order."""
     config, limits, in_file = finger.config, finger.config.limits(), finger.in_file.to_parameters()
     parts: dict[str, list[dict[str, Any]]] = {}
     heading = ''
     for name, value in config.to_parameters().items():
         field = DetectorConfig.__dataclass_fields__[name.partition('.')[0]]
-        heading = field.metadata['heading'] or heading
-        row = _row(field, name, value, in_file.get(name), limits)
+        heading, unit = field.metadata['heading'] or heading, field.metadata['unit']
+        limit, always = limits.get(field.name, ''), allowed(field).removesuffix(f' {unit}')
+        row = {
+            'name': name,
+            'text': text_of(value),
+            'in_file': text_of(in_file[name]) if name in in_file else None,
+            'unit': unit,
+            'meaning': field.metadata['meaning'],
+            'allowed': always if limit in always else f'{always}; now {limit}',
+            'choices': ['true', 'false'] if isinstance(value, bool) else field.metadata['choices'],
+            'read_only': name in FIXED_PARAMETERS,
+        }
         parts.setdefault(heading, []).append(row)
     return [{'heading': heading, 'parameters': rows} for heading, rows in parts.items()]
-
-
-def _row(
-    field: Field, name: str, value: Any, in_file: Any, limits: Mapping[str, str]
-) -> dict[str, Any]:
-    """Return what a page shows of a parameter, with its value in the file or None."""
-    limit, unit = limits.get(field.name, ''), field.metadata['unit']
-    always, choices = allowed(field).removesuffix(f' {unit}'), field.metadata['choices']
-    return {
-        'name': name,
-        'text': text_of(value),
-        'in_file': None if in_file is None else text_of(in_file),
-        'unit': unit,
-        'meaning': field.metadata['meaning'],
-        'allowed': always if limit in always else f'{always}; now {limit}',
-        'choices': ['true', 'false'] if isinstance(value, bool) else list(choices),
-        'read_only': name in FIXED_PARAMETERS,
-    }
 
 
 def words_of(before: DetectorConfig, after: DetectorConfig) -> str:
@@ -303,8 +298,8 @@ def _scalar(text: str) -> Any:
 def launch_arguments(names: Collection[str], path: Path) -> str:
     """Return the arguments of ``slip_detector.launch.py`` that start detectors with a saved file.
 
-    One detector alone, by its full name, can be started as any finger; several are started with
-    their names.
+    The file of a single detector can start any finger; of several detectors each is started with
+    its name.
 
     Examples
     --------

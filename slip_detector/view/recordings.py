@@ -23,6 +23,7 @@ import contextlib
 import math
 import re
 import shutil
+import time
 from collections.abc import Awaitable, Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -36,16 +37,21 @@ from slip_detector.evaluation.evaluator import RecordingLoader
 from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.matching import OnIntervals
 from slip_detector.evaluation.replay import Replay
-from slip_detector.parameters.detector import ChainConfig, DetectorConfig
-from slip_detector.parameters.files import file_errors_of
-from slip_detector.parameters.fitting import rates_differ
+from slip_detector.parameters import (
+    ChainConfig,
+    DetectorConfig,
+    file_errors_of,
+    quote,
+    rates_differ,
+    refuse,
+)
 from slip_detector.recordings import Recording, labels, open_recording
 from slip_detector.recordings.writing import BagWriter
 from slip_detector.report.overview import MOST_CELLS, THRESHOLD_CODE, Overview
 from slip_detector.tuning.labels import NOTHING_CHANGES
 from slip_detector.tuning.tracks import Track, hold_out, track_of
 from slip_detector.view.detectors import Finger
-from slip_detector.view.hand_labels import HandLabels
+from slip_detector.view.hand_labels import HandLabels, pairs_of
 
 #: Kinds of recordings.
 KINDS = ('rest', 'slip', 'taps', 'press')
@@ -54,8 +60,8 @@ _NAME = re.compile(rf'({"|".join(KINDS)})_([1-9][0-9]{{0,8}})')
 #: Note on a recording of kind ``slip`` that contains none.
 NO_SLIP = 'has no slip'
 
-#: Bins of a recording's trace: at most so many, and more than half of them, unless it is short;
-#: share of them that is below the level of rest.
+#: Most bins of a recording's trace, which has more than half of them unless it is short; and the
+#: share of the bins whose signal is below the level of rest.
 TRACE_BINS, REST_SHARE = 600, 0.05
 
 #: The median channel is averaged over so many seconds.
@@ -111,6 +117,8 @@ class RecordedFolder:
         self.recordings: dict[str, RecordingSummary] = {}
         #: Whether a search on them ended without a result before the page's server began.
         self.interrupted = False
+        #: Name of the recording that is being made, which is not listed yet; '': none.
+        self.writing = ''
         # The labels of those that pages have changed.
         self._labels: dict[str, HandLabels] = {}
         #: Rate of the detector, if it is known.
@@ -118,14 +126,9 @@ class RecordedFolder:
 
     async def refresh(self, work: Callable[..., Awaitable[Any]] = asyncio.to_thread) -> None:
         """Update the list from the folder; ``work`` reads what is new or could not be used."""
-        for name in self._bags():
-            before = self.recordings.get(name)
-            if before and before.usable:
-                continue
-            new = await work(self._summary, name)
-            # One that was added meanwhile may have been read above before it had ended.
-            if self.recordings.get(name) is before:
-                self.add(new)
+        for name in self._bags() - {self.writing}:
+            if name not in self.recordings or not self.recordings[name].usable:
+                self.add(await work(self._summary, name))
         for name in self.recordings.keys() - self._bags():
             del self.recordings[name]
 
@@ -144,7 +147,7 @@ class RecordedFolder:
         every = {**self.recordings, made.name: made}
         self.recordings = {name: every[name] for name in sorted(every, key=_order)}
 
-    def path_of(self, name: object) -> Path:
+    def path_of(self, name: str) -> Path:
         """Return the folder of a recording, by the name that a page has sent.
 
         Raises
@@ -152,11 +155,11 @@ class RecordedFolder:
         ValueError
             When no recording has this name.
         """
-        if not isinstance(name, str) or name not in self.recordings:
-            raise ValueError(f'there is no recording {str(name)[:40]!r}, allowed: those listed')
+        if name not in self.recordings:
+            refuse(f'there is no recording {quote(name)}', 'those listed')
         return self.folder / name
 
-    def delete(self, name: object) -> None:
+    def delete(self, name: str) -> None:
         """Delete the folder of a recording, and its labels.
 
         Raises
@@ -171,7 +174,7 @@ class RecordedFolder:
         del self.recordings[path.name]
         self._labels.pop(path.name, None)
 
-    def mark(self, name: object, mistaken: bool) -> None:
+    def mark(self, name: str, mistaken: bool) -> None:
         """Mark a recording's labels as a mistake, or take that back.
 
         Raises
@@ -189,27 +192,29 @@ class RecordedFolder:
             if name in self.recordings and doubt.startswith(NOTHING_CHANGES):
                 self.recordings[name] = self.recordings[name]._replace(note=doubt)
 
-    def trace(self, name: object, config: DetectorConfig) -> dict[str, Any]:
-        """Return what a chain makes of a recording, see :func:`trace_of`; may raise a ValueError.
+    def trace(self, name: str, config: DetectorConfig) -> dict[str, Any]:
+        """Return what a chain makes of a recording, see :func:`trace_of`, and its labels.
 
-        That is when no recording has this name, it cannot be read or is of other channels.
+        Raises
+        ------
+        ValueError
+            When no recording has this name, it cannot be read or is of other channels.
         """
         rows, rate_hz, _ = RecordingLoader(config).open(self.path_of(name), require_truth=False)
-        return trace_of(config, rows, rate_hz)
+        return {**trace_of(config, rows, rate_hz), 'slip_s': pairs_of(self._labels_of(name).ends)}
 
-    def change_labels(self, name: object, change: Callable[[HandLabels], Any]) -> Any:
-        """Return the result of a function that changes the labels of a recording."""
-        path = self.path_of(name)
-        if path.name not in self._labels:
-            file, (recording, track) = path.parent / labels.labels_name(path), _read(path)
-            # The page has seen the ends as rows.
-            ends_s = (np.ravel(track.slips) / track.sample_rate_hz).round(4).tolist()
-            ends = [(end_s, recording.accuracy_s) for end_s in ends_s]
-            known = HandLabels(file, ends, track.duration_s, lambda: _rows(path))
-            self._labels[path.name] = known
-        result = change(self._labels[path.name])
-        self.recordings[path.name] = self._summary(path.name)
+    def change_labels(self, name: str, change: Callable[..., Any], *arguments: Any) -> Any:
+        """Return the result of a method of :class:`.HandLabels` for those of a recording."""
+        result = change(self._labels_of(name), *arguments)
+        self.recordings[name] = self._summary(name)
         return result
+
+    def _labels_of(self, name: str) -> HandLabels:
+        path = self.path_of(name)
+        if name not in self._labels:
+            file, exact_s = path.parent / labels.labels_name(path), open_recording(path).accuracy_s
+            self._labels[name] = HandLabels(file, exact_s, lambda: _read(path)[1])
+        return self._labels[name]
 
     def off_rate(self, name: str) -> str:
         """Return why a recording's rate is not that of the detector; empty if it is."""
@@ -218,21 +223,19 @@ class RecordedFolder:
             return ''
         return f'has {rate_hz:.4g} Hz by its stamps, the detector {self.sample_rate_hz:g} Hz'
 
-    def held_out(self) -> list[str]:
-        """Return the names of those that judge the result, of those that can be used."""
-        usable = [each for each in self.described() if each['usable']]
-        by_kind = ([each['name'] for each in usable if each['kind'] == kind] for kind in KINDS)
-        return [name for names in by_kind for name in hold_out(names)[1]]
-
-    def described(self) -> list[dict[str, Any]]:
-        """Return what a page shows of each recording; one of another rate cannot be used."""
-        described = []
+    def describe(self) -> dict[str, Any]:
+        """Return what a page shows of the recordings; one of another rate cannot be used."""
+        listed, held_out = list[dict[str, Any]](), list[str]()
         for name, summary in self.recordings.items():
             off_rate = self.off_rate(name)
             note = '; '.join(filter(None, (summary.note, off_rate)))
             state = {'note': note, 'usable': summary.usable and not off_rate}
-            described.append({**summary._asdict(), 'kind': summary.kind, **state})
-        return described
+            listed.append({**summary._asdict(), 'kind': summary.kind, **state})
+        for kind in KINDS:
+            usable = [each['name'] for each in listed if each['kind'] == kind and each['usable']]
+            held_out += hold_out(usable)[1]
+        about = {'folder': str(self.folder), 'interrupted': self.interrupted}
+        return {'recordings': listed, 'held_out': held_out, **about}
 
     def _bags(self) -> set[str]:
         paths = self.folder.glob('*/*.mcap')
@@ -257,11 +260,6 @@ def _read(path: Path) -> tuple[Recording, Track]:
     return recording, track_of(path.name, recording.rows(), recording.sample_rate_hz)
 
 
-def _rows(path: Path) -> tuple[Samples, float]:
-    _, track = _read(path)
-    return track.samples, track.sample_rate_hz
-
-
 def trace_of(
     config: ChainConfig, rows: Iterable[Samples], rate_hz: float, bins: int = TRACE_BINS
 ) -> dict[str, Any]:
@@ -282,8 +280,8 @@ def trace_of(
     return {
         'duration_s': signal.rows / rate_hz,
         'bin_s': signal.bin_rows / rate_hz,
-        'loudest': _known(loudest_db),
-        'median': _known(median_db),
+        'loudest': _as_json(loudest_db),
+        'median': _as_json(median_db),
         'rest_db': round(np.quantile(known_db, REST_SHARE), 1) if known_db.size else None,
         'level': (signal.codes.mean(axis=1) / THRESHOLD_CODE).round(2).tolist(),
         'slip_s': _seconds(signal.truth, rate_hz),
@@ -311,7 +309,7 @@ class _Signal(Overview):
         settling = np.ones(1 + -(-settling_rows(self.config) // self.bin_rows))
         absent = np.append(True, np.isnan(self.high).all(axis=1))
         each_db[np.convolve(absent, settling)[1 : len(absent)] > 0] = np.nan
-        # What is no number comes last.
+        # Values that are no numbers come last.
         ordered = np.sort(np.where(np.isfinite(each_db), each_db, np.nan), axis=1)
         n, every = np.isfinite(ordered).sum(axis=1), np.arange(len(ordered))
         median_db, known = ordered[every, (n - 1) // 2], n > 0
@@ -321,7 +319,7 @@ class _Signal(Overview):
         return ordered[every, n - 1], np.where(known, smooth_db, np.nan)
 
 
-def _known(values: Floats) -> list[float | None]:
+def _as_json(values: Floats) -> list[float | None]:
     return [value if math.isfinite(value) else None for value in values.round(1).tolist()]
 
 
@@ -361,6 +359,10 @@ class Recorder:
         self._beginnings, self._next_row = finger.track.beginnings, since
         #: Whether the rows from now on are labelled as slip.
         self.slipping = False
+        #: When it was begun, and when a page has last said that the key is held.
+        self.begun_s = self.held_s = time.monotonic()
+        #: The stamp at which it ends: of a slip after it was released, else none.
+        self.ends_ns = math.inf
         self._rate_hz = finger.config.sample_rate_hz
         #: Rows in the recording.
         self.rows = 0

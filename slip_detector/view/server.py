@@ -18,6 +18,7 @@
 import asyncio
 import contextlib
 import copy
+import inspect
 import json
 import logging
 import threading
@@ -26,16 +27,18 @@ import traceback
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 from tornado import web, websocket
 from tornado.httpserver import HTTPServer
 
 from slip_detector.commands.command_line import one_line
+from slip_detector.parameters import refuse
 from slip_detector.view.access import Access, Connections
-from slip_detector.view.detectors import Detectors
+from slip_detector.view.detectors import Detectors, Finger
+from slip_detector.view.messages import Message, check
 from slip_detector.view.track import LiveTrack
-from slip_detector.view.view_request import Message, Pace, ViewRequest
+from slip_detector.view.view_request import Pace, ViewRequest
 
 #: Shortest time between two frames, in seconds.
 FRAME_S = 1 / 30
@@ -43,8 +46,8 @@ FRAME_S = 1 / 30
 #: Period of the server's loop, in seconds, while no page is open and no finger is recorded.
 IDLE_S = 0.2
 
-#: A page that has not read all it was sent, and answered a ping, for so many seconds is closed, as
-#: is a connection that asks for nothing.
+#: A page is closed if for so many seconds it has answered no ping, or has not read what it was
+#: sent. A connection is closed if it sends no request in this time.
 PING_S = 10.0
 
 #: Longest time, in seconds, for which the server waits at its end for pages to have heard of it.
@@ -53,7 +56,7 @@ GOODBYE_S = 1.0
 #: Longest message of a page, in bytes.
 MOST_BYTES = 1 << 18
 
-#: Most requests of a page without an answer that is sent: until then no more are read.
+#: Most requests of a page that wait for an answer. While there are so many, no more are read.
 MOST_UNANSWERED = 16
 
 #: Most characters of the name of a page, which is kept with what it has changed.
@@ -87,24 +90,18 @@ READ_ONLY = 'slip_view was started with --read-only: nothing can be changed from
 
 REPLACED = 'a later request of this page has taken its place'
 
+LOG = logging.getLogger(__name__)
+
 T = TypeVar('T')
 
-#: Returns the answer to a request of a page, None where "done" is all there is to say, or raises a
-#: ValueError that says why not.
-Answer = Callable[[Message], Awaitable[Mapping[str, Any] | None]]
+#: Answers a request of a page. Its parameters have the names of the fields of the message that it
+#: needs, and get None for one that the message lacks; ``finger`` is a finger that there is or was.
+#: It returns what the page gets, None if "done" is all there is to say, or raises a ValueError
+#: that says why not.
+Answer = Callable[..., Awaitable[Mapping[str, Any] | None]]
 
 
-class Request(NamedTuple):
-    """How the requests of one type are answered."""
-
-    answer: Answer
-    #: Whether it changes the robot, a file, or what other pages see.
-    changes: bool
-    #: Whether a page that asks again, or leaves, needs no answer any more.
-    latest_only: bool
-
-
-def in_one_line(record: logging.LogRecord) -> bool:
+def make_one_line(record: logging.LogRecord) -> bool:
     """Make one line of a record, whatever a page has sent: of an error, what it is and where."""
     text = record.getMessage()
     if record.exc_info and record.exc_info[1]:
@@ -127,10 +124,11 @@ class Server:
         #: Awaited before the pages are closed.
         self.at_end: list[Callable[[], Awaitable[None]]] = []
         self.pages: set[LivePage] = set()
-        #: By type what pages may request.
-        self.requests: dict[str, Request] = {}
+        #: By name what answers a request of a page; and the names of those that change something.
+        self.requests: dict[str, Answer] = {}
+        self.changing: set[str] = set()
         self._worker = ThreadPoolExecutor(1, 'slow requests')
-        self.on_request('keep_rest', self._keep_rest, changes=True, latest_only=True)
+        self.on_requests(self, 'keep_rest', changes=True)
         #: By topic the present content, for a page that is opened later.
         self.news: dict[str, str] = {}
         application = web.Application(
@@ -150,14 +148,17 @@ class Server:
         )
         self.connections = Connections(self._http)
 
-    def on_request(
-        self, name: str, answer: Answer, *, changes: bool = False, latest_only: bool = False
-    ) -> None:
-        """Let a function answer the requests of this type; see :class:`Request`.
+    def on_requests(self, answering: object, *names: str, changes: bool = False) -> None:
+        """Let a method ``answer_NAME`` answer the requests of each name.
 
-        The function does what takes long by :meth:`work`.
+        ``changes`` says whether they change the robot, a file, or what other pages see. If not, a
+        page needs an answer only to the latest one, and none after it has left. The method does
+        what takes long by :meth:`work`.
         """
-        self.requests[name] = Request(answer, changes, latest_only)
+        for name in names:
+            self.requests[name] = getattr(answering, f'answer_{name}')
+            if changes:
+                self.changing.add(name)
 
     async def work(self, function: Callable[..., T], *arguments: Any) -> T:
         """Return the result of a function that takes long, beside the loop, one at a time.
@@ -186,10 +187,10 @@ class Server:
             When the port is not available.
         """
         # A malformed request is answered with its error; it need not be in a robot's log.
-        logging.getLogger('tornado.access').setLevel(logging.CRITICAL)
-        logging.getLogger('tornado.general').setLevel(logging.ERROR)
-        for name in ('tornado.general', 'tornado.application', 'asyncio', __name__):
-            logging.getLogger(name).addFilter(in_one_line)
+        for name in ('tornado.access', 'tornado.general'):
+            logging.getLogger(name).setLevel(logging.CRITICAL)
+        for name in ('tornado.application', 'asyncio', __name__):
+            logging.getLogger(name).addFilter(make_one_line)
         return self.connections.listen(port, self.access.host)
 
     async def run(self, stop: asyncio.Event | threading.Event) -> None:
@@ -214,7 +215,7 @@ class Server:
         gone = {name: each.label for name, each in self.detectors.gone.items()}
         described = {'fingers': [finger.description() for finger in fingers], 'gone': gone}
         self.broadcast('fingers', {**described, 'read_only': self.access.read_only})
-        # That no samples come is no fault of a finger whose recording stands still.
+        # A finger whose recording stands still gets no samples, which is no fault.
         lines = {each.name: () if each.paused else each.diagnostics for each in fingers}
         self.broadcast('diagnostics', {'fingers': lines})
         for page in list(self.pages):
@@ -222,7 +223,7 @@ class Server:
                 page.send_news()
             except Exception:
                 # The other pages and the recording go on.
-                logging.getLogger(__name__).exception('a page cannot be sent to')
+                LOG.exception('a page cannot be sent to')
                 page.close(1011, 'slip_view has failed at this page, its log says where')
 
     async def close(self) -> None:
@@ -232,7 +233,7 @@ class Server:
         await self.connections.stop_listening()
         for page in list(self.pages):
             page.close(1001, 'slip_view was stopped')
-        # One that sends something into a closed connection does not hear why it was closed.
+        # A page that sends into a closed connection does not learn why it was closed: wait for it.
         until_s = time.monotonic() + GOODBYE_S
         while self.pages and time.monotonic() < until_s:
             await asyncio.sleep(0.01)
@@ -242,32 +243,37 @@ class Server:
     async def answer(self, message: Message) -> dict[str, Any]:
         """Answer a request of a page."""
         answer = {'type': 'answer', 'id': message.get('id'), 'refusal': ''}
+        name = str(message.get('type'))
         try:
             json.dumps(message, ensure_ascii=False).encode()  # No halves of characters.
-            request = self.request_of(message)
-            if request is None:
-                known = ', '.join(sorted(self.requests))
-                raise ValueError(
-                    f'{str(message.get("type"))[:40]} is no request, allowed: {known}'
-                )
-            if request.changes and self.access.read_only:
+            check(message)
+            if name not in self.requests:
+                refuse(f'{name[:40]} is no request', ', '.join(sorted(self.requests)))
+            if name in self.changing and self.access.read_only:
                 raise ValueError(READ_ONLY)
-            answer.update(await request.answer(message) or {})
+            function = self.requests[name]
+            fields = {each: message.get(each) for each in inspect.signature(function).parameters}
+            if 'finger' in fields:
+                fields['finger'] = self.detectors.finger_of(fields['finger'])
+            answer.update(await function(**fields) or {})
         except (ValueError, RecursionError) as error:
             answer['refusal'] = str(error)
+        except asyncio.CancelledError:
+            answer['refusal'] = REPLACED
         except Exception as error:
             # The page must not wait for ever.
-            logging.getLogger(__name__).exception('a request failed: %s', message['type'])
+            LOG.exception('a request failed: %s', name)
             answer['refusal'] = f'slip_view has failed at this, its log says where: {error!r}'
         return {**answer, 'refusal': one_line(answer['refusal'])}
 
-    def request_of(self, message: Message) -> Request | None:
-        """Return what a page requests; None if there is no such request."""
-        name = message.get('type')
-        return self.requests.get(name) if isinstance(name, str) else None
+    async def change(self, finger: Finger, values: Mapping[str, Any], page: str | None) -> None:
+        """Set parameters of a finger's detector, if any, for a page; may raise a ValueError."""
+        if values:
+            await self.detectors.change(finger.name, values, f'page {page}'[:MOST_NAME])
 
-    async def _keep_rest(self, message: Message) -> None:
-        await self.work(self.detectors.finger_of(message.get('finger')).keep_rest)
+    async def answer_keep_rest(self, finger: Finger) -> None:
+        """Keep the present spectra of a finger as those at rest."""
+        await self.work(finger.keep_rest)
 
 
 class _Guarded(web.RequestHandler):
@@ -312,14 +318,14 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         #: While the page is paused, a copy of what its finger's track was then.
         self.past: LiveTrack | None = None
         self.news: dict[str, str] = {}
-        self._draws = False
+        self._is_drawing = False
         self._pace, self._sent_s = Pace(), 0.0
         self._sending: asyncio.Future[None] | None = None
-        #: When it last answered a ping, and had read all else.
+        #: When the page last answered a ping and had read all that it was sent.
         self._alive_s = time.monotonic()
         self._answers: set[asyncio.Task[None]] = set()
-        #: The latest of each request of which only that counts.
-        self._latest: dict[Request, asyncio.Task[dict[str, Any]]] = {}
+        #: By name of the requests that change nothing, the task that answers the latest one.
+        self._latest: dict[str, asyncio.Task[None]] = {}
 
     def open(self, *args: str, **kwargs: str) -> None:
         """Prepare to send the page the present content of each topic."""
@@ -327,8 +333,8 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         self.news = dict(self.server.news)
         self.server.pages.add(self)
         self._stream: Any = getattr(self.ws_connection, 'stream', None)
-        held = self.server.connections
-        held.strangers = [each for each in held.strangers if each is not self._stream]
+        if self._stream in self.server.connections.strangers:
+            self.server.connections.strangers.remove(self._stream)
 
     def on_close(self) -> None:
         """Forget the page."""
@@ -351,23 +357,23 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
         if not isinstance(content, dict):
             self.close(1003, 'no JSON object')
         elif content.get('type') == 'drawn':
-            if self.view is not None and self._draws:
+            if self.view is not None and self._is_drawing:
                 self._pace.drawn(time.monotonic() - self._sent_s, self.view.is_whole)
-            self._draws = False
+            self._is_drawing = False
         elif content.get('type') == 'view':
             self._change_view(content)
         else:
             if len(self._answers) >= MOST_UNANSWERED:
                 await asyncio.wait(self._answers, return_when=asyncio.FIRST_COMPLETED)
-            begun = asyncio.create_task(self.server.answer(content))
-            request = self.server.request_of(content)
-            if request and request.latest_only:
-                if before := self._latest.get(request):
-                    before.cancel()
-                self._latest[request] = begun
-            task = asyncio.create_task(self._answer(content, begun))
+            task = asyncio.create_task(self._answer(content))
             self._answers.add(task)
             task.add_done_callback(self._answers.discard)
+            name = str(content.get('type'))
+            if name in self.server.requests.keys() - self.server.changing:
+                if before := self._latest.get(name):
+                    before.cancel()
+                self._latest[name] = task
+            await asyncio.sleep(0)  # One that has begun is answered also when it is cancelled.
 
     def _change_view(self, content: Message) -> None:
         try:
@@ -384,12 +390,8 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
             finger = self.server.detectors.fingers.get(self.view.finger)
             self.past = copy.deepcopy(finger.track) if finger else None
 
-    async def _answer(self, content: Message, begun: 'asyncio.Task[dict[str, Any]]') -> None:
-        try:
-            answer = await begun
-        except asyncio.CancelledError:
-            answer = {'type': 'answer', 'id': content.get('id'), 'refusal': REPLACED}
-        await self._send([json.dumps(answer)])
+    async def _answer(self, content: Message) -> None:
+        await self._send([json.dumps(await self.server.answer(content))])
 
     def send_news(self) -> None:
         """Send what is new, unless something is still being sent; close a page that is gone."""
@@ -399,10 +401,10 @@ class LivePage(_Guarded, websocket.WebSocketHandler):
             return
         content: list[str | bytes] = []
         # The page has to draw a frame before it gets the next one, and more news.
-        if self.view is None or not self._draws:
+        if self.view is None or not self._is_drawing:
             content, self.news = [*self.news.values()], {}
             if self.view is not None:
-                self._draws, self._sent_s = True, time.monotonic()
+                self._is_drawing, self._sent_s = True, time.monotonic()
                 content.append(self.view.frame(self.server.detectors, self.past, self._pace.join))
         self._sending = asyncio.ensure_future(self._send(content))
 

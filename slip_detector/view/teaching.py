@@ -16,19 +16,19 @@
 """Records rest, slips, taps and presses of the fingers, and tunes on them, as a page requests."""
 
 import asyncio
+import math
 import time
-from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from slip_detector.parameters import quote, refuse
 from slip_detector.view.detectors import Finger
 from slip_detector.view.hand_labels import HandLabels
-from slip_detector.view.recordings import RecordedFolder, Recorder, RecordingSummary
-from slip_detector.view.server import MOST_NAME, Server
+from slip_detector.view.recordings import KINDS, RecordedFolder, Recorder, RecordingSummary
+from slip_detector.view.server import Server
 from slip_detector.view.tuning import TuneRun, was_interrupted
-from slip_detector.view.view_request import Message, number
 
 #: Seconds of rest in the recording of a slip, before the key is pressed and after it is released.
 #: If the chain has not settled in the rest before a slip, the slip is not scored.
@@ -59,29 +59,21 @@ class Teaching:
         self._server, self._detectors, self._folder = server, server.detectors, folder.resolve()
         self._folders: dict[str, RecordedFolder] = {}
         self._recorder: Recorder | None = None
-        self._begun_at_s = self._pressed_at_s = 0.0
-        # The stamp at which the recording of a slip ends.
-        self._ends_ns: int | None = None
         #: What happened last, for the page.
         self.words = ''
         self._run: TuneRun | None = None
         self._tuning: asyncio.Task[None] | None = None
         server.each_tick.append(self.tick)
         server.at_end.append(self.close)
-        server.on_request('recordings', self._recordings, latest_only=True)
-        server.on_request('trace', self._trace, latest_only=True)
-        for name in ('label', 'snap', 'undo_label'):
-            server.on_request(name, self._change_label, changes=True)
-        server.on_request('teach', self._teach, changes=True)
-        server.on_request('delete_recording', self._delete, changes=True)
-        server.on_request('mark_recording', self._mark, changes=True)
-        server.on_request('tune', self._tune, changes=True)
-        server.on_request('stop_tuning', self._stop_tuning, changes=True)
-        server.on_request('apply_tuning', self._apply, changes=True)
+        server.on_requests(self, 'recordings', 'trace')
+        made = 'record', 'stop_recording', 'begin_slip', 'hold_slip', 'end_slip'
+        changed = 'label', 'snap', 'undo_label', 'delete_recording', 'mark_recording'
+        tuned = 'tune', 'stop_tuning', 'apply_tuning'
+        server.on_requests(self, *made, *changed, *tuned, changes=True)
 
     async def close(self) -> None:
         """End the recording and the tuning."""
-        self.stop()
+        await self.answer_stop_recording()
         if self._tuning is not None and not self._tuning.done():
             self._tuning.cancel()
             await asyncio.gather(self._tuning, return_exceptions=True)
@@ -90,70 +82,71 @@ class Teaching:
         """Write new rows, end what is due to end, and report; called after each poll."""
         if self._recorder is not None:
             self._continue(self._recorder)
-        recorder, tuning = self._recorder, self._run and self._run.described()
+        recorder, tuning = self._recorder, self._run and self._run.describe()
         self._server.wanted['recording'] = {recorder.finger.name} if recorder else set()
-        self._server.broadcast('recording', {'recording': self.recording()})
-        fingers = {name: self._listed(name, folder) for name, folder in self._folders.items()}
+        self._server.broadcast('recording', {'recording': recorder and self._state(recorder)})
+        fingers = {
+            name: {**folder.describe(), 'obeys': self._detectors.order(name)}
+            for name, folder in self._folders.items()
+        }
         content = {'fingers': fingers, 'words': self.words, 'tuning': tuning}
         self._server.broadcast('teaching', content)
 
-    # Recordings.
-
-    def folder_of(self, name: object) -> RecordedFolder:
-        """Return the recordings of a finger, by the name that a page has sent."""
-        finger = self._detectors.finger_of(name)
+    def folder_of(self, finger: Finger) -> RecordedFolder:
+        """Return the recordings of a finger."""
         new = RecordedFolder(self._folder / finger.label)
         folder = self._folders.setdefault(finger.name, new)
         folder.sample_rate_hz = finger.config.sample_rate_hz
         return folder
 
-    def start(self, name: object, kind: object) -> None:
-        """Begin to record a finger at rest, being tapped or pressed, until :meth:`stop`."""
-        if kind not in ('rest', 'taps', 'press'):
-            raise ValueError(f'{str(kind)[:40]} is not recorded so, allowed: rest, taps, press')
-        finger = self._free(name)
-        self._begin(finger, str(kind), finger.track.samples.appended)
+    # The recording that is made.
 
-    def stop(self) -> None:
+    async def answer_record(self, finger: Finger, kind: str) -> None:
+        """Begin to record a finger at rest, being tapped or pressed, until that is stopped."""
+        if kind not in KINDS or kind == 'slip':
+            refuse(f'kind is {quote(kind)}', 'rest, taps, press')
+        self._make_free(finger)
+        self._begin(finger, kind, finger.track.samples.appended)
+
+    async def answer_stop_recording(self) -> None:
         """End the present recording, if any."""
         if self._recorder is not None:
             self._detectors.poll()
             self._end(self._recorder)
 
-    def press(self, name: object) -> None:
-        """Begin a slip: rows from now on are labelled as slip, until :meth:`release`.
+    async def answer_begin_slip(self, finger: Finger) -> None:
+        """Label rows from now on as slip, while the key is held.
 
         The recording begins with the rest before the slip.
         """
-        self.still_pressed()
-        if self._slipping(name):
+        if self._slip_of(finger):
             return
-        finger = self._free(name)
+        self._make_free(finger)
         self._detectors.poll()
         track, row = finger.track, finger.track.slip_ended
         # By stamps rather than by rows, as samples may be missing.
         stamps_ns = track.samples.stamps_ns(row)
         rest_ns = stamps_ns[stamps_ns >= stamps_ns[-1:] - round(BEFORE_S * 1e9)]
-        recorder = self._begin(finger, 'slip', track.samples.appended - len(rest_ns))
-        recorder.label(True)
+        self._begin(finger, 'slip', track.samples.appended - len(rest_ns)).label(True)
         before_s = np.ptp(rest_ns) * 1e-9 if len(rest_ns) else 0.0
         rest = f'{before_s:.1f} s of rest before: wait for {BEFORE_S:g} s between two slips'
         self.words += f': slip until the key is released. It has {rest}'
 
-    def still_pressed(self) -> None:
-        """Note that the key is still pressed."""
-        self._pressed_at_s = time.monotonic()
+    async def answer_hold_slip(self) -> None:
+        """Note that the key is still held."""
+        if self._recorder is not None:
+            self._recorder.held_s = time.monotonic()
 
-    def release(self, name: object) -> None:
+    async def answer_end_slip(self, finger: Finger) -> None:
         """End the slip of a finger; its recording goes on for some rest."""
-        if recorder := self._slipping(name):
+        if recorder := self._slip_of(finger):
             self._detectors.poll()
             self._end_slip(recorder)
 
-    def _slipping(self, name: object) -> Recorder | None:
+    def _slip_of(self, finger: Finger) -> Recorder | None:
         """Return what records a slip of the finger now."""
         recorder = self._recorder
-        slips = recorder is not None and recorder.slipping and name == recorder.finger.name
+        slips = recorder is not None and recorder.slipping and recorder.finger is finger
         return recorder if slips else None
 
     def _continue(self, recorder: Recorder) -> None:
@@ -163,20 +156,17 @@ class Teaching:
             self._end(recorder)
         elif recorder.interrupted or self._detectors.fingers.get(finger.name) is not finger:
             self._end(recorder, GONE)
-        elif recorder.slipping and now_s - self._pressed_at_s > PRESSED_S:
+        elif recorder.slipping and now_s - recorder.held_s > PRESSED_S:
             self._end_slip(recorder)
             self.words = f'{recorder.path.name}: the page that held the slip is gone, so it ended'
-        elif self._ends_ns and (finger.track.samples.stamps_ns()[-1:] >= self._ends_ns).any():
+        elif (finger.track.samples.stamps_ns()[-1:] >= recorder.ends_ns).any():
             self._end(recorder)
-        elif now_s - self._begun_at_s > MOST_S:
+        elif now_s - recorder.begun_s > MOST_S:
             self._end(recorder, f'It was ended after {MOST_S / 60:.0f} minutes')
 
-    def recording(self) -> dict[str, Any] | None:
-        """Return the present recording, for the page; None if there is none."""
-        recorder = self._recorder
-        if recorder is None:
-            return None
-        finger, ending = recorder.finger, self._ends_ns is not None
+    def _state(self, recorder: Recorder) -> dict[str, Any]:
+        """Return the present recording, for the page."""
+        finger, ending = recorder.finger, recorder.ends_ns < math.inf
         words = f'{recorder.path.name} of {finger.label}: {recorder.duration_s:.1f} s'
         after = ', the rest after it: hold still' if ending else ''
         words += ', SLIP' if recorder.slipping else after
@@ -185,32 +175,25 @@ class Teaching:
         state = {'slipping': recorder.slipping, 'ending': ending, 'words': words}
         return {'finger': finger.name, 'kind': recorder.kind, **state}
 
-    def _listed(self, finger: str, folder: RecordedFolder) -> Mapping[str, Any]:
-        writing = self._recorder and self._recorder.path
-        all_there = folder.described()
-        return {
-            'folder': str(folder.folder),
-            'recordings': [each for each in all_there if folder.folder / each['name'] != writing],
-            'held_out': folder.held_out(),
-            'obeys': self._detectors.order(finger),
-            'interrupted': folder.interrupted,
-        }
-
-    def _free(self, name: object) -> Finger:
-        """Return the finger to record; a slip that only waits for the rest after it is ended."""
-        finger, recorder = self._detectors.finger_of(name), self._recorder
-        if recorder is not None and (self._ends_ns is None or recorder.finger is not finger):
-            present = f'{recorder.path.name} of {recorder.finger.label}'
-            raise ValueError(f'{present} is being recorded: end it first')
-        self.stop()
-        return finger
+    def _make_free(self, finger: Finger) -> None:
+        """End a slip of the finger that only waits for the rest after it; refuse all else."""
+        recorder = self._recorder
+        if finger.name in self._detectors.gone:
+            raise ValueError(f'{finger.label} has no detector that runs')
+        if recorder is not None:
+            if recorder.ends_ns == math.inf or recorder.finger is not finger:
+                present = f'{recorder.path.name} of {recorder.finger.label}'
+                raise ValueError(f'{present} is being recorded: end it first')
+            self._detectors.poll()
+            self._end(recorder)
 
     def _begin(self, finger: Finger, kind: str, since: int) -> Recorder:
-        self._recorder = Recorder(self.folder_of(finger.name).new_path(kind), finger, since)
+        folder = self.folder_of(finger)
+        self._recorder = recorder = Recorder(folder.new_path(kind), finger, since)
+        folder.writing = recorder.path.name
         self._detectors.order(finger.name, kind)
-        self._ends_ns, self._begun_at_s = None, time.monotonic()
-        self.words = f'recording {self._recorder.path.name}'
-        return self._recorder
+        self.words = f'recording {recorder.path.name}'
+        return recorder
 
     def _end_slip(self, recorder: Recorder) -> None:
         recorder.label(False)
@@ -218,92 +201,91 @@ class Teaching:
         track = recorder.finger.track
         track.slip_ended = track.samples.appended
         last_ns = max(track.samples.stamps_ns()[-1:], default=0)
-        self._ends_ns = int(last_ns) + round(AFTER_S * 1e9)
+        recorder.ends_ns = int(last_ns) + round(AFTER_S * 1e9)
         self.words = f'recording {recorder.path.name}: the rest after the slip'
 
     def _end(self, recorder: Recorder, why: str = '') -> None:
         """End the recording, list it, and say why it ended if nobody asked for that."""
         recorder.close()
         self._detectors.order(recorder.finger.name, 'rest')
-        self._recorder, self._ends_ns = None, None
-        name, note = recorder.path.name, recorder.note
+        self._recorder = None
+        name, note, folder = recorder.path.name, recorder.note, self._folders[recorder.finger.name]
+        folder.writing = ''
         words = [f'{name} has no sample, so it is not kept', note and f'It {note}', why]
         if recorder.rows:
-            folder, duration_s = self._folders[recorder.finger.name], recorder.duration_s
+            duration_s = recorder.duration_s
             folder.add(RecordingSummary(name, duration_s, int(recorder.has_slip), note))
             words[0] = f'{name} has {duration_s:.1f} s'
             if off_rate := folder.off_rate(name):
                 words.append(f'It {off_rate}, so it is not tuned on: record it again')
         self.words = '. '.join(filter(None, words))
 
-    # What pages request.
+    # The recordings that there are.
 
-    async def _recordings(self, message: Message) -> None:
+    async def answer_recordings(self, finger: Finger) -> None:
         """Update the list of a finger's recordings."""
-        finger = self._detectors.finger_of(message.get('finger'))
-        folder = self.folder_of(finger.name)
+        folder = self.folder_of(finger)
         await folder.refresh(self._server.work)
         folder.interrupted = self._run is None and was_interrupted(folder.folder, finger.config)
 
-    async def _trace(self, message: Message) -> dict[str, Any]:
+    async def answer_trace(self, finger: Finger, recording: str) -> dict[str, Any]:
         """Return what the detector as it is would decide in a recording."""
-        finger, name = message.get('finger'), message.get('recording')
-        folder, config = self.folder_of(finger), self._detectors.finger_of(finger).config
-        return await self._server.work(folder.trace, name, config)
+        folder = self.folder_of(finger)
+        return await self._server.work(folder.trace, recording, finger.config)
 
-    async def _change_label(self, message: Message) -> Any:
-        folder, name = self.folder_of(message.get('finger')), message.get('recording')
-        pixel_s = number('pixel_s', message, 0.0, 1e9) or 0.0
-        changes: dict[str, Callable[[HandLabels], Any]] = {
-            'label': lambda known: known.change(message.get('slip_s'), pixel_s),
-            'snap': HandLabels.snap,
-            'undo_label': HandLabels.undo,
-        }
-        return await self._server.work(folder.change_labels, name, changes[message['type']])
+    async def answer_label(self, finger: Finger, recording: str, slip_s: Any, pixel_s: Any) -> Any:
+        """Take all labels as a page has them."""
+        change = self.folder_of(finger).change_labels
+        by_s = pixel_s or 0.0
+        return await self._server.work(change, recording, HandLabels.change, slip_s, by_s)
 
-    async def _teach(self, message: Message) -> None:
-        finger, what = message.get('finger'), message.get('do')
-        acts: dict[str, Callable[[], None]] = {
-            'slip': lambda: self.press(finger),
-            'release': lambda: self.release(finger),
-            'still_pressed': self.still_pressed,
-            'stop': self.stop,
-        }
-        acts.get(str(what), lambda: self.start(finger, what))()
+    async def answer_snap(self, finger: Finger, recording: str) -> Any:
+        """Move the ends of the labels to where the signal changes."""
+        change = self.folder_of(finger).change_labels
+        return await self._server.work(change, recording, HandLabels.snap)
 
-    def _to_change(self, message: Message) -> RecordedFolder:
+    async def answer_undo_label(self, finger: Finger, recording: str) -> Any:
+        """Take back the last change of the labels."""
+        change = self.folder_of(finger).change_labels
+        return await self._server.work(change, recording, HandLabels.undo)
+
+    async def answer_delete_recording(self, finger: Finger, recording: str) -> None:
+        """Delete a recording."""
+        self._to_change(finger).delete(recording)
+        self.words = f'{recording} is deleted'
+
+    async def answer_mark_recording(self, finger: Finger, recording: str, mistaken: bool) -> None:
+        """Mark the labels of a recording as a mistake, or take that back."""
+        await self._server.work(self._to_change(finger).mark, recording, bool(mistaken))
+        self.words = f'{recording} {"is marked as a mistake" if mistaken else "counts again"}'
+
+    def _to_change(self, finger: Finger) -> RecordedFolder:
         """Return the folder of a finger, which no search reads now."""
         if self._run is not None and self._run.running:
             raise ValueError('recordings are being tuned on, allowed: to change one afterwards')
-        return self.folder_of(message.get('finger'))
+        return self.folder_of(finger)
 
-    async def _delete(self, message: Message) -> None:
-        self._to_change(message).delete(message.get('recording'))
-        self.words = f'{message["recording"]} is deleted'
+    # The search on them.
 
-    async def _mark(self, message: Message) -> None:
-        name, mistaken = message.get('recording'), message.get('mistaken') is True
-        await self._server.work(self._to_change(message).mark, name, mistaken)
-        self.words = f'{name} {"is marked as a mistake" if mistaken else "counts again"}'
-
-    async def _tune(self, message: Message) -> None:
-        name = message.get('finger')
-        folder, finger = self.folder_of(name), self._detectors.finger_of(name)
+    async def answer_tune(self, finger: Finger) -> None:
+        """Begin to search on the recordings of a finger."""
         if self._run is not None and self._run.running:
             raise ValueError('tuning runs already, allowed: one at a time')
+        folder = self.folder_of(finger)
         self.words, folder.interrupted = '', False
         self._run = TuneRun(folder, finger.name, finger.config)
         self._tuning = asyncio.create_task(self._run.run())
 
-    async def _stop_tuning(self, message: Message) -> None:
+    async def answer_stop_tuning(self) -> None:
+        """End the search; the best that it has found is kept."""
         if self._run is not None:
             self._run.stop()
 
-    async def _apply(self, message: Message) -> None:
+    async def answer_apply_tuning(self, page: str) -> None:
         """Set the parameters that were found, all or none."""
         if self._run is None or self._run.found is None:
             raise ValueError('there is nothing to apply: tune first')
-        if values := self._run.to_apply(self._detectors.finger_of(self._run.finger).config):
-            page = f'page {message.get("page")}'[:MOST_NAME]
-            await self._detectors.change(self._run.finger, values, page)
+        finger = self._detectors.finger_of(self._run.finger)
+        values = self._run.to_apply(finger.config)
+        await self._server.change(finger, values, page)
         self.words = f'the detector runs with what was found: {len(values)} values set'

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from slip_detector.chain.samples import Bools, Floats, Samples, Stamps
-from slip_detector.parameters.detector import ChainConfig
+from slip_detector.parameters import ChainConfig
 
 #: Seconds of the past that are kept, unless they need more than this memory.
 KEPT_S = 60.0
@@ -32,13 +32,13 @@ MOST_BYTES = 64 * 2**20
 #: by less, that a message is late.
 SET_BACK_NS = 1_000_000_000
 
-#: A row is overdue after so many periods, which are the median of the last steps; and most steps.
+#: A row is overdue after so many periods. The period is the median of so many last steps.
 OVERDUE_PERIODS, MOST_STEPS = 3, 100
 
-#: Length of a short spectrum, in seconds, which resolves half a hertz, ...
+#: Length of a short spectrum, in seconds, which resolves half a hertz.
 SEGMENT_S = 2.0
 
-#: ... but at most so many rows; and how many half-overlapping ones are averaged.
+#: Most rows of a short spectrum, and how many short spectra, which overlap by half, are averaged.
 MOST_ROWS, SEGMENTS = 4096, 5
 
 #: Fewest rows that make a spectrum.
@@ -62,32 +62,27 @@ class Rows:
 
     def __init__(self, kept: int, **fields: tuple[type, int]) -> None:
         """Keep at least the last ``kept`` rows; of each field its type and number of columns."""
-        self._kept = kept
+        shapes = [(name, kind, (columns,)) for name, (kind, columns) in fields.items()]
+        row = np.dtype([('stamp_ns', np.int64), *shapes], align=True)
         # Twice the length, so that rows have to be moved to the beginning only rarely.
-        self._stamps_ns = np.zeros(2 * kept, np.int64)
-        self._fields: dict[str, NDArray[Any]] = {
-            name: np.zeros((2 * kept, columns), kind) for name, (kind, columns) in fields.items()
-        }
-        self._end = 0
+        self._kept, self._rows, self._end = kept, np.zeros(2 * kept, row), 0
         #: Number of rows ever appended, including those that are no longer kept.
         self.appended = 0
 
     def append(self, stamps_ns: Stamps, **fields: object) -> None:
         """Append rows; a row whose stamp is not later than all before it is left out."""
-        before = self._stamps_ns[self._end - 1] if self._end else np.iinfo(np.int64).min
+        before = self._rows['stamp_ns'][self._end - 1] if self._end else np.iinfo(np.int64).min
         latest_ns = np.maximum.accumulate(np.append(before, stamps_ns))
         later = np.flatnonzero(stamps_ns > latest_ns[:-1])[-self._kept :]
-        if self._end + len(later) > len(self._stamps_ns):
+        if self._end + len(later) > len(self._rows):
             n = min(self._kept, self._end)
-            for column in (self._stamps_ns, *self._fields.values()):
-                column[:n] = column[self._end - n : self._end].copy()
+            self._rows[:n] = self._rows[self._end - n : self._end].copy()
             self._end = n
-        place = slice(self._end, self._end + len(later))
-        self._stamps_ns[place] = stamps_ns[later]
+        place = self._rows[self._end : self._end + len(later)]
         # A broken sensor may send values beyond float32, or signalling NaNs.
         with np.errstate(over='ignore', invalid='ignore'):
-            for name, values in fields.items():
-                self._fields[name][place] = np.asarray(values)[later]
+            for name, values in {'stamp_ns': stamps_ns, **fields}.items():
+                place[name] = np.asarray(values)[later]
         self._end += len(later)
         self.appended += len(later)
 
@@ -100,16 +95,16 @@ class Rows:
 
     def stamps_ns(self, since: int = 0) -> Stamps:
         """Return the stamps of the rows that are kept, from this number ever appended on."""
-        return self._stamps_ns[self._begin(since) : self._end]
+        return self.field('stamp_ns', since)
 
     def field(self, name: str, since: int = 0) -> NDArray[Any]:
         """Return a view of a field of these rows, shape (n, columns); later rows overwrite it."""
-        return self._fields[name][self._begin(since) : self._end]
+        begin = max(0, self._end - max(0, self.appended - since))
+        return self._rows[name][begin : self._end]
 
-    def overdue_ns(self, until_ns: int) -> int:
-        """Return the longest step between two rows that is no gap, by those before this stamp."""
-        stop = int(np.searchsorted(self._stamps_ns[: self._end], until_ns))
-        steps_ns = np.diff(self._stamps_ns[max(0, stop - MOST_STEPS - 1) : stop])
+    def overdue_ns(self) -> int:
+        """Return the longest step between two rows that is no gap."""
+        steps_ns = np.diff(self.stamps_ns()[-MOST_STEPS - 1 :])
         return int(OVERDUE_PERIODS * np.median(steps_ns)) if len(steps_ns) else 0
 
     def columns(
@@ -134,24 +129,22 @@ class Rows:
         """
         low = np.full((len(channels), len(edges_ns) - 1), np.nan, np.float32)
         high = low.copy()
-        edges = np.searchsorted(self._stamps_ns[: self._end], edges_ns)
+        stamps_ns, field = self.stamps_ns(), self.field(name)
+        edges = np.searchsorted(stamps_ns, edges_ns)
         filled = np.flatnonzero(np.diff(edges))
         after = edges[:-1]
-        between = np.flatnonzero((after == edges[1:]) & (after > 0) & (after < self._end))
-        steps_ns = self._stamps_ns[after[between]] - self._stamps_ns[after[between] - 1]
+        between = np.flatnonzero((after == edges[1:]) & (after > 0) & (after < len(field)))
+        steps_ns = stamps_ns[after[between]] - stamps_ns[after[between] - 1]
         held = between[steps_ns <= overdue_ns]
         with np.errstate(over='ignore', invalid='ignore'):  # as above
-            low[:, held] = high[:, held] = self._fields[name][after[held] - 1][:, channels].T
-            values = self._fields[name][edges[0] : edges[-1], channels].astype(np.float32)
+            low[:, held] = high[:, held] = field[after[held] - 1][:, channels].T
+            values = field[edges[0] : edges[-1], channels].astype(np.float32)
         if len(filled) and len(channels):
             begins = edges[filled] - edges[0]
             # fmin and fmax ignore NaN unless there is nothing else.
             low[:, filled] = np.fmin.reduceat(values, begins, axis=0).T
             high[:, filled] = np.fmax.reduceat(values, begins, axis=0).T
         return low, high
-
-    def _begin(self, since: int) -> int:
-        return max(0, self._end - max(0, self.appended - since))
 
 
 class LiveTrack:

@@ -24,9 +24,7 @@ from pathlib import Path
 from subprocess import PIPE, STDOUT
 from typing import IO, Any, cast
 
-from slip_detector.parameters.detector import NODE_PARAMETERS, DetectorConfig
-from slip_detector.parameters.files import writable_folder
-from slip_detector.parameters.yaml_files import write_yaml
+from slip_detector.parameters import NODE_PARAMETERS, DetectorConfig, writable_folder, write_yaml
 from slip_detector.view.detectors import Values
 from slip_detector.view.recordings import RecordedFolder
 
@@ -65,7 +63,7 @@ class TuneRun:
         self.finger, self._config, self._recorded = finger, config, recorded
         self._folder = recorded.folder
         self._process: subprocess.Popen[bytes] | None = None
-        #: Whether it has not ended, and was stopped.
+        #: Whether the search goes on, and whether a page has stopped it.
         self.running, self.stopping = True, False
         #: What the command has printed: the present ``step``, the ``share`` of the search that is
         #: done, ``lines`` on what was noticed, and at the end the ``answer``, a ``table`` of the
@@ -86,7 +84,8 @@ class TuneRun:
             with subprocess.Popen(
                 [*COMMAND, *map(str, files)], stdout=PIPE, stderr=STDOUT, start_new_session=True
             ) as self._process:
-                self._interrupt()
+                if self.stopping:
+                    self._process.send_signal(signal.SIGINT)
                 await self._follow(self._process)
         except ValueError as error:
             self.failed = str(error)
@@ -135,13 +134,10 @@ class TuneRun:
         """Stop the search; the best chain so far is judged and kept."""
         if self.running and not self.stopping:
             self.stopping = True
-            self._interrupt()
+            if self._process:
+                self._process.send_signal(signal.SIGINT)
 
-    def _interrupt(self) -> None:
-        if self._process and self.stopping:
-            self._process.send_signal(signal.SIGINT)
-
-    def described(self) -> dict[str, Any]:
+    def describe(self) -> dict[str, Any]:
         """Return the state of the run, for the page."""
         return {
             **self.said,

@@ -24,38 +24,28 @@ import json
 import math
 import struct
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from slip_detector.view.detectors import Detectors, Finger
+from slip_detector.view.messages import STAMPS_NS, Message, check
 from slip_detector.view.track import LiveTrack, spectrum
-
-#: Allowed lengths of the traces, in seconds, and allowed widths, in pixels.
-WINDOW_S, PIXELS = (0.02, 60.0), (10, 4000)
 
 #: Shortest time between two spectra, in seconds.
 SPECTRUM_S = 0.2
 
-#: How many columns of pixels are made one at first, and at most.
+#: How many columns of pixels are joined to one column: at first, and at most.
 FIRST_JOIN, MOST_JOINED = 8, 32
 
-#: A frame that takes longer than this, in seconds, is slow. One with the whole window that takes
-#: less than the second would not be slow with twice the columns; most likely neither if others
-#: take less than the third, for so many seconds.
+#: A frame that takes longer than ``SLOW_S`` seconds is slow: more columns are joined. Fewer are
+#: joined after a frame with the whole window that took less than ``QUICK_S``, and after any frame
+#: that took less than ``PROMPT_S`` if for ``RETRY_S`` nothing was changed.
 SLOW_S, QUICK_S, PROMPT_S, RETRY_S = 1.0, 0.4, 0.1, 30.0
-
-#: Allowed stamps: they and their sums fit 64 bits.
-STAMPS_NS = (-(2.0**62), 2.0**62)
-
-HIGHEST_CHANNEL = 1_000_000
 
 #: Time, in seconds, for which the page says that samples come that do not fit.
 UNFIT_SHOWN_S = 1.0
-
-#: The content of a message of a page, which is not trusted.
-Message = Mapping[str, Any]
 
 #: By name, what a frame has beside its header.
 Arrays = dict[str, Any]
@@ -75,7 +65,7 @@ class Pace:
     """
 
     def __init__(self) -> None:
-        #: How many columns of pixels are made one.
+        #: How many columns of pixels are joined to one column.
         self.join = FIRST_JOIN
         self._waited_s = 0.0
 
@@ -99,7 +89,7 @@ class ViewRequest:
     Parameters
     ----------
     message
-        The message of the page, ``{"type": "view", ...}``, which is not trusted.
+        The message of the page, ``{"type": "view", ...}``.
 
     Raises
     ------
@@ -114,21 +104,17 @@ class ViewRequest:
     """
 
     def __init__(self, message: Message) -> None:
-        names = _list('fingers', message, 'names', lambda name: isinstance(name, str))
+        check(message)
         #: The fingers that are shown, and the one of them whose traces are shown, or ''.
-        self.fingers, self.finger = tuple(dict.fromkeys(names)), str(message.get('finger') or '')
-        numbers = range(1, HIGHEST_CHANNEL + 1)
-        channels = _list(
-            'channels', message, 'numbers from 1', lambda n: type(n) is int and n in numbers
-        )
+        self.fingers = tuple(dict.fromkeys(message.get('fingers') or ()))
+        self.finger: str = message.get('finger') or ''
         #: The channels of the traces, counted from 0.
-        self.channels = np.array(sorted(set(channels)), np.intp) - 1
-        self._columns = int(number('pixels', message, *PIXELS) or 900)
-        window_s = number('window_s', message, *WINDOW_S) or 10.0
-        self._width_ns = round(window_s * 1e9 / self._columns)
-        channel = number('spectrum', message, 1, HIGHEST_CHANNEL)
-        self._spectrum, self._spectrum_s = None if channel is None else int(channel), -math.inf
-        until_ns = number('until_ns', message, *STAMPS_NS)
+        self.channels = np.array(sorted(set(message.get('channels') or ())), np.intp) - 1
+        self._columns = int(message.get('pixels') or 900)
+        self._width_ns = round((message.get('window_s') or 10.0) * 1e9 / self._columns)
+        #: The channel whose spectrum is shown, counted from 1, if any, and when it was sent last.
+        self._spectrum, self._spectrum_s = message.get('spectrum'), -math.inf
+        until_ns = message.get('until_ns')
         #: The stamp at which the traces end; None: at the newest sample.
         self.until_ns = None if until_ns is None else int(until_ns)
         # By finger, how many rows of levels were shown; by stream of the traces and beginning of
@@ -142,8 +128,8 @@ class ViewRequest:
     def frame(self, detectors: Detectors, past: LiveTrack | None = None, join: int = 1) -> bytes:
         """Return the next frame.
 
-        ``past`` is drawn in place of the finger's track. So many columns as ``join`` says are made
-        one, for a page to which little can be sent.
+        ``past`` is drawn in place of the finger's track. ``join`` columns are joined to one, for
+        a page to which little can be sent.
         """
         if join != self._join:
             self._join = join
@@ -158,7 +144,7 @@ class ViewRequest:
             if self._spectrum is not None and now_s - self._spectrum_s >= SPECTRUM_S:
                 self._spectrum_s = now_s
                 header['spectrum'] = self._add_spectrum(finger, self._spectrum, arrays)
-        return packed(header, arrays)
+        return pack_frame(header, arrays)
 
     def _state(self, i: int, finger: Finger, now_s: float, arrays: Arrays) -> dict[str, Any]:
         """Return a finger's state, and add each channel's highest level since the last frame."""
@@ -201,7 +187,7 @@ class ViewRequest:
         only = np.zeros(1, np.intp)
         until_ns = self.until_ns if self.until_ns is not None else int(STAMPS_NS[1])
         # Samples may come in batches: then what is overdue is a message, and each has one level.
-        overdue_ns = max(rows.overdue_ns(until_ns) for rows in (track.samples, track.levels))
+        overdue_ns = max(rows.overdue_ns() for rows in (track.samples, track.levels))
         for stream, rows, values, state in (
             ('samples', track.samples, 'volts', 'truth'),
             ('levels', track.levels, 'level', 'slip'),
@@ -240,27 +226,12 @@ def _age_s(now_s: float, at_s: float | None) -> float | None:
     return None if at_s is None or math.isinf(at_s) else round(now_s - at_s, 3)
 
 
-def _list(name: str, message: Message, what: str, allows: Callable[[Any], bool]) -> list[Any]:
-    values = message.get(name, [])
-    if not isinstance(values, list) or not all(map(allows, values)):
-        raise ValueError(f'{name} is {str(values)[:40]}, allowed: a list of {what}')
-    return values
-
-
-def number(name: str, message: Message, low: float, high: float) -> float | None:
-    """Return a number that a page has sent, None if it has not; a ValueError if not allowed."""
-    value = message.get(name)
-    if value is not None and (not isinstance(value, int | float) or not low <= value <= high):
-        raise ValueError(f'{name} is {str(value)[:40]}, allowed: {low:g} to {high:g}')
-    return value
-
-
-def packed(header: Mapping[str, Any], arrays: Mapping[str, Any]) -> bytes:
+def pack_frame(header: Mapping[str, Any], arrays: Mapping[str, Any]) -> bytes:
     r"""Return a frame.
 
     Examples
     --------
-    >>> packed({}, {'on': [False, True]})
+    >>> pack_frame({}, {'on': [False, True]})
     b'\x1c\x00\x00\x00{"arrays": [["on", [2]]]}   \x00\x00\x00\x00\x00\x00\x80?'
     """
     floats = {name: np.asarray(values, '<f4') for name, values in arrays.items()}

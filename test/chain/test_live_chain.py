@@ -305,7 +305,7 @@ AT_ONCE = {
     'impact_v': [0.2, 5.0],
     'impact_channels': [1, 2],
     'impact_hold_s': [0.0, 0.05, 0.5],
-    'noise_floor': [1e-4, (1e-4, 3e-4, 5e-4, 1e-3)],
+    'noise_floor': [(), 1e-4, (1e-4, 3e-4, 5e-4, 1e-3)],
     'noise_floor_learnt': [False, True],
     'noise_floor_range_db': [0.0, 15.0],
     'evidence_cap_db': [11.0, 20.0],
@@ -337,6 +337,18 @@ def test_what_only_decides_changes_from_the_next_row_on_and_goes_on_from_where_i
     for result, expected in zip(found, wanted, strict=True):
         np.testing.assert_array_equal(result.level, expected.level)
         np.testing.assert_array_equal(result.flags, expected.flags)
+
+
+def test_floors_that_nobody_gave_begin_at_rest_not_where_the_sensor_stood_still():
+    bed = Bed()
+    rows = noise(KEPT)
+    rows[KEPT // 2 : KEPT // 2 + 390] = rows[KEPT // 2]  # less than flat_after_s
+    bed.chain.update(rows, level=False)
+    bed.change(decision='evidence')
+    assert bed.swapped()
+    level = SlipChain(CONFIG).update(rows).envelope[-100:].mean(axis=0)
+    floor_db = state_of(bed)[0, layout.FLOOR, :4]
+    assert np.abs(floor_db - 20 * np.log10(level)).max() < 20
 
 
 def test_holds_that_were_switched_off_begin_anew_and_what_needs_other_state_is_built():

@@ -70,6 +70,7 @@ def test_options_replace_parameters_of_recordings(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     given = RecordingConfig(recording_topic='/mine', recording_labels='by_hand')
     write_yaml(tmp_path / 'c.yaml', given.to_document())
+    (tmp_path / 'l.yaml').touch()
 
     def recording_config(*words):
         parser = argparse.ArgumentParser()

@@ -36,7 +36,7 @@ FINGER = '/index/slip_detector'
 USUAL = {
     'finger': FINGER, 'recording': 'slip_1', 'slip_s': [[1.0, 1.5]], 'pixel_s': 0.1, 'name': 'a',
     'values': {'threshold': '0.25'}, 'preset': 'onset', 'fingers': [FINGER], 'replace': True,
-    'page': '1-2', 'do': 'still_pressed', 'speed': 2.0, 'to_s': 1.0, 'playing': True, 'id': 7,
+    'page': '1-2', 'kind': 'rest', 'speed': 2.0, 'to_s': 1.0, 'playing': True, 'id': 7,
 }  # fmt: skip
 
 WORST = 10**400, '9' * 400, '\ud800', '\n\x1b[2J', float('nan'), [[[[1]]]], {'gain': 10**400}

@@ -34,7 +34,7 @@ pytest.importorskip('rosbags', reason='needs rosbags')
 def finished(tmp_path_factory):
     out = tmp_path_factory.mktemp('demo')
     words = '--out', out, '--record', out / 'trial.mcap', '--verbose'
-    done = run_python('-m', 'slip_detector.nodes.demo', *words, timeout=2 * DEADLINE_S)
+    done = run_python('-m', 'slip_detector.nodes.run', 'slip_demo', *words, timeout=2 * DEADLINE_S)
     assert done.returncode == 0, done.stderr
     assert 'no input any more' not in done.stderr
     return out, done.stdout
@@ -93,8 +93,7 @@ def test_nodes_end_with_the_process_that_started_them_even_if_it_is_killed():
 
 
 def test_signals_end_a_demonstration_and_its_nodes_quietly(bench, tmp_path):
-    words = '-m', 'slip_detector.nodes.demo', '--out', tmp_path, '--verbose'
-    process = bench.start_python(*words)
+    process = bench.start_executable('slip_demo', '--out', tmp_path, '--verbose')
     bench.wait_for(lambda: 'channels at' in process.log(), 'a node')
     for number in (signal.SIGINT, signal.SIGTERM):
         process.signal(number)

@@ -80,7 +80,7 @@ def test_a_flood_at_twenty_times_the_rate(bench):
         sensor.bench.executor.spin_once(timeout_sec=40 * flood_s)
     # It still keeps its time: the heart beats, the timeout comes.
     sensor.fell_in_time()
-    assert sensor.told('input', '380 configured') or sensor.told('input', 'restarted')
+    assert sensor.told('timing', '380 configured') or sensor.told('input', 'restarted')
     sensor.clock_s = time.time() + 10.0
     sensor.goes_on()
 

@@ -33,7 +33,7 @@ from slip_detector.parameters.grasp import GraspConfig
 from support.harness import compile_nodes
 from support.python_runs import run_python
 
-from slip_detector.nodes.grasp_demo import seed_range  # isort: skip, needs rclpy as the harness does
+from slip_detector.nodes.demo import seed_range  # isort: skip, needs rclpy as the harness does
 
 FIRST, LAST, LIVE = 5003, 5004, 1
 SEEDS = [*range(FIRST, LAST + 1)]
@@ -45,7 +45,7 @@ def finished(tmp_path_factory):
     compile_nodes()
     out = tmp_path_factory.mktemp('grasp')
     words = '--seeds', f'{FIRST}:{LAST}', '--live', str(LIVE), '--out', str(out)
-    done = run_python('-m', 'slip_detector.nodes.grasp_demo', *words, timeout=TIMEOUT_S)
+    done = run_python('-m', 'slip_detector.nodes.run', 'slip_grasp', *words, timeout=TIMEOUT_S)
     assert done.returncode == 0, done.stderr
     for words in ('2 objects in simulated time: controller\n', f'seed {FIRST} through the nodes'):
         assert words in done.stderr

@@ -82,7 +82,7 @@ def test_two_detectors_in_one_namespace(bench):
     words = 'slip is published by /slip_detector, /slip_detector'
     sensor.play(lambda: sensor.told('decisions', words), 'the diagnostics')
     # Both say so.
-    words = 'slip is published by /slip_detector and /slip_detector'
+    words += ': only one of them may; slip_valid is false'
     for process in (sensor.process, other):
         sensor.play(lambda process=process, words=words: words in process.log(), 'the log')
     other.signal(signal.SIGINT)

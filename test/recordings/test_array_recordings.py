@@ -151,6 +151,14 @@ def test_npz_that_lacks_something_is_named_with_what_it_lacks(tmp_path, arrays, 
     assert complaint(save_npz(tmp_path / 'a.npz', **arrays)).startswith(said)
 
 
+def test_a_file_that_is_cut_off_or_no_npz_is_named(tmp_path):
+    content = save_npz(tmp_path / 'a.npz').read_bytes()
+    for wrong in (b'time_s,a\n0,1\n', content[:-9], b''):
+        (tmp_path / 'a.npz').write_bytes(wrong)
+        said = ': is cut off, or no npz, allowed: what numpy.savez writes'
+        assert complaint(tmp_path / 'a.npz') == said
+
+
 def test_a_file_gives_rows_names_and_truth_and_all_its_arrays_by_name(tmp_path):
     path = save_npz(tmp_path / 'a.npz', velocity=np.arange(5), names=['a', 'b'])
     recording = open_recording(path)

@@ -95,7 +95,7 @@ def test_a_recording_of_a_kind_needs_no_other_label_and_says_so(tmp_path):
 
 
 OUTSIDE = 'is outside the recording trial.npz, allowed: 0 to 10 s'
-WRONG = ': is no file of labels, allowed: slip_s: [[start, end]] in seconds, or kind'
+PAIRS = ', allowed: slip_s: [[start, end], ...] in seconds, or kind'
 
 
 @pytest.mark.parametrize(
@@ -106,17 +106,20 @@ WRONG = ': is no file of labels, allowed: slip_s: [[start, end]] in seconds, or 
         ('slip_s:\n- [5, 6]\n- [1, 5.5]', ': the slip [5, 6] s is not allowed'),
         ('slip_s:\n- [1, 2]\n- [3, 3]', ': the slip [3, 3] s is not allowed'),
         ('slip_s:\n- [1, .nan]', ': the slip [1, nan] s is not allowed'),
-        ('slips:\n- [1, 2]', WRONG),
-        ('slip_s: []\nunit: ms', WRONG),
-        ('slip_s: 3', WRONG),
+        ('slips:\n- [1, 2]', ': has the key slips, allowed: slip_s, accuracy_s, kind, mistaken'),
+        (
+            'slip_s: []\nunit: ms',
+            ': has the key unit, allowed: slip_s, accuracy_s, kind, mistaken',
+        ),
+        ('slip_s: 3', f': slip_s is 3{PAIRS}'),
         ('mistaken: 1', ': mistaken is 1, allowed: true, false'),
         ('kind: pressed', ": kind is 'pressed', allowed: rest, taps, press, roll, idle"),
         ('kind: [press]\nslip_s: []', ": kind is ['press'], allowed: rest, taps"),
         ('kind: press\nslip_s: [[1, 2]]', ': has slips, allowed: none in a recording of the kind'),
-        ('slip_s:\n- [1, two]', WRONG),
-        ('slip_s:\n- {start: 1, end: 2}', WRONG),
-        ('slip_s:\n- [1, [2]]', WRONG),
-        ('{}', WRONG),
+        ('slip_s:\n- [1, two]', f": slip_s is [[1, 'two']]{PAIRS}"),
+        ('slip_s:\n- {start: 1, end: 2}', ": slip_s is [{'start': 1, 'end': 2}], allowed"),
+        ('slip_s:\n- [1, [2]]', f': slip_s is [[1, [2]]]{PAIRS}'),
+        ('{}', f': has no slip_s{PAIRS}'),
         ('slip_s:\n- [1, 1:40]', ': line 2: 1:40 is not what it looks like'),
         ('- [1, 2]', ': is not a YAML file of names and values'),
     ],

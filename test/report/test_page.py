@@ -100,7 +100,7 @@ def test_the_data_are_the_overviews(monkeypatch, most_cells):
         scenes.overview('a', config, volts, truth, scenes.EVENTS['given'])
         for config in (scenes.GIVEN, scenes.TUNED)
     ]
-    header = report.packed_recording(overviews)
+    header = report.pack_recording(overviews)
     bytes_ = np.frombuffer(zlib.decompress(base64.b64decode(header['data'])), np.uint8)
     lowest, step = np.array(header['lowest_v']), np.array(header['step_v'])
     first, bins = overviews[0], header['bins']

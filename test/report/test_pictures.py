@@ -12,14 +12,15 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Pictures of trials and of the grasp."""
+"""Pictures of trials and of the grasp, and its table."""
 
 import numpy as np
 import pytest
 
+from slip_detector.grasp.loop import UNCONTROLLED, grasp_figures
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.report import pictures
-from slip_detector.report.pictures import draw_grasp, draw_trial
+from slip_detector.report.pictures import draw_grasp, draw_trial, grasp_table
 from support import grasp_trials
 
 TIME_S = np.arange(400) / 100.0
@@ -60,3 +61,19 @@ def test_the_grasp_is_drawn_with_and_without_a_trial_of_the_nodes(tmp_path, live
         {'position': rows, 'command': rows} if live else {},
     )
     assert (tmp_path / 'grasp.png').read_bytes().startswith(b'\x89PNG')
+
+
+def test_the_table_of_the_grasp_has_conditions_and_the_nodes():
+    parts = {name: grasp_figures(mine, 10.0) for name, mine in grasp_trials.by_condition().items()}
+    simulated = {'slide_mm': 0.5, 'command_percent': 49.0}
+    result = {
+        'seeds': [5000],
+        'conditions': parts,
+        'transport_ms': 4.0,
+        'nodes': {'5000': {'slide_mm': None, 'command_percent': 50.0, 'simulated': simulated}},
+        'latency_ms': None,
+    }
+    lines = [' '.join(line.split()) for line in grasp_table(result).splitlines()]
+    assert any(line.startswith(f'{UNCONTROLLED} 1 of 1 - -') for line in lines)
+    assert '5000 - 0.50 50.0 49.0' in lines
+    assert 'From sample to command: undefined, no onset was answered' in lines

@@ -142,7 +142,8 @@ def with_evidence(draw, config, volts):
     envelopes = SlipChain(mean).update(volts).envelope
     positive = envelopes[envelopes > 0]
     middle = float(np.median(positive)) if positive.size else 1.0
-    n_floors = draw(st.sampled_from([1, config.channels]), label='floors')
+    # None; one; as many as channels, or not, of which the first is for all.
+    n_floors = draw(st.sampled_from([0, 1, config.channels, config.channels + 1]), label='floors')
     floors = [middle * 10 ** draw(st.floats(-1.5, 0.5)) for _ in range(n_floors)]
     offset_db = draw(st.sampled_from([0.0, 3.5, 7.0]))
     limit_db_s = draw(st.sampled_from([0.02, 0.3, 1.3]))

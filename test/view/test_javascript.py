@@ -27,7 +27,7 @@ import pytest
 
 from slip_detector.report.page import SCRIPTS
 from slip_detector.view.server import FOLDERS
-from slip_detector.view.view_request import packed
+from slip_detector.view.view_request import pack_frame
 
 PAGE, SHARED = FOLDERS['page'], FOLDERS['drawing']
 FILES = sorted([*PAGE.glob('*.js'), *SHARED.glob('*.js')])
@@ -202,7 +202,7 @@ def test_numbers_are_in_words_and_ticks_at_round_ones():
 
 def test_a_frame_is_read_as_it_was_packed():
     arrays = {'level/0': np.array([[0.5, np.nan], [2.0, 3.0]]), 'on/0': np.array([True, False])}
-    frame = base64.b64encode(packed({'fingers': ['\u00e4']}, arrays)).decode()
+    frame = base64.b64encode(pack_frame({'fingers': ['\u00e4']}, arrays)).decode()
     header, level, on = node(f"""
         const bytes = Uint8Array.from(atob('{frame}'), (c) => c.charCodeAt(0));
         const {{header, arrays}} = readFrame(bytes.buffer);

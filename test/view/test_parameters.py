@@ -26,7 +26,7 @@ from slip_detector.view.detectors import Finger
 from slip_detector.view.parameters import (
     PRESETS,
     ParameterRequests,
-    described_parameters,
+    describe_parameters,
     preset,
     read_text,
     text_of,
@@ -60,14 +60,14 @@ def test_a_shown_value_typed_again_is_unchanged(chain):
 
 
 def test_every_parameter_stands_under_the_heading_of_the_docs():
-    parts = described_parameters(Finger(NAME, DetectorConfig()))
+    parts = describe_parameters(Finger(NAME, DetectorConfig()))
     rows = {row['name']: row for part in parts for row in part['parameters']}
     assert [*rows] == [*DetectorConfig().to_parameters()]
     assert (parts[0]['heading'], parts[-1]['heading']) == ('Samples', 'Fingertip')
     band, threshold = rows['passband_hz'], rows['threshold']
     assert (band['text'], band['unit'], threshold['allowed']) == ('7, 50', 'Hz', '1e-30 to 1e+30')
     assert '; now rising, 0.0038 Hz to below 190 Hz' in band['allowed']
-    assert rows['rectify']['choices'] == ['full', 'half']
+    assert rows['rectify']['choices'] == ('full', 'half')
     assert rows['publish_groups']['choices'] == ['true', 'false']
     assert rows['groups.TP']['meaning'].startswith('Channels (from 1) of each group')
     assert [name for name, row in rows.items() if row['read_only']] == ['autostart']

@@ -23,6 +23,7 @@ import re
 import resource
 import socket
 import threading
+from types import SimpleNamespace
 from urllib.parse import parse_qs, urlsplit
 
 import pytest
@@ -162,17 +163,16 @@ async def test_pages_hear_of_fingers_that_come_and_go_and_of_the_end_of_the_serv
 
 
 async def test_requests_are_answered_and_refusals_are_in_words(caplog):
-    async def answer(message):
-        if message.get('value') != 7:
+    async def add(value):
+        if value != 7:
             raise ValueError('value is no 7')
         return {'value': 8}
 
-    async def fail(message):
+    async def fail():
         raise KeyError('gone')
 
     async with served() as (it, page):
-        it.server.on_request('add', answer)
-        it.server.on_request('fail', fail)
+        it.server.on_requests(SimpleNamespace(answer_add=add, answer_fail=fail), 'add', 'fail')
         assert (await page.request('add', value=7))['value'] == 8
         assert (await page.request('add'))['refusal'] == 'value is no 7'
         refusal = (await page.request('subtract'))['refusal']
@@ -273,10 +273,10 @@ async def test_of_what_takes_long_a_page_gets_the_last_and_one_that_has_left_not
 
     async with served() as (it, page):
 
-        async def answer(message):
-            return await it.server.work(work, message['id'])
+        async def answer(id):
+            return await it.server.work(work, id)
 
-        it.server.on_request('slow', answer, latest_only=True)
+        it.server.on_requests(SimpleNamespace(answer_slow=answer), 'slow')
         for number in range(300):
             await page.say('slow', id=number)
         asked = await page.until('answer', lambda answer: answer['id'] == 298)

@@ -21,13 +21,14 @@ import dataclasses
 import json
 import re
 import shutil
+import time
 
 import numpy as np
 import pytest
 
 from slip_detector.parameters import DetectorConfig, DriverConfig
 from slip_detector.recordings import open_recording
-from slip_detector.recordings.labels import BY_EYE_S, BY_HAND_S
+from slip_detector.recordings.labels import BY_HAND_S
 from slip_detector.view import teaching as teaching_module
 from slip_detector.view.access import Access
 from slip_detector.view.bag import PlayedBag
@@ -63,14 +64,19 @@ class Taught:
         """Let time pass as a server does, a tenth of a second at a time."""
         for _ in range(round(10 * seconds)):
             self.detectors.simulated[FINGER].play(0.1)
-            self.teaching.still_pressed()
+            if self.teaching._recorder:
+                self.teaching._recorder.held_s = time.monotonic()  # The key is held.
             self.server.tick()
 
-    async def ask(self, kind, **content):
+    async def ask(self, request, **content):
         """Return why a page's request was refused, '' where it was not."""
-        answer = await self.server.answer({'type': kind, 'finger': FINGER} | content)
+        answer = await self.server.answer({'type': request, 'finger': FINGER} | content)
         self.server.tick()
         return answer['refusal']
+
+    def do(self, request, **content):
+        """Ask outside of an event loop."""
+        return asyncio.run(self.ask(request, **content))
 
     def latest(self, kind='teaching'):
         self.server.tick()
@@ -100,9 +106,9 @@ def seconds(stamps_ns):
 def test_each_slip_is_a_recording_with_rest_around_it_and_without_rows_of_other_slips(taught):
     for pause in (3.0, 0.3, 2.0, 0.5):
         taught.play(pause)
-        taught.teaching.press(FINGER)
+        taught.do('begin_slip')
         taught.play(0.5)
-        taught.teaching.release(FINGER)
+        taught.do('end_slip')
         taught.play(0.2)
     taught.play(2.0)
     listed = taught.listed()
@@ -122,8 +128,8 @@ def test_each_slip_is_a_recording_with_rest_around_it_and_without_rows_of_other_
 
 def test_a_slip_during_which_no_sample_came_is_said_to_be_none(taught):
     taught.play(2.0)
-    taught.teaching.press(FINGER)
-    taught.teaching.release(FINGER)
+    taught.do('begin_slip')
+    taught.do('end_slip')
     taught.play(AFTER_S + 0.5)
     assert 'no sample came while the key was held' in taught.teaching.words
     assert not taught.read('slip_1')[1].any()
@@ -133,26 +139,27 @@ def test_a_slip_during_which_no_sample_came_is_said_to_be_none(taught):
 
 
 def test_one_thing_is_recorded_at_a_time_and_another_finger_does_not_end_it(taught, monkeypatch):
-    taught.detectors.add('thumb', DetectorConfig())
+    thumb = taught.detectors.add('thumb', DetectorConfig()).finger.name
     taught.play(0.4)
-    taught.teaching.press(FINGER)
+    taught.do('begin_slip')
     assert 'It has 0.4 s of rest before: wait' in taught.teaching.words
-    asyncio.run(taught.teaching.folder_of(FINGER).refresh())
-    assert 'slip_1 of index: ' in taught.teaching.recording()['words']
+    asyncio.run(taught.teaching.folder_of(taught.finger).refresh())
+    assert 'slip_1 of index: ' in taught.latest('recording')['recording']['words']
     monkeypatch.setattr(teaching_module, 'SILENT_S', -1.0)
-    assert 'No samples come' in taught.teaching.recording()['words']
-    with pytest.raises(ValueError, match=r'slip_1.* is being recorded'):
-        taught.teaching.press('/thumb/slip_detector')
-    with pytest.raises(ValueError, match=r'slip_1.* is being recorded'):
-        taught.teaching.start(FINGER, 'rest')
-    taught.teaching.release('/thumb/slip_detector')
-    assert taught.teaching.recording()['slipping']
+    assert 'No samples come' in taught.latest('recording')['recording']['words']
+    for refusal in (taught.do('begin_slip', finger=thumb), taught.do('record', kind='rest')):
+        assert re.match('slip_1.* is being recorded', refusal)
+    taught.do('end_slip', finger=thumb)
+    assert taught.latest('recording')['recording']['slipping']
 
 
 def test_a_slip_ends_when_the_page_that_holds_it_is_gone(taught, monkeypatch):
     taught.play(2.0)
-    taught.teaching.press(FINGER)
+    taught.do('begin_slip')
     taught.play(1.0)
+    taught.teaching._recorder.held_s -= 10.0
+    assert taught.do('hold_slip') == ''
+    assert taught.latest('recording')['recording']['slipping']
     monkeypatch.setattr(teaching_module, 'PRESSED_S', -1.0)
     taught.play(0.1)
     assert taught.teaching.words == 'slip_1: the page that held the slip is gone, so it ended'
@@ -167,7 +174,7 @@ def clock_is_set_back(taught):
 
 
 def ten_minutes_pass(taught):
-    taught.teaching._begun_at_s -= teaching_module.MOST_S
+    taught.teaching._recorder.begun_s -= teaching_module.MOST_S
 
 
 @pytest.mark.parametrize(
@@ -179,39 +186,39 @@ def ten_minutes_pass(taught):
     ],
 )
 def test_a_recording_ends_by_itself_and_what_came_before_is_kept(taught, event, why):
-    taught.teaching.start(FINGER, 'rest')
+    taught.do('record', kind='rest')
     taught.play(2.0)
     event(taught)
     taught.server.tick()
-    assert taught.teaching.recording() is None
+    assert taught.latest('recording')['recording'] is None
     assert taught.teaching.words == f'rest_1 has 2.0 s. {why}'
     assert seconds(taught.read('rest_1')[0]) == pytest.approx(2.0, abs=0.01)
 
 
 def test_what_cannot_be_written_is_said_and_the_next_recording_is_as_any_other(taught):
-    taught.teaching.start(FINGER, 'rest')
+    taught.do('record', kind='rest')
     taught.play(2.0)
     with full_disk((taught.folder / 'index/rest_1/rest_1.mcap').stat().st_size + 1000):
         taught.play(1.0)
-    assert taught.teaching.recording() is None
+    assert taught.latest('recording')['recording'] is None
     assert taught.teaching.words.startswith('rest_1 has 2.0 s. It was cut off: ')
     assert 'File too large' in taught.teaching.words
     assert seconds(taught.read('rest_1')[0]) >= 1.99
     with full_disk(1000):
-        taught.teaching.press(FINGER)
+        taught.do('begin_slip')
         taught.server.tick()
     assert taught.teaching.words.startswith('slip_1 has no sample, so it is not kept. It was cut')
-    taught.teaching.start(FINGER, 'taps')
-    taught.teaching.stop()
+    taught.do('record', kind='taps')
+    taught.do('stop_recording')
     assert taught.teaching.words == 'taps_1 has no sample, so it is not kept'
-    taught.teaching.start(FINGER, 'rest')
+    taught.do('record', kind='rest')
     taught.play(1.0)
     shutil.rmtree(taught.folder / 'index' / 'rest_2')
     taught.play(1.0)
     assert 'No such file' in taught.teaching.words
-    taught.teaching.start(FINGER, 'rest')
+    taught.do('record', kind='rest')
     taught.play(1.0)
-    taught.teaching.stop()
+    taught.do('stop_recording')
     assert [*taught.listed()] == ['rest_1', 'rest_2']
 
 
@@ -222,28 +229,28 @@ async def test_nothing_that_a_page_sends_leaves_the_folder(tmp_path, name):
     victim.write_text('as it was')
     one = Taught(tmp_path / 'recordings')
     for kind, content in (
-        ('teach', {'finger': name, 'do': 'rest'}),
-        ('teach', {'do': name}),
-        ('teach', {'finger': name, 'do': 'slip'}),
+        ('record', {'finger': name, 'kind': 'rest'}),
+        ('record', {'kind': name}),
+        ('begin_slip', {'finger': name}),
         ('delete_recording', {'finger': name, 'recording': 'rest_1'}),
         ('delete_recording', {'recording': name}),
     ):
-        assert re.match('there is no|.*not recorded so', await one.ask(kind, **content))
+        assert re.match('there is no|.* is .*, allowed: ', await one.ask(kind, **content))
     assert {path.name for path in tmp_path.iterdir()} == {'victim'}
     assert victim.read_text() == 'as it was'
 
 
 async def test_a_finger_is_watched_while_it_is_recorded_at_most_until_the_server_ends(taught):
-    assert await taught.ask('teach', do='rest') == ''
+    assert await taught.ask('record', kind='rest') == ''
     taught.play(2.0)
     assert taught.detectors.watched == {FINGER}
     shown = taught.latest('recording')['recording']
     assert (shown['words'], shown['slipping']) == ('rest_1 of index: 2.0 s', False)
-    assert await taught.ask('teach', do='stop') == ''
+    assert await taught.ask('stop_recording') == ''
     taught.play(0.1)
     assert taught.detectors.watched == set()
     assert taught.latest('recording')['recording'] is None
-    await taught.ask('teach', do='taps')
+    await taught.ask('record', kind='taps')
     taught.play(1.0)
     await taught.server.close()
     assert (taught.folder / 'index' / 'taps_1' / 'metadata.yaml').exists()
@@ -298,7 +305,9 @@ async def test_tuning_runs_once_keeps_its_recordings_and_ends_with_the_server(tm
 
 async def test_what_was_found_is_applied_as_one_change_and_the_rest_stays(tmp_path):
     async with tuned(tmp_path) as one:
-        run = one.teaching._run = TuneRun(one.teaching.folder_of(FINGER), FINGER, DetectorConfig())
+        run = one.teaching._run = TuneRun(
+            one.teaching.folder_of(one.finger), FINGER, DetectorConfig()
+        )
         finger = one.detectors.fingers[FINGER]
         found = {'threshold': 0.25, 'groups': {'all': tuple(range(1, 17))}}
         run.found = dataclasses.replace(finger.config, **found)
@@ -332,23 +341,14 @@ async def test_the_ends_of_a_label_are_seen_beside_the_decision_snapped_and_save
     assert np.min(seen['level']) < 1.0 < np.max(seen['level']) <= 2.0
     assert seen['duration_s'] <= seen['bin_s'] * len(seen['level']) < seen['duration_s'] + 0.1
     late_s = [[start_s + 0.05, end_s + 0.07]]
-    # The file says how exact the worse end is; the end that nobody has moved was set by a key.
-    for ends_s, exact_s, how in (
-        ([start_s + 0.05, end_s], BY_HAND_S, {}),
-        ([start_s + 0.05, end_s + 0.05], 0.2, {'pixel_s': 0.2}),
-        ([start_s + 0.05, end_s + 0.1], BY_EYE_S, {}),
-        (*late_s, BY_EYE_S, {}),
-    ):
-        assert (await ask('label', slip_s=[ends_s], **how))['refusal'] == ''
-        assert open_recording(tmp_path / 'index' / 'slip_1').accuracy_s == exact_s
-    assert f'start {start_s + 0.05:.2f}' in (await ask('snap', slip_s=late_s))['said']
+    assert (await ask('label', slip_s=late_s, pixel_s=0.2))['refusal'] == ''
+    assert open_recording(tmp_path / 'index' / 'slip_1').accuracy_s == 0.2
+    assert f'start {start_s + 0.05:.2f}' in (await ask('snap'))['said']
     assert (await ask('trace'))['slip_s'] == [pytest.approx(true_slip_s('slip_1'), abs=0.05)]
-    # Taken back, an end that was set by a key is as exact as it was; without a file, that of the
-    # recording itself.
-    for _ in range(4):
+    # Without a file the labels are those of the recording, as exact as a key.
+    for _ in range(2):
         assert (await ask('undo_label'))['refusal'] == ''
     assert open_recording(tmp_path / 'index' / 'slip_1').accuracy_s == BY_HAND_S
-    assert (await ask('undo_label'))['refusal'] == ''
     assert (await ask('trace'))['slip_s'] == [[start_s, end_s]]
     assert 'begins before' in (await ask('label', slip_s=[[98, 99]]))['refusal']
     assert (await ask('label', slip_s=[]))['refusal'] == ''
@@ -361,7 +361,7 @@ async def test_a_doubted_recording_is_marked_as_a_mistake_by_a_person_who_may_ta
     async with tuned(tmp_path) as one:
         await one.ask('recordings')
         doubts = ['slip_2: nothing changes at its slips, at 2.0 s', 'rest_1: quiet']
-        one.teaching.folder_of(FINGER).note_doubts(doubts)
+        one.teaching.folder_of(one.finger).note_doubts(doubts)
         assert [name for name, its in one.listed().items() if its['note']] == ['slip_2']
         for mistaken in (True, False):
             assert await one.ask('mark_recording', recording='slip_2', mistaken=mistaken) == ''

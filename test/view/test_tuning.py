@@ -23,7 +23,7 @@ import sys
 import pytest
 
 from slip_detector.parameters import DetectorConfig
-from slip_detector.report.tables import heading
+from slip_detector.report.texts import heading
 from slip_detector.view import tuning
 from slip_detector.view.recordings import RecordedFolder
 from slip_detector.view.tuning import COMMAND, TuneRun
@@ -55,7 +55,7 @@ async def test_a_stopped_search_keeps_what_it_found_judged_by_what_was_held_out(
     found = DetectorConfig.from_yaml(recorded / 'tuning' / 'tuned.yaml').to_parameters()
     assert run.said['answer'][0].startswith('Finds 2 of 2 slips')
     changes = run.to_apply(DetectorConfig())
-    assert run.described()['changes'] == len(changes)
+    assert run.describe()['changes'] == len(changes)
     assert {**DetectorConfig().to_parameters(), **changes} == found
 
 

@@ -168,7 +168,7 @@ class Timeline {
       else this.zoom(Math.exp(event.deltaY * 0.002), under(event)[0]);
     }, {passive: false});
     let moving = false;
-    // Other fingers than before hold what is under them now.
+    // When a finger is put down or lifted, all hold what is under them now.
     const hold = (isMoving) => {
       moving = isMoving;
       for (const grip of grips.values()) grip.seconds = timeAt(grip.x);

@@ -9,7 +9,7 @@ import {SpectrumPanel} from './spectrum.js';
 import {Teach} from './teach.js';
 import {Traces} from './traces.js';
 
-// The drawings, in which parameters are set, too; why one is refused is shown at the top.
+// The drawings, in which parameters can be set. A refusal is shown at the top of the page.
 class Drawings extends Tool {
   show() {
     const allowed = this.finger in this.labels && !this.locked;
@@ -68,7 +68,7 @@ function showChosen() {
 connection.on('state', (words) => {
   write('connection', words || 'connected');
   element('connection').classList.toggle('lost', Boolean(words));
-  // What cards show is old then.
+  // Without a connection, what cards show is old.
   if (words) for (const card of cards.values()) if (card.state) card.showState('lost');
   showTitle();
 });
@@ -92,7 +92,7 @@ connection.on('fingers', ({fingers, gone: labels, read_only: readOnly}) => {
   write('ended', Object.values(gone).join(', '));
   document.querySelector('main').classList.toggle('single', fingers.length === 1);
   connection.changeView({fingers: names});
-  // A finger that is gone may come back: until then, changes are not to go to another one.
+  // A finger that is gone may come back: until then, no change must go to another finger.
   const stays = [wanted, chosen].find((name) => names.includes(name));
   const next = stays ?? (chosen in gone ? chosen : names[0] ?? null);
   if (next !== chosen) show(next);

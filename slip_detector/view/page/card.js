@@ -3,7 +3,7 @@
 
 import {partsOf, update, write} from './elements.js';
 
-// Words and mark of each state; of several fingers, the title of the page has the first one.
+// Words and mark of each state, in the order in which states take the title of the page.
 export const STATES = {
   slip: {mark: '\u25b2', words: 'SLIP'},
   lost: {mark: '\u2715', words: 'not connected'},
@@ -58,7 +58,7 @@ export class FingerCard {
       level: ratio, on: Boolean(on[c]), valid: !Number.isNaN(ratio),
       disabled: this.finger.disabled.includes(c + 1),
     }));
-    // In every other frame, or a slow machine would not keep up.
+    // Drawn in every other frame only, so that a slow machine keeps up.
     this.skips = !this.skips;
     if (!this.skips) this.channels.forEach((seen, c) => showTaxel(this.taxels.children[c], seen));
     this.showState(this.stateName());
@@ -110,7 +110,7 @@ export class FingerCard {
     update(this.taxels, {ariaLabel: `${this.finger.label}: ${this.words}`});
   }
 
-  // What is wrong stands at the top; of decisions the badge tells sooner.
+  // Faults stand at the top. The badge shows decisions sooner than these lines do.
   showDiagnostics(lines) {
     const wrong = lines.filter(([level]) => level).sort(([a], [b]) => b - a);
     const listed = wrong.length ? wrong : lines.filter(([, name]) => name !== 'decisions');

@@ -2,7 +2,7 @@
 
 // Frames come many times a second: after so many checks without one, slip_view counts as hung.
 const AGAIN_MS = 1000, CHECK_MS = 1000, MOST_CHECKS = 3;
-// From so many seconds on the page says how old what it shows is.
+// The least age, in seconds, of what is shown at which the page says how old it is.
 const OLD_S = 2;
 const UNREACHABLE = 'slip_view cannot be reached';
 
@@ -22,7 +22,7 @@ export class Connection extends EventTarget {
   constructor() {
     super();
     Object.assign(this, {words: null, checks: 0, requests: 0, answers: new Map(), view: {}});
-    // Whether a frame waits to be drawn; when it was asked for, and when the one that is shown.
+    // Whether a frame waits to be drawn; when it was asked for, and when the shown one was.
     this.draws = false;
     this.askedMs = this.shownMs = NaN;
     listen(document, 'visibilitychange', () => this.sendView());

@@ -82,20 +82,21 @@ export class Teach extends Tool {
   }
 
   toggle(kind) {
-    if (!this.buttons[kind].disabled) this.teach(this.recording?.kind === kind ? 'stop' : kind);
+    if (this.buttons[kind].disabled) return;
+    this.teach(this.recording?.kind === kind ? 'stop_recording' : 'record', {kind});
   }
 
   press() {
     if (this.pressed !== null || this.buttons.slip.disabled) return;
-    const report = () => this.connection.request('teach', {do: 'still_pressed'});
+    const report = () => this.connection.request('hold_slip');
     this.pressed = setInterval(report, PRESSED_MS);
-    this.teach('slip').then(({refusal}) => refusal && this.drop());
+    this.teach('begin_slip').then(({refusal}) => refusal && this.drop());
   }
 
   release() {
     if (this.pressed === null) return;
     this.drop();
-    this.teach('release');
+    this.teach('end_slip');
   }
 
   drop() {
@@ -103,8 +104,8 @@ export class Teach extends Tool {
     this.pressed = null;
   }
 
-  teach(what) {
-    return this.ask('teach', {do: what}, element('teach-now'));
+  teach(type, content) {
+    return this.ask(type, content, element('teach-now'));
   }
 
   show() {
@@ -165,7 +166,7 @@ export class Teach extends Tool {
 
   traceOf(recording) {
     const {finger, connection} = this;
-    // Nobody has asked for a trace: that it is refused does not take the place of other words.
+    // The user has not asked for a trace, so its refusal must not replace other words.
     return new RecordingTrace(recording, (type, content) => (type === 'trace'
       ? connection.request(type, {finger, recording})
       : this.askAbout(recording, type, {finger, ...content})));

@@ -12,22 +12,22 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Tables of plain text, as the commands print them, and the texts of figures."""
+"""What figures say in words: the answer in sentences, tables of plain text, single figures."""
 
 import itertools
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from slip_detector.evaluation.figures import ALREADY_ON, STAGES
-from slip_detector.parameters.fields import name_list
+from slip_detector.parameters import name_list
 from slip_detector.recordings.labels import KINDS
-from slip_detector.tuning.problem import worse_figures
+from slip_detector.tuning.problem import beats_chance, worse_figures
 
 #: The text of a figure that is not defined.
 UNDEFINED = '-'
 
 #: Units by the last word of a figure's name.
-UNITS = {'ms': 'ms', 'mm': 'mm', 's': 's', 'percent': '%', 'hz': 'Hz', 'v': 'V'}
+UNITS = {'ms': 'ms', 's': 's', 'percent': '%'}
 
 #: The kinds of recordings, in words that follow ON.
 ON_IN = dict(zip(KINDS, ('at rest', 'in taps', 'in presses', 'in rolls', 'idle'), strict=True))
@@ -43,7 +43,6 @@ HEADINGS = {
     'on_s': 'ON [s]',
     'on_percent': 'ON [% of the time]',
     'false_time_percent': 'ON without slip [%]',
-    'force_percent': 'mean grip [% of the limit]',
     'gaps': 'gaps bridged',
     'auc': 'how far slips stand out',
     'coverage': 'ON during slips',
@@ -88,6 +87,15 @@ EMPTY = {UNDEFINED, '0', '0.0'}
 
 LEGEND = f'{UNDEFINED}: not defined (no labels, no such rows or events, or no record of motion)'
 
+Figures = Mapping[str, Any]
+
+#: The figures of the time ON without slip: of all of it, and of each kind of recordings.
+ALL = 'false_time_percent'
+ON_FIGURES = (ALL, *(f'{kind}_on_percent' for kind in KINDS))
+
+#: A recording that is ON without slip for at least this share of the time is called bad.
+BAD_PERCENT = 1.0
+
 #: Title of a figure, its text before and after a change, and 'better', 'worse' or ''.
 Row = tuple[str, str, str, str]
 
@@ -127,7 +135,7 @@ def number_text(value: float | None, form: str) -> str:
     return UNDEFINED if value is None else format(value, form)
 
 
-def figure_text(name: str, figures: Mapping[str, Any]) -> str:
+def figure_text(name: str, figures: Figures) -> str:
     """Return one of several figures as text, with the digits that its name asks for.
 
     A latency below 0 is no early detection: ``slip`` was ON before the label, for example from an
@@ -152,7 +160,7 @@ def figure_text(name: str, figures: Mapping[str, Any]) -> str:
         if accuracy_ms:
             more = f'{value:.0f} to {value + 2.0 * accuracy_ms:.0f}'
             return more if value else f'± {accuracy_ms:.0f}: not known'
-    if name.endswith(('_ms', '_s', '_per_hour')):
+    if name.endswith(('_ms', '_s')):
         return number_text(value, '.1f')
     return number_text(value, '.2f' if name.endswith(('_percent', '_per_minute')) else '.3f')
 
@@ -201,7 +209,7 @@ def evaluation_tables(report: Mapping[str, Any], verbose: bool = False) -> str:
     return '\n\n'.join(filter(None, ['\n'.join(report['answer']), *tables, '\n'.join(notes)]))
 
 
-def by_name(sets: Mapping[str, Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
+def by_name(sets: Mapping[str, Figures]) -> dict[str, Mapping[str, Any]]:
     """Return the recordings of a report by name, with the folder where there are several."""
     return {
         f'{folder}/{file}' if len(sets) > 1 else file: figures
@@ -211,7 +219,7 @@ def by_name(sets: Mapping[str, Mapping[str, Any]]) -> dict[str, Mapping[str, Any
 
 
 def figure_tables(
-    rows: Mapping[str, Mapping[str, Any]], named: Mapping[str, Sequence[str]]
+    rows: Mapping[str, Figures], named: Mapping[str, Sequence[str]]
 ) -> list[list[list[str]]]:
     """Return the cells of tables without the rows, columns and tables that say nothing.
 
@@ -239,7 +247,7 @@ def figure_tables(
     return tables
 
 
-def compared(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[Row]:
+def compared(before: Figures, after: Figures) -> list[Row]:
     """Return two sets of figures side by side, each with its title and 'better' or 'worse'.
 
     Figures with the same text in both are left out. Figures that a search compares are better or
@@ -265,3 +273,138 @@ def compared(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[Row]:
             change = 'worse' if name in worse else 'better' if name in better else ''
             rows.append((heading(name), was, now, change))
     return rows
+
+
+def answer(after: Figures, before: Figures | None = None) -> list[str]:
+    """Return in sentences how good figures are, and what got worse.
+
+    A chain that finds slips no better than alarms at random is not called good.
+
+    Parameters
+    ----------
+    after
+        As :func:`slip_detector.evaluation.figures.figures_of_merit` returns them, or for
+        recordings without labels :func:`slip_detector.evaluation.evaluator.recording_figures`.
+    before
+        Figures of the same recordings before a change; None: there was none.
+
+    Returns
+    -------
+    list of str
+        A line on how good they are; and where :func:`.compared` finds something worse, a line on
+        that.
+
+    Examples
+    --------
+    >>> from slip_detector.evaluation.figures import figures_of_merit
+    >>> answer(figures_of_merit([]))
+    ['No slips to find.']
+    """
+    if after['slips'] is None:
+        time_on = f'ON {rounded(after["on_percent"] or 0.0)} % of the time'
+        return [f'{time_on}: without labels nobody knows whether rightly.']
+    sentences = [_slips_found(after, before)]
+    if settling := after['settling_slips']:
+        sentences.append(f'Not counted: {settling} that began before it was ready')
+    if already_on := after[f'missed_{ALREADY_ON}']:
+        sentences.append(f'It was ON already before {already_on} of them')
+    sentences += _time_on(after, before or {})
+    alarms = after['false_alarms_per_minute']
+    # A detector that is mostly ON has few alarms.
+    if alarms is not None and (alarms >= 0.5 or not before) and after['false_time_percent'] < 50.0:
+        sentences.append(f'False alarms: {rounded(alarms)} a minute')
+    lines, worse = [f'{". ".join(sentences)}.'], list[str]()
+    for title, was, now, change in compared(before or after, after):
+        if change == 'worse':
+            words, _, unit = title.rstrip(']').partition(' [')
+            worse.append(f'{words} {was} → {now} {unit}'.rstrip())
+    return [*lines, f'Worse: {", ".join(worse)}.'] if worse else lines
+
+
+def bad_recordings(recordings: Mapping[str, Figures]) -> list[str]:
+    """Return a line on the recording that misses most, or is ON most, and one on each fault.
+
+    Parameters
+    ----------
+    recordings
+        By their names, as in a report of ``slip_evaluate``; without their faults where those are
+        not known.
+
+    Examples
+    --------
+    >>> bad = {'missed': None, 'false_time_percent': None, 'invalid_percent': {'ch3': 12.5}}
+    >>> bad_recordings({'a.mcap': bad, 'b.mcap': bad})
+    ['a.mcap, b.mcap: not valid: ch3 12.5 % of the time']
+    """
+
+    def badness(name: str) -> tuple[int, float]:
+        figures = recordings[name]
+        return figures['missed'] or 0, figures['false_time_percent'] or 0.0
+
+    lines, names_of = list[str](), dict[str, list[str]]()
+    worst = max(recordings, key=badness, default='')
+    if len(recordings) > 1 and badness(worst) >= (0, BAD_PERCENT):
+        lines.append(f'Worst: {worst}. {answer(recordings[worst])[0]}')
+    for name, figures in recordings.items():
+        shares = [f'{ch} {part:.3g} %' for ch, part in figures.get('invalid_percent', {}).items()]
+        invalid = f'not valid: {name_list(shares)} of the time' if shares else ''
+        faults = figures.get('lost'), figures.get('doubts'), *figures.get('warnings', ()), invalid
+        for text in filter(None, faults):
+            names_of.setdefault(text, []).append(name)
+    return lines + [f'{name_list(names, 3)}: {text}' for text, names in names_of.items()]
+
+
+def rounded(value: float | None) -> str:
+    """Return a number as people say it; empty where it is not known.
+
+    Examples
+    --------
+    >>> rounded(18.7), rounded(0.034)
+    ('19', '0.03')
+    """
+    if value is None:
+        return ''
+    return f'{value:.0f}' if value >= 1.0 or not value else f'{value:.1g}'
+
+
+def _slips_found(after: Figures, before: Figures | None) -> str:
+    """Return how many slips are found, and how soon, and whether guessing does as well."""
+    matched, scored = after['matched'], after['matched'] + after['missed']
+    if not scored:
+        return 'No slips to find'
+    text = f'Finds {matched or "none"} of {scored} slip{"" if scored == 1 else "s"}'
+    if before and before['matched'] != matched:
+        by_chance = before['matched'] and not beats_chance(before)
+        text += f' (before: {before["matched"] or "none"}{" by guessing" if by_chance else ""})'
+    if matched and after['sooner_than_chance'] is None:
+        return f'{text}; without rest nobody knows whether by guessing'
+    if matched and not beats_chance(after):
+        return f'{text}, no better than guessing'
+    guessed = round((after['recall_by_chance'] or 0.0) * scored)
+    if 2 * guessed >= matched > 0:
+        text += f' where guessing would find {guessed}'
+    value_ms, accuracy_ms = after['latency_median_ms'], after['latency_accuracy_ms']
+    if value_ms is None:
+        return text
+    if accuracy_ms and value_ms >= 0.0:
+        latest_ms = value_ms + (2.0 * accuracy_ms if value_ms else accuracy_ms)
+        return f'{text}, within {latest_ms / 1e3:.2g} s, as far as the labels tell'
+    side, begin = 'before' if value_ms < 0.0 else 'after', 'begins' if matched == 1 else 'begin'
+    return f'{text}, some {abs(value_ms):.0f} ms {side} {"it" if matched == 1 else "they"} {begin}'
+
+
+def _time_on(after: Figures, before: Figures) -> list[str]:
+    """Return how much of the time without slip, and of each kind of recordings, is ON."""
+    known = {name: after[name] for name in ON_FIGURES if after[name] is not None}
+    whole, texts = known.pop(ALL, None), list[str]()
+    if whole is None:
+        return texts
+    # The share of all the time is above that of each kind only if it is ON between the slips.
+    if after['rest_on_percent'] is None or whole > max(known.values()):
+        known = {ALL: whole, **known}
+    for name in known:
+        where = heading(name).removeprefix('ON ').removeprefix('in ').removesuffix(' [%]')
+        was, now = rounded(before.get(name)), rounded(after[name])
+        change = now if was in ('', now) else f'{was} % → {now}'
+        texts.append(f'{where} {change} %'.replace('→ 0 %', '→ 0'))
+    return [f'ON {", ".join(texts)}']

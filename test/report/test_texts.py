@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The sentences that say whether a detector is good: they are true of good and bad ones."""
+"""What is said of figures: sentences that are true of good and bad detectors, and tables."""
 
 import dataclasses
 
@@ -26,7 +26,15 @@ from slip_detector.evaluation.evaluator import EvaluatedRecording, recording_fig
 from slip_detector.evaluation.figures import figures_of_merit
 from slip_detector.evaluation.replay import Replay
 from slip_detector.recordings import RecordingCounts
-from slip_detector.report.answer import answer, bad_recordings
+from slip_detector.report.texts import (
+    COMPARABLE,
+    LEGEND,
+    TABLES,
+    answer,
+    bad_recordings,
+    compared,
+    evaluation_tables,
+)
 from support.replay_cases import CONFIG, RATE_HZ, ridges
 
 GOOD = figures_of_merit([]) | {
@@ -50,6 +58,8 @@ SAID = [
     (GOOD | {'recall': 0.9, 'rest_on_percent': 0.9}, GOOD, 'Finds 6 of 6 slips, some 71 ms after '
      'they begin. ON at rest 0 % → 0.9 %, taps 0 %, presses 0 %. '
      'Worse: share found 1.000 → 0.900, ON at rest 0.00 → 0.90 %.'),
+    (GOOD | {'matched': 1, 'missed': 1}, None, 'Finds 1 of 2 slips, some 71 ms after it begins. '
+     f'{QUIET} False alarms: 0 a minute.'),
     (SOME | BY_HAND, None, 'Finds 4 of 6 slips, within 0.35 s, as far as the labels tell. '
      'ON at rest 19 %, taps 28 %, presses 22 %. False alarms: 0 a minute.'),
     (GUESSES | {'false_alarms_per_minute': 33.0}, None, 'Finds 6 of 6 slips, no better than '
@@ -97,3 +107,50 @@ def test_the_worst_recording_and_what_is_damaged_are_named():
     assert fault == 'c: cut off'
     unlabelled = recording_figures([every[0]._replace(labelled=False)])
     assert answer(unlabelled)[0].startswith('ON 10 % of the time: without labels nobody knows')
+
+
+def evaluated(value, **figures):
+    names = [name for figures in TABLES.values() for name in figures]
+    return {**dict.fromkeys(names, value), 'labelled': True, **figures}
+
+
+def test_only_what_says_something_is_in_the_tables():
+    slips = evaluated(None, slips=2, missed=0, recall=1.0, rest_s=30.0, onsets=2)
+    rest = evaluated(None, slips=0, missed=0, rest_s=60.0, false_time_percent=0.0)
+    sets = {'a': {**slips, 'recordings': {'1.npz': slips}}, 'b': {'recordings': {'2.npz': rest}}}
+    report = {'answer': ['Good.'], 'sets': sets, 'all': slips}
+    sets['b'] |= rest
+    assert [line.split() for line in evaluation_tables(report).splitlines() if line] == [
+        ['Good.'],
+        ['slips', 'slips', 'share', 'found'],
+        *([*name.split(), '2', '1.000'] for name in ('a/1.npz', 'all of a', 'all recordings')),
+        ['rest', '[s]', 'ON', 'without', 'slip', '[%]'],
+        ['a/1.npz', '30.0', '-'],
+        ['b/2.npz', '60.0', '0.00'],
+        *(f'{of} {s}'.split() for of, s in (('all of a', '30.0 -'), ('all of b', '60.0 0.00'))),
+        ['all', 'recordings', '30.0', '-'],
+        LEGEND.split(),
+    ]
+    assert '\ndecisions ' in evaluation_tables(report, verbose=True)
+
+
+def test_without_labels_it_says_when_it_is_on_and_how_to_label():
+    one = evaluated(None, labelled=False, on_intervals_s=[[0.5, 1.25]])
+    two = {**one, 'on_intervals_s': []}
+    whole = {**one, 'recordings': {'a': one, 'b': two}}
+    report = {'answer': [], 'sets': {'x': whole}, 'all': whole, 'note': 'how to label'}
+    lines = ['a: ON from 0.500 to 1.250 s', 'b: never ON', 'how to label']
+    assert evaluation_tables(report).splitlines() == lines
+
+
+def test_two_sets_of_figures_are_beside_each_other_and_better_or_worse_as_a_search_decides():
+    known = dict.fromkeys(COMPARABLE, 1.0) | {'latency_accuracy_ms': 0.0}
+    before = {**known, 'recall': 0.5, 'press_on_percent': 30.0, 'coverage': 0.996}
+    after = {**known, 'recall': 0.75, 'press_on_percent': None, 'latency_worst_ms': -120.0}
+    assert compared(before, after) == [
+        ('share found', '0.500', '0.750', 'better'),
+        # A search takes these for equal.
+        ('ON during slips', '0.996', '1.000', ''),
+        ('latency worst [ms]', '1.0', 'ON 120.0 before', ''),
+        ('ON in presses [%]', '30.00', '-', 'worse'),
+    ]
