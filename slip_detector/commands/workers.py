@@ -202,8 +202,8 @@ def _results(
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM})
     try:
-        submit = functools.partial(executors[function].submit, _call)
-        places = {submit(argument): place for place, argument in enumerate(arguments)}
+        submit = executors[function].submit
+        places = {submit(_call, argument): place for place, argument in enumerate(arguments)}
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
     try:

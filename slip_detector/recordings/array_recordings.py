@@ -50,11 +50,6 @@ class NpzRecording(Recording):
 
     def __init__(self, path: Path, config: RecordingConfig, labels: 'Labels | None') -> None:
         super().__init__(path, labels, config)
-        with self._archive() as archive:
-            self._sizes = {
-                member.filename.removesuffix('.npy'): member.file_size
-                for member in archive.zip.infolist()
-            }
         volts_key, rate_key = config.recording_volts_key, config.recording_rate_key
         truth_key, there = config.recording_truth_key, name_list(self.array_names())
         self.label_name = f'label {truth_key}, there are: {there}'
@@ -93,15 +88,16 @@ class NpzRecording(Recording):
 
     def array(self, name: str) -> 'NDArray[Any] | None':
         """Return an array of the file by its name; None if there is no such array."""
-        if name not in self._sizes:
-            return None
         with named_errors(self.path), self._archive() as archive:
-            self.check_size(self._sizes[name], name)
+            if name not in archive.files:
+                return None
+            self.check_size(archive.zip.getinfo(f'{name}.npy').file_size, name)
             return np.asarray(archive[name])
 
     def array_names(self) -> list[str]:
         """Return the names of all arrays."""
-        return sorted(self._sizes)
+        with self._archive() as archive:
+            return sorted(archive.files)
 
     @contextlib.contextmanager
     def _archive(self) -> Iterator[Any]:
