@@ -36,7 +36,7 @@ from slip_detector.evaluation import figures
 from slip_detector.parameters.detector import ChainConfig
 from slip_detector.parameters.fields import refuse
 from slip_detector.recordings import rates_differ
-from slip_detector.recordings.rates import rate_of
+from slip_detector.recordings.rates import measure_rate
 from slip_detector.scenes import find_scene, load_scene
 
 #: The scenes of the plates, by the spatial period in micrometres (Section 3).
@@ -162,7 +162,7 @@ def evaluate_plates(
     chain = SlipChain(config)
     outcomes = {}
     for plate, trials in plates.items():
-        rate = rate_of(trials[0].stamps_ns, f'the stamps of plate {plate}')
+        rate = measure_rate(trials[0].stamps_ns, f'the stamps of plate {plate}')
         channels = trials[0].volts.shape[1]
         if rates_differ(rate, config.sample_rate_hz) or channels != config.channels:
             text = f'{config.channels} at {config.sample_rate_hz:g} Hz'

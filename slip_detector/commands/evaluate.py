@@ -61,7 +61,7 @@ from slip_detector.commands.command_line import INTERRUPTED, Parser, run
 from slip_detector.evaluation import evaluator
 from slip_detector.evaluation.evaluator import EvaluatedRecording, RecordingLoader
 from slip_detector.parameters.fields import name_list
-from slip_detector.recordings import recording_sets
+from slip_detector.recordings import group_recordings
 from slip_detector.recordings.labels import ENDING, KEY
 from slip_detector.report.answer import answer, bad_recordings
 from slip_detector.report.overview import overview_of
@@ -122,7 +122,7 @@ def as_report(sets: Mapping[str, Mapping[str, EvaluatedRecording]]) -> dict[str,
         'sets': {
             name: {
                 **evaluator.recording_figures(files.values()),
-                'recordings': {file: _figures_of(files[file]) for file in files},
+                'recordings': {file: _collect_figures(files[file]) for file in files},
             }
             for name, files in sets.items()
         },
@@ -138,7 +138,7 @@ def as_report(sets: Mapping[str, Mapping[str, EvaluatedRecording]]) -> dict[str,
     return report
 
 
-def _figures_of(recording: EvaluatedRecording) -> dict[str, Any]:
+def _collect_figures(recording: EvaluatedRecording) -> dict[str, Any]:
     """Return the figures and events of one recording."""
     outcome, counts = recording.outcome, recording.counts
     figures = {
@@ -165,10 +165,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     page, left = options.report, list[str]()
 
     def work() -> str:
-        loader = workers.with_options(options, RecordingLoader())
+        loader = workers.apply_options(options, RecordingLoader())
         # Errors are reported before an hour of recordings is read.
         workers.check_apart({'--report': page}, options.config, options.labels)
-        sets = recording_sets(options.recordings)
+        sets = group_recordings(options.recordings)
         files = [*itertools.chain(*sets.values())]
         with workers.processes(options.jobs) as calls:
             results = evaluate(files, loader, calls, page is not None)

@@ -199,7 +199,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     options = _arguments(argv)
 
     def work() -> str:
-        parameters = workers.with_options(options, TuningParameters())
+        parameters = workers.apply_options(options, TuningParameters())
         written = {'--out': options.out, '--report': options.report}
         where = options.storage or f'{options.out}.study.journal'
         workers.check_apart(written, options.config, options.labels, where)

@@ -81,7 +81,7 @@ def add_options(parser: argparse.ArgumentParser, work: str, recordings: str = '*
             group.add_argument(f'--{name}', action=action, default=None, help=meaning)
 
 
-def with_options(options: argparse.Namespace, sets: Any) -> Any:
+def apply_options(options: argparse.Namespace, sets: Any) -> Any:
     """Return a named tuple of parameter sets with the values of ``--config`` and other options.
 
     ``options.config`` becomes the path of the file. A ValueError names a file that is not there.
@@ -177,7 +177,7 @@ def processes(jobs: int | None = None) -> Iterator[Calls | None]:
         return
     executors = dict[Any, futures.ProcessPoolExecutor]()
     try:
-        yield functools.partial(_results, executors, jobs)
+        yield functools.partial(_make_calls, executors, jobs)
     finally:
         for process in multiprocessing.active_children():
             process.kill()
@@ -185,7 +185,7 @@ def processes(jobs: int | None = None) -> Iterator[Calls | None]:
             executor.shutdown()
 
 
-def _results(
+def _make_calls(
     executors: dict[Any, futures.ProcessPoolExecutor],
     jobs: int,
     function: Callable[[Any], Any],

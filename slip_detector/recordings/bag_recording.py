@@ -27,11 +27,11 @@ from slip_detector.chain.stamp_rules import GAP_PERIODS
 from slip_detector.parameters.detector import default_channel_names
 from slip_detector.parameters.driver import RecordingConfig
 from slip_detector.parameters.fields import name_list, refuse
-from slip_detector.recordings.bag_storage import BagStorage, Message, typestore_of
-from slip_detector.recordings.labels import Labels, accuracy_and_kind, label_at
+from slip_detector.recordings.bag_storage import BagStorage, Message, make_typestore
+from slip_detector.recordings.labels import Labels, label_times, take_accuracy_and_kind
 from slip_detector.recordings.mcap import Topic
 from slip_detector.recordings.messages import JOINT_FIELDS, FieldReader, JointStateReader
-from slip_detector.recordings.rates import checked_rate, rate_of
+from slip_detector.recordings.rates import measure_rate, require_rate
 from slip_detector.recordings.recording import PIECE_ROWS, Recording
 
 JOINT_STATE = 'sensor_msgs/msg/JointState'
@@ -78,7 +78,7 @@ class _Decoder:
     names: tuple[str, ...]
 
     def __init__(self, topic: Topic, field: str) -> None:
-        self._msgtype, self._typestore = topic.msgtype, typestore_of(topic)
+        self._msgtype, self._typestore = topic.msgtype, make_typestore(topic)
         self._field, self._numbers_of = field, FieldReader(field)
         is_joint_state = topic.msgtype == JOINT_STATE and field in JOINT_FIELDS
         self._joint_states = JointStateReader(field) if is_joint_state else None
@@ -144,17 +144,17 @@ class BagRecording(Recording):
         super().__init__(path, labels, config)
         self._storage = BagStorage(path)
         self._found_damage = ''.join(f' ({line})' for line in self._storage.damage[:1])
-        self._topic = self._rows_topic(config.recording_topic)
+        self._topic = self._find_rows_topic(config.recording_topic)
         usual = 'position' if self._topic.msgtype == JOINT_STATE else 'data'
         self._field = config.recording_field or usual
         self.input = {'input_type': self._topic.msgtype, 'input_field': self._field}
-        self._label_topic = label_topic = self._found_label_topic(config)
+        self._label_topic = label_topic = self._find_label_topic(config)
         #: Whether a Bool is the label: it has no stamp, and holds for rows received after it.
         self._has_states = label_topic is not None and label_topic.msgtype == BOOL
         self._still_m = config.recording_still_m
         self.has_truth |= label_topic is not None
         if labels is None:
-            self.accuracy_s, self.kind = accuracy_and_kind(self._storage.custom_data)
+            self.accuracy_s, self.kind = take_accuracy_and_kind(self._storage.custom_data)
         decoder = _Decoder(self._topic, self._field)
         first = next(self._decoded(self._topic, decoder), None)
         if first is None or not len(first.volts):
@@ -162,8 +162,8 @@ class BagRecording(Recording):
         self.channel_names = decoder.names or default_channel_names(decoder.channels)
         self._per_message = int(np.median(first.counts))
         self.n_rows = self._storage.counts[self._topic.name] * self._per_message
-        message_hz = rate_of(first.stamps_ns, f'the stamps on {self._topic.name}')
-        self.sample_rate_hz = checked_rate(message_hz * self._per_message)
+        message_hz = measure_rate(first.stamps_ns, f'the stamps on {self._topic.name}')
+        self.sample_rate_hz = require_rate(message_hz * self._per_message)
 
     def read(self) -> Iterator[Samples]:
         """Yield the rows of the topic, some thousands at a time."""
@@ -178,7 +178,7 @@ class BagRecording(Recording):
                 if edges_ns is not None:
                     late_ns = np.repeat(decoded.received_ns - decoded.stamps_ns, decoded.counts)
                     at_ns = stamps_ns + (late_ns if self._has_states else 0)
-                    rows = rows._replace(**label_at(at_ns, edges_ns, self.accuracy_s))
+                    rows = rows._replace(**label_times(at_ns, edges_ns, self.accuracy_s))
                 yield rows
 
     def _decoded(self, topic: Topic, decoder: _Decoder) -> Iterator[_Decoded]:
@@ -224,10 +224,10 @@ class BagRecording(Recording):
         changes = np.flatnonzero(np.diff(moves, prepend=False, append=False))
         return np.asarray(stamps_ns[changes] + np.arange(len(changes)) % 2)
 
-    def _rows_topic(self, name: str) -> Topic:
+    def _find_rows_topic(self, name: str) -> Topic:
         """Find the topic that has the rows."""
         topics = self._storage.topics
-        found = [topic for topic in topics if _is_named(topic.name, name or TOPIC)]
+        found = _find_topics(topics, name or TOPIC)
         if len(found) == 1:
             return found[0]
         known = name_list([f'{topic.name} ({topic.msgtype})' for topic in found or topics])
@@ -235,7 +235,7 @@ class BagRecording(Recording):
         what = f'has {len(found) or "no"} topics {name or TOPIC}, {there}'
         raise ValueError(f'{what}; --topic (recording_topic) names one')
 
-    def _found_label_topic(self, config: RecordingConfig) -> 'Topic | None':
+    def _find_label_topic(self, config: RecordingConfig) -> 'Topic | None':
         """Find the topic of the label: that in the namespace of the rows, else the only one."""
         truth, position = config.recording_truth_topic, config.recording_position_topic
         usual = RecordingConfig()
@@ -245,9 +245,8 @@ class BagRecording(Recording):
         self.label_name = f'{wanted}, there are: {known or "none"}'
         for name, msgtype in ((truth, BOOL), (position, JOINT_STATE)):
             alike = [topic for topic in others if topic.msgtype == msgtype]
-            full = f'{self._topic.name.rpartition("/")[0]}/{name}'
-            found = [topic for topic in alike if topic.name == full]
-            found = found or [topic for topic in alike if _is_named(topic.name, name)]
+            beside = f'{self._topic.name.rpartition("/")[0]}/{name}'
+            found = _find_topics(alike, beside) or _find_topics(alike, name)
             if len(found) == 1:
                 return found[0]
             if name not in (usual.recording_truth_topic, usual.recording_position_topic):
@@ -255,6 +254,7 @@ class BagRecording(Recording):
         return None
 
 
-def _is_named(topic: str, name: str) -> bool:
-    """Return whether a topic has this name; a name without leading / matches any namespace."""
-    return topic == name or (not name.startswith('/') and f'/{topic}'.endswith(f'/{name}'))
+def _find_topics(topics: list[Topic], name: str) -> list[Topic]:
+    """Return the topics of a name; a name without leading / matches any namespace."""
+    ends = () if name.startswith('/') else f'/{name}'
+    return [topic for topic in topics if topic.name == name or topic.name.endswith(ends)]

@@ -26,7 +26,7 @@ from typing import Any
 
 from slip_detector.parameters.fields import name_list, quote_name, refuse, shortened
 from slip_detector.parameters.yaml_files import read_yaml
-from slip_detector.recordings.mcap import DamageError, Received, Topic, mcap_messages
+from slip_detector.recordings.mcap import DamageError, Received, Topic, read_mcap
 
 #: The file that makes a folder a bag.
 METADATA = 'metadata.yaml'
@@ -81,7 +81,7 @@ class BagStorage:
         self.counts, topics = Counter[str](), dict[str, Topic]()
         for file in self._files:
             try:
-                for topic, _, _ in _received(file):
+                for topic, _, _ in _read_messages(file):
                     self.counts[topic.name] += 1
                     topics[topic.name] = topic
             except DamageError as error:
@@ -98,9 +98,9 @@ class BagStorage:
         """Yield the messages of a topic in order of receipt, up to any damage."""
         for file in self._files:
             with contextlib.suppress(DamageError):  # self.damage has it already.
-                for other, at_ns, raw in _received(file):
+                for other, at_ns, raw in _read_messages(file):
                     if other.name == topic.name:
-                        yield at_ns, _cdr(raw, topic)
+                        yield at_ns, _to_cdr(raw, topic)
 
     def _files_of(self, folder: Path) -> list[Path]:
         """Return the files of a bag in the order of their numbers; note what its metadata says."""
@@ -142,7 +142,7 @@ def load_rosbags() -> Any:
     return rosbag2
 
 
-def _database_messages(path: Path) -> Iterator[Received]:
+def _read_database(path: Path) -> Iterator[Received]:
     """Yield the messages of a database of rosbag2 in the order in which they were written."""
     # Nothing is written beside a database that is immutable.
     uri = f'{path.absolute().as_uri()}?immutable=1'
@@ -170,7 +170,7 @@ def _database_messages(path: Path) -> Iterator[Received]:
             raise DamageError(f'is damaged ({shortened(verdict)})')
 
 
-def _ros1_messages(path: Path) -> Iterator[Received]:
+def _read_ros1(path: Path) -> Iterator[Received]:
     """Yield the messages of a bag of ROS 1 in order of receipt."""
     from rosbags import rosbag1
 
@@ -180,13 +180,13 @@ def _ros1_messages(path: Path) -> Iterator[Received]:
 
 
 _READERS: dict[str, Callable[[Path], Iterator[Received]]] = {
-    '.mcap': mcap_messages,
-    '.db3': _database_messages,
-    '.bag': _ros1_messages,
+    '.mcap': read_mcap,
+    '.db3': _read_database,
+    '.bag': _read_ros1,
 }
 
 
-def _received(file: Path) -> Iterator[Received]:
+def _read_messages(file: Path) -> Iterator[Received]:
     """Yield the messages of a file; a DamageError after those before the damage."""
     try:
         yield from _READERS[file.suffix](file)
@@ -198,17 +198,17 @@ def _received(file: Path) -> Iterator[Received]:
         raise DamageError(f'is damaged ({why}){repair}') from None
 
 
-def _cdr(raw: bytes, topic: Topic) -> bytes:
+def _to_cdr(raw: bytes, topic: Topic) -> bytes:
     """Return a message as ROS 2 serialises it, unpacked if it was compressed by itself."""
     from rosbags.rosbag2.storage_mcap import DECOMPRESSORS
 
     if topic.encoding == 'ros1msg':
-        return bytes(typestore_of(topic).ros1_to_cdr(raw, topic.msgtype))
+        return bytes(make_typestore(topic).ros1_to_cdr(raw, topic.msgtype))
     return bytes(DECOMPRESSORS['zstd'](raw, 0)) if raw.startswith(_ZSTD) else raw
 
 
 @functools.lru_cache(maxsize=64)
-def typestore_of(topic: Topic) -> Any:
+def make_typestore(topic: Topic) -> Any:
     """Return a type store of rosbags with the type of a topic.
 
     If the definition in the bag is broken, as some recorders write it, or missing, that of ROS is

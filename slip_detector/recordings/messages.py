@@ -257,17 +257,17 @@ class FieldReader:
         #: For each path, the name of each field and of its elements: '' for all, ':' for rows,
         #: None for the field itself.
         self._paths: list[list[tuple[str, str | None]]] = []
-        for one in path.split(','):
+        for single in path.split(','):
             self._paths.append([])
-            for part in one.strip().split('.'):
+            for part in single.strip().split('.'):
                 match = _STEP.fullmatch(part)
-                if not match or (match['element'] == ':' and '[:]' in one.partition('[:]')[2]):
+                if not match or (match['element'] == ':' and '[:]' in single.partition('[:]')[2]):
                     raise ValueError(f'field {path!r} has the part {part!r}, allowed: {_SYNTAX}')
                 self._paths[-1].append((match['name'], match['element']))
 
-    def begins_in(self, kind: Any) -> bool:
+    def begins_in(self, message_class: Any) -> bool:
         """Return whether all paths begin with a field of a class of messages."""
-        return all(_own_name(steps[0][0], kind) for steps in self._paths)
+        return all(_find_field(steps[0][0], message_class) for steps in self._paths)
 
     def __call__(self, message: Any) -> Floats:
         """Return the numbers of the field.
@@ -292,8 +292,8 @@ class FieldReader:
         with np.errstate(invalid='ignore'):  # a signalling NaN warns
             numbers: Floats = np.array(rows, np.float64).reshape(len(rows), -1 if rows else 0)
         dimensions = message.layout.dim if hasattr(message, 'layout') else []
-        if self.path == 'data' and [each.label for each in dimensions] == BATCH_LABELS:
-            shape = [int(each.size) for each in dimensions]
+        if self.path == 'data' and [dimension.label for dimension in dimensions] == BATCH_LABELS:
+            shape = [int(dimension.size) for dimension in dimensions]
             return numbers.ravel()[int(message.layout.data_offset) :].reshape(shape)
         return numbers
 
@@ -302,7 +302,7 @@ class FieldReader:
         if not steps:
             return [self._numbers(value)]
         (name, element), *rest = steps
-        if not (own := _own_name(name, value.__class__)):
+        if not (own := _find_field(name, value.__class__)):
             raise self._error(name, value)
         inner = getattr(value, own)
         try:
@@ -313,7 +313,7 @@ class FieldReader:
             raise self._error(f'{name}[{element}]', value) from None
         if not elements and element != ':':
             raise self._error(name, value)
-        parts = [self._rows(one, rest) for one in elements]
+        parts = [self._rows(element_value, rest) for element_value in elements]
         return [*itertools.chain(*parts)] if element == ':' else self._side_by_side(parts)
 
     def _side_by_side(self, parts: list[list[Sequence[Any]]]) -> list[Sequence[Any]]:
@@ -343,18 +343,18 @@ class FieldReader:
 
 
 @functools.cache
-def _field_names(kind: Any) -> tuple[str, ...]:
+def _field_names(message_class: Any) -> tuple[str, ...]:
     """Return the names of the fields in a class of messages; empty for other classes."""
-    if hasattr(kind, 'get_fields_and_field_types'):  # of rclpy
-        return tuple(kind.get_fields_and_field_types())
-    fields = dataclasses.fields(kind) if dataclasses.is_dataclass(kind) else ()
+    if hasattr(message_class, 'get_fields_and_field_types'):  # of rclpy
+        return tuple(message_class.get_fields_and_field_types())
+    fields = dataclasses.fields(message_class) if dataclasses.is_dataclass(message_class) else ()
     # The message classes of rosbags have the name of the type as a further field.
-    return tuple(one.name for one in fields if not one.name.startswith('__'))
+    return tuple(field.name for field in fields if not field.name.startswith('__'))
 
 
 @functools.cache
-def _own_name(name: str, kind: Any) -> str:
+def _find_field(name: str, message_class: Any) -> str:
     """Return which field of a message has this name, if need be but for case; '': none."""
-    names = _field_names(kind)
+    names = _field_names(message_class)
     alike = [own for own in names if own.lower() == name.lower()]
     return name if name in names else alike[0] if alike else ''

@@ -214,10 +214,10 @@ class PlayedBag:
         return int(np.searchsorted(self._after_ns, round(at_s * 1e9), side))
 
     def _label_of(self, rows: Samples) -> dict[str, Any]:
-        """Return the present labels of rows, see :func:`.label_at`."""
+        """Return the present labels of rows, see :func:`.label_times`."""
         ends_ns = np.rint(1e9 * np.ravel(pairs_of(self._labels.ends))).astype(np.int64)
         after_ns = rows.stamps_ns - self._pieces[0].stamps_ns[0]
-        return labels.label_at(after_ns, ends_ns, accuracy_of(self._labels.ends))
+        return labels.label_times(after_ns, ends_ns, accuracy_of(self._labels.ends))
 
     def _known_labels(self) -> HandLabels:
         if not self._whole:  # Those in the recording itself are not known yet.

@@ -28,7 +28,7 @@ pytest.importorskip('rosbags', reason='needs rosbags')
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 
 from slip_detector.recordings import open_recording
-from slip_detector.recordings.bag_storage import typestore_of
+from slip_detector.recordings.bag_storage import make_typestore
 from slip_detector.recordings.mcap import Topic
 from support.bags import JOINT_STATE, NAMES, PLUGINS, Bag, check_same, gathered, rows, save
 
@@ -209,7 +209,7 @@ def test_a_database_that_contradicts_its_index_is_read_with_a_line(tmp_path):
 
 
 def test_where_a_definition_is_broken_that_of_ros_is_used_and_an_unknown_type_is_named():
-    assert JOINT_STATE in typestore_of(Topic('/a', JOINT_STATE, 'ros2msg', 'no [type')).types
+    assert JOINT_STATE in make_typestore(Topic('/a', JOINT_STATE, 'ros2msg', 'no [type')).types
     for encoding in ('ros2msg', 'ros2idl', ''):
         with pytest.raises(ValueError, match=r'/a is skin/msg/Tactile, of which the bag has no d'):
-            typestore_of(Topic('/a', 'skin/msg/Tactile', encoding, 'no [type'))
+            make_typestore(Topic('/a', 'skin/msg/Tactile', encoding, 'no [type'))
