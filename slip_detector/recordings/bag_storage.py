@@ -37,6 +37,9 @@ INFORMATION = 'rosbag2_bagfile_information'
 #: Endings of the files of a bag; .bag is that of ROS 1.
 BAG_ENDINGS = ('.mcap', '.db3', '.bag')
 
+#: Ending of a file that was compressed as a whole.
+PACKED = '.zstd'
+
 HEADER = 'std_msgs/msg/Header'
 
 #: The first bytes of what zstd compressed.
@@ -105,8 +108,9 @@ class BagStorage:
     def _files_of(self, folder: Path) -> list[Path]:
         """Return the files of a bag in the order of their numbers; note what its metadata says."""
         there = {file.name: file for file in folder.iterdir() if file.is_file()}
-        if packed := [name for name in there if name.endswith('.zstd')]:
-            refuse(f'has {name_list(packed)}', f'unpacked files, zstd -d {folder}/*.zstd')
+        packed = [name for name in there if name.endswith(PACKED)]
+        if {name.removesuffix(PACKED) for name in packed} - there.keys():
+            refuse(f'has {name_list(packed)}', f'unpacked files, zstd -d {folder}/*{PACKED}')
         names = [name for name in there if Path(name).suffix in _READERS]
         if not names:
             refuse('has no files of a bag', '.mcap or .db3')
@@ -117,12 +121,13 @@ class BagStorage:
             about = read_yaml(folder / METADATA) if METADATA in there else {}
             about = about.get(INFORMATION) or {}
             self.custom_data = dict(about.get('custom_data') or {})
-            listed = [PurePath(path).name for path in about.get('relative_file_paths') or names]
+            paths = about.get('relative_file_paths') or names
+            listed = {PurePath(path).name.removesuffix(PACKED) for path in paths}
         except (ValueError, TypeError, AttributeError) as error:
             why = shortened(str(error).removeprefix(f'{folder / METADATA}: '))
             raise ValueError(f'{METADATA} is broken ({why}): ros2 bag reindex mends it') from None
-        if {*listed} != {*names}:
-            text = f'{METADATA} lists {name_list(listed)}, there are {name_list(names)}'
+        if listed != {*names}:
+            text = f'{METADATA} lists {name_list(sorted(listed))}, there are {name_list(names)}'
             self.damage.append(f'{text}: ros2 bag reindex {folder} lists all')
         return [there[name] for name in names]
 

@@ -26,6 +26,7 @@ import pytest
 pytest.importorskip('rosbags', reason='needs rosbags')
 
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2.storage_mcap import zstd
 
 from slip_detector.recordings import open_recording
 from slip_detector.recordings.bag_storage import make_typestore
@@ -63,6 +64,12 @@ def test_a_bag_whose_file_was_compressed_is_refused_with_the_command_that_unpack
     said = rf'a: has a\.mcap\.zstd, allowed: unpacked files, zstd -d {tmp_path}/a/\*\.zstd'
     with pytest.raises(ValueError, match=said):
         open_recording(tmp_path / 'a')
+    # The command leaves the compressed file, and metadata that lists it.
+    packed = tmp_path / 'a' / 'a.mcap.zstd'
+    packed.with_suffix('').write_bytes(zstd.decompress(packed.read_bytes()))
+    read, damage = read_of(tmp_path / 'a')
+    check_same(read, rows(20))
+    assert not damage
 
 
 def test_a_bag_of_ros_1_is_read_with_names_and_truth(tmp_path):
