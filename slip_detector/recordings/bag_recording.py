@@ -88,11 +88,11 @@ class _Decoder:
     def decode(self, messages: list[Message]) -> _Decoded:
         """Decode messages; a ValueError when none of those so far has channels."""
         parts, received, counts = list[Samples](), list[int](), list[int]()
-        for samples, of in self._samples_of(messages):
+        for samples, sources in self._samples_of(messages):
             if samples.volts.size and self._fits(samples):
                 parts.append(samples)
-                received += [received_ns for received_ns, _ in of]
-                counts += [len(samples.volts) // len(of)] * len(of)
+                received += [received_ns for received_ns, _ in sources]
+                counts += [len(samples.volts) // len(sources)] * len(sources)
         if not self.channels:
             raise ValueError(f'{self._error}; --field (recording_field) names one')
         volts = np.concatenate([np.empty((0, self.channels)), *(part.volts for part in parts)])
