@@ -128,9 +128,9 @@ class CsvRecording(Recording):
         self._truth_key = config.recording_truth_key
         # In many countries a semicolon or a tab is in place of the comma.
         with contextlib.closing(self._text()) as text:
-            self._delimiter = max(',;\t', key=(line := next(text, '')).count)
-            reader = csv.reader(itertools.chain([line], text), delimiter=self._delimiter)
-            names = [name.strip() for name in next(reader)]
+            line = next(text, '')
+        self._delimiter = max(',;\t', key=line.count)
+        names = [name.strip() for name in next(csv.reader([line], delimiter=self._delimiter))]
         self._names = names = names[:-1] if names[-1:] == [''] else names
         self.has_truth |= self._truth_key in names
         self.label_name = f'label {self._truth_key}, there are: {name_list(names)}'
@@ -141,8 +141,7 @@ class CsvRecording(Recording):
             there = name_list([name or '(without name)' for name in names]) or 'none'
             allowed = f'{TIME} and one for each channel, each with a name of its own'
             refuse(f'line 1 has the columns {there}', allowed)
-        first = next(self.read(), None)
-        stamps_ns = np.empty(0, np.int64) if first is None else first.stamps_ns
+        stamps_ns = next((rows.stamps_ns for rows in self.read()), np.empty(0, np.int64))
         self.sample_rate_hz = require_rate(measure_rate(stamps_ns, f'the times in column {TIME}'))
 
     def read(self) -> Iterator[Samples]:

@@ -192,32 +192,26 @@ class JointStateWriter:
     """
 
     def __init__(self, frame_id: str, names: Sequence[str], efforts: bool = False) -> None:
-        raw = bytearray(LITTLE_ENDIAN).ljust(TEXTS, b'\0')
-
-        def append(number: int, content: bytes = b'', alignment: int = 1) -> None:
-            raw.extend(bytes(-len(raw) % LENGTH.size) + LENGTH.pack(number))
-            padding = (ENCAPSULATION_BYTES - len(raw)) % alignment if content else 0
-            raw.extend(bytes(padding) + content)
-
-        frame, *texts = (text.encode() + b'\0' for text in (frame_id, *names))
-        append(len(frame), frame)
-        append(len(names))
-        for text in texts:
-            append(len(text), text)
-        for n in (len(names), 0, len(names) if efforts else 0):
-            append(n, bytes(DOUBLES.itemsize * n), DOUBLES.itemsize)
-        numbers = joint_state_layout(bytes(raw)).numbers
-        self._position, self._effort = numbers['position'], numbers['effort']
-        # A memoryview: writing more or fewer bytes than a slice has is an error.
-        self._raw = memoryview(raw)
+        number = LENGTH.pack(n := len(names))
+        texts = b''.join([_pack_text(frame_id), number, *map(_pack_text, names), number])
+        padding = -(STAMP.size + len(texts)) % DOUBLES.itemsize if n else 0
+        self._texts, self._n_bytes = texts + bytes(padding), DOUBLES.itemsize * n
+        #: The lengths of velocity and effort.
+        self._lengths = LENGTH.pack(0) + LENGTH.pack(n if efforts else 0)
 
     def serialize(self, stamp_ns: int, position: Floats, effort: 'Floats | None' = None) -> bytes:
         """Return one message."""
-        STAMP.pack_into(self._raw, ENCAPSULATION_BYTES, *divmod(stamp_ns, 1_000_000_000))
-        self._raw[self._position] = position.tobytes()
-        if effort is not None:
-            self._raw[self._effort] = effort.tobytes()
-        return bytes(self._raw)
+        if position.nbytes != self._n_bytes:
+            raise ValueError(f'{position.nbytes} bytes of positions, allowed: {self._n_bytes}')
+        head = LITTLE_ENDIAN + b'\0\0' + STAMP.pack(*divmod(stamp_ns, 1_000_000_000))
+        efforts = b'' if effort is None else effort.tobytes()
+        return head + self._texts + position.tobytes() + self._lengths + efforts
+
+
+def _pack_text(text: str) -> bytes:
+    """Return a text after its length, with padding up to the next length."""
+    content = text.encode() + b'\0'
+    return LENGTH.pack(len(content)) + content + bytes(-len(content) % LENGTH.size)
 
 
 class FieldReader:
