@@ -87,7 +87,7 @@ def apply_options(options: argparse.Namespace, sets: Any) -> Any:
     ``options.config`` becomes the path of the file. A ValueError names a file that is not there.
     """
     if options.labels:
-        with file_errors_of(options.labels, 'read'):
+        with file_errors_of(f'--labels {options.labels}', 'read'):
             os.stat(options.labels)
     if options.config:
         options.config = str(find_parameter_file(options.config))

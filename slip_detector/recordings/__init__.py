@@ -163,7 +163,9 @@ def group_recordings(arguments: Sequence[str]) -> dict[str, list[Path]]:
             argument.stat()
             files = _recordings_of(argument)
             if not files:
-                raise ValueError(f'has no recordings, allowed: {", ".join(ENDINGS)} or bags')
+                raise ValueError(
+                    f'has no recordings, allowed: {", ".join(ENDINGS)} or folders of bags'
+                )
         for file in files:
             by_folder.setdefault(file.parent.resolve(), {})[file.name] = file
     names = [folder.name for folder in by_folder]
