@@ -24,7 +24,7 @@ from slip_detector.chain.filters import settling_rows
 from slip_detector.chain.samples import Floats
 from slip_detector.evaluation.scores import REST, SLIP
 from slip_detector.parameters import ChainConfig, refuse
-from slip_detector.recordings.rates import forward_filled
+from slip_detector.recordings.rates import fill_forward
 from slip_detector.tuning.tracks import Track, at_rest, drop_disabled, edges_of, envelopes
 
 #: Spectra are of so many rows at most, and of so many at least.
@@ -150,7 +150,7 @@ def _band_levels_db(
     truth, slipping = np.asarray(track.samples.truth), track.row_classes == SLIP
     for begin, end in track.stretches:
         volts = drop_disabled(track.volts[begin:end], chain)
-        volts = forward_filled(volts, ~np.isfinite(volts))
+        volts = fill_forward(volts, ~np.isfinite(volts))
         for start in range(0, end - begin - rows + 1, rows // 2):
             labels = slice(begin + start, begin + start + rows)
             slides = slipping[labels].mean() >= SLIDING
@@ -234,7 +234,7 @@ def find_mains(chain: ChainConfig, track: Track) -> tuple[float, str]:
     rate_hz, rows = track.sample_rate_hz, round(SPECTRUM_S * track.sample_rate_hz)
     longest = max(track.stretches, key=lambda stretch: stretch.end - stretch.start)
     volts = drop_disabled(track.volts, chain)[slice(*longest)]
-    volts = forward_filled(volts, ~np.isfinite(volts))
+    volts = fill_forward(volts, ~np.isfinite(volts))
     volts = volts[:, np.ptp(volts, axis=0) > 0.0]
     if chain.common_mode != 'none' and volts.size:
         volts = volts - volts[0]
@@ -292,7 +292,7 @@ def slip_steps_v(chain: ChainConfig, tracks: Sequence[Track], rows: int = 1) -> 
         steps = np.zeros(volts.shape)
         for begin, end in track.stretches:
             part = volts[begin:end]
-            filled = forward_filled(part, ~((part >= low_v) & (part <= high_v)))
+            filled = fill_forward(part, ~((part >= low_v) & (part <= high_v)))
             each = np.abs(filled[rows:] - filled[:-rows])
             steps[begin + rows : end] = np.sort(each, axis=1)[:, ::-1]
         # Also where the label is not certain, as the first rows of a slip may be its largest.

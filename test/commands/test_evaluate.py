@@ -108,12 +108,12 @@ def test_a_report_that_cannot_be_written_is_refused_before_anything_is_read(caps
 
 def test_labels_that_are_not_there_are_refused_before_anything_is_read(capsys, tmp_path):
     line = complaint(capsys, tmp_path / 'not there.npz', '--labels', tmp_path / 'no')
-    assert line == f'{tmp_path / "no"}: cannot be read (No such file or directory)'
+    assert line == f'--labels {tmp_path / "no"}: cannot be read (No such file or directory)'
 
 
 def test_a_folder_without_recordings_is_refused_in_one_line(capsys, tmp_path):
     assert complaint(capsys, tmp_path) == (
-        f'{tmp_path}: has no recordings, allowed: .npz, .csv, .mcap, .db3, .bag or bags'
+        f'{tmp_path}: has no recordings, allowed: .npz, .csv, .mcap, .db3, .bag or folders of bags'
     )
 
 

@@ -17,7 +17,6 @@
 import itertools
 import re
 import sqlite3
-import struct
 import sys
 
 import numpy as np
@@ -26,9 +25,10 @@ import pytest
 pytest.importorskip('rosbags', reason='needs rosbags')
 
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2.storage_mcap import zstd
 
 from slip_detector.recordings import open_recording
-from slip_detector.recordings.bag_storage import typestore_of
+from slip_detector.recordings.bag_storage import make_typestore
 from slip_detector.recordings.mcap import Topic
 from support.bags import JOINT_STATE, NAMES, PLUGINS, Bag, check_same, gathered, rows, save
 
@@ -63,6 +63,12 @@ def test_a_bag_whose_file_was_compressed_is_refused_with_the_command_that_unpack
     said = rf'a: has a\.mcap\.zstd, allowed: unpacked files, zstd -d {tmp_path}/a/\*\.zstd'
     with pytest.raises(ValueError, match=said):
         open_recording(tmp_path / 'a')
+    # The command leaves the compressed file, and metadata that lists it.
+    packed = tmp_path / 'a' / 'a.mcap.zstd'
+    packed.with_suffix('').write_bytes(zstd.decompress(packed.read_bytes()))
+    read, damage = read_of(tmp_path / 'a')
+    check_same(read, rows(20))
+    assert not damage
 
 
 def test_a_bag_of_ros_1_is_read_with_names_and_truth(tmp_path):
@@ -192,24 +198,12 @@ def test_what_is_beside_a_database_or_not_in_its_table_of_topics_is_named(tmp_pa
     database.execute('DELETE FROM topics')
     database.commit()
     database.close()
-    with pytest.raises(ValueError, match=r'a\.db3: has a message of no topic'):
+    with pytest.raises(ValueError, match=r'a\.db3: is damaged, or has a message of no topic'):
         open_recording(path)
 
 
-def test_a_database_that_contradicts_its_index_is_read_with_a_line(tmp_path):
-    written = rows(60)
-    path = save(tmp_path / 'a.db3', written)
-    content = path.read_bytes()
-    stamp, other = (struct.pack('>q', stamps_ns) for stamps_ns in written.stamps_ns[[7, 9]])
-    place = content.rindex(stamp)
-    path.write_bytes(content[:place] + other + content[place + 8 :])
-    read, damage = read_of(path)
-    check_same(read, written)
-    assert damage.startswith('a.db3 is damaged (')
-
-
 def test_where_a_definition_is_broken_that_of_ros_is_used_and_an_unknown_type_is_named():
-    assert JOINT_STATE in typestore_of(Topic('/a', JOINT_STATE, 'ros2msg', 'no [type')).types
+    assert JOINT_STATE in make_typestore(Topic('/a', JOINT_STATE, 'ros2msg', 'no [type')).types
     for encoding in ('ros2msg', 'ros2idl', ''):
         with pytest.raises(ValueError, match=r'/a is skin/msg/Tactile, of which the bag has no d'):
-            typestore_of(Topic('/a', 'skin/msg/Tactile', encoding, 'no [type'))
+            make_typestore(Topic('/a', 'skin/msg/Tactile', encoding, 'no [type'))

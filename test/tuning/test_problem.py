@@ -23,7 +23,7 @@ import pytest
 
 from slip_detector.chain.filters import settling_rows
 from slip_detector.parameters.evaluation import EvaluationConfig, TuneConfig
-from slip_detector.recordings.labels import label_at
+from slip_detector.recordings.labels import label_times
 from slip_detector.tuning.problem import COMPARED, Candidate, Problem, worse_figures
 from slip_detector.tuning.search import Trial
 from slip_detector.tuning.space import SearchSpace
@@ -262,7 +262,7 @@ def test_slips_are_counted_that_begin_when_both_chains_have_settled():
 def test_a_chain_that_remembers_for_longer_costs_more_where_labels_hide_it():
     rows = track(1).samples
     edges_ns = rows.stamps_ns[np.flatnonzero(np.diff(rows.truth)) + 1]
-    by_hand = rows._replace(accuracy_s=0.2, **label_at(rows.stamps_ns, edges_ns, 0.2))
+    by_hand = rows._replace(accuracy_s=0.2, **label_times(rows.stamps_ns, edges_ns, 0.2))
     tracks = [track_of('a', [by_hand], RATE_HZ)]
     objective = Problem(tracks)
     short, long = (
