@@ -173,8 +173,7 @@ class PlayedBag:
         ends = self.hand_labels.ends
         rows = [piece._replace(**self._label_of(piece)) for piece in self._track.rows()]
         traced = trace_of(config, rows, self._track.sample_rate_hz, BINS)
-        duration_s = max(traced['duration_s'], self.duration_s)
-        return {**traced, 'duration_s': duration_s, 'slip_s': pairs_of(ends)}
+        return {**traced, 'duration_s': self.duration_s, 'slip_s': pairs_of(ends)}
 
     @property
     def hand_labels(self) -> HandLabels:
