@@ -62,9 +62,9 @@ class ParameterRequests:
     files
         The parameter files that the detectors were started with: one for all, or one for each
         namespace, named after it.
-    overrides
-        Values with which the detectors were started in place of those of the file. They are not
-        saved: the values of the file are kept.
+    overridden
+        Parameters with which the detectors were started otherwise than the file says. They are
+        not restored from the file; those of the file are saved.
     """
 
     def __init__(
@@ -72,11 +72,10 @@ class ParameterRequests:
         server: Server,
         folder: Path,
         files: Sequence[Path] = (),
-        overrides: Mapping[str, Any] | None = None,
+        overridden: Collection[str] = (),
     ) -> None:
         self._server, self._detectors = server, server.detectors
-        self._folder, self._files = folder.resolve(), files
-        self._overrides = overrides or {}
+        self._folder, self._files, self._overridden = folder.resolve(), files, overridden
         #: By detector, a state that changes whenever its description for the pages does.
         self._states: dict[str, tuple[Any, ...]] = {}
         server.each_tick.append(self._broadcast)
@@ -103,7 +102,7 @@ class ParameterRequests:
         return {
             'headings': describe_parameters(finger),
             'file': str(self._file_of(finger.name) or ''),
-            'differs': sorted(finger.as_in_file()),
+            'differs': sorted(finger.as_in_file(self._overridden)),
             'preset': _preset_of(finger.config),
             'undo': words_of(last.after, last.before) if last else '',
             'changes': [
@@ -120,8 +119,7 @@ class ParameterRequests:
     def _read_file(self, finger: Finger) -> None:
         """Read the present content of a detector's file."""
         if file := self._file_of(finger.name):
-            config = DetectorConfig.from_yaml(file, finger.name)
-            finger.in_file = dataclasses.replace(config, **self._overrides)
+            finger.in_file = DetectorConfig.from_yaml(file, finger.name)
 
     async def answer_set(self, finger: Finger, values: Values, page: str) -> None:
         """Set values that were typed or dragged."""
@@ -137,7 +135,7 @@ class ParameterRequests:
     async def answer_as_in_file(self, finger: Finger, page: str) -> None:
         """Set what the file has."""
         self._read_file(finger)
-        await self._server.change(finger, finger.as_in_file(), page)
+        await self._server.change(finger, finger.as_in_file(self._overridden), page)
 
     async def answer_take_input(self, finger: Finger, page: str) -> None:
         """Set what makes the detector take what comes."""
@@ -154,13 +152,12 @@ class ParameterRequests:
         """
         if not fingers:
             refuse(f'fingers is {quote(fingers)}', 'a list of those that are shown')
-        configs = {each: self._detectors.finger_of(each).config for each in fingers}
         if not FILE_NAME.fullmatch(name or ''):
             refuse(f'name is {quote(name)}', ALLOWED_NAME)
-        if self._overrides:
-            (file,) = self._files
-            kept = {n: vars(DetectorConfig.from_yaml(file))[n] for n in self._overrides}
-            configs = {n: dataclasses.replace(config, **kept) for n, config in configs.items()}
+        configs = {}
+        for finger in map(self._detectors.finger_of, fingers):
+            kept = {name: getattr(finger.in_file, name) for name in self._overridden}
+            configs[finger.name] = dataclasses.replace(finger.config, **kept)
         path = writable_folder(self._folder) / f'{name}.yaml'
         if path.exists() and not replace:
             return {'taken': f'{path}: already exists'}
