@@ -180,7 +180,8 @@ class RecordedFolder:
         """
         path = self.path_of(name)
         labels.mark_mistaken(path, mistaken)
-        self.recordings[path.name] = self._summary(path.name)
+        self._labels.pop(name, None)  # The file has others now.
+        self.recordings[name] = self._summary(name)
 
     def note_doubts(self, lines: Iterable[str]) -> None:
         """Note at recordings that a search has found nothing to change at their labels."""
