@@ -34,7 +34,7 @@ from slip_detector.parameters.detector import FIXED_PARAMETERS, NODE_PARAMETERS,
 from slip_detector.parameters.fields import allowed, quote, refuse, shortened, under_headings
 from slip_detector.parameters.files import shared_folder, writable_folder
 from slip_detector.parameters.sections import parameter_file
-from slip_detector.parameters.yaml_files import write_yaml
+from slip_detector.parameters.yaml_files import parsed_yaml, write_yaml
 from slip_detector.view.detectors import Finger, Values
 from slip_detector.view.server import Server
 
@@ -257,7 +257,14 @@ def text_of(value: Any) -> str:
 
 
 def read_text(name: str, text: str) -> Any:
-    """Return the value of a text that was typed; the detector decides if the value is allowed.
+    """Return the value of a text that was typed, as a parameter file would have it.
+
+    The detector decides if the value is allowed. Brackets around lists can be left out.
+
+    Raises
+    ------
+    ValueError
+        When no value is written so.
 
     Examples
     --------
@@ -266,21 +273,16 @@ def read_text(name: str, text: str) -> Any:
     >>> read_text('threshold', 'low')
     'low'
     """
-    text = text.strip()
     field = DetectorConfig.__dataclass_fields__.get(name.partition('.')[0])
     default = field.metadata['default'] if field else None
     if field and isinstance(default, (tuple, dict)):
-        items = re.sub(r'[\[\]()]', ' ', text).split(',') if text.strip('[] ') else []
-        is_text = isinstance(default, tuple) and str in get_args(field.type)
-        return [item.strip() if is_text else _scalar(item.strip()) for item in items]
-    return text if isinstance(default, str) and name != 'vote' else _scalar(text)
-
-
-def _scalar(text: str) -> Any:
-    for read in (int, float):
-        with contextlib.suppress(ValueError):
-            return read(text)
-    return {'true': True, 'false': False}.get(text, text)
+        items = re.sub(r'[\[\]()]', ' ', text).strip()
+        if isinstance(default, tuple) and str in get_args(field.type):
+            return [item.strip() for item in items.split(',')] if items else []
+        return parsed_yaml(f'[{items}]'.encode(), name)
+    text = text.strip()
+    is_text = not text or (isinstance(default, str) and name != 'vote')
+    return text if is_text else parsed_yaml(text.encode(), name)
 
 
 def launch_arguments(names: Collection[str], path: Path) -> str:
@@ -297,11 +299,11 @@ def launch_arguments(names: Collection[str], path: Path) -> str:
     >>> launch_arguments(both, Path('left.yaml'))
     'namespace:=left fingers:=thumb,index config:=left.yaml'
     """
+    parts = [name.split('/') for name in names]  # '', namespaces, the finger, the node
+    namespaces = {'/'.join(each[1:-2]) for each in parts}
     words = [f'config:={path}']
-    found = [re.fullmatch(f'(/.*|)/([^/]+)/{DetectorConfig.NODE}', name) for name in names]
-    fingers = [match.groups() for match in found if match]
-    namespaces = {namespace for namespace, _ in fingers}
-    if 1 < len(fingers) == len(names) and len(namespaces) == 1:
-        words.insert(0, f'fingers:={",".join(finger for _, finger in fingers)}')
-        words[:0] = [f'namespace:={namespace[1:]}' for namespace in namespaces if namespace]
+    usual = all(each[-2] and each[-1] == DetectorConfig.NODE for each in parts)
+    if usual and len(parts) > len(namespaces) == 1:
+        words.insert(0, f'fingers:={",".join(each[-2] for each in parts)}')
+        words[:0] = [f'namespace:={namespace}' for namespace in namespaces if namespace]
     return shlex.join(words)
