@@ -61,7 +61,8 @@ class HandLabels:
         samples, is_new = read().samples, not file.exists()
         after_s = (samples.stamps_ns - samples.stamps_ns[0]) * 1e-9
         self._last_s, self._kind = float(after_s[-1]), samples.kind
-        own_s = np.append(after_s, self._last_s)[edges_of(samples)].round(4)
+        stops_s = np.append(after_s, self._last_s)  # A slip may end with the recording.
+        own_s = stops_s[edges_of(samples)].round(4) if samples.truth is not None else stops_s[:0]
         ends_s = own_s if is_new else labels.read_labels(file).edges_s
         self.ends: Ends = [(end_s, accuracy_s) for end_s in ends_s.ravel().tolist()]
         self._before: list[Ends] = []
