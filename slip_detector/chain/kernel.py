@@ -32,16 +32,9 @@ from slip_detector.chain.layout import flag_layout, state_layout, tiles_of
 from slip_detector.chain.samples import Floats, Ints
 from slip_detector.chain.stages import FIRST_ROW, NO_ROW, WORD_ROWS
 from slip_detector.chain.votes import NO_COMMON_MODE, VOTE_MEAN, vote_numbers
-from slip_detector.compiled import (
-    LANES,
-    compiled_for,
-    compiled_in_place,
-    compiled_within,
-    load,
-    spread,
-    store,
-)
+from slip_detector.compiled import compiled_for, compiled_in_place, compiled_within
 from slip_detector.parameters import COMMON_MODES, ChainConfig
+from slip_detector.vectors import LANES, load, spread, store
 
 Words = NDArray[np.uint64]
 
