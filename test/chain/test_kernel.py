@@ -34,7 +34,7 @@ from slip_detector.chain import slip_chain as chain_module
 from slip_detector.chain.slip_chain import SlipChain
 from slip_detector.chain.stages import WORD_ROWS
 from slip_detector.compiled import COMPILED
-from slip_detector.parameters.detector import COMMON_MODES, ChainConfig
+from slip_detector.parameters import COMMON_MODES, ChainConfig
 from support.interpreted import interpreted
 from support.random_chains import (
     assert_same_votes,
