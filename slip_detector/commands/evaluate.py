@@ -40,7 +40,7 @@ node. A recording that cannot be read or does not suit the chain is left out, an
 ``note``
     Where recordings have no labels: how to label them.
 ``left_out``
-    Why recordings are left out that cannot be read or do not suit the chain, by their paths.
+    By the reason, the recordings that cannot be read or do not suit the chain.
 ``not_evaluated``
     After Ctrl-C: the recordings that were not evaluated.
 ``written``
@@ -173,17 +173,19 @@ def main(argv: Sequence[str] | None = None) -> int:
             results = evaluate(files, loader, calls, page is not None)
         left[:] = [str(file) for file in files if file not in results]
         evaluated: dict[str, dict[str, EvaluatedRecording]] = {}
-        left_out = dict[str, str]()
+        left_out = dict[str, list[str]]()
         for name, file in [(name, file) for name, of in sets.items() for file in of]:
             if isinstance(result := results.get(file), EvaluatedRecording):
                 evaluated.setdefault(name, {})[file.name] = result
             elif result:
-                left_out[str(file)] = str(result)
+                left_out.setdefault(str(result).removeprefix(f'{file}: '), []).append(str(file))
         if not evaluated:
             first = results.get(files[0])
             raise first if isinstance(first, ValueError) else KeyboardInterrupt
         report = as_report(evaluated) | {'left_out': left_out}
-        report['answer'] += [f'Left out: {error}' for error in left_out.values()]
+        report['answer'] += [
+            f'Left out: {name_list(of, 3)}: {why}' for why, of in left_out.items()
+        ]
         if left:
             report['not_evaluated'] = left
         if page:

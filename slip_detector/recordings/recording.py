@@ -36,9 +36,6 @@ from slip_detector.recordings.rates import MOST_FACTOR, resample
 #: Number of rows that are read at a time: enough to be fast, and only some MB for 100 channels.
 PIECE_ROWS = 8192
 
-#: Fields of rows whose labels are not known.
-UNLABELLED: dict[str, Any] = {'truth': None, 'certain': None}
-
 #: Longest error on a file.
 MOST_CHARACTERS = 1500
 
@@ -196,8 +193,8 @@ class Recording(ABC):
                 self.counts.bad_samples += int(np.count_nonzero(~good))
                 after_ns = rows.stamps_ns - first_ns
                 label = label_times(after_ns, labels.edges_ns, labels.accuracy_s) if labels else {}
-                known = {'accuracy_s': self.accuracy_s, 'kind': self.kind, **label}
-                yield rows._replace(**(UNLABELLED if self.mistaken else known))
+                known: dict[str, Any] = {'accuracy_s': self.accuracy_s, 'kind': self.kind, **label}
+                yield rows._replace(**({'truth': None} if self.mistaken else known))
         damage, seconds = self.counts.damage, (last_ns - first_ns) * 1e-9
         if damage:
             self.counts.damage = f'{damage}: {n} samples up to {seconds:.3f} s are read'

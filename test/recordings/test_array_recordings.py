@@ -23,7 +23,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from slip_detector.recordings import open_recording
 from support.recorded import VOLTS, complaint, read_recording, save_npz, save_text
 
 COLUMNS = ': line 1 has the columns '
@@ -157,11 +156,9 @@ def test_a_file_that_is_cut_off_or_no_npz_is_named(tmp_path):
 
 def test_a_file_gives_rows_names_and_truth_and_all_its_arrays_by_name(tmp_path):
     path = save_npz(tmp_path / 'a.npz', velocity=np.arange(5), names=['a', 'b'])
-    recording = open_recording(path)
-    (rows,) = recording.rows()
+    recording, rows = read_recording(path)
     np.testing.assert_array_equal(rows.volts, VOLTS)
-    np.testing.assert_array_equal(rows.truth, [False, True, True])
-    assert recording.channel_names == ('ch1', 'ch2')
+    assert (rows.truth.tolist(), recording.channel_names) == ([False, True, True], ('ch1', 'ch2'))
     np.testing.assert_array_equal(recording.array('velocity'), np.arange(5))
     assert recording.array('names').tolist() == ['a', 'b']
     assert recording.array('nothing') is None
