@@ -79,6 +79,7 @@ class BagStorage:
         load_rosbags()
         path.stat()
         self.damage, self.custom_data = list[str](), dict[str, Any]()
+        self._n_listed: Any = None
         self._files = self._files_of(path) if path.is_dir() else [path]
         self.counts, topics = Counter[str](), dict[str, Topic]()
         for file in self._files:
@@ -92,6 +93,10 @@ class BagStorage:
             for journal in file.parent.glob(f'{glob.escape(file.name)}-*l'):
                 mend = f'sqlite3 {file} "PRAGMA wal_checkpoint" takes it in'
                 self.damage.append(f'{journal.name} beside it is not read: {mend}')
+        n = self.counts.total()
+        if self._n_listed not in (None, n) and not self.damage:
+            said = f'{METADATA} counts {shortened(str(self._n_listed))} messages'
+            self.damage.append(f'{said}, there are {n}')
         self.topics = sorted(topics.values())
         if self.damage and not topics:
             raise ValueError('; '.join(self.damage).removeprefix(f'{path.name} '))
@@ -120,6 +125,7 @@ class BagStorage:
             about = read_yaml(folder / METADATA) if METADATA in there else {}
             about = about.get(INFORMATION) or {}
             self.custom_data = dict(about.get('custom_data') or {})
+            self._n_listed = about.get('message_count')
             paths = about.get('relative_file_paths') or names
             listed = {PurePath(path).name.removesuffix(PACKED) for path in paths}
         except (ValueError, TypeError, AttributeError) as error:

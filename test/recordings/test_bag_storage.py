@@ -168,7 +168,7 @@ def test_of_a_wrong_index_or_summary_nothing_is_believed(tmp_path):
     assert 'a.mcap is damaged at byte ' in damage
 
 
-def test_where_the_metadata_lists_other_files_than_there_are_a_line_says_so(tmp_path):
+def test_where_the_metadata_lists_other_files_or_messages_than_there_are_a_line_says_so(tmp_path):
     written, folder = split_bag(tmp_path / 'split', (0, 1, 2), '.mcap')
     listed = 'rosbag2_bagfile_information: {relative_file_paths: [split_0.mcap, split_3.mcap]}'
     (folder / 'metadata.yaml').write_text(listed)
@@ -177,6 +177,10 @@ def test_where_the_metadata_lists_other_files_than_there_are_a_line_says_so(tmp_
     there = 'there are split_0.mcap, split_1.mcap, split_2.mcap'
     said = f'metadata.yaml lists split_0.mcap, split_3.mcap, {there}: ros2 bag reindex {folder}'
     assert damage.startswith(f'{said} lists all: 900 samples up to')
+    listed = 'relative_file_paths: [split_0.mcap, split_1.mcap, split_2.mcap]'
+    counted = f'rosbag2_bagfile_information: {{{listed}, message_count: 1000000}}'
+    (folder / 'metadata.yaml').write_text(counted)
+    assert read_of(folder)[1].startswith('metadata.yaml counts 1000000 messages, there are ')
     for broken, why in (('[', 'line 1'), ('rosbag2_bagfile_information: [1]', "'list' object")):
         (folder / 'metadata.yaml').write_text(broken)
         said = rf'metadata\.yaml is broken \({why}.*\): ros2 bag reindex mends it'
