@@ -36,7 +36,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain import layout, stages
+from slip_detector.chain import decibels, layout, stages
 from slip_detector.chain.stages import FIRST_ROW, NO_ROW, WORD_ROWS
 from slip_detector.compiled import compiled, compiled_in_place, compiled_within
 from slip_detector.parameters import ChainConfig, convert
@@ -271,8 +271,8 @@ def _geometric_mean(levels, members, least, most, k):
         level = load(levels, (m, k))
         valid = level >= 0.0
         product = select(valid, product * level, product)
-        exponent = exponent + stages.exponents(product)
-        product = stages.fractions(product)
+        exponent = exponent + decibels.exponents(product)
+        product = decibels.fractions(product)
         count = count + select(valid, spread(1.0), spread(0.0))
     count = select(count > 0.0, count, 1.0)
     large = product > ROOT_2
@@ -281,8 +281,8 @@ def _geometric_mean(levels, members, least, most, k):
     # The mean logarithm is a whole number, to base 2, and the rest, to base e.
     whole = floor(exponent / count + 0.5)
     s = (product - 1.0) / (product + 1.0)
-    rest = ((exponent - whole * count) * LN_2 + s * stages.polynomial(LOGARITHM, s * s)) / count
-    mean = stages.polynomial(EXPONENTIAL, rest) * stages.powers_of_2(whole)
+    rest = ((exponent - whole * count) * LN_2 + s * decibels.polynomial(LOGARITHM, s * s)) / count
+    mean = decibels.polynomial(EXPONENTIAL, rest) * decibels.powers_of_2(whole)
     # Rounding must not take the mean beyond the levels; the mean of equal levels is that level.
     mean = select(mean < least, least, mean)
     mean = select(mean > most, most, mean)
