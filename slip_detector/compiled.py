@@ -27,6 +27,7 @@ import os
 import shutil
 import sys
 import tempfile
+import time
 import zlib
 from collections import namedtuple
 from collections.abc import Callable
@@ -49,6 +50,9 @@ try:
 except ImportError:  # not every robot has Numba
     COMPILED = False
     LOG.warning('Numba is not installed: all runs interpreted, slower, with the same decisions')
+
+#: How often it is said that functions are being compiled.
+SAY_S = 10.0
 
 #: Beginning of the names of the folders with compiled code, the list of checksums in each, the
 #: number of other folders that are kept, and the room in bytes that a new one needs.
@@ -118,15 +122,17 @@ if COMPILED:
         """
 
         def __init__(self, folder: Path) -> None:
-            self._folder, self._said = folder, False
+            self._folder, self._next_s = folder, 0.0
             self._locked: IO[str] | None = None
 
         def on_start(self, event: Any) -> None:
-            """Say once that functions of this package are compiled."""
-            if not self._said and event.kind == 'numba:compile':
-                self._said = event.data['dispatcher'].__module__.startswith('slip_detector.')
-                if self._said:
-                    LOG.warning('compiling for up to a minute, only the first time')
+            """Say at once, and then every ten seconds, that functions of this package compile."""
+            if event.kind != 'numba:compile' or time.monotonic() < self._next_s:
+                return
+            module = event.data['dispatcher'].__module__
+            if module.startswith('slip_detector.'):
+                self._next_s = time.monotonic() + SAY_S
+                LOG.warning('compiling %s; all takes up to a minute, the first time', module)
 
         def on_end(self, event: Any) -> None:
             """Lock the folder when a function is compiled, until Numba has written the result."""

@@ -25,7 +25,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain.stages import floor_steps_db
+from slip_detector.chain.evidence import floor_steps_db
 from slip_detector.parameters import ChainConfig
 
 Array = NDArray[np.float64]

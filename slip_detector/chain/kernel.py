@@ -28,7 +28,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain import stages, votes
+from slip_detector.chain import decibels, evidence, stages, votes
 from slip_detector.chain.layout import flag_layout, state_layout, tiles_of
 from slip_detector.chain.samples import Floats, Ints
 from slip_detector.chain.stages import FIRST_ROW, NO_ROW, WORD_ROWS
@@ -143,11 +143,11 @@ def _settings_of(config: ChainConfig, sections: Floats, low_sections: Floats) ->
     ``common_rank`` are 0 where the chain has no such stage. ``free_floors`` says that evidence has
     no given floors.
     """
-    evidence = config.decision == 'evidence'
+    decides = config.decision == 'evidence'
     low = len(config.low_band_hz) > 0
     # The kernel has neither the gain of the low band nor the mean of its window.
     low_gain = low_sections[0, 0] / np.sqrt(config.samples(config.envelope_window_s)) if low else 1
-    up_db, down_db = stages.floor_steps_db(config.noise_floor_rate_db_s, config.sample_rate_hz)
+    up_db, down_db = evidence.floor_steps_db(config.noise_floor_rate_db_s, config.sample_rate_hz)
     # By the types of the fields: the record is the same for every configuration.
     fields = dataclasses.fields(ChainConfig)
     whole: dict[str, Any] = {f.name: getattr(config, f.name) for f in fields if f.type is int}
@@ -160,12 +160,12 @@ def _settings_of(config: ChainConfig, sections: Floats, low_sections: Floats) ->
         'vote': vote_numbers([config.vote])[0],
         'envelope_rows': config.samples(config.envelope_window_s),
         'level_rows': config.samples(config.decision_window_s),
-        'evidence': evidence,
-        'free_floors': evidence and not config.floors,
+        'evidence': decides,
+        'free_floors': decides and not config.floors,
         'hold_rows': config.samples(config.impact_hold_s),
         'contact_channels': config.contact_channels if low and config.contact_level_v else 0,
         'contact_rows': config.samples(config.contact_hold_s),
-        'common_rank': config.common_rank if evidence else 0,
+        'common_rank': config.common_rank if decides else 0,
         **state_layout(config, len(sections), len(low_sections)),
         **flag_layout(config)._asdict(),
     }
@@ -174,9 +174,9 @@ def _settings_of(config: ChainConfig, sections: Floats, low_sections: Floats) ->
         'floor_up_db': up_db,
         'floor_down_db': down_db,
         'period_s': 1.0 / config.sample_rate_hz,
-        'impact_v': config.impact_v if evidence else 0.0,
+        'impact_v': config.impact_v if decides else 0.0,
         'contact_v2': (config.contact_level_v / low_gain) ** 2,
-        'activity_factor': config.exponent * stages.OCTAVE_DB,
+        'activity_factor': config.exponent * decibels.OCTAVE_DB,
         'activity_shift_db': config.exponent * 20 * np.log10(config.gain * low_gain)
         - config.activity_range_db,
         'activity_cap_db': config.activity_cap_db if low else 0.0,
@@ -218,7 +218,7 @@ def _find_envelopes(volts, start, rows, at, block, low, plan, tile, words, out):
     limits = plan.limits[at // LANES]
     stages.load_deviations(block, volts, start, rows, at, limits, tile, plan.common_v)
     if plan.low_sections.shape[0] > 0:
-        stages.find_low_level(block, low, rows, plan.low_sections, settings, tile, words, at)
+        evidence.find_low_level(block, low, rows, plan.low_sections, settings, tile, words, at)
     if settings.mains_rows > 0:
         stages.subtract_mains(block, rows, settings, tile)
     stages.run_filters(block, rows, plan.sections, tile, settings.delay_slot)
@@ -232,7 +232,7 @@ def _find_decisions(block, start, rows, at, plan, tile, words, held, contact, ou
     """Run a block of rows through one tile, from envelopes or excess to the ON bits."""
     settings = plan.settings[0]
     if settings.evidence != 0:
-        stages.sum_evidence(block, start, rows, at, plan, tile, held, contact, out)
+        evidence.sum_evidence(block, start, rows, at, plan, tile, held, contact, out)
     else:
         window, slot = settings.level_rows, settings.level_slot
         stages.window_means(block, start, rows, at, window, tile, slot, False, stages.LEVEL, out)
@@ -291,7 +291,7 @@ def run(volts, flags, signals, tiles, plan, wanted):
         if settings.evidence != 0:
             for t in plan.active:
                 block, low, at = plan.blocks[t], plan.low[t], t * LANES
-                stages.find_excess(
+                evidence.find_excess(
                     block, low, start, rows, at, plan, tiles[t], words, contact, touch, out
                 )
         if shared:

@@ -20,7 +20,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from slip_detector.chain import kernel, layout, stages
+from slip_detector.chain import evidence, kernel, layout, stages
 from slip_detector.chain.filters import design, design_low
 from slip_detector.chain.layout import FlagLayout, flag_layout, state_layout, tiles_of
 from slip_detector.chain.samples import Bools, Floats
@@ -336,7 +336,7 @@ def _rest_db(config: ChainConfig, rows: Floats) -> Floats:
     moves = result.valid & (rows != np.concatenate([rows[:1], rows[:-1]])) & (result.envelope > 0)
     age = np.cumsum(np.maximum.accumulate(moves, axis=0), axis=0)
     levels = np.where(moves & (age > settling), result.envelope, np.inf)
-    level: Floats = np.quantile(levels, stages.QUANTILE, axis=0, method='lower')
+    level: Floats = np.quantile(levels, evidence.QUANTILE, axis=0, method='lower')
     with np.errstate(divide='ignore'):
         return 20.0 * np.log10(level)
 

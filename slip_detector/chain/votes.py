@@ -36,17 +36,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from slip_detector.chain import layout, stages
-from slip_detector.chain.stages import FIRST_ROW, NO_ROW, WORD_ROWS
-from slip_detector.compiled import compiled, compiled_in_place, compiled_within
+from slip_detector.chain import decibels, layout, stages
+from slip_detector.chain.stages import FIRST_ROW, NO_ROW
+from slip_detector.compiled import compiled_in_place, compiled_within
 from slip_detector.parameters import ChainConfig, convert
-from slip_detector.vectors import LANES, floor, is_number, load, select, spread, store
+from slip_detector.vectors import LANES, floor, load, select, spread, store
 
-#: The values of the parameter ``common_mode`` as numbers, in the order of ``COMMON_MODES``.
-NO_COMMON_MODE, MEDIAN, MEAN = range(3)
-
-#: Largest number of channels whose median is found by exchanges, sixteen rows side by side.
-EXCHANGED_CHANNELS = 32
+#: The parameter ``common_mode`` as a number, its place in ``COMMON_MODES``; the other is the mean.
+NO_COMMON_MODE, MEDIAN = range(2)
 
 #: Numbers for the votes that are no count of channels.
 VOTE_ALL, VOTE_MEAN = 0, -1
@@ -132,74 +129,72 @@ def rows_of_contact(rows, settings, plan, words, tiles):
 
 
 @compiled_in_place
-def _all_valid(rows, members, tiles, valid):
-    """Return whether all channels have started and are valid in all rows."""
-    whole = ~NO_ROW >> np.uint64(WORD_ROWS - rows)
-    for c in members:
-        if np.isnan(tiles[c // LANES, layout.FIRST, c % LANES]) or valid[c] != whole:
-            return False
-    return True
+def _find_averages(volts, start, rows, plan, valid, tiles, take_median):
+    """Write the mean or median of the channels that have begun to ``common_v``, else NaN."""
+    deviations, members, counts = plan.by_channel, plan.members, plan.statistics
+    for c in range(valid.size):
+        first, row = tiles[c // LANES, layout.FIRST, c % LANES], FIRST_ROW
+        for k in range(rows):
+            deviation = volts[start + k, c] - first
+            there = valid[c] & row and not np.isnan(first)
+            deviations[c, k] = deviation if there else -np.inf
+            row = row << FIRST_ROW
+    for k in range(0, rows, LANES):
+        count, total = spread(0.0), spread(0.0)
+        for c in range(valid.size):
+            deviation = load(deviations, (c, k))
+            there = deviation > -np.inf
+            count = count + select(there, 1.0, 0.0)
+            total = total + select(there, deviation, 0.0)
+        store(total / count, plan.common_v, (k,))
+        store(count, counts, (0, k))
+        if take_median:
+            _sort(deviations, members, members.size // 2 + 1, k)
+            for j in range(k, min(k + LANES, rows)):
+                n = int(counts[0, j])
+                if n > 0:
+                    low, high = (
+                        deviations[members[n // 2], j],
+                        deviations[members[(n - 1) // 2], j],
+                    )
+                    plan.common_v[j] = 0.5 * (low + high)
 
 
 @compiled_in_place
-def _medians(volts, start, rows, members, tiles, deviations, common_v):
-    """Write the medians of rows in which all channels are valid."""
-    for c in members:
+def _begin_channels(volts, start, rows, plan, valid, tiles):
+    """Keep the first samples of the channels that begin next; return whether any do."""
+    begin = rows
+    for c in plan.members:
+        for k in range(begin if np.isnan(tiles[c // LANES, layout.FIRST, c % LANES]) else 0):
+            if (valid[c] >> np.uint64(k)) & FIRST_ROW:
+                begin = k
+                break
+    if begin == rows:
+        return False
+    for c in plan.members:
         first = tiles[c // LANES, layout.FIRST, c % LANES]
-        for k in range(rows):
-            deviations[c, k] = volts[start + k, c] - first
-    below = members.size // 2
-    for k in range(0, rows, LANES):
-        _sort(deviations, members, below + 1, k)
-    low, high = deviations[members[below]], deviations[members[(members.size - 1) // 2]]
-    for k in range(rows):
-        common_v[k] = 0.5 * (low[k] + high[k])
-
-
-@compiled
-def _average(common_mode, values, before_v):
-    """Return the mean or median of a row's values; without values, the one of the row before."""
-    n = values.size
-    if n == 0:
-        return before_v
-    if common_mode == MEAN:
-        total = 0.0
-        for value in values:
-            total += value
-        return total / n
-    values.sort()
-    return 0.5 * (values[(n - 1) // 2] + values[n // 2])
+        if np.isnan(first) and (valid[c] >> np.uint64(begin)) & FIRST_ROW:
+            first = volts[start + begin, c] - plan.common_v[begin]
+            tiles[c // LANES, layout.FIRST, c % LANES] = first
+    return True
 
 
 @compiled_within
 def find_common_mode(volts, start, rows, settings, plan, valid, tiles):
-    """Find the common mode of each row; keep the first sample of each channel."""
-    members, common_v, deviations = plan.members, plan.common_v, plan.by_channel
-    exchange = settings.common_mode == MEDIAN and members.size <= EXCHANGED_CHANNELS
-    if exchange and _all_valid(rows, members, tiles, valid):
-        _medians(volts, start, rows, members, tiles, deviations, common_v)
-        tiles[0, layout.COMMON_V, 0] = common_v[rows - 1]
-        return
-    row, values = FIRST_ROW, deviations.reshape(-1)
-    for k in range(rows):
-        n = 0
-        for c in range(valid.size):
-            first = tiles[c // LANES, layout.FIRST, c % LANES]
-            if valid[c] & row and not np.isnan(first):
-                values[n] = volts[start + k, c] - first
-                n += 1
-        row = row << FIRST_ROW
+    """Find the common mode of each row, that of the row before where no channel is valid.
+
+    A channel counts after the row in which it begins: its first sample is kept less the common
+    mode of that row.
+    """
+    common_v, begins = plan.common_v, True
+    while begins:
+        _find_averages(volts, start, rows, plan, valid, tiles, settings.common_mode == MEDIAN)
         before_v = tiles[0, layout.COMMON_V, 0]
-        common_v[k] = _average(settings.common_mode, values[:n], before_v)
-        tiles[0, layout.COMMON_V, 0] = common_v[k]
-        for t in plan.active:
-            sample, first = load(volts, (start + k, t * LANES)), load(tiles, (t, layout.FIRST, 0))
-            limits = plan.limits[t]
-            low, high = load(limits, (stages.LOW, 0)), load(limits, (stages.HIGH, 0))
-            good = (sample >= low) & (sample <= high)
-            begun = select(is_number(first), first, sample - common_v[k])
-            first = select(good, begun, first)
-            store(first, tiles, (t, layout.FIRST, 0))
+        for k in range(rows):
+            before_v = before_v if np.isnan(common_v[k]) else common_v[k]
+            common_v[k] = before_v
+        begins = _begin_channels(volts, start, rows, plan, valid, tiles)
+    tiles[0, layout.COMMON_V, 0] = before_v
 
 
 @compiled_within
@@ -271,8 +266,8 @@ def _geometric_mean(levels, members, least, most, k):
         level = load(levels, (m, k))
         valid = level >= 0.0
         product = select(valid, product * level, product)
-        exponent = exponent + stages.exponents(product)
-        product = stages.fractions(product)
+        exponent = exponent + decibels.exponents(product)
+        product = decibels.fractions(product)
         count = count + select(valid, spread(1.0), spread(0.0))
     count = select(count > 0.0, count, 1.0)
     large = product > ROOT_2
@@ -281,8 +276,8 @@ def _geometric_mean(levels, members, least, most, k):
     # The mean logarithm is a whole number, to base 2, and the rest, to base e.
     whole = floor(exponent / count + 0.5)
     s = (product - 1.0) / (product + 1.0)
-    rest = ((exponent - whole * count) * LN_2 + s * stages.polynomial(LOGARITHM, s * s)) / count
-    mean = stages.polynomial(EXPONENTIAL, rest) * stages.powers_of_2(whole)
+    rest = ((exponent - whole * count) * LN_2 + s * decibels.polynomial(LOGARITHM, s * s)) / count
+    mean = decibels.polynomial(EXPONENTIAL, rest) * decibels.powers_of_2(whole)
     # Rounding must not take the mean beyond the levels; the mean of equal levels is that level.
     mean = select(mean < least, least, mean)
     mean = select(mean > most, most, mean)

@@ -265,18 +265,18 @@ class ChainConfig(ParameterSet):
         >>> config.with_values({'channels': 2}).groups
         {'all': (1, 2)}
         """
-        replaced: dict[str, Any] = {}
+        ways: list[dict[str, Any]] = [{}]
         if {name.partition('.')[0] for name in values} & {'channels', 'groups'}:
             groups: dict[str, Any] = {f'groups.{name}': None for name in self.groups}
             lists: dict[str, Any] = {
                 name: [] for name in BY_CHANNEL if name in self.__dataclass_fields__
             }
-            others = [groups] if values.get('channels', self.channels) == self.channels else []
-            for each in [{}, *others, groups | lists]:
-                with contextlib.suppress(ValueError):
-                    return super().with_values({**each, **values})
-            replaced = groups | lists | {'vote': 'all'}
-        return super().with_values({**replaced, **values})
+            ways += [groups] if values.get('channels', self.channels) == self.channels else []
+            ways += [groups | lists, groups | lists | {'vote': 'all'}]
+        for replaced in ways[:-1]:
+            with contextlib.suppress(ValueError):
+                return super().with_values({**replaced, **values})
+        return super().with_values({**ways[-1], **values})
 
     @property
     def names(self) -> tuple[str, ...]:

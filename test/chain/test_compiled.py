@@ -20,6 +20,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -118,7 +119,7 @@ def package(tmp_path):
 
 
 def test_a_change_in_another_file_is_compiled_into_what_calls_it(package):
-    said = 'compiling for up to a minute, only the first time\n'
+    said = 'compiling slip_detector.inner; all takes up to a minute, the first time\n'
     assert package.start().communicate() == ('2.0 0\n', said)
     assert package.start().communicate() == ('2.0 1\n', '')  # from the cache
     package.inner.write_text(INNER.format(2.0))
@@ -127,6 +128,20 @@ def test_a_change_in_another_file_is_compiled_into_what_calls_it(package):
     source = package.vectors.read_text()
     package.vectors.write_text(source.replace("f'f{_name[-3:]}'", "'fsub'"))
     assert package.run() == ['-1.0', '0']
+
+
+@pytest.mark.skipif(not compiled.COMPILED, reason='without Numba nothing is compiled')
+def test_it_says_at_once_and_then_every_ten_seconds_that_it_compiles(
+    monkeypatch, caplog, tmp_path
+):
+    listener = compiled._Listener(tmp_path)
+    event = SimpleNamespace(kind='numba:compile', data={'dispatcher': compiled.compiled})
+    said = []
+    for now_s in (100.0, 109.9, 112.0, 121.0, 122.0, 200.0):
+        monkeypatch.setattr(compiled.time, 'monotonic', lambda: now_s)  # noqa: B023
+        listener.on_start(event)
+        said.append(len(caplog.messages))
+    assert said == [1, 1, 2, 2, 3, 4]
 
 
 def test_of_folders_with_compiled_code_those_used_last_are_kept(package):

@@ -18,9 +18,10 @@ import numpy as np
 import pytest
 from chain.chain_cases import bits, noise, quick_evidence
 
+from slip_detector.chain.decibels import root_decibels
+from slip_detector.chain.evidence import LEAST_EXCESS_DB
 from slip_detector.chain.layout import FLOOR
 from slip_detector.chain.slip_chain import SlipChain
-from slip_detector.chain.stages import LEAST_EXCESS_DB, root_decibels
 from slip_detector.compiled import compiled
 from slip_detector.vectors import load, store
 

@@ -48,6 +48,7 @@ def found(rows, **parameters):
         (EVIDENCE, 0.005, ['lower']),
         (LEARNT, 1.0, []),
         (LEARNT, 0.2, []),
+        ({**LEARNT, 'noise_floor': ()}, 2000.0, []),
         ({**LEARNT, 'envelope_window_s': 1 / RATE}, 1.0, []),
         ({**LEARNT, 'noise_floor_rate_db_s': 10.0}, 20.0, ['upper']),
         ({**LEARNT, 'noise_floor_range_db': 0.0}, 20.0, []),

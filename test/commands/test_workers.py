@@ -23,7 +23,7 @@ import pytest
 
 from slip_detector.commands import workers
 from slip_detector.evaluation.evaluator import RecordingLoader
-from slip_detector.parameters.driver import RecordingConfig
+from slip_detector.parameters import ChainConfig, RecordingConfig
 from slip_detector.parameters.yaml_files import write_yaml
 from support.config_cases import message_of
 from support.python_runs import run_python
@@ -66,10 +66,13 @@ def test_processes_end_with_the_one_that_started_them():
         assert (done.returncode, done.stdout) == (status, printed), done.stderr
 
 
-def test_options_replace_parameters_of_recordings(tmp_path, monkeypatch):
+def test_options_replace_parameters_of_recordings_and_a_remark_on_the_file_is_printed(
+    tmp_path, monkeypatch, caplog
+):
     monkeypatch.chdir(tmp_path)
     given = RecordingConfig(recording_topic='/mine', recording_labels='by_hand')
-    write_yaml(tmp_path / 'c.yaml', given.to_document())
+    detector = ChainConfig(decision='evidence').to_document(whole=False)
+    write_yaml(tmp_path / 'c.yaml', given.to_document() | detector)
     (tmp_path / 'l.yaml').touch()
 
     def recording_config(*words):
@@ -79,6 +82,8 @@ def test_options_replace_parameters_of_recordings(tmp_path, monkeypatch):
         return workers.apply_options(options, RecordingLoader()).recording_config
 
     assert recording_config() == given
+    (remark,) = caplog.messages
+    assert remark.startswith('c.yaml: no noise_floor: each channel begins')
     words = ['--topic', '/biotac', '--field', 'pac', '--labels', 'l.yaml', '--resample']
     found = recording_config(*words).to_parameters()
     read = [found[f'recording_{name}'] for name in workers.RECORDING_OPTIONS]

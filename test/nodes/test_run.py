@@ -120,7 +120,7 @@ def test_a_signal_ends_a_node_before_it_has_compiled_all(
     bench.wait_for(lambda: 'compiling' in process.log(), 'the node to compile')
     process.signal(signal.SIGINT)
     assert process.wait() == 0
-    assert re.search('compiling slip_detector.*, only the first time: 0 s', process.lines()[0])
+    assert 'all takes up to a minute, the first time' in process.lines()[0]
     # The start of a driver compiles more than thirty functions.
     assert len(list(tmp_path.rglob('*.nbi'))) < 20
 

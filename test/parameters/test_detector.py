@@ -15,7 +15,6 @@
 """The parameters of chain and detector: what the defaults are made of, and what goes together."""
 
 import math
-from typing import Any
 
 import pytest
 from hypothesis import given
@@ -144,10 +143,9 @@ def test_every_file_of_config_is_loaded_onto_every_other_at_once_and_by_single_p
     for values in IN_FILES.values():
         assert values.items() <= before.with_values(values).to_parameters().items()
         # Channels first, then any order; what is refused comes again after the others.
-        parts: list[dict[str, Any]] = [{name: values[name]} for name in sorted(values)]
         groups = {name: value for name, value in values.items() if name.startswith('groups')}
-        parts = [part for part in parts if not part.keys() & {'channels', *groups}]
-        parts = [{'channels': values.get('channels', 16)}, groups, *parts]
+        single = [{name: values[name]} for name in sorted(values) if name not in groups]
+        parts = [{'channels': values.get('channels', 16)}, groups, *single]
         config = before
         while parts:
             refused = []
