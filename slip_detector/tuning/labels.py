@@ -106,12 +106,12 @@ def contradictions(chain: ChainConfig, tracks: Sequence[Track]) -> tuple[list[st
     levels, resting = [_Levels(chain, track) for track in tracks], at_rest(tracks)
     sentences, mistakes = [], []
     for track, own in zip(tracks, levels, strict=True):
-        others = [each for each in levels if each is not own]
-        known = [each.rest_db for each in others if each.track in resting and len(each.rest_db)]
-        if not known:
+        others = [other for other in levels if other is not own]
+        rests_db = [other.rest_db for other in others if other.track in resting]
+        if not sum(map(len, rests_db)):
             continue
-        floors_db = np.median(np.concatenate(known), axis=0)
-        slides_db = [db for each in others for _, db, _ in each.slips(floors_db)]
+        floors_db = np.median(np.concatenate(rests_db), axis=0)
+        slides_db = [db for other in others for _, db, _ in other.slips(floors_db)]
         usual_db = float(np.median(slides_db)) if slides_db else 0.0
         if usual_db < LEAST_DB:
             continue

@@ -293,8 +293,8 @@ def slip_steps_v(chain: ChainConfig, tracks: Sequence[Track], rows: int = 1) -> 
         for begin, end in track.stretches:
             part = volts[begin:end]
             filled = forward_filled(part, ~((part >= low_v) & (part <= high_v)))
-            each = np.abs(filled[rows:] - filled[:-rows])
-            steps[begin + rows : end] = np.sort(each, axis=1)[:, ::-1]
+            sizes = np.abs(filled[rows:] - filled[:-rows])
+            steps[begin + rows : end] = np.sort(sizes, axis=1)[:, ::-1]
         # Also where the label is not certain, as the first rows of a slip may be its largest.
         largest += [steps[start:end].max(axis=0) for start, end in edges_of(track.samples)]
     by_hand = any(track.samples.accuracy_s for track in tracks)

@@ -78,7 +78,7 @@ class Track:
         """The true slips, each within a stretch."""
         parts = [(begin, self.samples.take(slice(begin, end))) for begin, end in self.stretches]
         edges = np.concatenate([begin + edges_of(part) for begin, part in parts])
-        return tuple(RowInterval(*each) for each in edges.tolist())
+        return tuple(RowInterval(*ends) for ends in edges.tolist())
 
     @property
     def kind(self) -> str:
