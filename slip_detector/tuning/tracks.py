@@ -70,8 +70,7 @@ class Track:
     @functools.cached_property
     def row_classes(self) -> NDArray[np.int8]:
         """Class of each row, ``REST`` to ``UNCERTAIN``, see :mod:`.scores`; shape (n,)."""
-        rows = self.samples
-        return row_classes(np.asarray(rows.truth), rows.moving, rows.certain, rows.kind)
+        return row_classes(self.samples)
 
     @functools.cached_property
     def slips(self) -> tuple[RowInterval, ...]:
