@@ -48,11 +48,11 @@ KINDS = ('rest', 'taps', 'press', 'roll', 'idle')
 #: people press 0.12 to 0.35 s late, and let go 0.08 to 0.3 s late.
 BY_HAND_S = 0.35
 
-#: How exact an end is that was moved by hand over a trace, or by :func:`snapped`: on simulated
+#: How exact an end is that was moved by hand over a trace, or by :func:`snap_ends`: on simulated
 #: plates with hum, tremor, taps and drift the latter is at most 0.07 s off.
 BY_EYE_S = 0.1
 
-#: :func:`snapped` takes out what is below this frequency, or below this share of the sample rate
+#: :func:`snap_ends` takes out what is below this frequency, or below this share of the sample rate
 #: if that is lower.
 LOW_HZ, LOW_SHARE = 20.0, 0.2
 
@@ -267,7 +267,7 @@ def label_at(at_ns: Stamps, edges_ns: Stamps, accuracy_s: float) -> dict[str, An
     return {'truth': now % 2 == 1, 'certain': first == last if accuracy_s else None}
 
 
-def snapped(
+def snap_ends(
     samples: Samples, edges_s: Floats, rate_hz: float, within_s: float
 ) -> tuple[Floats, Bools, str]:
     """Return the ends of labels, moved to where the power of the signal changes most.
@@ -302,7 +302,7 @@ def snapped(
     >>> volts = np.random.default_rng(1).normal(size=(1000, 4)) * 1e-3
     >>> volts[400:] *= 5.0
     >>> samples = Samples.evenly(volts, 100.0, np.zeros(1000))
-    >>> edges_s, found, said = snapped(samples, np.array([[4.25, 6.2]]), 100.0, 0.35)
+    >>> edges_s, found, said = snap_ends(samples, np.array([[4.25, 6.2]]), 100.0, 0.35)
     >>> edges_s.round(1), found
     (array([[4. , 6.2]]), array([[ True, False]]))
     >>> said
