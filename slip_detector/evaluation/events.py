@@ -104,10 +104,10 @@ class Events:
         with np.errstate(invalid='ignore'):  # Of no time, 0 / 0 is not defined.
             lasting = np.concatenate([self.lasting, self.rest[np.newaxis]])
             on, alarms_hz = np.swapaxes(lasting[:, 1:] / lasting[:, :1], 0, 1)
-        many, missed = len(self.latencies_ms), np.isnan(self.latencies_ms)
-        matched = many - missed.sum(axis=0)
+        scored, missed = len(self.latencies_ms), np.isnan(self.latencies_ms)
+        matched = scored - missed.sum(axis=0)
         by_chance = sooner = median_ms = np.full(matched.shape, np.nan)
-        if many and self.rest[0].all():
+        if scored and self.rest[0].all():
             chance = self.leads_s, self.windows_s, alarms_hz[-1]
             by_chance = recall_by_chance(*chance[1:])
             sooner = sooner_than_chance(self.latencies_ms / 1e3, *chance)
@@ -115,8 +115,8 @@ class Events:
             median_ms[(sooner < MEDIAN_IS_DEFINED) | np.isinf(median_ms)] = np.nan
         figures = {
             'matched': matched,
-            'missed': many - matched,
-            'recall': matched / (many or np.nan),
+            'missed': scored - matched,
+            'recall': matched / (scored or np.nan),
             'recall_by_chance': by_chance,
             'sooner_than_chance': sooner,
             'coverage': on[0],
@@ -235,8 +235,8 @@ def saved_by_chance_s(
     array([0.    , 0.125 , 0.4995])
     """
     rates = np.asarray(rates_hz, np.float64)
-    each = (-1, *[1] * rates.ndim)
-    leads, windows = np.reshape(leads_s, each), np.reshape(windows_s, each)
+    column = (-1, *[1] * rates.ndim)
+    leads, windows = np.reshape(leads_s, column), np.reshape(windows_s, column)
     highest = np.minimum(windows * rates, 1.0)
     # The probability of an alarm grows with time until it reaches ``highest``.
     full_s = np.minimum(windows, 1.0 / np.maximum(rates, 1e-300))

@@ -196,7 +196,7 @@ class _Run:
             self._chain.restart()
         if piece.moving is not None:
             self._moving_rows = (self._moving_rows or 0) + int(np.count_nonzero(piece.moving))
-        classes = row_classes(truth, piece.moving, piece.certain, piece.kind)
+        classes = row_classes(piece)
         # A block ends before each slip, so that the slip can be followed from there on.
         starts = np.flatnonzero(truth & ~np.concatenate([[self._labels.on], truth[:-1]]))
         block_rows = max(BLOCK_VALUES // self._config.channels, 1)

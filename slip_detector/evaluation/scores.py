@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from slip_detector.chain.samples import Bools, Floats, Ints
+from slip_detector.chain.samples import Floats, Ints, Samples
 from slip_detector.recordings.labels import KINDS
 
 RowClasses = NDArray[np.int8]
@@ -43,33 +43,22 @@ _LOWEST_BIN = (1023 - 127) << 10
 _BINS = 1 << 18
 
 
-def row_classes(
-    truth: Bools, moving: Bools | None = None, certain: Bools | None = None, kind: str = ''
-) -> RowClasses:
-    """Return the class of each row, :data:`REST` to :data:`UNCERTAIN`; shape (n,).
+def row_classes(samples: Samples) -> RowClasses:
+    """Return the class of each labelled row, :data:`REST` to :data:`UNCERTAIN`; shape (n,).
 
     A row with slip is of the class :data:`SLIP` whether the robot moves or not.
 
-    Parameters
-    ----------
-    truth : ndarray of bool, shape (n,)
-        Whether there is slip.
-    moving : ndarray of bool, shape (n,), or None
-        Whether the robot moves, where that is known.
-    certain : ndarray of bool, shape (n,), or None
-        Whether the label is certain; None: in all rows.
-    kind : str
-        The kind of the recording, see :mod:`slip_detector.recordings.labels`.
-
     Examples
     --------
-    >>> row_classes(np.array([False, False, True]), np.array([False, True, True]))
+    >>> samples = Samples.evenly(np.zeros((3, 1)), 1.0, truth=[False, False, True])
+    >>> row_classes(samples._replace(moving=np.array([False, True, True])))
     array([0, 1, 6], dtype=int8)
     """
+    moving, certain, kind = samples.moving, samples.certain, samples.kind
     without: RowClasses | int = REST if moving is None else np.where(moving, MOTION, REST)
     if kind not in ('', 'rest'):
         without = WITHOUT_SLIP.index(kind)
-    classes = np.where(truth, SLIP, without)
+    classes = np.where(np.asarray(samples.truth, np.bool_), SLIP, without)
     return np.where(True if certain is None else certain, classes, UNCERTAIN).astype(np.int8)
 
 

@@ -48,12 +48,12 @@ KINDS = ('rest', 'taps', 'press', 'roll', 'idle')
 #: press 0.12 to 0.35 s late, and let go 0.08 to 0.3 s late.
 BY_HAND_S = 0.35
 
-#: Accuracy in seconds of an end that was moved by hand over a trace, or by :func:`snap`, which is
-#: at most 0.07 s off on simulated plates with hum, tremor, taps and drift.
+#: Accuracy in seconds of an end that was moved by hand over a trace, or by :func:`snap_ends`: the
+#: latter is at most 0.07 s off on simulated plates with hum, tremor, taps and drift.
 BY_EYE_S = 0.1
 
-#: :func:`snap` removes frequencies below this one, or below this share of the sample rate if that
-#: is lower.
+#: :func:`snap_ends` removes frequencies below this one, or below this share of the sample rate if
+#: that is lower.
 LOW_HZ, LOW_SHARE = 20.0, 0.2
 
 #: Fewest rows on either side of a change.
@@ -267,7 +267,7 @@ def label_times(at_ns: Stamps, edges_ns: Stamps, accuracy_s: float) -> dict[str,
     return {'truth': now % 2 == 1, 'certain': first == last if accuracy_s else None}
 
 
-def snap(
+def snap_ends(
     samples: Samples, edges_s: Floats, rate_hz: float, within_s: float
 ) -> tuple[Floats, Bools, str]:
     """Return the ends of labels, moved to where the power of the signal changes most.
@@ -302,7 +302,7 @@ def snap(
     >>> volts = np.random.default_rng(1).normal(size=(1000, 4)) * 1e-3
     >>> volts[400:] *= 5.0
     >>> samples = Samples.evenly(volts, 100.0, np.zeros(1000))
-    >>> edges_s, found, said = snap(samples, np.array([[4.25, 6.2]]), 100.0, 0.35)
+    >>> edges_s, found, said = snap_ends(samples, np.array([[4.25, 6.2]]), 100.0, 0.35)
     >>> edges_s.round(1), found
     (array([[4. , 6.2]]), array([[ True, False]]))
     >>> said

@@ -22,7 +22,7 @@ import numpy as np
 from slip_detector.chain.samples import Floats
 from slip_detector.evaluation.scores import SLIP
 from slip_detector.parameters import ChainConfig
-from slip_detector.recordings.labels import BY_EYE_S, label_times, snap
+from slip_detector.recordings.labels import BY_EYE_S, label_times, snap_ends
 from slip_detector.tuning.measuring import plain_chain
 from slip_detector.tuning.tracks import Track, at_rest, drop_disabled, edges_of, envelopes
 
@@ -55,7 +55,7 @@ CONTRADICTED, AS_LOUD, QUIET_SLIPS = 0.2, 0.75, 0.25
 
 
 def snap_labels(tracks: list[Track]) -> tuple[list[Track], list[str]]:
-    """Move labels by hand to where the power of the signal changes; see :func:`.snap`.
+    """Move labels by hand to where the power of the signal changes; see :func:`.snap_ends`.
 
     Then a recording in which all ends of slips are found is exact to :data:`.BY_EYE_S`, any other
     as exact as before. Labels that are so exact already stay as they are.
@@ -75,7 +75,7 @@ def snap_labels(tracks: list[Track]) -> tuple[list[Track], list[str]]:
             continue
         after_ns = np.append(rows.stamps_ns, rows.stamps_ns[-1] + 1) - rows.stamps_ns[0]
         edges_s = after_ns[edges_of(rows)] * 1e-9
-        moved_s, known, words = snap(rows, edges_s, track.sample_rate_hz, by_s)
+        moved_s, known, words = snap_ends(rows, edges_s, track.sample_rate_hz, by_s)
         now_s = BY_EYE_S if known.all() else by_s
         label = label_times(after_ns[:-1], np.rint(1e9 * moved_s.ravel()).astype(np.int64), now_s)
         rows = rows._replace(accuracy_s=now_s, **label)
@@ -106,12 +106,12 @@ def contradictions(chain: ChainConfig, tracks: Sequence[Track]) -> tuple[list[st
     levels, resting = [_Levels(chain, track) for track in tracks], at_rest(tracks)
     sentences, mistakes = [], []
     for track, own in zip(tracks, levels, strict=True):
-        others = [each for each in levels if each is not own]
-        known = [each.rest_db for each in others if each.track in resting and len(each.rest_db)]
-        if not known:
+        others = [other for other in levels if other is not own]
+        rests_db = [other.rest_db for other in others if other.track in resting]
+        if not sum(map(len, rests_db)):
             continue
-        floors_db = np.median(np.concatenate(known), axis=0)
-        slides_db = [db for each in others for _, db, _ in each.slips(floors_db)]
+        floors_db = np.median(np.concatenate(rests_db), axis=0)
+        slides_db = [db for other in others for _, db, _ in other.slips(floors_db)]
         usual_db = float(np.median(slides_db)) if slides_db else 0.0
         if usual_db < LEAST_DB:
             continue

@@ -104,7 +104,7 @@ def worse_by(figures: Mapping[str, Any], other: Mapping[str, Any]) -> dict[str, 
         differences[name] = COMPARED[name].direction * (before - now)
     # A chain that is ON for less of the rest is by chance ON for less of the slips too. A chain
     # that is ON for much of the rest has few alarms, as an alarm needs an OFF before it.
-    on = (np.array(each['false_time_percent'], np.float64) for each in (other, figures))
+    on = (np.array(known['false_time_percent'], np.float64) for known in (other, figures))
     less_percent = np.maximum(np.subtract(*map(np.nan_to_num, on)), 0.0)
     if 'coverage' in differences:
         differences['coverage'] = differences['coverage'] - less_percent / 100.0
@@ -201,7 +201,7 @@ class Problem:
         """Return a name for the study that no other problem has, however recordings are named."""
         sets = (self.origin, self.evaluation, self.config)
         shapes = [(track.stretches, track.sample_rate_hz) for track in self.tracks]
-        known = [each.to_parameters() for each in sets], self.figures, shapes
+        known = [each_set.to_parameters() for each_set in sets], self.figures, shapes
         digest = hashlib.sha256(repr(known).encode())
         for track in self.tracks:
             digest.update(np.ascontiguousarray(track.volts).data)
@@ -263,15 +263,15 @@ class Problem:
         """
         (statistics,) = self._statistics(chain, [chain.vote])
         limits, limit = statistics.thresholds(), np.array([chain.threshold])
-        many = min(FOLDS, sum(bool(track.slips) for track in self.tracks))
-        unknown = math.inf, np.zeros(many)
-        if many < 2 or not limits.size:
+        count = min(FOLDS, sum(bool(track.slips) for track in self.tracks))
+        unknown = math.inf, np.zeros(count)
+        if count < 2 or not limits.size:
             return unknown
         # Recordings with slips are spread over the groups.
         order = sorted(range(len(self.tracks)), key=lambda k: not self.tracks[k].slips)
         events = statistics.events(limits)
-        folds = [Events.pooled(events[k] for k in order[fold::many]) for fold in range(many)]
-        others = [[k for k in range(many) if k != fold] for fold in range(many)]
+        folds = [Events.pooled(events[k] for k in order[fold::count]) for fold in range(count)]
+        others = [[k for k in range(count) if k != fold] for fold in range(count)]
         held_out_events = []
         for fold, rest in zip(folds, others, strict=True):
             pooled = Events.pooled(folds[k] for k in rest)
@@ -282,7 +282,7 @@ class Problem:
         costs = [
             self._costs_ms(chain, limit, Events.pooled(held_out_events[k] for k in part), 0)[0]
             + lacking_ms
-            for part in (range(many), *others)
+            for part in (range(count), *others)
         ]
         return (float(costs[0]), np.array(costs[1:])) if np.isfinite(costs).all() else unknown
 
@@ -351,9 +351,9 @@ class Problem:
             falls_s = evidence_falls_s(chain) * over
         off_s, on_s, slips_s = np.zeros(limits.shape), np.zeros(limits.shape), 0.0
         for track in with_slips:
-            many, inexact_s = len(track.slips), track.samples.accuracy_s
-            off_s += many * np.minimum(holds_s + rises_s, inexact_s)
-            on_s += many * np.minimum(holds_s + falls_s, inexact_s)
+            slips, inexact_s = len(track.slips), track.samples.accuracy_s
+            off_s += slips * np.minimum(holds_s + rises_s, inexact_s)
+            on_s += slips * np.minimum(holds_s + falls_s, inexact_s)
             slips_s += sum(end - start for start, end in track.slips) / track.sample_rate_hz
         return np.asarray(
             self.config.false_time_costs_ms * 100.0 * on_s / rest_s

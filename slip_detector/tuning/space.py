@@ -385,7 +385,7 @@ class SearchSpace:
 def _each(others: dict[str, Any], **values: Iterable[Any]) -> list[dict[str, Any]]:
     """Return a change of a point for each combination of values, with others that stay."""
     every = itertools.product(*values.values())
-    return [others | dict(zip(values, each, strict=True)) for each in every]
+    return [others | dict(zip(values, combination, strict=True)) for combination in every]
 
 
 def _band(band_hz: tuple[float, float]) -> dict[str, Any]:

@@ -70,15 +70,14 @@ class Track:
     @functools.cached_property
     def row_classes(self) -> NDArray[np.int8]:
         """Class of each row, ``REST`` to ``UNCERTAIN``, see :mod:`.scores`; shape (n,)."""
-        rows = self.samples
-        return row_classes(np.asarray(rows.truth), rows.moving, rows.certain, rows.kind)
+        return row_classes(self.samples)
 
     @functools.cached_property
     def slips(self) -> tuple[RowInterval, ...]:
         """The true slips, each within a stretch."""
         parts = [(begin, self.samples.take(slice(begin, end))) for begin, end in self.stretches]
         edges = np.concatenate([begin + edges_of(part) for begin, part in parts])
-        return tuple(RowInterval(*each) for each in edges.tolist())
+        return tuple(RowInterval(*ends) for ends in edges.tolist())
 
     @property
     def kind(self) -> str:
@@ -171,12 +170,15 @@ def envelopes(chain: ChainConfig, track: Track, most_rows: int | None = None) ->
     return found
 
 
-def hold_out_tracks(tracks: Sequence[Track]) -> tuple[list[Track], list[Track]]:
+def hold_out_tracks(
+    tracks: Sequence[Track], held: Sequence[Track] = ()
+) -> tuple[list[Track], list[Track]]:
     """Divide recordings into those that are tuned on and those that are held out.
 
-    Of several recordings with slip every third is held out, and likewise of each kind of those
-    without slip; see :func:`hold_out`. A single one with slip is cut in two between two slips, as
-    near to :data:`TUNED_SHARE` of its time as possible.
+    Recordings with slips are a group, and those of each kind are one. Every third of a group is
+    held out, see :func:`hold_out`, unless recordings are ``held`` already. The last recording of a
+    group from which none is held out is cut in two, between two slips, as near to
+    :data:`TUNED_SHARE` of its time as possible.
 
     Examples
     --------
@@ -185,19 +187,31 @@ def hold_out_tracks(tracks: Sequence[Track]) -> tuple[list[Track], list[Track]]:
     >>> [track.name for track in training], [track.name for track in held]
     (['a', 'c'], ['b'])
     """
-    with_slip = [track for track in tracks if track.slips]
-    training, held = hold_out(with_slip)
-    if len(with_slip) == 1:
-        starts, ends = edges_of(with_slip[0].samples).T
-        cuts = (ends[:-1] + starts[1:]) // 2
-        wanted = TUNED_SHARE * len(with_slip[0].volts)
-        if cuts.size:
-            training, held = _cut(with_slip[0], int(min(cuts, key=lambda cut: abs(cut - wanted))))
-    quiet = [track for track in tracks if not track.slips]
-    for kind in dict.fromkeys(track.kind for track in quiet):
-        parts = hold_out([track for track in quiet if track.kind == kind])
-        training, held = training + parts[0], held + parts[1]
-    return training, held
+    training, held_out = [*tracks], [*held]
+    groups = dict.fromkeys(map(_group, sorted(tracks, key=lambda track: not track.slips)))
+    if not held:
+        parts = [
+            hold_out([track for track in tracks if _group(track) == group]) for group in groups
+        ]
+        training, held_out = ([track for part in parts for track in part[k]] for k in range(2))
+    lacking = [group for group in groups if group not in {'', *map(_group, held_out)}]
+    for group in lacking:
+        last = max(k for k, track in enumerate(training) if _group(track) == group)
+        track, edges = training[last], edges_of(training[last].samples)
+        wanted, rate_hz = round(TUNED_SHARE * len(track.volts)), track.sample_rate_hz
+        places = (edges[:-1, 1] + edges[1:, 0]) // 2 if track.slips else [wanted]
+        row = min(places, key=lambda place: abs(place - wanted), default=0)
+        if 0 < row < len(track.volts):
+            before, after = track.rows(0, row), track.rows(row)
+            training[last] = track_of(f'{track.name} to {row / rate_hz:.1f} s', before, rate_hz)
+            end = track_of(f'{track.name} from {row / rate_hz:.1f} s', after, rate_hz)
+            held_out.append(end)
+    return training, held_out
+
+
+def _group(track: Track) -> str:
+    """Return the group of a recording: its kind, or that of recordings with slips."""
+    return 'slips' if track.slips else track.kind
 
 
 def hold_out(items: Sequence[Any]) -> tuple[list[Any], list[Any]]:
@@ -211,14 +225,6 @@ def hold_out(items: Sequence[Any]) -> tuple[list[Any], list[Any]]:
     (['a', 'c', 'd'], ['b', 'e'])
     """
     return [item for k, item in enumerate(items) if k % 3 != 1], [*items[1::3]]
-
-
-def _cut(track: Track, row: int) -> tuple[list[Track], list[Track]]:
-    """Return the part of a recording before a row, and that from there on."""
-    rate_hz, at = track.sample_rate_hz, f'{row / track.sample_rate_hz:.1f} s'
-    parts = (f'{track.name} to {at}', 0, row), (f'{track.name} from {at}', row, sys.maxsize)
-    before, after = (track_of(name, track.rows(*rows), rate_hz) for name, *rows in parts)
-    return [before], [after]
 
 
 def load_tracks(
@@ -343,16 +349,7 @@ class TrainingFiles(NamedTuple):
         held = load(self.left_out)
         left_out = [f'Left out: {name_list(files, 3)}: {why}' for why, files in unusable.items()]
         notes = left_out + faults_of(training + held)
-        if not self.left_out:
-            training, held = hold_out_tracks(training)
-        # Of a kind without a held-out recording the end of the last recording is held out.
-        lacking = {track.kind for track in training} - {track.kind for track in held}
-        for kind in sorted(lacking - {''}):
-            last = max(k for k, track in enumerate(training) if track.kind == kind)
-            row = round(TUNED_SHARE * len(training[last].volts))
-            if 0 < row < len(training[last].volts):
-                training[last : last + 1], end = _cut(training[last], row)
-                held += end
+        training, held = hold_out_tracks(training, held)
         if not all(any(track.slips for track in part) for part in (training, held)):
             names = ', '.join(track.name for track in training + held) or 'no recording'
             what = 'some to tune on and others to hold out'

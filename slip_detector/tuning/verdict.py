@@ -175,15 +175,15 @@ def tune(
     observe(step='searching')
     problem = parameters.problem(training, begin)
     values = sum(track.volts.size for track in training)
-    many = trials or int(np.clip(VALUES / values, *TRIALS))
+    total = trials or int(np.clip(VALUES / values, *TRIALS))
     study = Study(problem, seed, storage)
 
     def show(count: int) -> None:
-        observe(count=count, trials=many, best=study.cheapest)
+        observe(count=count, trials=total, best=study.cheapest)
 
     show(study.follow())
     results = calls and functools.partial(calls, study.candidate_at)
-    search(study, many, stop, show, results)
+    search(study, total, stop, show, results)
     late_notes = []
     if stop():
         if not study.trials:
@@ -237,8 +237,8 @@ def choose(study: Study) -> Candidate | None:
     costs = [problem.cross_validate(candidate.chain) for candidate in tried]
     best = min(range(len(tried)), key=lambda k: costs[k][0])
     best_ms, best_costs_ms = costs[best]
-    both = tried[best].figures, problem.figures or {'auc': None}
-    least_area = min(figures['auc'] or 0.0 for figures in both) - COMPARED['auc'].step
+    references = tried[best].figures, problem.figures or {'auc': None}
+    least_area = min(figures['auc'] or 0.0 for figures in references) - COMPARED['auc'].step
     origin, distances = space.point(problem.origin), dict[int, float]()
     for k, (cost_ms, costs_ms) in enumerate(costs):
         error_ms = math.sqrt(costs_ms.size - 1) * float(np.std(costs_ms - best_costs_ms))

@@ -87,7 +87,7 @@ class HandLabels:
         """Move the ends to where the power of the signal changes; return what was found."""
         before, track = self.ends, self._read()
         by_hand = np.array(pairs_of(before)), track.sample_rate_hz, labels.BY_HAND_S
-        moved_s, found, said = labels.snap(track.samples, *by_hand)
+        moved_s, found, said = labels.snap_ends(track.samples, *by_hand)
         moved = zip(before, moved_s.ravel().round(4).tolist(), found.flat, strict=True)
         ends = [(s, labels.BY_EYE_S) if known else old for old, s, known in moved]
         if before is not self.ends:  # A page has changed them meanwhile.

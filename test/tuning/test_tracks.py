@@ -79,6 +79,11 @@ def test_those_named_are_held_out(folder):
     link.symlink_to(folder / 'a.npz')
     training, held, _ = TrainingFiles([str(folder)], LOADER, [str(link)]).load()
     assert names_of(training, held) == [['b.npz', 'c.npz'], [link.name]]
+    # Of what slips some is held out in any case.
+    quiet = write(folder / 'd.npz', 3, slips=False)
+    training, held, _ = TrainingFiles([str(folder)], LOADER, [quiet]).load()
+    cut = [['a.npz', 'b.npz', 'c.npz to 9.4 s'], ['d.npz', 'c.npz from 9.4 s']]
+    assert names_of(training, held) == cut
 
 
 def test_what_cannot_be_used_is_left_out_with_a_line_and_what_is_not_there_is_refused(folder):
