@@ -33,7 +33,7 @@ from slip_detector.nodes.messages import sensor_qos, state_qos
 from slip_detector.nodes.rclpy_internals import ROS_ERRORS, PolledTopics
 from slip_detector.parameters import DetectorConfig, fitting, names_that_affect, rates_differ
 from slip_detector.recordings.messages import JointStateReader
-from slip_detector.recordings.rates import rate_of
+from slip_detector.recordings.rates import measure_rate
 from slip_detector.view.detectors import Diagnosis, Finger
 
 #: Parameters on which the subscriptions depend.
@@ -141,7 +141,7 @@ class FingerTopics(PolledTopics):
         stamps_ns, counts = np.array(self._messages).T
         rate_hz, before_hz = self._config.sample_rate_hz, self._rate_hz
         with contextlib.suppress(ValueError):  # Stamps that do not rise.
-            rate_hz = rate_of(stamps_ns, 'stamps') * float(np.mean(counts))
+            rate_hz = measure_rate(stamps_ns, 'stamps') * float(np.mean(counts))
         # On a busy machine, or with several senders, each measurement gives another rate.
         if not rates_differ(rate_hz, before_hz) and len(self.senders) < 2:
             self.finger.to_fit = fitting(self.finger.config, channels, rate_hz, samples.names)
