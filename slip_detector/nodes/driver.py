@@ -64,8 +64,8 @@ NO_FAULTS = ('packets', 'samples')
 #: the sample; shorter than the input timeout of a detector, which would report silence.
 LINGER_S = 0.2
 
-#: Longest time, in seconds, for which the end of a thread that plays is waited for: a thread that
-#: compiles or loads code does not see that it is to stop, but publishes nothing.
+#: Longest time, in seconds, for which the end of a thread that plays is awaited. A thread that
+#: compiles or loads code does not notice that it is to stop, but publishes nothing.
 STOP_S = 0.3
 
 

@@ -43,7 +43,7 @@ TOPIC_PARAMETERS = names_that_affect(DetectorConfig, 'display')
 #: Seconds of messages by which the page finds the parameters that fit the input.
 FIT_PERIOD_S = 2.0
 
-#: Most changes of a state that wait: in a queue until they are polled, and then for their rows.
+#: Most changes of a state that are kept: in the queue until a poll, then until their rows come.
 MOST_STATES = 1000
 
 
@@ -54,8 +54,8 @@ States = deque[tuple[int, bool]]
 def find_state(states: States, published_ns: int) -> bool:
     """Return the last state that was published before a row of the same process.
 
-    A busy detector publishes levels late, after the decisions on the next samples: then a change
-    is found a few rows early.
+    A busy detector publishes levels late, after the decisions on the next samples. A change is
+    then found a few rows early.
     """
     before = bisect_right(states, published_ns, key=itemgetter(0))
     return before > 0 and states[before - 1][1]
@@ -115,7 +115,7 @@ class FingerTopics(PolledTopics):
         if any(getattr(self._config, name) != getattr(before, name) for name in TOPIC_PARAMETERS):
             self.subscribe(self.voltages)
         finger, now_s = self.finger, time.monotonic()
-        # Rows are taken before states: each state that was published before a row has come then.
+        # Rows are taken first: the states that were published before them have arrived by then.
         volts, levels = self.take('voltages'), self.take('envelope')
         for message, info in self.take('slip'):
             self._slip.append((info['source_timestamp'], message.data))

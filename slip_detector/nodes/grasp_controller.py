@@ -58,8 +58,8 @@ GOAL_REPORT_S = 1.0
 #: its server is being discovered.
 ANSWER_S = 10.0
 
-#: Period in seconds at which the servers are looked for. A server counts when it is found twice:
-#: of one that has just come, the part that takes goals may not be known yet.
+#: Period in seconds at which servers are looked for. A server counts when it is found twice: when
+#: it is found first, the part of it that takes goals may not be known yet.
 SEARCH_S = 0.25
 
 

@@ -119,8 +119,8 @@ class Note(NamedTuple):
 class Health:
     """Collects observations of the rows, and sums them up in small tasks once a second.
 
-    Rows are only collected when they come; the statistics are computed in the summary. What chain
-    and outputs know they are asked then.
+    Rows are only collected when they come. The summary computes the statistics, and asks chain and
+    outputs for the rest.
     """
 
     #: Who sends samples, and who publishes slip.

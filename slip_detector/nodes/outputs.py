@@ -178,9 +178,9 @@ class Outputs:
         onset = slip > was_on and settled
         if onset:
             self._onset_ns = at_ns
-        if valid < was_valid:  # Before slip: an OFF that follows is not reliable.
+        if valid < was_valid:  # Goes before slip, as an OFF that follows is not reliable.
             self._slip_valid.publish(self._messages[valid])
-        # First, as the search for the other changes takes a tenth of the latency.
+        # Slip goes before the others: the search for their changes takes a tenth of the latency.
         if slip != was_on:
             self._slip.publish(self._messages[slip])
         if slip != was_on or valid != was_valid:

@@ -109,7 +109,7 @@ class SampleExecutor(SingleThreadedExecutor):
         """Collect all entities to wait for; which are due is found out after the next wait."""
         if not self.context.ok():
             raise ExternalShutdownException
-        self._is_outdated = False  # Set first: a change during the gathering has to be seen, too.
+        self._is_outdated = False  # Set first, as entities may change while they are gathered.
         self._due_ns = 0
         nodes = self.get_nodes()
         subscriptions = [each for node in nodes for each in node.subscriptions]
@@ -172,9 +172,9 @@ def survive_requests(node: Node) -> None:
     """Log the error of a request, or of a time on ``/clock``, and go on; rclpy ends the process.
 
     Examples are a transition that is impossible in the present state, a value of a type that does
-    not exist, and a negative time. The response is the one made so far, which by default says that
-    nothing was done. Relies on the ``callback`` of services and subscriptions, which may be
-    replaced.
+    not exist, and a negative time. The client gets the response as it was before the error, which
+    by default says that nothing was done. Relies on the ``callback`` of services and
+    subscriptions, which may be replaced.
     """
 
     def surviving(callback: Callable[..., Any]) -> Callable[..., Any]:
@@ -193,10 +193,10 @@ def survive_requests(node: Node) -> None:
 
 
 def destroy_state_machine(node: LifecycleNode) -> None:
-    """Destroy the state machine of a node, which a managed node that is destroyed leaves.
+    """Destroy the state machine of a managed node, which rclpy leaves when it destroys the node.
 
-    Until then the state machine keeps the node in the middleware: other processes would see the
-    node for some twenty seconds after the end of its process, as if that had been killed.
+    The state machine keeps the node in the middleware: other processes would see the node for some
+    twenty seconds after the end of its process, as if the process had been killed.
 
     Relies on ``LifecycleNodeMixin._state_machine``, whose ``destroy_when_not_in_use`` ends its
     use of the node.

@@ -129,7 +129,7 @@ def _arguments_of_each(executable: str) -> list[list[str]]:
 
 
 def _options(executable: str) -> argparse.Namespace:
-    """Return the options that are not of ROS; an unknown one could mean another node."""
+    """Return the options that are not of ROS; an unknown one is refused."""
     parser = Parser(
         prog=executable,
         usage='%(prog)s [options] [--ros-args ...]',

@@ -47,8 +47,8 @@ DIAGNOSIS_S = 3.5
 #: Longest time, in seconds, until an answer; a detector only has to check parameters.
 ANSWER_S = 5.0
 
-#: Time, in seconds, after which an unanswered question is asked again: an answer is lost if the
-#: service has not discovered the client.
+#: Time, in seconds, after which an unanswered question is asked again. An answer is lost if the
+#: service has not discovered the client yet.
 ASK_AGAIN_S = 0.5
 
 #: Least time, in seconds, between two messages on the log.
